@@ -1,0 +1,91 @@
+// catalogue.h -- errors, warnings and verbose messages: declared once, raised in one line.
+//
+//     const Prototype kRange{Severity::error, "OPTION RANGE", 2, "{}: {} {} is outside {} .. {} {}"};
+//     fail(kRange, object, option.name, given, low, high, unit);   // -errorcode {SORMA OPTION RANGE object option}
+//     message.warn(kDusty, 0.4);                                   // an entry in the trail, the call goes on
+//
+// A prototype of static storage collects itself into the catalogue that `sorma::catalogue` lists, and leaves it when
+// its library is unloaded. The text is a format of {fmt} and always comes from code, never from a peer.
+#pragma once
+
+#include <cstdint>
+#include <exception>
+#include <initializer_list>
+#include <source_location>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <vector>
+
+#include "bus/trail.h"
+
+namespace sorma {
+
+class Prototype {
+public:
+    // symbol:  area and symbol, "OPTION RANGE". Choose it by what the caller can do next.
+    // details: how many of the arguments, from the first, become part of the error code.
+    Prototype(Severity severity, const char* symbol, int details, const char* text,
+              std::source_location where = std::source_location::current());
+    ~Prototype();
+    Prototype(const Prototype&) = delete;
+    Prototype& operator=(const Prototype&) = delete;
+
+    const Severity severity;
+    const char* const symbol;
+    const int details;
+    const char* const text;
+    const char* const file;     // where it is declared
+    const int line;
+};
+
+// All prototypes of the process, ordered by symbol.
+std::vector<const Prototype*> catalogue();
+
+// An argument of a message, by reference: text or a number. Numbers are shown in their shortest form.
+struct MessageArg {
+    enum class Kind { text, real, integer } kind;
+    std::string_view text;
+    double real = 0;
+    std::int64_t integer = 0;
+
+    template <class T> static MessageArg of(const T& value) {
+        if constexpr (std::is_same_v<T, bool>) return {Kind::text, value ? "true" : "false"};
+        else if constexpr (std::is_floating_point_v<T>) return {Kind::real, {}, static_cast<double>(value)};
+        else if constexpr (std::is_integral_v<T>) return {Kind::integer, {}, 0, static_cast<std::int64_t>(value)};
+        else return {Kind::text, std::string_view(value)};
+    }
+};
+
+// A prototype together with the place that raises it.
+struct Raised {
+    const Prototype& prototype;
+    std::source_location where;
+    Raised(const Prototype& p, std::source_location at = std::source_location::current()) : prototype(p), where(at) {}
+};
+
+// The entry of a prototype with its arguments, stamped with place and time.
+Entry makeEntry(const Raised& raised, std::initializer_list<MessageArg> args);
+
+// What C++ code throws: a trail whose cause() is the error.
+class Error : public std::exception {
+public:
+    explicit Error(Entry entry) { trail.add(std::move(entry)); }
+    explicit Error(Trail t) : trail(std::move(t)) {}
+    const char* what() const noexcept override;
+    // The words after SORMA of the error code: {"OPTION", "RANGE", "carry.slow", "-transferSpeed"}.
+    std::vector<std::string> code() const;
+    bool is(std::string_view symbol) const;    // e.g. is("COMM TIMEOUT")
+
+    Trail trail;
+};
+
+template <class... Args> [[noreturn]] void fail(Raised raised, const Args&... args) {
+    throw Error(makeEntry(raised, {MessageArg::of(args)...}));
+}
+
+// A trail from whatever is being handled: Error, std::exception or anything else. Call it inside a catch block.
+// `so` is entered where the entry names no service object yet.
+Trail trailOfCurrentException(std::string_view so);
+
+}  // namespace sorma

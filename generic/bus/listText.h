@@ -1,0 +1,13 @@
+// listText.h -- text that is at the same time a Tcl list, for answers that programs read.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace sorma {
+
+// Append an element to a Tcl list, with a space before it unless the list is empty. Any text comes back unchanged
+// when Tcl takes the list apart.
+void appendListElement(std::string& list, std::string_view element);
+
+}  // namespace sorma

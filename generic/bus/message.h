@@ -1,0 +1,49 @@
+// message.h -- the transport structure: what goes into a service object and what comes out of it.
+//
+// One structure for both directions: EXEC works in place. Clearing keeps the memory, so a message that is used
+// again and again does not allocate.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "bus/catalogue.h"
+#include "bus/trail.h"
+
+namespace sorma {
+
+enum class Method : std::uint8_t { exec, ctrl, dbx };
+const char* toText(Method method);                      // "EXEC", "CTRL", "DBX"
+bool fromText(std::string_view text, Method& out);      // upper case only
+
+class Message {
+public:
+    std::string text;                   // UTF-8
+    std::vector<double> floats;
+    std::vector<std::int64_t> ints;
+    std::vector<unsigned char> any;     // opaque block
+    std::vector<std::string> words;     // words of CTRL and DBX; of EXEC those beyond the four parts above
+    int code = 0;                       // 0 done, < 0 failed, > 0 done with warnings or a result number of the class
+    Trail trail;
+
+    // Empty every part; memory stays for the next use.
+    void clear() {
+        text.clear();
+        floats.clear();
+        ints.clear();
+        any.clear();
+        words.clear();
+        code = 0;
+        trail.clear();
+    }
+
+    // Add to the trail; the call goes on.
+    template <class... Args> void warn(Raised raised, const Args&... args) {
+        trail.add(makeEntry(raised, {MessageArg::of(args)...}));
+    }
+
+    bool operator==(const Message&) const = default;
+};
+
+}  // namespace sorma

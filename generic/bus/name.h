@@ -1,0 +1,51 @@
+// name.h -- names and addresses: who is meant, and where it is served.
+//
+//     class.flavor                     here
+//     class.flavor@host:7014           daemon on a TCP port
+//     class.flavor@host:0x14           daemon registered with that host's rpcbind as program 0x20000000 + 0x14
+//     class.flavor@/run/robot.sock     daemon on a Unix-domain socket
+//     class.flavor@alias               the dictionary's entry @alias says where, else a daemon of this user
+//     CLASS.flavor                     the dictionary's entry CLASS says where
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+namespace sorma {
+
+class Dictionary;
+
+struct Address {
+    enum class Kind { self, tcp, program, unix, alias };
+    Kind kind = Kind::self;
+    std::string host;           // tcp, program: host name;  unix: path;  alias: the alias
+    std::uint32_t number = 0;   // tcp: port;  program: offset from 0x20000000
+
+    std::string toText() const;                         // as written after @; "self" for self
+    static Address parse(std::string_view text);        // what stands after @; fails with NAME SYNTAX
+    bool operator==(const Address&) const = default;
+};
+
+struct Name {
+    std::string service;        // as the serving process names it: "class.flavor", class in lower case
+    std::string className;      // lower case
+    std::string flavor;         // without the dot; may be empty
+    std::string where;          // text after @, empty when none
+    bool byDefault = false;     // class was written in upper case
+
+    bool local() const { return where.empty() && !byDefault; }
+    std::string toText() const; // service, or service@where
+
+    // Fails with NAME SYNTAX, saying which character and where (counted from 1).
+    static Name parse(std::string_view text);
+    // Same rule, no error: cheap test whether a word can be a name at all.
+    static bool isName(std::string_view text);
+};
+
+// Follow aliases and default locations through the dictionary. Returns kind self, tcp, program or unix; kind alias
+// when the alias has no entry (then it is looked for in the runtime directory).
+// Fails with ADDRESS UNRESOLVED: a default location without an entry, or aliases that lead in a circle (DICT LOOP).
+Address resolve(const Name& name, const Dictionary& dictionary);
+
+}  // namespace sorma

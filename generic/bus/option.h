@@ -1,0 +1,199 @@
+// option.h -- how a service class describes itself: options, actions, EXEC signature, example.
+//
+// A class declares one table; everything else follows from it: CTRL parsing, range checks, -help, -dump,
+// configure/cget, completion, panels, manual pages. Nobody writes any of these by hand.
+//
+//     sorma::Class Carry::describe() {
+//         return sorma::Class::of<Carry>("carry", "carries a thing from one place to another")
+//             .real("-transferSpeed", &Carry::speed_, {.unit = "m/s", .low = 0.01, .high = 1.5, .help = "speed while loaded"})
+//             .choice("-grip", &Carry::grip_, {"soft", "firm"}, {.help = "how to hold"})
+//             .service("-arm", &Carry::arm_, {.help = "arm that moves"})
+//             .action("-stop", &Carry::stop, "", "stop at once")
+//             .reads(sorma::Field::floats, sorma::exactly(6), "m", "from (3), to (3)")
+//             .example("carry EXEC FMSG 6 3 4 0 4 5 0");
+//     }
+//
+// The default of an option is what its member holds when the object has been constructed.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <source_location>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "bus/message.h"
+
+namespace sorma {
+
+class Service;
+class Reference;
+
+// Value of an option: flag, int, double, string (also enum and service name), vector.
+using Value = std::variant<bool, std::int64_t, double, std::string, std::vector<double>>;
+std::string toText(const Value& value);         // as CTRL would read it again; a vector: numbers separated by spaces
+
+enum class Type : std::uint8_t { flag, integer, real, text, choice, vector, service };
+const char* toText(Type type);                  // "flag" "int" "double" "string" "enum" "vector" "service"
+bool fromText(std::string_view text, Type& out);
+
+inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// What most options leave at its default. Values outside low .. high are refused, and NaN where there is a range.
+struct Spec {
+    std::string unit = {};
+    double low = -kInfinity, high = kInfinity;      // int, double, each element of a vector
+    std::string help = {};
+    bool fixed = false;                             // only a recipe may set it: refused after birth (OPTION READONLY)
+    std::size_t minLength = 0, maxLength = SIZE_MAX;    // vector: number of elements
+};
+
+struct Option {
+    std::string name;               // with the dash: "-transferSpeed"
+    Type type = Type::text;
+    Spec spec;
+    std::vector<std::string> choices;                   // enum
+    std::function<Value(const Service&)> get;
+    std::function<void(Service&, const Value&)> set;    // value is checked already; may throw (service not to be had)
+
+    std::string range() const;      // for people and panels: "0.01 .. 1.5", "largo adagio ...", "" when anything goes
+    // Read and check a value. Fails with OPTION VALUE or OPTION RANGE, naming object, option, value and rule.
+    Value parse(std::string_view object, std::string_view text) const;
+    void check(std::string_view object, const Value& value, std::string_view given) const;
+};
+
+using Args = std::span<const std::string>;
+
+// A word of CTRL or DBX that does something. It runs after all option words of its request have been accepted.
+struct Action {
+    static constexpr int kRest = -1;
+    std::string name;               // "-stop"
+    std::string usage;              // names of its arguments, as in a man page: "name ?word ...?"
+    std::string help;
+    int minArgs = 0, maxArgs = 0;   // kRest: all words that follow
+    std::function<void(Service&, Args, Message& reply)> body;       // appends to reply.text
+};
+
+// Parts of a message that EXEC reads and writes.
+enum class Field : std::uint8_t { text, floats, ints, any };
+const char* toText(Field field);    // "text" "floats" "ints" "any"
+
+struct Count {
+    std::size_t low = 0, high = SIZE_MAX;
+};
+constexpr Count exactly(std::size_t n) { return {n, n}; }
+constexpr Count atLeast(std::size_t n) { return {n, SIZE_MAX}; }
+constexpr Count between(std::size_t low, std::size_t high) { return {low, high}; }
+
+struct Part {
+    Field field;
+    Count count;                    // elements; characters of text; bytes of any
+    std::string unit, help;
+    double low = -kInfinity, high = kInfinity;      // floats: refused outside; NaN is refused where there is a range
+};
+
+class Class {
+public:
+    Class(std::string name, std::string purpose, std::function<std::unique_ptr<Service>()> make,
+          std::source_location where = std::source_location::current());
+
+    template <class S>
+    static Class of(std::string name, std::string purpose,
+                    std::source_location where = std::source_location::current()) {
+        return Class(std::move(name), std::move(purpose), [] { return std::make_unique<S>(); }, where);
+    }
+
+    template <class S> Class& flag(std::string name, bool S::*member, Spec spec = {}) {
+        return bind<bool>(std::move(name), Type::flag, member, std::move(spec));
+    }
+    template <class S, class I> Class& integer(std::string name, I S::*member, Spec spec = {}) {
+        return bind<std::int64_t>(std::move(name), Type::integer, member, std::move(spec));
+    }
+    template <class S> Class& real(std::string name, double S::*member, Spec spec = {}) {
+        return bind<double>(std::move(name), Type::real, member, std::move(spec));
+    }
+    template <class S> Class& text(std::string name, std::string S::*member, Spec spec = {}) {
+        return bind<std::string>(std::move(name), Type::text, member, std::move(spec));
+    }
+    template <class S>
+    Class& choice(std::string name, std::string S::*member, std::vector<std::string> choices, Spec spec = {}) {
+        bind<std::string>(std::move(name), Type::choice, member, std::move(spec));
+        options_.back().choices = std::move(choices);
+        return *this;
+    }
+    template <class S> Class& vector(std::string name, std::vector<double> S::*member, Spec spec = {}) {
+        return bind<std::vector<double>>(std::move(name), Type::vector, member, std::move(spec));
+    }
+    // A sub-service: the option's value is its name; the member is a reference to it. The empty name is none.
+    template <class S> Class& service(std::string name, Reference S::*member, Spec spec = {});
+    Class& option(Option option);                   // any other storage
+
+    template <class S>
+    Class& action(std::string name, void (S::*body)(Args, Message&), std::string usage, std::string help,
+                  int minArgs = 0, int maxArgs = 0) {
+        return action({std::move(name), std::move(usage), std::move(help), minArgs, maxArgs,
+                       [body](Service& s, Args args, Message& reply) { (static_cast<S&>(s).*body)(args, reply); }});
+    }
+    Class& action(Action action);                   // of CTRL
+    Class& inspection(Action action);               // of DBX
+
+    // EXEC signature. Requests by name are checked against it before EXEC runs.
+    Class& reads(Field field, Count count, std::string unit, std::string help, double low = -kInfinity,
+                 double high = kInfinity);
+    Class& writes(Field field, Count count, std::string unit, std::string help);
+    Class& words(std::string usage);                // words that EXEC takes: "?nearestTo|latest?"
+    Class& example(std::string request);            // printed by -help, run by the tests
+    Class& version(std::string version);
+
+    const std::string& name() const { return name_; }
+    const std::string& purpose() const { return purpose_; }
+    const std::vector<Option>& options() const { return options_; }
+    const std::vector<Action>& actions() const { return actions_; }
+    const std::vector<Action>& inspections() const { return inspections_; }
+    const std::vector<Part>& reads() const { return reads_; }
+    const std::vector<Part>& writes() const { return writes_; }
+    const std::string& words() const { return words_; }
+    const std::string& example() const { return example_; }
+    const std::string& version() const { return version_; }
+    const std::string& file() const { return file_; }
+    int line() const { return line_; }
+
+    int findOption(std::string_view name) const;    // index, or -1; unique abbreviations are not accepted
+    const Action* findAction(std::string_view name) const;
+    const Action* findInspection(std::string_view name) const;
+    std::unique_ptr<Service> make() const { return make_(); }
+
+    // The default of each option: what the first object of the class held when constructed.
+    const std::vector<Value>& defaults() const { return defaults_; }
+    void learnDefaults(const Service& fresh) const;
+
+    bool checksRequests() const { return checks_; }
+    void checkRequest(std::string_view object, const Message& m) const;     // fails with REQUEST SIGNATURE
+
+    std::string helpText(std::string_view object) const;
+    std::string signatureText() const;
+
+private:
+    template <class V, class S, class M> Class& bind(std::string name, Type type, M S::*member, Spec spec) {
+        return option({std::move(name), type, std::move(spec), {},
+                       [member](const Service& s) { return Value(V(static_cast<const S&>(s).*member)); },
+                       [member](Service& s, const Value& v) { static_cast<S&>(s).*member = M(std::get<V>(v)); }});
+    }
+
+    std::string name_, purpose_, words_, example_, version_ = "1.0", file_;
+    int line_;
+    std::function<std::unique_ptr<Service>()> make_;
+    std::vector<Option> options_;
+    std::vector<Action> actions_, inspections_;
+    std::vector<Part> reads_, writes_;
+    mutable std::vector<Value> defaults_;
+    bool checks_ = false;
+};
+
+}  // namespace sorma

@@ -1,0 +1,118 @@
+// sorm.h -- the service object request manager: repository, plant, dispatch.
+//
+// One for each interpreter (or embedding program's thread). The name alone is enough: get() finds the object, or the
+// plant makes it, configures it from its recipe in the dictionary, and keeps it.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <vector>
+
+#include "bus/dictionary.h"
+#include "bus/message.h"
+#include "bus/name.h"
+#include "bus/service.h"
+
+namespace sorma {
+
+// What surrounds a SORM: an interpreter, or an embedding program (which needs none of it).
+class Host {
+public:
+    virtual ~Host() = default;
+    virtual bool loadClass(const std::string&) { return false; }    // make the class known; false when it cannot
+    virtual void removed(const std::string&) {}                     // a name has left the repository
+    virtual void providePackage(const char*, const char*) {}        // tell Tcl about a package
+    virtual void report(const std::string&) {}                      // what provide() has to say when it fails
+};
+
+// What a SORM may do; an interpreter that is safe is granted neither.
+struct Permissions {
+    bool network = true;
+    bool files = true;
+};
+
+class Sorm {
+public:
+    explicit Sorm(Host* host = nullptr);
+    ~Sorm();
+    Sorm(const Sorm&) = delete;
+    Sorm& operator=(const Sorm&) = delete;
+
+    // ---- classes ----
+    void add(Class type);                                           // fails with CLASS DUPLICATE, NAME SYNTAX
+    const Class* findClass(std::string_view name) const;
+    const Class& needClass(const std::string& name);                // loads it; fails with NAME UNKNOWN_CLASS
+    std::vector<const Class*> classes() const;
+
+    // ---- repository ----
+    Service* find(std::string_view name) const {                    // null when there is none; never makes one
+        auto found = repository_.find(name);
+        return found == repository_.end() ? nullptr : found->second.get();
+    }
+    // The object of that name, made when need be. Fails with NAME SYNTAX, NAME UNKNOWN_CLASS, OPTION ..., SERVICE
+    // CYCLE, SERVICE FAILED (its constructor threw), ADDRESS UNRESOLVED, COMM ...
+    Reference get(std::string_view name);
+    // A new object with words beyond its recipe. Fails with SERVICE EXISTS when the name is taken.
+    Reference create(std::string_view name, const std::vector<std::string>& words);
+    void remove(std::string_view name);                             // fails with SERVICE GONE when there is none
+    void alias(std::string_view name, std::string_view target);     // a second name of an object
+    std::vector<std::string> names(std::string_view pattern = "*") const;
+    std::size_t size() const { return repository_.size(); }
+
+    // ---- dispatch ----
+    // Text in, text out; never throws. reply is overwritten.
+    void dispatch(std::string_view request, std::string& reply) noexcept;
+    // By name, in place. Throws Error.
+    void call(std::string_view name, Method method, Message& m);
+
+    Dictionary& dictionary() { return dictionary_; }
+    const Dictionary& dictionary() const { return dictionary_; }
+    void dictionaryChanged(std::string_view word);                  // after an edit: forget what it located
+
+    const Trail& lastTrail() const { return lastTrail_; }
+    void setLastTrail(const Trail& trail) {
+        if (!trail.empty() || !lastTrail_.empty()) lastTrail_ = trail;
+    }
+
+    Host* host() const { return host_; }
+    Permissions permissions;
+    std::string daemonName;                                         // as served; empty when not a daemon
+
+    // Makes the proxy of a remote object; set by COMM. The address is what the dictionary says now.
+    using ProxyMaker = std::function<std::unique_ptr<Service>(Sorm&, const Name&, const Address&)>;
+    ProxyMaker makeProxy;
+    // What COMM adds to the SO `sorm`: connections, daemons, server facts, as text in lines.
+    std::function<std::string(std::string_view what)> networkFacts;
+
+    // The SORM of an interpreter (any pointer serves as key), for packages that know only the pointer.
+    static Sorm* of(const void* key);
+    void bindTo(const void* key);                                   // undone by the destructor
+
+private:
+    struct Hash {
+        using is_transparent = void;
+        std::size_t operator()(std::string_view s) const { return std::hash<std::string_view>{}(s); }
+    };
+    using Repository = std::unordered_map<std::string, Reference, Hash, std::equal_to<>>;
+
+    Reference make(const Name& name, const std::vector<std::string>* words);
+    Reference makeLocal(const std::string& name, const std::string& className, const std::vector<std::string>* words);
+    Reference adopt(std::unique_ptr<Service> service, const std::string& name, const Class& type);
+
+    Host* host_;
+    std::map<std::string, std::unique_ptr<Class>, std::less<>> classes_;
+    Repository repository_;
+    Dictionary dictionary_;
+    std::vector<std::string> births_;       // names under construction, outermost first
+    Message scratch_;                       // of dispatch, while not in use by an outer dispatch
+    std::string scratchName_;
+    bool scratchBusy_ = false;
+    Trail lastTrail_;
+    std::vector<const void*> keys_;
+};
+
+}  // namespace sorma

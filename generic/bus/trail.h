@@ -1,0 +1,64 @@
+// trail.h -- what a call has to say beside its result: the messages it gathered, across processes.
+//
+// Entries are added where something is noticed and travel with the reply, never to stderr. A trail is bounded
+// (`setLimit`): the oldest verbose entries go first, then the oldest warnings, and `dropped()` tells how many went.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace sorma {
+
+enum class Severity : std::uint8_t { verbose, warning, error };
+const char* toText(Severity severity);                  // as typed in Tcl: "verbose", "warning", "error"
+bool fromText(std::string_view text, Severity& out);
+
+struct Entry {
+    Severity severity = Severity::error;
+    std::string symbol;                 // area and symbol: "OPTION RANGE"
+    std::vector<std::string> details;   // rest of the error code: {"carry.slow", "-transferSpeed"}
+    std::string text;                   // clear text
+    std::string so;                     // service object that raised it
+    std::string daemon;                 // daemon it came from; empty: this process
+    std::string file;                   // source file, without folders
+    int line = 0;
+    std::int64_t time = 0;              // microseconds since 1970, the raising host's clock
+    std::string request;                // request text that reproduces this hop alone
+
+    bool operator==(const Entry&) const = default;
+};
+
+class Trail {
+public:
+    static constexpr std::size_t kDefaultLimit = 200;
+
+    void add(Entry entry);
+    void append(const Trail& other);
+    void clear() { entries_.clear(); dropped_ = 0; }                        // keeps the memory
+    bool empty() const { return entries_.empty() && dropped_ == 0; }
+    const std::vector<Entry>& entries() const { return entries_; }
+    std::vector<Entry>& entries() { return entries_; }
+    std::size_t dropped() const { return dropped_; }
+    void setDropped(std::size_t count) { dropped_ = count; }
+
+    // The entry that says what went wrong: the first error, else the last entry, else null.
+    const Entry* cause() const;
+
+    // One line for each entry, for people.
+    std::string toText() const;
+
+    // Limit for trails of this process, in entries; at least 1.
+    static void setLimit(std::size_t entries);
+    static std::size_t limit();
+
+    bool operator==(const Trail&) const = default;
+
+private:
+    std::vector<Entry> entries_;    // in the order in which they were raised
+    std::size_t dropped_ = 0;
+};
+
+}  // namespace sorma

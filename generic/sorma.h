@@ -1,0 +1,51 @@
+// sorma.h -- all that a service author, or a C++ program that embeds the bus, includes.
+//
+// Reading order: bus/message.h (what travels), bus/option.h (how a class describes itself), bus/service.h (what a
+// service class implements), bus/sorm.h (who makes and finds service objects), bus/catalogue.h (how to raise errors).
+//
+// A service package is one shared library that links libsorma alone, for Tcl 8.6 and Tcl 9 alike:
+//
+//     #include <sorma.h>
+//
+//     class Gain : public sorma::Service {
+//     public:
+//         static sorma::Class describe() {
+//             return sorma::Class::of<Gain>("gain", "multiplies each float by a factor")
+//                 .real("-factor", &Gain::factor_, {.unit = "1", .low = -100, .high = 100, .help = "multiplier"})
+//                 .reads(sorma::Field::floats, sorma::atLeast(1), "1", "values")
+//                 .writes(sorma::Field::floats, sorma::atLeast(1), "1", "values times factor")
+//                 .example("gain EXEC FMSG 2 1.5 3");
+//         }
+//         void exec(sorma::Message& m) override { for (double& x : m.floats) x *= factor_; }
+//     private:
+//         double factor_ = 1;
+//     };
+//
+//     extern "C" SORMA_EXPORT int Gain_Init(Tcl_Interp* interp) {
+//         return sorma::provide(interp, "sorma::service::gain", "1.0", {Gain::describe()});
+//     }
+#pragma once
+
+#include "bus/catalogue.h"
+#include "bus/deadline.h"
+#include "bus/dictionary.h"
+#include "bus/message.h"
+#include "bus/name.h"
+#include "bus/option.h"
+#include "bus/requestText.h"
+#include "bus/service.h"
+#include "bus/sorm.h"
+#include "bus/trail.h"
+
+#define SORMA_EXPORT __attribute__((visibility("default")))
+
+struct Tcl_Interp;
+
+namespace sorma {
+
+// Register service classes with the SORM of an interpreter, and tell Tcl that the package is there.
+// Returns Tcl's code: 0, or 1 with the message in the interpreter's result (no `package require sorma` yet, a class
+// name that is taken or malformed).
+int provide(Tcl_Interp* interp, const char* package, const char* version, std::vector<Class> classes) noexcept;
+
+}  // namespace sorma
