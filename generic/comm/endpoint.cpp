@@ -1,0 +1,210 @@
+#include "comm/endpoint.h"
+
+#include <fcntl.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <sys/file.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <utility>
+
+#include "bus/catalogue.h"
+#include "comm/errors.h"
+#include "comm/reactor.h"
+
+namespace sorma {
+
+namespace {
+
+const Prototype kFolder{Severity::error, "COMM DENIED", 1, "runtime folder {}: {}; set SORMA_RUNTIME_DIR to a folder of your own with mode 0700"};
+const Prototype kHost{Severity::error, "ADDRESS UNRESOLVED", 1, "{}: host \"{}\" is not known: {}"};
+const Prototype kPath{Severity::error, "NAME SYNTAX", 1, "socket path {} has {} bytes, a Unix-domain socket takes at most {}"};
+const Prototype kListen{Severity::error, "COMM REFUSED", 1, "cannot listen on {}: {}"};
+const Prototype kTaken{Severity::error, "COMM REFUSED", 1, "{} is served already by a live daemon; end that one or choose another name"};
+const Prototype kNotRegistered{Severity::error, "ADDRESS UNRESOLVED", 1, "{}: rpcbind on {} knows no program 0x{} (0x20000000 + 0x{})"};
+
+struct Closing {
+    int fd;
+    ~Closing() { if (fd >= 0) close(fd); }
+    int release() { return std::exchange(fd, -1); }
+};
+
+std::string hex(std::uint32_t v) {
+    char text[16];
+    std::snprintf(text, sizeof text, "%x", v);
+    return text;
+}
+
+sockaddr_un unixAddress(const std::string& path) {
+    sockaddr_un a{};
+    a.sun_family = AF_UNIX;
+    if (path.size() >= sizeof a.sun_path) fail(kPath, path, path.size(), sizeof a.sun_path - 1);
+    std::memcpy(a.sun_path, path.c_str(), path.size() + 1);
+    return a;
+}
+
+// Connect within the deadline. Returns 0 or an errno.
+int connectWithin(int fd, const sockaddr* address, socklen_t size, Deadline deadline) {
+    if (connect(fd, address, size) == 0) return 0;
+    if (errno == EAGAIN) return EAGAIN;         // Unix: the backlog is full
+    if (errno != EINPROGRESS) return errno;
+    for (;;) {
+        pollfd p{fd, POLLOUT, 0};
+        std::int64_t left = deadline.left() / 1'000'000;
+        int n = poll(&p, 1, deadline.none() ? -1 : int(left > 1'000'000'000 ? 1'000'000'000 : left + 1));
+        if (n < 0 && errno == EINTR) continue;
+        if (n == 0 && deadline.passed()) return ETIMEDOUT;
+        if (n <= 0) continue;
+        int error = 0;
+        socklen_t length = sizeof error;
+        getsockopt(fd, SOL_SOCKET, SO_ERROR, &error, &length);
+        return error;
+    }
+}
+
+void makeBlocking(int fd, bool blocking) {
+    int flags = fcntl(fd, F_GETFL);
+    fcntl(fd, F_SETFL, blocking ? flags & ~O_NONBLOCK : flags | O_NONBLOCK);
+}
+
+[[noreturn]] void failConnect(const std::string& who, const std::string& where, int error) {
+    if (error == ETIMEDOUT) fail(errors::kConnectTimeout, who, where);
+    const char* hint = error == ECONNREFUSED || error == ENOENT ? "no daemon listens there; is it started?"
+                       : error == EACCES                        ? "it belongs to another user"
+                       : error == EAGAIN                        ? "it has more connections waiting than it accepts"
+                                                                : "check the network";
+    fail(errors::kRefused, who, where, std::strerror(error), hint);
+}
+
+}  // namespace
+
+std::string runtimeFolder() {
+    std::string folder;
+    if (const char* own = std::getenv("SORMA_RUNTIME_DIR"); own && *own) folder = own;
+    else if (const char* xdg = std::getenv("XDG_RUNTIME_DIR"); xdg && *xdg) folder = std::string(xdg) + "/sorma";
+    else folder = "/tmp/sorma-" + std::to_string(getuid());
+    if (mkdir(folder.c_str(), 0700) < 0 && errno != EEXIST) fail(kFolder, folder, std::strerror(errno));
+    struct stat s;
+    if (lstat(folder.c_str(), &s) < 0) fail(kFolder, folder, std::strerror(errno));
+    if (!S_ISDIR(s.st_mode)) fail(kFolder, folder, "is not a folder");
+    if (s.st_uid != geteuid()) fail(kFolder, folder, "belongs to another user");
+    if (s.st_mode & 022) fail(kFolder, folder, "others may write to it");
+    return folder;
+}
+
+std::string runtimeSocket(const std::string& name) { return runtimeFolder() + "/" + name + ".sock"; }
+
+std::string describe(const Address& address) {
+    if (address.kind == Address::Kind::path) return address.host;
+    if (address.kind == Address::Kind::tcp) return address.host + ":" + std::to_string(address.number);
+    return address.toText();
+}
+
+int connectTo(const Address& given, const std::string& who, Deadline deadline) {
+    Address address = given;
+    if (address.kind == Address::Kind::alias) address = {Address::Kind::path, runtimeSocket(address.host), 0};
+    if (address.kind == Address::Kind::path) {
+        sockaddr_un a = unixAddress(address.host);
+        Closing s{socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)};
+        if (s.fd < 0) failConnect(who, address.host, errno);
+        if (int error = connectWithin(s.fd, reinterpret_cast<sockaddr*>(&a), sizeof a, deadline)) {
+            if (error == ENOENT && given.kind == Address::Kind::alias) fail(errors::kUnresolved, who, given.host, address.host);
+            failConnect(who, address.host, error);
+        }
+        makeBlocking(s.fd, true);
+        return raiseDescriptor(s.release());
+    }
+    std::string host = address.host;
+    int port = int(address.number);
+    if (address.kind == Address::Kind::program) {
+        port = rpcbindLookup(host, address.number);
+        if (port == 0) fail(kNotRegistered, who, host, hex(0x20000000 + address.number), hex(address.number));
+    }
+    if (host.size() > 2 && host.front() == '[' && host.back() == ']') host = host.substr(1, host.size() - 2);
+    addrinfo hints{};
+    hints.ai_socktype = SOCK_STREAM;
+    hints.ai_flags = AI_ADDRCONFIG | AI_NUMERICSERV;
+    addrinfo* list = nullptr;
+    int code = getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &list);
+    if (code != 0) {                            // without any interface but loopback, AI_ADDRCONFIG knows nothing
+        hints.ai_flags = AI_NUMERICSERV;
+        code = getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &list);
+    }
+    if (code != 0) fail(kHost, who, host, gai_strerror(code));
+    std::unique_ptr<addrinfo, decltype(&freeaddrinfo)> owner(list, freeaddrinfo);
+    int error = ECONNREFUSED;
+    for (addrinfo* a = list; a; a = a->ai_next) {
+        Closing s{socket(a->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)};
+        if (s.fd < 0) continue;
+        error = connectWithin(s.fd, a->ai_addr, a->ai_addrlen, deadline);
+        if (error != 0) continue;
+        makeBlocking(s.fd, true);
+        int on = 1;
+        setsockopt(s.fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+        setsockopt(s.fd, SOL_SOCKET, SO_KEEPALIVE, &on, sizeof on);
+        return raiseDescriptor(s.release());
+    }
+    failConnect(who, host + ":" + std::to_string(port), error);
+}
+
+int listenTcp(const std::string& host, int port, int& boundPort) {
+    std::string where = host + ":" + std::to_string(port);
+    addrinfo hints{};
+    hints.ai_socktype = SOCK_STREAM;
+    hints.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
+    addrinfo* list = nullptr;
+    if (int code = getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &list)) fail(kListen, where, gai_strerror(code));
+    std::unique_ptr<addrinfo, decltype(&freeaddrinfo)> owner(list, freeaddrinfo);
+    Closing s{socket(list->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)};
+    if (s.fd < 0) fail(kListen, where, std::strerror(errno));
+    int on = 1;
+    setsockopt(s.fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+    if (bind(s.fd, list->ai_addr, list->ai_addrlen) < 0) {
+        if (errno == EADDRINUSE) fail(kTaken, where);
+        fail(kListen, where, std::strerror(errno));
+    }
+    if (listen(s.fd, SOMAXCONN) < 0) fail(kListen, where, std::strerror(errno));
+    sockaddr_storage bound{};
+    socklen_t size = sizeof bound;
+    getsockname(s.fd, reinterpret_cast<sockaddr*>(&bound), &size);
+    boundPort = ntohs(bound.ss_family == AF_INET6 ? reinterpret_cast<sockaddr_in6*>(&bound)->sin6_port
+                                                  : reinterpret_cast<sockaddr_in*>(&bound)->sin_port);
+    return raiseDescriptor(s.release());
+}
+
+int listenUnix(const std::string& path) {
+    sockaddr_un a = unixAddress(path);
+    auto slash = path.rfind('/');
+    std::string folder = slash == std::string::npos ? "." : slash == 0 ? "/" : path.substr(0, slash);
+    // Two daemons that start at the same moment must not each remove the other's socket.
+    Closing lock{open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
+    if (lock.fd < 0) fail(kListen, path, std::strerror(errno));
+    flock(lock.fd, LOCK_EX);
+    struct stat found;
+    if (lstat(path.c_str(), &found) == 0) {
+        if (!S_ISSOCK(found.st_mode)) fail(kListen, path, "there is a file of that name which is no socket");
+        Closing probe{socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)};
+        int error = connectWithin(probe.fd, reinterpret_cast<sockaddr*>(&a), sizeof a, Deadline::in(1000));
+        if (error == 0 || error == EAGAIN) fail(kTaken, path);
+        if (error == EACCES) fail(kListen, path, "it belongs to another user");
+        unlink(path.c_str());
+    }
+    Closing s{socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)};
+    mode_t mask = umask(0077);
+    int failed = bind(s.fd, reinterpret_cast<sockaddr*>(&a), sizeof a) < 0 ? errno : 0;
+    umask(mask);
+    if (failed) fail(kListen, path, std::strerror(failed));
+    if (listen(s.fd, SOMAXCONN) < 0) fail(kListen, path, std::strerror(errno));
+    return raiseDescriptor(s.release());
+}
+
+}  // namespace sorma

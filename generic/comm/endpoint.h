@@ -1,0 +1,36 @@
+// endpoint.h -- from an address to a socket, for both sides.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "bus/deadline.h"
+#include "bus/name.h"
+
+namespace sorma {
+
+// Folder where daemons of this user listen: $SORMA_RUNTIME_DIR, else $XDG_RUNTIME_DIR/sorma, else /tmp/sorma-UID.
+// Made with mode 0700 when missing. Fails with COMM DENIED when it belongs to somebody else or others may write to it.
+std::string runtimeFolder();
+std::string runtimeSocket(const std::string& name);     // NAME.sock in it
+
+// A connected stream socket, blocking, close-on-exec, above 1024, TCP_NODELAY. who: whom error messages name.
+// Fails with COMM REFUSED, COMM TIMEOUT, ADDRESS UNRESOLVED. errnoOut: of the failed connect, 0 otherwise.
+int connectTo(const Address& address, const std::string& who, Deadline deadline);
+
+// What an address stands for, for messages: "127.0.0.1:7014", "/run/user/1000/sorma/robot.sock".
+std::string describe(const Address& address);
+
+// Listening sockets, non-blocking. Fail with COMM REFUSED, naming who holds the address where that can be known.
+int listenTcp(const std::string& host, int port, int& boundPort);
+// Removes the socket file of a daemon that died; refuses when a live one answers. Holds a lock on the folder meanwhile.
+int listenUnix(const std::string& path);
+
+// rpcbind of a host (through libtirpc). Port of a registered program, 0 when it is not registered.
+int rpcbindLookup(const std::string& host, std::uint32_t program);
+// Register a TCP port; program offset 0 takes the first free one. Returns the offset. Fails with COMM REFUSED.
+std::uint32_t rpcbindRegister(std::uint32_t offset, const std::string& host, int port);
+void rpcbindUnregister(std::uint32_t offset);
+
+}  // namespace sorma

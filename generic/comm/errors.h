@@ -1,0 +1,32 @@
+// errors.h -- what COMM has to say when a call does not get through. Each message carries its verdict: never sent;
+// sent, not started; refused; or sent, fate unknown.
+#pragma once
+
+#include "bus/catalogue.h"
+
+namespace sorma::errors {
+
+inline const Prototype kUnresolved{Severity::error, "ADDRESS UNRESOLVED", 1,
+    "{}: the dictionary has no entry @{}, and no daemon of this user listens on {}"};
+inline const Prototype kRefused{Severity::error, "COMM REFUSED", 1, "{}: cannot connect to {}: {}; never sent; {}"};
+inline const Prototype kConnectTimeout{Severity::error, "COMM TIMEOUT", 1, "{}: no connection to {} within the deadline; never sent"};
+inline const Prototype kTimeoutSent{Severity::error, "COMM TIMEOUT", 1,
+    "{}: no answer in {} from {}; the request was sent and may have run"};
+inline const Prototype kTimeoutUnsent{Severity::error, "COMM TIMEOUT", 1,
+    "{}: {} did not come back in {} ({}); the request was never sent"};
+inline const Prototype kTimeoutLate{Severity::error, "COMM TIMEOUT", 1,
+    "{}: the deadline had passed before the request was started; it was not executed"};
+inline const Prototype kLost{Severity::error, "COMM LOST", 1,
+    "{}: the connection to {} (daemon {}, {} old) was lost: {}; the request was sent and the daemon has ended, "
+    "so whether it ran is unknown; {}"};
+inline const Prototype kProtocol{Severity::error, "COMM PROTOCOL", 1, "{}: {} does not speak as a SORMA daemon does: {}; {}"};
+inline const Prototype kTooBig{Severity::error, "COMM TOO_BIG", 1,
+    "{}: the {} has {} bytes, {} takes at most {}; raise it there: sorma::configure -maxmessage BYTES"};
+inline const Prototype kLimit{Severity::error, "COMM LIMIT", 1, "{}: {}"};
+inline const Prototype kDaemonLimit{Severity::error, "COMM LIMIT", 1, "{}: refused by {}: {}; never started"};
+inline const Prototype kReplyGone{Severity::error, "COMM LOST", 1,
+    "{}: the request was executed, but its reply of {} bytes was too large for {} to keep until the connection was back"};
+inline const Prototype kRelay{Severity::error, "COMM DENIED", 1, "{}: a daemon serves local names only; say the daemon's own address"};
+inline const Prototype kSequence{Severity::error, "COMM PROTOCOL", 1, "{}: sequence {} of slot {} does not follow {}"};
+
+}  // namespace sorma::errors

@@ -1,0 +1,151 @@
+#include "comm/reactor.h"
+
+#include <fcntl.h>
+#include <sys/epoll.h>
+#include <sys/resource.h>
+#include <sys/timerfd.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <mutex>
+#include <system_error>
+
+#include "bus/deadline.h"
+
+namespace sorma {
+
+namespace {
+
+constexpr int kSelectLimit = 1024;      // FD_SETSIZE
+constexpr int kBatch = 64;
+
+}  // namespace
+
+struct Reactor::Batch {
+    epoll_event events[kBatch];
+    int at = 0, count = 0;
+    Batch* outer;
+};
+
+Reactor::Reactor() {
+    epoll_ = epoll_create1(EPOLL_CLOEXEC);
+    timer_ = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
+    if (epoll_ < 0 || timer_ < 0) throw std::system_error(errno, std::generic_category(), "cannot wait for events");
+    timer_ = raiseDescriptor(timer_);
+    epoll_event e{};
+    e.events = EPOLLIN;
+    e.data.ptr = nullptr;               // null: the timer
+    epoll_ctl(epoll_, EPOLL_CTL_ADD, timer_, &e);
+}
+
+Reactor::~Reactor() {
+    close(timer_);
+    close(epoll_);
+}
+
+void Reactor::add(int fd, std::uint32_t events, Watcher* watcher) {
+    epoll_event e{};
+    e.events = events;
+    e.data.ptr = watcher;
+    if (epoll_ctl(epoll_, EPOLL_CTL_ADD, fd, &e) < 0)
+        throw std::system_error(errno, std::generic_category(), "cannot watch a descriptor");
+}
+
+void Reactor::change(int fd, std::uint32_t events, Watcher* watcher) {
+    epoll_event e{};
+    e.events = events;
+    e.data.ptr = watcher;
+    epoll_ctl(epoll_, EPOLL_CTL_MOD, fd, &e);
+}
+
+void Reactor::remove(int fd, Watcher* watcher) {
+    epoll_ctl(epoll_, EPOLL_CTL_DEL, fd, nullptr);
+    // What is still to be called on the stack must not be called any more.
+    for (Batch* b = batches_; b; b = b->outer)
+        for (int i = b->at; i < b->count; ++i)
+            if (b->events[i].data.ptr == watcher) b->events[i].events = 0;
+}
+
+int Reactor::poll(int milliseconds) {
+    Batch batch;
+    int n = epoll_wait(epoll_, batch.events, kBatch, milliseconds);
+    if (n <= 0) return 0;
+    batch.count = n;
+    batch.outer = batches_;
+    batches_ = &batch;
+    struct Leave {
+        Reactor& reactor;
+        ~Leave() { reactor.batches_ = reactor.batches_->outer; }
+    } leave{*this};
+    int called = 0;
+    while (batch.at < batch.count) {
+        epoll_event& e = batch.events[batch.at++];
+        if (e.data.ptr == nullptr) {
+            called += runTimers();
+        } else if (e.events != 0) {
+            static_cast<Watcher*>(e.data.ptr)->ready(e.events);
+            ++called;
+        }
+    }
+    return called;
+}
+
+std::uint64_t Reactor::after(std::int64_t when, std::function<void()> callback) {
+    std::uint64_t id = nextTimer_++;
+    timers_.emplace(std::pair(when, id), std::move(callback));
+    armTimer();
+    return id;
+}
+
+void Reactor::cancel(std::uint64_t timer) {
+    for (auto at = timers_.begin(); at != timers_.end(); ++at)
+        if (at->first.second == timer) {
+            timers_.erase(at);
+            return;
+        }
+}
+
+void Reactor::armTimer() {
+    std::int64_t wanted = timers_.empty() ? 0 : timers_.begin()->first.first;
+    if (wanted == armed_) return;
+    armed_ = wanted;
+    itimerspec spec{};
+    spec.it_value.tv_sec = wanted / 1'000'000'000;
+    spec.it_value.tv_nsec = wanted % 1'000'000'000;
+    timerfd_settime(timer_, TFD_TIMER_ABSTIME, &spec, nullptr);
+}
+
+int Reactor::runTimers() {
+    std::uint64_t expired;
+    if (read(timer_, &expired, sizeof expired) < 0) return 0;
+    int called = 0;
+    std::int64_t now = monotonicNow();
+    armed_ = 0;
+    while (!timers_.empty() && timers_.begin()->first.first <= now) {
+        auto callback = std::move(timers_.begin()->second);
+        timers_.erase(timers_.begin());
+        callback();
+        ++called;
+    }
+    armTimer();
+    return called;
+}
+
+int raiseDescriptor(int fd) {
+    static std::once_flag once;
+    std::call_once(once, [] {
+        rlimit limit;
+        if (getrlimit(RLIMIT_NOFILE, &limit) == 0 && limit.rlim_cur < limit.rlim_max) {
+            limit.rlim_cur = limit.rlim_max;
+            setrlimit(RLIMIT_NOFILE, &limit);
+        }
+    });
+    if (fd < 0 || fd >= kSelectLimit) return fd;
+    int high = fcntl(fd, F_DUPFD_CLOEXEC, kSelectLimit);
+    if (high < 0) return fd;            // the hard limit is low; then there are few descriptors anyway
+    close(fd);
+    return high;
+}
+
+}  // namespace sorma

@@ -1,0 +1,60 @@
+// reactor.h -- waits for many descriptors in one epoll set of its own.
+//
+// Tcl 8.6 hands every wait to a helper thread and cannot watch a descriptor above 1023; so all connections live here,
+// with descriptors moved above 1024, and only the set's own descriptor is given to the surrounding event loop.
+//
+// Threads: one reactor belongs to one thread. poll() may be entered again from a callback (a service that runs the
+// event loop); then the outer call goes on where it was.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <vector>
+
+namespace sorma {
+
+class Reactor {
+public:
+    // Something that waits for a descriptor. The watcher must call remove() before it goes.
+    class Watcher {
+    public:
+        virtual ~Watcher() = default;
+        virtual void ready(std::uint32_t events) = 0;       // EPOLLIN, EPOLLOUT, EPOLLHUP ...
+    };
+
+    Reactor();
+    ~Reactor();
+    Reactor(const Reactor&) = delete;
+    Reactor& operator=(const Reactor&) = delete;
+
+    int descriptor() const { return epoll_; }
+
+    void add(int fd, std::uint32_t events, Watcher* watcher);
+    void change(int fd, std::uint32_t events, Watcher* watcher);
+    void remove(int fd, Watcher* watcher);
+
+    // Call back watchers that are ready, and timers that are due; wait up to milliseconds for the first one (-1: for
+    // ever). Returns how many were called.
+    int poll(int milliseconds);
+
+    // Call once, not before a time on the monotonic clock [ns]. Returns a number for cancel.
+    std::uint64_t after(std::int64_t when, std::function<void()> callback);
+    void cancel(std::uint64_t timer);
+
+private:
+    void armTimer();
+    int runTimers();
+
+    int epoll_ = -1, timer_ = -1;
+    std::int64_t armed_ = 0;
+    std::uint64_t nextTimer_ = 1;
+    std::map<std::pair<std::int64_t, std::uint64_t>, std::function<void()>> timers_;
+    struct Batch;                       // events that a poll on the stack has yet to call
+    Batch* batches_ = nullptr;
+};
+
+// Move a descriptor out of select()'s reach where that is possible; closes the old one. Close-on-exec is set.
+int raiseDescriptor(int fd);
+
+}  // namespace sorma

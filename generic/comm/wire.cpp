@@ -1,0 +1,280 @@
+#include "comm/wire.h"
+
+#include "bus/requestText.h"
+
+namespace sorma::wire {
+
+namespace {
+
+constexpr std::uint32_t kCallKind = 0, kReplyKind = 1;
+constexpr std::uint32_t kMaxCredential = 400;       // RFC 5531, section 8.2
+
+void writeMessage(XdrWriter& w, const Message& m) {
+    w.text(m.text);
+    w.array64(m.floats);
+    w.array64(m.ints);
+    w.bytes(m.any.data(), m.any.size());
+    w.texts(m.words);
+}
+
+bool readMessage(XdrReader& r, Message& m) {
+    m.text = r.text();
+    r.array64(m.floats);
+    r.array64(m.ints);
+    r.bytes(m.any);
+    r.texts(m.words);
+    if (!isUtf8(m.text)) r.spoil();
+    for (auto& word : m.words)
+        if (!isUtf8(word)) r.spoil();
+    return r.good();
+}
+
+void writeTrail(XdrWriter& w, const Trail& trail) {
+    w.u32(static_cast<std::uint32_t>(trail.dropped()));
+    w.u32(static_cast<std::uint32_t>(trail.entries().size()));
+    for (auto& e : trail.entries()) {
+        w.u32(static_cast<std::uint32_t>(e.severity));
+        w.text(e.symbol);
+        w.texts(e.details);
+        w.text(e.text);
+        w.text(e.so);
+        w.text(e.daemon);
+        w.text(e.file);
+        w.i32(e.line);
+        w.i64(e.time);
+        w.text(e.request);
+    }
+}
+
+// Text of a trail is shown to people and becomes Tcl's: what is not UTF-8 is replaced, not refused, since an error
+// message that cannot be delivered helps nobody.
+std::string clean(std::string_view text) {
+    std::string out(text);
+    if (!isUtf8(out))
+        for (char& c : out)
+            if (static_cast<unsigned char>(c) >= 0x80) c = '?';
+    return out;
+}
+
+bool readTrail(XdrReader& r, Trail& trail) {
+    std::size_t dropped = r.u32();
+    std::size_t n = r.count(48);
+    for (std::size_t i = 0; i < n && r.good(); ++i) {
+        Entry e;
+        std::uint32_t severity = r.u32();
+        if (severity > 2) r.spoil();
+        e.severity = static_cast<Severity>(severity);
+        e.symbol = clean(r.text());
+        r.texts(e.details);
+        for (auto& d : e.details) d = clean(d);
+        e.text = clean(r.text());
+        e.so = clean(r.text());
+        e.daemon = clean(r.text());
+        e.file = clean(r.text());
+        e.line = r.i32();
+        e.time = r.i64();
+        e.request = clean(r.text());
+        if (r.good()) trail.add(std::move(e));
+    }
+    trail.setDropped(trail.dropped() + dropped);
+    return r.good();
+}
+
+void writeAccepted(XdrWriter& w, std::uint32_t xid, std::uint32_t status) {
+    for (std::uint32_t word : {xid, kReplyKind, 0u, 0u, 0u, status}) w.u32(word);    // accepted, no verifier
+}
+
+}  // namespace
+
+void writeCallHeader(XdrWriter& w, const CallHeader& h) {
+    for (std::uint32_t word : {h.xid, kCallKind, h.rpcVersion, h.program, h.version, h.procedure, 0u, 0u, 0u, 0u}) w.u32(word);
+}
+
+void writeCall(Buffer& out, std::uint32_t xid, std::uint32_t program, const Request& request, const Message& m) {
+    std::size_t start = openRecord(out);
+    XdrWriter w(out);
+    writeCallHeader(w, {xid, 2, program, kVersion, kCall});
+    w.u32(request.slot);
+    w.u32(request.sequence);
+    w.u32(request.timeleft);
+    w.u32(static_cast<std::uint32_t>(request.method));
+    w.text(request.name);
+    writeMessage(w, m);
+    closeRecord(out, start);
+}
+
+void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Message& m) {
+    std::size_t start = openRecord(out);
+    XdrWriter w(out);
+    writeAccepted(w, xid, 0);
+    w.i32(m.code);
+    w.u32(times.waited);
+    w.u32(times.ran);
+    w.u32(times.sub);
+    writeMessage(w, m);
+    writeTrail(w, m.trail);
+    closeRecord(out, start);
+}
+
+void writeHello(Buffer& out, std::uint32_t xid, std::uint32_t program, const Hello& h) {
+    std::size_t start = openRecord(out);
+    XdrWriter w(out);
+    writeCallHeader(w, {xid, 2, program, kVersion, kHello});
+    w.u64(h.client);
+    w.text(h.user);
+    w.text(h.host);
+    w.i64(h.process);
+    w.text(h.program);
+    w.u32(h.maxMessage);
+    closeRecord(out, start);
+}
+
+void writeWelcome(Buffer& out, std::uint32_t xid, const Welcome& v) {
+    std::size_t start = openRecord(out);
+    XdrWriter w(out);
+    writeAccepted(w, xid, 0);
+    w.u64(v.boot);
+    w.text(v.name);
+    w.text(v.user);
+    w.text(v.host);
+    w.i64(v.process);
+    w.text(v.program);
+    w.u32(v.maxMessage);
+    w.u32(v.slots);
+    w.i64(v.started);
+    closeRecord(out, start);
+}
+
+void writeNull(Buffer& out, std::uint32_t xid, std::uint32_t program) {
+    std::size_t start = openRecord(out);
+    XdrWriter w(out);
+    writeCallHeader(w, {xid, 2, program, kVersion, kNull});
+    closeRecord(out, start);
+}
+
+void writeEmptyReply(Buffer& out, std::uint32_t xid) {
+    std::size_t start = openRecord(out);
+    XdrWriter w(out);
+    writeAccepted(w, xid, 0);
+    closeRecord(out, start);
+}
+
+void writeGoodbye(Buffer& out, std::string_view reason) {
+    std::size_t start = openRecord(out);
+    XdrWriter w(out);
+    writeCallHeader(w, {0, 2, kProgram, kVersion, kGoodbye});
+    w.text(reason);
+    closeRecord(out, start);
+}
+
+void writeRefusal(Buffer& out, std::uint32_t xid, Refusal refusal) {
+    std::size_t start = openRecord(out);
+    XdrWriter w(out);
+    writeAccepted(w, xid, static_cast<std::uint32_t>(refusal));
+    if (refusal == Refusal::programMismatch) {
+        w.u32(kVersion);        // lowest and highest version served
+        w.u32(kVersion);
+    }
+    closeRecord(out, start);
+}
+
+void writeRpcMismatch(Buffer& out, std::uint32_t xid) {
+    std::size_t start = openRecord(out);
+    XdrWriter w(out);
+    for (std::uint32_t word : {xid, kReplyKind, 1u, 0u, 2u, 2u}) w.u32(word);     // denied, RPC_MISMATCH, 2 .. 2
+    closeRecord(out, start);
+}
+
+Envelope readEnvelope(XdrReader& r) {
+    std::uint32_t xid = r.u32();
+    std::uint32_t kind = r.u32();
+    if (kind > kReplyKind) r.spoil();
+    return {xid, kind};
+}
+
+CallHeader readCallHeader(XdrReader& r, std::uint32_t xid) {
+    CallHeader h;
+    h.xid = xid;
+    h.rpcVersion = r.u32();
+    h.program = r.u32();
+    h.version = r.u32();
+    h.procedure = r.u32();
+    for (int i = 0; i < 2; ++i) {       // credentials and verifier: the session says who calls, not these
+        r.u32();
+        if (r.text().size() > kMaxCredential) r.spoil();
+    }
+    return h;
+}
+
+std::string readReplyHeader(XdrReader& r) {
+    std::uint32_t denied = r.u32();
+    if (!r.good() || denied > 1) return "a malformed reply";
+    if (denied == 1) {
+        std::uint32_t why = r.u32(), low = r.u32(), high = r.u32();
+        if (why == 0) return "it serves ONC RPC version " + std::to_string(low) + " to " + std::to_string(high) + ", not 2";
+        return "it wants authentication";
+    }
+    r.u32();
+    if (r.text().size() > kMaxCredential) r.spoil();
+    std::uint32_t status = r.u32();
+    if (!r.good()) return "a malformed reply";
+    switch (status) {
+        case 0: return {};
+        case 1: return "it does not serve the program SORMA";
+        case 2: {
+            std::uint32_t low = r.u32(), high = r.u32();
+            return "it serves versions " + std::to_string(low) + " to " + std::to_string(high) + " of the program, not " +
+                   std::to_string(kVersion);
+        }
+        case 3: return "it does not know the procedure";
+        case 4: return "it could not decode the request";
+        default: return "a system error at the daemon";
+    }
+}
+
+bool readRequest(XdrReader& r, Request& request, Message& m) {
+    m.code = 0;
+    m.trail.clear();
+    request.slot = r.u32();
+    request.sequence = r.u32();
+    request.timeleft = r.u32();
+    std::uint32_t method = r.u32();
+    if (method > 2) r.spoil();
+    request.method = static_cast<Method>(method);
+    request.name = r.text();
+    return readMessage(r, m) && r.atEnd();
+}
+
+bool readReply(XdrReader& r, Times& times, Message& m) {
+    m.code = r.i32();
+    times.waited = r.u32();
+    times.ran = r.u32();
+    times.sub = r.u32();
+    m.trail.clear();
+    return readMessage(r, m) && readTrail(r, m.trail) && r.atEnd();
+}
+
+bool readHello(XdrReader& r, Hello& h) {
+    h.client = r.u64();
+    h.user = clean(r.text());
+    h.host = clean(r.text());
+    h.process = r.i64();
+    h.program = clean(r.text());
+    h.maxMessage = r.u32();
+    return r.good() && r.atEnd();
+}
+
+bool readWelcome(XdrReader& r, Welcome& v) {
+    v.boot = r.u64();
+    v.name = clean(r.text());
+    v.user = clean(r.text());
+    v.host = clean(r.text());
+    v.process = r.i64();
+    v.program = clean(r.text());
+    v.maxMessage = r.u32();
+    v.slots = r.u32();
+    v.started = r.i64();
+    return r.good() && r.atEnd();
+}
+
+}  // namespace sorma::wire

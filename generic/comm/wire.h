@@ -1,0 +1,89 @@
+// wire.h -- sorma.x in C++: messages to bytes and back, with the RPC headers around them (RFC 5531).
+//
+// Everything is written behind a record mark, ready to be sent. Reading checks lengths, enumerations and UTF-8; what
+// is wrong is reported, never acted upon.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "bus/message.h"
+#include "comm/xdr.h"
+
+namespace sorma::wire {
+
+inline constexpr std::uint32_t kProgram = 0x20534f52, kProgramBase = 0x20000000, kVersion = 1;
+inline constexpr std::uint32_t kNull = 0, kHello = 1, kCall = 2, kGoodbye = 16;
+inline constexpr std::uint32_t kNoSlot = 0xffffffff;
+inline constexpr std::uint32_t kLastFragment = 0x80000000;
+inline constexpr std::size_t kMarkSize = 4;
+
+struct CallHeader {             // RPC header of a call
+    std::uint32_t xid = 0, rpcVersion = 2, program = kProgram, version = kVersion, procedure = 0;
+};
+
+struct Request {                // sorma_call without the message
+    std::uint32_t slot = kNoSlot, sequence = 0, timeleft = 0;
+    Method method = Method::exec;
+    std::string_view name;      // views into the record
+};
+
+struct Times {                  // microseconds
+    std::uint32_t waited = 0, ran = 0, sub = 0;
+};
+
+struct Hello {
+    std::uint64_t client = 0;
+    std::string user, host, program;
+    std::int64_t process = 0;
+    std::uint32_t maxMessage = 0;
+};
+
+struct Welcome {
+    std::uint64_t boot = 0;
+    std::string name, user, host, program;
+    std::int64_t process = 0, started = 0;
+    std::uint32_t maxMessage = 0, slots = 0;
+};
+
+// ---- writing: each appends one whole record to out ----
+
+// Start a record; closeRecord fills in its mark. Returns where it started.
+inline std::size_t openRecord(Buffer& out) {
+    std::size_t start = out.size();
+    out.extend(kMarkSize);
+    return start;
+}
+inline void closeRecord(Buffer& out, std::size_t start) {
+    XdrWriter::put(out.data() + start, kLastFragment | static_cast<std::uint32_t>(out.size() - start - kMarkSize));
+}
+
+void writeCallHeader(XdrWriter& w, const CallHeader& header);
+void writeCall(Buffer& out, std::uint32_t xid, std::uint32_t program, const Request& request, const Message& m);
+void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Message& m);
+void writeHello(Buffer& out, std::uint32_t xid, std::uint32_t program, const Hello& hello);
+void writeWelcome(Buffer& out, std::uint32_t xid, const Welcome& welcome);
+void writeNull(Buffer& out, std::uint32_t xid, std::uint32_t program);
+void writeEmptyReply(Buffer& out, std::uint32_t xid);
+void writeGoodbye(Buffer& out, std::string_view reason);
+enum class Refusal : std::uint32_t { programUnavailable = 1, programMismatch = 2, procedureUnavailable = 3, garbage = 4 };
+void writeRefusal(Buffer& out, std::uint32_t xid, Refusal refusal);     // accepted, but not done
+void writeRpcMismatch(Buffer& out, std::uint32_t xid);                  // not ONC RPC version 2
+
+// ---- reading: from the record without its mark ----
+
+// First two words. kind: 0 call, 1 reply.
+struct Envelope {
+    std::uint32_t xid, kind;
+};
+Envelope readEnvelope(XdrReader& r);
+CallHeader readCallHeader(XdrReader& r, std::uint32_t xid);             // after the envelope; skips credentials
+// After the envelope of a reply: empty when it was accepted and done, else what the peer objects to, in words.
+std::string readReplyHeader(XdrReader& r);
+bool readRequest(XdrReader& r, Request& request, Message& m);           // m is cleared first
+bool readReply(XdrReader& r, Times& times, Message& m);
+bool readHello(XdrReader& r, Hello& hello);
+bool readWelcome(XdrReader& r, Welcome& welcome);
+
+}  // namespace sorma::wire

@@ -1,0 +1,200 @@
+// xdr.h -- XDR (RFC 4506) over memory, inlined into the path of every call.
+//
+// libtirpc's xdr_* reach each word through a function pointer, which costs more than the rest of an empty call; the
+// test suite holds these against what rpcgen makes of sorma.x. Reader never reads beyond its record: it goes bad and
+// stays bad, and gives zeros.
+#pragma once
+
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace sorma {
+
+inline std::uint32_t swapped(std::uint32_t v) {
+    return std::endian::native == std::endian::big ? v : __builtin_bswap32(v);
+}
+inline std::uint64_t swapped(std::uint64_t v) {
+    return std::endian::native == std::endian::big ? v : __builtin_bswap64(v);
+}
+
+// Bytes that grow without being cleared first.
+class Buffer {
+public:
+    Buffer() = default;
+    Buffer(Buffer&& o) noexcept
+        : data_(std::exchange(o.data_, nullptr)), size_(std::exchange(o.size_, 0)), capacity_(std::exchange(o.capacity_, 0)) {}
+    Buffer& operator=(Buffer&& o) noexcept {
+        std::swap(data_, o.data_);
+        std::swap(size_, o.size_);
+        std::swap(capacity_, o.capacity_);
+        return *this;
+    }
+    ~Buffer() { std::free(data_); }
+
+    char* data() { return data_; }
+    const char* data() const { return data_; }
+    std::size_t size() const { return size_; }
+    std::size_t capacity() const { return capacity_; }
+    bool empty() const { return size_ == 0; }
+    void clear() { size_ = 0; }
+    void resize(std::size_t n) { reserve(n); size_ = n; }           // new bytes are undefined
+    void reserve(std::size_t n) {
+        if (n <= capacity_) return;
+        std::size_t wanted = capacity_ * 2 > n ? capacity_ * 2 : n;
+        if (wanted < 256) wanted = 256;
+        void* grown = std::realloc(data_, wanted);
+        if (!grown) throw std::bad_alloc();
+        data_ = static_cast<char*>(grown);
+        capacity_ = wanted;
+    }
+    char* extend(std::size_t n) {                                   // room for n more bytes
+        reserve(size_ + n);
+        char* at = data_ + size_;
+        size_ += n;
+        return at;
+    }
+    void append(const char* bytes, std::size_t n) {
+        if (n > 0) std::memcpy(extend(n), bytes, n);
+    }
+    void drop(std::size_t n) {                                      // from the front
+        size_ -= n;
+        if (size_ > 0) std::memmove(data_, data_ + n, size_);
+    }
+    void release() {
+        std::free(data_);
+        data_ = nullptr;
+        size_ = capacity_ = 0;
+    }
+
+private:
+    char* data_ = nullptr;
+    std::size_t size_ = 0, capacity_ = 0;
+};
+
+class XdrWriter {
+public:
+    explicit XdrWriter(Buffer& out) : out_(out) {}
+
+    void u32(std::uint32_t v) { put(out_.extend(4), v); }
+    void i32(std::int32_t v) { u32(static_cast<std::uint32_t>(v)); }
+    void u64(std::uint64_t v) { put(out_.extend(8), v); }
+    void i64(std::int64_t v) { u64(static_cast<std::uint64_t>(v)); }
+    void bytes(const void* data, std::size_t n) {                   // counted, padded to a multiple of 4
+        char* at = out_.extend(4 + padded(n));
+        put(at, static_cast<std::uint32_t>(n));
+        if (n == 0) return;
+        std::uint32_t zero = 0;
+        std::memcpy(at + padded(n), &zero, 4);                      // the last word: clears the padding
+        std::memcpy(at + 4, data, n);
+    }
+    void text(std::string_view s) { bytes(s.data(), s.size()); }
+    template <class T> void array64(const std::vector<T>& v) {      // counted 64-bit elements
+        static_assert(sizeof(T) == 8);
+        char* at = out_.extend(4 + 8 * v.size());
+        put(at, static_cast<std::uint32_t>(v.size()));
+        at += 4;
+        for (const T& x : v) {
+            std::uint64_t w;
+            std::memcpy(&w, &x, 8);
+            w = swapped(w);
+            std::memcpy(at, &w, 8);
+            at += 8;
+        }
+    }
+    void texts(const std::vector<std::string>& v) {
+        u32(static_cast<std::uint32_t>(v.size()));
+        for (auto& s : v) text(s);
+    }
+
+    static std::size_t padded(std::size_t n) { return (n + 3) & ~std::size_t{3}; }
+    static void put(char* at, std::uint32_t v) { v = swapped(v); std::memcpy(at, &v, 4); }
+    static void put(char* at, std::uint64_t v) { v = swapped(v); std::memcpy(at, &v, 8); }
+
+private:
+    Buffer& out_;
+};
+
+class XdrReader {
+public:
+    XdrReader(const char* data, std::size_t size) : at_(data), end_(data + size) {}
+    explicit XdrReader(std::string_view record) : XdrReader(record.data(), record.size()) {}
+
+    bool good() const { return good_; }
+    bool atEnd() const { return at_ == end_; }
+    std::size_t left() const { return static_cast<std::size_t>(end_ - at_); }
+    void spoil() { good_ = false; at_ = end_; }
+
+    std::uint32_t u32() {
+        if (!has(4)) return 0;
+        std::uint32_t v;
+        std::memcpy(&v, at_, 4);
+        at_ += 4;
+        return swapped(v);
+    }
+    std::int32_t i32() { return static_cast<std::int32_t>(u32()); }
+    std::uint64_t u64() {
+        if (!has(8)) return 0;
+        std::uint64_t v;
+        std::memcpy(&v, at_, 8);
+        at_ += 8;
+        return swapped(v);
+    }
+    std::int64_t i64() { return static_cast<std::int64_t>(u64()); }
+    std::string_view text() {                                       // views into the record
+        std::size_t n = u32();
+        if (!has(XdrWriter::padded(n))) return {};
+        std::string_view v(at_, n);
+        at_ += XdrWriter::padded(n);
+        return v;
+    }
+    void bytes(std::vector<unsigned char>& out) {
+        auto v = text();
+        auto* p = reinterpret_cast<const unsigned char*>(v.data());
+        out.assign(p, p + v.size());
+    }
+    template <class T> void array64(std::vector<T>& out) {
+        static_assert(sizeof(T) == 8);
+        std::size_t n = u32();
+        if (n > left() / 8) return spoil();
+        out.resize(n);
+        for (std::size_t i = 0; i < n; ++i) {
+            std::uint64_t w;
+            std::memcpy(&w, at_ + 8 * i, 8);
+            w = swapped(w);
+            std::memcpy(&out[i], &w, 8);
+        }
+        at_ += 8 * n;
+    }
+    // Counted elements, each at least `least` bytes on the wire, so that no count can make us reserve more memory
+    // than the record could fill.
+    std::size_t count(std::size_t least) {
+        std::size_t n = u32();
+        if (n > left() / least) return spoil(), 0;
+        return n;
+    }
+    void texts(std::vector<std::string>& out) {
+        std::size_t n = count(4);
+        out.resize(n);
+        for (auto& s : out) s = text();
+    }
+
+private:
+    bool has(std::size_t n) {
+        if (n <= left()) return true;
+        spoil();
+        return false;
+    }
+    const char* at_;
+    const char* end_;
+    bool good_ = true;
+};
+
+}  // namespace sorma
