@@ -6,18 +6,20 @@
 //
 // A prototype of static storage collects itself into the catalogue that `sorma::catalogue` lists, and leaves it when
 // its library is unloaded. The text is a format of {fmt} and always comes from code, never from a peer.
+//
+// Threads: any; the catalogue has a lock, which only libraries that come and go and catalogue() take.
 #pragma once
 
 #include <cstdint>
 #include <exception>
 #include <initializer_list>
-#include <source_location>
 #include <string>
 #include <string_view>
 #include <type_traits>
 #include <vector>
 
 #include "bus/trail.h"
+#include "bus/where.h"
 
 namespace sorma {
 
@@ -26,7 +28,7 @@ public:
     // symbol:  area and symbol, "OPTION RANGE". Choose it by what the caller can do next.
     // details: how many of the arguments, from the first, become part of the error code.
     Prototype(Severity severity, const char* symbol, int details, const char* text,
-              std::source_location where = std::source_location::current());
+              Where where = Where::current());
     ~Prototype();
     Prototype(const Prototype&) = delete;
     Prototype& operator=(const Prototype&) = delete;
@@ -37,6 +39,12 @@ public:
     const char* const text;
     const char* const file;     // where it is declared
     const int line;
+
+private:
+    friend std::vector<const Prototype*> catalogue();
+    // Links of the list of all prototypes: no memory of its own, so it works before main and while libraries unload.
+    Prototype* next_ = nullptr;
+    Prototype* previous_ = nullptr;
 };
 
 // All prototypes of the process, ordered by symbol.
@@ -60,8 +68,8 @@ struct MessageArg {
 // A prototype together with the place that raises it.
 struct Raised {
     const Prototype& prototype;
-    std::source_location where;
-    Raised(const Prototype& p, std::source_location at = std::source_location::current()) : prototype(p), where(at) {}
+    Where where;
+    Raised(const Prototype& p, Where at = Where::current()) : prototype(p), where(at) {}
 };
 
 // The entry of a prototype with its arguments, stamped with place and time.

@@ -1,7 +1,8 @@
 // trail.h -- what a call has to say beside its result: the messages it gathered, across processes.
 //
 // Entries are added where something is noticed and travel with the reply, never to stderr. A trail is bounded
-// (`setLimit`): the oldest verbose entries go first, then the oldest warnings, and `dropped()` tells how many went.
+// (`setLimit`): the oldest verbose entries go first, then the oldest warnings, then errors (the first, which is the
+// cause, stays), and `dropped()` tells how many went.
 #pragma once
 
 #include <cstddef>
@@ -47,7 +48,8 @@ public:
     // The entry that says what went wrong: the first error, else the last entry, else null.
     const Entry* cause() const;
 
-    // One line for each entry, for people.
+    // One line for each entry, for people, in local time; no newline at the end:
+    // error SORMA OPTION RANGE: carry.slow: -transferSpeed 7 is outside ...  (carry.slow@robot, carry.cpp:31, 10:31:02.123)
     std::string toText() const;
 
     // Limit for trails of this process, in entries; at least 1.
@@ -57,6 +59,8 @@ public:
     bool operator==(const Trail&) const = default;
 
 private:
+    void trim();
+
     std::vector<Entry> entries_;    // in the order in which they were raised
     std::size_t dropped_ = 0;
 };
