@@ -23,9 +23,8 @@ const Prototype kMissing{Severity::error, "OPTION MISSING", 2, "{}: {} needs {}"
 const Prototype kReadonly{Severity::error, "OPTION READONLY", 2, "{}: {} can only be set by a recipe, when the object is made"};
 const Prototype kNoWords{Severity::error, "REQUEST SYNTAX", 1, "{}: {} needs at least one word, try -help"};
 const Prototype kGone{Severity::error, "SERVICE GONE", 1, "{}: the service object has been removed"};
-const Prototype kFailed{Severity::error, "SERVICE FAILED", 1, "{}: {}"};
+const Prototype kCode{Severity::error, "SERVICE FAILED", 1, "{}: EXEC returned code {}"};
 const Prototype kNothingToUndo{Severity::error, "SERVICE FAILED", 1, "{}: there is no CTRL to undo"};
-const Prototype kFilteredTrail{Severity::verbose, "TRAIL CUT", 0, "{} messages below the object's verbosity were left out"};
 
 constexpr std::size_t kAuditLength = 100;
 
@@ -161,6 +160,8 @@ void Service::enter(Method method, Message& m) {
         if (checks_) class_->checkRequest(name_, m);
         if ((++calls_ & 63) == 1) [[unlikely]] timed(method, m);
         else exec(m);
+        if (!m.words.empty()) m.words.clear();      // words go in, never out
+        if (m.code < 0) [[unlikely]] fail(kCode, name_, m.code);
         return;
     }
     if (m.words.empty()) fail(kNoWords, name_, toText(method));

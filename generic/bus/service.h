@@ -85,6 +85,7 @@ public:
     // call in 64, keeps the trail within the object's verbosity, and names this object in what is thrown.
     void invoke(Method method, Message& m);
 
+    std::int64_t lastRun = INT64_MAX;       // [ns] of the last request that a daemon served, INT64_MAX before
     std::uint64_t calls() const { return calls_; }
     std::uint32_t references() const { return references_; }
     std::string dump() const;               // settable part: "-option value" lines; then state lines "# ..."

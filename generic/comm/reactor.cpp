@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <sys/epoll.h>
+#include <sys/eventfd.h>
 #include <sys/resource.h>
 #include <sys/timerfd.h>
 #include <unistd.h>
@@ -31,15 +32,20 @@ struct Reactor::Batch {
 Reactor::Reactor() {
     epoll_ = epoll_create1(EPOLL_CLOEXEC);
     timer_ = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
-    if (epoll_ < 0 || timer_ < 0) throw std::system_error(errno, std::generic_category(), "cannot wait for events");
+    bell_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+    if (epoll_ < 0 || timer_ < 0 || bell_ < 0) throw std::system_error(errno, std::generic_category(), "cannot wait for events");
     timer_ = raiseDescriptor(timer_);
     epoll_event e{};
     e.events = EPOLLIN;
     e.data.ptr = nullptr;               // null: the timer
     epoll_ctl(epoll_, EPOLL_CTL_ADD, timer_, &e);
+    bell_ = raiseDescriptor(bell_);
+    e.data.ptr = this;                  // this: the bell
+    epoll_ctl(epoll_, EPOLL_CTL_ADD, bell_, &e);
 }
 
 Reactor::~Reactor() {
+    close(bell_);
     close(timer_);
     close(epoll_);
 }
@@ -65,6 +71,35 @@ void Reactor::remove(int fd, Watcher* watcher) {
     for (Batch* b = batches_; b; b = b->outer)
         for (int i = b->at; i < b->count; ++i)
             if (b->events[i].data.ptr == watcher) b->events[i].events = 0;
+    std::erase(pending_, watcher);
+}
+
+void Reactor::again(Watcher* watcher) {
+    for (auto* known : pending_)
+        if (known == watcher) return;
+    if (pending_.empty()) {
+        std::uint64_t one = 1;
+        if (write(bell_, &one, sizeof one) < 0) return;     // cannot fail: the counter is read before it can overflow
+    }
+    pending_.push_back(watcher);
+}
+
+int Reactor::runPending() {
+    std::uint64_t rung;
+    if (read(bell_, &rung, sizeof rung) < 0) return 0;
+    // Those that come to be while these run wait for the next poll, so that descriptors get their turn.
+    std::size_t n = pending_.size();
+    int called = 0;
+    for (; n > 0 && !pending_.empty(); --n, ++called) {
+        Watcher* watcher = pending_.front();
+        pending_.erase(pending_.begin());
+        watcher->ready(0);
+    }
+    if (!pending_.empty()) {
+        std::uint64_t one = 1;
+        if (write(bell_, &one, sizeof one) < 0) return called;
+    }
+    return called;
 }
 
 int Reactor::poll(int milliseconds) {
@@ -83,6 +118,8 @@ int Reactor::poll(int milliseconds) {
         epoll_event& e = batch.events[batch.at++];
         if (e.data.ptr == nullptr) {
             called += runTimers();
+        } else if (e.data.ptr == this) {
+            called += runPending();
         } else if (e.events != 0) {
             static_cast<Watcher*>(e.data.ptr)->ready(e.events);
             ++called;

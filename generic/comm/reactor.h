@@ -38,6 +38,9 @@ public:
     // ever). Returns how many were called.
     int poll(int milliseconds);
 
+    // Call watcher->ready(0) in the next poll, which then does not wait.
+    void again(Watcher* watcher);
+
     // Call once, not before a time on the monotonic clock [ns]. Returns a number for cancel.
     std::uint64_t after(std::int64_t when, std::function<void()> callback);
     void cancel(std::uint64_t timer);
@@ -45,11 +48,13 @@ public:
 private:
     void armTimer();
     int runTimers();
+    int runPending();
 
-    int epoll_ = -1, timer_ = -1;
+    int epoll_ = -1, timer_ = -1, bell_ = -1;
     std::int64_t armed_ = 0;
     std::uint64_t nextTimer_ = 1;
     std::map<std::pair<std::int64_t, std::uint64_t>, std::function<void()>> timers_;
+    std::vector<Watcher*> pending_;     // to be called again; the bell has been rung while it is not empty
     struct Batch;                       // events that a poll on the stack has yet to call
     Batch* batches_ = nullptr;
 };

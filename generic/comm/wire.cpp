@@ -142,6 +142,7 @@ void writeWelcome(Buffer& out, std::uint32_t xid, const Welcome& v) {
     w.u32(v.maxMessage);
     w.u32(v.slots);
     w.i64(v.started);
+    w.u32(v.known);
     closeRecord(out, start);
 }
 
@@ -274,6 +275,7 @@ bool readWelcome(XdrReader& r, Welcome& v) {
     v.maxMessage = r.u32();
     v.slots = r.u32();
     v.started = r.i64();
+    v.known = r.u32() != 0;
     return r.good() && r.atEnd();
 }
 

@@ -45,6 +45,7 @@ struct Welcome {
     std::string name, user, host, program;
     std::int64_t process = 0, started = 0;
     std::uint32_t maxMessage = 0, slots = 0;
+    bool known = false;
 };
 
 // ---- writing: each appends one whole record to out ----

@@ -1,0 +1,144 @@
+#include "comm/comm.h"
+
+#include <dirent.h>
+
+#include <algorithm>
+
+#include "bus/listText.h"
+#include "comm/endpoint.h"
+#include "comm/errors.h"
+
+namespace sorma {
+
+namespace {
+
+const Prototype kServed{Severity::error, "COMM REFUSED", 1, "this process serves the name \"{}\" already"};
+const Prototype kDenied{Severity::error, "COMM DENIED", 1,
+    "{}: this interpreter is safe and may not use the network; its parent can grant it: sorma::grant INTERP -network 1"};
+const Prototype kNotServed{Severity::error, "SERVICE GONE", 1, "this process does not serve the name \"{}\""};
+const Prototype kName{Severity::error, "NAME SYNTAX", 1, "bad daemon name \"{}\": letters, digits, _ - and . only"};
+
+constexpr std::int64_t kProbe = 500;    // [ms] for a daemon to say who it is
+
+bool goodName(const std::string& name) {
+    return !name.empty() && name[0] != '.' && std::all_of(name.begin(), name.end(), [](unsigned char c) {
+        return std::isalnum(c) || c == '_' || c == '-' || c == '.';
+    });
+}
+
+}  // namespace
+
+Comm::Comm(Sorm& sorm) : sorm_(sorm) {
+    sorm_.add(Proxy::describe());
+    sorm_.makeProxy = [this](Sorm&, const Name& name, const Address& address) { return makeProxy(name, address); };
+    sorm_.networkFacts = [this](std::string_view what) { return facts(what); };
+}
+
+Comm::~Comm() {
+    servers_.clear();
+    ended_.clear();
+    sorm_.makeProxy = nullptr;
+    sorm_.networkFacts = nullptr;
+}
+
+std::unique_ptr<Service> Comm::makeProxy(const Name& name, const Address& address) {
+    std::string key = address.toText();
+    auto connection = connections_[key].lock();
+    if (!connection) {
+        // Opaque addresses are looked up again at each reconnect; a name without its own entry follows its daemon.
+        auto locate = [this, name, address] {
+            Address now = resolve(name, sorm_.dictionary());
+            return now.kind == Address::Kind::self ? address : now;
+        };
+        connection = std::make_shared<Connection>(name.where.empty() ? address.toText() : name.where, locate, settings);
+        connections_[key] = connection;
+    }
+    Deadline deadline = Deadline::in(settings.timeout).earlier(Call::currentDeadline());
+    // The daemon makes the object now, so that a name that cannot be served is told at once.
+    Message m;
+    m.words = {"-info", "class"};
+    connection->call(name.service, Method::dbx, m, deadline);
+    return std::make_unique<Proxy>(name.service, std::move(connection), settings);
+}
+
+Server& Comm::serve(const Server::Wanted& wanted) {
+    ended_.erase(std::remove_if(ended_.begin(), ended_.end(), [](auto& s) { return !s->serving(); }), ended_.end());
+    if (!sorm_.permissions.network) fail(kDenied, wanted.name);
+    if (!goodName(wanted.name)) fail(kName, wanted.name);
+    if (servers_.contains(wanted.name)) fail(kServed, wanted.name);
+    auto server = std::make_unique<Server>(sorm_, reactor_, settings, wanted);
+    if (sorm_.daemonName.empty()) sorm_.daemonName = wanted.name;
+    return *servers_.emplace(wanted.name, std::move(server)).first->second;
+}
+
+void Comm::unserve(const std::string& name, const std::string& reason) {
+    auto found = servers_.find(name);
+    if (found == servers_.end()) fail(kNotServed, name);
+    auto server = std::move(found->second);
+    servers_.erase(found);
+    if (sorm_.daemonName == name) sorm_.daemonName = servers_.empty() ? "" : servers_.begin()->first;
+    server->stop(reason);
+    if (server->serving()) ended_.push_back(std::move(server));
+}
+
+Server* Comm::findServer(const std::string& name) {
+    auto found = servers_.find(name);
+    return found == servers_.end() ? nullptr : found->second.get();
+}
+
+std::vector<Comm::Found> Comm::daemons() {
+    std::vector<Found> out;
+    if (!sorm_.permissions.network) fail(kDenied, "daemons");
+    std::string folder = runtimeFolder();
+    DIR* dir = opendir(folder.c_str());
+    if (!dir) return out;
+    while (dirent* e = readdir(dir)) {
+        std::string file = e->d_name;
+        if (file.size() > 5 && file.ends_with(".sock")) out.push_back({file.substr(0, file.size() - 5), folder + "/" + file, {}, {}});
+    }
+    closedir(dir);
+    std::sort(out.begin(), out.end(), [](auto& a, auto& b) { return a.name < b.name; });
+    for (auto& d : out) {
+        if (servers_.contains(d.name)) {                // ourselves: we cannot answer while we ask
+            d.state = "alive";
+            d.identity = Caller::self().toText();
+            continue;
+        }
+        Connection probe(d.name, [&] { return Address{Address::Kind::path, d.socket, 0}; }, settings);
+        try {
+            probe.connect(Deadline::in(kProbe));
+            auto& w = probe.daemon();
+            d.state = "alive";
+            d.identity = w.user + "@" + w.host + " " + w.program + "[" + std::to_string(w.process) + "]";
+        } catch (const Error& error) {
+            d.state = error.is("COMM REFUSED") ? "dead" : error.is("COMM TIMEOUT") ? "busy" : error.what();
+        }
+    }
+    return out;
+}
+
+std::string Comm::facts(std::string_view what) {
+    std::string out;
+    auto line = [&](const std::string& text) {
+        if (text.empty()) return;
+        if (!out.empty()) out += '\n';
+        out += text;
+    };
+    if (what == "connections") {
+        for (auto& [key, weak] : connections_)
+            if (auto c = weak.lock()) line("to " + c->facts());
+        for (auto& [name, server] : servers_) line(server->connectionsText());
+    } else if (what == "daemons") {
+        for (auto& d : daemons()) {
+            std::string item;
+            for (auto& field : {d.name, d.state, d.identity, d.socket})
+                if (!field.empty()) appendListElement(item, field);
+            line(item);
+        }
+    } else if (what == "statistics") {
+        for (auto& [name, server] : servers_) line(server->statisticsText());
+    }
+    return out;
+}
+
+}  // namespace sorma

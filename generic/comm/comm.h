@@ -1,0 +1,57 @@
+// comm.h -- COMM of one SORM: its connections, proxies and servers.
+//
+//     sorma::Sorm sorm;
+//     sorma::Comm comm(sorm);                         // now names with @ work
+//     comm.serve({.name = "robot"});                  // and now this process is a daemon
+//     for (;;) comm.reactor().poll(-1);
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "bus/sorm.h"
+#include "comm/connection.h"
+#include "comm/proxy.h"
+#include "comm/reactor.h"
+#include "comm/server.h"
+#include "comm/settings.h"
+
+namespace sorma {
+
+class Comm {
+public:
+    explicit Comm(Sorm& sorm);      // the SORM must outlive it
+    ~Comm();
+    Comm(const Comm&) = delete;
+    Comm& operator=(const Comm&) = delete;
+
+    Settings settings;
+    Reactor& reactor() { return reactor_; }
+
+    // Fails with COMM REFUSED when the name is served already, COMM DENIED without permission.
+    Server& serve(const Server::Wanted& wanted);
+    void unserve(const std::string& name, const std::string& reason);       // fails with SERVICE GONE
+    Server* findServer(const std::string& name);
+    const std::map<std::string, std::unique_ptr<Server>>& servers() const { return servers_; }
+
+    // A daemon found in the runtime folder.
+    struct Found {
+        std::string name, socket, state;        // state: "alive", "dead" (its socket is left over), or what is wrong
+        std::string identity;                   // user@host program[process] of a live one
+    };
+    std::vector<Found> daemons();
+
+private:
+    std::unique_ptr<Service> makeProxy(const Name& name, const Address& address);
+    std::string facts(std::string_view what);
+
+    Sorm& sorm_;
+    Reactor reactor_;
+    std::map<std::string, std::unique_ptr<Server>> servers_;
+    std::vector<std::unique_ptr<Server>> ended_;        // unserved while one of their own requests was on the stack
+    std::map<std::string, std::weak_ptr<Connection>> connections_;      // by resolved address
+};
+
+}  // namespace sorma

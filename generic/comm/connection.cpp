@@ -1,0 +1,542 @@
+#include "comm/connection.h"
+
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/time.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include "bus/requestText.h"
+#include "bus/statistics.h"
+#include "comm/endpoint.h"
+#include "comm/errors.h"
+#include "comm/random.h"
+
+namespace sorma {
+
+namespace {
+
+constexpr std::size_t kReadSize = 64 * 1024;
+constexpr std::size_t kBatchSize = 32 * 1024;           // of submitted requests, before they are sent unasked
+constexpr std::int64_t kIdle = 1'000'000;               // [ns] silence after which a connection may have died unnoticed
+constexpr std::int64_t kFirstPause = 2'000'000, kLastPause = 500'000'000;   // [ns] between attempts to reconnect
+constexpr std::uint32_t kSlotBits = 16;                 // xid = low bits of the sequence, slot
+
+std::uint32_t xidOf(std::uint32_t slot, std::uint32_t sequence) { return sequence << kSlotBits | slot; }
+
+std::string shown(std::string_view bytes) {
+    std::string out;
+    for (char c : bytes.substr(0, 40)) out += c >= 0x20 && c < 0x7f ? c : '.';
+    return out;
+}
+
+void pause(std::int64_t nanoseconds) {
+    timespec t{nanoseconds / 1'000'000'000, nanoseconds % 1'000'000'000};
+    nanosleep(&t, nullptr);
+}
+
+}  // namespace
+
+Connection::Connection(std::string who, std::function<Address()> locate, const Settings& settings)
+    : who_(std::move(who)), locate_(std::move(locate)), settings_(settings), client_(randomNumber()) {}
+
+Connection::~Connection() { drop(); }
+
+void Connection::drop() {
+    if (fd_ >= 0) ::close(fd_);
+    fd_ = -1;
+    in_.clear();
+    inAt_ = 0;
+}
+
+// ---- calls ----
+
+void Connection::call(std::string_view name, Method method, Message& m, Deadline deadline) {
+    std::uint32_t index = acquire(name, deadline);
+    Slot& slot = *slots_[index];
+    struct Leave {
+        Connection& c;
+        std::uint32_t index;
+        ~Leave() { c.release(index); }
+    } leave{*this, index};
+    if (fd_ >= 0) checkIdle();
+    if (fd_ < 0) recover(deadline, &slot);
+    if (!batch_.empty()) flush(deadline);
+    slot.into = &m;
+    write(index, method, m);
+    slot.state = Slot::State::unsent;
+    // Sent is what the kernel has taken to the last byte: of less than that the daemon can make nothing.
+    if (fd_ >= 0 && transmit(slot.request.data(), slot.request.size(), deadline)) {
+        slot.state = Slot::State::sent;
+        ++inFlight_;
+    }
+    await(index);
+    if (slot.failed) throw Error(std::move(slot.failure));
+    if (m.code < 0) {
+        if (m.trail.empty()) sorma::fail(errors::kCode, fullName(slot), m.code);
+        throw Error(m.trail);
+    }
+}
+
+Connection::Ticket Connection::submit(std::string_view name, Method method, const Message& m, Deadline deadline) {
+    std::uint32_t index = acquire(name, deadline);
+    Slot& slot = *slots_[index];
+    try {
+        if (fd_ < 0) recover(deadline, &slot);
+        write(index, method, m);
+        slot.state = Slot::State::unsent;
+        unsent_.push_back(index);
+        batch_.append(slot.request.data(), slot.request.size());
+        if (batch_.size() >= kBatchSize) flush(deadline);
+    } catch (...) {
+        release(index);
+        throw;
+    }
+    return index;
+}
+
+void Connection::flush(Deadline deadline) {
+    if (unsent_.empty()) return;
+    if (batch_.empty())
+        for (auto index : unsent_) batch_.append(slots_[index]->request.data(), slots_[index]->request.size());
+    for (auto index : unsent_)
+        if (slots_[index]->state == Slot::State::unsent) {
+            slots_[index]->state = Slot::State::sent;
+            ++inFlight_;
+        }
+    unsent_.clear();
+    Buffer bytes;
+    std::swap(bytes, batch_);                           // losing the connection meanwhile starts a new batch
+    transmit(bytes.data(), bytes.size(), deadline);
+    if (batch_.empty()) {
+        bytes.clear();
+        std::swap(bytes, batch_);
+    }
+}
+
+void Connection::collect(Ticket ticket, Message& m) {
+    if (ticket >= slots_.size() || slots_[ticket]->state == Slot::State::free)
+        sorma::fail(errors::kLimit, who_, "this call has been collected already");
+    Slot& slot = *slots_[ticket];
+    struct Leave {
+        Connection& c;
+        std::uint32_t index;
+        ~Leave() { c.release(index); }
+    } leave{*this, ticket};
+    if (!unsent_.empty()) flush(slot.deadline);
+    await(ticket);
+    if (slot.failed) throw Error(std::move(slot.failure));
+    std::swap(m, slot.result);
+    if (m.code < 0) throw Error(m.trail);
+}
+
+std::uint32_t Connection::acquire(std::string_view name, Deadline deadline) {
+    if (free_.empty()) {
+        std::size_t most = daemon_.slots != 0 ? std::min<std::size_t>(daemon_.slots, 1u << kSlotBits) : 1;
+        if (slots_.size() >= std::max<std::size_t>(most, 1))
+            sorma::fail(errors::kLimit, who_, std::to_string(slots_.size()) + " calls are in flight already, the daemon takes at most " +
+                                                  std::to_string(most) + "; raise it there: sorma::configure -inflight N");
+        free_.push_back(static_cast<std::uint32_t>(slots_.size()));
+        slots_.push_back(std::make_unique<Slot>());
+    }
+    std::uint32_t index = free_.back();
+    free_.pop_back();
+    Slot& slot = *slots_[index];
+    slot.name = name;
+    slot.deadline = deadline;
+    slot.failed = false;
+    slot.into = nullptr;
+    slot.state = Slot::State::done;                     // in use, nothing sent yet
+    return index;
+}
+
+void Connection::release(std::uint32_t index) {
+    Slot& slot = *slots_[index];
+    if (slot.state == Slot::State::sent) {              // its reply may still come: the slot is not free before
+        slot.state = Slot::State::abandoned;
+        slot.into = nullptr;
+        return;
+    }
+    if (slot.state == Slot::State::unsent) {
+        // Its bytes stand in the batch, between those of others; build the batch anew without them.
+        std::erase(unsent_, index);
+        batch_.clear();
+        for (auto other : unsent_) batch_.append(slots_[other]->request.data(), slots_[other]->request.size());
+        --slot.sequence;
+    }
+    slot.state = Slot::State::free;
+    slot.into = nullptr;
+    if (slot.request.capacity() > kReadSize) slot.request.release();
+    free_.push_back(index);
+}
+
+void Connection::write(std::uint32_t index, Method method, const Message& m) {
+    Slot& slot = *slots_[index];
+    wire::Request request{index, ++slot.sequence, 0, method, slot.name};
+    ++calls_;
+    if (!slot.deadline.none()) {
+        slot.budget = slot.deadline.left();
+        request.timeleft = static_cast<std::uint32_t>(std::min<std::int64_t>(slot.budget / 1'000'000 + 1, UINT32_MAX));
+    }
+    slot.request.clear();
+    wire::writeCall(slot.request, xidOf(index, slot.sequence), program_, request, m);
+    std::size_t size = slot.request.size() - wire::kMarkSize;
+    std::size_t most = std::min<std::size_t>(daemon_.maxMessage, static_cast<std::size_t>(settings_.maxMessage));
+    if (size > most) {
+        --slot.sequence;
+        slot.request.release();
+        sorma::fail(errors::kTooBig, fullName(slot), "request", size, most < daemon_.maxMessage ? "this process" : "daemon " + daemon_.name, most);
+    }
+}
+
+void Connection::await(std::uint32_t index) {
+    Slot& slot = *slots_[index];
+    while (slot.state == Slot::State::sent || slot.state == Slot::State::unsent) {
+        if (fd_ < 0) {
+            recover(slot.deadline, &slot);
+            continue;
+        }
+        if (!receive(slot.deadline)) failTimeout(&slot, fullName(slot), {});
+    }
+}
+
+void Connection::failTimeout(const Slot* waiting, const std::string& whom, const std::string& lastError) {
+    std::int64_t budget = waiting && waiting->budget > 0 ? waiting->budget : settings_.timeout * 1'000'000;
+    std::string patience = durationText(double(budget));
+    if (waiting && waiting->state == Slot::State::sent) sorma::fail(errors::kTimeoutSent, whom, patience, address_);
+    sorma::fail(errors::kTimeoutUnsent, whom, "the daemon", patience, lastError);
+}
+
+// A connection that was quiet may have been closed by the other side, and TCP would take our bytes all the same.
+// Looking first keeps "never sent" what it is.
+void Connection::checkIdle() {
+    if (inFlight_ > 0 || monotonicNow() - lastHeard_ < kIdle) return;
+    char c;
+    ssize_t n = recv(fd_, &c, 1, MSG_PEEK | MSG_DONTWAIT);
+    if (n < 0 && errno == EAGAIN) return;
+    if (n > 0) {
+        receive(Deadline::in(1000));                    // a GOODBYE, most likely
+        return checkIdle();
+    }
+    lost(n == 0 ? "the daemon closed it" : std::strerror(errno));
+}
+
+bool Connection::transmit(const char* data, std::size_t size, Deadline deadline) {
+    while (size > 0) {
+        ssize_t n = send(fd_, data, size, MSG_NOSIGNAL | MSG_DONTWAIT);
+        if (n > 0) {
+            data += n;
+            size -= static_cast<std::size_t>(n);
+            continue;
+        }
+        if (n < 0 && errno == EINTR) continue;
+        if (n < 0 && errno == EAGAIN) {
+            // The daemon may wait until we take its replies: read while we wait to write.
+            pollfd p{fd_, POLLIN | POLLOUT, 0};
+            int ready = poll(&p, 1, int(std::min<std::int64_t>(deadline.left() / 1'000'000 + 1, 60'000)));
+            if (ready > 0 && (p.revents & POLLIN)) {
+                receive(deadline);
+                if (fd_ < 0) return false;
+            }
+            if (!deadline.passed()) continue;
+            // Half a record stands on the wire: nothing else can follow it.
+            return lost("the daemon did not take the request in time"), false;
+        }
+        return lost(std::strerror(errno)), false;
+    }
+    return true;
+}
+
+bool Connection::receive(Deadline deadline) {
+    std::int64_t left = deadline.left();
+    if (left == 0) return false;
+    // The socket's own timeout serves as the deadline, so that a call costs no poll; it is set anew only when it
+    // would wait too long. A shorter one just makes us look again.
+    if (receiveTimeout_ == 0 || receiveTimeout_ > left) {
+        if (left > 3'600'000'000'000) left = 3'600'000'000'000;
+        if (left < 1'000'000) left = 1'000'000;
+        timeval t{left / 1'000'000'000, left % 1'000'000'000 / 1000};
+        setsockopt(fd_, SOL_SOCKET, SO_RCVTIMEO, &t, sizeof t);
+        receiveTimeout_ = left;
+    }
+    std::size_t half = in_.size();
+    std::size_t size = std::max(kReadSize, std::min(half, std::size_t{8} << 20));
+    char* room = in_.extend(size);
+    ssize_t n = recv(fd_, room, size, 0);
+    in_.resize(half + (n > 0 ? static_cast<std::size_t>(n) : 0));
+    if (n == 0) {
+        lost(lastWords_.empty() ? "the daemon closed it" : lastWords_);
+        return true;
+    }
+    if (n < 0) {
+        if (errno == EINTR) return true;
+        if (errno == EAGAIN) {
+            receiveTimeout_ = 0;                        // it was shorter than the deadline, or the deadline is here
+            return !deadline.passed();
+        }
+        lost(std::strerror(errno));
+        return true;
+    }
+    while (in_.size() - inAt_ >= wire::kMarkSize) {
+        XdrReader marks(in_.data() + inAt_, wire::kMarkSize);
+        std::uint32_t mark = marks.u32();
+        std::size_t length = mark & ~wire::kLastFragment;
+        if (!(mark & wire::kLastFragment) || length > static_cast<std::size_t>(settings_.maxMessage)) {
+            unread_ = shown({in_.data() + inAt_, in_.size() - inAt_});
+            lost("what came is not a record of ONC RPC, or it is longer than -maxmessage");
+            return true;
+        }
+        if (in_.size() - inAt_ < wire::kMarkSize + length) break;
+        std::string_view record(in_.data() + inAt_ + wire::kMarkSize, length);
+        inAt_ += wire::kMarkSize + length;
+        take(record);
+        if (fd_ < 0) return true;
+    }
+    in_.drop(inAt_);
+    inAt_ = 0;
+    if (in_.empty() && in_.capacity() > 4 * kReadSize) in_.release();
+    return true;
+}
+
+void Connection::take(std::string_view record) {
+    XdrReader r(record);
+    auto envelope = wire::readEnvelope(r);
+    lastHeard_ = monotonicNow();
+    if (r.good() && envelope.kind == 0) {
+        auto header = wire::readCallHeader(r, envelope.xid);
+        if (header.procedure == wire::kGoodbye) lastWords_ = std::string(r.text());
+        return;
+    }
+    std::uint32_t index = envelope.xid & ((1u << kSlotBits) - 1);
+    if (!r.good() || index >= slots_.size()) return lost("a record that is no reply to any call");
+    Slot& slot = *slots_[index];
+    bool ours = (slot.state == Slot::State::sent || slot.state == Slot::State::abandoned) &&
+                envelope.xid == xidOf(index, slot.sequence);
+    if (!ours) return;                                  // late, and nobody waits
+    --inFlight_;
+    if (slot.state == Slot::State::abandoned) {
+        slot.state = Slot::State::free;
+        free_.push_back(index);
+        return;
+    }
+    std::string objection = wire::readReplyHeader(r);
+    Message& m = slot.into ? *slot.into : slot.result;
+    if (objection.empty() && !wire::readReply(r, times_, m)) objection = "its reply could not be decoded";
+    slot.state = Slot::State::done;
+    if (!objection.empty())
+        fail(index, Trail{}), slot.failure.add(makeEntry(errors::kProtocol, {MessageArg::of(fullName(slot)),
+             MessageArg::of(address_), MessageArg::of(objection), MessageArg::of("are both of the same version?")}));
+}
+
+void Connection::fail(std::uint32_t index, Trail trail) {
+    Slot& slot = *slots_[index];
+    slot.state = Slot::State::done;
+    slot.failed = true;
+    slot.failure = std::move(trail);
+}
+
+// ---- the connection itself ----
+
+void Connection::connect(Deadline deadline) {
+    if (fd_ < 0) recover(deadline, nullptr);
+}
+
+void Connection::open(const std::string& whom, Deadline deadline) {
+    Address address = locate_();
+    program_ = address.kind == Address::Kind::program ? wire::kProgramBase + address.number : wire::kProgram;
+    address_ = address.kind == Address::Kind::alias ? runtimeSocket(address.host) : describe(address);
+    hungUp_ = false;
+    fd_ = connectTo(address, whom, deadline);
+    receiveTimeout_ = 0;
+    in_.clear();
+    inAt_ = 0;
+    unread_.clear();
+    lastWords_.clear();
+    try {
+        greet(whom, deadline);
+    } catch (...) {
+        drop();
+        throw;
+    }
+}
+
+void Connection::greet(const std::string& whom, Deadline deadline) {
+    auto& self = Caller::self();
+    Buffer out;
+    wire::writeHello(out, 0, program_, {client_, self.user, self.host, self.program, self.process,
+                                       static_cast<std::uint32_t>(settings_.maxMessage)});
+    ssize_t sent = send(fd_, out.data(), out.size(), MSG_NOSIGNAL);
+    std::string record, why;
+    hungUp_ = sent != static_cast<ssize_t>(out.size());
+    if (!hungUp_) why = readWhole(deadline, record);
+    else why = std::strerror(errno);
+    if (!why.empty()) {
+        if (why == "deadline") sorma::fail(errors::kConnectTimeout, whom, address_ + " (it is connected, but does not answer)");
+        if (hungUp_) sorma::fail(errors::kRefused, whom, address_, why, "it may be ending, or full");
+        sorma::fail(errors::kProtocol, whom, address_, why, "is the address right?");
+    }
+    XdrReader r(record);
+    auto envelope = wire::readEnvelope(r);
+    if (r.good() && envelope.kind == 0) {               // the daemon speaks first when it will not serve us
+        auto header = wire::readCallHeader(r, envelope.xid);
+        std::string reason(r.text());
+        if (header.procedure == wire::kGoodbye && r.good()) sorma::fail(errors::kDaemonLimit, whom, address_, reason);
+    }
+    std::string objection = r.good() ? wire::readReplyHeader(r) : "its answer is not a message of ONC RPC";
+    wire::Welcome welcome;
+    if (objection.empty() && !wire::readWelcome(r, welcome)) objection = "its welcome could not be decoded";
+    if (!objection.empty()) sorma::fail(errors::kProtocol, whom, address_, objection, "is the address right?");
+    bool first = daemon_.boot == 0, sameDaemon = welcome.boot == daemon_.boot;
+    if (!first && !sameDaemon)
+        failSent("another daemon answers there now: " + welcome.program + "[" + std::to_string(welcome.process) + "]");
+    else if (!first && !welcome.known)
+        failSent("the daemon has forgotten this client meanwhile");
+    daemon_ = welcome;
+    since_ = lastHeard_ = monotonicNow();
+    if (first || !sameDaemon) ++boots_;
+    if (first || sameDaemon) return;
+    for (auto& [number, callback] : std::map(restarted_)) callback();
+}
+
+// One whole record while nothing else is under way. Returns what went wrong, "deadline" for the deadline.
+std::string Connection::readWhole(Deadline deadline, std::string& record) {
+    Buffer in;
+    for (;;) {
+        if (in.size() >= wire::kMarkSize) {
+            XdrReader marks(in.data(), wire::kMarkSize);
+            std::uint32_t mark = marks.u32();
+            std::size_t length = mark & ~wire::kLastFragment;
+            if (!(mark & wire::kLastFragment) || length > 1 << 20) return "it said \"" + shown({in.data(), in.size()}) + "\"";
+            if (in.size() >= wire::kMarkSize + length) {
+                record.assign(in.data() + wire::kMarkSize, length);
+                in_.append(in.data() + wire::kMarkSize + length, in.size() - wire::kMarkSize - length);
+                return {};
+            }
+        }
+        pollfd p{fd_, POLLIN, 0};
+        int n = poll(&p, 1, int(std::min<std::int64_t>(deadline.left() / 1'000'000 + 1, 60'000)));
+        if (n < 0 && errno != EINTR) return std::strerror(errno);
+        if (n <= 0) {
+            if (deadline.passed()) return "deadline";
+            continue;
+        }
+        std::size_t before = in.size();
+        ssize_t got = recv(fd_, in.extend(4096), 4096, MSG_DONTWAIT);
+        in.resize(before + (got > 0 ? static_cast<std::size_t>(got) : 0));
+        hungUp_ = in.empty() && (got == 0 || (got < 0 && errno == ECONNRESET));
+        if (hungUp_) return "it closed the connection without a word";
+        if (got == 0) return "it closed the connection after \"" + shown({in.data(), in.size()}) + "\"";
+        if (got < 0 && errno != EAGAIN && errno != EINTR) return std::strerror(errno);
+    }
+}
+
+// The connection is gone. What was sent keeps its slot until we know which daemon answers next.
+void Connection::lost(const std::string& how) {
+    how_ = how;
+    if (!unread_.empty()) how_ += " (\"" + unread_ + "\")";
+    drop();
+    ++reconnects_;
+}
+
+// Connect anew, within the deadline. A daemon that refuses connections has ended, and with it what was sent to it.
+// waiting: the slot that waits for this, if any; it stops when that one has failed.
+void Connection::recover(Deadline deadline, const Slot* waiting) {
+    std::int64_t pauseTime = kFirstPause;
+    std::string whom = waiting ? fullName(*waiting) : who_;
+    bool first = daemon_.boot == 0;
+    while (fd_ < 0) {
+        std::string problem;
+        try {
+            open(whom, deadline);
+        } catch (const Error& e) {
+            bool absent = (e.is("COMM REFUSED") || e.is("ADDRESS UNRESOLVED")) && !hungUp_;
+            if (absent || e.is("COMM PROTOCOL")) failSent(e.what());
+            if (waiting && waiting->failed) return;
+            // Who was there before may come back: wait. Who never was, or will never do, is reported at once.
+            bool hopeful = !first && (absent || hungUp_ || e.is("COMM LIMIT") || e.is("COMM TIMEOUT"));
+            if (!hopeful) throw;
+            problem = e.what();
+        }
+        if (fd_ >= 0) resend(deadline);
+        if ((waiting && waiting->failed) || fd_ >= 0) return;
+        std::int64_t left = deadline.left();
+        pause(std::min(left, pauseTime));
+        if (left <= pauseTime) failTimeout(waiting, whom, problem);
+        pauseTime = std::min(pauseTime * 2, kLastPause);
+    }
+}
+
+// After a broken connection to a daemon that still lives: send again what it may not have got. It knows what it has.
+void Connection::resend(Deadline deadline) {
+    unsent_.clear();
+    batch_.clear();
+    for (std::size_t i = 0; i < slots_.size() && fd_ >= 0; ++i) {
+        Slot& slot = *slots_[i];
+        bool again = slot.state == Slot::State::sent || slot.state == Slot::State::abandoned;
+        if (!again && slot.state != Slot::State::unsent) continue;
+        if (transmit(slot.request.data(), slot.request.size(), deadline) && !again) {
+            slot.state = Slot::State::sent;
+            ++inFlight_;
+        }
+    }
+    if (fd_ >= 0) return;
+    for (std::uint32_t i = 0; i < slots_.size(); ++i)           // those that did not get their turn wait for the next
+        if (slots_[i]->state == Slot::State::unsent) unsent_.push_back(i);
+}
+
+std::uint64_t Connection::onRestart(std::function<void()> callback) {
+    restarted_.emplace(nextRestart_, std::move(callback));
+    return nextRestart_++;
+}
+
+void Connection::cancelRestart(std::uint64_t number) { restarted_.erase(number); }
+
+// What was sent to a daemon that has ended: nobody knows whether it ran.
+void Connection::failSent(const std::string& hint) {
+    for (std::uint32_t i = 0; i < slots_.size(); ++i) {
+        Slot& slot = *slots_[i];
+        if (slot.state == Slot::State::abandoned) {
+            --inFlight_;
+            slot.state = Slot::State::free;
+            free_.push_back(i);
+        } else if (slot.state == Slot::State::sent) {
+            --inFlight_;
+            Trail trail;
+            trail.add(makeEntry(errors::kLost, {MessageArg::of(fullName(slot)), MessageArg::of(address_), MessageArg::of(daemon_.name),
+                                                MessageArg::of(age()), MessageArg::of(how_), MessageArg::of(hint)}));
+            fail(i, std::move(trail));
+        }
+    }
+}
+
+void Connection::ping(Deadline deadline) {
+    Message m;
+    m.words = {"-info", "name"};
+    call("sorm", Method::dbx, m, deadline);
+}
+
+void Connection::close(const std::string& reason) {
+    if (fd_ < 0) return;
+    how_ = reason;
+    drop();
+    failSent("it was closed on this side");
+}
+
+std::string Connection::age() const { return durationText(double(monotonicNow() - since_)); }
+
+std::string Connection::facts() const {
+    std::string out = "daemon " + daemon_.name + " at " + address_;
+    out += fd_ >= 0 ? ", connected for " + age() : ", not connected" + (how_.empty() ? std::string() : ": " + how_);
+    out += "\nserved by " + daemon_.user + "@" + daemon_.host + " " + daemon_.program + "[" + std::to_string(daemon_.process) +
+           "] since " + clockText(daemon_.started);
+    out += "\ncalls " + std::to_string(calls_) + ", in flight " + std::to_string(inFlight_) + ", connections lost " +
+           std::to_string(reconnects_) + ", daemons seen " + std::to_string(boots_);
+    out += "\nlast reply: waited " + std::to_string(times_.waited) + " us, ran " + std::to_string(times_.ran) + " us, of which sub-calls " +
+           std::to_string(times_.sub) + " us";
+    return out;
+}
+
+}  // namespace sorma

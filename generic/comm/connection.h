@@ -1,0 +1,125 @@
+// connection.h -- this process's line to one daemon: one for each daemon and SORM, shared by all its proxies.
+//
+// A call is put into a free slot, numbered, sent, and its bytes are kept until the reply is there. When the connection
+// breaks, the address is resolved anew and the daemon asked who it is: the same one (its boot number) is sent the
+// kept bytes again and executes nothing twice; another one has lost what was sent (COMM LOST) and gets what was not.
+//
+// Threads: belongs to the thread of its SORM. Blocking calls never enter an event loop.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "bus/deadline.h"
+#include "bus/message.h"
+#include "bus/name.h"
+#include "comm/settings.h"
+#include "comm/wire.h"
+
+namespace sorma {
+
+class Connection {
+public:
+    // who: whom messages name, the text after @. locate: the address as the dictionary says now.
+    Connection(std::string who, std::function<Address()> locate, const Settings& settings);
+    ~Connection();
+    Connection(const Connection&) = delete;
+    Connection& operator=(const Connection&) = delete;
+
+    // Call a service of the daemon, in place; blocks until the reply or the deadline. Throws Error: the daemon's own
+    // trail, or one of COMM's (errors.h). name: as known at the daemon.
+    void call(std::string_view name, Method method, Message& m, Deadline deadline);
+
+    // The same in two steps, so that many calls can be in flight. A ticket is good for one collect; the message
+    // given to collect receives the result. Calls are sent at flush, at collect, or when much has gathered.
+    using Ticket = std::uint32_t;
+    Ticket submit(std::string_view name, Method method, const Message& m, Deadline deadline);
+    void flush(Deadline deadline);
+    void collect(Ticket ticket, Message& m);
+
+    void connect(Deadline deadline);                    // now rather than at the first call
+    void ping(Deadline deadline);
+    void close(const std::string& reason);              // calls in flight fail with LOST
+
+    // Called after another daemon than before has answered, before anything else is sent to it.
+    std::uint64_t onRestart(std::function<void()> callback);
+    void cancelRestart(std::uint64_t number);
+
+    const std::string& who() const { return who_; }
+    bool connected() const { return fd_ >= 0; }
+    const wire::Welcome& daemon() const { return daemon_; }
+    std::uint64_t boots() const { return boots_; }      // daemons seen so far: changes when another one answers
+    std::string facts() const;                          // clear text, a line for each fact
+    const wire::Times& lastTimes() const { return times_; }
+
+private:
+    struct Slot {
+        enum class State : std::uint8_t { free, unsent, sent, done, abandoned };
+        State state = State::free;
+        std::uint32_t sequence = 0;
+        std::string name;
+        Deadline deadline;
+        std::int64_t budget = 0;        // [ns] that were left when it was written
+        Buffer request;                 // the record, kept until the reply has come
+        Message* into = nullptr;        // where a blocking caller wants the result, else result
+        Message result;
+        Trail failure;                  // not empty: failed on our side of the wire
+        bool failed = false;
+    };
+
+    std::uint32_t acquire(std::string_view name, Deadline deadline);
+    void write(std::uint32_t slot, Method method, const Message& m);
+    bool transmit(const char* data, std::size_t size, Deadline deadline);   // false: the connection is lost
+    void await(std::uint32_t slot);                     // until it is done, or throws on its deadline
+    bool receive(Deadline deadline);                    // some bytes; false when the deadline has passed
+    void take(std::string_view record);
+    void fail(std::uint32_t slot, Trail trail);
+    void release(std::uint32_t slot);
+    void checkIdle();
+
+    void open(const std::string& whom, Deadline deadline);      // connect and say HELLO; throws
+    void greet(const std::string& whom, Deadline deadline);
+    std::string readWhole(Deadline deadline, std::string& record);
+    void lost(const std::string& how);                  // the connection is gone: sort out what was in flight
+    void recover(Deadline deadline, const Slot* waiting);
+    void resend(Deadline deadline);
+    void failSent(const std::string& hint);
+    std::string fullName(const Slot& slot) const { return slot.name + "@" + who_; }
+    [[noreturn]] void failTimeout(const Slot* waiting, const std::string& whom, const std::string& lastError);
+    std::string age() const;
+    void drop();
+
+    std::string who_;
+    std::function<Address()> locate_;
+    const Settings& settings_;
+    int fd_ = -1;
+    std::int64_t receiveTimeout_ = 0;       // [ns] as set on the socket
+    std::uint64_t client_;
+    wire::Welcome daemon_;
+    std::uint64_t boots_ = 0;
+    std::string address_;                   // where it was last reached
+    std::string lastWords_;                 // reason of a GOODBYE
+    std::string how_;                       // why the connection was lost
+    std::int64_t since_ = 0, lastHeard_ = 0;
+    std::uint64_t calls_ = 0, reconnects_ = 0;
+    std::uint32_t program_ = wire::kProgram;
+    std::vector<std::unique_ptr<Slot>> slots_;
+    std::vector<std::uint32_t> free_;
+    std::vector<std::uint32_t> unsent_;     // submitted, not yet handed to the socket
+    std::size_t inFlight_ = 0;              // slots sent, also abandoned ones
+    Buffer in_;
+    std::size_t inAt_ = 0;                  // of in_: what has been taken
+    Buffer batch_;                          // submitted requests on their way to one send
+    wire::Times times_;
+    bool hungUp_ = false;                   // the last attempt was accepted and closed without a word
+    std::map<std::uint64_t, std::function<void()>> restarted_;
+    std::uint64_t nextRestart_ = 1;
+    std::string unread_;                    // beginning of what a stranger said, for the error message
+};
+
+}  // namespace sorma

@@ -1,0 +1,54 @@
+#include "comm/proxy.h"
+
+#include "bus/deadline.h"
+#include "bus/requestText.h"
+
+namespace sorma {
+
+Proxy::Proxy(std::string target, std::shared_ptr<Connection> connection, const Settings& settings)
+    : target_(std::move(target)), connection_(std::move(connection)), settings_(settings) {}
+
+Proxy::~Proxy() {
+    if (restart_ != 0) connection_->cancelRestart(restart_);
+}
+
+void Proxy::forward(Method method, Message& m) {
+    Deadline deadline = Deadline::in(settings_.timeout);
+    Call* outer = Call::current();
+    if (!outer) return connection_->call(target_, method, m, deadline);
+    std::int64_t start = monotonicNow();
+    struct Count {
+        Call* outer;
+        std::int64_t start;
+        ~Count() { outer->subTime += monotonicNow() - start; }
+    } count{outer, start};
+    connection_->call(target_, method, m, deadline.earlier(outer->deadline));
+}
+
+void Proxy::exec(Message& m) { forward(Method::exec, m); }
+void Proxy::ctrl(Message& m) { forward(Method::ctrl, m); }
+
+void Proxy::dbx(Message& m) {
+    if (m.words.size() == 1 && m.words[0] == "-connection") {
+        m.text = "proxy " + name() + " of " + target_ + "\n" + connection_->facts();
+        return;
+    }
+    forward(Method::dbx, m);
+}
+
+void Proxy::setRecipe(std::vector<std::string> words) {
+    auto send = [this, words] {
+        Message m;
+        m.words = words;
+        forward(Method::ctrl, m);
+    };
+    send();
+    if (restart_ != 0) connection_->cancelRestart(restart_);
+    restart_ = connection_->onRestart(send);
+}
+
+Class Proxy::describe() {
+    return Class("proxy", "stands for a service object of another process", nullptr);
+}
+
+}  // namespace sorma
