@@ -129,6 +129,7 @@ bool isBoolean(std::string_view word) {
 
 }  // namespace
 
+Service::Service() = default;
 Service::~Service() = default;
 
 Service::Record& Service::record() {

@@ -47,7 +47,7 @@ private:
 
 class Service {
 public:
-    Service() = default;
+    Service();
     virtual ~Service();
     Service(const Service&) = delete;
     Service& operator=(const Service&) = delete;

@@ -126,18 +126,10 @@ Reference Sorm::make(const Name& name, const std::vector<std::string>* words) {
     if (!permissions.network) fail(kDenied, key);
     if (!makeProxy) fail(kNoNetwork, key);
     if (auto* known = find(key)) return Reference(known);
-    auto proxy = makeProxy(*this, name, address);
-    const Class& type = *findClass("proxy");
-    Reference made = adopt(std::move(proxy), key, type);
-    // A recipe for the full name is this client's own wish: it goes to the remote object as CTRL.
     std::vector<std::string> recipe;
     for (auto& w : dictionary_.expand(key)) recipe.push_back(w.text);
     if (words) recipe.insert(recipe.end(), words->begin(), words->end());
-    if (!recipe.empty()) {
-        Message m;
-        m.words = recipe;
-        made->invoke(Method::ctrl, m);
-    }
+    Reference made = adopt(makeProxy(name, address, std::move(recipe)), key, *findClass("proxy"));
     repository_.insert_or_assign(key, made);
     return made;
 }

@@ -82,8 +82,10 @@ public:
     Permissions permissions;
     std::string daemonName;                                         // as served; empty when not a daemon
 
-    // Makes the proxy of a remote object; set by COMM. The address is what the dictionary says now.
-    using ProxyMaker = std::function<std::unique_ptr<Service>(Sorm&, const Name&, const Address&)>;
+    // Makes the proxy of a remote object; set by COMM. The address is what the dictionary says now; the recipe is this
+    // client's own wish for the object, from its dictionary, and goes to the daemon as CTRL.
+    using ProxyMaker =
+        std::function<std::unique_ptr<Service>(const Name&, const Address&, std::vector<std::string> recipe)>;
     ProxyMaker makeProxy;
     // What COMM adds to the SO `sorm`: connections, daemons, server facts, as text in lines.
     std::function<std::string(std::string_view what)> networkFacts;

@@ -30,7 +30,9 @@ bool goodName(const std::string& name) {
 
 Comm::Comm(Sorm& sorm) : sorm_(sorm) {
     sorm_.add(Proxy::describe());
-    sorm_.makeProxy = [this](Sorm&, const Name& name, const Address& address) { return makeProxy(name, address); };
+    sorm_.makeProxy = [this](const Name& name, const Address& address, std::vector<std::string> recipe) {
+        return makeProxy(name, address, std::move(recipe));
+    };
     sorm_.networkFacts = [this](std::string_view what) { return facts(what); };
 }
 
@@ -41,7 +43,7 @@ Comm::~Comm() {
     sorm_.networkFacts = nullptr;
 }
 
-std::unique_ptr<Service> Comm::makeProxy(const Name& name, const Address& address) {
+std::unique_ptr<Service> Comm::makeProxy(const Name& name, const Address& address, std::vector<std::string> recipe) {
     std::string key = address.toText();
     auto connection = connections_[key].lock();
     if (!connection) {
@@ -58,7 +60,9 @@ std::unique_ptr<Service> Comm::makeProxy(const Name& name, const Address& addres
     Message m;
     m.words = {"-info", "class"};
     connection->call(name.service, Method::dbx, m, deadline);
-    return std::make_unique<Proxy>(name.service, std::move(connection), settings);
+    auto proxy = std::make_unique<Proxy>(name.service, std::move(connection), settings);
+    if (!recipe.empty()) proxy->setRecipe(std::move(recipe));
+    return proxy;
 }
 
 Server& Comm::serve(const Server::Wanted& wanted) {

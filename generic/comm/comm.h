@@ -44,7 +44,7 @@ public:
     std::vector<Found> daemons();
 
 private:
-    std::unique_ptr<Service> makeProxy(const Name& name, const Address& address);
+    std::unique_ptr<Service> makeProxy(const Name& name, const Address& address, std::vector<std::string> recipe);
     std::string facts(std::string_view what);
 
     Sorm& sorm_;

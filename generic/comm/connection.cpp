@@ -27,7 +27,7 @@ constexpr std::uint32_t kSlotBits = 16;                 // xid = low bits of the
 
 std::uint32_t xidOf(std::uint32_t slot, std::uint32_t sequence) { return sequence << kSlotBits | slot; }
 
-std::string shown(std::string_view bytes) {
+std::string printable(std::string_view bytes) {
     std::string out;
     for (char c : bytes.substr(0, 40)) out += c >= 0x20 && c < 0x7f ? c : '.';
     return out;
@@ -285,7 +285,7 @@ bool Connection::receive(Deadline deadline) {
         std::uint32_t mark = marks.u32();
         std::size_t length = mark & ~wire::kLastFragment;
         if (!(mark & wire::kLastFragment) || length > static_cast<std::size_t>(settings_.maxMessage)) {
-            unread_ = shown({in_.data() + inAt_, in_.size() - inAt_});
+            unread_ = printable(std::string_view(in_.data() + inAt_, in_.size() - inAt_));
             lost("what came is not a record of ONC RPC, or it is longer than -maxmessage");
             return true;
         }
@@ -409,7 +409,7 @@ std::string Connection::readWhole(Deadline deadline, std::string& record) {
             XdrReader marks(in.data(), wire::kMarkSize);
             std::uint32_t mark = marks.u32();
             std::size_t length = mark & ~wire::kLastFragment;
-            if (!(mark & wire::kLastFragment) || length > 1 << 20) return "it said \"" + shown({in.data(), in.size()}) + "\"";
+            if (!(mark & wire::kLastFragment) || length > 1 << 20) return "it said \"" + printable(std::string_view(in.data(), in.size())) + "\"";
             if (in.size() >= wire::kMarkSize + length) {
                 record.assign(in.data() + wire::kMarkSize, length);
                 in_.append(in.data() + wire::kMarkSize + length, in.size() - wire::kMarkSize - length);
@@ -428,7 +428,7 @@ std::string Connection::readWhole(Deadline deadline, std::string& record) {
         in.resize(before + (got > 0 ? static_cast<std::size_t>(got) : 0));
         hungUp_ = in.empty() && (got == 0 || (got < 0 && errno == ECONNRESET));
         if (hungUp_) return "it closed the connection without a word";
-        if (got == 0) return "it closed the connection after \"" + shown({in.data(), in.size()}) + "\"";
+        if (got == 0) return "it closed the connection after \"" + printable(std::string_view(in.data(), in.size())) + "\"";
         if (got < 0 && errno != EAGAIN && errno != EINTR) return std::strerror(errno);
     }
 }
