@@ -7,12 +7,18 @@
 #include <sys/timerfd.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <climits>
 #include <cstring>
 #include <mutex>
 #include <system_error>
 
 #include "bus/deadline.h"
+
+#if defined(__GLIBC__) && (__GLIBC__ > 2 || __GLIBC_MINOR__ >= 35)
+#define HAVE_EPOLL_PWAIT2
+#endif
 
 namespace sorma {
 
@@ -102,9 +108,22 @@ int Reactor::runPending() {
     return called;
 }
 
-int Reactor::poll(int milliseconds) {
+int Reactor::wait(epoll_event* events, int most, std::int64_t nanoseconds) {
+#ifdef HAVE_EPOLL_PWAIT2
+    if (preciseWait_ && nanoseconds > 0) {
+        timespec limit{nanoseconds / 1'000'000'000, nanoseconds % 1'000'000'000};
+        int n = epoll_pwait2(epoll_, events, most, &limit, nullptr);
+        if (n >= 0 || errno != ENOSYS) return n;
+        preciseWait_ = false;           // a kernel before 5.11
+    }
+#endif
+    std::int64_t milliseconds = (nanoseconds + 999'999) / 1'000'000;
+    return epoll_wait(epoll_, events, most, nanoseconds < 0 ? -1 : int(std::min<std::int64_t>(milliseconds, INT_MAX)));
+}
+
+int Reactor::poll(std::int64_t nanoseconds) {
     Batch batch;
-    int n = epoll_wait(epoll_, batch.events, kBatch, milliseconds);
+    int n = wait(batch.events, kBatch, nanoseconds);
     if (n <= 0) return 0;
     batch.count = n;
     batch.outer = batches_;

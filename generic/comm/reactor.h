@@ -12,6 +12,8 @@
 #include <map>
 #include <vector>
 
+struct epoll_event;
+
 namespace sorma {
 
 class Reactor {
@@ -34,9 +36,10 @@ public:
     void change(int fd, std::uint32_t events, Watcher* watcher);
     void remove(int fd, Watcher* watcher);
 
-    // Call back watchers that are ready, and timers that are due; wait up to milliseconds for the first one (-1: for
-    // ever). Returns how many were called.
-    int poll(int milliseconds);
+    // Call back watchers that are ready, and timers that are due; wait up to so many nanoseconds for the first one
+    // (-1: for ever). Returns how many were called.
+    int poll(std::int64_t nanoseconds);
+    bool polling() const { return batches_ != nullptr; }        // is a poll on the stack?
 
     // Call watcher->ready(0) in the next poll, which then does not wait.
     void again(Watcher* watcher);
@@ -49,7 +52,9 @@ private:
     void armTimer();
     int runTimers();
     int runPending();
+    int wait(epoll_event* events, int most, std::int64_t nanoseconds);
 
+    bool preciseWait_ = true;
     int epoll_ = -1, timer_ = -1, bell_ = -1;
     std::int64_t armed_ = 0;
     std::uint64_t nextTimer_ = 1;

@@ -1,0 +1,211 @@
+#include "tcl/commCommands.h"
+
+#include <csignal>
+#include <cstring>
+#include <memory>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include "bus/requestText.h"
+#include "comm/comm.h"
+#include "tcl/eventSource.h"
+
+namespace sorma {
+
+namespace {
+
+const Prototype kServeOption{Severity::error, "REQUEST SYNTAX", 0,
+    "bad option \"{}\": must be -host, -port, -program, -rpcbind, or -socket"};
+const Prototype kServeValue{Severity::error, "REQUEST SYNTAX", 0, "{} expects {}, got \"{}\""};
+const Prototype kServeMissing{Severity::error, "REQUEST SYNTAX", 0, "{} needs a value"};
+
+constexpr char kKey[] = "sorma::comm";
+
+// What an interpreter has of COMM. The event source goes first: no request comes in while the rest is taken down.
+struct Network {
+    explicit Network(Interpreter& i) : comm(i.sorm), source(i, comm) {}
+    Comm comm;
+    EventSource source;
+};
+
+Network& networkOf(Interpreter& i) {
+    return *static_cast<Network*>(Tcl_GetAssocData(i.interp, kKey, nullptr));
+}
+
+std::int64_t wholeNumber(const std::string& option, const std::string& text, std::int64_t low, std::int64_t high) {
+    std::string digits = text;
+    std::int64_t value = 0;
+    bool good = false;
+    if (text.starts_with("0x")) {
+        char* end = nullptr;
+        value = std::strtoll(text.c_str(), &end, 16);
+        good = *end == 0 && text.size() > 2;
+    } else {
+        good = parseNumber(text, value);
+    }
+    if (!good || value < low || value > high)
+        fail(kServeValue, option, "a whole number from " + std::to_string(low) + " to " + std::to_string(high), text);
+    return value;
+}
+
+void put(Tcl_Obj* dict, const char* key, const std::string& value) {
+    Tcl_DictObjPut(nullptr, dict, Tcl_NewStringObj(key, -1), newText(value));
+}
+
+std::string offsetText(std::uint32_t program) {
+    if (program == 0) return {};
+    char text[16];
+    std::snprintf(text, sizeof text, "0x%x", program);
+    return text;
+}
+
+Tcl_Obj* describe(const Server& server) {
+    Tcl_Obj* dict = Tcl_NewDictObj();
+    put(dict, "name", server.name());
+    put(dict, "port", server.port() > 0 ? std::to_string(server.port()) : std::string());
+    put(dict, "socket", server.socket());
+    put(dict, "program", offsetText(server.program()));
+    return dict;
+}
+
+// sorma::serve name ?-port P? ?-host H? ?-socket PATH? ?-rpcbind bool? ?-program N?
+int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc < 2) {
+            Tcl_WrongNumArgs(interp, 1, objv, "name ?-port number? ?-host name? ?-socket path? ?-rpcbind boolean? ?-program number?");
+            return TCL_ERROR;
+        }
+        Server::Wanted wanted;
+        wanted.name = toUtf8(objv[1]);
+        for (int at = 2; at < objc; at += 2) {
+            std::string option = toUtf8(objv[at]);
+            bool known = option == "-port" || option == "-host" || option == "-socket" || option == "-rpcbind" || option == "-program";
+            if (!known) fail(kServeOption, option);
+            if (at + 1 == objc) fail(kServeMissing, option);
+            std::string value = toUtf8(objv[at + 1]);
+            if (option == "-port") wanted.port = value.empty() ? -1 : int(wholeNumber(option, value, 0, 65535));
+            else if (option == "-host") wanted.host = value;
+            else if (option == "-socket") wanted.socket = value;
+            else if (option == "-rpcbind") wanted.rpcbind = toBoolean(objv[at + 1]);
+            else wanted.program = std::uint32_t(wholeNumber(option, value, 1, 0x1fffffff));
+        }
+        Tcl_SetObjResult(interp, describe(networkOf(i).comm.serve(wanted)));
+        return TCL_OK;
+    });
+}
+
+// sorma::unserve name ?reason?
+int UnserveObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc != 2 && objc != 3) {
+            Tcl_WrongNumArgs(interp, 1, objv, "name ?reason?");
+            return TCL_ERROR;
+        }
+        std::string name = toUtf8(objv[1]);
+        networkOf(i).comm.unserve(name, objc == 3 ? toUtf8(objv[2]) : "daemon " + name + " has ended its service");
+        Tcl_ResetResult(interp);
+        return TCL_OK;
+    });
+}
+
+// sorma::daemons: list of dicts  name state identity socket
+int DaemonsObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc != 1) {
+            Tcl_WrongNumArgs(interp, 1, objv, nullptr);
+            return TCL_ERROR;
+        }
+        Obj list(Tcl_NewListObj(0, nullptr));
+        for (auto& d : networkOf(i).comm.daemons()) {
+            Tcl_Obj* dict = Tcl_NewDictObj();
+            put(dict, "name", d.name);
+            put(dict, "state", d.state);
+            put(dict, "identity", d.identity);
+            put(dict, "socket", d.socket);
+            Tcl_ListObjAppendElement(nullptr, list, dict);
+        }
+        Tcl_SetObjResult(interp, list);
+        return TCL_OK;
+    });
+}
+
+// ---- signals: a daemon is asked to end by SIGTERM or SIGINT ----
+
+int signalBell = -1;
+
+void onSignal(int) {
+    std::uint64_t one = 1;
+    int saved = errno;
+    ssize_t ignored = write(signalBell, &one, sizeof one);
+    (void)ignored;
+    errno = saved;
+}
+
+struct SignalScript {
+    Interpreter& interpreter;
+    Obj script;
+    ~SignalScript() {
+        Tcl_DeleteFileHandler(signalBell);
+        for (int number : {SIGTERM, SIGINT}) signal(number, SIG_DFL);
+    }
+};
+
+void signalReadable(ClientData data, int) {
+    auto& s = *static_cast<SignalScript*>(data);
+    std::uint64_t count;
+    if (read(signalBell, &count, sizeof count) < 0) return;
+    Interpreter::Entered entered(s.interpreter);
+    Obj script = s.script;
+    Tcl_Interp* interp = s.interpreter.interp;
+    if (Tcl_EvalObjEx(interp, script, TCL_EVAL_GLOBAL) != TCL_OK) Tcl_BackgroundException(interp, TCL_ERROR);
+}
+
+// sorma::AtSignal script: run it from the event loop when SIGTERM or SIGINT comes. For sormad; one a process.
+int AtSignalObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc != 2 || signalBell >= 0) {
+            Tcl_WrongNumArgs(interp, 1, objv, "script (once a process)");
+            return TCL_ERROR;
+        }
+        signalBell = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+        std::shared_ptr<SignalScript> own(new SignalScript{i, Obj(objv[1])});
+        Tcl_CreateFileHandler(signalBell, TCL_READABLE, signalReadable, own.get());
+        struct sigaction action{};
+        action.sa_handler = onSignal;
+        for (int number : {SIGTERM, SIGINT}) sigaction(number, &action, nullptr);
+        i.atEnd([own]() mutable { own.reset(); });
+        return TCL_OK;
+    });
+}
+
+}  // namespace
+
+void initCommCommands(Interpreter& i) {
+    auto network = std::make_shared<Network>(i);
+    Tcl_SetAssocData(i.interp, kKey, nullptr, network.get());
+    i.atEnd([network]() mutable { network.reset(); });
+    i.define("serve", ServeObjCmd);
+    i.define("unserve", UnserveObjCmd);
+    i.define("daemons", DaemonsObjCmd);
+    if (!i.safe) Tcl_CreateObjCommand(i.interp, "::sorma::AtSignal", AtSignalObjCmd, &i, nullptr);
+
+    Settings& s = network->comm.settings;
+    auto add = [&](const char* name, const char* unit, const char* help, std::int64_t low, std::int64_t high, std::int64_t& value) {
+        i.addInteger(name, unit, help, low, high, [&value] { return value; }, [&value](std::int64_t v) { value = v; });
+    };
+    constexpr std::int64_t kDay = 86'400'000, kGigabyte = 1 << 30, kMany = 1'000'000;
+    add("-timeout", "ms", "deadline of a call to another process, 0 = none", 0, 30 * kDay, s.timeout);
+    add("-maxmessage", "bytes", "longest message sent or taken", 1024, kGigabyte, s.maxMessage);
+    add("-maxconnections", "1", "connections that a daemon of this interpreter takes", 1, kMany, s.maxConnections);
+    add("-inflight", "1", "calls of one client that a daemon takes at a time", 1, 65536, s.inFlight);
+    add("-requesttime", "ms", "time for a peer to send the rest of a request", 1, kDay, s.requestTime);
+    add("-replytime", "ms", "time for a peer to take some of what waits for it", 1, kDay, s.replyTime);
+    add("-keepreply", "bytes", "longest reply kept for a client that lost its connection", 0, kGigabyte, s.keepReply);
+    add("-linger", "us", "time that a daemon waits for the next request before the event loop goes on", 0, 100'000, s.linger);
+}
+
+}  // namespace sorma

@@ -1,0 +1,36 @@
+#include "tcl/eventSource.h"
+
+#include "bus/deadline.h"
+
+namespace sorma {
+
+EventSource::EventSource(Interpreter& interpreter, Comm& comm)
+    : interpreter_(interpreter), comm_(comm), epoll_(comm.reactor().descriptor()) {
+    Tcl_CreateFileHandler(epoll_, TCL_READABLE, readable, this);
+}
+
+EventSource::~EventSource() { Tcl_DeleteFileHandler(epoll_); }
+
+void EventSource::readable(ClientData data, int) { static_cast<EventSource*>(data)->serve(); }
+
+void EventSource::serve() {
+    Interpreter& interpreter = interpreter_;            // *this may end before this call does
+    Interpreter::Entered entered(interpreter);
+    Reactor& reactor = comm_.reactor();
+    // A service that runs the event loop waits for something of its own: serve what is there, and no more.
+    bool nested = reactor.polling();
+    std::int64_t linger = nested || comm_.servers().empty() ? 0 : comm_.settings.linger * 1000;
+    std::int64_t end = monotonicNow() + 2 * linger;
+    try {
+        while (reactor.poll(linger) > 0 && linger > 0 && !interpreter.closing() && monotonicNow() < end) {
+        }
+    } catch (...) {
+        // What a request throws ends in its reply; this is COMM itself at its wits' end (no memory, no descriptors).
+        if (!interpreter.closing()) {
+            interpreter.raise(trailOfCurrentException("sorm"), {});
+            Tcl_BackgroundException(interpreter.interp, TCL_ERROR);
+        }
+    }
+}
+
+}  // namespace sorma
