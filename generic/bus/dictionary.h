@@ -1,13 +1,14 @@
 // dictionary.h -- recipes, daemon addresses, default locations: one word expands to a sequence of words.
 //
 //     # comment to the end of the line
-//     carry        -transferSpeed 0.5 -approach 0.1 \
-//                  -greeting 'good morning'
+//     carry        -transferSpeed 0.5 -greeting 'good morning'
 //     carry.slow   -SUBST carry -transferSpeed 0.2     # -SUBST splices another entry, recursively
 //     @robot       localhost:7014
 //
-// Words are quoted as in requests (requestText.h); white space separates; a later entry of the same word replaces the
-// earlier. Nothing is evaluated.
+// Words are quoted as in requests (requestText.h); white space separates; a word that begins with # begins a comment
+// unless it is quoted; a later entry of the same word replaces the earlier. A line that ends in a backslash (in an odd
+// number of them) continues on the next one, a comment too, as in Tcl. Quotes end on the line on which they begin.
+// Nothing is evaluated. -SUBST of a word without an entry gives nothing, so files may be loaded in any order.
 //
 // Errors: DICT SYNTAX (file, line, what was expected), DICT FILE (cannot read or write, and why), DICT LOOP (the loop
 // named as a chain of words). A file with an error changes nothing.
@@ -25,7 +26,7 @@ namespace sorma {
 // Where a word of a recipe comes from.
 struct Origin {
     std::string file;               // empty: added at run time
-    int line = 0;
+    int line = 0;                   // of the entry that holds the word
     std::vector<std::string> via;   // entries it was spliced through, outermost first
     std::string by;                 // who added it at run time
     std::string toText() const;     // "carry.dict:12 via carry", "added by joe@lab sormad[77]"
@@ -39,6 +40,10 @@ struct DictionaryWord {
 class Dictionary {
 public:
     // Is there an entry? Its words as written / with all -SUBST spliced in. A word without entry gives nothing.
+    // expand fails with DICT SYNTAX when it would exceed kMaxExpansion: entries that splice others twice grow fast.
+    static constexpr std::size_t kMaxExpansion = 10'000;        // words, and each entry spliced counts as one
+    static constexpr std::size_t kMaxExpansionBytes = 1 << 22;
+    static constexpr std::size_t kMaxDepth = 200;               // of -SUBST inside -SUBST
     bool has(std::string_view word) const;
     const std::vector<std::string>* get(std::string_view word) const;
     std::vector<DictionaryWord> expand(std::string_view word) const;
@@ -47,16 +52,21 @@ public:
 
     // Set an entry at run time. expansion: one text that is split into words when it is a single word holding white
     // space, else the words. Refused with DICT LOOP when it would close a loop, DICT SYNTAX when word is empty,
-    // begins with # or holds white space.
+    // begins with # or holds white space or control characters.
     void add(std::string_view word, const std::vector<std::string>& expansion, const std::string& by);
     bool remove(std::string_view word);         // false when there was none
 
-    void load(const std::string& file);         // all or nothing
-    void loadText(std::string_view text, const std::string& file);
-    void reload();                              // forgets what files gave and reads them again; all or nothing
-    // Write back: comments and order of the file are kept, changed entries replaced in place, new ones appended,
-    // removed ones taken out. Atomic (temporary file in the same folder, fsync, rename; mode and owner kept).
-    // file empty: the file last loaded; new run-time entries go there. Fails with DICT FILE when there is none.
+    void load(const std::string& file);         // all or nothing; a file loaded again moves to the end of files()
+    void loadText(std::string_view text, const std::string& file);      // file: for origins only
+    // Forget what files gave and read them again; all or nothing. The words that files hold are then as the files say,
+    // whatever was done to them at run time; entries that only exist at run time stay.
+    void reload();
+    // Write back: comments, order and untouched lines of the file are kept (also what others wrote there meanwhile),
+    // changed entries replaced in place, new ones appended, removed ones taken out. Atomic (temporary file in the same
+    // folder, fsync, rename; mode and owner kept; a symbolic link stays one).
+    // file empty: each file that has changes; new run-time entries go to the file last loaded. Fails with DICT FILE
+    // when there is none. A file that was not loaded receives a copy of every entry beside what it holds; when nothing
+    // was loaded, it counts as loaded from then on.
     void save(const std::string& file = {});
     const std::vector<std::string>& files() const { return files_; }
 
@@ -68,7 +78,7 @@ private:
         std::vector<std::string> words;
         std::string file;           // empty: run time
         int line = 0;
-        std::string by;
+        std::string by;             // who changed it last at run time
         bool changed = false;       // since it was read from the file
     };
     struct Hash {
@@ -76,13 +86,20 @@ private:
         std::size_t operator()(std::string_view s) const { return std::hash<std::string_view>{}(s); }
     };
     using Table = std::unordered_map<std::string, Entry, Hash, std::equal_to<>>;
+    struct Expansion;               // one under way: what it has cost so far
 
     static void parse(std::string_view text, const std::string& file, Table& into);
-    static void checkLoops(const Table& table);
-    void expandInto(std::string_view word, std::vector<std::string>& chain, std::vector<DictionaryWord>& out) const;
+    // No loop leads through an entry of fresh, once these have replaced those of base.
+    static void checkLoops(const Table& fresh, const Table& base);
+    void take(Table&& fresh);
+    void put(std::string_view word, std::vector<std::string> words, const std::string& by);
+    bool loaded(const std::string& file) const;
+    void expandInto(std::string_view word, Expansion& state) const;
+    void saveTo(const std::string& file, bool everything, bool home);
 
     Table entries_;
     std::vector<std::string> files_;
+    std::map<std::string, std::string, std::less<>> removed_;   // entries of files taken out since, and the file
 };
 
 }  // namespace sorma

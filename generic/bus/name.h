@@ -6,6 +6,10 @@
 //     class.flavor@/run/robot.sock     daemon on a Unix-domain socket
 //     class.flavor@alias               the dictionary's entry @alias says where, else a daemon of this user
 //     CLASS.flavor                     the dictionary's entry CLASS says where
+//
+// A class is a letter, then letters, digits and _, all in one case. A flavor holds any character except white space,
+// control characters, @ and Tcl's special ones: [ ] { } $ " \ ;   Host and alias: letters, digits, _ - and dots; an
+// IPv6 host stands in brackets, foo@[::1]:7014 (in Tcl such a name must be quoted). A path begins with /.
 #pragma once
 
 #include <cstdint>
@@ -17,9 +21,9 @@ namespace sorma {
 class Dictionary;
 
 struct Address {
-    enum class Kind { self, tcp, program, unix, alias };
+    enum class Kind { self, tcp, program, path, alias };
     Kind kind = Kind::self;
-    std::string host;           // tcp, program: host name;  unix: path;  alias: the alias
+    std::string host;           // tcp, program: host name;  path: of a Unix-domain socket;  alias: the alias
     std::uint32_t number = 0;   // tcp: port;  program: offset from 0x20000000
 
     std::string toText() const;                         // as written after @; "self" for self
@@ -35,7 +39,7 @@ struct Name {
     bool byDefault = false;     // class was written in upper case
 
     bool local() const { return where.empty() && !byDefault; }
-    std::string toText() const; // service, or service@where
+    std::string toText() const; // as it was written: service, service@where, or CLASS.flavor
 
     // Fails with NAME SYNTAX, saying which character and where (counted from 1).
     static Name parse(std::string_view text);
@@ -43,9 +47,11 @@ struct Name {
     static bool isName(std::string_view text);
 };
 
-// Follow aliases and default locations through the dictionary. Returns kind self, tcp, program or unix; kind alias
+// Follow aliases and default locations through the dictionary: the first word of an entry is an address, with or
+// without @ before it (`@robot localhost:7014`, `@arm @robot`, `CARRY robot`, `@vision self`). Returns kind self, tcp, program or path; kind alias
 // when the alias has no entry (then it is looked for in the runtime directory).
-// Fails with ADDRESS UNRESOLVED: a default location without an entry, or aliases that lead in a circle (DICT LOOP).
+// Fails with ADDRESS UNRESOLVED: a default location without an entry, an entry that holds no address; with DICT LOOP:
+// aliases that lead in a circle, named as a chain.
 Address resolve(const Name& name, const Dictionary& dictionary);
 
 }  // namespace sorma

@@ -307,7 +307,7 @@ void parseExec(WordReader& reader, bool reply, Message& message) {
 }
 
 void separate(std::string& out) {
-    if (!out.empty() && out.back() != ' ' && out.back() != '\n') out += ' ';
+    if (!out.empty() && !isWhite(out.back())) out += ' ';
 }
 
 bool bracesBalance(std::string_view word) {

@@ -63,8 +63,7 @@ private:
 // All words of a text.
 std::vector<std::string> splitWords(std::string_view text);
 
-// Append a word to out (with a space before it unless out is empty or ends in a space or newline), quoted where it
-// must be.
+// Append a word to out (with a space before it unless out is empty or ends in white space), quoted where it must be.
 // keywords: also quote what would otherwise be read as a keyword (TMSG, FMSG, IMSG, AMSG, TDBX).
 void appendWord(std::string& out, std::string_view word, bool keywords = false);
 void appendQuoted(std::string& out, std::string_view word);     // the same, always quoted

@@ -1,0 +1,599 @@
+#include "bus/dictionary.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <set>
+#include <utility>
+
+#include "bus/catalogue.h"
+#include "bus/glob.h"
+#include "bus/requestText.h"
+
+extern char** environ;
+
+namespace sorma {
+
+namespace {
+
+const Prototype kLine{Severity::error, "DICT SYNTAX", 2, "{}:{}: {}"};
+const Prototype kEntry{Severity::error, "DICT SYNTAX", 1, "dictionary entry {1}: {2}"};
+const Prototype kLoop{Severity::error, "DICT LOOP", 1, "dictionary entry {0}: -SUBST leads in a loop: {1}"};
+const Prototype kLoopInFile{Severity::error, "DICT LOOP", 1, "dictionary entry {0}: -SUBST leads in a loop: {1} ({2}:{3})"};
+const Prototype kTooLarge{Severity::error, "DICT SYNTAX", 1, "dictionary entry {}: its expansion exceeds {}"};
+const Prototype kFile{Severity::error, "DICT FILE", 1, "cannot {1} dictionary file \"{0}\": {2}"};
+const Prototype kNoFile{Severity::error, "DICT FILE", 0, "no dictionary file is loaded; name the one to write: dict CTRL -save FILE"};
+
+constexpr std::string_view kSubst = "-SUBST";
+constexpr std::size_t kMaxFile = std::size_t{64} << 20;
+
+bool isWhite(char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
+
+// Why a word cannot name an entry; null when it can.
+const char* badKey(std::string_view word) {
+    if (word.empty()) return "the word is empty";
+    if (word[0] == '#') return "the word begins with #, like a comment";
+    for (char c : word) {
+        if (isWhite(c)) return "the word holds white space";
+        if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) return "the word holds a control character";
+    }
+    return isUtf8(word) ? nullptr : "the word is not UTF-8";
+}
+
+// Why words cannot be an expansion; null when they can.
+const char* badExpansion(const std::vector<std::string>& words) {
+    if (words.empty()) return nullptr;
+    // Names follow every -SUBST, so only the last one can lack its own: -SUBST -SUBST names the entry "-SUBST".
+    std::size_t i = 0;
+    while (i < words.size()) i += words[i] == kSubst ? 2 : 1;
+    return i > words.size() ? "-SUBST needs the word of an entry after it" : nullptr;
+}
+
+// Line as the parser sees it: continuations joined.
+struct LogicalLine {
+    std::size_t begin, end;         // in the file, with the newline
+    int number;                     // of its first line
+    bool joined = false;            // has continuations
+    std::string_view text;          // without newline; valid until the next line is taken
+};
+
+class LineReader {
+public:
+    explicit LineReader(std::string_view text) : text_(text) {
+        if (text_.starts_with("\xef\xbb\xbf")) at_ = 3;
+    }
+
+    bool next(LogicalLine& line) {
+        if (at_ >= text_.size()) return false;
+        line = {at_, at_, number_ + 1, false, {}};
+        buffer_.clear();
+        for (;;) {
+            std::string_view piece = physical();
+            std::size_t last = piece.find_last_not_of('\\');
+            std::size_t backslashes = piece.size() - (last == piece.npos ? 0 : last + 1);
+            bool goesOn = backslashes % 2 == 1;
+            if (goesOn) piece.remove_suffix(1);
+            if (goesOn || line.joined) buffer_ += piece;
+            else line.text = piece;
+            if (!goesOn) break;
+            line.joined = true;
+            if (at_ >= text_.size()) break;
+            buffer_ += ' ';
+        }
+        if (line.joined) line.text = buffer_;
+        line.end = at_;
+        return true;
+    }
+
+private:
+    std::string_view physical() {
+        ++number_;
+        std::size_t end = text_.find('\n', at_);
+        std::string_view piece = text_.substr(at_, end == text_.npos ? end : end - at_);
+        at_ = end == text_.npos ? text_.size() : end + 1;
+        if (piece.ends_with('\r')) piece.remove_suffix(1);
+        return piece;
+    }
+
+    std::string_view text_;
+    std::size_t at_ = 0;
+    int number_ = 0;
+    std::string buffer_;
+};
+
+// Takes the words of a line, up to its comment. Throws what WordReader throws.
+class LineWords {
+public:
+    explicit LineWords(std::string_view line) : line_(line), reader_(line) {}
+    bool next(std::string_view& word) {
+        std::string_view rest = reader_.rest();
+        std::size_t skip = 0;
+        while (skip < rest.size() && isWhite(rest[skip])) ++skip;
+        at_ = line_.size() - rest.size() + skip;
+        return at_ < line_.size() && line_[at_] != '#' && reader_.next(word);
+    }
+    std::size_t begin() const { return at_; }       // of the last word; after the last one, of the comment
+    std::size_t end() const { return line_.size() - reader_.rest().size(); }
+
+private:
+    std::string_view line_;
+    WordReader reader_;
+    std::size_t at_ = 0;
+};
+
+// body(line, words, word) for each line of a file that holds an entry; words has taken its first one. Lines that do not
+// parse are passed over: spoilt since the file was loaded, and not ours to mend.
+template <class F> void eachEntry(std::string_view text, F body) {
+    LineReader lines(text);
+    for (LogicalLine line; lines.next(line);) {
+        LineWords words(line.text);
+        std::string_view word;
+        bool found = false;
+        try {
+            found = words.next(word);
+        } catch (const Error&) {
+        }
+        if (found) body(line, words, word);
+    }
+}
+
+void appendEntryWord(std::string& out, std::string_view word) {
+    // A backslash at the end of a line would continue it, # would begin a comment.
+    if (word.starts_with('#') || word.find('\\') != word.npos) appendQuoted(out, word);
+    else appendWord(out, word);
+}
+
+// The line of an entry with other words. The word and the gap behind it stay, so that columns stay in line, and so
+// does the comment. words has taken the first word.
+void appendReplaced(std::string& out, const LogicalLine& line, LineWords& words, const std::vector<std::string>& now,
+                    std::string_view raw) {
+    const std::size_t keyEnd = words.end();
+    std::size_t gapEnd = keyEnd, comment = line.text.size();
+    try {
+        std::string_view word;
+        for (bool first = true; words.next(word); first = false)
+            if (first) gapEnd = words.begin();
+        comment = words.begin();
+    } catch (const Error&) {        // what was spoilt there is replaced
+    }
+    out += line.text.substr(0, keyEnd);
+    if (!now.empty() && !line.joined) out += line.text.substr(keyEnd, gapEnd - keyEnd);
+    for (auto& word : now) appendEntryWord(out, word);
+    if (comment < line.text.size()) (out += "  ") += line.text.substr(comment);
+    out += raw.ends_with("\r\n") ? "\r\n" : "\n";
+}
+
+// ---- files ----
+
+class Descriptor {
+public:
+    explicit Descriptor(int fd) : fd_(fd) {}
+    ~Descriptor() { close(); }
+    Descriptor(const Descriptor&) = delete;
+    Descriptor& operator=(const Descriptor&) = delete;
+    int get() const { return fd_; }
+    bool close() {
+        int fd = std::exchange(fd_, -1);
+        return fd < 0 || ::close(fd) == 0;
+    }
+
+private:
+    int fd_;
+};
+
+[[noreturn]] void failFile(const std::string& file, const char* verb, int error) {
+    fail(kFile, file, verb, std::strerror(error));
+}
+
+// Returns false when the file does not exist and that is allowed.
+bool readFile(const std::string& file, bool mayLack, std::string& text) {
+    Descriptor in(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
+    if (in.get() < 0) {
+        if (errno == ENOENT && mayLack) return false;
+        failFile(file, "read", errno);
+    }
+    for (char block[16384];;) {
+        ssize_t n = ::read(in.get(), block, sizeof block);
+        if (n == 0) return true;
+        if (n < 0) {
+            if (errno == EINTR) continue;
+            failFile(file, "read", errno);
+        }
+        text.append(block, static_cast<std::size_t>(n));
+        if (text.size() > kMaxFile) failFile(file, "read", EFBIG);
+    }
+}
+
+void replaceFile(const std::string& file, std::string_view text) {
+    std::string target = file;              // behind symbolic links: the link stays
+    if (char* real = ::realpath(file.c_str(), nullptr)) {
+        target = real;
+        std::free(real);
+    }
+    struct stat before {};
+    const bool existed = ::stat(target.c_str(), &before) == 0;
+    static std::atomic<unsigned> count{0};
+    std::string temporary;
+    int fd;
+    do {    // the name is new; not mkstemp, whose mode forgets the umask
+        temporary = target + ".new-" + std::to_string(::getpid()) + '-' + std::to_string(count++);
+        fd = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    } while (fd < 0 && errno == EEXIST);
+    if (fd < 0) failFile(file, "write", errno);
+    Descriptor out(fd);
+    auto giveUp = [&](int error) {
+        ::unlink(temporary.c_str());
+        failFile(file, "write", error);
+    };
+    while (!text.empty()) {
+        ssize_t n = ::write(out.get(), text.data(), text.size());
+        if (n < 0 && errno == EINTR) continue;
+        if (n < 0) giveUp(errno);
+        text.remove_prefix(static_cast<std::size_t>(n));
+    }
+    if (existed) {
+        // Only root may give a file away; another's file becomes ours then, as with any editor that renames.
+        // Owner first: changing it takes set-user-id bits off.
+        if (before.st_uid != ::geteuid() || before.st_gid != ::getegid())
+            if (::fchown(out.get(), before.st_uid, before.st_gid) != 0 && errno != EPERM) giveUp(errno);
+        if (::fchmod(out.get(), before.st_mode & 07777) != 0) giveUp(errno);
+    }
+    if (::fsync(out.get()) != 0) giveUp(errno);
+    if (!out.close()) giveUp(errno);
+    if (::rename(temporary.c_str(), target.c_str()) != 0) giveUp(errno);
+    // The new name is on disk when its folder is. Some file systems cannot sync folders; the content is safe anyway.
+    auto slash = target.rfind('/');
+    std::string folder = slash == target.npos ? "." : target.substr(0, slash + 1);
+    Descriptor at(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    if (at.get() >= 0) (void)!::fsync(at.get());
+}
+
+}  // namespace
+
+std::string Origin::toText() const {
+    std::string out = file.empty() ? "added" + (by.empty() ? std::string(" at run time") : " by " + by)
+                                   : file + ':' + std::to_string(line);
+    const char* separator = " via ";
+    for (auto& word : via) {
+        out += separator + word;
+        separator = " -> ";
+    }
+    return out;
+}
+
+// ---- looking up ----
+
+bool Dictionary::has(std::string_view word) const { return entries_.find(word) != entries_.end(); }
+
+const std::vector<std::string>* Dictionary::get(std::string_view word) const {
+    auto found = entries_.find(word);
+    return found == entries_.end() ? nullptr : &found->second.words;
+}
+
+struct Dictionary::Expansion {
+    std::string_view root;
+    std::vector<DictionaryWord> out;
+    std::vector<std::string> via;       // entries that are being spliced
+    std::size_t words = 0, bytes = 0;
+};
+
+std::vector<DictionaryWord> Dictionary::expand(std::string_view word) const {
+    Expansion state{word, {}, {}, 0, 0};
+    expandInto(word, state);
+    return std::move(state.out);
+}
+
+void Dictionary::expandInto(std::string_view word, Expansion& state) const {
+    auto found = entries_.find(word);
+    if (found == entries_.end()) return;
+    const Entry& entry = found->second;
+    Origin origin;
+    if (entry.file.empty() || entry.changed) {
+        origin.by = entry.by;
+    } else {
+        origin.file = entry.file;
+        origin.line = entry.line;
+    }
+    origin.via = state.via;
+    std::size_t weight = origin.file.size() + origin.by.size();
+    for (auto& step : origin.via) weight += step.size();
+    auto count = [&](std::size_t bytes) {
+        if (++state.words > kMaxExpansion) fail(kTooLarge, state.root, std::to_string(kMaxExpansion) + " words");
+        state.bytes += bytes;
+        if (state.bytes > kMaxExpansionBytes) fail(kTooLarge, state.root, std::to_string(kMaxExpansionBytes) + " bytes");
+    };
+    for (std::size_t i = 0; i < entry.words.size(); ++i) {
+        if (entry.words[i] == kSubst && i + 1 < entry.words.size()) {
+            const std::string& next = entry.words[++i];
+            count(0);
+            if (state.via.size() == kMaxDepth) fail(kTooLarge, state.root, std::to_string(kMaxDepth) + " levels of -SUBST");
+            state.via.push_back(next);
+            expandInto(next, state);
+            state.via.pop_back();
+        } else {
+            count(entry.words[i].size() + weight);
+            state.out.push_back({entry.words[i], origin});
+        }
+    }
+}
+
+std::vector<std::string> Dictionary::words(std::string_view pattern) const {
+    std::vector<std::string> out;
+    for (auto& [word, entry] : entries_)
+        if (globMatch(pattern, word)) out.push_back(word);
+    std::sort(out.begin(), out.end());
+    return out;
+}
+
+// ---- changing ----
+
+// Depth first, without recursion: a file may chain thousands of entries.
+void Dictionary::checkLoops(const Table& fresh, const Table& base) {
+    enum State : char { open = 1, done };
+    struct Frame {
+        std::string_view word;
+        const Entry* entry;
+        std::size_t at;
+    };
+    std::unordered_map<std::string_view, char> states;
+    std::vector<Frame> stack;
+    auto enter = [&](std::string_view word) {
+        auto found = fresh.find(word);
+        if (found == fresh.end()) {
+            found = base.find(word);
+            if (found == base.end()) return;
+        }
+        char& state = states[found->first];
+        if (state == done) return;
+        if (state == open) {
+            std::string chain;
+            bool inside = false;
+            for (auto& f : stack) {
+                inside = inside || f.word == word;
+                if (inside) (chain += f.word) += " -> ";
+            }
+            chain += word;
+            const Entry& e = *stack.back().entry;
+            if (e.file.empty() || e.changed) fail(kLoop, stack.back().word, chain);
+            fail(kLoopInFile, stack.back().word, chain, e.file, e.line);
+        }
+        state = open;
+        stack.push_back({found->first, &found->second, 0});
+    };
+    for (auto& [word, entry] : fresh) {
+        enter(word);
+        while (!stack.empty()) {
+            Frame& f = stack.back();
+            auto& words = f.entry->words;
+            while (f.at < words.size() && words[f.at] != kSubst) ++f.at;
+            if (f.at + 1 < words.size()) {
+                f.at += 2;
+                enter(words[f.at - 1]);     // may move the frames
+            } else {
+                states[f.word] = done;
+                stack.pop_back();
+            }
+        }
+    }
+}
+
+void Dictionary::take(Table&& fresh) {
+    for (auto& [word, entry] : fresh) {
+        removed_.erase(word);
+        entries_.insert_or_assign(word, std::move(entry));
+    }
+}
+
+void Dictionary::add(std::string_view word, const std::vector<std::string>& expansion, const std::string& by) {
+    if (auto why = badKey(word)) fail(kEntry, word, shown(word), why);
+    if (expansion.size() != 1 || std::none_of(expansion[0].begin(), expansion[0].end(), isWhite))
+        return put(word, expansion, by);
+    std::vector<std::string> words;
+    try {
+        words = splitWords(expansion[0]);
+    } catch (const Error& e) {
+        fail(kEntry, word, shown(word), e.what());
+    }
+    put(word, std::move(words), by);
+}
+
+void Dictionary::put(std::string_view word, std::vector<std::string> words, const std::string& by) {
+    if (auto why = badKey(word)) fail(kEntry, word, shown(word), why);
+    for (auto& w : words)
+        if (!isUtf8(w)) fail(kEntry, word, shown(word), shown(w) + " is not UTF-8");
+    if (auto why = badExpansion(words)) fail(kEntry, word, shown(word), why);
+
+    Entry entry;
+    auto found = entries_.find(word);
+    auto gone = removed_.find(word);
+    if (found != entries_.end()) {
+        if (found->second.words == words) return;
+        entry.file = found->second.file;
+        entry.line = found->second.line;
+    } else if (gone != removed_.end()) {
+        entry.file = gone->second;
+    }
+    if (!loaded(entry.file)) entry.file.clear();        // a text that is not a file cannot be written back
+    entry.words = std::move(words);
+    entry.by = by;
+    entry.changed = !entry.file.empty();
+    Table fresh;
+    fresh.emplace(word, std::move(entry));
+    checkLoops(fresh, entries_);
+    take(std::move(fresh));
+}
+
+bool Dictionary::loaded(const std::string& file) const { return std::find(files_.begin(), files_.end(), file) != files_.end(); }
+
+bool Dictionary::remove(std::string_view word) {
+    auto found = entries_.find(word);
+    if (found == entries_.end()) return false;
+    if (loaded(found->second.file)) removed_.insert_or_assign(found->first, found->second.file);
+    entries_.erase(found);
+    return true;
+}
+
+// ---- files ----
+
+void Dictionary::parse(std::string_view text, const std::string& file, Table& into) {
+    LineReader lines(text);
+    for (LogicalLine line; lines.next(line);) {
+        if (!isUtf8(line.text)) fail(kLine, file, line.number, "the line is not UTF-8");
+        try {
+            LineWords reader(line.text);
+            std::string_view word;
+            if (!reader.next(word)) continue;
+            if (auto why = badKey(word)) fail(kLine, file, line.number, why);
+            std::string key(word);
+            Entry entry;
+            while (reader.next(word)) entry.words.emplace_back(word);
+            if (auto why = badExpansion(entry.words)) fail(kLine, file, line.number, why);
+            entry.file = file;
+            entry.line = line.number;
+            into.insert_or_assign(std::move(key), std::move(entry));
+        } catch (const Error& e) {
+            if (e.is("DICT SYNTAX")) throw;
+            fail(kLine, file, line.number, e.what());
+        }
+    }
+}
+
+void Dictionary::loadText(std::string_view text, const std::string& file) {
+    Table fresh;
+    parse(text, file, fresh);
+    checkLoops(fresh, entries_);
+    take(std::move(fresh));
+}
+
+void Dictionary::load(const std::string& file) {
+    std::string text;
+    readFile(file, false, text);
+    loadText(text, file);
+    std::erase(files_, file);
+    files_.push_back(file);
+}
+
+void Dictionary::reload() {
+    const std::set<std::string, std::less<>> known(files_.begin(), files_.end());
+    Table all;
+    for (auto& [word, entry] : entries_)
+        if (!known.contains(entry.file)) all.emplace(word, entry);
+    for (auto& file : files_) {
+        std::string text;
+        readFile(file, false, text);
+        parse(text, file, all);
+    }
+    checkLoops(all, Table());
+    entries_ = std::move(all);
+    std::erase_if(removed_, [&](auto& gone) { return known.contains(gone.second); });
+}
+
+void Dictionary::save(const std::string& file) {
+    if (!file.empty()) {
+        const bool home = loaded(file) || files_.empty();
+        saveTo(file, !loaded(file), home);
+        if (files_.empty()) files_.push_back(file);
+        return;
+    }
+    if (files_.empty()) fail(kNoFile);
+    const std::vector<std::string> files = files_;
+    for (auto& f : files) saveTo(f, false, f == files.back());
+}
+
+// everything: entries of other files are written too;  home: entries of no file get this one as theirs.
+void Dictionary::saveTo(const std::string& file, bool everything, bool home) {
+    std::string old;
+    const bool exists = readFile(file, true, old);
+    // Which entries must stand in the file in our words, and which must only stand there.
+    auto ours = [&](const Entry& e) { return everything || (e.file.empty() ? home : e.file == file && e.changed); };
+    auto wanted = [&](const Entry& e) { return ours(e) || (e.file == file && !exists); };
+    auto removed = [&](std::string_view word) {
+        auto gone = removed_.find(word);
+        return gone != removed_.end() && gone->second == file;
+    };
+    bool dirty = std::any_of(removed_.begin(), removed_.end(), [&](auto& gone) { return gone.second == file; });
+    for (auto& [word, entry] : entries_) dirty = dirty || wanted(entry);
+    if (!dirty) return;
+
+    // Entries are found by their word, not by the line they were read from: others may have edited the file since.
+    // The last line of a word counts; those before it do not matter and stay.
+    std::unordered_map<std::string, std::size_t> last;      // word -> where its last line begins
+    std::string key;
+    eachEntry(old, [&](const LogicalLine& line, LineWords&, std::string_view word) {
+        last.insert_or_assign(std::string(word), line.begin);
+    });
+
+    std::string text;
+    std::size_t copied = 0;         // of old
+    eachEntry(old, [&](const LogicalLine& line, LineWords& words, std::string_view word) {
+        key = word;
+        auto found = entries_.find(key);
+        const bool goes = removed(key);
+        if (!goes && (found == entries_.end() || !ours(found->second) || last[key] != line.begin)) return;
+        text += std::string_view(old).substr(copied, line.begin - copied);
+        copied = line.end;
+        if (!goes) appendReplaced(text, line, words, found->second.words, std::string_view(old).substr(line.begin, line.end - line.begin));
+    });
+    text += std::string_view(old).substr(copied);
+
+    std::vector<std::string_view> fresh;
+    for (auto& [word, entry] : entries_)
+        if (wanted(entry) && !last.contains(word)) fresh.push_back(word);
+    std::sort(fresh.begin(), fresh.end());
+    if (!fresh.empty() && !text.empty() && text.back() != '\n') text += '\n';
+    for (auto word : fresh) {
+        appendEntryWord(text, word);
+        for (auto& w : entries_.find(word)->second.words) appendEntryWord(text, w);
+        text += '\n';
+    }
+    if (!exists || text != old) replaceFile(file, text);
+
+    // The file is written: from here on only memory follows.
+    std::erase_if(removed_, [&](auto& gone) { return gone.second == file; });
+    for (auto& [word, entry] : entries_) {
+        if (entry.file.empty() && home) entry.file = file;
+        if (entry.file == file) entry.changed = false;
+    }
+    eachEntry(text, [&](const LogicalLine& line, LineWords&, std::string_view word) {
+        auto found = entries_.find(word);
+        if (found != entries_.end() && found->second.file == file) found->second.line = line.number;
+    });
+}
+
+// ---- environment ----
+
+void Dictionary::loadEnvironment() {
+    if (const char* list = std::getenv("SORMA_DICT")) {
+        for (std::string_view rest = list; !rest.empty();) {
+            std::size_t end = std::min(rest.find(':'), rest.size());
+            if (end > 0) load(std::string(rest.substr(0, end)));
+            rest.remove_prefix(std::min(end + 1, rest.size()));
+        }
+    }
+    constexpr std::string_view kPrefix = "SORMA_ENTRY_";
+    std::vector<std::string_view> found;
+    for (char** at = environ; at && *at; ++at)
+        if (std::string_view(*at).starts_with(kPrefix)) found.push_back(*at);
+    std::sort(found.begin(), found.end());
+    for (auto variable : found) {
+        std::size_t equals = variable.find('=');
+        if (equals == variable.npos) continue;
+        std::string_view word = variable.substr(kPrefix.size(), equals - kPrefix.size());
+        std::vector<std::string> words;
+        try {
+            words = splitWords(variable.substr(equals + 1));
+        } catch (const Error& e) {
+            fail(kEntry, word, shown(word), "environment variable " + std::string(variable.substr(0, equals)) + ": " + e.what());
+        }
+        put(word, std::move(words), "environment variable " + std::string(variable.substr(0, equals)));
+    }
+}
+
+}  // namespace sorma
