@@ -251,6 +251,7 @@ Class& Class::writes(Field field, Count count, std::string unit, std::string hel
 Class& Class::words(std::string usage) { return words_ = std::move(usage), *this; }
 Class& Class::example(std::string request) { return example_ = std::move(request), *this; }
 Class& Class::version(std::string version) { return version_ = std::move(version), *this; }
+Class& Class::declaredAt(std::string file, int line) { return file_ = std::move(file), line_ = line, *this; }
 
 int Class::findOption(std::string_view name) const {
     for (std::size_t i = 0; i < options_.size(); ++i)

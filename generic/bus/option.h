@@ -150,6 +150,7 @@ public:
     Class& words(std::string usage);                // words that EXEC takes: "?nearestTo|latest?"
     Class& example(std::string request);            // printed by -help, run by the tests
     Class& version(std::string version);
+    Class& declaredAt(std::string file, int line);  // where, when it is not the place of the constructor: other languages
 
     const std::string& name() const { return name_; }
     const std::string& purpose() const { return purpose_; }

@@ -102,6 +102,13 @@ std::vector<const Class*> Sorm::classes() const {
     return out;
 }
 
+void Sorm::forget(std::string_view name) {
+    auto found = classes_.find(name);
+    if (found == classes_.end()) return;
+    forgotten_.push_back(std::move(found->second));
+    classes_.erase(found);
+}
+
 // ---- repository and plant ----
 
 Reference Sorm::get(std::string_view text) {

@@ -47,6 +47,8 @@ public:
     const Class* findClass(std::string_view name) const;
     const Class& needClass(const std::string& name);                // loads it; fails with NAME UNKNOWN_CLASS
     std::vector<const Class*> classes() const;
+    // A class is no more, or will be added anew. Its objects keep it until they go.
+    void forget(std::string_view name);
 
     // ---- repository ----
     Service* find(std::string_view name) const {                    // null when there is none; never makes one
@@ -107,6 +109,7 @@ private:
 
     Host* host_;
     std::map<std::string, std::unique_ptr<Class>, std::less<>> classes_;
+    std::vector<std::unique_ptr<Class>> forgotten_;     // objects may still point at them
     Repository repository_;
     Dictionary dictionary_;
     std::vector<std::string> births_;       // names under construction, outermost first

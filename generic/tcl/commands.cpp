@@ -1,0 +1,229 @@
+#include "tcl/commands.h"
+
+#include <algorithm>
+#include <set>
+
+#include "bus/glob.h"
+#include "tcl/soCommand.h"
+#include "tcl/tclService.h"
+
+namespace sorma {
+
+namespace {
+
+const Prototype kSetting{Severity::error, "OPTION UNKNOWN", 1, "unknown setting \"{}\": must be {}"};
+const Prototype kMissing{Severity::error, "OPTION MISSING", 1, "{} needs a value"};
+const Prototype kGrant{Severity::error, "OPTION UNKNOWN", 1, "unknown permission \"{}\": must be -files or -network"};
+const Prototype kNotTrusted{Severity::error, "COMM DENIED", 0, "a safe interpreter grants nothing; only its trusted parent can"};
+const Prototype kNoChild{Severity::error, "REQUEST SYNTAX", 0, "no interpreter \"{}\""};
+const Prototype kNotLoaded{Severity::error, "REQUEST SYNTAX", 0, "interpreter \"{}\" has no sorma yet: load {{}} Sorma {}"};
+
+Interpreter& of(ClientData data) { return *static_cast<Interpreter*>(data); }
+
+int wrongArgs(Tcl_Interp* interp, Tcl_Obj* const objv[], const char* usage) {
+    Tcl_WrongNumArgs(interp, 1, objv, usage);
+    return TCL_ERROR;
+}
+
+int setList(Tcl_Interp* interp, const std::vector<std::string>& words) {
+    Tcl_Obj* list = Tcl_NewListObj(0, nullptr);
+    for (auto& w : words) Tcl_ListObjAppendElement(nullptr, list, newText(w));
+    Tcl_SetObjResult(interp, list);
+    return TCL_OK;
+}
+
+int DispatchObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    if (objc != 2) return wrongArgs(interp, objv, "request");
+    auto& i = of(data);
+    return guarded(i, objc, objv, [&] {
+        std::string reply;
+        std::string_view request = view(objv[1]);
+        std::string copy;
+        bool ascii = std::all_of(request.begin(), request.end(), [](char c) { return static_cast<unsigned char>(c) < 0x80; });
+        if (!ascii) request = copy = toUtf8(objv[1]);
+        i.sorm.dispatch(request, reply);
+        if (i.closing()) return TCL_ERROR;
+        Tcl_SetObjResult(interp, newText(reply));
+        return TCL_OK;
+    });
+}
+
+int CreateObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    if (objc < 2) return wrongArgs(interp, objv, "name ?-option value ...?");
+    auto& i = of(data);
+    return guarded(i, objc, objv, [&] {
+        std::vector<std::string> words;
+        for (int k = 2; k < objc; ++k) words.push_back(toUtf8(objv[k]));
+        std::string name = toUtf8(objv[1]);
+        Reference made = i.sorm.create(name, words);
+        commandOf(i, name);
+        Tcl_SetObjResult(interp, objv[1]);
+        return TCL_OK;
+    });
+}
+
+int RemoveObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    if (objc != 2) return wrongArgs(interp, objv, "name");
+    auto& i = of(data);
+    return guarded(i, objc, objv, [&] {
+        i.sorm.remove(toUtf8(objv[1]));
+        Tcl_ResetResult(interp);
+        return TCL_OK;
+    });
+}
+
+int ExistsObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    if (objc != 2) return wrongArgs(interp, objv, "name");
+    auto& i = of(data);
+    return guarded(i, objc, objv, [&] {
+        Tcl_SetObjResult(interp, i.constants.integer(i.sorm.find(toUtf8(objv[1])) != nullptr));
+        return TCL_OK;
+    });
+}
+
+int NamesObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    if (objc > 2) return wrongArgs(interp, objv, "?pattern?");
+    auto& i = of(data);
+    return guarded(i, objc, objv, [&] { return setList(interp, i.sorm.names(objc == 2 ? toUtf8(objv[1]) : "*")); });
+}
+
+// Those that are known, and TclOO classes that no name has called for yet.
+int ClassesObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    if (objc > 2) return wrongArgs(interp, objv, "?pattern?");
+    auto& i = of(data);
+    return guarded(i, objc, objv, [&] {
+        std::string pattern = objc == 2 ? toUtf8(objv[1]) : "*";
+        std::set<std::string> names;
+        for (auto* c : i.sorm.classes()) names.insert(c->name());
+        for (auto& name : tclClassNames(i)) names.insert(name);
+        std::vector<std::string> out;
+        for (auto& name : names)
+            if (globMatch(pattern, name)) out.push_back(name);
+        return setList(interp, out);
+    });
+}
+
+int CatalogueObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    if (objc > 2) return wrongArgs(interp, objv, "?pattern?");
+    return guarded(of(data), objc, objv, [&] {
+        std::string pattern = objc == 2 ? toUtf8(objv[1]) : "*";
+        Tcl_Obj* list = Tcl_NewListObj(0, nullptr);
+        Obj keep(list);
+        for (auto* p : catalogue()) {
+            std::string_view symbol = p->symbol;
+            if (!globMatch(pattern, symbol)) continue;
+            auto space = std::min(symbol.find(' '), symbol.size());
+            Tcl_Obj* fields[] = {newText(symbol.substr(0, space)),
+                                 newText(symbol.substr(std::min(space + 1, symbol.size()))),
+                                 newText(toText(p->severity)), newText(p->text), newText(p->file), Tcl_NewWideIntObj(p->line)};
+            Tcl_ListObjAppendElement(nullptr, list, Tcl_NewListObj(6, fields));
+        }
+        Tcl_SetObjResult(interp, list);
+        return TCL_OK;
+    });
+}
+
+int TrailObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    if (objc > 2) return wrongArgs(interp, objv, "?SO?");
+    auto& i = of(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc == 1) {
+            Tcl_SetObjResult(interp, trailList(i.sorm.lastTrail()));
+            return TCL_OK;
+        }
+        Message m;
+        m.words = {"-info", "trail"};
+        i.sorm.call(toUtf8(objv[1]), Method::dbx, m);
+        Tcl_SetObjResult(interp, newText(m.text));
+        return TCL_OK;
+    });
+}
+
+int ConfigureObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = of(data);
+    return guarded(i, objc, objv, [&] {
+        auto find = [&](Tcl_Obj* word) -> const Setting& {
+            std::string_view name = view(word);
+            std::string known;
+            for (auto& s : i.settings()) {
+                if (s.name == name) return s;
+                known += (known.empty() ? "" : ", ") + s.name;
+            }
+            fail(kSetting, toUtf8(word), known);
+        };
+        if (objc == 1) {
+            Tcl_Obj* list = Tcl_NewListObj(0, nullptr);
+            for (auto& s : i.settings()) {
+                Tcl_ListObjAppendElement(nullptr, list, newText(s.name));
+                Tcl_ListObjAppendElement(nullptr, list, newText(s.get()));
+            }
+            Tcl_SetObjResult(interp, list);
+            return TCL_OK;
+        }
+        if (objc == 2) {
+            Tcl_SetObjResult(interp, newText(find(objv[1]).get()));
+            return TCL_OK;
+        }
+        for (int k = 1; k < objc; k += 2) find(objv[k]);
+        if (objc % 2 == 0) fail(kMissing, toUtf8(objv[objc - 1]));
+        // All or nothing, as with CTRL.
+        std::vector<std::pair<const Setting*, std::string>> before;
+        try {
+            for (int k = 1; k < objc; k += 2) {
+                const Setting& s = find(objv[k]);
+                before.emplace_back(&s, s.get());
+                s.set(toUtf8(objv[k + 1]));
+            }
+        } catch (...) {
+            while (!before.empty()) {
+                before.back().first->set(before.back().second);
+                before.pop_back();
+            }
+            throw;
+        }
+        Tcl_ResetResult(interp);
+        return TCL_OK;
+    });
+}
+
+int GrantObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    if (objc < 2 || objc % 2 != 0) return wrongArgs(interp, objv, "interp ?-network boolean? ?-files boolean?");
+    auto& i = of(data);
+    return guarded(i, objc, objv, [&] {
+        if (i.safe || Tcl_IsSafe(interp)) fail(kNotTrusted);
+        std::string path = toUtf8(objv[1]);
+        Tcl_Interp* child = Tcl_GetChild(interp, Tcl_GetString(objv[1]));
+        if (!child || child == interp) fail(kNoChild, path);
+        Interpreter* theirs = Interpreter::of(child);
+        if (!theirs) fail(kNotLoaded, path, path);
+        Permissions wanted = theirs->sorm.permissions;
+        for (int k = 2; k < objc; k += 2) {
+            std::string_view word = view(objv[k]);
+            if (word == "-network") wanted.network = toBoolean(objv[k + 1]);
+            else if (word == "-files") wanted.files = toBoolean(objv[k + 1]);
+            else fail(kGrant, toUtf8(objv[k]));
+        }
+        theirs->sorm.permissions = wanted;
+        Tcl_Obj* result[] = {Tcl_NewStringObj("-files", -1), Tcl_NewWideIntObj(wanted.files),
+                             Tcl_NewStringObj("-network", -1), Tcl_NewWideIntObj(wanted.network)};
+        Tcl_SetObjResult(interp, Tcl_NewListObj(4, result));
+        return TCL_OK;
+    });
+}
+
+}  // namespace
+
+void initCommands(Interpreter& i) {
+    i.define("dispatch", DispatchObjCmd);
+    i.define("create", CreateObjCmd);
+    i.define("remove", RemoveObjCmd);
+    i.define("exists", ExistsObjCmd);
+    i.define("names", NamesObjCmd);
+    i.define("classes", ClassesObjCmd);
+    i.define("catalogue", CatalogueObjCmd);
+    i.define("trail", TrailObjCmd);
+    i.define("configure", ConfigureObjCmd);
+    i.define("grant", GrantObjCmd);
+}
+
+}  // namespace sorma

@@ -1,0 +1,137 @@
+#include "tcl/interpreter.h"
+
+#include <algorithm>
+
+#include "bus/requestText.h"
+#include "tcl/soCommand.h"
+#include "tcl/tclService.h"
+
+namespace sorma {
+
+namespace {
+
+constexpr const char* kKey = "sorma";
+
+const Prototype kInteger{Severity::error, "OPTION VALUE", 1, "{} expects a whole number{}, got \"{}\""};
+const Prototype kRange{Severity::error, "OPTION RANGE", 1, "{} {} is outside {} .. {}{}"};
+const Prototype kPackage{Severity::error, "SERVICE PACKAGE", 1, "service class \"{}\" cannot be loaded: {}"};
+const Prototype kSafe{Severity::error, "COMM DENIED", 1, "service class \"{}\" is not here, and this interpreter is safe "
+                      "and may not load packages; its parent can grant it: sorma::grant INTERP -files 1"};
+
+}  // namespace
+
+Interpreter::Interpreter(Tcl_Interp* i, bool isSafe) : interp(i), safe(isSafe), sorm(this) {
+    sorm.permissions = {!safe, !safe};
+    sorm.bindTo(interp);
+    Tcl_SetAssocData(interp, kKey, ended, this);
+    addInteger("-traillimit", "entries", "longest trail of a request; the oldest verbose entries go first (whole process)",
+               1, 1'000'000, [] { return std::int64_t(Trail::limit()); }, [](std::int64_t n) { Trail::setLimit(std::size_t(n)); });
+}
+
+Interpreter::~Interpreter() {
+    closed_ = true;
+    while (!endings_.empty()) {
+        auto action = std::move(endings_.back());
+        endings_.pop_back();
+        try {
+            action();
+        } catch (...) {     // nobody is left to hear it
+        }
+    }
+    releaseBindings(*this);
+}
+
+Interpreter* Interpreter::of(Tcl_Interp* interp) { return static_cast<Interpreter*>(Tcl_GetAssocData(interp, kKey, nullptr)); }
+
+void Interpreter::ended(ClientData data, Tcl_Interp*) {
+    auto* self = static_cast<Interpreter*>(data);
+    self->closed_ = true;
+    if (self->depth_ == 0) delete self;
+}
+
+void Interpreter::define(const char* name, Tcl_ObjCmdProc* proc) {
+    std::string full = std::string("::sorma::") + name;
+    Tcl_CreateObjCommand(interp, full.c_str(), proc, this, nullptr);
+    Tcl_Export(interp, Tcl_FindNamespace(interp, "::sorma", nullptr, 0), name, 0);
+}
+
+void Interpreter::add(Setting setting) {
+    auto after = std::find_if(settings_.begin(), settings_.end(), [&](auto& s) { return s.name > setting.name; });
+    settings_.insert(after, std::move(setting));
+}
+
+void Interpreter::addInteger(std::string name, std::string unit, std::string help, std::int64_t low, std::int64_t high,
+                             std::function<std::int64_t()> get, std::function<void(std::int64_t)> set) {
+    std::string ofUnit = unit.empty() ? std::string() : " of " + unit, inUnit = unit.empty() ? std::string() : " " + unit;
+    auto text = [get = std::move(get)] { return std::to_string(get()); };
+    auto take = [=, set = std::move(set)](const std::string& value) {
+        std::int64_t n = 0;
+        if (!parseNumber(value, n)) fail(kInteger, name, ofUnit, value);
+        if (n < low || n > high) fail(kRange, name, n, low, high, inUnit);
+        set(n);
+    };
+    add({name, std::move(unit), std::move(help), std::move(text), std::move(take)});
+}
+
+int Interpreter::raise(Trail trail, const std::string& request) noexcept {
+    if (closing()) return TCL_ERROR;
+    try {
+        for (auto& e : trail.entries())
+            if (e.request.empty()) e.request = request;
+        const Entry* cause = trail.cause();
+        Tcl_ResetResult(interp);
+        if (cause) {
+            Tcl_SetObjResult(interp, newText(cause->text));
+            Tcl_SetObjErrorCode(interp, errorCode(*cause));
+        }
+        Obj info(newText("\n" + trail.toText()));
+        Tcl_AppendObjToErrorInfo(interp, info);
+        sorm.setLastTrail(trail);
+    } catch (...) {
+        Tcl_SetObjResult(interp, Tcl_NewStringObj("out of memory", -1));
+    }
+    return TCL_ERROR;
+}
+
+// ---- Host ----
+
+bool Interpreter::loadClass(const std::string& name) {
+    if (closing()) return false;
+    KeepState keep(interp);
+    if (registerTclClass(*this, name)) return true;
+    if (!sorm.permissions.files && safe) fail(kSafe, name);
+    Obj words[] = {Tcl_NewStringObj("::package", -1), Tcl_NewStringObj("require", -1), newText("sorma::service::" + name)};
+    Tcl_Obj* objv[] = {words[0], words[1], words[2]};
+    if (Tcl_EvalObjv(interp, 3, objv, TCL_EVAL_GLOBAL) == TCL_OK) {
+        if (!sorm.findClass(name)) registerTclClass(*this, name);       // the package may define a TclOO class
+        return true;
+    }
+    std::string message = toUtf8(Tcl_GetObjResult(interp));
+    if (message != "can't find package sorma::service::" + name) fail(kPackage, name, message);
+    return false;
+}
+
+void Interpreter::removed(const std::string& name) {
+    if (closing()) return;
+    tclServiceRemoved(*this, name);
+    deleteCommands(*this, name);
+}
+
+void Interpreter::providePackage(const char* package, const char* version) {
+    if (!closing()) Tcl_PkgProvideEx(interp, package, version, nullptr);
+}
+
+void Interpreter::report(const std::string& message) {
+    if (!closing()) Tcl_SetObjResult(interp, newText(message));
+}
+
+std::string commandText(int objc, Tcl_Obj* const objv[]) {
+    constexpr std::size_t kLongest = 4096;
+    std::string out;
+    for (int i = 0; i < objc && out.size() < kLongest; ++i) appendWord(out, view(objv[i]));
+    if (out.size() > kLongest) out.resize(kLongest);
+    while (!out.empty() && !isUtf8(out)) out.pop_back();
+    return out;
+}
+
+}  // namespace sorma

@@ -1,0 +1,128 @@
+// interpreter.h -- what one Tcl interpreter has of SORMA: its SORM, the values that replies share, settings, commands.
+//
+// Threads: belongs to its interpreter's thread, like everything below it. Several interpreters of a process or a thread
+// have nothing in common but code.
+//
+// End: Tcl deletes the commands and TclOO objects of an interpreter first, then this. When that happens in the middle of
+// a call, the call finishes on what it holds, finds closing() true, and the last one out frees the rest (Entered).
+#pragma once
+
+#include <functional>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "bus/sorm.h"
+#include "tcl/convert.h"
+#include "tcl/tclShim.h"
+
+namespace sorma {
+
+class SoBinding;
+class TclService;
+
+// A word of sorma::configure. Other parts of the package add theirs: interpreter.add(...).
+struct Setting {
+    std::string name;                               // with the dash: "-timeout"
+    std::string unit, help;
+    std::function<std::string()> get;
+    std::function<void(const std::string&)> set;    // throws when the value is refused
+};
+
+class Interpreter final : public Host {
+public:
+    Interpreter(Tcl_Interp* interp, bool safe);
+    ~Interpreter() override;
+    // Null when the interpreter has no `package require sorma` behind it.
+    static Interpreter* of(Tcl_Interp* interp);
+
+    Tcl_Interp* const interp;
+    const bool safe;
+    const Constants constants;
+    Sorm sorm;
+
+    // Create a command and make it a sub-command of the ensemble `sorma`. Its client data is this object.
+    void define(const char* name, Tcl_ObjCmdProc* proc);
+
+    void add(Setting setting);
+    // A whole number within low .. high; a refusal names the setting, the value and the range (OPTION VALUE, RANGE).
+    void addInteger(std::string name, std::string unit, std::string help, std::int64_t low, std::int64_t high,
+                    std::function<std::int64_t()> get, std::function<void(std::int64_t)> set);
+    const std::vector<Setting>& settings() const { return settings_; }
+
+    // Runs when the interpreter ends, before the SORM and its objects go; the last one added runs first.
+    void atEnd(std::function<void()> action) { endings_.push_back(std::move(action)); }
+    // The interpreter is going or gone: touch it no more.
+    bool closing() const { return closed_ || Tcl_InterpDeleted(interp); }
+
+    // Put a failure into the interpreter: message, -errorcode, -errorinfo, the trail of the last request.
+    // request: entered where an entry of the trail has none. Returns TCL_ERROR.
+    int raise(Trail trail, const std::string& request) noexcept;
+
+    // ---- Host ----
+    bool loadClass(const std::string& name) override;
+    void removed(const std::string& name) override;
+    void providePackage(const char* package, const char* version) override;
+    void report(const std::string& message) override;
+
+    // ---- what soCommand.cpp and tclService.cpp keep here ----
+    std::unordered_map<std::string, SoBinding*> bindings;           // by the SO's name
+    std::unordered_map<std::string, TclService*> tclServices;       // those with a live TclOO object, by name
+    Obj previousUnknown;                                            // handler that was there before; null: ::unknown
+    // The TclOO service that is being executed, innermost, and what it has said so far. Null outside.
+    struct Running {
+        TclService* service;
+        Message* message;
+    };
+    Running running{nullptr, nullptr};
+
+    // Marks a call in progress.
+    class Entered {
+    public:
+        explicit Entered(Interpreter& i) : i_(i) { ++i_.depth_; }
+        ~Entered() {
+            if (--i_.depth_ == 0 && i_.closed_) [[unlikely]] delete &i_;
+        }
+        Entered(const Entered&) = delete;
+        Entered& operator=(const Entered&) = delete;
+
+    private:
+        Interpreter& i_;
+    };
+
+private:
+    static void ended(ClientData, Tcl_Interp*);
+
+    std::vector<Setting> settings_;
+    std::vector<std::function<void()>> endings_;
+    int depth_ = 0;
+    bool closed_ = false;
+};
+
+// The words of a command as request text, for the trail.
+std::string commandText(int objc, Tcl_Obj* const objv[]);
+
+// The one wall for C++ exceptions: each command procedure runs its body inside.
+template <class Body> int guarded(Interpreter& interpreter, int objc, Tcl_Obj* const objv[], Body&& body) noexcept {
+    Interpreter::Entered entered(interpreter);
+    try {
+        return body();
+    } catch (...) {
+        return interpreter.raise(trailOfCurrentException({}), commandText(objc, objv));
+    }
+}
+
+// Keeps result and error state of an interpreter as they were.
+class KeepState {
+public:
+    explicit KeepState(Tcl_Interp* interp) : interp_(interp), state_(Tcl_SaveInterpState(interp, TCL_OK)) {}
+    ~KeepState() { Tcl_RestoreInterpState(interp_, state_); }
+    KeepState(const KeepState&) = delete;
+    KeepState& operator=(const KeepState&) = delete;
+
+private:
+    Tcl_Interp* interp_;
+    Tcl_InterpState state_;
+};
+
+}  // namespace sorma

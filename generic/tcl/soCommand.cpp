@@ -1,0 +1,471 @@
+#include "tcl/soCommand.h"
+
+#include <cstring>
+
+#include "bus/requestText.h"
+
+namespace sorma {
+
+namespace {
+
+constexpr std::string_view kNamespace = "::sorma::so::";
+
+const Prototype kBadMethod{Severity::error, "REQUEST SYNTAX", 0,
+                           "bad method \"{}\": must be CTRL, DBX, EXEC, cget, configure, destroy, exec, or info"};
+const Prototype kPairs{Severity::error, "OPTION MISSING", 2, "{}: {} needs a value"};
+
+enum class Word { none, EXEC, CTRL, DBX, exec, configure, cget, info, destroy };
+
+Word methodOf(Tcl_Obj* o) {
+    std::string_view w = view(o);
+    switch (w.size()) {
+        case 3: return w == "DBX" ? Word::DBX : Word::none;
+        case 4:
+            if (std::memcmp(w.data(), "EXEC", 4) == 0) return Word::EXEC;
+            if (w == "CTRL") return Word::CTRL;
+            if (w == "exec") return Word::exec;
+            if (w == "cget") return Word::cget;
+            return w == "info" ? Word::info : Word::none;
+        case 7: return w == "destroy" ? Word::destroy : Word::none;
+        case 9: return w == "configure" ? Word::configure : Word::none;
+        default: return Word::none;
+    }
+}
+
+}  // namespace
+
+// What a command of a service object holds. It lives while a command names it or a call is in progress.
+class SoBinding {
+public:
+    struct Command {                    // client data of a Tcl command
+        SoBinding* owner = nullptr;
+        Tcl_Command token = nullptr;
+    };
+    SoBinding(Interpreter& i, std::string n, Reference r) : interpreter(i), name(std::move(n)), so(std::move(r)) {
+        for (auto& c : commands) c.owner = this;
+    }
+
+    Interpreter& interpreter;
+    const std::string name;
+    Reference so;
+    Message message;                    // reused by each call that finds it free, so that a call does not allocate
+    bool messageBusy = false;
+    bool registered = false;            // in interpreter.bindings
+    int uses = 0;
+    Command commands[2];                // ::sorma::so::NAME and ::NAME
+
+    void release() {
+        if (uses > 0 || commands[0].token || commands[1].token) return;
+        if (registered) interpreter.bindings.erase(name);
+        delete this;
+    }
+
+    class InUse {
+    public:
+        explicit InUse(SoBinding& b) : b_(b) { ++b_.uses; }
+        ~InUse() {
+            --b_.uses;
+            b_.release();
+        }
+        InUse(const InUse&) = delete;
+        InUse& operator=(const InUse&) = delete;
+
+    private:
+        SoBinding& b_;
+    };
+
+    // The binding's own message, or a fresh one while an outer call uses that.
+    class Borrowed {
+    public:
+        explicit Borrowed(SoBinding& b) : b_(b), own_(!b.messageBusy) {
+            if (own_) {
+                b.messageBusy = true;
+                m_ = &b.message;
+                m_->clear();
+            } else {
+                m_ = new Message;
+            }
+        }
+        ~Borrowed() {
+            if (own_) b_.messageBusy = false;
+            else delete m_;
+        }
+        Borrowed(const Borrowed&) = delete;
+        Borrowed& operator=(const Borrowed&) = delete;
+        Message& operator*() const { return *m_; }
+
+    private:
+        SoBinding& b_;
+        Message* m_;
+        const bool own_;
+    };
+};
+
+namespace {
+
+using Objects = Tcl_Obj* const*;
+
+// The request as text, from the words of the command: what `sorma::trail` shows to reproduce it.
+std::string requestText(const std::string& name, int objc, Objects objv) {
+    constexpr std::size_t kLongest = 4096;
+    std::string out;
+    try {
+        Message m;
+        Word method = objc > 1 ? methodOf(objv[1]) : Word::none;
+        std::span<Tcl_Obj* const> words(objv + std::min(objc, 2), std::size_t(std::max(objc - 2, 0)));
+        auto take = [&](std::initializer_list<const char*> first) {
+            for (auto* w : first) m.words.emplace_back(w);
+            for (auto* o : words) m.words.push_back(toUtf8(o));
+        };
+        Method verb = Method::dbx;
+        switch (method) {
+            case Word::EXEC: verb = Method::exec; readParts(words, m); break;
+            case Word::exec: verb = Method::exec; readOptions(words, m); break;
+            case Word::CTRL: case Word::configure: verb = Method::ctrl; take({}); break;
+            case Word::DBX: take({}); break;
+            case Word::cget: take({"-get"}); break;
+            case Word::info: take({"-info"}); break;
+            default: return commandText(objc, objv);
+        }
+        appendRequest(out, name, verb, m);
+    } catch (...) {         // it could not be read: show the words as they came
+        return commandText(objc, objv);
+    }
+    if (out.size() > kLongest) {
+        out.resize(kLongest);
+        while (!out.empty() && !isUtf8(out)) out.pop_back();
+    }
+    return out;
+}
+
+// After a request that succeeded with something to say.
+[[gnu::noinline]] void keepTrail(SoBinding& b, Message& m, int objc, Objects objv) {
+    auto& interpreter = b.interpreter;
+    if (!m.trail.empty()) {
+        std::string request = requestText(b.name, objc, objv);
+        for (auto& e : m.trail.entries())
+            if (e.request.empty()) e.request = request;
+        // Inside a TclOO service this was a call to a sub-service: its messages travel on with the reply.
+        if (interpreter.running.message) interpreter.running.message->trail.append(m.trail);
+    }
+    interpreter.sorm.setLastTrail(m.trail);
+}
+
+void invoke(SoBinding& b, Method method, Message& m, int objc, Objects objv) {
+    Reference so = b.so;        // the call may remove the object
+    so->invoke(method, m);
+    if (!m.trail.empty() || !b.interpreter.sorm.lastTrail().empty()) [[unlikely]] keepTrail(b, m, objc, objv);
+}
+
+int answer(SoBinding& b, Tcl_Obj* result) {
+    Obj keep(result);
+    if (b.interpreter.closing()) return TCL_ERROR;
+    Tcl_SetObjResult(b.interpreter.interp, result);
+    return TCL_OK;
+}
+
+// A request in words whose answer is one text.
+Tcl_Obj* ask(SoBinding& b, Method method, std::vector<std::string> words, int objc, Objects objv) {
+    SoBinding::Borrowed borrowed(b);
+    Message& m = *borrowed;
+    m.words = std::move(words);
+    invoke(b, method, m, objc, objv);
+    return newText(m.text);
+}
+
+int configure(SoBinding& b, int objc, Objects objv) {
+    if (objc == 2) return answer(b, ask(b, Method::dbx, {"-info", "options"}, objc, objv));
+    if (objc == 3) {
+        std::string option = toUtf8(objv[2]);
+        Obj list(ask(b, Method::dbx, {"-info", "options", option}, objc, objv));
+        auto entries = listElements(list);
+        if (entries.size() == 1) return answer(b, entries[0]);
+        ask(b, Method::dbx, {"-get", option}, objc, objv);      // fails, and says which options there are
+    }
+    if (objc % 2 != 0) fail(kPairs, b.name, toUtf8(objv[objc - 1]));
+    std::vector<std::string> words;
+    for (int i = 2; i < objc; ++i) words.push_back(toUtf8(objv[i]));
+    Obj said(ask(b, Method::ctrl, std::move(words), objc, objv));
+    return answer(b, b.interpreter.constants.empty);
+}
+
+int info(SoBinding& b, int objc, Objects objv) {
+    std::string_view what = view(objv[2]);
+    if (objc == 3 && what == "location") return answer(b, newText(b.so->location()));
+    if (objc == 3 && what == "name") return answer(b, newText(b.name));
+    std::vector<std::string> words{"-info"};
+    for (int i = 2; i < objc; ++i) words.push_back(toUtf8(objv[i]));
+    return answer(b, ask(b, Method::dbx, std::move(words), objc, objv));
+}
+
+// Everything but EXEC.
+[[gnu::noinline]] int otherMethod(SoBinding& b, Word method, int objc, Objects objv) {
+    Tcl_Interp* interp = b.interpreter.interp;
+    std::span<Tcl_Obj* const> words(objv + 2, std::size_t(objc - 2));
+    switch (method) {
+        case Word::CTRL:
+        case Word::DBX: {
+            SoBinding::Borrowed borrowed(b);
+            Message& m = *borrowed;
+            for (auto* o : words) m.words.push_back(toUtf8(o));
+            invoke(b, method == Word::CTRL ? Method::ctrl : Method::dbx, m, objc, objv);
+            return answer(b, flatReply(b.interpreter.constants, m));
+        }
+        case Word::exec: {
+            SoBinding::Borrowed borrowed(b);
+            Message& m = *borrowed;
+            readOptions(words, m);
+            invoke(b, Method::exec, m, objc, objv);
+            return answer(b, dictReply(b.interpreter.constants, m));
+        }
+        case Word::configure:
+            return configure(b, objc, objv);
+        case Word::cget:
+            if (objc != 3) return Tcl_WrongNumArgs(interp, 2, objv, "-option"), TCL_ERROR;
+            return answer(b, ask(b, Method::dbx, {"-get", toUtf8(objv[2])}, objc, objv));
+        case Word::info:
+            if (objc < 3) return Tcl_WrongNumArgs(interp, 2, objv, "what ?option?"), TCL_ERROR;
+            return info(b, objc, objv);
+        case Word::destroy:
+            if (objc != 2) return Tcl_WrongNumArgs(interp, 2, objv, nullptr), TCL_ERROR;
+            b.interpreter.sorm.remove(b.name);
+            return answer(b, b.interpreter.constants.empty);
+        default:
+            fail(kBadMethod, toUtf8(objv[1]));
+    }
+}
+
+int call(SoBinding& b, int objc, Objects objv) noexcept {
+    Interpreter& interpreter = b.interpreter;
+    Interpreter::Entered entered(interpreter);
+    SoBinding::InUse inUse(b);
+    try {
+        if (objc < 2) [[unlikely]] {
+            Tcl_WrongNumArgs(interpreter.interp, 1, objv, "method ?word ...?");
+            return TCL_ERROR;
+        }
+        if (b.so->gone()) [[unlikely]] b.so = interpreter.sorm.get(b.name);
+        Word method = methodOf(objv[1]);
+        if (method != Word::EXEC) return otherMethod(b, method, objc, objv);
+        SoBinding::Borrowed borrowed(b);
+        Message& m = *borrowed;
+        if (objc > 2) readParts({objv + 2, std::size_t(objc - 2)}, m);
+        invoke(b, Method::exec, m, objc, objv);
+        return answer(b, flatReply(interpreter.constants, m));
+    } catch (...) {
+        return interpreter.raise(trailOfCurrentException(b.name), requestText(b.name, objc, objv));
+    }
+}
+
+int SoObjCmd(ClientData data, Tcl_Interp*, int objc, Objects objv) {
+    return call(*static_cast<SoBinding::Command*>(data)->owner, objc, objv);
+}
+
+void soCommandDeleted(ClientData data) {
+    auto* command = static_cast<SoBinding::Command*>(data);
+    command->token = nullptr;
+    command->owner->release();
+}
+
+// ---- from names to commands ----
+
+void makeCommands(SoBinding& b) {
+    Interpreter& i = b.interpreter;
+    if (b.name.find("::") != std::string::npos) return;     // Tcl would take it for namespaces; unknown serves such names
+    auto create = [&](SoBinding::Command& command, const std::string& full) {
+        command.token = Tcl_CreateObjCommand(i.interp, full.c_str(), SoObjCmd, &command, soCommandDeleted);
+    };
+    SoBinding::InUse inUse(b);
+    if (!b.commands[0].token) create(b.commands[0], std::string(kNamespace) + b.name);
+    std::string global = "::" + b.name;
+    if (!b.commands[1].token && !Tcl_FindCommand(i.interp, global.c_str(), nullptr, TCL_GLOBAL_ONLY))
+        create(b.commands[1], global);
+}
+
+// Never null; the object is made when need be.
+SoBinding& bindingFor(Interpreter& i, std::string_view name) {
+    std::string key(name);
+    auto known = i.bindings.find(key);
+    if (known != i.bindings.end() && !known->second->so->gone()) {
+        makeCommands(*known->second);
+        return *known->second;
+    }
+    Reference so = i.sorm.get(name);
+    known = i.bindings.find(key);       // making it may have bound it
+    SoBinding* b;
+    if (known != i.bindings.end()) {
+        b = known->second;
+        b->so = std::move(so);
+    } else {
+        b = new SoBinding(i, key, std::move(so));
+        b->registered = true;
+        i.bindings.emplace(std::move(key), b);
+    }
+    makeCommands(*b);
+    return *b;
+}
+
+// ---- unknown words ----
+
+// What an unknown command word is to us.
+struct Mention {
+    std::string name;       // empty: nothing
+    bool certain = false;   // it can be nothing else: it has an address or is in our namespace
+};
+
+Mention mentioned(int objc, Objects objv) {
+    Mention out;
+    std::string_view word = view(objv[0]);
+    auto strip = [&](std::string_view prefix) {
+        if (!word.starts_with(prefix)) return false;
+        word.remove_prefix(prefix.size());
+        return true;
+    };
+    out.certain = strip(kNamespace) || strip(kNamespace.substr(2));
+    if (!out.certain) strip("::");
+    bool address = word.find('@') != std::string_view::npos;
+    out.certain = out.certain || address;
+    if (!address && word.find("::") != std::string_view::npos) return out;
+    if (!out.certain && (objc < 2 || methodOf(objv[1]) == Word::none)) return out;
+    if (!Name::isName(word)) return out;
+    out.name = word;
+    return out;
+}
+
+int invalidCommand(Tcl_Interp* interp, Tcl_Obj* word) {
+    Tcl_SetObjResult(interp, Tcl_ObjPrintf("invalid command name \"%s\"", Tcl_GetString(word)));
+    Tcl_SetErrorCode(interp, "TCL", "LOOKUP", "COMMAND", Tcl_GetString(word), nullptr);
+    return TCL_ERROR;
+}
+
+// What we would have said, kept until the handler before us has had its try.
+struct Unanswered {
+    Interpreter* interpreter;
+    Trail trail;
+    std::string request, word;
+};
+
+int afterPrevious(ClientData data[], Tcl_Interp* interp, int code) {
+    auto* words = static_cast<Tcl_Obj*>(data[0]);
+    auto* unanswered = static_cast<Unanswered*>(data[1]);
+    if (unanswered) {
+        if (code == TCL_ERROR && !Tcl_InterpDeleted(interp) &&
+            view(Tcl_GetObjResult(interp)) == "invalid command name \"" + unanswered->word + "\"")
+            code = unanswered->interpreter->raise(std::move(unanswered->trail), unanswered->request);
+        delete unanswered;
+    }
+    Tcl_DecrRefCount(words);
+    return code;
+}
+
+// As if we were not there: the handler before us, called without a frame or a line in the error trace of our own, and
+// without C stack in between, so that what it loads may yield.
+int previousHandler(Interpreter& i, Tcl_Interp* interp, int objc, Objects objv, Unanswered* unanswered) {
+    Tcl_Obj* words;
+    if (i.previousUnknown) {
+        words = Tcl_DuplicateObj(i.previousUnknown);
+    } else if (Tcl_FindCommand(interp, "::unknown", nullptr, TCL_GLOBAL_ONLY)) {
+        Tcl_Obj* handler = Tcl_NewStringObj("::unknown", -1);
+        words = Tcl_NewListObj(1, &handler);
+    } else {
+        int code = invalidCommand(interp, objv[0]);
+        if (unanswered) {
+            code = i.raise(std::move(unanswered->trail), unanswered->request);
+            delete unanswered;
+        }
+        return code;
+    }
+    Tcl_IncrRefCount(words);
+    for (int k = 0; k < objc; ++k) Tcl_ListObjAppendElement(nullptr, words, objv[k]);
+    Tcl_Size n;
+    Tcl_Obj** all;
+    Tcl_ListObjGetElements(nullptr, words, &n, &all);
+    Tcl_NRAddCallback(interp, afterPrevious, words, unanswered, nullptr, nullptr);
+    return Tcl_NREvalObjv(interp, int(n), all, TCL_EVAL_NOERR);
+}
+
+int UnknownNRCmd(ClientData data, Tcl_Interp* interp, int objc, Objects objv) {
+    Interpreter& i = *static_cast<Interpreter*>(data);
+    if (objc < 2) {
+        Tcl_WrongNumArgs(interp, 1, objv, "name ?word ...?");
+        return TCL_ERROR;
+    }
+    --objc;
+    ++objv;
+    Unanswered* unanswered = nullptr;
+    {
+        Interpreter::Entered entered(i);
+        Mention mention;
+        try {
+            mention = mentioned(objc, objv);
+            if (!mention.name.empty()) {
+                SoBinding& b = bindingFor(i, mention.name);
+                return call(b, objc, objv);
+            }
+        } catch (const Error& e) {
+            Trail trail = trailOfCurrentException({});
+            std::string request = requestText(mention.name, objc, objv);
+            bool nobodys = e.is("NAME UNKNOWN_CLASS") || e.is("ADDRESS UNRESOLVED") || e.is("COMM DENIED");
+            if (mention.certain || !nobodys) return i.raise(std::move(trail), request);
+            unanswered = new Unanswered{&i, std::move(trail), std::move(request), std::string(view(objv[0]))};
+        } catch (...) {
+            return i.raise(trailOfCurrentException({}), commandText(objc, objv));
+        }
+        if (i.closing()) {
+            delete unanswered;
+            return TCL_ERROR;
+        }
+    }
+    return previousHandler(i, interp, objc, objv, unanswered);
+}
+
+int UnknownObjCmd(ClientData data, Tcl_Interp* interp, int objc, Objects objv) {
+    return Tcl_NRCallObjProc(interp, UnknownNRCmd, data, objc, objv);
+}
+
+}  // namespace
+
+bool isSoMethod(Tcl_Obj* word) { return methodOf(word) != Word::none; }
+
+int callByName(Interpreter& interpreter, std::string_view name, int objc, Tcl_Obj* const objv[]) {
+    return call(bindingFor(interpreter, name), objc, objv);
+}
+
+std::string commandOf(Interpreter& interpreter, std::string_view name) {
+    SoBinding& b = bindingFor(interpreter, name);
+    if (b.commands[1].token || !b.commands[0].token) return b.name;
+    return std::string(kNamespace) + b.name;
+}
+
+void deleteCommands(Interpreter& interpreter, const std::string& name) {
+    auto found = interpreter.bindings.find(name);
+    if (found == interpreter.bindings.end()) return;
+    SoBinding& b = *found->second;
+    SoBinding::InUse inUse(b);
+    for (auto& command : b.commands)
+        if (command.token) Tcl_DeleteCommandFromToken(interpreter.interp, command.token);
+}
+
+void releaseBindings(Interpreter& interpreter) {
+    auto left = std::move(interpreter.bindings);
+    interpreter.bindings.clear();
+    for (auto& [name, binding] : left) {
+        binding->registered = false;
+        binding->so = Reference();
+        binding->release();
+    }
+}
+
+void initSoCommands(Interpreter& i) {
+    Tcl_CreateNamespace(i.interp, "::sorma::so", nullptr, nullptr);
+    Tcl_NRCreateCommand(i.interp, "::sorma::Unknown", UnknownObjCmd, UnknownNRCmd, &i, nullptr);
+    if (Tcl_EvalEx(i.interp, "::namespace eval :: {::namespace unknown}", -1, TCL_EVAL_GLOBAL) == TCL_OK) {
+        Obj before(Tcl_GetObjResult(i.interp));
+        std::string_view text = view(before);
+        if (!text.empty() && text != "::unknown") i.previousUnknown = Tcl_DuplicateObj(before);
+    }
+    Tcl_EvalEx(i.interp, "::namespace eval :: {::namespace unknown ::sorma::Unknown}", -1, TCL_EVAL_GLOBAL);
+    Tcl_ResetResult(i.interp);
+}
+
+}  // namespace sorma

@@ -1,0 +1,820 @@
+#include "tcl/tclService.h"
+
+#include <algorithm>
+#include <cctype>
+
+#include "bus/requestText.h"
+#include "tcl/soCommand.h"
+
+namespace sorma {
+
+namespace {
+
+const Prototype kTcl{Severity::error, "SERVICE FAILED", 1, "{}: {}"};
+const Prototype kConstructor{Severity::error, "SERVICE FAILED", 0, "the constructor of {} failed: {}"};
+const Prototype kObjectGone{Severity::error, "SERVICE GONE", 1, "{}: its TclOO object has been destroyed"};
+const Prototype kInterpGone{Severity::error, "SERVICE GONE", 1, "{}: its interpreter was deleted while it was executing"};
+const Prototype kDeclaration{Severity::error, "CLASS TABLE", 0, "{}: {}"};
+const Prototype kOutside{Severity::error, "CLASS TABLE", 0,
+                         "{} declares a service class: use it in the body of a class, behind \"superclass sorma::Service\""};
+const Prototype kNoService{Severity::error, "SERVICE FAILED", 0,
+                           "{} is a plain TclOO object without a service object; make it by name: sorma::create NAME"};
+const Prototype kNotRunning{Severity::error, "SERVICE FAILED", 0, "{} belongs into a method of a service class"};
+const Prototype kSymbol{Severity::error, "REQUEST SYNTAX", 0, "bad code \"{}\": must be AREA SYMBOL ?detail ...?"};
+const Prototype kNoOption{Severity::error, "OPTION UNKNOWN", 2, "{}: unknown option \"{}\": must be {}"};
+
+struct OptionDeclaration {
+    Option option;
+    Value initial;
+};
+
+}  // namespace
+
+// What the body of a TclOO class has declared. Held by the class itself, and goes with it.
+struct TclClass {
+    Interpreter* interpreter = nullptr;
+    Tcl_Class tcl = nullptr;            // null when the TclOO class has been destroyed
+    std::string service;                // name of the service class
+    std::string purpose, words, example, version;
+    std::vector<OptionDeclaration> options;
+    std::vector<Action> actions, inspections;
+    std::vector<Part> reads, writes;
+    std::string file;                   // of its first declaration
+    int line = 0;
+};
+
+namespace {
+
+using ClassHandle = std::shared_ptr<TclClass>;      // also held by what the SORM makes of it
+
+// ---- metadata that ties TclOO classes and objects to ours ----
+
+void classDeleted(ClientData data) {
+    auto* handle = static_cast<ClassHandle*>(data);
+    TclClass& c = **handle;
+    c.tcl = nullptr;
+    if (!c.interpreter->closing()) c.interpreter->sorm.forget(c.service);
+    delete handle;
+}
+void objectDeleted(ClientData data) { static_cast<TclService*>(data)->objectDeleted(); }
+
+const Tcl_ObjectMetadataType kClassData = {TCL_OO_METADATA_VERSION_CURRENT, "sorma::Class", classDeleted, nullptr};
+const Tcl_ObjectMetadataType kObjectData = {TCL_OO_METADATA_VERSION_CURRENT, "sorma::Object", objectDeleted, nullptr};
+
+std::string lower(std::string text) {
+    for (char& c : text) c = char(std::tolower(static_cast<unsigned char>(c)));
+    return text;
+}
+
+std::string serviceName(std::string_view tclClass) {
+    auto at = tclClass.rfind("::");
+    return lower(std::string(at == std::string_view::npos ? tclClass : tclClass.substr(at + 2)));
+}
+
+std::string objectName(Tcl_Interp* interp, Tcl_Object object) { return toUtf8(Tcl_GetObjectName(interp, object)); }
+
+TclClass& declarationsOf(Interpreter& i, Tcl_Class type) {
+    if (auto* known = static_cast<ClassHandle*>(Tcl_ClassGetMetadata(type, &kClassData))) return **known;
+    auto made = std::make_shared<TclClass>();
+    made->interpreter = &i;
+    made->tcl = type;
+    made->service = serviceName(objectName(i.interp, Tcl_GetClassAsObject(type)));
+    Tcl_ClassSetMetadata(type, &kClassData, new ClassHandle(made));
+    return *made;
+}
+
+// ---- small evaluations ----
+
+bool eval(Interpreter& i, std::initializer_list<Tcl_Obj*> words, int flags = TCL_EVAL_GLOBAL) {
+    std::vector<Obj> keep(words.begin(), words.end());
+    std::vector<Tcl_Obj*> objv(words);
+    return Tcl_EvalObjv(i.interp, int(objv.size()), objv.data(), flags) == TCL_OK;
+}
+
+Tcl_Obj* str(std::string_view text) { return newText(text); }
+
+// File and line of the command that is being evaluated, as far as Tcl knows.
+void whereAmI(Interpreter& i, std::string& file, int& line) {
+    KeepState keep(i.interp);
+    if (Tcl_EvalEx(i.interp, "::info frame -1", -1, 0) != TCL_OK) return;
+    Obj frame(Tcl_GetObjResult(i.interp));
+    Obj fileKey(str("file")), lineKey(str("line"));
+    Tcl_Obj* value = nullptr;
+    if (Tcl_DictObjGet(nullptr, frame, fileKey, &value) != TCL_OK || !value) return;
+    std::string path = toUtf8(value);
+    auto slash = path.rfind('/');
+    file = slash == std::string::npos ? path : path.substr(slash + 1);
+    if (Tcl_DictObjGet(nullptr, frame, lineKey, &value) == TCL_OK && value) Tcl_GetIntFromObj(nullptr, value, &line);
+}
+
+// Classes from the root of the services down to this one, without the root.
+std::vector<TclClass*> lineage(Interpreter& i, const std::string& tclClass) {
+    std::vector<TclClass*> out;
+    if (!eval(i, {str("::sorma::tcloo::Lineage"), str(tclClass)})) return out;
+    Obj list(Tcl_GetObjResult(i.interp));
+    for (auto* name : listElements(list)) {
+        Tcl_Object object = Tcl_GetObjectFromObj(i.interp, name);
+        if (Tcl_Class type = object ? Tcl_GetObjectAsClass(object) : nullptr) out.push_back(&declarationsOf(i, type));
+    }
+    return out;
+}
+
+// ---- errors from Tcl ----
+
+// What went wrong in a method, from the interpreter's result and error options, as a trail.
+Trail trailOfTclError(Interpreter& i, int code, const std::string& so, const Class& type) {
+    Tcl_Interp* interp = i.interp;
+    Obj message(Tcl_GetObjResult(interp));
+    Obj options(Tcl_GetReturnOptions(interp, code));
+    Tcl_ResetResult(interp);
+    Obj key(str("-errorcode"));
+    Tcl_Obj* errorCodeValue = nullptr;
+    Tcl_DictObjGet(nullptr, options, key, &errorCodeValue);
+    std::string text = toUtf8(message);
+    std::vector<std::string> words;
+    if (errorCodeValue && code == TCL_ERROR) try {
+        words = listStrings(errorCodeValue);
+    } catch (const Error&) {
+    }
+    bool ours = words.size() >= 3 && words[0] == "SORMA";
+    if (ours) {
+        // Raised by one of our own commands below: its trail says more than a Tcl error can.
+        const Trail& last = i.sorm.lastTrail();
+        if (const Entry* cause = last.cause(); cause && cause->severity == Severity::error && cause->text == text) {
+            Obj lastCode(errorCode(*cause));
+            if (view(lastCode) == view(errorCodeValue)) return last;
+        }
+    }
+    Entry e = ours ? Entry{} : makeEntry(kTcl, {MessageArg::of(so), MessageArg::of(text)});
+    if (ours) {
+        e.symbol = words[1] + " " + words[2];
+        e.details.assign(words.begin() + 3, words.end());
+        e.text = text;
+        e.time = makeEntry(kTcl, {}).time;
+    }
+    e.so = so;
+    e.file = type.file();
+    e.line = type.line();
+    Trail trail;
+    trail.add(std::move(e));
+    return trail;
+}
+
+}  // namespace
+
+// ---- the service object ----
+
+TclService::TclService(Interpreter& i, Tcl_Class type, std::vector<Value> initial)
+    : interpreter_(i), values_(std::move(initial)) {
+    std::string className = objectName(i.interp, Tcl_GetClassAsObject(type));
+    KeepState keep(i.interp);
+    object_ = Tcl_NewObjectInstance(i.interp, type, nullptr, nullptr, 0, nullptr, 0);
+    if (!object_) fail(kConstructor, className, toUtf8(Tcl_GetObjResult(i.interp)));
+    Tcl_ObjectSetMetadata(object_, &kObjectData, this);
+    my_ = str(std::string(Tcl_GetObjectNamespace(object_)->fullName) + "::my");
+}
+
+TclService::~TclService() {
+    if (!name().empty()) {
+        auto known = interpreter_.tclServices.find(name());
+        if (known != interpreter_.tclServices.end() && known->second == this) interpreter_.tclServices.erase(known);
+    }
+    removed();
+}
+
+void TclService::removed() {
+    Tcl_Object object = std::exchange(object_, nullptr);
+    if (!object) return;
+    Tcl_ObjectSetMetadata(object, &kObjectData, nullptr);
+    if (!Tcl_ObjectDeleted(object)) Tcl_DeleteCommandFromToken(interpreter_.interp, Tcl_GetObjectCommand(object));
+}
+
+void TclService::objectDeleted() {
+    if (!object_) return;
+    object_ = nullptr;
+    if (interpreter_.closing() || gone() || name().empty()) return;
+    try {
+        if (sorm().find(name()) == this) sorm().remove(name());
+    } catch (...) {     // it is not in the repository any more
+    }
+}
+
+void TclService::setValue(std::size_t option, const Value& value) {
+    if (type().options()[option].type == Type::service) {
+        Reference r = subService(*this, std::get<std::string>(value));
+        services_.resize(values_.size());
+        services_[option] = std::move(r);
+    }
+    values_[option] = value;
+}
+
+Obj TclService::call(std::string_view method, std::span<Tcl_Obj* const> args, Message* message) const {
+    Interpreter& i = interpreter_;
+    Tcl_Interp* interp = i.interp;
+    if (i.closing()) fail(kInterpGone, name());
+    if (!object_) fail(kObjectGone, name());
+    Obj command(my_), word(str(method));
+    constexpr std::size_t kOnStack = 8;
+    Tcl_Obj* few[kOnStack];
+    std::vector<Tcl_Obj*> many;
+    Tcl_Obj** objv = few;
+    std::size_t n = args.size() + 2;
+    if (n > kOnStack) {
+        many.resize(n);
+        objv = many.data();
+    }
+    objv[0] = command;
+    objv[1] = word;
+    std::copy(args.begin(), args.end(), objv + 2);
+
+    struct Around {
+        Interpreter& i;
+        Interpreter::Running outer;
+        Interpreter::Entered entered;
+        Around(Interpreter& interpreter, Interpreter::Running running)
+            : i(interpreter), outer(std::exchange(i.running, running)), entered(i) {
+            Tcl_Preserve(i.interp);
+        }
+        ~Around() {
+            i.running = outer;
+            Tcl_Release(i.interp);
+        }
+    };
+    Message unheard;
+    if (!message) message = &unheard;
+    Around around(i, {const_cast<TclService*>(this), message});
+    int code = Tcl_EvalObjv(interp, int(n), objv, TCL_EVAL_GLOBAL);
+    if (i.closing()) fail(kInterpGone, name());
+    if (code == TCL_OK) {
+        Obj result(Tcl_GetObjResult(interp));
+        Tcl_ResetResult(interp);
+        return result;
+    }
+    Trail trail = message->trail;
+    trail.append(trailOfTclError(i, code, name(), type()));
+    throw Error(std::move(trail));
+}
+
+void TclService::exec(Message& m) {
+    Obj request(messageDict(interpreter_.constants, m));
+    Tcl_Obj* args[] = {request};
+    Obj result = call("exec", args, &m);
+    readResult(result, m);
+}
+
+void TclService::born() {
+    interpreter_.tclServices.insert_or_assign(name(), this);
+    call("born", {}, nullptr);
+}
+
+void TclService::changed(std::span<const Option* const> options) {
+    Obj list(Tcl_NewListObj(0, nullptr));
+    for (auto* o : options) Tcl_ListObjAppendElement(nullptr, list, str(o->name));
+    Tcl_Obj* args[] = {list};
+    call("changed", args, nullptr);
+}
+
+std::string TclService::selftest() { return toUtf8(call("selftest", {}, nullptr)); }
+
+void TclService::dumpState(std::string& out) const {
+    std::string lines = toUtf8(call("dump", {}, nullptr));
+    for (std::size_t at = 0; at < lines.size();) {
+        std::size_t end = std::min(lines.find('\n', at), lines.size());
+        std::string_view line(lines.data() + at, end - at);
+        at = end + 1;
+        if (line.empty()) continue;
+        if (!out.empty() && out.back() != '\n') out += '\n';
+        if (line[0] != '#') out += "# ";
+        out += line;
+    }
+}
+
+void tclServiceRemoved(Interpreter& interpreter, const std::string& name) {
+    auto known = interpreter.tclServices.find(name);
+    if (known == interpreter.tclServices.end()) return;
+    TclService* service = known->second;
+    if (!service->gone()) return;           // only a second name went
+    interpreter.tclServices.erase(known);
+    service->removed();
+}
+
+// ---- from declarations to a class ----
+
+namespace {
+
+Class buildClass(Interpreter& i, const std::vector<TclClass*>& line, Tcl_Class tcl) {
+    std::string purpose;
+    std::vector<Value> initial;
+    for (auto* c : line) {
+        if (!c->purpose.empty()) purpose = c->purpose;
+        for (auto& d : c->options) initial.push_back(d.initial);
+    }
+    std::weak_ptr<TclClass> type = *static_cast<ClassHandle*>(Tcl_ClassGetMetadata(tcl, &kClassData));
+    auto make = [&i, type, initial]() -> std::unique_ptr<Service> {
+        auto alive = type.lock();
+        if (!alive || !alive->tcl) fail(kConstructor, "the class", "it has been destroyed");
+        return std::make_unique<TclService>(i, alive->tcl, initial);
+    };
+    Class made(line.back()->service, std::move(purpose), std::move(make));
+    made.declaredAt({}, 0);
+    for (auto* c : line) {
+        if (!c->words.empty()) made.words(c->words);
+        if (!c->example.empty()) made.example(c->example);
+        if (!c->version.empty()) made.version(c->version);
+        if (!c->file.empty()) made.declaredAt(c->file, c->line);
+        for (auto& d : c->options) {
+            std::size_t index = made.options().size();
+            Option o = d.option;
+            o.get = [index](const Service& s) { return static_cast<const TclService&>(s).value(index); };
+            o.set = [index](Service& s, const Value& v) { static_cast<TclService&>(s).setValue(index, v); };
+            made.option(std::move(o));
+        }
+        for (auto& a : c->actions) made.action(a);
+        for (auto& a : c->inspections) made.inspection(a);
+        for (auto& p : c->reads) made.reads(p.field, p.count, p.unit, p.help, p.low, p.high);
+        for (auto& p : c->writes) made.writes(p.field, p.count, p.unit, p.help);
+    }
+    return made;
+}
+
+std::vector<std::string> tclClasses(Interpreter& i) {
+    if (Tcl_EvalEx(i.interp, "::sorma::tcloo::Classes", -1, TCL_EVAL_GLOBAL) != TCL_OK) return {};
+    Obj list(Tcl_GetObjResult(i.interp));
+    return listStrings(list);
+}
+
+// ---- declaration commands ----
+
+// The class in whose body the command stands. Fails outside of any.
+TclClass& target(Interpreter& i, Tcl_Obj* command) {
+    KeepState keep(i.interp);
+    std::string outside = toUtf8(command);
+    if (outside.starts_with("::")) outside.erase(0, 2);
+    std::string name;
+    if (Tcl_EvalEx(i.interp, "::oo::define::self", -1, 0) == TCL_OK) {      // 9
+        name = toUtf8(Tcl_GetObjResult(i.interp));
+    } else if (Tcl_EvalEx(i.interp, "::info level 0", -1, 0) == TCL_OK) {   // 8.6: the frame of oo::define NAME body
+        Obj frame(Tcl_GetObjResult(i.interp));
+        auto words = listElements(frame);
+        if (words.size() >= 3 && view(words[0]).ends_with("oo::define")) name = toUtf8(words[1]);
+        if (!name.empty() && !name.starts_with("::")) {
+            Obj script(str("::uplevel 1 [::list ::namespace which {" + name + "}]"));
+            if (Tcl_EvalObjEx(i.interp, script, 0) == TCL_OK) name = toUtf8(Tcl_GetObjResult(i.interp));
+        }
+    }
+    Tcl_Object object = name.empty() ? nullptr : Tcl_GetObjectFromObj(i.interp, Obj(str(name)));
+    Tcl_Class type = object ? Tcl_GetObjectAsClass(object) : nullptr;
+    if (!type || lineage(i, name).empty()) fail(kOutside, outside);
+    TclClass& c = declarationsOf(i, type);
+    if (c.file.empty()) whereAmI(i, c.file, c.line);
+    return c;
+}
+
+// After a declaration: what the SORM knows of the class is out of date, also for classes derived from it.
+void declared(Interpreter& i, TclClass& c) {
+    i.sorm.forget(c.service);
+    for (auto& name : tclClasses(i)) {
+        if (!i.sorm.findClass(serviceName(name))) continue;
+        auto line = lineage(i, name);
+        if (std::find(line.begin(), line.end(), &c) != line.end()) i.sorm.forget(serviceName(name));
+    }
+}
+
+[[noreturn]] void bad(Tcl_Obj* command, const std::string& what) {
+    std::string name = toUtf8(command);
+    if (name.starts_with("::")) name.erase(0, 2);
+    fail(kDeclaration, name, what);
+}
+
+double bound(Tcl_Obj* o, double open) {
+    std::string_view text = view(o);
+    return text.empty() || text == "*" ? open : toDouble(o);
+}
+
+// "6", "3..", "2..5", "*"
+Count count(Tcl_Obj* command, Tcl_Obj* o) {
+    std::string text = toUtf8(o);
+    if (text == "*" || text.empty()) return {};
+    std::int64_t low = 0, high = 0;
+    auto dots = text.find("..");
+    if (dots == std::string::npos) {
+        if (parseNumber(text, low) && low >= 0) return exactly(std::size_t(low));
+    } else {
+        std::string first = text.substr(0, dots), last = text.substr(dots + 2);
+        if (parseNumber(first, low) && low >= 0) {
+            if (last.empty()) return atLeast(std::size_t(low));
+            if (parseNumber(last, high) && high >= low) return between(std::size_t(low), std::size_t(high));
+        }
+    }
+    bad(command, "bad count \"" + text + "\": must be N, N.., N..M, or *");
+}
+
+std::string oneOf(std::initializer_list<const char*> words) {
+    std::string out;
+    std::size_t n = 0;
+    for (auto* w : words) {
+        if (n > 0) out += n + 1 < words.size() ? ", " : words.size() > 2 ? ", or " : " or ";
+        out += w;
+        ++n;
+    }
+    return out;
+}
+
+int wrongArgs(Tcl_Interp* interp, Tcl_Obj* const objv[], const char* usage) {
+    Tcl_WrongNumArgs(interp, 1, objv, usage);
+    return TCL_ERROR;
+}
+
+int OptionObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc < 3 || objc % 2 == 0)
+            return wrongArgs(interp, objv, "-name type ?-unit u? ?-range {low high}? ?-choices list? ?-length n? ?-default value? "
+                                           "?-fixed boolean? ?-help text?");
+        TclClass& c = target(i, objv[0]);
+        OptionDeclaration d;
+        Option& o = d.option;
+        o.name = toUtf8(objv[1]);
+        if (o.name.size() < 2 || o.name[0] != '-') bad(objv[0], "bad name \"" + o.name + "\": must begin with a dash");
+        for (auto* ancestor : lineage(i, objectName(interp, Tcl_GetClassAsObject(c.tcl))))
+            for (auto& known : ancestor->options)
+                if (known.option.name == o.name) bad(objv[0], o.name + " is declared twice");
+        if (!fromText(view(objv[2]), o.type))
+            bad(objv[0], "bad type \"" + toUtf8(objv[2]) + "\": must be " +
+                             oneOf({"double", "enum", "flag", "int", "service", "string", "vector"}));
+        Tcl_Obj* initial = nullptr;
+        for (int k = 3; k < objc; k += 2) {
+            std::string_view word = view(objv[k]);
+            Tcl_Obj* value = objv[k + 1];
+            if (word == "-unit") {
+                o.spec.unit = toUtf8(value);
+            } else if (word == "-help") {
+                o.spec.help = toUtf8(value);
+            } else if (word == "-fixed") {
+                o.spec.fixed = toBoolean(value);
+            } else if (word == "-choices") {
+                o.choices = listStrings(value);
+            } else if (word == "-default") {
+                initial = value;
+            } else if (word == "-length") {
+                Count n = count(objv[0], value);
+                o.spec.minLength = n.low;
+                o.spec.maxLength = n.high;
+            } else if (word == "-range") {
+                auto ends = listElements(value);
+                if (ends.size() != 2) bad(objv[0], o.name + ": -range must be {low high}");
+                o.spec.low = bound(ends[0], -kInfinity);
+                o.spec.high = bound(ends[1], kInfinity);
+            } else {
+                bad(objv[0], "unknown word \"" + toUtf8(objv[k]) + "\": must be " +
+                                 oneOf({"-choices", "-default", "-fixed", "-help", "-length", "-range", "-unit"}));
+            }
+        }
+        if (o.type == Type::choice && o.choices.empty()) bad(objv[0], o.name + ": an enum needs -choices");
+        if (initial) {
+            d.initial = o.parse(c.service, toUtf8(initial));
+        } else {
+            double nearest = std::clamp(0.0, o.spec.low, o.spec.high);
+            switch (o.type) {
+                case Type::flag: d.initial = false; break;
+                case Type::integer: d.initial = std::int64_t(nearest); break;
+                case Type::real: d.initial = nearest; break;
+                case Type::choice: d.initial = o.choices[0]; break;
+                case Type::vector: d.initial = std::vector<double>(o.spec.minLength, nearest); break;
+                default: d.initial = std::string();
+            }
+        }
+        c.options.push_back(std::move(d));
+        declared(i, c);
+        return TCL_OK;
+    });
+}
+
+// sorma::action, sorma::inspection: the body becomes a private method of the class.
+int declareAction(Interpreter& i, int objc, Tcl_Obj* const objv[], bool ctrl) {
+    return guarded(i, objc, objv, [&] {
+        if (objc != 5) return wrongArgs(i.interp, objv, "-name args help body");
+        TclClass& c = target(i, objv[0]);
+        Action a;
+        a.name = toUtf8(objv[1]);
+        if (a.name.size() < 2 || a.name[0] != '-') bad(objv[0], "bad name \"" + a.name + "\": must begin with a dash");
+        auto& list = ctrl ? c.actions : c.inspections;
+        for (auto& known : list)
+            if (known.name == a.name) bad(objv[0], a.name + " is declared twice");
+        a.help = toUtf8(objv[3]);
+        auto parameters = listElements(objv[2]);
+        for (std::size_t k = 0; k < parameters.size(); ++k) {
+            auto fields = listElements(parameters[k]);
+            if (fields.empty() || fields.size() > 2) bad(objv[0], a.name + ": bad argument \"" + toUtf8(parameters[k]) + "\"");
+            std::string name = toUtf8(fields[0]);
+            if (!a.usage.empty()) a.usage += ' ';
+            if (name == "args" && k + 1 == parameters.size()) {
+                a.usage += "?word ...?";
+                a.maxArgs = Action::kRest;
+            } else if (fields.size() == 2) {
+                a.usage += "?" + name + "?";
+                ++a.maxArgs;
+            } else {
+                a.usage += name;
+                a.minArgs = ++a.maxArgs;
+            }
+        }
+        std::string method = (ctrl ? "CTRL" : "DBX") + a.name;
+        std::string type = objectName(i.interp, Tcl_GetClassAsObject(c.tcl));
+        if (!eval(i, {str("::oo::define"), str(type), str("method"), str(method), objv[2], objv[4]})) return TCL_ERROR;
+        a.body = [method](Service& s, Args args, Message& reply) {
+            auto& self = static_cast<TclService&>(s);
+            std::vector<Obj> words;
+            for (auto& word : args) words.emplace_back(str(word));
+            std::vector<Tcl_Obj*> objv(words.begin(), words.end());
+            std::string said = toUtf8(self.call(method, objv, &reply));
+            if (said.empty()) return;
+            if (!reply.text.empty()) reply.text += '\n';
+            reply.text += said;
+        };
+        list.push_back(std::move(a));
+        declared(i, c);
+        Tcl_ResetResult(i.interp);
+        return TCL_OK;
+    });
+}
+
+int ActionObjCmd(ClientData data, Tcl_Interp*, int objc, Tcl_Obj* const objv[]) {
+    return declareAction(*static_cast<Interpreter*>(data), objc, objv, true);
+}
+int InspectionObjCmd(ClientData data, Tcl_Interp*, int objc, Tcl_Obj* const objv[]) {
+    return declareAction(*static_cast<Interpreter*>(data), objc, objv, false);
+}
+
+int declarePart(Interpreter& i, int objc, Tcl_Obj* const objv[], bool reads) {
+    return guarded(i, objc, objv, [&] {
+        bool ranged = objc >= 5 && view(objv[objc - 2]) == "-range";
+        int words = ranged ? objc - 2 : objc;
+        if (words < 3 || words > 5)
+            return wrongArgs(i.interp, objv, reads ? "part count ?unit? ?help? ?-range {low high}?" : "part count ?unit? ?help?");
+        TclClass& c = target(i, objv[0]);
+        Part p{};
+        std::string_view field = view(objv[1]);
+        bool found = false;
+        for (Field f : {Field::text, Field::floats, Field::ints, Field::any})
+            if (field == toText(f)) p.field = f, found = true;
+        if (!found) bad(objv[0], "bad part \"" + std::string(field) + "\": must be any, floats, ints, or text");
+        p.count = count(objv[0], objv[2]);
+        if (words > 3) p.unit = toUtf8(objv[3]);
+        if (words > 4) p.help = toUtf8(objv[4]);
+        if (ranged) {
+            auto ends = listElements(objv[objc - 1]);
+            if (ends.size() != 2) bad(objv[0], "-range must be {low high}");
+            p.low = bound(ends[0], -kInfinity);
+            p.high = bound(ends[1], kInfinity);
+        }
+        (reads ? c.reads : c.writes).push_back(std::move(p));
+        declared(i, c);
+        return TCL_OK;
+    });
+}
+
+int ReadsObjCmd(ClientData data, Tcl_Interp*, int objc, Tcl_Obj* const objv[]) {
+    return declarePart(*static_cast<Interpreter*>(data), objc, objv, true);
+}
+int WritesObjCmd(ClientData data, Tcl_Interp*, int objc, Tcl_Obj* const objv[]) {
+    return declarePart(*static_cast<Interpreter*>(data), objc, objv, false);
+}
+
+template <std::string TclClass::*member, const char* const& usage>
+int TextObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc != 2) return wrongArgs(interp, objv, usage);
+        TclClass& c = target(i, objv[0]);
+        c.*member = toUtf8(objv[1]);
+        declared(i, c);
+        return TCL_OK;
+    });
+}
+constexpr const char* kTextUsage = "text";
+constexpr const char* kUsageUsage = "usage";
+constexpr const char* kRequestUsage = "request";
+constexpr const char* kVersionUsage = "version";
+
+// ---- inside methods ----
+
+// sorma::fail {AREA SYMBOL ?detail ...?} text, and sorma::warn: the entry names this line of Tcl.
+Entry entryOf(Interpreter& i, Severity severity, Tcl_Obj* code, Tcl_Obj* text) {
+    auto words = listStrings(code);
+    if (words.size() >= 3 && words[0] == "SORMA") words.erase(words.begin());
+    if (words.size() < 2) fail(kSymbol, toUtf8(code));
+    Entry e = makeEntry(kTcl, {});
+    e.severity = severity;
+    e.symbol = words[0] + " " + words[1];
+    e.details.assign(words.begin() + 2, words.end());
+    e.text = toUtf8(text);
+    e.file.clear();
+    e.line = 0;
+    if (i.running.service) e.so = i.running.service->name();
+    whereAmI(i, e.file, e.line);
+    return e;
+}
+
+int FailObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    Interpreter::Entered entered(i);
+    try {
+        if (objc != 3) return wrongArgs(interp, objv, "{AREA SYMBOL ?detail ...?} text");
+        throw Error(entryOf(i, Severity::error, objv[1], objv[2]));
+    } catch (...) {
+        // No request text: what reproduces the failure is the request to the service, which its caller enters.
+        return i.raise(trailOfCurrentException({}), {});
+    }
+}
+
+int WarnObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        bool verbose = objc == 4 && view(objv[1]) == "-verbose";
+        if (objc != 3 && !verbose) return wrongArgs(interp, objv, "?-verbose? {AREA SYMBOL ?detail ...?} text");
+        if (!i.running.message) fail(kNotRunning, "sorma::warn");
+        i.running.message->trail.add(
+            entryOf(i, verbose ? Severity::verbose : Severity::warning, objv[objc - 2], objv[objc - 1]));
+        return TCL_OK;
+    });
+}
+
+// The SO of the object whose method runs.
+TclService& self(Tcl_ObjectContext context, Tcl_Interp* interp) {
+    Tcl_Object object = Tcl_ObjectContextObject(context);
+    auto* service = static_cast<TclService*>(Tcl_ObjectGetMetadata(object, &kObjectData));
+    if (!service || service->name().empty()) fail(kNoService, objectName(interp, object));
+    return *service;
+}
+
+int CgetMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        int skip = int(Tcl_ObjectContextSkippedArgs(context));
+        if (objc != skip + 1) return Tcl_WrongNumArgs(interp, skip, objv, "-option"), TCL_ERROR;
+        TclService& s = self(context, interp);
+        int index = s.type().findOption(view(objv[skip]));
+        if (index < 0) {
+            std::string known;
+            for (auto& o : s.type().options()) known += (known.empty() ? "" : ", ") + o.name;
+            fail(kNoOption, s.name(), toUtf8(objv[skip]), known.empty() ? "(this class has no options)" : known);
+        }
+        Value value = s.value(std::size_t(index));
+        if (s.type().options()[std::size_t(index)].type == Type::service) {
+            auto& name = std::get<std::string>(value);
+            Tcl_SetObjResult(interp, newText(name.empty() ? name : commandOf(i, name)));
+        } else {
+            Tcl_SetObjResult(interp, newValue(value));
+        }
+        return TCL_OK;
+    });
+}
+
+int ConfigureMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        int skip = int(Tcl_ObjectContextSkippedArgs(context));
+        if (objc < skip + 2) return Tcl_WrongNumArgs(interp, skip, objv, "-option value ?-option value ...?"), TCL_ERROR;
+        Reference s(&self(context, interp));
+        Message m;
+        for (int k = skip; k < objc; ++k) m.words.push_back(toUtf8(objv[k]));
+        s->invoke(Method::ctrl, m);
+        return TCL_OK;
+    });
+}
+
+int NameMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        int skip = int(Tcl_ObjectContextSkippedArgs(context));
+        if (objc != skip) return Tcl_WrongNumArgs(interp, skip, objv, nullptr), TCL_ERROR;
+        Tcl_SetObjResult(interp, newText(self(context, interp).name()));
+        return TCL_OK;
+    });
+}
+
+// The command of a service class is also its first service object: `carry EXEC ...` where ::carry is the TclOO class.
+// Words that a class does not know come here; whatever is no request of ours goes on to the handler of all objects.
+int UnknownMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    int skip = int(Tcl_ObjectContextSkippedArgs(context));
+    if (objc > skip && isSoMethod(objv[skip])) {
+        bool mine = false;
+        std::string name;
+        int code = guarded(i, objc, objv, [&] {
+            name = objectName(interp, Tcl_ObjectContextObject(context));
+            KeepState keep(interp);
+            mine = !lineage(i, name).empty();
+            return TCL_OK;
+        });
+        if (code != TCL_OK) return code;
+        if (mine) return guarded(i, objc, objv, [&] { return callByName(i, serviceName(name), objc - skip + 1, objv + skip - 1); });
+    }
+    return Tcl_ObjectContextInvokeNext(interp, context, objc, objv, skip);
+}
+
+constexpr Tcl_MethodType kCget = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::cget", CgetMethod, nullptr, nullptr};
+constexpr Tcl_MethodType kConfigure = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::configure", ConfigureMethod, nullptr, nullptr};
+constexpr Tcl_MethodType kName = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::name", NameMethod, nullptr, nullptr};
+constexpr Tcl_MethodType kUnknown = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::unknown", UnknownMethod, nullptr, nullptr};
+
+// What does not need C++. It is here and not in a file because a safe interpreter can read none.
+constexpr const char* kScript = R"tcl(
+namespace eval ::sorma::tcloo {}
+
+# Root of all service classes written in Tcl. Each method but exec may be left as it is.
+#       exec message    do the job. message: dict of text floats ints any words. Returns a dict of what it answers among
+#                       text floats ints any code; what is missing is empty
+#       born            the recipe has been applied and the name is known
+#       changed options these options have new values; an error refuses them all
+#       selftest        an error, or a verdict in clear text
+#       dump            further state, a line for each: name value
+::oo::class create ::sorma::Service {
+    method exec {message} {error "[info object class [self]] has no method exec {message}"}
+    method born {} {}
+    method changed {options} {}
+    method selftest {} {return ok}
+    method dump {} {}
+}
+
+# All service classes, as commands.
+proc ::sorma::tcloo::Classes {{from ::sorma::Service}} {
+    set all {}
+    foreach class [::info class subclasses $from] {
+        ::lappend all $class {*}[Classes $class]
+    }
+    ::lsort -unique $all
+}
+
+# A service class behind those it derives from; empty when it is none.
+proc ::sorma::tcloo::Lineage {class} {
+    if {![::info object isa class $class] || $class eq "::sorma::Service"} {return {}}
+    foreach super [::info class superclasses $class] {
+        if {$super eq "::sorma::Service"} {return [::list $class]}
+        set above [Lineage $super]
+        if {[::llength $above]} {return [::lappend above $class]}
+    }
+    return {}
+}
+)tcl";
+
+}  // namespace
+
+bool registerTclClass(Interpreter& i, const std::string& name) {
+    std::string best;
+    for (auto& tcl : tclClasses(i)) {
+        if (serviceName(tcl) != name) continue;
+        if (best.empty() || tcl.rfind("::") == 0) best = tcl;       // the global one first
+    }
+    if (best.empty()) return false;
+    Tcl_Object object = Tcl_GetObjectFromObj(i.interp, Obj(str(best)));
+    if (!object) return false;
+    Tcl_Class type = Tcl_GetObjectAsClass(object);
+    declarationsOf(i, type);
+    i.sorm.add(buildClass(i, lineage(i, best), type));
+    return true;
+}
+
+std::vector<std::string> tclClassNames(Interpreter& i) {
+    std::vector<std::string> out;
+    for (auto& tcl : tclClasses(i)) out.push_back(serviceName(tcl));
+    return out;
+}
+
+bool initTclServices(Interpreter& i) {
+    Tcl_Interp* interp = i.interp;
+    if (!Tcl_OOInitStubs(interp)) return false;
+    if (Tcl_EvalEx(interp, kScript, -1, TCL_EVAL_GLOBAL) != TCL_OK) return false;
+    auto classOf = [&](const char* name) {
+        Tcl_Object object = Tcl_GetObjectFromObj(interp, Obj(str(name)));
+        return object ? Tcl_GetObjectAsClass(object) : nullptr;
+    };
+    auto addMethod = [&](Tcl_Class type, const char* name, bool exported, const Tcl_MethodType* method) {
+        Tcl_NewMethod(interp, type, Obj(str(name)), exported, method, &i);
+    };
+    Tcl_Class service = classOf("::sorma::Service"), all = classOf("::oo::class");
+    if (!service || !all) return false;
+    addMethod(service, "cget", true, &kCget);
+    addMethod(service, "configure", true, &kConfigure);
+    addMethod(service, "name", true, &kName);
+    if (Tcl_EvalEx(interp, "::expr {{unknown} ni [::info class methods ::oo::class -private]}", -1, TCL_EVAL_GLOBAL) == TCL_OK &&
+        view(Tcl_GetObjResult(interp)) == "1")
+        addMethod(all, "unknown", false, &kUnknown);
+
+    struct Command {
+        const char* name;
+        Tcl_ObjCmdProc* proc;
+    };
+    for (auto& c : std::initializer_list<Command>{
+             {"option", OptionObjCmd}, {"action", ActionObjCmd}, {"inspection", InspectionObjCmd},
+             {"reads", ReadsObjCmd}, {"writes", WritesObjCmd}, {"fail", FailObjCmd}, {"warn", WarnObjCmd},
+             {"purpose", TextObjCmd<&TclClass::purpose, kTextUsage>}, {"words", TextObjCmd<&TclClass::words, kUsageUsage>},
+             {"example", TextObjCmd<&TclClass::example, kRequestUsage>},
+             {"version", TextObjCmd<&TclClass::version, kVersionUsage>}})
+        Tcl_CreateObjCommand(interp, (std::string("::sorma::") + c.name).c_str(), c.proc, &i, nullptr);
+    Tcl_ResetResult(interp);
+    return true;
+}
+
+}  // namespace sorma

@@ -1,0 +1,69 @@
+// tclService.h -- service classes written in Tcl: TclOO classes whose superclass is sorma::Service.
+//
+//     oo::class create carry {
+//         superclass sorma::Service
+//         sorma::purpose "carries a thing from one place to another"
+//         sorma::option -transferSpeed double -unit m/s -range {0.01 1.5} -default 0.2 -help "speed while loaded"
+//         sorma::option -arm service -help "arm that moves"
+//         sorma::action -stop {} "stop at once" {[my cget -arm] CTRL -stop}
+//         sorma::reads floats 6 m "from (3), to (3)"
+//         sorma::example "carry EXEC FMSG 6 3 4 0 4 5 0"
+//         method exec {message} {
+//             [my cget -arm] exec -floats [dict get $message floats]
+//         }
+//     }
+//
+// The declarations become a sorma::Class; everything after that is the same as for C++. The service class's name is
+// the last part of the TclOO class's name, in lower case. A class derived from another service class has its table too.
+// A declaration for a class that has objects already concerns those made afterwards.
+#pragma once
+
+#include <memory>
+
+#include "tcl/interpreter.h"
+
+namespace sorma {
+
+struct TclClass;        // declarations of one TclOO class
+
+class TclService final : public Service {
+public:
+    // type: the class of the object, still without SO. Fails with SERVICE FAILED when the Tcl constructor does.
+    TclService(Interpreter& interpreter, Tcl_Class type, std::vector<Value> initial);
+    ~TclService() override;
+
+    void exec(Message& m) override;
+    void born() override;
+    void changed(std::span<const Option* const> options) override;
+    std::string selftest() override;
+    void dumpState(std::string& out) const override;
+
+    // Call a method of the TclOO object, private ones too. Throws what it throws, behind what message has in its
+    // trail already (message may be null: then warnings of the method go nowhere).
+    Obj call(std::string_view method, std::span<Tcl_Obj* const> args, Message* message) const;
+
+    void removed();             // the SO has left the repository: so does the TclOO object
+    void objectDeleted();       // and the other way round
+
+    Value value(std::size_t option) const { return values_[option]; }
+    void setValue(std::size_t option, const Value& value);
+    Interpreter& interpreter() const { return interpreter_; }
+
+private:
+    Interpreter& interpreter_;
+    Tcl_Object object_ = nullptr;       // null when it has been destroyed
+    Obj my_;                            // command that also calls its private methods
+    std::vector<Value> values_;         // one for each option
+    std::vector<Reference> services_;   // of the options of type service; as long as values_, or empty
+};
+
+// Creates ::sorma::Service, the declaration commands and sorma::fail, sorma::warn. False: see the interpreter's result.
+bool initTclServices(Interpreter& interpreter);
+
+// Look for a TclOO class of that service class name and add it to the SORM.
+bool registerTclClass(Interpreter& interpreter, const std::string& name);
+std::vector<std::string> tclClassNames(Interpreter& interpreter);
+
+void tclServiceRemoved(Interpreter& interpreter, const std::string& name);
+
+}  // namespace sorma
