@@ -70,6 +70,7 @@ struct CommonRequests {
     static void verbosity(Service& s, Args args, Message& reply);
     static void undo(Service& s, Args args, Message& reply);
     static std::string optionsList(Service& s, std::string_view only);
+    static std::string trailText(const Trail& trail);
     static std::string describe(const Service::Record::Source& source);
     static int needOption(Service& s, const std::string& name);
 };
@@ -494,10 +495,34 @@ std::string CommonRequests::optionsList(Service& s, std::string_view only) {
     return list;
 }
 
+// A list of dicts, as `sorma::trail` gives it.
+std::string CommonRequests::trailText(const Trail& trail) {
+    std::string list;
+    for (auto& e : trail.entries()) {
+        std::string item, code = "SORMA " + e.symbol;
+        for (auto& d : e.details) appendListElement(code, d);
+        auto put = [&](std::string_view key, std::string_view value) {
+            appendListElement(item, key);
+            appendListElement(item, value);
+        };
+        put("severity", toText(e.severity));
+        put("code", code);
+        put("text", e.text);
+        put("so", e.so);
+        put("daemon", e.daemon);
+        put("file", e.file);
+        put("line", std::to_string(e.line));
+        put("time", std::to_string(e.time));
+        if (!e.request.empty()) put("request", e.request);
+        appendListElement(list, item);
+    }
+    return list;
+}
+
 // Plain values for `NAME info ...`, as Tcl lists where there is more than one.
 void CommonRequests::info(Service& s, Args args, Message& reply) {
     static const Prototype kInfo{Severity::error, "REQUEST SYNTAX", 2, "{}: bad info \"{}\": must be actions, class, dump, "
-                                 "example, help, inspections, location, methods, name, options, purpose, signature, or version"};
+                                 "example, help, inspections, location, methods, name, options, purpose, signature, trail, or version"};
     const std::string& what = args[0];
     auto actionList = [&](const std::vector<Action>& own, const std::vector<Action>& common) {
         std::string list;
@@ -521,6 +546,7 @@ void CommonRequests::info(Service& s, Args args, Message& reply) {
     else if (what == "example") out = s.type().example();
     else if (what == "help") out = s.type().helpText(s.name());
     else if (what == "dump") out = s.dump();
+    else if (what == "trail") out = trailText(s.record().trail);
     else if (what == "actions") out = actionList(s.type().actions(), actions());
     else if (what == "inspections") out = actionList(s.type().inspections(), inspections());
     else fail(kInfo, s.name(), what);

@@ -16,12 +16,12 @@ const Prototype kPairs{Severity::error, "OPTION MISSING", 2, "{}: {} needs a val
 
 enum class Word { none, EXEC, CTRL, DBX, exec, configure, cget, info, destroy };
 
-Word methodOf(Tcl_Obj* o) {
+inline Word methodOf(Tcl_Obj* o) {
     std::string_view w = view(o);
+    if (w.size() == 4 && std::memcmp(w.data(), "EXEC", 4) == 0) [[likely]] return Word::EXEC;
     switch (w.size()) {
         case 3: return w == "DBX" ? Word::DBX : Word::none;
         case 4:
-            if (std::memcmp(w.data(), "EXEC", 4) == 0) return Word::EXEC;
             if (w == "CTRL") return Word::CTRL;
             if (w == "exec") return Word::exec;
             if (w == "cget") return Word::cget;
@@ -74,30 +74,31 @@ public:
         SoBinding& b_;
     };
 
-    // The binding's own message, or a fresh one while an outer call uses that.
+    // The binding's own message, or a fresh one while an outer call uses that. It is clear, and is cleared afterwards
+    // unless the user says that it still is.
     class Borrowed {
     public:
-        explicit Borrowed(SoBinding& b) : b_(b), own_(!b.messageBusy) {
-            if (own_) {
-                b.messageBusy = true;
-                m_ = &b.message;
-                m_->clear();
-            } else {
-                m_ = new Message;
-            }
+        explicit Borrowed(SoBinding& b) : b_(b), own_(!b.messageBusy), m_(own_ ? &b.message : new Message) {
+            if (own_) b.messageBusy = true;
         }
         ~Borrowed() {
-            if (own_) b_.messageBusy = false;
-            else delete m_;
+            if (!own_) {
+                delete m_;
+                return;
+            }
+            if (!clear_) m_->clear();
+            b_.messageBusy = false;
         }
         Borrowed(const Borrowed&) = delete;
         Borrowed& operator=(const Borrowed&) = delete;
         Message& operator*() const { return *m_; }
+        void stillClear() { clear_ = true; }
 
     private:
         SoBinding& b_;
-        Message* m_;
         const bool own_;
+        bool clear_ = false;
+        Message* const m_;
     };
 };
 
@@ -151,7 +152,7 @@ std::string requestText(const std::string& name, int objc, Objects objv) {
     interpreter.sorm.setLastTrail(m.trail);
 }
 
-void invoke(SoBinding& b, Method method, Message& m, int objc, Objects objv) {
+inline void invoke(SoBinding& b, Method method, Message& m, int objc, Objects objv) {
     Reference so = b.so;        // the call may remove the object
     so->invoke(method, m);
     if (!m.trail.empty() || !b.interpreter.sorm.lastTrail().empty()) [[unlikely]] keepTrail(b, m, objc, objv);
@@ -235,6 +236,11 @@ int info(SoBinding& b, int objc, Objects objv) {
     }
 }
 
+[[gnu::noinline, gnu::cold]] int failed(SoBinding& b, int objc, Objects objv) noexcept {
+    return b.interpreter.raise(trailOfCurrentException(b.name), requestText(b.name, objc, objv));
+}
+
+// Speed counts here: no allocation, no clock, no look-up, no text.
 int call(SoBinding& b, int objc, Objects objv) noexcept {
     Interpreter& interpreter = b.interpreter;
     Interpreter::Entered entered(interpreter);
@@ -251,9 +257,16 @@ int call(SoBinding& b, int objc, Objects objv) noexcept {
         Message& m = *borrowed;
         if (objc > 2) readParts({objv + 2, std::size_t(objc - 2)}, m);
         invoke(b, Method::exec, m, objc, objv);
-        return answer(b, flatReply(interpreter.constants, m));
+        if (interpreter.closing()) [[unlikely]] return TCL_ERROR;
+        if (m.code == 0 && m.floats.empty() && m.text.empty() && m.ints.empty() && m.any.empty() && m.trail.empty()) {
+            borrowed.stillClear();
+            Tcl_SetObjResult(interpreter.interp, interpreter.constants.ret0);
+            return TCL_OK;
+        }
+        Tcl_SetObjResult(interpreter.interp, flatReply(interpreter.constants, m));
+        return TCL_OK;
     } catch (...) {
-        return interpreter.raise(trailOfCurrentException(b.name), requestText(b.name, objc, objv));
+        return failed(b, objc, objv);
     }
 }
 
@@ -327,7 +340,6 @@ Mention mentioned(int objc, Objects objv) {
     out.certain = out.certain || address;
     if (!address && word.find("::") != std::string_view::npos) return out;
     if (!out.certain && (objc < 2 || methodOf(objv[1]) == Word::none)) return out;
-    if (!Name::isName(word)) return out;
     out.name = word;
     return out;
 }
@@ -399,13 +411,23 @@ int UnknownNRCmd(ClientData data, Tcl_Interp* interp, int objc, Objects objv) {
         try {
             mention = mentioned(objc, objv);
             if (!mention.name.empty()) {
+                if (!Name::isName(mention.name)) {
+                    mention.certain = false;
+                    Name::parse(mention.name);      // fails, and says what is wrong with it
+                }
+                Word method = objc > 1 ? methodOf(objv[1]) : Word::none;
+                if (method == Word::none) {         // no connection is made for a slip of the pen
+                    if (objc > 1) fail(kBadMethod, toUtf8(objv[1]));
+                    Tcl_WrongNumArgs(interp, 1, objv, "method ?word ...?");
+                    return TCL_ERROR;
+                }
                 SoBinding& b = bindingFor(i, mention.name);
                 return call(b, objc, objv);
             }
         } catch (const Error& e) {
             Trail trail = trailOfCurrentException({});
             std::string request = requestText(mention.name, objc, objv);
-            bool nobodys = e.is("NAME UNKNOWN_CLASS") || e.is("ADDRESS UNRESOLVED") || e.is("COMM DENIED");
+            bool nobodys = e.is("NAME UNKNOWN_CLASS") || e.is("NAME SYNTAX") || e.is("ADDRESS UNRESOLVED") || e.is("COMM DENIED");
             if (mention.certain || !nobodys) return i.raise(std::move(trail), request);
             unanswered = new Unanswered{&i, std::move(trail), std::move(request), std::string(view(objv[0]))};
         } catch (...) {

@@ -20,7 +20,8 @@ namespace {
 using namespace sorma;
 
 int init(Tcl_Interp* interp, bool safe) {
-    if (!Tcl_InitStubs(interp, "8.6-", 0)) return TCL_ERROR;
+    if (!Tcl_InitStubs(interp, "8.6-", 0) || !Tcl_OOInitStubs(interp)) return TCL_ERROR;      // before any other call
+    safe = safe || Tcl_IsSafe(interp);
     if (Interpreter::of(interp)) return Tcl_PkgProvideEx(interp, "sorma", SORMA_VERSION, nullptr);
     if (!Tcl_FindNamespace(interp, "::sorma", nullptr, 0)) Tcl_CreateNamespace(interp, "::sorma", nullptr, nullptr);
     try {
@@ -47,7 +48,7 @@ int init(Tcl_Interp* interp, bool safe) {
 
 }  // namespace
 
-extern "C" DLLEXPORT int Sorma_Init(Tcl_Interp* interp) { return init(interp, Tcl_IsSafe(interp) != 0); }
+extern "C" DLLEXPORT int Sorma_Init(Tcl_Interp* interp) { return init(interp, false); }
 
 // A safe interpreter cannot load the package itself; its parent does, `load {} Sorma CHILD` once it has it, and may
 // grant network and files: `sorma::grant CHILD -network 1`.

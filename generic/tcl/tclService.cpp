@@ -784,7 +784,6 @@ std::vector<std::string> tclClassNames(Interpreter& i) {
 
 bool initTclServices(Interpreter& i) {
     Tcl_Interp* interp = i.interp;
-    if (!Tcl_OOInitStubs(interp)) return false;
     if (Tcl_EvalEx(interp, kScript, -1, TCL_EVAL_GLOBAL) != TCL_OK) return false;
     auto classOf = [&](const char* name) {
         Tcl_Object object = Tcl_GetObjectFromObj(interp, Obj(str(name)));

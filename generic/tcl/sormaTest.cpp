@@ -1,0 +1,55 @@
+// sormaTest.cpp -- commands for tests and measurements only; never installed.
+//
+//     sormatest::bare word          a C command with a sub-command look-up: what `nop EXEC` is measured against
+//     sormatest::ten word n x1..x10 a C command that reads ten doubles and returns a list of ten: `echo EXEC FMSG 10 ...`
+//     sormatest::repeat n word...   evaluates a command n times from C, returns nanoseconds for each
+#include <chrono>
+
+#include "tcl/tclShim.h"
+
+namespace {
+
+int BareObjCmd(ClientData, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    static const char* const names[] = {"EXEC", "CTRL", "DBX", "exec", "configure", "cget", "info", "destroy", nullptr};
+    int index;
+    if (objc < 2) return TCL_ERROR;
+    return Tcl_GetIndexFromObj(interp, objv[1], names, "method", TCL_EXACT, &index);
+}
+
+int TenObjCmd(ClientData, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    if (objc != 11) return TCL_ERROR;
+    Tcl_Obj* out[10];
+    double value;
+    for (int i = 0; i < 10; ++i) {
+        if (Tcl_GetDoubleFromObj(interp, objv[i + 1], &value) != TCL_OK) return TCL_ERROR;
+        out[i] = Tcl_NewDoubleObj(value);
+    }
+    Tcl_SetObjResult(interp, Tcl_NewListObj(10, out));
+    return TCL_OK;
+}
+
+int RepeatObjCmd(ClientData, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    int n;
+    if (objc < 3) {
+        Tcl_WrongNumArgs(interp, 1, objv, "count word ?word ...?");
+        return TCL_ERROR;
+    }
+    if (Tcl_GetIntFromObj(interp, objv[1], &n) != TCL_OK || n < 1) return TCL_ERROR;
+    auto start = std::chrono::steady_clock::now();
+    for (int i = 0; i < n; ++i)
+        if (Tcl_EvalObjv(interp, objc - 2, objv + 2, 0) != TCL_OK) return TCL_ERROR;
+    auto passed = std::chrono::steady_clock::now() - start;
+    Tcl_SetObjResult(interp, Tcl_NewDoubleObj(std::chrono::duration<double, std::nano>(passed).count() / n));
+    return TCL_OK;
+}
+
+}  // namespace
+
+extern "C" DLLEXPORT int Sormatest_Init(Tcl_Interp* interp) {
+    if (!Tcl_InitStubs(interp, "8.6-", 0)) return TCL_ERROR;
+    Tcl_CreateNamespace(interp, "::sormatest", nullptr, nullptr);
+    Tcl_CreateObjCommand(interp, "::sormatest::bare", BareObjCmd, nullptr, nullptr);
+    Tcl_CreateObjCommand(interp, "::sormatest::ten", TenObjCmd, nullptr, nullptr);
+    Tcl_CreateObjCommand(interp, "::sormatest::repeat", RepeatObjCmd, nullptr, nullptr);
+    return Tcl_PkgProvideEx(interp, "sormatest", "1.0", nullptr);
+}
