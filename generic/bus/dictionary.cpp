@@ -64,6 +64,12 @@ struct LogicalLine {
     std::string_view text;          // without newline; valid until the next line is taken
 };
 
+// Does a line without its newline go on with the next one?
+bool continues(std::string_view line) {
+    std::size_t last = line.find_last_not_of('\\');
+    return (line.size() - (last == line.npos ? 0 : last + 1)) % 2 == 1;
+}
+
 class LineReader {
 public:
     explicit LineReader(std::string_view text) : text_(text) {
@@ -76,9 +82,7 @@ public:
         buffer_.clear();
         for (;;) {
             std::string_view piece = physical();
-            std::size_t last = piece.find_last_not_of('\\');
-            std::size_t backslashes = piece.size() - (last == piece.npos ? 0 : last + 1);
-            bool goesOn = backslashes % 2 == 1;
+            const bool goesOn = continues(piece);
             if (goesOn) piece.remove_suffix(1);
             if (goesOn || line.joined) buffer_ += piece;
             else line.text = piece;
@@ -354,15 +358,19 @@ void Dictionary::checkLoops(const Table& fresh, const Table& base) {
         if (state == done) return;
         if (state == open) {
             std::string chain;
+            const Frame* blame = nullptr;       // the first in the loop that is new
             bool inside = false;
             for (auto& f : stack) {
                 inside = inside || f.word == word;
-                if (inside) (chain += f.word) += " -> ";
+                if (!inside) continue;
+                (chain += f.word) += " -> ";
+                if (!blame && fresh.find(f.word) != fresh.end()) blame = &f;
             }
             chain += word;
-            const Entry& e = *stack.back().entry;
-            if (e.file.empty() || e.changed) fail(kLoop, stack.back().word, chain);
-            fail(kLoopInFile, stack.back().word, chain, e.file, e.line);
+            if (!blame) blame = &stack.back();
+            const Entry& e = *blame->entry;
+            if (e.file.empty() || e.changed) fail(kLoop, blame->word, chain);
+            fail(kLoopInFile, blame->word, chain, e.file, e.line);
         }
         state = open;
         stack.push_back({found->first, &found->second, 0});
@@ -547,7 +555,13 @@ void Dictionary::saveTo(const std::string& file, bool everything, bool home) {
     for (auto& [word, entry] : entries_)
         if (wanted(entry) && !last.contains(word)) fresh.push_back(word);
     std::sort(fresh.begin(), fresh.end());
-    if (!fresh.empty() && !text.empty() && text.back() != '\n') text += '\n';
+    if (!fresh.empty() && !text.empty()) {
+        if (text.back() != '\n') text += '\n';
+        std::string_view end = std::string_view(text).substr(0, text.size() - 1);
+        end.remove_prefix(std::min(end.rfind('\n') + 1, end.size()));
+        if (end.ends_with('\r')) end.remove_suffix(1);
+        if (continues(end)) text += '\n';       // else it would take the next line in
+    }
     for (auto word : fresh) {
         appendEntryWord(text, word);
         for (auto& w : entries_.find(word)->second.words) appendEntryWord(text, w);
