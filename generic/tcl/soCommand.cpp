@@ -199,6 +199,14 @@ int info(SoBinding& b, int objc, Objects objv) {
     return answer(b, ask(b, Method::dbx, std::move(words), objc, objv));
 }
 
+// With ::sorma::so in its namespace path a script finds our dict before Tcl's: what is no request goes on to that.
+int tclDict(Tcl_Interp* interp, int objc, Objects objv) {
+    std::vector<Tcl_Obj*> words(objv, objv + objc);
+    Obj command(Tcl_NewStringObj("::dict", -1));
+    words[0] = command;
+    return Tcl_EvalObjv(interp, objc, words.data(), TCL_EVAL_NOERR);
+}
+
 // Everything but EXEC.
 [[gnu::noinline]] int otherMethod(SoBinding& b, Word method, int objc, Objects objv) {
     Tcl_Interp* interp = b.interpreter.interp;
@@ -229,9 +237,12 @@ int info(SoBinding& b, int objc, Objects objv) {
             return info(b, objc, objv);
         case Word::destroy:
             if (objc != 2) return Tcl_WrongNumArgs(interp, 2, objv, nullptr), TCL_ERROR;
-            b.interpreter.sorm.remove(b.name);
+            // The name may have been written otherwise than the repository has it: nop@h:0x014.
+            b.interpreter.sorm.remove(b.interpreter.sorm.find(b.name) ? b.name : b.so->name());
+            if (!b.interpreter.closing()) deleteCommands(b.interpreter, b.name);
             return answer(b, b.interpreter.constants.empty);
         default:
+            if (b.name == "dict") return tclDict(interp, objc, objv);
             fail(kBadMethod, toUtf8(objv[1]));
     }
 }
@@ -487,6 +498,14 @@ void initSoCommands(Interpreter& i) {
         if (!text.empty() && text != "::unknown") i.previousUnknown = Tcl_DuplicateObj(before);
     }
     Tcl_EvalEx(i.interp, "::namespace eval :: {::namespace unknown ::sorma::Unknown}", -1, TCL_EVAL_GLOBAL);
+    // In daemons and in scott Tcl's own dict gains EXEC, CTRL and DBX; its bytecode stays as quick as it is.
+    Tcl_EvalEx(i.interp, R"tcl(
+        proc ::sorma::JoinDict {} {::namespace ensemble configure ::dict -unknown ::sorma::DictRequest}
+        proc ::sorma::DictRequest {dict word args} {
+            if {$word in {EXEC CTRL DBX}} {::list ::sorma::so::dict $word} else {::list}
+        }
+    )tcl", -1, TCL_EVAL_GLOBAL);
+    for (auto* name : {"sorm", "dict"}) bindingFor(i, name);
     Tcl_ResetResult(i.interp);
 }
 

@@ -11,7 +11,7 @@ namespace sorma {
 namespace {
 
 const Prototype kTcl{Severity::error, "SERVICE FAILED", 1, "{}: {}"};
-const Prototype kConstructor{Severity::error, "SERVICE FAILED", 0, "the constructor of {} failed: {}"};
+const Prototype kStep{Severity::error, "SERVICE FAILED", 0, "{} failed: {}"};
 const Prototype kObjectGone{Severity::error, "SERVICE GONE", 1, "{}: its TclOO object has been destroyed"};
 const Prototype kInterpGone{Severity::error, "SERVICE GONE", 1, "{}: its interpreter was deleted while it was executing"};
 const Prototype kDeclaration{Severity::error, "CLASS TABLE", 0, "{}: {}"};
@@ -110,7 +110,8 @@ void whereAmI(Interpreter& i, std::string& file, int& line) {
 // Classes from the root of the services down to this one, without the root.
 std::vector<TclClass*> lineage(Interpreter& i, const std::string& tclClass) {
     std::vector<TclClass*> out;
-    if (!eval(i, {str("::sorma::tcloo::Lineage"), str(tclClass)})) return out;
+    if (!eval(i, {str("::sorma::tcloo::Lineage"), str(tclClass)}))      // too deep a recursion, for instance
+        fail(kStep, "the look-up of class " + tclClass, toUtf8(Tcl_GetObjResult(i.interp)));
     Obj list(Tcl_GetObjResult(i.interp));
     for (auto* name : listElements(list)) {
         Tcl_Object object = Tcl_GetObjectFromObj(i.interp, name);
@@ -169,7 +170,7 @@ TclService::TclService(Interpreter& i, Tcl_Class type, std::vector<Value> initia
     std::string className = objectName(i.interp, Tcl_GetClassAsObject(type));
     KeepState keep(i.interp);
     object_ = Tcl_NewObjectInstance(i.interp, type, nullptr, nullptr, 0, nullptr, 0);
-    if (!object_) fail(kConstructor, className, toUtf8(Tcl_GetObjResult(i.interp)));
+    if (!object_) fail(kStep, "the constructor of " + className, toUtf8(Tcl_GetObjResult(i.interp)));
     Tcl_ObjectSetMetadata(object_, &kObjectData, this);
     my_ = str(std::string(Tcl_GetObjectNamespace(object_)->fullName) + "::my");
 }
@@ -312,7 +313,7 @@ Class buildClass(Interpreter& i, const std::vector<TclClass*>& line, Tcl_Class t
     std::weak_ptr<TclClass> type = *static_cast<ClassHandle*>(Tcl_ClassGetMetadata(tcl, &kClassData));
     auto make = [&i, type, initial]() -> std::unique_ptr<Service> {
         auto alive = type.lock();
-        if (!alive || !alive->tcl) fail(kConstructor, "the class", "it has been destroyed");
+        if (!alive || !alive->tcl) fail(kStep, "making an object", "its class has been destroyed");
         return std::make_unique<TclService>(i, alive->tcl, initial);
     };
     Class made(line.back()->service, std::move(purpose), std::move(make));
@@ -703,7 +704,11 @@ int UnknownMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context
         bool mine = false;
         std::string name;
         int code = guarded(i, objc, objv, [&] {
-            name = objectName(interp, Tcl_ObjectContextObject(context));
+            Tcl_Object object = Tcl_ObjectContextObject(context);
+            name = objectName(interp, object);
+            Tcl_Class type = Tcl_GetObjectAsClass(object);
+            mine = type && Tcl_ClassGetMetadata(type, &kClassData);     // it has been a service class before
+            if (mine) return TCL_OK;
             KeepState keep(interp);
             mine = !lineage(i, name).empty();
             return TCL_OK;
