@@ -31,7 +31,7 @@ const Prototype kTooLarge{Severity::error, "DICT SYNTAX", 1, "dictionary entry {
 const Prototype kFile{Severity::error, "DICT FILE", 1, "cannot {1} dictionary file \"{0}\": {2}"};
 const Prototype kNoFile{Severity::error, "DICT FILE", 0, "no dictionary file is loaded; name the one to write: dict CTRL -save FILE"};
 
-constexpr std::string_view kSubst = "-SUBST";
+constexpr std::string_view kSubst = "-SUBST", kByteOrderMark = "\xef\xbb\xbf";
 constexpr std::size_t kMaxFile = std::size_t{64} << 20;
 
 bool isWhite(char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
@@ -40,6 +40,7 @@ bool isWhite(char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
 const char* badKey(std::string_view word) {
     if (word.empty()) return "the word is empty";
     if (word[0] == '#') return "the word begins with #, like a comment";
+    if (word.starts_with(kByteOrderMark)) return "the word begins with a byte order mark";   // at a file's start it would vanish
     for (char c : word) {
         if (isWhite(c)) return "the word holds white space";
         if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) return "the word holds a control character";
@@ -73,7 +74,7 @@ bool continues(std::string_view line) {
 class LineReader {
 public:
     explicit LineReader(std::string_view text) : text_(text) {
-        if (text_.starts_with("\xef\xbb\xbf")) at_ = 3;
+        if (text_.starts_with(kByteOrderMark)) at_ = kByteOrderMark.size();
     }
 
     bool next(LogicalLine& line) {

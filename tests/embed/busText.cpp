@@ -852,6 +852,7 @@ void testDictionary() {
     FAILS(d.add("self", {"-SUBST", "self"}, ""), "DICT LOOP self", "dictionary entry self: -SUBST leads in a loop: self -> self");
     FAILS(d.add("", {}, ""), "DICT SYNTAX", "dictionary entry \"\": the word is empty");
     FAILS(d.add("#a", {}, ""), "DICT SYNTAX #a", "dictionary entry \"#a\": the word begins with #, like a comment");
+    FAILS(d.add("\xef\xbb\xbf" "a", {}, ""), "DICT SYNTAX", "dictionary entry \"\xef\xbb\xbf" "a\": the word begins with a byte order mark");
     FAILS(d.add("a b", {}, ""), "DICT SYNTAX {a b}", "dictionary entry \"a b\": the word holds white space");
     FAILS(d.add("a", {"-x", "-SUBST"}, ""), "DICT SYNTAX a", "dictionary entry \"a\": -SUBST needs the word of an entry after it");
     FAILS(d.add("a", {"-x 'b"}, ""), "DICT SYNTAX a", "dictionary entry \"a\": word 2: expected a closing ', got the end of the text");
