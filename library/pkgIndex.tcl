@@ -1,0 +1,24 @@
+# pkgIndex.tcl -- sorma, and the services that come with it. The module is made for Tcl 8 or for Tcl 9.
+
+if {![package vsatisfies [package provide Tcl] 8.6-]} return
+
+package ifneeded sorma 1.0 [list apply {dir {
+    if {[package vsatisfies [package provide Tcl] 9.0-]} {
+        set module libtcl9sorma1.0
+    } else {
+        set module libsorma1.0
+    }
+    load [file join $dir $module[info sharedlibextension]] Sorma
+    set ::sorma::library $dir
+}} $dir]
+
+foreach file [glob -nocomplain -directory [file join $dir services] *.tcl *[info sharedlibextension]] {
+    set name [file rootname [file tail $file]]
+    if {[file extension $file] eq ".tcl"} {
+        set script [list source -encoding utf-8 $file]
+    } else {
+        set script "package require sorma\n[list load $file [string totitle $name]]"
+    }
+    package ifneeded sorma::service::$name 1.0 $script
+}
+unset -nocomplain file name script
