@@ -41,6 +41,8 @@ public:
     Ticket submit(std::string_view name, Method method, const Message& m, Deadline deadline);
     void flush(Deadline deadline);
     void collect(Ticket ticket, Message& m);
+    // Would collect return at once? Looks at what has been read, never at the socket.
+    bool arrived(Ticket ticket) const { return slots_[ticket]->state == Slot::State::done; }
 
     void connect(Deadline deadline);                    // now rather than at the first call
     void ping(Deadline deadline);
