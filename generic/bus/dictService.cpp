@@ -1,0 +1,108 @@
+// The SO `dict`: the dictionary of its SORM, editable as any service object, here or from elsewhere.
+#include "bus/deadline.h"
+#include "bus/requestText.h"
+#include "bus/sorm.h"
+
+namespace sorma {
+
+namespace {
+
+const Prototype kUnknown{Severity::error, "DICT UNKNOWN", 1, "dict: there is no entry \"{}\""};
+const Prototype kDenied{Severity::error, "DICT DENIED", 0,
+    "dict: this interpreter is safe and may not use files; its parent can grant it: sorma::grant INTERP -files 1"};
+
+class DictService : public Service {
+public:
+    void exec(Message& m) override {
+        std::string word = !m.text.empty() ? m.text : m.words.empty() ? std::string() : m.words[0];
+        m.clear();
+        m.text = expansion(word);
+    }
+
+    void dumpState(std::string& out) const override {
+        auto& dictionary = sorm().dictionary();
+        out += "# entries " + std::to_string(dictionary.size()) + "\n";
+        for (auto& file : dictionary.files()) out += "# file " + file + "\n";
+    }
+
+    void add(Args args, Message&) {
+        sorm().dictionary().add(args[0], {args.begin() + 1, args.end()}, Call::currentCaller().toText());
+        sorm().dictionaryChanged(args[0]);
+    }
+
+    void remove(Args args, Message&) {
+        for (auto& word : args)
+            if (!sorm().dictionary().has(word)) fail(kUnknown, word);
+        for (auto& word : args) {
+            sorm().dictionary().remove(word);
+            sorm().dictionaryChanged(word);
+        }
+    }
+
+    void get(Args args, Message& reply) {
+        auto* words = sorm().dictionary().get(args[0]);
+        if (!words) fail(kUnknown, args[0]);
+        addLine(reply, joinWords(*words));
+    }
+
+    void list(Args args, Message& reply) {
+        for (auto& word : sorm().dictionary().words(args.empty() ? "*" : args[0])) addLine(reply, word);
+    }
+
+    void expand(Args args, Message& reply) { addLine(reply, expansion(args[0])); }
+
+    void load(Args args, Message&) {
+        needFiles();
+        sorm().dictionary().load(args[0]);
+        sorm().dictionaryChanged({});
+    }
+
+    void reload(Args, Message&) {
+        needFiles();
+        sorm().dictionary().reload();
+        sorm().dictionaryChanged({});
+    }
+
+    void save(Args args, Message&) {
+        needFiles();
+        sorm().dictionary().save(args.empty() ? std::string() : args[0]);
+    }
+
+private:
+    std::string expansion(const std::string& word) {
+        if (!sorm().dictionary().has(word)) fail(kUnknown, word);
+        std::vector<std::string> words;
+        for (auto& w : sorm().dictionary().expand(word)) words.push_back(w.text);
+        return joinWords(words);
+    }
+
+    void needFiles() const {
+        if (!sorm().permissions.files) fail(kDenied);
+    }
+
+    static void addLine(Message& reply, const std::string& line) {
+        if (!reply.text.empty()) reply.text += '\n';
+        reply.text += line;
+    }
+};
+
+}  // namespace
+
+Class describeDict() {
+    return Class::of<DictService>("dict", "recipes, daemon addresses and default locations: one word expands to many")
+        .action("-add", &DictService::add, "word ?expansion ...?", "set an entry; one quoted text is split into words", 1, Action::kRest)
+        .action("-remove", &DictService::remove, "word ?word ...?", "take entries out", 1, Action::kRest)
+        .action("-get", &DictService::get, "word", "the words of an entry as they were written", 1, 1)
+        .action("-expand", &DictService::expand, "word", "the words of an entry with every -SUBST spliced in", 1, 1)
+        .action("-list", &DictService::list, "?pattern?", "the words that have an entry", 0, 1)
+        .action("-load", &DictService::load, "file", "read a file, all of it or nothing", 1, 1)
+        .action("-reload", &DictService::reload, "", "read all files again, and forget what they gave before")
+        .action("-save", &DictService::save, "?file?", "write back to the file that was loaded last, or to another; comments "
+                "and order stay", 0, 1)
+        .reads(Field::text, {}, "", "a word, also without TMSG")
+        .writes(Field::text, {}, "", "its expansion")
+        .words("?word?")
+        .example("dict CTRL -list");
+}
+
+}  // namespace sorma

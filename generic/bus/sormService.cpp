@@ -1,0 +1,132 @@
+// The SO `sorm`: looks into its SORM, and works on it: classes, objects, references, connections, daemons.
+#include "bus/deadline.h"
+#include "bus/glob.h"
+#include "bus/listText.h"
+#include "bus/requestText.h"
+#include "bus/sorm.h"
+
+namespace sorma {
+
+namespace {
+
+const Prototype kGone{Severity::error, "SERVICE GONE", 1, "sorm: there is no service object \"{}\""};
+const Prototype kDepth{Severity::error, "SORM DEPTH", 0, "sorm: requests in requests are {} deep; that is enough"};
+const Prototype kElsewhere{Severity::error, "COMM DENIED", 1,
+    "sorm: {} is served elsewhere; a daemon does not make connections for others"};
+constexpr std::size_t kMostLines = 1000;
+constexpr int kMostDepth = 16;
+
+class SormService : public Service {
+public:
+    // A request in a request, for those who have a message at hand and no dispatcher.
+    void exec(Message& m) override {
+        if (depth_ >= kMostDepth) fail(kDepth, depth_);
+        std::string request = std::move(m.text), reply;
+        ++depth_;
+        sorm().dispatch(request, reply);
+        --depth_;
+        m.clear();
+        m.text = std::move(reply);
+    }
+
+    void dumpState(std::string& out) const override { out += "# " + sizes() + "\n"; }
+
+    void classes(Args args, Message& reply) {
+        for (auto* type : sorm().classes()) {
+            if (!args.empty() && !globMatch(args[0], type->name())) continue;
+            std::string line;
+            for (auto& field : {type->name(), type->version(), type->purpose()}) appendListElement(line, field);
+            addLine(reply, line);
+        }
+    }
+
+    void objects(Args args, Message& reply) {
+        auto names = sorm().names(args.empty() ? "*" : args[0]);
+        for (std::size_t i = 0; i < names.size() && i < kMostLines; ++i) {
+            Service* s = sorm().find(names[i]);
+            std::string line;
+            appendListElement(line, names[i]);
+            if (names[i] != s->name()) appendListElement(line, "-> " + s->name());
+            appendListElement(line, s->type().name());
+            line += " references " + std::to_string(s->references()) + " calls " + std::to_string(s->calls()) + " at ";
+            appendListElement(line, s->location());
+            addLine(reply, line);
+        }
+        if (names.size() > kMostLines)
+            addLine(reply, "# and " + std::to_string(names.size() - kMostLines) + " more; give a pattern");
+    }
+
+    void referencesOf(Args args, Message& reply) {
+        Service* s = sorm().find(args[0]);
+        if (!s) fail(kGone, args[0]);
+        addLine(reply, std::to_string(s->references()));
+    }
+
+    void connections(Args, Message& reply) { network("connections", reply); }
+    void daemons(Args, Message& reply) { network("daemons", reply); }
+    void statistics(Args, Message& reply) {
+        addLine(reply, sizes());
+        network("statistics", reply);
+    }
+
+    void create(Args args, Message& reply) {
+        stayHere(args[0]);
+        addLine(reply, sorm().create(args[0], {args.begin() + 1, args.end()})->name());
+    }
+
+    void alias(Args args, Message&) {
+        stayHere(args[1]);
+        sorm().alias(args[0], args[1]);
+    }
+
+    void remove(Args args, Message&) {
+        for (auto& name : args)
+            if (!sorm().find(name)) fail(kGone, name);
+        for (auto& name : args)
+            if (sorm().find(name)) sorm().remove(name);
+    }
+
+private:
+    std::string sizes() const {
+        return "objects " + std::to_string(sorm().size()) + ", classes " + std::to_string(sorm().classes().size()) +
+               ", dictionary entries " + std::to_string(sorm().dictionary().size());
+    }
+
+    void network(const char* what, Message& reply) {
+        std::string text = sorm().networkFacts ? sorm().networkFacts(what) : std::string("# this program has no COMM");
+        if (!text.empty()) addLine(reply, text);
+    }
+
+    // A request from another process may not make this one connect to a third.
+    void stayHere(const std::string& name) const {
+        bool remote = Call::current() && &Call::currentCaller() != &Caller::self();
+        if (remote && !Name::parse(name).local()) fail(kElsewhere, name);
+    }
+
+    static void addLine(Message& reply, const std::string& line) {
+        if (!reply.text.empty()) reply.text += '\n';
+        reply.text += line;
+    }
+
+    int depth_ = 0;
+};
+
+}  // namespace
+
+Class describeSorm() {
+    return Class::of<SormService>("sorm", "the service object request manager: what there is here, and how it goes")
+        .action("-classes", &SormService::classes, "?pattern?", "classes: name, version, purpose", 0, 1)
+        .action("-objects", &SormService::objects, "?pattern?", "objects: name, class, references, calls of EXEC, place", 0, 1)
+        .action("-references", &SormService::referencesOf, "name", "how many hold a reference to an object", 1, 1)
+        .action("-connections", &SormService::connections, "", "connections to daemons, and from clients")
+        .action("-daemons", &SormService::daemons, "", "daemons of this user on this host: name, state, who, socket")
+        .action("-statistics", &SormService::statistics, "", "sizes and counts")
+        .action("-create", &SormService::create, "name ?word ...?", "make an object; words as in CTRL", 1, Action::kRest)
+        .action("-alias", &SormService::alias, "name target", "give an object a second name", 2, 2)
+        .action("-remove", &SormService::remove, "name ?name ...?", "remove objects", 1, Action::kRest)
+        .reads(Field::text, {}, "", "a request")
+        .writes(Field::text, {}, "", "its reply")
+        .example("sorm CTRL -classes");
+}
+
+}  // namespace sorma
