@@ -23,7 +23,7 @@ const Prototype kSafe{Severity::error, "COMM DENIED", 1, "service class \"{}\" i
 Interpreter::Interpreter(Tcl_Interp* i, bool isSafe) : interp(i), safe(isSafe), sorm(this) {
     sorm.permissions = {!safe, !safe};
     sorm.bindTo(interp);
-    Tcl_SetAssocData(interp, kKey, ended, this);
+    Tcl_SetAssocData(interp, kKey, deleted, this);
     addInteger("-traillimit", "entries", "longest trail of a request; the oldest verbose entries go first (whole process)",
                1, 1'000'000, [] { return std::int64_t(Trail::limit()); }, [](std::int64_t n) { Trail::setLimit(std::size_t(n)); });
 }
@@ -43,10 +43,30 @@ Interpreter::~Interpreter() {
 
 Interpreter* Interpreter::of(Tcl_Interp* interp) { return static_cast<Interpreter*>(Tcl_GetAssocData(interp, kKey, nullptr)); }
 
-void Interpreter::ended(ClientData data, Tcl_Interp*) {
+void Interpreter::deleted(ClientData data, Tcl_Interp*) {
     auto* self = static_cast<Interpreter*>(data);
     self->closed_ = true;
+    self->due_ = true;
     if (self->depth_ == 0) delete self;
+}
+
+void Interpreter::whenIdle(std::function<void()> action) {
+    if (depth_ == 0) return action();
+    waiting_.push_back(std::move(action));
+    due_ = true;
+}
+
+// What is done here may itself make calls, and leave more to do.
+void Interpreter::idle() {
+    ++depth_;
+    while (!waiting_.empty()) {
+        auto actions = std::move(waiting_);
+        waiting_.clear();
+        for (auto& action : actions) action();
+    }
+    --depth_;
+    due_ = closed_;
+    if (closed_) delete this;
 }
 
 void Interpreter::define(const char* name, Tcl_ObjCmdProc* proc) {

@@ -54,6 +54,10 @@ public:
     void atEnd(std::function<void()> action) { endings_.push_back(std::move(action)); }
     // The interpreter is going or gone: touch it no more.
     bool closing() const { return closed_ || Tcl_InterpDeleted(interp); }
+    bool ended() const { return closed_; }      // gone: not even its memory can be relied on
+
+    // Do it when no call is in progress: now, or at the end of the outermost one.
+    void whenIdle(std::function<void()> action);
 
     // Put a failure into the interpreter: message, -errorcode, -errorinfo, the trail of the last request.
     // request: entered where an entry of the trail has none. Returns TCL_ERROR.
@@ -81,7 +85,7 @@ public:
     public:
         explicit Entered(Interpreter& i) : i_(i) { ++i_.depth_; }
         ~Entered() {
-            if (--i_.depth_ == 0 && i_.closed_) [[unlikely]] delete &i_;
+            if (--i_.depth_ == 0 && i_.due_) [[unlikely]] i_.idle();
         }
         Entered(const Entered&) = delete;
         Entered& operator=(const Entered&) = delete;
@@ -91,12 +95,15 @@ public:
     };
 
 private:
-    static void ended(ClientData, Tcl_Interp*);
+    static void deleted(ClientData, Tcl_Interp*);
+    void idle();
 
     std::vector<Setting> settings_;
     std::vector<std::function<void()>> endings_;
     int depth_ = 0;
     bool closed_ = false;
+    bool due_ = false;                              // something waits for the end of the outermost call
+    std::vector<std::function<void()>> waiting_;
 };
 
 // The words of a command as request text, for the trail.

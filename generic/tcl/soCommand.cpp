@@ -34,7 +34,7 @@ inline Word methodOf(Tcl_Obj* o) {
 
 }  // namespace
 
-// What a command of a service object holds. It lives while a command names it or a call is in progress.
+// What a command of a service object holds. It lives while a command names it, and until no call is in progress.
 class SoBinding {
 public:
     struct Command {                    // client data of a Tcl command
@@ -51,28 +51,20 @@ public:
     Message message;                    // reused by each call that finds it free, so that a call does not allocate
     bool messageBusy = false;
     bool registered = false;            // in interpreter.bindings
-    int uses = 0;
     Command commands[2];                // ::sorma::so::NAME and ::NAME
 
+    // Without a command it goes, but not under the feet of a call in progress.
     void release() {
-        if (uses > 0 || commands[0].token || commands[1].token) return;
+        if (commands[0].token || commands[1].token) return;
         if (registered) interpreter.bindings.erase(name);
-        delete this;
+        registered = false;
+        interpreter.whenIdle([this] { delete this; });
     }
-
-    class InUse {
-    public:
-        explicit InUse(SoBinding& b) : b_(b) { ++b_.uses; }
-        ~InUse() {
-            --b_.uses;
-            b_.release();
-        }
-        InUse(const InUse&) = delete;
-        InUse& operator=(const InUse&) = delete;
-
-    private:
-        SoBinding& b_;
-    };
+    // A call in progress may stand on the reference that is replaced.
+    void renew(Reference fresh) {
+        std::swap(so, fresh);
+        interpreter.whenIdle([old = std::move(fresh)] {});
+    }
 
     // The binding's own message, or a fresh one while an outer call uses that. It is clear, and is cleared afterwards
     // unless the user says that it still is.
@@ -153,8 +145,7 @@ std::string requestText(const std::string& name, int objc, Objects objv) {
 }
 
 inline void invoke(SoBinding& b, Method method, Message& m, int objc, Objects objv) {
-    Reference so = b.so;        // the call may remove the object
-    so->invoke(method, m);
+    b.so->invoke(method, m);    // the call may remove the object, but not before it returns: see renew, release
     if (!m.trail.empty() || !b.interpreter.sorm.lastTrail().empty()) [[unlikely]] keepTrail(b, m, objc, objv);
 }
 
@@ -255,20 +246,19 @@ int tclDict(Tcl_Interp* interp, int objc, Objects objv) {
 int call(SoBinding& b, int objc, Objects objv) noexcept {
     Interpreter& interpreter = b.interpreter;
     Interpreter::Entered entered(interpreter);
-    SoBinding::InUse inUse(b);
     try {
         if (objc < 2) [[unlikely]] {
             Tcl_WrongNumArgs(interpreter.interp, 1, objv, "method ?word ...?");
             return TCL_ERROR;
         }
-        if (b.so->gone()) [[unlikely]] b.so = interpreter.sorm.get(b.name);
+        if (b.so->gone()) [[unlikely]] b.renew(interpreter.sorm.get(b.name));
         Word method = methodOf(objv[1]);
         if (method != Word::EXEC) return otherMethod(b, method, objc, objv);
         SoBinding::Borrowed borrowed(b);
         Message& m = *borrowed;
         if (objc > 2) readParts({objv + 2, std::size_t(objc - 2)}, m);
         invoke(b, Method::exec, m, objc, objv);
-        if (interpreter.closing()) [[unlikely]] return TCL_ERROR;
+        if (interpreter.ended()) [[unlikely]] return TCL_ERROR;
         if (m.code == 0 && m.floats.empty() && m.text.empty() && m.ints.empty() && m.any.empty() && m.trail.empty()) {
             borrowed.stillClear();
             Tcl_SetObjResult(interpreter.interp, interpreter.constants.ret0);
@@ -299,7 +289,6 @@ void makeCommands(SoBinding& b) {
     auto create = [&](SoBinding::Command& command, const std::string& full) {
         command.token = Tcl_CreateObjCommand(i.interp, full.c_str(), SoObjCmd, &command, soCommandDeleted);
     };
-    SoBinding::InUse inUse(b);
     if (!b.commands[0].token) create(b.commands[0], std::string(kNamespace) + b.name);
     std::string global = "::" + b.name;
     if (!b.commands[1].token && !Tcl_FindCommand(i.interp, global.c_str(), nullptr, TCL_GLOBAL_ONLY))
@@ -319,7 +308,7 @@ SoBinding& bindingFor(Interpreter& i, std::string_view name) {
     SoBinding* b;
     if (known != i.bindings.end()) {
         b = known->second;
-        b->so = std::move(so);
+        b->renew(std::move(so));
     } else {
         b = new SoBinding(i, key, std::move(so));
         b->registered = true;
@@ -474,7 +463,6 @@ void deleteCommands(Interpreter& interpreter, const std::string& name) {
     auto found = interpreter.bindings.find(name);
     if (found == interpreter.bindings.end()) return;
     SoBinding& b = *found->second;
-    SoBinding::InUse inUse(b);
     for (auto& command : b.commands)
         if (command.token) Tcl_DeleteCommandFromToken(interpreter.interp, command.token);
 }
@@ -484,8 +472,7 @@ void releaseBindings(Interpreter& interpreter) {
     interpreter.bindings.clear();
     for (auto& [name, binding] : left) {
         binding->registered = false;
-        binding->so = Reference();
-        binding->release();
+        delete binding;
     }
 }
 
