@@ -41,14 +41,21 @@ proc ::sorma::daemonMain words {
         return 2
     }
     try {
+        AtSignal [list set ::sorma::DaemonEnd signal]
         StartDaemon $settings
     } on error message {
         puts stderr "sormad: $message"
         return 1
     }
-    AtSignal [list set ::sorma::DaemonEnd signal]
-    vwait ::sorma::DaemonEnd
-    unserve [dict get $settings -name] "daemon [dict get $settings -name] was told to end"
+    if {![info exists DaemonEnd]} {
+        vwait ::sorma::DaemonEnd
+    }
+    set name [dict get $settings -name]
+    try {
+        unserve $name "daemon $name was told to end"
+    } trap {SORMA SERVICE GONE} {} {
+        # a service of ours has ended the serving before
+    }
     return 0
 }
 

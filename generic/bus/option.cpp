@@ -212,8 +212,8 @@ Value Option::parse(std::string_view object, std::string_view text) const {
 }
 
 Class::Class(std::string name, std::string purpose, std::function<std::unique_ptr<Service>()> make,
-             std::source_location where)
-    : name_(std::move(name)), purpose_(std::move(purpose)), file_(where.file_name()), line_(int(where.line())),
+             Where where)
+    : name_(std::move(name)), purpose_(std::move(purpose)), file_(where.file), line_(int(where.line)),
       make_(std::move(make)) {
     if (auto slash = file_.rfind('/'); slash != std::string::npos) file_.erase(0, slash + 1);
 }

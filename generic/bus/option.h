@@ -20,7 +20,6 @@
 #include <functional>
 #include <limits>
 #include <memory>
-#include <source_location>
 #include <span>
 #include <string>
 #include <string_view>
@@ -29,6 +28,7 @@
 #include <vector>
 
 #include "bus/message.h"
+#include "bus/where.h"
 
 namespace sorma {
 
@@ -101,11 +101,11 @@ struct Part {
 class Class {
 public:
     Class(std::string name, std::string purpose, std::function<std::unique_ptr<Service>()> make,
-          std::source_location where = std::source_location::current());
+          Where where = Where::current());
 
     template <class S>
     static Class of(std::string name, std::string purpose,
-                    std::source_location where = std::source_location::current()) {
+                    Where where = Where::current()) {
         return Class(std::move(name), std::move(purpose), [] { return std::make_unique<S>(); }, where);
     }
 

@@ -122,12 +122,6 @@ Args takeArguments(const Service& s, const Action& action, const std::vector<std
     return Args(words).subspan(at, n);
 }
 
-bool isBoolean(std::string_view word) {
-    for (auto b : {"0", "1", "true", "false", "yes", "no", "on", "off"})
-        if (word == b) return true;
-    return false;
-}
-
 }  // namespace
 
 Service::Service() = default;
@@ -227,7 +221,7 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, c
             const Option& o = class_->options()[index];
             if (o.spec.fixed && !birth) fail(kReadonly, name_, o.name);
             if (o.type == Type::flag) {
-                bool given = i < words.size() && isBoolean(words[i]);
+                bool given = i < words.size() && !words[i].starts_with('-');     // a flag alone is set
                 settings.push_back({index, o.parse(name_, given ? std::string_view(words[i++]) : "1"), origin});
                 continue;
             }
@@ -402,7 +396,7 @@ void CommonRequests::diff(Service& s, Args, Message& reply) {
         if (index < 0) continue;
         std::string value = "1";
         bool flag = s.type().options()[index].type == Type::flag;
-        if (i + 1 < words.size() && (!flag || isBoolean(words[i + 1].text))) value = words[++i].text;
+        if (i + 1 < words.size() && (!flag || !words[i + 1].text.starts_with('-'))) value = words[++i].text;
         std::erase_if(recipe, [&](auto& p) { return p.first == index; });
         recipe.emplace_back(index, value);
     }

@@ -147,6 +147,7 @@ std::uint32_t Connection::acquire(std::string_view name, Deadline deadline) {
     Slot& slot = *slots_[index];
     slot.name = name;
     slot.deadline = deadline;
+    slot.budget = fd_ < 0 ? deadline.left() : 0;        // otherwise write() takes the time anyway
     slot.failed = false;
     slot.into = nullptr;
     slot.state = Slot::State::done;                     // in use, nothing sent yet
@@ -262,38 +263,45 @@ bool Connection::receive(Deadline deadline) {
         setsockopt(fd_, SOL_SOCKET, SO_RCVTIMEO, &t, sizeof t);
         receiveTimeout_ = left;
     }
-    std::size_t half = in_.size();
-    std::size_t size = std::max(kReadSize, std::min(half, std::size_t{8} << 20));
-    char* room = in_.extend(size);
-    ssize_t n = recv(fd_, room, size, 0);
-    in_.resize(half + (n > 0 ? static_cast<std::size_t>(n) : 0));
-    if (n == 0) {
-        lost(lastWords_.empty() ? "the daemon closed it" : lastWords_);
-        return true;
-    }
+    ssize_t n = read(0);
+    if (n == 0) return lost("the daemon closed it"), true;
     if (n < 0) {
         if (errno == EINTR) return true;
         if (errno == EAGAIN) {
             receiveTimeout_ = 0;                        // it was shorter than the deadline, or the deadline is here
             return !deadline.passed();
         }
-        lost(std::strerror(errno));
-        return true;
+        return lost(std::strerror(errno)), true;
     }
+    takeRecords();
+    return true;
+}
+
+ssize_t Connection::read(int flags) {
+    std::size_t half = in_.size();
+    std::size_t size = std::max(kReadSize, std::min(half, std::size_t{8} << 20));
+    char* room = in_.extend(size);
+    ssize_t n = recv(fd_, room, size, flags);
+    in_.resize(half + (n > 0 ? static_cast<std::size_t>(n) : 0));
+    return n;
+}
+
+bool Connection::takeRecords() {
     while (in_.size() - inAt_ >= wire::kMarkSize) {
         XdrReader marks(in_.data() + inAt_, wire::kMarkSize);
         std::uint32_t mark = marks.u32();
         std::size_t length = mark & ~wire::kLastFragment;
         if (!(mark & wire::kLastFragment) || length > static_cast<std::size_t>(settings_.maxMessage)) {
             unread_ = printable(std::string_view(in_.data() + inAt_, in_.size() - inAt_));
+            drop();
             lost("what came is not a record of ONC RPC, or it is longer than -maxmessage");
-            return true;
+            return false;
         }
         if (in_.size() - inAt_ < wire::kMarkSize + length) break;
         std::string_view record(in_.data() + inAt_ + wire::kMarkSize, length);
         inAt_ += wire::kMarkSize + length;
         take(record);
-        if (fd_ < 0) return true;
+        if (fd_ < 0) return false;
     }
     in_.drop(inAt_);
     inAt_ = 0;
@@ -311,7 +319,10 @@ void Connection::take(std::string_view record) {
         return;
     }
     std::uint32_t index = envelope.xid & ((1u << kSlotBits) - 1);
-    if (!r.good() || index >= slots_.size()) return lost("a record that is no reply to any call");
+    if (!r.good() || index >= slots_.size()) {
+        drop();
+        return lost("a record that is no reply to any call");
+    }
     Slot& slot = *slots_[index];
     bool ours = (slot.state == Slot::State::sent || slot.state == Slot::State::abandoned) &&
                 envelope.xid == xidOf(index, slot.sequence);
@@ -435,7 +446,9 @@ std::string Connection::readWhole(Deadline deadline, std::string& record) {
 
 // The connection is gone. What was sent keeps its slot until we know which daemon answers next.
 void Connection::lost(const std::string& how) {
-    how_ = how;
+    // Replies and a GOODBYE may still be there to read: each of them is one doubt less.
+    while (fd_ >= 0 && read(MSG_DONTWAIT) > 0) takeRecords();
+    how_ = lastWords_.empty() ? how : "the daemon said: " + lastWords_;
     if (!unread_.empty()) how_ += " (\"" + unread_ + "\")";
     drop();
     ++reconnects_;

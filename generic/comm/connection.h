@@ -13,6 +13,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <sys/types.h>
 #include <vector>
 
 #include "bus/deadline.h"
@@ -79,6 +80,8 @@ private:
     bool transmit(const char* data, std::size_t size, Deadline deadline);   // false: the connection is lost
     void await(std::uint32_t slot);                     // until it is done, or throws on its deadline
     bool receive(Deadline deadline);                    // some bytes; false when the deadline has passed
+    ssize_t read(int flags);                            // once; as recv(2)
+    bool takeRecords();                                 // those that are complete; false: what came makes no sense
     void take(std::string_view record);
     void fail(std::uint32_t slot, Trail trail);
     void release(std::uint32_t slot);

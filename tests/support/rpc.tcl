@@ -81,7 +81,7 @@ proc rpc::Take channel {
 proc rpc::close channel {
     variable Input
     unset -nocomplain Input($channel) Input($channel,ended)
-    ::close $channel
+    catch {::close $channel}        ;# the peer may have reset it with our bytes unread
 }
 
 proc rpc::send {channel bytes} {
