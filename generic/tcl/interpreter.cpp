@@ -20,6 +20,27 @@ const Prototype kSafe{Severity::error, "COMM DENIED", 1, "service class \"{}\" i
 
 }  // namespace
 
+// A look for a package that is not there leaves its error in two global variables; nobody has asked for it.
+class KeepErrorVariables {
+public:
+    explicit KeepErrorVariables(Tcl_Interp* interp) : interp_(interp) {
+        for (int k = 0; k < 2; ++k) before_[k] = Tcl_GetVar2Ex(interp, kNames[k], nullptr, TCL_GLOBAL_ONLY);
+    }
+    ~KeepErrorVariables() {
+        if (Tcl_InterpDeleted(interp_)) return;
+        for (int k = 0; k < 2; ++k)
+            if (before_[k]) Tcl_SetVar2Ex(interp_, kNames[k], nullptr, before_[k], TCL_GLOBAL_ONLY);
+            else Tcl_UnsetVar2(interp_, kNames[k], nullptr, TCL_GLOBAL_ONLY);
+    }
+    KeepErrorVariables(const KeepErrorVariables&) = delete;
+    KeepErrorVariables& operator=(const KeepErrorVariables&) = delete;
+
+private:
+    static constexpr const char* kNames[] = {"errorInfo", "errorCode"};
+    Tcl_Interp* interp_;
+    Obj before_[2];
+};
+
 Interpreter::Interpreter(Tcl_Interp* i, bool isSafe) : interp(i), safe(isSafe), sorm(this) {
     sorm.permissions = {!safe, !safe};
     sorm.bindTo(interp);
@@ -118,6 +139,7 @@ int Interpreter::raise(Trail trail, const std::string& request) noexcept {
 bool Interpreter::loadClass(const std::string& name) {
     if (closing()) return false;
     KeepState keep(interp);
+    KeepErrorVariables keepVariables(interp);
     if (registerTclClass(*this, name)) return true;
     if (!sorm.permissions.files && safe) fail(kSafe, name);
     Obj words[] = {Tcl_NewStringObj("::package", -1), Tcl_NewStringObj("require", -1), newText("sorma::service::" + name)};

@@ -463,6 +463,7 @@ void deleteCommands(Interpreter& interpreter, const std::string& name) {
     auto found = interpreter.bindings.find(name);
     if (found == interpreter.bindings.end()) return;
     SoBinding& b = *found->second;
+    Interpreter::Entered entered(interpreter);      // b stays until both are deleted
     for (auto& command : b.commands)
         if (command.token) Tcl_DeleteCommandFromToken(interpreter.interp, command.token);
 }
