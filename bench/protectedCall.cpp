@@ -1,0 +1,168 @@
+// protectedCall.cpp -- calls into another process: a blocking C++ client, or a script, and sormad.
+#include "rows.h"
+
+#include <unistd.h>
+
+#include <memory>
+
+#include "interpreter.h"
+#include "process.h"
+#include "remote.h"
+
+namespace bench {
+
+namespace {
+
+constexpr int kInFlight = 64, kBig = 200'000, kRounds = 4;      // kRounds: windows in one operation
+constexpr std::int64_t kBatch = 1'000'000;
+constexpr const char* kRaw = "raw ping-pong of as many bytes, blocking";
+constexpr const char* kRawMany = "raw sockets, 64 in flight";
+constexpr const char* kRawBig = "raw transfer and byte swap";
+
+const std::vector<Case> kPairs = {
+    {"P_unix", "call, empty; one CPU", kRaw, 1.25, 0, 0, 1, kBatch},
+    {"P_tcp", "call, empty; one CPU", kRaw, 1.25, 0, 0, 1, kBatch},
+    {"P10_unix", "call, text and 10 floats; one CPU", kRaw, 1.4, 0, 0, 1, kBatch},
+    {"P10_tcp", "call, text and 10 floats; one CPU", kRaw, 1.4, 0, 0, 1, kBatch},
+    {"P_unix_2cpu", "call, empty; two CPUs", kRaw, 1.25, 0, 0, 1, kBatch},
+    {"P_tcp_2cpu", "call, empty; two CPUs", kRaw, 1.25, 0, 0, 1, kBatch},
+    {"P10_unix_2cpu", "call, text and 10 floats; two CPUs", kRaw, 1.4, 0, 0, 1, kBatch},
+    {"P10_tcp_2cpu", "call, text and 10 floats; two CPUs", kRaw, 1.4, 0, 0, 1, kBatch},
+};
+const Case kIdle = {"P_unix_idle", "call, empty, after 5 ms of silence; one CPU", kRaw, 0, 0, 0, 1, kBatch, 20};
+const std::vector<Case> kPipes = {
+    {"PIPE_unix", "64 calls in flight, empty; one CPU", kRawMany, 0, 0, 0, kInFlight * kRounds, kBatch},
+    {"PIPE_tcp", "64 calls in flight, empty; one CPU", kRawMany, 0, 0, 0, kInFlight * kRounds, kBatch},
+};
+const std::vector<Case> kScripts = {
+    {"PT_unix", "Tcl script: nop@robot EXEC; one CPU", "P_unix", 0, 0, 1000, Interpreter::kUnrolled, kBatch},
+    {"PT10_unix", "Tcl script: echo@robot EXEC TMSG .. FMSG 10 ..", "P10_unix", 0, 0, 0, Interpreter::kUnrolled, kBatch},
+};
+const std::vector<Case> kBigs = {
+    {"BIG_unix", "200 000 floats there and back; one CPU", kRawBig, 1.5, 0, 0, 1, kBatch, 20},
+    {"BIG_tcp", "200 000 floats there and back; one CPU", kRawBig, 1.5, 0, 0, 1, kBatch, 20},
+};
+
+std::vector<Case> allCases() {
+    std::vector<Case> all = kPairs;
+    all.push_back(kIdle);
+    for (auto* more : {&kPipes, &kScripts, &kBigs}) all.insert(all.end(), more->begin(), more->end());
+    return all;
+}
+
+bool contains(const Case& c, std::string_view part) { return std::string_view(c.row).find(part) != std::string_view::npos; }
+
+Body afterSilence(std::function<void()> call) {
+    return [call](std::int64_t count) {
+        std::int64_t spent = 0;
+        for (; count > 0; --count) {
+            usleep(5000);
+            std::int64_t start = now();
+            call();
+            spent += now() - start;
+        }
+        return spent;
+    };
+}
+
+void calls(Table& table, Bus& bus, const Daemon& daemon, const std::vector<Case>& cases) {
+    for (auto& c : cases) {
+        if (!table.wants(c.row)) continue;
+        bool tcp = contains(c, "tcp"), two = contains(c, "2cpu"), idle = contains(c, "idle");
+        int cpu = two ? cpus().second : cpus().first;
+        pin(daemon.process(), cpu);
+        Remote remote(bus, tcp ? daemon.tcpAddress() : daemon.unixAddress(), contains(c, "P10"));
+        RawServer raw(tcp ? Kind::tcp : Kind::unixSocket, cpu, remote.requestSize(), remote.replySize());
+        if (idle)
+            table.measure(c, afterSilence([&] { remote.call(); }), afterSilence([&] { raw.call(); }));
+        else
+            table.measure(c, repeat([&] { remote.call(); }), repeat([&] { raw.call(); }));
+        pin(daemon.process(), cpus().first);
+    }
+}
+
+void pipelines(Table& table, Bus& bus, const Daemon& daemon) {
+    for (auto& c : kPipes) {
+        if (!table.wants(c.row)) continue;
+        bool tcp = contains(c, "tcp");
+        Remote remote(bus, tcp ? daemon.tcpAddress() : daemon.unixAddress(), false);
+        RawServer raw(tcp ? Kind::tcp : Kind::unixSocket, cpus().first, remote.requestSize(), remote.replySize());
+        // A batch is one stream of calls: the window fills once, and empties once.
+        auto row = [&](std::int64_t count) {
+            std::int64_t start = now(), left = count * c.per - kInFlight;
+            remote.pipeline(kInFlight, [&](std::size_t came) {
+                bool go = left > 0;
+                if (go) left -= std::int64_t(came);
+                return go;
+            });
+            return now() - start;
+        };
+        auto floor = [&](std::int64_t count) {
+            std::int64_t start = now();
+            raw.pipeline(count * c.per, kInFlight);
+            return now() - start;
+        };
+        table.measure(c, row, floor);
+    }
+}
+
+void scripts(Table& table, Bus& bus, const Daemon& daemon) {
+    Interpreter interpreter;
+    auto measure = [&](const Case& c, const std::string& call, bool record) {
+        if (!table.wants(c.row)) return;
+        Remote remote(bus, daemon.name(), record);
+        std::string loop = interpreter.loop(call);
+        table.measure(c,
+                      [&](std::int64_t count) {
+                          std::int64_t start = now();
+                          interpreter.run(loop, count);
+                          return now() - start;
+                      },
+                      [&](std::int64_t count) {
+                          std::int64_t start = now();
+                          for (std::int64_t n = count * c.per; n > 0; --n) remote.call();
+                          return now() - start;
+                      });
+    };
+    measure(kScripts[0], "nop@" + daemon.name() + " EXEC", false);
+    std::string ten = "echo@" + daemon.name() + " EXEC TMSG {sixteen letters!} FMSG 10";
+    for (int i = 0; i < 10; ++i) ten += " [expr {1 / (" + std::to_string(i) + " + 3.0)}]";
+    measure(kScripts[1], interpreter.eval("return [subst {" + ten + "}]"), true);
+}
+
+void bigOnes(Table& table, Bus& bus, const Daemon& daemon) {
+    for (auto& c : kBigs) {
+        if (!table.wants(c.row)) continue;
+        bool tcp = contains(c, "tcp");
+        auto echo = bus.sorm.get("echo@" + (tcp ? daemon.tcpAddress() : daemon.unixAddress()));
+        sorma::Message m;
+        for (int i = 0; i < kBig; ++i) m.floats.push_back(i + 1 / 3.0);
+        std::vector<double> expected = m.floats, values = m.floats;
+        RawServer raw(tcp ? Kind::tcp : Kind::unixSocket, cpus().first, std::size_t(kBig));
+        table.measure(c, repeat([&] { echo.exec(m); }), repeat([&] { raw.echo(values); }));
+        if (m.floats != expected || values != expected) throw std::runtime_error("BIG: not the numbers that were sent");
+    }
+}
+
+}  // namespace
+
+void protectedCall(Table& table) {
+    std::vector<Case> all = allCases();
+    if (!table.wantsAny(all)) return;
+    try {
+        Folder folder;
+        Daemon daemon("bench", cpus().first);
+        Bus bus;
+        calls(table, bus, daemon, kPairs);
+        calls(table, bus, daemon, {kIdle});
+        pipelines(table, bus, daemon);
+        if (table.wantsAny(kScripts)) scripts(table, bus, daemon);
+        bigOnes(table, bus, daemon);
+    } catch (const Interrupted&) {
+        throw;
+    } catch (const std::exception& e) {
+        table.failed(all, e.what());
+    }
+}
+
+}  // namespace bench

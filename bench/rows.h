@@ -1,0 +1,17 @@
+// rows.h -- the groups of rows, in the order of the table. Each file lists its cases at the top.
+#pragma once
+
+#include "measure.h"
+
+namespace bench {
+
+void byReference(Table& table);         // F TO
+void tclCommand(Table& table);          // T
+void textDispatch(Table& table);        // S
+void protectedCall(Table& table);       // P PT PIPE BIG
+void growth(Table& table);              // each of them beside much else
+
+// bench --client ADDRESS nop|rec: the project as one more peer of a comparison with other systems.
+int client(const std::string& address, const std::string& payload);
+
+}  // namespace bench
