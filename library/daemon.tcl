@@ -106,7 +106,7 @@ proc ::sorma::StartDaemon settings {
         set log stderr
     }
     interp bgerror {} [list ::sorma::NoteBackgroundError $log]
-    InstallDictCommand
+    JoinDict
     foreach file [dict get $settings -dict] {
         ::sorma::so::dict CTRL -load $file
     }
@@ -134,14 +134,4 @@ proc ::sorma::NoteBackgroundError {log message options} {
     if {[dict exists $options -errorinfo]} {
         puts $log [dict get $options -errorinfo]
     }
-}
-
-# ::sorma::InstallDictCommand --
-#       Let Tcl's own ensemble dict also answer CTRL, EXEC and DBX, as in scott and in daemons.
-proc ::sorma::InstallDictCommand {} {
-    set map [namespace ensemble configure ::dict -map]
-    foreach method {CTRL EXEC DBX} {
-        ::dict set map $method [list ::sorma::so::dict $method]
-    }
-    namespace ensemble configure ::dict -map $map
 }

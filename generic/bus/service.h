@@ -110,6 +110,7 @@ private:
     std::unique_ptr<Record> record_;
     std::uint64_t calls_ = 0;               // EXECs
     std::uint32_t references_ = 0;
+    std::uint32_t names_ = 0;               // in the repository, second names included
     bool gone_ = false;
     bool checks_ = false;                   // class_->checksRequests()
     std::uint8_t verbosity_ = 1;            // 0 errors, 1 and warnings, 2 and verbose

@@ -127,7 +127,7 @@ Reference Sorm::make(const Name& name, const std::vector<std::string>* words) {
     std::string key = name.toText();
     if (address.kind == Address::Kind::self) {
         Reference here = words ? makeLocal(name.service, name.className, words) : get(name.service);
-        if (!here->gone()) repository_.insert_or_assign(key, here);     // the name with its address is a second name
+        if (!here->gone()) keep(key, here);     // the name with its address is a second name
         return here;
     }
     if (!permissions.network) fail(kDenied, key);
@@ -137,7 +137,7 @@ Reference Sorm::make(const Name& name, const std::vector<std::string>* words) {
     for (auto& w : dictionary_.expand(key)) recipe.push_back(w.text);
     if (words) recipe.insert(recipe.end(), words->begin(), words->end());
     Reference made = adopt(makeProxy(name, address, std::move(recipe)), key, *findClass("proxy"));
-    repository_.insert_or_assign(key, made);
+    keep(key, made);
     return made;
 }
 
@@ -190,8 +190,22 @@ Reference Sorm::makeLocal(const std::string& name, const std::string& className,
     } catch (...) {
         throw Error(trailOfCurrentException(name));
     }
-    repository_.insert_or_assign(name, made);
+    keep(name, made);
     return made;
+}
+
+void Sorm::keep(const std::string& key, const Reference& service) {
+    drop(key);
+    repository_.emplace(key, service);
+    ++service->names_;
+}
+
+void Sorm::drop(const std::string& key) {
+    auto found = repository_.find(key);
+    if (found == repository_.end()) return;
+    Reference service = std::move(found->second);       // it may end with this function, and look at us then
+    repository_.erase(found);
+    --service->names_;
 }
 
 void Sorm::remove(std::string_view name) {
@@ -203,7 +217,7 @@ void Sorm::remove(std::string_view name) {
     std::vector<std::string> leaving;
     if (own == name) {
         service->gone_ = true;
-        if (service->references() > 2) {     // perhaps by second names
+        if (service->names_ > 1) {
             for (auto& [key, value] : repository_)
                 if (value.get() == service.get()) leaving.push_back(key);
         } else {
@@ -212,7 +226,7 @@ void Sorm::remove(std::string_view name) {
     } else {
         leaving.emplace_back(name);
     }
-    for (auto& key : leaving) repository_.erase(key);
+    for (auto& key : leaving) drop(key);
     if (host_)
         for (auto& key : leaving) host_->removed(key);
 }
@@ -221,7 +235,7 @@ void Sorm::alias(std::string_view name, std::string_view target) {
     if (find(name)) fail(kExists, name);
     Name parsed = Name::parse(name);
     Reference service = get(target);
-    repository_.insert_or_assign(parsed.toText(), service);
+    keep(parsed.toText(), service);
 }
 
 std::vector<std::string> Sorm::names(std::string_view pattern) const {
@@ -245,7 +259,7 @@ void Sorm::dictionaryChanged(std::string_view word) {
         bool opaque = at != std::string::npos && key.find_first_of(":/", at) == std::string::npos;
         if (everything || located || byDefault || opaque) leaving.push_back(key);
     }
-    for (auto& key : leaving) repository_.erase(key);
+    for (auto& key : leaving) drop(key);
     if (host_)
         for (auto& key : leaving) host_->removed(key);
 }

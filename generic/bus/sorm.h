@@ -105,6 +105,8 @@ private:
 
     Reference make(const Name& name, const std::vector<std::string>* words);
     Reference makeLocal(const std::string& name, const std::string& className, const std::vector<std::string>* words);
+    void keep(const std::string& key, const Reference& service);
+    void drop(const std::string& key);
     Reference adopt(std::unique_ptr<Service> service, const std::string& name, const Class& type);
 
     Host* host_;
