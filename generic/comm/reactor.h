@@ -12,8 +12,6 @@
 #include <map>
 #include <vector>
 
-struct epoll_event;
-
 namespace sorma {
 
 class Reactor {
@@ -49,18 +47,17 @@ public:
     void cancel(std::uint64_t timer);
 
 private:
-    void armTimer();
+    struct Batch;                       // events that a poll on the stack has yet to call
+    int callAll(Batch& batch);
+    void armTimer(std::int64_t limit = 0);
     int runTimers();
     int runPending();
-    int wait(epoll_event* events, int most, std::int64_t nanoseconds);
 
-    bool preciseWait_ = true;
     int epoll_ = -1, timer_ = -1, bell_ = -1;
-    std::int64_t armed_ = 0;
+    std::int64_t armed_ = 0;            // when the timer goes off, 0: it is not set
     std::uint64_t nextTimer_ = 1;
     std::map<std::pair<std::int64_t, std::uint64_t>, std::function<void()>> timers_;
     std::vector<Watcher*> pending_;     // to be called again; the bell has been rung while it is not empty
-    struct Batch;                       // events that a poll on the stack has yet to call
     Batch* batches_ = nullptr;
 };
 

@@ -22,8 +22,9 @@ void EventSource::serve() {
     std::int64_t linger = nested || comm_.servers().empty() ? 0 : comm_.settings.linger * 1000;
     std::int64_t end = monotonicNow() + 2 * linger;
     try {
-        while (reactor.poll(linger) > 0 && linger > 0 && !interpreter.closing() && monotonicNow() < end) {
-        }
+        // Nothing may be there: the reactor's timer goes off once more after a linger that a request cut short.
+        bool more = reactor.poll(0) > 0 && linger > 0;
+        while (more && !interpreter.closing() && monotonicNow() < end) more = reactor.poll(linger) > 0;
     } catch (...) {
         // What a request throws ends in its reply; this is COMM itself at its wits' end (no memory, no descriptors).
         if (!interpreter.closing()) {
