@@ -5,6 +5,7 @@
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
+#include <pwd.h>
 #include <sys/file.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -14,6 +15,7 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <fstream>
 #include <memory>
 #include <utility>
 
@@ -29,7 +31,8 @@ const Prototype kFolder{Severity::error, "COMM DENIED", 1, "runtime folder {}: {
 const Prototype kHost{Severity::error, "ADDRESS UNRESOLVED", 1, "{}: host \"{}\" is not known: {}"};
 const Prototype kPath{Severity::error, "NAME SYNTAX", 1, "socket path {} has {} bytes, a Unix-domain socket takes at most {}"};
 const Prototype kListen{Severity::error, "COMM REFUSED", 1, "cannot listen on {}: {}"};
-const Prototype kTaken{Severity::error, "COMM REFUSED", 1, "{} is served already by a live daemon; end that one or choose another name"};
+const Prototype kTaken{Severity::error, "COMM REFUSED", 1,
+    "{} is served already by {}; this is {}; end that one or choose another name"};
 const Prototype kNotRegistered{Severity::error, "ADDRESS UNRESOLVED", 1, "{}: rpcbind on {} knows no program 0x{} (0x20000000 + 0x{})"};
 
 struct Closing {
@@ -69,6 +72,22 @@ int connectWithin(int fd, const sockaddr* address, socklen_t size, Deadline dead
         getsockopt(fd, SOL_SOCKET, SO_ERROR, &error, &length);
         return error;
     }
+}
+
+// Who listens at the other end of a Unix-domain socket, as the kernel knows him.
+std::string listenerOf(int fd) {
+    ucred who{};
+    socklen_t size = sizeof who;
+    if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &who, &size) < 0) return "another process";
+    Caller caller;
+    caller.process = who.pid;
+    caller.host = Caller::self().host;
+    passwd entry, *found = nullptr;
+    char space[1024];
+    if (getpwuid_r(who.uid, &entry, space, sizeof space, &found) == 0 && found) caller.user = found->pw_name;
+    std::ifstream program("/proc/" + std::to_string(who.pid) + "/comm");
+    std::getline(program, caller.program);
+    return "a live daemon, " + caller.toText();
 }
 
 void makeBlocking(int fd, bool blocking) {
@@ -169,7 +188,7 @@ int listenTcp(const std::string& host, int port, int& boundPort) {
     int on = 1;
     setsockopt(s.fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
     if (bind(s.fd, list->ai_addr, list->ai_addrlen) < 0) {
-        if (errno == EADDRINUSE) fail(kTaken, where);
+        if (errno == EADDRINUSE) fail(kTaken, where, "another process", Caller::self().toText());
         fail(kListen, where, std::strerror(errno));
     }
     if (listen(s.fd, SOMAXCONN) < 0) fail(kListen, where, std::strerror(errno));
@@ -194,7 +213,8 @@ int listenUnix(const std::string& path) {
         if (!S_ISSOCK(found.st_mode)) fail(kListen, path, "there is a file of that name which is no socket");
         Closing probe{socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)};
         int error = connectWithin(probe.fd, reinterpret_cast<sockaddr*>(&a), sizeof a, Deadline::in(1000));
-        if (error == 0 || error == EAGAIN) fail(kTaken, path);
+        if (error == 0) fail(kTaken, path, listenerOf(probe.fd), Caller::self().toText());
+        if (error == EAGAIN) fail(kTaken, path, "a busy daemon", Caller::self().toText());
         if (error == EACCES) fail(kListen, path, "it belongs to another user");
         unlink(path.c_str());
     }
