@@ -41,7 +41,7 @@ proc ::sorma::daemonMain words {
         return 2
     }
     try {
-        AtSignal [list set ::sorma::DaemonEnd signal]
+        AtSignal ::sorma::EndDaemon
         StartDaemon $settings
     } on error message {
         puts stderr "sormad: $message"
@@ -57,6 +57,15 @@ proc ::sorma::daemonMain words {
         # a service of ours has ended the serving before
     }
     return 0
+}
+
+# A service that waits in an event loop of its own keeps the daemon from ending: it gets a while, no more.
+proc ::sorma::EndDaemon {} {
+    variable DaemonEnd signal
+    after 5000 {
+        puts stderr "sormad: told to end, but a request did not end in 5 s"
+        exit 1
+    }
 }
 
 # Read the command line into a dict: option -> value, or list of values for -dict and -package.

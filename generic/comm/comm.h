@@ -35,6 +35,10 @@ public:
     void unserve(const std::string& name, const std::string& reason);       // fails with SERVICE GONE
     Server* findServer(const std::string& name);
     const std::map<std::string, std::unique_ptr<Server>>& servers() const { return servers_; }
+    // To be called when an event loop is entered while a request is executed (as Server::handBack).
+    void handBack() {
+        for (auto& [name, server] : servers_) server->handBack();
+    }
 
     // A daemon found in the runtime folder.
     struct Found {

@@ -177,8 +177,7 @@ void Server::Peer::spill(Frame& frame) {
 
 void Server::Peer::receive() {
     if (server_.depth_ == 0) server_.retired_.clear();
-    else
-        for (Frame* f = server_.frames_; f; f = f->outer) f->peer->spill(*f);
+    else server_.handBack();
     if (server_.scratch_.size() <= server_.depth_) server_.scratch_.push_back(std::make_unique<Scratch>());
     Scratch& scratch = *server_.scratch_[server_.depth_];
 
@@ -527,6 +526,10 @@ std::string Server::Peer::tooSlow(std::int64_t now) const {
 }
 
 // ---- the server ----
+
+void Server::handBack() {
+    for (Frame* f = frames_; f; f = f->outer) f->peer->spill(*f);
+}
 
 Server::Server(Sorm& sorm, Reactor& reactor, const Settings& settings, const Wanted& wanted)
     : sorm_(sorm), reactor_(reactor), settings_(settings), name_(wanted.name), boot_(randomNumber()), started_(wallNow()) {

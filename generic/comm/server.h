@@ -49,6 +49,8 @@ public:
     int port() const { return port_; }                          // 0: none
     std::uint32_t program() const { return program_; }          // offset; 0: none
     std::size_t connections() const { return peers_.size(); }
+    // A service that is being executed enters an event loop: let that loop serve what has been read already.
+    void handBack();
     bool serving() const { return depth_ > 0; }                 // is one of its requests on the stack?
     std::uint64_t served() const { return served_; }
     std::string connectionsText() const;                        // a line for each peer

@@ -7,9 +7,20 @@ namespace sorma {
 EventSource::EventSource(Interpreter& interpreter, Comm& comm)
     : interpreter_(interpreter), comm_(comm), epoll_(comm.reactor().descriptor()) {
     Tcl_CreateFileHandler(epoll_, TCL_READABLE, readable, this);
+    Tcl_CreateEventSource(enteringLoop, nullptr, this);
 }
 
-EventSource::~EventSource() { Tcl_DeleteFileHandler(epoll_); }
+EventSource::~EventSource() {
+    Tcl_DeleteEventSource(enteringLoop, nullptr, this);
+    Tcl_DeleteFileHandler(epoll_);
+}
+
+// Tcl is about to wait. In the middle of a request that is a service's own event loop: what the reactor has read and not
+// yet served would wait for the end of that request, since no descriptor tells of it any more.
+void EventSource::enteringLoop(ClientData data, int) {
+    auto* self = static_cast<EventSource*>(data);
+    if (self->comm_.reactor().polling()) self->comm_.handBack();
+}
 
 void EventSource::readable(ClientData data, int) { static_cast<EventSource*>(data)->serve(); }
 

@@ -19,6 +19,7 @@ public:
 
 private:
     static void readable(ClientData data, int mask);
+    static void enteringLoop(ClientData data, int flags);
     void serve();
 
     Interpreter& interpreter_;

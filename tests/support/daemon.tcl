@@ -54,6 +54,9 @@ proc daemon::stop name {
     set facts [dict get $Running $name]
     dict unset Running $name
     exec kill -TERM [dict get $facts pid]
+    if {[catch {waitFor {[Ended [dict get $facts pid]]}} message]} {
+        exec kill -KILL [dict get $facts pid]
+    }
     set failed [catch {close [dict get $facts pipe]} message]
     set said [ReadFile [dict get $facts log]]
     file delete [dict get $facts log]
@@ -87,6 +90,14 @@ proc daemon::stopAll {} {
     if {[::info exists Sockets]} {
         file delete {*}$Sockets
     }
+}
+
+# Has the process ended? Until its pipe is closed it is left as a zombie.
+proc daemon::Ended pid {
+    if {[catch {ReadFile /proc/$pid/stat} stat]} {
+        return 1
+    }
+    return [regexp {^\d+ \(.*\) Z} $stat]
 }
 
 proc daemon::ReadFile file {
