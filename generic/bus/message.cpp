@@ -12,12 +12,11 @@ const char* toText(Method method) {
 }
 
 bool fromText(std::string_view text, Method& out) {
-    for (Method m : {Method::exec, Method::ctrl, Method::dbx}) {
-        if (text != toText(m)) continue;
-        out = m;
-        return true;
-    }
-    return false;
+    if (text == "EXEC") out = Method::exec;
+    else if (text == "CTRL") out = Method::ctrl;
+    else if (text == "DBX") out = Method::dbx;
+    else return false;
+    return true;
 }
 
 }  // namespace sorma

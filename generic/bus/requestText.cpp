@@ -661,8 +661,12 @@ void appendRequest(std::string& out, std::string_view name, Method method, const
 
 void appendReply(std::string& out, std::string_view name, const Message& message) {
     appendWord(out, name);
-    out += " RET ";
-    appendNumber(out, std::int64_t{message.code});
+    if (message.code == 0) {
+        out += " RET 0";
+    } else {
+        out += " RET ";
+        appendNumber(out, std::int64_t{message.code});
+    }
     appendParts(out, message);
     if (!message.trail.empty()) {
         out += " TDBX";

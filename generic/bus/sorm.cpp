@@ -51,6 +51,7 @@ Sorm::~Sorm() {
         for (auto* key : keys_) bindings().sorms.erase(key);
     }
     // Objects may refer to each other and look at the SORM in their destructors: let go of them one by one.
+    recent_ = {};
     while (!repository_.empty()) {
         Reference r = std::move(repository_.begin()->second);
         repository_.erase(repository_.begin());
@@ -204,6 +205,7 @@ void Sorm::drop(const std::string& key) {
     auto found = repository_.find(key);
     if (found == repository_.end()) return;
     Reference service = std::move(found->second);       // it may end with this function, and look at us then
+    recent(key) = {};
     repository_.erase(found);
     --service->names_;
 }
@@ -272,19 +274,34 @@ void Sorm::call(std::string_view name, Method method, Message& m) {
 }
 
 void Sorm::dispatch(std::string_view request, std::string& reply) noexcept {
-    Message own;
-    std::string ownName;
-    bool outermost = !scratchBusy_;
+    if (scratchBusy_) {                     // from inside a service that was called by dispatch
+        Message m;
+        std::string name;
+        return dispatchWith(m, name, request, reply);
+    }
     scratchBusy_ = true;
-    Message& m = outermost ? scratch_ : own;
-    std::string& name = outermost ? scratchName_ : ownName;
+    dispatchWith(scratch_, scratchName_, request, reply);
+    scratchBusy_ = false;
+}
+
+void Sorm::dispatchWith(Message& m, std::string& name, std::string_view request, std::string& reply) noexcept {
+    constexpr std::string_view kBare = " EXEC";
     Method method = Method::exec;
     reply.clear();
     name.clear();
+    std::string_view who = request.ends_with(kBare) ? request.substr(0, request.size() - kBare.size()) : std::string_view();
+    // "NAME EXEC" of a known object needs no parser: no name holds anything that would be read otherwise.
+    Service* known = who.empty() ? nullptr : find(who);
     try {
-        parseRequest(request, name, method, m);
-        Service* known = find(name);
-        Reference service = known ? Reference(known) : get(name);
+        if (known) {
+            m.clear();
+        } else {
+            who = {};
+            parseRequest(request, name, method, m);
+            who = name;
+            known = find(who);
+        }
+        Reference service = known ? Reference(known) : get(who);
         service->invoke(method, m);
     } catch (...) {
         Trail trail = trailOfCurrentException({});
@@ -293,11 +310,10 @@ void Sorm::dispatch(std::string_view request, std::string& reply) noexcept {
         m.clear();
         m.code = -1;
         m.trail = std::move(trail);
-        if (name.empty()) name = "sorm";
+        if (who.empty()) who = name.empty() ? std::string_view("sorm") : name;
     }
     if (!m.trail.empty() || !lastTrail_.empty()) lastTrail_ = m.trail;
-    appendReply(reply, name, m);
-    if (outermost) scratchBusy_ = false;
+    appendReply(reply, who, m);
 }
 
 }  // namespace sorma

@@ -4,6 +4,7 @@
 // plant makes it, configures it from its recipe in the dictionary, and keeps it.
 #pragma once
 
+#include <array>
 #include <functional>
 #include <map>
 #include <memory>
@@ -52,8 +53,12 @@ public:
 
     // ---- repository ----
     Service* find(std::string_view name) const {                    // null when there is none; never makes one
+        Recent& last = recent(name);
+        if (last.name && *last.name == name) return last.service;
         auto found = repository_.find(name);
-        return found == repository_.end() ? nullptr : found->second.get();
+        if (found == repository_.end()) return nullptr;
+        last = {&found->first, found->second.get()};
+        return last.service;
     }
     // The object of that name, made when need be. Fails with NAME SYNTAX, NAME UNKNOWN_CLASS, OPTION ..., SERVICE
     // CYCLE, SERVICE FAILED (its constructor threw), ADDRESS UNRESOLVED, COMM ...
@@ -103,6 +108,19 @@ private:
     };
     using Repository = std::unordered_map<std::string, Reference, Hash, std::equal_to<>>;
 
+    void dispatchWith(Message& m, std::string& name, std::string_view request, std::string& reply) noexcept;
+    // What find() found last: a name that is used again needs no hash and no walk along a chain.
+    // Invariant: name points to a key of repository_, service is what it holds there.
+    struct Recent {
+        const std::string* name = nullptr;
+        Service* service = nullptr;
+    };
+    Recent& recent(std::string_view name) const {
+        auto at = [&](std::size_t i) { return static_cast<unsigned char>(name[i]); };
+        std::size_t n = name.size();
+        return recent_[n == 0 ? 0 : (n + 7 * at(n / 2) + 5 * at(n - 1)) % recent_.size()];
+    }
+
     Reference make(const Name& name, const std::vector<std::string>* words);
     Reference makeLocal(const std::string& name, const std::string& className, const std::vector<std::string>* words);
     void keep(const std::string& key, const Reference& service);
@@ -113,6 +131,7 @@ private:
     std::map<std::string, std::unique_ptr<Class>, std::less<>> classes_;
     std::vector<std::unique_ptr<Class>> forgotten_;     // objects may still point at them
     Repository repository_;
+    mutable std::array<Recent, 64> recent_{};
     Dictionary dictionary_;
     std::vector<std::string> births_;       // names under construction, outermost first
     Message scratch_;                       // of dispatch, while not in use by an outer dispatch
