@@ -1,2 +1,158 @@
-# tour.tcl -- the main job of ./bootstrap run: a daemon on loopback, and requests to it.
-puts "tour"
+# tour.tcl -- the main job of ./bootstrap run: a daemon on loopback with the services of the box, and requests to it.
+#
+# On a terminal each line typed is a request or any Tcl. Without one the tour of README.md is played: its commands are
+# run and what comes back is held against what stands there; the exit code is 1 when any line is not true.
+
+namespace eval tour {
+    variable Here [file dirname [file dirname [file normalize [info script]]]]
+    variable Folder     ;# private runtime folder, gone at the end
+    variable Daemon     ;# pipe of sormad
+}
+
+proc tour::begin {} {
+    variable Folder [exec mktemp -d /tmp/sorma-tour-XXXXXX]
+    variable Daemon
+    set ::env(SORMA_RUNTIME_DIR) $Folder
+    set file [open [file join $Folder tour.dict] w]
+    puts $file "# recipes of the report of 1996, section 1.5"
+    puts $file "foo.a   -breakfast -where kitchen -tempo presto"
+    puts $file "foo.b   -breakfast -where garden -freshJuice -tempo adagio"
+    puts $file "bar     -tea 1.5 -ice crushed -lemon 0.3"
+    close $file
+    set packages {}
+    foreach class {nop echo foo bar host} {
+        lappend packages sorma::service::$class
+    }
+    set Daemon [open [list | sormad -name robot -port 0 -dict [file join $Folder tour.dict] -package {*}$packages 2>@stderr] r]
+    gets $Daemon line
+    if {![string match "ready robot *" $line]} {
+        return -code error "the daemon did not start: $line"
+    }
+    return $line
+}
+
+proc tour::end {} {
+    variable Folder
+    variable Daemon
+    if {[info exists Daemon]} {
+        catch {exec kill -TERM {*}[pid $Daemon]}
+        catch {close $Daemon}
+    }
+    file delete -force $Folder
+}
+
+# Run one command at global level. Returns what a terminal would show, and sets failedVar.
+proc tour::run {command failedVar} {
+    upvar 1 $failedVar failed
+    set failed [catch {uplevel #0 $command} result]
+    return $result
+}
+
+# The commands of README.md between ```tcl and ```, with what is expected after each: list of command, expected.
+proc tour::steps {} {
+    variable Here
+    set file [open [file join $Here README.md]]
+    fconfigure $file -encoding utf-8
+    set text [read $file]
+    close $file
+    set steps {}
+    foreach {- block} [regexp -all -inline {```tcl\n(.*?)\n```} $text] {
+        set command {}
+        set expected {}
+        foreach line [split $block \n] {
+            if {[string match "% *" $line]} {
+                if {$command ne {}} {
+                    lappend steps $command [join $expected \n]
+                }
+                set command [string range $line 2 end]
+                set expected {}
+            } elseif {![info complete $command]} {
+                append command \n $line
+            } else {
+                lappend expected $line
+            }
+        }
+        if {$command ne {}} {
+            lappend steps $command [join $expected \n]
+        }
+    }
+    return $steps
+}
+
+# Does what came match what is written, where "..." stands for anything?
+proc tour::matches {came expected} {
+    set pattern [string map {* \\* ? \\? \[ \\\[ \] \\\] \\ \\\\} $expected]
+    return [string match [string map {... *} $pattern] $came]
+}
+
+proc tour::play {} {
+    set wrong 0
+    foreach {command expected} [steps] {
+        set command [regsub {\s*;#[^\n]*$} $command {}]
+        puts "% $command"
+        set came [run $command failed]
+        if {$came ne {}} {
+            puts $came
+        }
+        if {![matches $came $expected]} {
+            puts "==== README.md says instead:\n$expected"
+            incr wrong
+        }
+    }
+    if {$wrong > 0} {
+        puts "$wrong lines of the tour are not true"
+    }
+    return [expr {$wrong > 0}]
+}
+
+proc tour::prompt line {
+    puts "A daemon runs: $line"
+    puts "Type requests or any Tcl; exit ends. Try:  foo.a@robot CTRL -help    host@robot EXEC    bar@robot EXEC"
+    set command {}
+    while 1 {
+        puts -nonewline [expr {$command eq {} ? "% " : "> "}]
+        flush stdout
+        if {[gets stdin line] < 0} {
+            puts {}
+            return 0
+        }
+        append command $line
+        if {![info complete $command]} {
+            append command \n
+            continue
+        }
+        if {[string trim $command] eq "exit"} {
+            return 0
+        }
+        set came [run $command failed]
+        if {$failed} {
+            foreach entry [sorma::trail] {
+                set from [dict get $entry so]
+                if {[dict get $entry daemon] ne {}} {
+                    append from @[dict get $entry daemon]
+                }
+                puts "  [dict get $entry severity] [dict get $entry code] ($from, [dict get $entry file]:[dict get $entry line])"
+            }
+        }
+        if {$came ne {}} {
+            puts $came
+        }
+        set command {}
+    }
+}
+
+set code 1
+try {
+    set line [tour::begin]
+    if {[catch {exec test -t 0 <@stdin}]} {
+        set code [tour::play]
+    } else {
+        uplevel #0 {package require sorma}
+        set code [tour::prompt $line]
+    }
+} on error message {
+    puts stderr "tour: $message"
+} finally {
+    tour::end
+}
+exit $code
