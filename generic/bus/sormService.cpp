@@ -21,6 +21,7 @@ public:
     // A request in a request, for those who have a message at hand and no dispatcher.
     void exec(Message& m) override {
         if (depth_ >= kMostDepth) fail(kDepth, depth_);
+        if (remote()) stayHere(receiver(m.text));
         std::string request = std::move(m.text), reply;
         ++depth_;
         sorm().dispatch(request, reply);
@@ -48,7 +49,7 @@ public:
             appendListElement(line, names[i]);
             if (names[i] != s->name()) appendListElement(line, "-> " + s->name());
             appendListElement(line, s->type().name());
-            line += " references " + std::to_string(s->references()) + " calls " + std::to_string(s->calls()) + " at ";
+            line += " references " + std::to_string(s->references()) + " calls " + std::to_string(s->calls()) + " at";
             appendListElement(line, s->location());
             addLine(reply, line);
         }
@@ -75,6 +76,7 @@ public:
     }
 
     void alias(Args args, Message&) {
+        stayHere(args[0]);
         stayHere(args[1]);
         sorm().alias(args[0], args[1]);
     }
@@ -97,10 +99,26 @@ private:
         if (!text.empty()) addLine(reply, text);
     }
 
-    // A request from another process may not make this one connect to a third.
-    void stayHere(const std::string& name) const {
-        bool remote = Call::current() && &Call::currentCaller() != &Caller::self();
-        if (remote && !Name::parse(name).local()) fail(kElsewhere, name);
+    static bool remote() { return Call::current() && &Call::currentCaller() != &Caller::self(); }
+
+    // Whom a request is for. Empty when it cannot be read: dispatch will say why.
+    static std::string receiver(const std::string& request) {
+        std::string name;
+        Method method = Method::exec;
+        Message ignored;
+        try {
+            parseRequest(request, name, method, ignored);
+        } catch (const Error&) {
+            name.clear();
+        }
+        return name;
+    }
+
+    // A request from another process may not make this one connect to a third, nor take a name that means a third.
+    // The rule is the server's: it serves no name that has an address or a class in upper case.
+    static void stayHere(const std::string& name) {
+        bool elsewhere = name.find('@') != std::string::npos || (!name.empty() && name[0] >= 'A' && name[0] <= 'Z');
+        if (elsewhere && remote()) fail(kElsewhere, name);
     }
 
     static void addLine(Message& reply, const std::string& line) {
