@@ -39,6 +39,21 @@ double seconds(clockid_t id) {
     return double(t.tv_sec) + double(t.tv_nsec) / 1e9;
 }
 
+// A path as /proc/self/mounts writes it: white space, backslash and # are three octal digits after a backslash.
+std::string unescaped(const std::string& text) {
+    auto octal = [&](std::size_t i) { return text[i] >= '0' && text[i] <= '7'; };
+    std::string out;
+    for (std::size_t i = 0; i < text.size(); ++i) {
+        if (text[i] == '\\' && i + 3 < text.size() && octal(i + 1) && octal(i + 2) && octal(i + 3)) {
+            out += char((text[i + 1] - '0') * 64 + (text[i + 2] - '0') * 8 + (text[i + 3] - '0'));
+            i += 3;
+        } else {
+            out += text[i];
+        }
+    }
+    return out;
+}
+
 void measure(Disk& d) {
     struct statvfs s;
     if (statvfs(d.path.c_str(), &s) != 0) fail(kUnreadable, d.path, std::strerror(errno));
@@ -86,7 +101,9 @@ std::vector<Disk> disks() {
         std::istringstream words(line);
         Disk d{};
         words >> d.device >> d.path >> d.type;
-        if (!d.device.starts_with("/dev/") || !seen.insert(d.device).second) continue;
+        d.path = unescaped(d.path);
+        bool real = d.device.starts_with("/dev/") || d.type == "zfs" || d.path == "/";     // root: a container has no device
+        if (!real || !seen.insert(d.device).second) continue;
         try {
             measure(d);
         } catch (const sorma::Error&) {

@@ -24,7 +24,7 @@ struct Disk {
     std::string path, device, type;
     double size, available;                             // [bytes]; available: to ordinary users
 };
-std::vector<Disk> disks();                              // file systems on real devices, each device once
+std::vector<Disk> disks();                              // file systems that hold files, each device once
 Disk disk(const std::string& path);                     // the file system that holds path
 
 struct Temperature {

@@ -16,7 +16,8 @@ public:
         return sorma::Class::of<HostService>("host", "figures of the machine it runs on")
             .text("-path", &HostService::path_, {.help = "a file on the disk that the summary tells about"})
             .words("?clock|disks|load|memory|temperatures?")
-            .writes(sorma::Field::floats, {}, "1, bytes, K or s", "the figures")
+            .writes(sorma::Field::floats, {}, "1, bytes, K or s",
+                    "load [1], memory and disks [bytes], temperatures [K], clock [s]; temperatures: none without a thermometer")
             .writes(sorma::Field::text, {}, "", "a line for each: name, value, unit")
             .example("host EXEC load");
     }
@@ -79,7 +80,9 @@ private:
     void temperatures(sorma::Message& m) const {
         auto all = host::temperatures();
         for (auto& t : all) put(m, t.name, t.kelvin, "K");
-        if (all.empty()) m.warn(kCold, name());
+        if (!all.empty()) return;
+        if (m.text.empty()) m.text = "# this machine has no thermometer that the kernel knows";
+        m.warn(kCold, name());
     }
 
     static void clock(sorma::Message& m) {
