@@ -10,6 +10,7 @@ int provide(Tcl_Interp* interp, const char* package, const char* version, std::v
         if (!sorm) return 1;        // nobody there to report to
         for (auto& c : classes) {
             std::string name = c.name();
+            c.version(version);
             sorm->add(std::move(c));
             added.push_back(std::move(name));
         }
