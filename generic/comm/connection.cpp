@@ -20,6 +20,7 @@ namespace sorma {
 namespace {
 
 constexpr std::size_t kReadSize = 64 * 1024;
+constexpr std::size_t kKeepBuffer = 4 << 20;            // a longer message's memory is given back
 constexpr std::size_t kBatchSize = 32 * 1024;           // of submitted requests, before they are sent unasked
 constexpr std::int64_t kIdle = 1'000'000;               // [ns] silence after which a connection may have died unnoticed
 constexpr std::int64_t kFirstPause = 2'000'000, kLastPause = 500'000'000;   // [ns] between attempts to reconnect
@@ -170,7 +171,7 @@ void Connection::release(std::uint32_t index) {
     }
     slot.state = Slot::State::free;
     slot.into = nullptr;
-    if (slot.request.capacity() > kReadSize) slot.request.release();
+    if (slot.request.capacity() > kKeepBuffer) slot.request.release();
     free_.push_back(index);
 }
 
@@ -305,7 +306,7 @@ bool Connection::takeRecords() {
     }
     in_.drop(inAt_);
     inAt_ = 0;
-    if (in_.empty() && in_.capacity() > 4 * kReadSize) in_.release();
+    if (in_.empty() && in_.capacity() > kKeepBuffer) in_.release();
     return true;
 }
 

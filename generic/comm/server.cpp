@@ -27,6 +27,7 @@ constexpr std::size_t kReadSize = 64 * 1024;
 constexpr int kBatch = 64;                              // requests of one peer in one turn
 constexpr std::size_t kQueueLimit = 1 << 20;            // of replies not taken, before we stop reading a peer
 constexpr std::size_t kKeepBuffer = 4096;               // a peer's own buffers may stay this large when empty
+constexpr std::size_t kKeepSpare = 4 << 20;             // buffers that all peers share, kept for the next long message
 constexpr std::int64_t kQuick = 20'000;                 // [ns] a call this short does not hold up replies before it
 constexpr std::int64_t kSweep = 250'000'000;            // [ns]
 constexpr std::size_t kOrphans = 1000;                  // sessions without a connection that are remembered
@@ -187,6 +188,11 @@ void Server::Peer::receive() {
     std::size_t before = in_.size(), size = kReadSize;
     if (inPeer) {
         size = std::max(kReadSize, std::min(before, std::size_t{8} << 20));     // grows with what really came
+        if (in_.capacity() < before + size && server_.spare_.capacity() >= before + size) {
+            server_.spare_.clear();
+            server_.spare_.append(in_.data(), before);
+            std::swap(in_, server_.spare_);
+        }
         room = in_.extend(size);
     }
     ssize_t n = recv(fd_, room, size, MSG_DONTWAIT);
@@ -257,7 +263,7 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
     std::size_t left = static_cast<std::size_t>(frame.end - frame.at);
     if (frame.inPeer) in_.drop(in_.size() - left);
     else in_.append(frame.at, left);
-    if (in_.empty() && in_.capacity() > kKeepBuffer) in_.release();
+    if (in_.empty() && in_.capacity() > kKeepBuffer) server_.giveBack(in_);
     if (more) server_.reactor_.again(this);
     bool half = !more && (left > 0 || skip_ > 0 || fragments_.size() > 0) && queued() <= kQueueLimit;
     if (!half) halfSince_ = 0;
@@ -463,7 +469,7 @@ void Server::Peer::reply(std::uint32_t xid, const wire::Times& times, Message& m
 void Server::Peer::flush(Scratch& scratch) {
     if (!scratch.out.empty() && open()) push(scratch.out.data(), scratch.out.size());
     scratch.out.clear();
-    if (scratch.out.capacity() > 4 * kReadSize) scratch.out.release();
+    if (scratch.out.capacity() > kKeepSpare) scratch.out.release();
 }
 
 void Server::Peer::push(const char* data, std::size_t size) {
@@ -478,6 +484,10 @@ void Server::Peer::push(const char* data, std::size_t size) {
         }
         if (size == 0) return;
         stuckSince_ = monotonicNow();
+        if (server_.spare_.capacity() >= size) {
+            std::swap(out_, server_.spare_);
+            out_.clear();
+        }
     }
     out_.append(data, size);
     server_.watchSlow(this);
@@ -496,7 +506,8 @@ void Server::Peer::drain() {
     }
     if (moved) stuckSince_ = monotonicNow();
     if (queued() == 0) {
-        out_.release();
+        out_.clear();
+        if (out_.capacity() > kKeepBuffer) server_.giveBack(out_);
         sent_ = 0;
         stuckSince_ = 0;
     } else if (sent_ > kQueueLimit) {
@@ -526,6 +537,12 @@ std::string Server::Peer::tooSlow(std::int64_t now) const {
 }
 
 // ---- the server ----
+
+// A long message's buffer, for the next one: a page that is had anew costs more than what is written into it.
+void Server::giveBack(Buffer& buffer) {
+    if (buffer.capacity() > spare_.capacity() && buffer.capacity() <= kKeepSpare) std::swap(buffer, spare_);
+    buffer.release();
+}
 
 void Server::handBack() {
     for (Frame* f = frames_; f; f = f->outer) f->peer->spill(*f);

@@ -70,6 +70,7 @@ private:
     void retire(Peer* peer, const std::string& reason, bool tell);
     Session& session(Peer& peer, const wire::Hello& hello, bool& known);
     void forgetOldSessions();
+    void giveBack(Buffer& buffer);
 
     Sorm& sorm_;
     Reactor& reactor_;
@@ -89,6 +90,7 @@ private:
     Frame* frames_ = nullptr;                                   // what is being served, innermost first
     std::vector<std::unique_ptr<Scratch>> scratch_;             // one for each depth
     std::size_t depth_ = 0;
+    Buffer spare_;                                              // for the next peer with a long message
 };
 
 }  // namespace sorma

@@ -8,7 +8,7 @@ public:
     static sorma::Class describe() {
         return sorma::Class::of<Nop>("nop", "does nothing, and says that it is done").example("nop EXEC");
     }
-    void exec(sorma::Message& m) override { m.clear(); }
+    void exec(sorma::Message&) override {}
 };
 
 }  // namespace
