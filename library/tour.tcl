@@ -35,7 +35,7 @@ proc tour::end {} {
     variable Folder
     variable Daemon
     if {[info exists Daemon]} {
-        catch {exec kill -TERM {*}[pid $Daemon]}
+        catch {exec sh -c {kill "$@"} kill -TERM {*}[pid $Daemon]}
         catch {close $Daemon}
     }
     file delete -force $Folder

@@ -41,7 +41,7 @@ proc overdue pipe {
     global running bound
     dict append running($pipe) output "\n==== still running after $bound ms: ended\n"
     foreach pid [marked [dict get $running($pipe) mark]] {
-        catch {exec kill -KILL $pid}
+        catch {exec sh -c {kill "$@"} kill -KILL $pid}
     }
 }
 
@@ -97,7 +97,7 @@ proc finish pipe {
     set left {}
     foreach pid [marked [dict get $suite mark]] {
         catch {lappend left "$pid [string map [list \0 { }] [exec cat /proc/$pid/cmdline]]"}
-        catch {exec kill -KILL $pid}
+        catch {exec sh -c {kill "$@"} kill -KILL $pid}
     }
     if {[llength $left] > 0} {
         lappend problems "it left processes behind: [join $left {; }]"

@@ -53,9 +53,9 @@ proc daemon::stop name {
     variable Running
     set facts [dict get $Running $name]
     dict unset Running $name
-    exec kill -TERM [dict get $facts pid]
+    exec sh -c {kill "$@"} kill -TERM [dict get $facts pid]
     if {[catch {waitFor {[Ended [dict get $facts pid]]}} message]} {
-        exec kill -KILL [dict get $facts pid]
+        exec sh -c {kill "$@"} kill -KILL [dict get $facts pid]
     }
     set failed [catch {close [dict get $facts pipe]} message]
     set said [ReadFile [dict get $facts log]]
@@ -72,7 +72,7 @@ proc daemon::kill {name {signal KILL}} {
     variable Running
     set facts [dict get $Running $name]
     dict unset Running $name
-    catch {exec kill -$signal [dict get $facts pid]}
+    catch {exec sh -c {kill "$@"} kill -$signal [dict get $facts pid]}
     catch {close [dict get $facts pipe]}
     file delete [dict get $facts log]
     if {$signal eq "KILL" && [dict get $facts socket] ne {}} {

@@ -17,12 +17,12 @@ proc start {name script} {
 for {set i 0} {$i < $count} {incr i} {
     set pipe [start $name $script]
     after [expr {int(rand() * 25)}]
-    exec kill -KILL [pid $pipe]
+    exec sh -c {kill "$@"} kill -KILL [pid $pipe]
     catch {close $pipe}
 }
 set pipe [start $name $script]
 puts "killed $i"
 flush stdout
 gets stdin
-exec kill -TERM [pid $pipe]
+exec sh -c {kill "$@"} kill -TERM [pid $pipe]
 catch {close $pipe}
