@@ -70,7 +70,7 @@ std::uint32_t rpcbindRegister(std::uint32_t offset, const std::string& host, int
     }
     // A registered number may be a leftover of a daemon that died: then nothing listens at its port.
     for (offset = 1; offset <= kLastOffset; ++offset) {
-        int taken = rpcbindLookup("localhost", offset);
+        int taken = rpcbindLookup("127.0.0.1", offset);
         if (taken == 0) {
             if (registerOne(offset, host, port)) return offset;
             fail(kRegister, hex(wire::kProgramBase + offset), "refused");
