@@ -11,6 +11,9 @@ const Prototype kUnknown{Severity::error, "DICT UNKNOWN", 1, "dict: there is no 
 const Prototype kDenied{Severity::error, "DICT DENIED", 0,
     "dict: this interpreter is safe and may not use files; its parent can grant it: sorma::grant INTERP -files 1"};
 
+const Prototype kStranger{Severity::error, "DICT DENIED", 0,
+    "dict: {} with a file name is not for callers by TCP ({}); use the daemon's Unix-domain socket"};
+
 class DictService : public Service {
 public:
     void exec(Message& m) override {
@@ -53,6 +56,7 @@ public:
 
     void load(Args args, Message&) {
         needFiles();
+        needNeighbour("-load");
         sorm().dictionary().load(args[0]);
         sorm().dictionaryChanged({});
     }
@@ -65,6 +69,7 @@ public:
 
     void save(Args args, Message&) {
         needFiles();
+        if (!args.empty()) needNeighbour("-save");
         sorm().dictionary().save(args.empty() ? std::string() : args[0]);
     }
 
@@ -78,6 +83,12 @@ private:
 
     void needFiles() const {
         if (!sorm().permissions.files) fail(kDenied);
+    }
+
+    // Who comes by TCP is whoever he says: he may not name files that are read or written as the daemon's user.
+    static void needNeighbour(const char* action) {
+        auto& address = Call::currentCaller().address;
+        if (address != "self" && address != "unix") fail(kStranger, action, address);
     }
 
     static void addLine(Message& reply, const std::string& line) {

@@ -456,17 +456,26 @@ void CommonRequests::verbosity(Service& s, Args args, Message& reply) {
 void CommonRequests::undo(Service& s, Args, Message& reply) {
     auto& r = s.record();
     if (r.undo.empty()) fail(kNothingToUndo, s.name());
-    auto undo = std::move(r.undo);
-    r.undo.clear();
+    std::vector<Service::Record::Undo> now;
     std::vector<const Option*> changed;
     std::string line;
-    for (auto u = undo.rbegin(); u != undo.rend(); ++u) {
-        auto& o = s.type().options()[u->option];
-        o.set(s, u->value);
-        r.sources[u->option] = u->source;
-        changed.push_back(&o);
+    try {
+        for (auto u = r.undo.rbegin(); u != r.undo.rend(); ++u) {
+            auto& o = s.type().options()[u->option];
+            now.push_back({u->option, o.get(s), r.sources[u->option]});
+            o.set(s, u->value);
+            r.sources[u->option] = u->source;
+            changed.push_back(&o);
+        }
+        s.changed(changed);
+    } catch (...) {
+        for (auto n = now.rbegin(); n != now.rend(); ++n) {
+            s.type().options()[n->option].set(s, n->value);
+            r.sources[n->option] = n->source;
+        }
+        throw;
     }
-    s.changed(changed);
+    r.undo.clear();
     for (auto* o : changed) {
         appendWord(line, o->name);
         appendWord(line, toText(o->get(s)));
