@@ -63,11 +63,17 @@ void Connection::call(std::string_view name, Method method, Message& m, Deadline
         std::uint32_t index;
         ~Leave() { c.release(index); }
     } leave{*this, index};
-    if (fd_ >= 0) checkIdle();
-    if (fd_ < 0) recover(deadline, &slot);
+    // The clock is read once for all that is decided before the request is on its way: each reading is a hundredth of
+    // an empty call.
+    std::int64_t now = monotonicNow();
+    if (fd_ >= 0) checkIdle(now);
+    if (fd_ < 0) {
+        recover(deadline, &slot);
+        now = monotonicNow();
+    }
     if (!batch_.empty()) flush(deadline);
     slot.into = &m;
-    write(index, method, m);
+    write(index, method, m, now);
     slot.state = Slot::State::unsent;
     // Sent is what the kernel has taken to the last byte: of less than that the daemon can make nothing.
     if (fd_ >= 0 && transmit(slot.request.data(), slot.request.size(), deadline)) {
@@ -87,7 +93,7 @@ Connection::Ticket Connection::submit(std::string_view name, Method method, cons
     Slot& slot = *slots_[index];
     try {
         if (fd_ < 0) recover(deadline, &slot);
-        write(index, method, m);
+        write(index, method, m, monotonicNow());
         slot.state = Slot::State::unsent;
         unsent_.push_back(index);
         batch_.append(slot.request.data(), slot.request.size());
@@ -175,12 +181,12 @@ void Connection::release(std::uint32_t index) {
     free_.push_back(index);
 }
 
-void Connection::write(std::uint32_t index, Method method, const Message& m) {
+void Connection::write(std::uint32_t index, Method method, const Message& m, std::int64_t now) {
     Slot& slot = *slots_[index];
     wire::Request request{index, ++slot.sequence, 0, method, slot.name};
     ++calls_;
     if (!slot.deadline.none()) {
-        slot.budget = slot.deadline.left();
+        slot.budget = std::max<std::int64_t>(slot.deadline.when() - now, 0);
         request.timeleft = static_cast<std::uint32_t>(std::min<std::int64_t>(slot.budget / 1'000'000 + 1, UINT32_MAX));
     }
     slot.request.clear();
@@ -214,15 +220,15 @@ void Connection::failTimeout(const Slot* waiting, const std::string& whom, const
 
 // A connection that was quiet may have been closed by the other side, and TCP would take our bytes all the same.
 // Looking first keeps "never sent" what it is.
-void Connection::checkIdle() {
-    if (inFlight_ > 0 || monotonicNow() - lastHeard_ < kIdle) return;
+void Connection::checkIdle(std::int64_t now) {
+    if (inFlight_ > 0 || now - lastHeard_ < kIdle) return;
     char c;
-    ssize_t n = recv(fd_, &c, 1, MSG_PEEK | MSG_DONTWAIT);
-    if (n < 0 && errno == EAGAIN) return;
-    if (n > 0) {
+    ssize_t n;
+    while ((n = recv(fd_, &c, 1, MSG_PEEK | MSG_DONTWAIT)) > 0) {
         receive(Deadline::in(1000));                    // a GOODBYE, most likely
-        return checkIdle();
+        if (fd_ < 0) return;
     }
+    if (n < 0 && errno == EAGAIN) return;
     lost(n == 0 ? "the daemon closed it" : std::strerror(errno));
 }
 

@@ -76,7 +76,7 @@ private:
     };
 
     std::uint32_t acquire(std::string_view name, Deadline deadline);
-    void write(std::uint32_t slot, Method method, const Message& m);
+    void write(std::uint32_t slot, Method method, const Message& m, std::int64_t now);
     bool transmit(const char* data, std::size_t size, Deadline deadline);   // false: the connection is lost
     void await(std::uint32_t slot);                     // until it is done, or throws on its deadline
     bool receive(Deadline deadline);                    // some bytes; false when the deadline has passed
@@ -85,7 +85,7 @@ private:
     void take(std::string_view record);
     void fail(std::uint32_t slot, Trail trail);
     void release(std::uint32_t slot);
-    void checkIdle();
+    void checkIdle(std::int64_t now);
 
     void open(const std::string& whom, Deadline deadline);      // connect and say HELLO; throws
     void greet(const std::string& whom, Deadline deadline);

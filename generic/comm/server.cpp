@@ -67,6 +67,7 @@ struct Server::Frame {
     bool inPeer;                // at and end point into the peer's own buffer
     bool spilled = false;
     Frame* outer;
+    int served = 0;             // calls executed in this turn
 };
 
 struct Server::Slot {
@@ -135,7 +136,7 @@ private:
     void handle(std::string_view record, Scratch& scratch, Frame& frame);
     void call(XdrReader& r, const wire::CallHeader& header, std::string_view record, Scratch& scratch, Frame& frame);
     void execute(const wire::Request& request, std::string_view record, Message& m, wire::Times& times, Scratch& scratch,
-                 const Frame& frame);
+                 Frame& frame);
     void reply(std::uint32_t xid, const wire::Times& times, Message& m, Slot* slot, Scratch& scratch);
     void flush(Scratch& scratch);
     void drain();
@@ -389,12 +390,12 @@ void Server::Peer::call(XdrReader& r, const wire::CallHeader& header, std::strin
             now.peer->push(slot->reply.data(), slot->reply.size());
         }
     }
-    arrived_ = arrived_ + std::int64_t{times.waited} * 1000;
 }
 
 void Server::Peer::execute(const wire::Request& request, std::string_view record, Message& m, wire::Times& times,
-                           Scratch& scratch, const Frame& frame) {
-    std::int64_t start = monotonicNow();
+                           Scratch& scratch, Frame& frame) {
+    // Of requests that came together only the first starts when they came.
+    std::int64_t start = frame.served++ == 0 ? arrived_ : monotonicNow();
     std::int64_t waited = start - arrived_;
     times.waited = microseconds(waited);
     Deadline deadline;
