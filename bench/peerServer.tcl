@@ -8,7 +8,7 @@ package require sorma::service::echo
 
 set where [lindex $argv 0]
 if {[string match unix:* $where]} {
-    set path [string range $where 5 end]
+    set path [file normalize [string range $where 5 end]]
     sorma::serve peer[pid] -socket $path
     puts "ready $path"
 } else {
