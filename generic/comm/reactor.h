@@ -37,6 +37,11 @@ public:
     // Call back watchers that are ready, and timers that are due; wait up to so many nanoseconds for the first one
     // (-1: for ever). Returns how many were called.
     int poll(std::int64_t nanoseconds);
+    // The same until a time on the monotonic clock [ns].
+    int pollUntil(std::int64_t end);
+    // The latest reading of the clock that somebody told with seen(): for those who need the time only roughly.
+    std::int64_t seen() const { return seen_; }
+    void seen(std::int64_t now) { seen_ = now; }
     bool polling() const { return batches_ != nullptr; }        // is a poll on the stack?
 
     // Call watcher->ready(0) in the next poll, which then does not wait.
@@ -48,6 +53,7 @@ public:
 
 private:
     struct Batch;                       // events that a poll on the stack has yet to call
+    int wait(int timeout, std::int64_t end);
     int callAll(Batch& batch);
     void armTimer(std::int64_t limit = 0);
     int runTimers();
@@ -55,6 +61,7 @@ private:
 
     int epoll_ = -1, timer_ = -1, bell_ = -1;
     std::int64_t armed_ = 0;            // when the timer goes off, 0: it is not set
+    std::int64_t seen_ = 0;
     std::uint64_t nextTimer_ = 1;
     std::map<std::pair<std::int64_t, std::uint64_t>, std::function<void()>> timers_;
     std::vector<Watcher*> pending_;     // to be called again; the bell has been rung while it is not empty

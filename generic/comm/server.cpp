@@ -205,6 +205,7 @@ void Server::Peer::receive() {
         return;
     }
     arrived_ = monotonicNow();
+    server_.reactor_.seen(arrived_);
     Frame frame{this, inPeer ? in_.data() : scratch.in, nullptr, inPeer, false, server_.frames_};
     frame.end = frame.at + (inPeer ? in_.size() : static_cast<std::size_t>(n));
     server_.frames_ = &frame;
@@ -505,7 +506,10 @@ void Server::Peer::drain() {
         sent_ += static_cast<std::size_t>(n);
         moved = true;
     }
-    if (moved) stuckSince_ = monotonicNow();
+    if (moved) {
+        stuckSince_ = monotonicNow();
+        server_.reactor_.seen(stuckSince_);
+    }
     if (queued() == 0) {
         out_.clear();
         if (out_.capacity() > kKeepBuffer) server_.giveBack(out_);
@@ -582,6 +586,7 @@ void Server::stop(const std::string& reason) {
 }
 
 void Server::accept(int listener, bool tcp) {
+    reactor_.seen(monotonicNow());
     for (int i = 0; i < kBatch; ++i) {
         sockaddr_storage from{};
         socklen_t size = sizeof from;

@@ -31,11 +31,14 @@ void EventSource::serve() {
     // A service that runs the event loop waits for something of its own: serve what is there, and no more.
     bool nested = reactor.polling();
     std::int64_t linger = nested || comm_.servers().empty() ? 0 : comm_.settings.linger * 1000;
-    std::int64_t end = monotonicNow() + 2 * linger;
+    std::int64_t start = monotonicNow();
+    reactor.seen(start);
+    std::int64_t end = start + 2 * linger;
     try {
         // Nothing may be there: the reactor's timer goes off once more after a linger that a request cut short.
         bool more = reactor.poll(0) > 0 && linger > 0;
-        while (more && !interpreter.closing() && monotonicNow() < end) more = reactor.poll(linger) > 0;
+        // Each request tells the reactor the time; reading the clock here as well would be a hundredth of a call.
+        while (more && !interpreter.closing() && reactor.seen() < end) more = reactor.pollUntil(reactor.seen() + linger) > 0;
     } catch (...) {
         // What a request throws ends in its reply; this is COMM itself at its wits' end (no memory, no descriptors).
         if (!interpreter.closing()) {
