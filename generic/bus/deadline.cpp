@@ -52,8 +52,10 @@ const Caller& Caller::self() {
     return caller;
 }
 
-Call::Call(const Caller& caller, Deadline deadline)
-    : caller(caller), deadline(deadline.earlier(currentDeadline())), outer_(theCall) {
+const ClientPointer Call::kThisProcess;
+
+Call::Call(const Caller& caller, Deadline deadline, const ClientPointer& client)
+    : caller(caller), deadline(deadline.earlier(currentDeadline())), client(client), outer_(theCall) {
     theCall = this;
 }
 
@@ -65,5 +67,6 @@ Call::~Call() {
 Call* Call::current() { return theCall; }
 Deadline Call::currentDeadline() { return theCall ? theCall->deadline : Deadline(); }
 const Caller& Call::currentCaller() { return theCall ? theCall->caller : Caller::self(); }
+ClientPointer Call::currentClient() { return theCall ? theCall->client : nullptr; }
 
 }  // namespace sorma

@@ -4,7 +4,9 @@
 // inherits that one's deadline when it is the earlier of the two.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
+#include <memory>
 #include <string>
 
 namespace sorma {
@@ -47,11 +49,15 @@ struct Caller {
     static const Caller& self();                // this process
 };
 
+class Client;
+using ClientPointer = std::shared_ptr<Client>;      // bus/client.h
+
 // What surrounds the request that is executed on this thread. Entry points (server, dispatcher) set it up on their
 // stack; services and proxies look at it.
 class Call {
 public:
-    Call(const Caller& caller, Deadline deadline);
+    // client: null for this process. Both references must outlive the call.
+    Call(const Caller& caller, Deadline deadline, const ClientPointer& client = kThisProcess);
     ~Call();
     Call(const Call&) = delete;
     Call& operator=(const Call&) = delete;
@@ -59,11 +65,15 @@ public:
     static Call* current();                     // null outside of any request
     static Deadline currentDeadline();
     static const Caller& currentCaller();       // Caller::self() outside of any request
+    static ClientPointer currentClient();       // null when the request comes from this process
 
     const Caller& caller;
     const Deadline deadline;
+    const ClientPointer& client;
+    std::atomic<bool> cancelled{false};         // the caller has given up: what takes long may look, and stop early
     std::int64_t subTime = 0;                   // [ns] spent in calls to other processes
 private:
+    static const ClientPointer kThisProcess;
     Call* outer_;
 };
 

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,8 @@
 #include "bus/trail.h"
 
 namespace sorma {
+
+class Pending;
 
 enum class Method : std::uint8_t { exec, ctrl, dbx };
 const char* toText(Method method);                      // "EXEC", "CTRL", "DBX"
@@ -26,6 +29,7 @@ public:
     std::vector<std::string> words;     // words of CTRL and DBX; of EXEC those beyond the four parts above
     int code = 0;                       // 0 done, < 0 failed, > 0 done with warnings or a result number of the class
     Trail trail;
+    std::shared_ptr<Pending> later;     // set by a service that answers later (bus/reply.h); not part of the content
 
     // Empty every part; memory stays for the next use.
     void clear() {
@@ -36,6 +40,7 @@ public:
         words.clear();
         code = 0;
         trail.clear();
+        if (later) [[unlikely]] later.reset();
     }
 
     // Add to the trail; the call goes on.
@@ -43,7 +48,10 @@ public:
         trail.add(makeEntry(raised, {MessageArg::of(args)...}));
     }
 
-    bool operator==(const Message&) const = default;
+    bool operator==(const Message& o) const {
+        return text == o.text && floats == o.floats && ints == o.ints && any == o.any && words == o.words && code == o.code &&
+               trail == o.trail;
+    }
 };
 
 }  // namespace sorma

@@ -98,6 +98,13 @@ struct Part {
     double low = -kInfinity, high = kInfinity;      // floats: refused outside; NaN is refused where there is a range
 };
 
+// What becomes of requests for EXEC that come while another one takes its time (Service::later). CTRL and DBX never wait.
+enum class Conduct : std::uint8_t {
+    serial,             // one after another, in the order in which they came
+    concurrent,         // as they come: the service keeps them apart
+    exclusive,          // serial, and a client may lock the object with CTRL -lock
+};
+
 class Class {
 public:
     Class(std::string name, std::string purpose, std::function<std::unique_ptr<Service>()> make,
@@ -150,8 +157,10 @@ public:
     Class& words(std::string usage);                // words that EXEC takes: "?nearestTo|latest?"
     Class& example(std::string request);            // printed by -help, run by the tests
     Class& version(std::string version);
+    Class& conduct(Conduct conduct);                // serial unless said otherwise
     Class& declaredAt(std::string file, int line);  // where, when it is not the place of the constructor: other languages
 
+    Conduct conduct() const { return conduct_; }
     const std::string& name() const { return name_; }
     const std::string& purpose() const { return purpose_; }
     const std::vector<Option>& options() const { return options_; }
@@ -195,6 +204,7 @@ private:
     std::vector<Part> reads_, writes_;
     mutable std::vector<Value> defaults_;
     bool checks_ = false;
+    Conduct conduct_ = Conduct::serial;
 };
 
 }  // namespace sorma

@@ -22,9 +22,12 @@ const Prototype kUnknown{Severity::error, "OPTION UNKNOWN", 2, "{}: unknown word
 const Prototype kMissing{Severity::error, "OPTION MISSING", 2, "{}: {} needs {}"};
 const Prototype kReadonly{Severity::error, "OPTION READONLY", 2, "{}: {} can only be set by a recipe, when the object is made"};
 const Prototype kNoWords{Severity::error, "REQUEST SYNTAX", 1, "{}: {} needs at least one word, try -help"};
-const Prototype kGone{Severity::error, "SERVICE GONE", 1, "{}: the service object has been removed"};
+const Prototype kRemoved{Severity::error, "SERVICE GONE", 1, "{}: the service object has been removed"};
 const Prototype kCode{Severity::error, "SERVICE FAILED", 1, "{}: EXEC returned code {}"};
 const Prototype kNothingToUndo{Severity::error, "SERVICE FAILED", 1, "{}: there is no CTRL to undo"};
+
+const Prototype kLockedBy{Severity::error, "SERVICE LOCKED", 1, "{}: locked by {} since {}; it is freed by CTRL -unlock there, or when that client ends"};
+const Prototype kNotLocked{Severity::error, "SERVICE LOCKED", 1, "{}: this client holds no lock of it"};
 
 constexpr std::size_t kAuditLength = 100;
 
@@ -56,6 +59,14 @@ struct Service::Record {
     std::uint64_t errors = 0, ctrls = 0, dbxs = 0;
     std::int64_t since = monotonicNow();
     Trail trail;                        // of the last request that had one
+    std::size_t underWay = 0;           // requests taken over
+    std::deque<PendingPointer> waiting; // for them
+    struct Lock {
+        ClientPointer holder;           // null: this process
+        Client::Lease lease = 0;
+        std::string by;
+        std::int64_t since = 0;
+    } lock;                             // while guard_ has kLockedBit
 };
 
 // The requests that every class answers.
@@ -69,6 +80,9 @@ struct CommonRequests {
     static void info(Service& s, Args args, Message& reply);
     static void verbosity(Service& s, Args args, Message& reply);
     static void undo(Service& s, Args args, Message& reply);
+    static void lock(Service& s, Args args, Message& reply);
+    static void unlock(Service& s, Args args, Message& reply);
+    static void freeLock(Service& s);
     static std::string optionsList(Service& s, std::string_view only);
     static std::string trailText(const Trail& trail);
     static std::string describe(const Service::Record::Source& source);
@@ -135,20 +149,180 @@ Service::Record& Service::record() {
     return *record_;
 }
 
-void Service::failGone() const { fail(kGone, name_); }
+void Service::failGone() const { fail(kRemoved, name_); }
 
-void Service::invoke(Method method, Message& m) {
-    if (gone_) [[unlikely]] failGone();
+bool Service::start(Method method, Message& m) {
+    if (guard_) [[unlikely]] {
+        if (gone()) failGone();
+        if (method == Method::exec && (guard_ & kLockedBit)) checkLock();
+        if (method == Method::exec && (guard_ & kBusyBit)) return enqueue(m), true;
+    }
     try {
         enter(method, m);
     } catch (...) {
+        if (m.later) std::exchange(m.later, nullptr)->finish();     // taken over, and then refused
         Trail trail = trailOfCurrentException(name_);
-        Record& r = record();
-        ++r.errors;
-        r.trail = trail;
+        noteFailure(trail);
         throw Error(std::move(trail));
     }
-    if (!m.trail.empty()) [[unlikely]] finish(m);
+    if (m.later) [[unlikely]] return true;
+    if (!m.trail.empty()) [[unlikely]] review(m);
+    return false;
+}
+
+void Service::invoke(Method method, Message& m) {
+    if (start(method, m)) [[unlikely]] awaitLater(m);
+}
+
+void Service::awaitLater(Message& m) {
+    Future future(std::exchange(m.later, nullptr));
+    std::swap(m, future.wait());
+}
+
+// ---- requests that take their time ----
+
+Reply Service::later(Message& m) {
+    auto pending = std::make_shared<Pending>(*sorm_, Call::currentDeadline(), Call::currentClient());
+    pending->who = name_;
+    pending->service = Reference(this);
+    std::swap(pending->message, m);
+    m.later = pending;
+    ++record().underWay;
+    if (class_->conduct() != Conduct::concurrent) guard_ |= kBusyBit;
+    return Reply(std::move(pending));
+}
+
+void Service::enqueue(Message& m) {
+    auto pending = std::make_shared<Pending>(*sorm_, Call::currentDeadline(), Call::currentClient());
+    pending->who = name_;
+    std::swap(pending->message, m);
+    m.later = pending;
+    record().waiting.push_back(std::move(pending));
+}
+
+void Service::released() {
+    auto& r = record();
+    if (--r.underWay > 0 || class_->conduct() == Conduct::concurrent) return;
+    guard_ &= std::uint8_t(~kBusyBit);
+    Reference keep(this);
+    while (!(guard_ & (kBusyBit | kGoneBit)) && !r.waiting.empty()) {
+        auto next = std::move(r.waiting.front());
+        r.waiting.pop_front();
+        perform(next, Method::exec);
+    }
+}
+
+// A request that stands for itself, with nobody on the stack who waits for it.
+void Service::perform(const PendingPointer& pending, Method method) {
+    if (pending->answered()) return;
+    Call call(pending->client ? pending->client->caller : Caller::self(), pending->deadline, pending->client);
+    Message m;
+    std::swap(m, pending->message);
+    try {
+        if (!start(method, m)) {
+            std::swap(pending->message, m);
+            return pending->answer();
+        }
+        auto inner = std::exchange(m.later, nullptr);
+        pending->onCancel([inner] { Future(inner).cancel(); });
+        inner->whenAnswered([pending, from = inner.get()] {
+            if (from->failed()) return pending->answer(from->failure);
+            std::swap(pending->message, from->message);
+            pending->answer();
+        });
+    } catch (...) {
+        pending->answer(trailOfCurrentException(name_));
+    }
+}
+
+Future Service::async(Method method, Message request, Deadline deadline) {
+    auto pending = std::make_shared<Pending>(*sorm_, deadline.earlier(Call::currentDeadline()), Call::currentClient());
+    pending->who = name_;
+    pending->message = std::move(request);
+    try {
+        carry(pending, method);
+    } catch (...) {
+        pending->answer(trailOfCurrentException(name_));
+    }
+    return Future(std::move(pending));
+}
+
+void Service::carry(const PendingPointer& pending, Method method) {
+    pending->mailbox->post([pending, method, self = Reference(this)] { self->perform(pending, method); });
+}
+
+void Service::oneway(Method method, Message request) { async(method, std::move(request)); }
+
+void Service::left() {
+    guard_ |= kGoneBit;
+    Reference keep(this);
+    if (guard_ & kLockedBit) {
+        auto& lock = record().lock;
+        if (lock.holder) lock.holder->release(lock.lease);
+        guard_ &= std::uint8_t(~kLockedBit);
+    }
+    if (record_) {
+        for (auto& pending : std::exchange(record_->waiting, {})) {
+            Trail trail;
+            trail.add(makeEntry(kRemoved, {MessageArg::of(name_)}));
+            pending->answer(std::move(trail));
+        }
+    }
+    try {
+        leaving();
+    } catch (...) {                     // nobody is left to hear it
+    }
+    stream_.reset();
+}
+
+std::size_t Service::underWay() const { return record_ ? record_->underWay + record_->waiting.size() : 0; }
+
+void Service::subscribe(Subscriber* subscriber, std::string pattern) {
+    if (gone()) failGone();
+    if (!stream_) stream_ = std::make_unique<Stream>();
+    stream_->add(subscriber, std::move(pattern));
+}
+
+void Service::unsubscribe(Subscriber* subscriber) {
+    if (stream_) stream_->remove(subscriber);
+}
+
+// ---- locks: a client keeps others from EXEC and from setting options; what stops or inspects stays open to all ----
+
+void Service::checkLock() const {
+    auto& lock = record_->lock;
+    if (lock.holder != Call::currentClient()) fail(kLockedBy, name_, lock.by, clockText(lock.since));
+}
+
+void CommonRequests::lock(Service& s, Args, Message& reply) {
+    if (s.guard_ & Service::kLockedBit) {
+        s.checkLock();
+    } else {
+        auto& lock = s.record().lock;
+        lock.holder = Call::currentClient();
+        lock.by = Call::currentCaller().toText();
+        lock.since = wallNow();
+        s.guard_ |= Service::kLockedBit;
+        if (lock.holder)
+            lock.lease = lock.holder->hold([self = Reference(&s)] {
+                if (self->guard_ & Service::kLockedBit) CommonRequests::freeLock(*self);
+            });
+    }
+    addLine(reply, "locked by " + s.record().lock.by);
+}
+
+void CommonRequests::freeLock(Service& s) {
+    s.guard_ &= std::uint8_t(~Service::kLockedBit);
+    s.record().lock = {};
+}
+
+void CommonRequests::unlock(Service& s, Args, Message&) {
+    if (!(s.guard_ & Service::kLockedBit)) fail(kNotLocked, s.name());
+    s.checkLock();
+    auto holder = s.record().lock.holder;
+    auto lease = s.record().lock.lease;
+    freeLock(s);
+    if (holder) holder->release(lease);
 }
 
 void Service::enter(Method method, Message& m) {
@@ -156,6 +330,7 @@ void Service::enter(Method method, Message& m) {
         if (checks_) class_->checkRequest(name_, m);
         if ((++calls_ & 63) == 1) [[unlikely]] timed(method, m);
         else exec(m);
+        if (m.later) [[unlikely]] return;
         if (!m.words.empty()) m.words.clear();      // words go in, never out
         if (m.code < 0) [[unlikely]] fail(kCode, name_, m.code);
         return;
@@ -178,7 +353,15 @@ void Service::timed(Method, Message& m) {
     record().times.add(monotonicNow() - start);
 }
 
-void Service::finish(Message& m) {
+void Service::noteFailure(const Trail& trail) {
+    Record& r = record();
+    ++r.errors;
+    r.trail = trail;
+    sorm_->announce(trail);
+}
+
+void Service::review(Message& m) {
+    if (m.trail.empty()) return;
     auto& entries = m.trail.entries();
     for (auto& e : entries)
         if (e.so.empty()) e.so = name_;
@@ -188,6 +371,7 @@ void Service::finish(Message& m) {
     std::erase_if(entries, tooQuiet);
     if (!entries.empty()) {
         record().trail = m.trail;
+        sorm_->announce(m.trail);
         if (m.code == 0 && std::any_of(entries.begin(), entries.end(), [](auto& e) { return e.severity != Severity::verbose; }))
             m.code = 1;
     }
@@ -243,6 +427,7 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, c
     }
 
     std::vector<Record::Undo> before;
+    if (!birth && !settings.empty() && (guard_ & kLockedBit)) checkLock();
     if (!settings.empty()) {
         Record& r = record();
         std::vector<const Option*> changedOptions;
@@ -607,6 +792,16 @@ const std::vector<Action>& CommonRequests::inspections() {
          }},
     };
     return list;
+}
+
+Class& Class::conduct(Conduct conduct) {
+    if (conduct == Conduct::exclusive && !findAction("-lock")) {
+        action({"-lock", "", "keep other clients from EXEC and from setting options, until -unlock or this client's end", 0, 0,
+                CommonRequests::lock});
+        action({"-unlock", "", "free the lock", 0, 0, CommonRequests::unlock});
+    }
+    conduct_ = conduct;
+    return *this;
 }
 
 }  // namespace sorma

@@ -12,38 +12,13 @@
 #include "bus/dictionary.h"
 #include "bus/message.h"
 #include "bus/option.h"
+#include "bus/reference.h"
+#include "bus/reply.h"
+#include "bus/stream.h"
 
 namespace sorma {
 
 class Sorm;
-class Service;
-
-// A counted reference to a service object, here or (through its proxy) elsewhere. It stays valid when the object is
-// removed: calls then fail with SERVICE GONE.
-class Reference {
-public:
-    Reference() = default;
-    explicit Reference(Service* service);
-    Reference(const Reference& other) : Reference(other.service_) {}
-    Reference(Reference&& other) noexcept : service_(std::exchange(other.service_, nullptr)) {}
-    Reference& operator=(Reference other) noexcept {
-        std::swap(service_, other.service_);
-        return *this;
-    }
-    ~Reference();
-
-    explicit operator bool() const { return service_ != nullptr; }
-    Service* operator->() const { return service_; }
-    Service& operator*() const { return *service_; }
-    Service* get() const { return service_; }
-
-    // Time-optimal invocation: EXEC in place. No allocation, no lock, no clock; the class's signature is checked
-    // where it demands something. Throws Error.
-    inline void exec(Message& message) const;
-
-private:
-    Service* service_ = nullptr;
-};
 
 class Service {
 public:
@@ -55,7 +30,7 @@ public:
     // ---- what an author implements ----
 
     // Do the job: the request comes in m, the result leaves in m. Throw (fail) to refuse; then the caller's message
-    // is unspecified, the object's state must be as before.
+    // is unspecified, the object's state must be as before. What takes long is taken over with later(m), see reply.h.
     virtual void exec(Message& m) = 0;
 
     // The recipe has been applied, the name is known; the object is about to be called for the first time.
@@ -66,6 +41,9 @@ public:
 
     // Check yourself; throw what is wrong, or return a verdict in clear text.
     virtual std::string selftest() { return "ok"; }
+
+    // The object has left the repository. End what is under way: replies that are still owed keep the object alive.
+    virtual void leaving() {}
 
     // State that is not in the options, appended line by line as "# name value" for -dump.
     virtual void dumpState(std::string& out) const { (void)out; }
@@ -79,20 +57,45 @@ public:
     const std::string& name() const { return name_; }
     const Class& type() const { return *class_; }
     Sorm& sorm() const { return *sorm_; }
-    bool gone() const { return gone_; }
+    bool gone() const { return guard_ & kGoneBit; }
 
     // A request of any method, as the dispatcher, the Tcl command and the server make it: checks, counts, times one
-    // call in 64, keeps the trail within the object's verbosity, and names this object in what is thrown.
+    // call in 64, keeps the trail within the object's verbosity, and names this object in what is thrown. True: the
+    // answer comes later, in m.later; m itself is empty.
+    bool start(Method method, Message& m);
+    // The same, and wait for the answer.
     void invoke(Method method, Message& m);
+    // Begin a request whose answer may take its time. Of an object of this process it starts when the event loop, or
+    // wait(), gets to it. Never throws: failures are the future's. Without a deadline: -timeout for remote objects.
+    Future async(Method method, Message request, Deadline deadline = {});
+    // Send a request whose answer, or failure, nobody wants to know.
+    virtual void oneway(Method method, Message request);
 
     std::int64_t lastRun = INT64_MAX;       // [ns] of the last request that a daemon served, INT64_MAX before
     std::uint64_t calls() const { return calls_; }
     std::uint32_t references() const { return references_; }
+    // Who listens to what it publishes. add: before the next request; the listener hears gone() when the object goes.
+    void subscribe(Subscriber* subscriber, std::string pattern);
+    void unsubscribe(Subscriber* subscriber);
+    // What it is about: requests that it has taken over, and those that wait for them.
+    std::size_t underWay() const;
     std::string dump() const;               // settable part: "-option value" lines; then state lines "# ..."
     std::string recipe() const;             // options that differ from their defaults, as CTRL words
 
+protected:
+    // Take over the request that exec was called with: its content moves into the reply's message, exec returns, and
+    // the answer is given through the reply, any time, by any thread.
+    Reply later(Message& m);
+    // Tell those who have subscribed to this object. event: words separated by dots. Costs next to nothing without.
+    void publish(std::string_view event, const Message& m) const {
+        if (stream_) [[unlikely]] stream_->publish(*this, event, m);
+    }
+    // Bring a request forward; a proxy gives it to its connection.
+    virtual void carry(const PendingPointer& pending, Method method);
+
 private:
     friend class Reference;
+    friend class Pending;
     friend class Sorm;
     friend struct CommonRequests;           // service.cpp: -help, -dump, -why ... of every class
 
@@ -102,7 +105,14 @@ private:
     [[noreturn]] void failGone() const;
     void enter(Method method, Message& m);
     void timed(Method method, Message& m);
-    void finish(Message& m);
+    void review(Message& m);                // the trail of an answer
+    void noteFailure(const Trail& trail);
+    void enqueue(Message& m);
+    void perform(const PendingPointer& pending, Method method);
+    void released();                        // one of the requests that it had taken over has ended
+    void checkLock() const;
+    void left();                            // the repository: no more requests, those that wait are refused
+    void awaitLater(Message& m);
 
     std::string name_;
     const Class* class_ = nullptr;
@@ -111,7 +121,9 @@ private:
     std::uint64_t calls_ = 0;               // EXECs
     std::uint32_t references_ = 0;
     std::uint32_t names_ = 0;               // in the repository, second names included
-    bool gone_ = false;
+    std::unique_ptr<Stream> stream_;        // while somebody listens
+    static constexpr std::uint8_t kGoneBit = 1, kBusyBit = 2, kLockedBit = 4;
+    std::uint8_t guard_ = 0;                // what stands in the way of a request
     bool checks_ = false;                   // class_->checksRequests()
     std::uint8_t verbosity_ = 1;            // 0 errors, 1 and warnings, 2 and verbose
 };
@@ -126,10 +138,11 @@ inline Reference::~Reference() {
 
 inline void Reference::exec(Message& message) const {
     Service& s = *service_;
-    if (s.gone_) [[unlikely]] s.failGone();
+    if (s.guard_) [[unlikely]] return s.invoke(Method::exec, message);
     if (s.checks_) s.class_->checkRequest(s.name_, message);
     ++s.calls_;
     s.exec(message);
+    if (message.later) [[unlikely]] s.awaitLater(message);
 }
 
 // Used by Class::service: resolves a name through the SORM of the object, so that cycles are noticed.

@@ -25,6 +25,7 @@ const Prototype kExists{Severity::error, "SERVICE EXISTS", 1, "{}: the service o
 const Prototype kProtected{Severity::error, "SERVICE PROTECTED", 1, "{}: belongs to the SORM and cannot be removed"};
 const Prototype kDenied{Severity::error, "COMM DENIED", 1, "{}: this interpreter is safe and may not use the network; "
                         "its parent can grant it: sorma::grant INTERP -network 1"};
+const Prototype kNoLoop{Severity::error, "SERVICE FAILED", 0, "this program has no event loop: it was built without COMM"};
 const Prototype kNoNetwork{Severity::error, "COMM REFUSED", 1, "{}: this program was built without COMM, only local names work"};
 
 struct Bindings {
@@ -41,7 +42,9 @@ Bindings& bindings() {
 Sorm::Sorm(Host* host) : host_(host) {
     add(describeDict());
     add(describeSorm());
+    mailbox_->owner = this;
     makeLocal("sorm", "sorm", nullptr);
+    self_ = find("sorm");
     makeLocal("dict", "dict", nullptr);
 }
 
@@ -52,11 +55,13 @@ Sorm::~Sorm() {
     }
     // Objects may refer to each other and look at the SORM in their destructors: let go of them one by one.
     recent_ = {};
+    self_ = nullptr;
     while (!repository_.empty()) {
         Reference r = std::move(repository_.begin()->second);
         repository_.erase(repository_.begin());
-        r->gone_ = true;
+        if (!r->gone()) r->left();
     }
+    mailbox_->close();
 }
 
 Sorm* Sorm::of(const void* key) {
@@ -192,6 +197,7 @@ Reference Sorm::makeLocal(const std::string& name, const std::string& className,
         throw Error(trailOfCurrentException(name));
     }
     keep(name, made);
+    announce("object.made", name, {className});
     return made;
 }
 
@@ -218,7 +224,7 @@ void Sorm::remove(std::string_view name) {
     std::string own = service->name();
     std::vector<std::string> leaving;
     if (own == name) {
-        service->gone_ = true;
+        service->left();
         if (service->names_ > 1) {
             for (auto& [key, value] : repository_)
                 if (value.get() == service.get()) leaving.push_back(key);
@@ -231,6 +237,7 @@ void Sorm::remove(std::string_view name) {
     for (auto& key : leaving) drop(key);
     if (host_)
         for (auto& key : leaving) host_->removed(key);
+    if (own == name) announce("object.removed", own);
 }
 
 void Sorm::alias(std::string_view name, std::string_view target) {
@@ -264,6 +271,35 @@ void Sorm::dictionaryChanged(std::string_view word) {
     for (auto& key : leaving) drop(key);
     if (host_)
         for (auto& key : leaving) host_->removed(key);
+}
+
+// ---- waiting, and what is told about it all ----
+
+Loop& Sorm::loop() const {
+    if (!loop_) fail(kNoLoop);
+    return *loop_;
+}
+
+void Sorm::turn(Deadline deadline) {
+    std::int64_t until = deadline.none() ? monotonicNow() + 3'600'000'000'000 : deadline.when();
+    if (host_ && host_->turn(until)) return;
+    if (loop_) return loop_->turn(until);
+    if (mailbox_->wait(until)) mailbox_->run();
+}
+
+void Sorm::announce(std::string_view event, std::string_view text, std::vector<std::string> words) {
+    if (!self_ || !self_->stream_) return;
+    Message m;
+    m.text = text;
+    m.words = std::move(words);
+    self_->publish(event, m);
+}
+
+void Sorm::announce(const Trail& trail) {
+    if (!self_ || !self_->stream_) return;
+    for (auto& e : trail.entries())
+        if (e.daemon.empty() || e.daemon == daemonName)
+            announce(std::string("trail.") + toText(e.severity), e.text, {e.so, "SORMA " + e.symbol, e.request});
 }
 
 // ---- dispatch ----

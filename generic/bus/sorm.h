@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "bus/dictionary.h"
+#include "bus/loop.h"
 #include "bus/message.h"
 #include "bus/name.h"
 #include "bus/service.h"
@@ -28,6 +29,8 @@ public:
     virtual void removed(const std::string&) {}                     // a name has left the repository
     virtual void providePackage(const char*, const char*) {}        // tell Tcl about a package
     virtual void report(const std::string&) {}                      // what provide() has to say when it fails
+    // One turn of the event loop that surrounds the SORM, until something was done or a time [ns]. False: there is none.
+    virtual bool turn(std::int64_t) { return false; }
 };
 
 // What a SORM may do; an interpreter that is safe is granted neither.
@@ -85,6 +88,20 @@ public:
         if (!trail.empty() || !lastTrail_.empty()) lastTrail_ = trail;
     }
 
+    // ---- waiting ----
+    // Work for this SORM's thread, from any thread: sorm.mailbox()->post(...).
+    const std::shared_ptr<Mailbox>& mailbox() const { return mailbox_; }
+    // Timers and descriptors for services; set by COMM. Fails with SERVICE FAILED in a program without any loop.
+    Loop& loop() const;
+    void setLoop(Loop* loop) { loop_ = loop; }
+    // Wait for anything to happen, and let it: for those who block until an object of this process answers.
+    void turn(Deadline deadline);
+
+    // What happens in the SORM is published by the SO `sorm`: object.made, object.removed, connection.opened,
+    // connection.closed, and trail.error, trail.warning, trail.verbose as entries occur.
+    void announce(std::string_view event, std::string_view text, std::vector<std::string> words = {});
+    void announce(const Trail& trail);
+
     Host* host() const { return host_; }
     Permissions permissions;
     std::string daemonName;                                         // as served; empty when not a daemon
@@ -128,6 +145,9 @@ private:
     Reference adopt(std::unique_ptr<Service> service, const std::string& name, const Class& type);
 
     Host* host_;
+    Loop* loop_ = nullptr;
+    std::shared_ptr<Mailbox> mailbox_ = std::make_shared<Mailbox>();
+    Service* self_ = nullptr;               // the SO `sorm`
     std::map<std::string, std::unique_ptr<Class>, std::less<>> classes_;
     std::vector<std::unique_ptr<Class>> forgotten_;     // objects may still point at them
     Repository repository_;

@@ -28,7 +28,8 @@ bool goodName(const std::string& name) {
 
 }  // namespace
 
-Comm::Comm(Sorm& sorm) : sorm_(sorm) {
+Comm::Comm(Sorm& sorm) : sorm_(sorm), reactor_(sorm.mailbox()) {
+    sorm_.setLoop(&reactor_);
     sorm_.add(Proxy::describe());
     sorm_.makeProxy = [this](const Name& name, const Address& address, std::vector<std::string> recipe) {
         return makeProxy(name, address, std::move(recipe));
@@ -37,8 +38,10 @@ Comm::Comm(Sorm& sorm) : sorm_(sorm) {
 }
 
 Comm::~Comm() {
+    watchman_.reset();
     servers_.clear();
     ended_.clear();
+    sorm_.setLoop(nullptr);
     sorm_.makeProxy = nullptr;
     sorm_.networkFacts = nullptr;
 }
@@ -70,16 +73,25 @@ Server& Comm::serve(const Server::Wanted& wanted) {
     if (!sorm_.permissions.network) fail(kDenied, wanted.name);
     if (!goodName(wanted.name)) fail(kName, wanted.name);
     if (servers_.contains(wanted.name)) fail(kServed, wanted.name);
-    auto server = std::make_unique<Server>(sorm_, reactor_, settings, wanted);
+    auto server = std::make_unique<Server>(sorm_, reactor_, gate_, settings, wanted);
     if (sorm_.daemonName.empty()) sorm_.daemonName = wanted.name;
+    if (!watchman_)
+        watchman_ = std::make_unique<Watchman>(reactor_, gate_, [this](const std::vector<void*>& waiting) {
+            for (auto& [name, s] : servers_) s->glance(waiting);
+        });
+    Gate::Inside inside(gate_);
     return *servers_.emplace(wanted.name, std::move(server)).first->second;
 }
 
 void Comm::unserve(const std::string& name, const std::string& reason) {
     auto found = servers_.find(name);
     if (found == servers_.end()) fail(kNotServed, name);
-    auto server = std::move(found->second);
-    servers_.erase(found);
+    std::unique_ptr<Server> server;
+    {
+        Gate::Inside inside(gate_);
+        server = std::move(found->second);
+        servers_.erase(found);
+    }
     if (sorm_.daemonName == name) sorm_.daemonName = servers_.empty() ? "" : servers_.begin()->first;
     server->stop(reason);
     if (server->serving()) ended_.push_back(std::move(server));

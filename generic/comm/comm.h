@@ -13,10 +13,12 @@
 
 #include "bus/sorm.h"
 #include "comm/connection.h"
+#include "comm/gate.h"
 #include "comm/proxy.h"
 #include "comm/reactor.h"
 #include "comm/server.h"
 #include "comm/settings.h"
+#include "comm/watchman.h"
 
 namespace sorma {
 
@@ -53,9 +55,11 @@ private:
 
     Sorm& sorm_;
     Reactor reactor_;
+    Gate gate_;                     // to servers_ and ended_, and all that they have
     std::map<std::string, std::unique_ptr<Server>> servers_;
     std::vector<std::unique_ptr<Server>> ended_;        // unserved while one of their own requests was on the stack
     std::map<std::string, std::weak_ptr<Connection>> connections_;      // by resolved address
+    std::unique_ptr<Watchman> watchman_;                        // while there is a server
 };
 
 }  // namespace sorma

@@ -29,7 +29,17 @@ struct Reactor::Batch {
     Batch* outer;
 };
 
-Reactor::Reactor() {
+// Someone who waits for a descriptor without a class of his own.
+struct Reactor::Descriptor : Watcher {
+    Callback readable;
+    explicit Descriptor(Callback callback) : readable(std::move(callback)) {}
+    void ready(std::uint32_t) override {
+        auto callback = readable;       // it may unwatch itself
+        callback();
+    }
+};
+
+Reactor::Reactor(std::shared_ptr<Mailbox> mailbox) : mailbox_(std::move(mailbox)) {
     epoll_ = epoll_create1(EPOLL_CLOEXEC);
     timer_ = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
     bell_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
@@ -42,9 +52,11 @@ Reactor::Reactor() {
     bell_ = raiseDescriptor(bell_);
     e.data.ptr = this;                  // this: the bell
     epoll_ctl(epoll_, EPOLL_CTL_ADD, bell_, &e);
+    mailbox_->setBell([this] { ring(); });
 }
 
 Reactor::~Reactor() {
+    mailbox_->setBell(nullptr);
     close(bell_);
     close(timer_);
     close(epoll_);
@@ -71,34 +83,38 @@ void Reactor::remove(int fd, Watcher* watcher) {
     for (Batch* b = batches_; b; b = b->outer)
         for (int i = b->at; i < b->count; ++i)
             if (b->events[i].data.ptr == watcher) b->events[i].events = 0;
-    std::erase(pending_, watcher);
+    if (watcher->pending_) std::erase(pending_, watcher);
+    watcher->pending_ = false;
+}
+
+// Any thread. It cannot fail: the counter is read before it can overflow.
+void Reactor::ring() {
+    std::uint64_t one = 1;
+    ssize_t ignored = write(bell_, &one, sizeof one);
+    (void)ignored;
 }
 
 void Reactor::again(Watcher* watcher) {
-    for (auto* known : pending_)
-        if (known == watcher) return;
-    if (pending_.empty()) {
-        std::uint64_t one = 1;
-        if (write(bell_, &one, sizeof one) < 0) return;     // cannot fail: the counter is read before it can overflow
-    }
+    if (watcher->pending_) return;
+    watcher->pending_ = true;
+    if (pending_.empty()) ring();
     pending_.push_back(watcher);
 }
 
 int Reactor::runPending() {
     std::uint64_t rung;
     if (read(bell_, &rung, sizeof rung) < 0) return 0;
+    mailbox_->run();
     // Those that come to be while these run wait for the next poll, so that descriptors get their turn.
     std::size_t n = pending_.size();
-    int called = 0;
+    int called = 1;
     for (; n > 0 && !pending_.empty(); --n, ++called) {
         Watcher* watcher = pending_.front();
         pending_.erase(pending_.begin());
+        watcher->pending_ = false;
         watcher->ready(0);
     }
-    if (!pending_.empty()) {
-        std::uint64_t one = 1;
-        if (write(bell_, &one, sizeof one) < 0) return called;
-    }
+    if (!pending_.empty()) ring();
     return called;
 }
 
@@ -126,6 +142,8 @@ int Reactor::wait(int timeout, std::int64_t end) {
 int Reactor::callAll(Batch& batch) {
     batch.outer = batches_;
     batches_ = &batch;
+    turns_.fetch_add(1, std::memory_order_relaxed);     // only a sign of life
+    if (!unwatched_.empty() && !batch.outer) unwatched_.clear();
     struct Leave {
         Reactor& reactor;
         ~Leave() { reactor.batches_ = reactor.batches_->outer; }
@@ -145,19 +163,34 @@ int Reactor::callAll(Batch& batch) {
     return called;
 }
 
-std::uint64_t Reactor::after(std::int64_t when, std::function<void()> callback) {
+std::uint64_t Reactor::after(std::int64_t when, Callback callback) {
     std::uint64_t id = nextTimer_++;
     timers_.emplace(std::pair(when, id), std::move(callback));
+    timerTimes_.emplace(id, when);
     armTimer();
     return id;
 }
 
 void Reactor::cancel(std::uint64_t timer) {
-    for (auto at = timers_.begin(); at != timers_.end(); ++at)
-        if (at->first.second == timer) {
-            timers_.erase(at);
-            return;
-        }
+    auto found = timerTimes_.find(timer);
+    if (found == timerTimes_.end()) return;
+    timers_.erase({found->second, timer});
+    timerTimes_.erase(found);
+}
+
+void Reactor::watch(int fd, Callback readable) {
+    unwatch(fd);
+    auto descriptor = std::make_unique<Descriptor>(std::move(readable));
+    add(fd, EPOLLIN, descriptor.get());
+    descriptors_.emplace(fd, std::move(descriptor));
+}
+
+void Reactor::unwatch(int fd) {
+    auto found = descriptors_.find(fd);
+    if (found == descriptors_.end()) return;
+    remove(fd, found->second.get());
+    unwatched_.push_back(std::move(found->second));
+    descriptors_.erase(found);
 }
 
 // The timer goes off when the first callback is due, or at limit (0: none), or earlier: then it is set again.
@@ -180,6 +213,7 @@ int Reactor::runTimers() {
     armed_ = 0;
     while (!timers_.empty() && timers_.begin()->first.first <= now) {
         auto callback = std::move(timers_.begin()->second);
+        timerTimes_.erase(timers_.begin()->first.second);
         timers_.erase(timers_.begin());
         callback();
         ++called;

@@ -7,24 +7,34 @@
 // event loop); then the outer call goes on where it was.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
+#include <unordered_map>
 #include <vector>
+
+#include "bus/loop.h"
 
 namespace sorma {
 
-class Reactor {
+class Reactor : public Loop {
 public:
     // Something that waits for a descriptor. The watcher must call remove() before it goes.
     class Watcher {
     public:
         virtual ~Watcher() = default;
         virtual void ready(std::uint32_t events) = 0;       // EPOLLIN, EPOLLOUT, EPOLLHUP ...
+
+    private:
+        friend class Reactor;
+        bool pending_ = false;
     };
 
-    Reactor();
-    ~Reactor();
+    // mailbox: what others leave there is done in the reactor's turns.
+    explicit Reactor(std::shared_ptr<Mailbox> mailbox = std::make_shared<Mailbox>());
+    ~Reactor() override;
     Reactor(const Reactor&) = delete;
     Reactor& operator=(const Reactor&) = delete;
 
@@ -47,15 +57,23 @@ public:
     // Call watcher->ready(0) in the next poll, which then does not wait.
     void again(Watcher* watcher);
 
-    // Call once, not before a time on the monotonic clock [ns]. Returns a number for cancel.
-    std::uint64_t after(std::int64_t when, std::function<void()> callback);
-    void cancel(std::uint64_t timer);
+    // ---- Loop ----
+    std::uint64_t after(std::int64_t when, Callback callback) override;
+    void cancel(std::uint64_t timer) override;
+    void watch(int fd, Callback readable) override;
+    void unwatch(int fd) override;
+    void turn(std::int64_t until) override { pollUntil(until); }
+
+    // Turns in which something was called. Any thread may look: one that stands still while the descriptor can be read
+    // belongs to a thread that is busy.
+    std::uint64_t turns() const { return turns_.load(std::memory_order_relaxed); }
 
 private:
     struct Batch;                       // events that a poll on the stack has yet to call
     int wait(int timeout, std::int64_t end);
     int callAll(Batch& batch);
     void armTimer(std::int64_t limit = 0);
+    void ring();
     int runTimers();
     int runPending();
 
@@ -63,7 +81,13 @@ private:
     std::int64_t armed_ = 0;            // when the timer goes off, 0: it is not set
     std::int64_t seen_ = 0;
     std::uint64_t nextTimer_ = 1;
-    std::map<std::pair<std::int64_t, std::uint64_t>, std::function<void()>> timers_;
+    std::map<std::pair<std::int64_t, std::uint64_t>, Callback> timers_;
+    std::unordered_map<std::uint64_t, std::int64_t> timerTimes_;        // of those in timers_
+    struct Descriptor;
+    std::unordered_map<int, std::unique_ptr<Descriptor>> descriptors_;
+    std::vector<std::unique_ptr<Descriptor>> unwatched_;                // one may be on the stack
+    std::shared_ptr<Mailbox> mailbox_;
+    std::atomic<std::uint64_t> turns_{0};
     std::vector<Watcher*> pending_;     // to be called again; the bell has been rung while it is not empty
     Batch* batches_ = nullptr;
 };

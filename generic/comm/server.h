@@ -4,8 +4,9 @@
 // until the next call of that slot, so a client whose connection broke gets the reply instead of a second execution.
 // (The idea of sessions and slots is that of NFS version 4.1, RFC 8881, section 2.10.)
 //
-// No peer can hold up another: sockets never block, at most kBatch requests of one peer are served before the next
-// has its turn, what a peer does not take waits in its own queue, and a peer that sends half a request or takes
+// A service may answer later: its call keeps its slot, and the reply goes to wherever the client is by then.
+//
+// No peer can hold up another: sockets never block, a peer that floods gets no more of a turn than others ask for, what a peer does not take waits in its own queue, and a peer that sends half a request or takes
 // nothing is let go after Settings::requestTime or replyTime.
 #pragma once
 
@@ -16,8 +17,10 @@
 #include <unordered_map>
 #include <vector>
 
+#include "bus/client.h"
 #include "bus/deadline.h"
 #include "bus/sorm.h"
+#include "comm/gate.h"
 #include "comm/reactor.h"
 #include "comm/settings.h"
 #include "comm/wire.h"
@@ -36,7 +39,7 @@ public:
     };
 
     // Starts to listen. Fails with COMM REFUSED when the name or an address is taken.
-    Server(Sorm& sorm, Reactor& reactor, const Settings& settings, const Wanted& wanted);
+    Server(Sorm& sorm, Reactor& reactor, Gate& gate, const Settings& settings, const Wanted& wanted);
     ~Server();                          // as stop("the daemon ends")
     Server(const Server&) = delete;
     Server& operator=(const Server&) = delete;
@@ -53,6 +56,9 @@ public:
     void handBack();
     bool serving() const { return depth_ > 0; }                 // is one of its requests on the stack?
     std::uint64_t served() const { return served_; }
+    // The watchman's look: inside the gate, while the SORM's thread is elsewhere.
+    void glance(const std::vector<void*>& waiting);
+    wire::Health health(bool busy) const;
     std::string connectionsText() const;                        // a line for each peer
     std::string statisticsText() const;
 
@@ -63,8 +69,41 @@ private:
     struct Slot;
     struct Frame;
     struct Scratch;
+    class Subscription;
+    // A request that is executed, for health: innermost first.
+    struct Activity {
+        Activity(Server& server, std::string_view name, Method method, const Caller& caller, std::int64_t since);
+        ~Activity() { server.activity_ = outer; }
+        Server& server;
+        std::string_view name;
+        Method method;
+        const Caller& caller;
+        std::int64_t since;
+        Activity* outer;
+    };
+    // Whom a reply that comes later is for.
+    struct Later {
+        Peer* peer;
+        std::uint64_t peerNumber, session;
+        std::uint32_t slot, sequence, xid;
+        std::int64_t started;
+        std::uint64_t timer;
+    };
 
     void accept(int listener, bool tcp);
+    void adopt(int fd, bool tcp, const void* address);
+    bool newcomer(XdrReader hello) const;
+    Slot* findSlot(const Later& later);
+    Peer* findPeer(const Later& later);
+    void replyLater(Later later, wire::Times times, PendingPointer pending);
+    void answer(const Later& later, wire::Times times, Pending& pending);
+    void keepReply(Slot& slot, const char* record, std::size_t size);
+    void replyAgain(const Later& later, Slot& slot, Peer* answered);
+    void mark(Trail& trail, const std::string& request) const;
+    void leave(Session& session);
+    void abandon(std::uint64_t session);
+    int share(const Peer* peer) const;
+    void took(const Peer* peer, int served, bool more);
     void sweep();
     void watchSlow(Peer* peer);
     void retire(Peer* peer, const std::string& reason, bool tell);
@@ -74,6 +113,7 @@ private:
 
     Sorm& sorm_;
     Reactor& reactor_;
+    Gate& gate_;
     const Settings& settings_;
     std::string name_, socket_;
     int port_ = 0;
@@ -91,6 +131,22 @@ private:
     std::vector<std::unique_ptr<Scratch>> scratch_;             // one for each depth
     std::size_t depth_ = 0;
     Buffer spare_;                                              // for the next peer with a long message
+    Buffer events_, glance_;                                    // written by pump, read by the watchman
+    Activity* activity_ = nullptr;
+    std::uint64_t peersSeen_ = 0;
+    bool stopping_ = false;
+    bool watched_ = false;                                      // it is the watchman who is inside
+    std::shared_ptr<Server*> self_ = std::make_shared<Server*>(this);   // for callbacks that may outlive us
+    // The body of the event that is being handed out, shared by all who get it.
+    std::uint64_t encoded_ = 0;
+    std::shared_ptr<const Buffer> encodedBody_;
+    // Fairness: what peers asked for in one turn of the reactor.
+    struct Turn {
+        std::uint64_t number = 0;
+        int peers = 0, most = 0, second = 0;
+    } turn_;
+    int share_ = 0;
+    std::int64_t crowded_ = 0;                                  // when two peers last had requests at a time
 };
 
 }  // namespace sorma

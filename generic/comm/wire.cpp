@@ -90,10 +90,11 @@ void writeCallHeader(XdrWriter& w, const CallHeader& h) {
     for (std::uint32_t word : {h.xid, kCallKind, h.rpcVersion, h.program, h.version, h.procedure, 0u, 0u, 0u, 0u}) w.u32(word);
 }
 
-void writeCall(Buffer& out, std::uint32_t xid, std::uint32_t program, const Request& request, const Message& m) {
+void writeCall(Buffer& out, std::uint32_t xid, std::uint32_t program, const Request& request, const Message& m,
+               std::uint32_t procedure) {
     std::size_t start = openRecord(out);
     XdrWriter w(out);
-    writeCallHeader(w, {xid, 2, program, kVersion, kCall});
+    writeCallHeader(w, {xid, 2, program, kVersion, procedure});
     w.u32(request.slot);
     w.u32(request.sequence);
     w.u32(request.timeleft);
@@ -113,6 +114,73 @@ void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Messag
     w.u32(times.sub);
     writeMessage(w, m);
     writeTrail(w, m.trail);
+    closeRecord(out, start);
+}
+
+void writeCancel(Buffer& out, std::uint32_t program, const Cancel& c) {
+    std::size_t start = openRecord(out);
+    XdrWriter w(out);
+    writeCallHeader(w, {0, 2, program, kVersion, kCancel});
+    w.u32(c.slot);
+    w.u32(c.sequence);
+    closeRecord(out, start);
+}
+
+void writeHealthRequest(Buffer& out, std::uint32_t xid, std::uint32_t program) {
+    std::size_t start = openRecord(out);
+    XdrWriter w(out);
+    writeCallHeader(w, {xid, 2, program, kVersion, kHealth});
+    closeRecord(out, start);
+}
+
+void writeHealth(Buffer& out, std::uint32_t xid, const Health& h) {
+    std::size_t start = openRecord(out);
+    XdrWriter w(out);
+    writeAccepted(w, xid, 0);
+    w.text(h.name);
+    w.i64(h.started);
+    w.u32(h.busy);
+    w.text(h.what);
+    w.u64(h.since);
+    w.u32(h.underway);
+    w.u32(h.connections);
+    closeRecord(out, start);
+}
+
+void writeSubscribe(Buffer& out, std::uint32_t xid, std::uint32_t program, const Subscription& s) {
+    std::size_t start = openRecord(out);
+    XdrWriter w(out);
+    writeCallHeader(w, {xid, 2, program, kVersion, kSubscribe});
+    w.u32(s.id);
+    w.text(s.name);
+    w.text(s.pattern);
+    w.u32(s.keep);
+    closeRecord(out, start);
+}
+
+void writeUnsubscribe(Buffer& out, std::uint32_t program, std::uint32_t id) {
+    std::size_t start = openRecord(out);
+    XdrWriter w(out);
+    writeCallHeader(w, {0, 2, program, kVersion, kUnsubscribe});
+    w.u32(id);
+    closeRecord(out, start);
+}
+
+void writeEventBody(Buffer& out, const EventBody& body, const Message& content) {
+    XdrWriter w(out);
+    w.i64(body.time);
+    w.text(body.name);
+    writeMessage(w, content);
+}
+
+void writeEvent(Buffer& out, const EventHeader& h, const Buffer& body) {
+    std::size_t start = openRecord(out);
+    XdrWriter w(out);
+    writeCallHeader(w, {0, 2, kProgram, kVersion, kEvent});
+    w.u32(h.id);
+    w.u64(h.number);
+    w.u64(h.lost);
+    out.append(body.data(), body.size());
     closeRecord(out, start);
 }
 
@@ -253,6 +321,42 @@ bool readReply(XdrReader& r, Times& times, Message& m) {
     times.sub = r.u32();
     m.trail.clear();
     return readMessage(r, m) && readTrail(r, m.trail) && r.atEnd();
+}
+
+bool readCancel(XdrReader& r, Cancel& c) {
+    c.slot = r.u32();
+    c.sequence = r.u32();
+    return r.good() && r.atEnd();
+}
+
+bool readHealth(XdrReader& r, Health& h) {
+    h.name = clean(r.text());
+    h.started = r.i64();
+    h.busy = r.u32() != 0;
+    h.what = clean(r.text());
+    h.since = r.u64();
+    h.underway = r.u32();
+    h.connections = r.u32();
+    return r.good() && r.atEnd();
+}
+
+bool readSubscription(XdrReader& r, Subscription& s) {
+    s.id = r.u32();
+    s.name = clean(r.text());
+    s.pattern = clean(r.text());
+    s.keep = r.u32();
+    return r.good() && r.atEnd();
+}
+
+bool readEvent(XdrReader& r, EventHeader& h, EventBody& body, Message& content) {
+    h.id = r.u32();
+    h.number = r.u64();
+    h.lost = r.u64();
+    body.time = r.i64();
+    body.name = clean(r.text());
+    content.code = 0;
+    content.trail.clear();
+    return readMessage(r, content) && r.atEnd();
 }
 
 bool readHello(XdrReader& r, Hello& h) {

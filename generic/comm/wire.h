@@ -14,7 +14,8 @@
 namespace sorma::wire {
 
 inline constexpr std::uint32_t kProgram = 0x20534f52, kProgramBase = 0x20000000, kVersion = 1;
-inline constexpr std::uint32_t kNull = 0, kHello = 1, kCall = 2, kGoodbye = 16;
+inline constexpr std::uint32_t kNull = 0, kHello = 1, kCall = 2, kCancel = 3, kHealth = 4, kSubscribe = 5, kUnsubscribe = 6, kOneway = 7,
+                               kGoodbye = 16, kEvent = 17;
 inline constexpr std::uint32_t kNoSlot = 0xffffffff;
 inline constexpr std::uint32_t kLastFragment = 0x80000000;
 inline constexpr std::size_t kMarkSize = 4;
@@ -48,6 +49,34 @@ struct Welcome {
     bool known = false;
 };
 
+struct Cancel {
+    std::uint32_t slot = 0, sequence = 0;
+};
+
+struct Health {
+    std::string name;
+    std::int64_t started = 0;
+    bool busy = false;
+    std::string what;
+    std::uint64_t since = 0;    // microseconds
+    std::uint32_t underway = 0, connections = 0;
+};
+
+struct Subscription {
+    std::uint32_t id = 0;
+    std::string name, pattern;
+    std::uint32_t keep = 1;
+};
+
+struct EventHeader {
+    std::uint32_t id = 0;
+    std::uint64_t number = 0, lost = 0;
+};
+struct EventBody {              // the same for all subscribers
+    std::int64_t time = 0;
+    std::string name;
+};
+
 // ---- writing: each appends one whole record to out ----
 
 // Start a record; closeRecord fills in its mark. Returns where it started.
@@ -61,7 +90,15 @@ inline void closeRecord(Buffer& out, std::size_t start) {
 }
 
 void writeCallHeader(XdrWriter& w, const CallHeader& header);
-void writeCall(Buffer& out, std::uint32_t xid, std::uint32_t program, const Request& request, const Message& m);
+void writeCall(Buffer& out, std::uint32_t xid, std::uint32_t program, const Request& request, const Message& m,
+               std::uint32_t procedure = kCall);                        // kCall or kOneway
+void writeCancel(Buffer& out, std::uint32_t program, const Cancel& cancel);
+void writeHealthRequest(Buffer& out, std::uint32_t xid, std::uint32_t program);
+void writeHealth(Buffer& out, std::uint32_t xid, const Health& health);
+void writeSubscribe(Buffer& out, std::uint32_t xid, std::uint32_t program, const Subscription& subscription);
+void writeUnsubscribe(Buffer& out, std::uint32_t program, std::uint32_t id);
+void writeEventBody(Buffer& out, const EventBody& body, const Message& content);        // no record: the end of one
+void writeEvent(Buffer& out, const EventHeader& header, const Buffer& body);
 void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Message& m);
 void writeHello(Buffer& out, std::uint32_t xid, std::uint32_t program, const Hello& hello);
 void writeWelcome(Buffer& out, std::uint32_t xid, const Welcome& welcome);
@@ -84,6 +121,10 @@ CallHeader readCallHeader(XdrReader& r, std::uint32_t xid);             // after
 std::string readReplyHeader(XdrReader& r);
 bool readRequest(XdrReader& r, Request& request, Message& m);           // m is cleared first
 bool readReply(XdrReader& r, Times& times, Message& m);
+bool readCancel(XdrReader& r, Cancel& cancel);
+bool readHealth(XdrReader& r, Health& health);
+bool readSubscription(XdrReader& r, Subscription& subscription);
+bool readEvent(XdrReader& r, EventHeader& header, EventBody& body, Message& content);
 bool readHello(XdrReader& r, Hello& hello);
 bool readWelcome(XdrReader& r, Welcome& welcome);
 

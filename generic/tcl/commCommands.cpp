@@ -202,6 +202,8 @@ void initCommCommands(Interpreter& i) {
     add("-maxmessage", "bytes", "longest message sent or taken", 1024, kGigabyte, s.maxMessage);
     add("-maxconnections", "1", "connections that a daemon of this interpreter takes", 1, kMany, s.maxConnections);
     add("-inflight", "1", "calls of one client that a daemon takes at a time", 1, 65536, s.inFlight);
+    add("-grace", "ms", "time that a client which lost its connection has to come back before what it holds is freed", 0, kDay, s.grace);
+    add("-maxqueue", "events", "events that a daemon keeps for one subscriber, at most", 1, kMany, s.maxQueue);
     add("-requesttime", "ms", "time for a peer to send the rest of a request", 1, kDay, s.requestTime);
     add("-replytime", "ms", "time for a peer to take some of what waits for it", 1, kDay, s.replyTime);
     add("-keepreply", "bytes", "longest reply kept for a client that lost its connection", 0, kGigabyte, s.keepReply);

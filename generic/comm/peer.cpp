@@ -1,0 +1,564 @@
+// A daemon's side of one connection.
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include "bus/requestText.h"
+#include "comm/errors.h"
+#include "comm/serverParts.h"
+
+namespace sorma {
+
+namespace {
+
+constexpr std::int64_t kQuick = 20'000;                 // [ns] a call this short does not hold up replies before it
+
+const Prototype kHelloFirst{Severity::error, "COMM PROTOCOL", 0, "{} needs a session: say HELLO first"};
+const Prototype kSlots{Severity::error, "COMM LIMIT", 0,
+    "slot {} is beyond the {} calls in flight that this daemon takes from one client; raise it there: sorma::configure -inflight N"};
+const Prototype kOverdue{Severity::error, "COMM TIMEOUT", 1, "{}: no answer by the deadline; the service was told to stop"};
+const Prototype kStopped{Severity::error, "COMM CANCELLED", 1, "{}: the call was cancelled by its caller; it may have run"};
+
+std::uint32_t microseconds(std::int64_t nanoseconds) {
+    std::int64_t us = nanoseconds / 1000;
+    return us > UINT32_MAX ? UINT32_MAX : static_cast<std::uint32_t>(us);
+}
+
+Trail trailOf(Entry entry) {
+    Trail trail;
+    trail.add(std::move(entry));
+    return trail;
+}
+
+}  // namespace
+
+Server::Peer::Peer(Server& server, int fd, ClientPointer who)
+    : server_(server), fd_(fd), client(std::move(who)), since(monotonicNow()), number(++server.peersSeen_) {
+    server_.reactor_.add(fd_, EPOLLIN, this);
+}
+
+void Server::Peer::shut() {
+    if (fd_ < 0) return;
+    server_.reactor_.remove(fd_, this);
+    close(fd_);
+    fd_ = -1;
+}
+
+// ---- a peer's turn ----
+
+void Server::Peer::ready(std::uint32_t events) {
+    Gate::Inside inside(server_.gate_);
+    if (events & EPOLLOUT) drain();
+    if (open() && !events_.empty()) pump();
+    if (open() && (events & (EPOLLIN | EPOLLHUP | EPOLLERR) || (events == 0 && !in_.empty()))) receive();
+}
+
+void Server::Peer::spill(Frame& frame) {
+    if (frame.spilled) return;
+    frame.spilled = true;
+    std::size_t left = static_cast<std::size_t>(frame.end - frame.at);
+    if (frame.inPeer) in_.drop(in_.size() - left);
+    else in_.append(frame.at, left);
+    if (left > 0) server_.reactor_.again(this);
+}
+
+void Server::Peer::receive() {
+    if (server_.depth_ == 0) server_.retired_.clear();
+    else server_.handBack();
+    if (server_.scratch_.size() <= server_.depth_) server_.scratch_.push_back(std::make_unique<Scratch>());
+    Scratch& scratch = *server_.scratch_[server_.depth_];
+
+    // Requests that a turn before left here are served before more is read.
+    bool inPeer = !in_.empty();
+    char* room = scratch.in;
+    std::size_t before = in_.size(), size = kReadSize;
+    if (inPeer) {
+        size = std::max(kReadSize, std::min(before, std::size_t{8} << 20));     // grows with what really came
+        if (in_.capacity() < before + size && server_.spare_.capacity() >= before + size) {
+            server_.spare_.clear();
+            server_.spare_.append(in_.data(), before);
+            std::swap(in_, server_.spare_);
+        }
+        room = in_.extend(size);
+    }
+    ssize_t n = recv(fd_, room, size, MSG_DONTWAIT);
+    if (inPeer) in_.resize(before + (n > 0 ? static_cast<std::size_t>(n) : 0));
+    if (n < 0 && errno != EAGAIN && errno != EINTR) return server_.retire(this, {}, false);
+    bool ended = n == 0;
+    if (n <= 0 && !inPeer) {
+        if (ended) server_.retire(this, {}, false);
+        return;
+    }
+    arrived_ = monotonicNow();
+    server_.reactor_.seen(arrived_);
+    glanced_ = 0;
+    Frame frame{this, inPeer ? in_.data() : scratch.in, nullptr, inPeer, false, server_.frames_};
+    frame.end = frame.at + (inPeer ? in_.size() : static_cast<std::size_t>(n));
+    server_.frames_ = &frame;
+    ++server_.depth_;
+    struct Leave {
+        Server& server;
+        Frame& frame;
+        ~Leave() {
+            server.frames_ = frame.outer;
+            if (--server.depth_ == 0) server.retired_.clear();
+        }
+    } leave{server_, frame};
+    serve(frame, scratch);
+    if (ended && open()) server_.retire(this, {}, false);
+}
+
+void Server::Peer::serve(Frame& frame, Scratch& scratch) {
+    int served = 0;
+    const int share = server_.share(this);
+    bool more = false;
+    while (open() && !frame.spilled) {
+        std::size_t left = static_cast<std::size_t>(frame.end - frame.at);
+        if (skip_ > 0) {
+            std::size_t n = std::min(skip_, left);
+            skip_ -= n;
+            frame.at += n;
+            left -= n;
+        }
+        if (left < wire::kMarkSize) break;
+        XdrReader marks(frame.at, wire::kMarkSize);
+        std::uint32_t mark = marks.u32();
+        std::size_t length = mark & ~wire::kLastFragment;
+        bool last = mark & wire::kLastFragment;
+        if (length + fragments_.size() > static_cast<std::size_t>(server_.settings_.maxMessage)) {
+            if (!oversized(frame, scratch, length)) break;
+            continue;
+        }
+        if (left < wire::kMarkSize + length) break;
+        if (served >= share || queued() > kQueueLimit) {
+            more = queued() <= kQueueLimit;
+            break;
+        }
+        std::string_view record(frame.at + wire::kMarkSize, length);
+        frame.at += wire::kMarkSize + length;
+        if (!last || !fragments_.empty()) {
+            fragments_.append(record.data(), record.size());
+            if (!last) continue;
+            Buffer whole;
+            std::swap(whole, fragments_);
+            handle({whole.data(), whole.size()}, scratch, frame);
+        } else {
+            handle(record, scratch, frame);
+        }
+        ++served;
+    }
+    server_.took(this, served, more);
+    flush(scratch);
+    if (!open() || frame.spilled) return;
+    std::size_t left = static_cast<std::size_t>(frame.end - frame.at);
+    if (frame.inPeer) in_.drop(in_.size() - left);
+    else in_.append(frame.at, left);
+    if (in_.empty() && in_.capacity() > kKeepBuffer) server_.giveBack(in_);
+    if (more) server_.reactor_.again(this);
+    bool half = !more && (left > 0 || skip_ > 0 || fragments_.size() > 0) && queued() <= kQueueLimit;
+    if (!half) halfSince_ = 0;
+    else if (halfSince_ == 0 || served > 0) halfSince_ = arrived_;
+    if (slow()) server_.watchSlow(this);
+    interest();
+}
+
+// A record that is too long. Its beginning says whether to refuse the call and skip it, or to end the connection.
+// False: wait for more of it.
+bool Server::Peer::oversized(Frame& frame, Scratch& scratch, std::size_t length) {
+    constexpr std::size_t kNeeded = wire::kMarkSize + 24;           // up to the procedure
+    if (static_cast<std::size_t>(frame.end - frame.at) < kNeeded) return false;
+    XdrReader r(frame.at + wire::kMarkSize, kNeeded - wire::kMarkSize);
+    auto envelope = wire::readEnvelope(r);
+    std::uint32_t rpcVersion = r.u32();
+    bool call = fragments_.empty() && r.good() && envelope.kind == 0 && rpcVersion == 2;
+    if (!call) {
+        flush(scratch);
+        server_.retire(this, "what came is not a record of ONC RPC, or it is longer than -maxmessage " +
+                                 std::to_string(server_.settings_.maxMessage) + " bytes", true);
+        return false;
+    }
+    refuse(envelope.xid, scratch.out, Error(makeEntry(errors::kTooBig,
+        {MessageArg::of(server_.name_), MessageArg::of("request"), MessageArg::of(length), MessageArg::of("daemon " + server_.name_),
+         MessageArg::of(server_.settings_.maxMessage)})));
+    frame.at += wire::kMarkSize;
+    skip_ = length;
+    return true;
+}
+
+void Server::Peer::handle(std::string_view record, Scratch& scratch, Frame& frame) {
+    XdrReader r(record);
+    auto envelope = wire::readEnvelope(r);
+    if (!r.good()) return server_.retire(this, "what came is not a message of ONC RPC", true);
+    if (envelope.kind != 0) return;                 // a reply: we have asked nothing
+    auto header = wire::readCallHeader(r, envelope.xid);
+    if (!r.good()) return wire::writeRefusal(scratch.out, envelope.xid, wire::Refusal::garbage);
+    if (header.rpcVersion != 2) return wire::writeRpcMismatch(scratch.out, header.xid);
+    bool ours = header.program == wire::kProgram ||
+                (server_.program_ != 0 && header.program == wire::kProgramBase + server_.program_);
+    if (!ours) return wire::writeRefusal(scratch.out, header.xid, wire::Refusal::programUnavailable);
+    if (header.version != wire::kVersion) return wire::writeRefusal(scratch.out, header.xid, wire::Refusal::programMismatch);
+    if (!answered_.empty() && std::erase(answered_, header.xid) > 0) return;       // by the watchman
+    switch (header.procedure) {
+        case wire::kNull: return wire::writeEmptyReply(scratch.out, header.xid);
+        case wire::kCall: return call(r, header, record, scratch, frame);
+        case wire::kHello: return hello(r, header.xid, scratch.out);
+        case wire::kOneway: return oneway(r, scratch, frame);
+        case wire::kCancel: return cancel(r);
+        case wire::kHealth: return wire::writeHealth(scratch.out, header.xid, server_.health(false));
+        case wire::kSubscribe: return subscribe(r, header.xid, scratch);
+        case wire::kUnsubscribe:
+            if (session) session->subscriptions.erase(r.u32());
+            return;
+        default: return wire::writeRefusal(scratch.out, header.xid, wire::Refusal::procedureUnavailable);
+    }
+}
+
+void Server::Peer::refuse(std::uint32_t xid, Buffer& out, const Error& error) {
+    Message m;
+    m.code = -1;
+    m.trail = error.trail;
+    for (auto& e : m.trail.entries()) e.daemon = server_.name_;
+    wire::writeReply(out, xid, {}, m);
+}
+
+void Server::Peer::hello(XdrReader& r, std::uint32_t xid, Buffer& out) {
+    wire::Hello hello;
+    if (!wire::readHello(r, hello)) return wire::writeRefusal(out, xid, wire::Refusal::garbage);
+    bool known = false;
+    session = &server_.session(*this, hello, known);
+    maxReply_ = hello.maxMessage > 0 ? hello.maxMessage : UINT32_MAX;
+    auto& self = Caller::self();
+    wire::Welcome w{server_.boot_, server_.name_, self.user, self.host, self.program, self.process, server_.started_,
+                    static_cast<std::uint32_t>(server_.settings_.maxMessage),
+                    static_cast<std::uint32_t>(server_.settings_.inFlight), known};
+    wire::writeWelcome(out, xid, w);
+}
+
+void Server::Peer::cancel(XdrReader& r) {
+    wire::Cancel wanted;
+    if (!wire::readCancel(r, wanted) || !session || wanted.slot >= session->slots.size()) return;
+    Slot& slot = session->slots[wanted.slot];
+    if (slot.state != Slot::State::running || slot.sequence != wanted.sequence) return;     // it is over
+    if (slot.call) slot.call->cancelled.store(true, std::memory_order_relaxed);             // a hint, it orders nothing
+    if (auto pending = slot.pending) {
+        Gate::Outside outside(server_.gate_);
+        pending->cancel(trailOf(makeEntry(kStopped, {MessageArg::of(pending->who)})));
+    }
+}
+
+void Server::Peer::subscribe(XdrReader& r, std::uint32_t xid, Scratch& scratch) {
+    wire::Subscription wanted;
+    if (!wire::readSubscription(r, wanted)) return wire::writeRefusal(scratch.out, xid, wire::Refusal::garbage);
+    if (!session) return refuse(xid, scratch.out, Error(makeEntry(kHelloFirst, {MessageArg::of("a subscription")})));
+    Message m;
+    try {
+        auto known = session->subscriptions.find(wanted.id);
+        if (known == session->subscriptions.end()) {
+            if (wanted.name.find('@') != std::string::npos) fail(errors::kRelay, wanted.name);
+            auto fresh = std::make_unique<Subscription>(server_, *session, wanted);
+            known = session->subscriptions.emplace(wanted.id, std::move(fresh)).first;
+        }
+        m.ints = {std::int64_t(known->second->number()), std::int64_t(known->second->takeLost())};
+        wire::writeReply(scratch.out, xid, {}, m);
+    } catch (...) {
+        Trail trail = trailOfCurrentException(wanted.name);
+        refuse(xid, scratch.out, Error(std::move(trail)));
+    }
+}
+
+void Server::Peer::call(XdrReader& r, const wire::CallHeader& header, std::string_view record, Scratch& scratch,
+                        Frame& frame) {
+    wire::Request request;
+    Message& m = scratch.message;
+    if (!wire::readRequest(r, request, m)) return wire::writeRefusal(scratch.out, header.xid, wire::Refusal::garbage);
+    Slot* slot = nullptr;
+    Session* mine = session;
+    if (request.slot != wire::kNoSlot) {
+        if (!mine) return refuse(header.xid, scratch.out, Error(makeEntry(kHelloFirst, {MessageArg::of("a call with a slot")})));
+        if (request.slot >= static_cast<std::uint64_t>(server_.settings_.inFlight))
+            return refuse(header.xid, scratch.out,
+                          Error(makeEntry(kSlots, {MessageArg::of(request.slot), MessageArg::of(server_.settings_.inFlight)})));
+        if (mine->slots.size() <= request.slot) mine->slots.resize(request.slot + 1);
+        slot = &mine->slots[request.slot];
+        if (slot->state != Slot::State::empty && request.sequence == slot->sequence) {      // it asks again
+            if (slot->state == Slot::State::running) {
+                slot->asked = true;
+                slot->askedXid = header.xid;
+            } else if (slot->state == Slot::State::tooLarge) {
+                refuse(header.xid, scratch.out, Error(makeEntry(errors::kReplyGone, {MessageArg::of(request.name),
+                       MessageArg::of(slot->size), MessageArg::of("daemon " + server_.name_)})));
+            } else {
+                char* at = scratch.out.extend(slot->reply.size());
+                std::memcpy(at, slot->reply.data(), slot->reply.size());
+                XdrWriter::put(at + wire::kMarkSize, header.xid);
+            }
+            return;
+        }
+        if (slot->state == Slot::State::running || (slot->state != Slot::State::empty && request.sequence != slot->sequence + 1))
+            return refuse(header.xid, scratch.out, Error(makeEntry(errors::kSequence, {MessageArg::of(request.name),
+                          MessageArg::of(request.sequence), MessageArg::of(request.slot), MessageArg::of(slot->sequence)})));
+        slot->sequence = request.sequence;
+        slot->state = Slot::State::running;
+        slot->asked = false;
+    }
+    ++calls;
+    ++server_.served_;
+    wire::Times times;
+    Later later{this, number, mine ? mine->number : 0, request.slot, request.sequence, header.xid, 0, 0};
+    bool pending = execute(request, record, m, times, slot, scratch, frame);
+    // A service may have run the event loop: the session may have moved to another connection, or be gone.
+    if (slot) slot = server_.findSlot(later);
+    if (slot) slot->call = nullptr;
+    if (pending) return server_.replyLater(later, times, std::exchange(m.later, nullptr));
+    reply(header.xid, times, m, slot, scratch.out);
+    if (slot && slot->asked) server_.replyAgain(later, *slot, this);
+}
+
+void Server::Peer::oneway(XdrReader& r, Scratch& scratch, Frame& frame) {
+    wire::Request request;
+    Message& m = scratch.message;
+    if (!wire::readRequest(r, request, m)) return;
+    ++calls;
+    ++server_.served_;
+    wire::Times times;
+    if (execute(request, {}, m, times, nullptr, scratch, frame)) m.later.reset();
+}
+
+bool Server::Peer::execute(const wire::Request& request, std::string_view record, Message& m, wire::Times& times, Slot* slot,
+                           Scratch& scratch, Frame& frame) {
+    // Of requests that came together only the first starts when they came.
+    std::int64_t start = frame.served++ == 0 ? arrived_ : monotonicNow();
+    std::int64_t waited = start - arrived_;
+    times.waited = microseconds(waited);
+    Deadline deadline;
+    if (request.timeleft > 0) deadline = Deadline::at(arrived_ + std::int64_t{request.timeleft} * 1'000'000);
+    ClientPointer who = client;                         // stays while the service runs, whatever becomes of this peer
+    Call context(who->caller, deadline, who);
+    if (slot) slot->call = &context;
+    Method method = request.method;
+    try {
+        if (request.timeleft > 0 && start >= deadline.when()) fail(errors::kTimeoutLate, request.name);
+        // Only objects of this process are served: whoever may call us may not call others in our name.
+        bool elsewhere = request.name.find('@') != std::string_view::npos || (!request.name.empty() && request.name[0] >= 'A' && request.name[0] <= 'Z');
+        if (elsewhere) [[unlikely]] fail(errors::kRelay, request.name);
+        Service* known = server_.sorm_.find(request.name);
+        // Replies to the requests before this one must not wait for it, unless it is known to be quick.
+        if (!scratch.out.empty() && (!known || known->lastRun > kQuick)) flush(scratch);
+        Reference service;
+        bool later;
+        {
+            Activity activity(server_, request.name, method, who->caller, start);
+            Gate::Outside outside(server_.gate_);
+            service = known ? Reference(known) : server_.sorm_.get(request.name);
+            later = service->start(method, m);
+        }
+        std::int64_t ran = monotonicNow() - start;
+        service->lastRun = ran;
+        times.ran = microseconds(ran);
+        if (later) return true;
+    } catch (...) {
+        Trail trail = trailOfCurrentException({});
+        // The request is shown from its bytes, since EXEC may have changed the message; they are gone when the rest
+        // of the peer's buffer has been handed back meanwhile.
+        std::string text;
+        Message again;
+        wire::Request as;
+        XdrReader r(record);
+        if (!(frame.inPeer && frame.spilled)) {
+            auto envelope = wire::readEnvelope(r);
+            wire::readCallHeader(r, envelope.xid);
+            if (record.size() <= 4096 && wire::readRequest(r, as, again)) appendRequest(text, as.name, as.method, again);
+        }
+        server_.mark(trail, text);
+        m.clear();
+        m.code = -1;
+        m.trail = std::move(trail);
+        times.ran = microseconds(monotonicNow() - start);
+        server_.sorm_.setLastTrail(m.trail);
+    }
+    times.sub = microseconds(context.subTime);
+    if (!m.trail.empty()) server_.mark(m.trail, {});
+    return false;
+}
+
+void Server::Peer::reply(std::uint32_t xid, const wire::Times& times, Message& m, Slot* slot, Buffer& out) {
+    std::size_t start = out.size();
+    wire::writeReply(out, xid, times, m);
+    std::size_t size = out.size() - start;
+    if (size > maxReply_) {
+        out.resize(start);
+        refuse(xid, out, Error(makeEntry(errors::kTooBig, {MessageArg::of(server_.name_), MessageArg::of("reply"),
+               MessageArg::of(size), MessageArg::of("the client"), MessageArg::of(maxReply_)})));
+        size = out.size() - start;
+    }
+    if (slot) server_.keepReply(*slot, out.data() + start, size);
+}
+
+void Server::Peer::flush(Scratch& scratch) {
+    if (!scratch.out.empty() && open()) push(scratch.out.data(), scratch.out.size());
+    scratch.out.clear();
+    if (scratch.out.capacity() > kKeepSpare) scratch.out.release();
+}
+
+void Server::Peer::push(const char* data, std::size_t size) {
+    if (queued() == 0) {
+        while (size > 0) {
+            ssize_t n = send(fd_, data, size, MSG_DONTWAIT | MSG_NOSIGNAL);
+            if (n < 0 && errno == EINTR) continue;
+            if (n < 0 && errno != EAGAIN) return server_.retire(this, {}, false);
+            if (n < 0) break;
+            data += n;
+            size -= static_cast<std::size_t>(n);
+        }
+        if (size == 0) return;
+        stuckSince_ = monotonicNow();
+        if (server_.spare_.capacity() >= size) {
+            std::swap(out_, server_.spare_);
+            out_.clear();
+        }
+    }
+    out_.append(data, size);
+    server_.watchSlow(this);
+    interest();
+}
+
+void Server::Peer::drain() {
+    bool moved = false;
+    while (queued() > 0) {
+        ssize_t n = send(fd_, out_.data() + sent_, queued(), MSG_DONTWAIT | MSG_NOSIGNAL);
+        if (n < 0 && errno == EINTR) continue;
+        if (n < 0 && errno == EAGAIN) break;
+        if (n < 0) return server_.retire(this, {}, false);
+        sent_ += static_cast<std::size_t>(n);
+        moved = true;
+    }
+    if (moved) {
+        stuckSince_ = monotonicNow();
+        server_.reactor_.seen(stuckSince_);
+    }
+    if (queued() == 0) {
+        out_.clear();
+        if (!events_.empty()) server_.reactor_.again(this);
+        if (out_.capacity() > kKeepBuffer) server_.giveBack(out_);
+        sent_ = 0;
+        stuckSince_ = 0;
+    } else if (sent_ > kQueueLimit) {
+        out_.drop(sent_);
+        sent_ = 0;
+    }
+    if (queued() <= kQueueLimit && !in_.empty()) server_.reactor_.again(this);
+    interest();
+}
+
+// Read while the peer takes its replies; ask to write while it has any to take.
+void Server::Peer::interest() {
+    if (!open()) return;
+    std::uint32_t wanted = (queued() <= kQueueLimit ? std::uint32_t{EPOLLIN} : 0u) | (queued() > 0 ? std::uint32_t{EPOLLOUT} : 0u);
+    if (wanted == interest_) return;
+    interest_ = wanted;
+    server_.reactor_.change(fd_, wanted, this);
+}
+
+std::string Server::Peer::tooSlow(std::int64_t now) const {
+    auto& s = server_.settings_;
+    if (halfSince_ != 0 && now - halfSince_ > s.requestTime * 1'000'000)
+        return "half a request had come and the rest did not follow in " + std::to_string(s.requestTime) + " ms (-requesttime)";
+    if (queued() > 0 && stuckSince_ != 0 && now - stuckSince_ > s.replyTime * 1'000'000)
+        return std::to_string(queued()) + " bytes of replies were not taken in " + std::to_string(s.replyTime) + " ms (-replytime)";
+    return {};
+}
+
+// ---- events: written when the peer has room for them ----
+
+void Server::Peer::schedule(Subscription& subscription) {
+    if (events_.empty()) server_.reactor_.again(this);
+    events_.push_back(&subscription);
+    subscription.scheduled = true;
+}
+
+void Server::Peer::forget(Subscription& subscription) { std::erase(events_, &subscription); }
+
+void Server::Peer::pump() {
+    Buffer& out = server_.events_;
+    while (open() && !events_.empty() && queued() == 0) {
+        out.clear();
+        while (!events_.empty() && out.size() < kEventWindow) {
+            Subscription* next = events_.front();
+            events_.pop_front();
+            next->scheduled = next->pump(*this, out);
+            if (next->scheduled) events_.push_back(next);
+        }
+        push(out.data(), out.size());
+    }
+}
+
+// ---- the watchman's look ----
+
+// Whole records stand at the end of what has been read; how much of the last one is still in the socket?
+std::size_t Server::Peer::missing() const {
+    const char* at = in_.data();
+    const char* end = in_.data() + in_.size();
+    for (Frame* f = server_.frames_; f; f = f->outer)
+        if (f->peer == this && !f->spilled) at = f->at, end = f->end;
+    std::size_t left = static_cast<std::size_t>(end - at);
+    if (skip_ > left) return skip_ - left;
+    std::size_t position = skip_;
+    while (left - position >= wire::kMarkSize) {
+        XdrReader mark(at + position, wire::kMarkSize);
+        std::size_t length = wire::kMarkSize + (mark.u32() & ~wire::kLastFragment);
+        if (position + length > left) return position + length - left;
+        position += length;
+    }
+    return position == left ? 0 : SIZE_MAX;     // a torn mark: it will not be guessed
+}
+
+void Server::Peer::glance() {
+    constexpr std::size_t kLook = 256 * 1024;
+    if (!open()) return;
+    Buffer& seen = server_.glance_;
+    seen.resize(kLook);
+    ssize_t n = recv(fd_, seen.data(), kLook, MSG_PEEK | MSG_DONTWAIT);
+    if (n <= 0) return;
+    std::size_t size = static_cast<std::size_t>(n), at = glanced_ > 0 ? glanced_ : missing();
+    Buffer out;
+    while (at < size && size - at >= wire::kMarkSize) {
+        XdrReader marks(seen.data() + at, wire::kMarkSize);
+        std::uint32_t mark = marks.u32();
+        std::size_t length = mark & ~wire::kLastFragment;
+        if (!(mark & wire::kLastFragment) || size - at - wire::kMarkSize < length) break;
+        XdrReader r(seen.data() + at + wire::kMarkSize, length);
+        at += wire::kMarkSize + length;
+        auto envelope = wire::readEnvelope(r);
+        if (!r.good() || envelope.kind != 0) break;
+        auto header = wire::readCallHeader(r, envelope.xid);
+        if (!r.good() || header.rpcVersion != 2 || header.version != wire::kVersion) break;
+        std::size_t before = out.size();
+        switch (header.procedure) {
+            case wire::kNull: wire::writeEmptyReply(out, header.xid); break;
+            case wire::kHealth: wire::writeHealth(out, header.xid, server_.health(true)); break;
+            case wire::kHello:
+                if (!session && server_.newcomer(r)) hello(r, header.xid, out);
+                break;
+            case wire::kCancel: {
+                wire::Cancel wanted;
+                if (!wire::readCancel(r, wanted) || !session || wanted.slot >= session->slots.size()) break;
+                Slot& slot = session->slots[wanted.slot];
+                if (slot.call && slot.sequence == wanted.sequence) slot.call->cancelled.store(true, std::memory_order_relaxed);
+                break;                          // and the SORM's thread will see it, too
+            }
+            default: break;
+        }
+        if (out.size() > before) answered_.push_back(header.xid);
+    }
+    glanced_ = at <= size ? at : 0;
+    // What the socket does not take now is not worth waiting for: the client will ask again.
+    if (!out.empty() && queued() == 0) {
+        ssize_t ignored = send(fd_, out.data(), out.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
+        (void)ignored;
+    }
+}
+
+}  // namespace sorma

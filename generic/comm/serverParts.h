@@ -1,0 +1,184 @@
+// serverParts.h -- what a server is made of: peers, sessions with their slots, subscriptions. Only server.cpp, peer.cpp,
+// subscription.cpp and watchman.cpp include it. Everything here is touched inside the gate.
+#pragma once
+
+#include <sys/epoll.h>
+
+#include <algorithm>
+#include <deque>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "bus/client.h"
+#include "bus/stream.h"
+#include "comm/server.h"
+
+namespace sorma {
+
+inline constexpr std::size_t kReadSize = 64 * 1024;
+inline constexpr int kBatch = 64;                       // requests of one peer in one turn, at most
+inline constexpr std::size_t kQueueLimit = 1 << 20;     // of replies not taken, before we stop reading a peer
+inline constexpr std::size_t kEventWindow = 64 * 1024;  // of events that wait in a peer's queue
+inline constexpr std::size_t kKeepBuffer = 4096;        // a peer's own buffers may stay this large when empty
+inline constexpr std::size_t kKeepSpare = 4 << 20;      // buffers that all peers share, kept for the next long message
+
+// Buffers of one depth of serving.
+struct Server::Scratch {
+    char in[kReadSize];
+    Buffer out;
+    Message message;
+};
+
+// One peer's turn, on the stack. When a service runs the event loop, the turns below hand what they have not served
+// yet to their peers (spill), so that the inner loop can go on with them in order.
+struct Server::Frame {
+    Peer* peer;
+    const char* at;
+    const char* end;
+    bool inPeer;                // at and end point into the peer's own buffer
+    bool spilled = false;
+    Frame* outer;
+    int served = 0;             // calls executed in this turn
+};
+
+struct Server::Slot {
+    enum class State : std::uint8_t { empty, running, done, tooLarge };
+    std::uint32_t sequence = 0;
+    State state = State::empty;
+    bool asked = false;         // the client asks again while the call runs: send the reply where it is now
+    std::uint32_t askedXid = 0;
+    std::size_t size = 0;
+    Buffer reply;               // the record as it was sent
+    Call* call = nullptr;       // running, and on the stack
+    PendingPointer pending;     // running, and taken over by the service
+};
+
+// One listener to one object, for one client. It stays with the session, so that what a client misses while its
+// connection is broken is counted.
+class Server::Subscription : public Subscriber {
+public:
+    Subscription(Server& server, Session& session, const wire::Subscription& wanted);
+    ~Subscription() override;
+    void event(const Event& event) override;
+    void gone() override;
+
+    // Write what waits, as far as the peer has room. True when something is left.
+    bool pump(Peer& peer, Buffer& out);
+    bool waiting() const { return !items_.empty(); }
+    void stopKeeping();                     // the connection is gone: count, keep nothing
+    std::uint64_t takeLost() { return std::exchange(lost_, 0); }
+    std::uint64_t number() const { return number_; }
+    const std::uint32_t id;
+    bool scheduled = false;                 // in its peer's list
+
+private:
+    struct Item {
+        std::shared_ptr<const Buffer> body;
+        std::uint64_t number, lost;
+    };
+    void push(std::shared_ptr<const Buffer> body);
+
+    Server& server_;
+    Session& session_;
+    Reference object_;
+    std::size_t keep_;
+    std::deque<Item> items_;
+    std::uint64_t number_ = 0, lost_ = 0;
+};
+
+struct Server::Session {
+    ClientPointer client;
+    std::uint64_t number = 0;               // chosen by the client
+    Peer* peer = nullptr;                   // null: the connection is gone, the client may come back
+    std::int64_t lastSeen = 0;
+    std::uint64_t graceTimer = 0;
+    std::vector<Slot> slots;
+    std::map<std::uint32_t, std::unique_ptr<Subscription>> subscriptions;
+
+    bool running() const {
+        return std::any_of(slots.begin(), slots.end(), [](auto& slot) { return slot.state == Slot::State::running; });
+    }
+};
+
+class Server::Listener : public Reactor::Watcher {
+public:
+    Listener(Server& server, int fd, bool tcp);
+    ~Listener() override;
+    void ready(std::uint32_t) override;
+    int descriptor() const { return fd_; }
+    bool tcp() const { return tcp_; }
+
+private:
+    Server& server_;
+    int fd_;
+    bool tcp_;
+};
+
+class Server::Peer : public Reactor::Watcher {
+public:
+    Peer(Server& server, int fd, ClientPointer who);
+    ~Peer() override { shut(); }
+
+    void ready(std::uint32_t events) override;
+    void push(const char* data, std::size_t size);      // send now, or queue what the socket does not take
+    void shut();
+    bool open() const { return fd_ >= 0; }
+    std::size_t queued() const { return out_.size() - sent_; }
+    void spill(Frame& frame);
+    void schedule(Subscription& subscription);          // it has something for this peer
+    void forget(Subscription& subscription);
+    // The watchman's look, while the SORM's thread is elsewhere: answers what needs no service. Reads without taking.
+    void glance();
+
+    // Why this peer has been slow for too long; empty when it has not.
+    std::string tooSlow(std::int64_t now) const;
+    bool slow() const { return halfSince_ != 0 || queued() > 0; }
+
+private:
+    void receive();
+    void serve(Frame& frame, Scratch& scratch);
+    bool oversized(Frame& frame, Scratch& scratch, std::size_t length);
+    void handle(std::string_view record, Scratch& scratch, Frame& frame);
+    void hello(XdrReader& r, std::uint32_t xid, Buffer& out);
+    void cancel(XdrReader& r);
+    void subscribe(XdrReader& r, std::uint32_t xid, Scratch& scratch);
+    void call(XdrReader& r, const wire::CallHeader& header, std::string_view record, Scratch& scratch, Frame& frame);
+    void oneway(XdrReader& r, Scratch& scratch, Frame& frame);
+    // True: the service answers later, m.later says.
+    bool execute(const wire::Request& request, std::string_view record, Message& m, wire::Times& times, Slot* slot,
+                 Scratch& scratch, Frame& frame);
+    void reply(std::uint32_t xid, const wire::Times& times, Message& m, Slot* slot, Buffer& out);
+    void flush(Scratch& scratch);
+    void drain();
+    void pump();
+    void interest();
+    void refuse(std::uint32_t xid, Buffer& out, const Error& error);
+    std::size_t missing() const;                        // bytes until the next record begins
+
+    Server& server_;
+    int fd_;
+    Buffer in_;                         // the beginning of a request
+    Buffer fragments_;                  // fragments of a record that came before its last one
+    Buffer out_;                        // replies that the socket has not taken
+    std::size_t sent_ = 0;              // of out_
+    std::size_t skip_ = 0;              // bytes of an oversized record still to come
+    std::int64_t halfSince_ = 0, stuckSince_ = 0, arrived_ = 0;
+    std::uint32_t interest_ = EPOLLIN;
+    std::uint32_t maxReply_ = UINT32_MAX;
+    std::deque<Subscription*> events_;  // those with something for this peer
+    std::size_t glanced_ = 0;           // bytes of the socket that the watchman has seen to
+    std::vector<std::uint32_t> answered_;       // what it has answered
+
+    friend class Server;
+
+public:
+    ClientPointer client;
+    Session* session = nullptr;
+    std::int64_t since;
+    std::uint64_t calls = 0;
+    const std::uint64_t number;         // never used again, as an address may be
+};
+
+}  // namespace sorma

@@ -1,0 +1,68 @@
+// What one client has subscribed to.
+#include "comm/serverParts.h"
+
+namespace sorma {
+
+Server::Subscription::Subscription(Server& server, Session& session, const wire::Subscription& wanted)
+    : id(wanted.id), server_(server), session_(session),
+      keep_(std::clamp<std::size_t>(wanted.keep, 1, static_cast<std::size_t>(server.settings_.maxQueue))) {
+    Gate::Outside outside(server_.gate_);               // the object may have to be made
+    object_ = server_.sorm_.get(wanted.name);
+    object_->subscribe(this, wanted.pattern);
+}
+
+Server::Subscription::~Subscription() {
+    if (object_) object_->unsubscribe(this);
+    if (scheduled && session_.peer) session_.peer->forget(*this);
+}
+
+void Server::Subscription::event(const Event& event) {
+    Gate::Inside inside(server_.gate_);
+    if (server_.encoded_ != event.serial) {             // the first of this server's listeners
+        auto body = std::make_shared<Buffer>();
+        wire::writeEventBody(*body, {event.time, std::string(event.name)}, event.message);
+        server_.encodedBody_ = std::move(body);
+        server_.encoded_ = event.serial;
+    }
+    push(server_.encodedBody_);
+}
+
+void Server::Subscription::gone() {
+    Gate::Inside inside(server_.gate_);
+    object_ = Reference();
+    auto body = std::make_shared<Buffer>();
+    wire::writeEventBody(*body, {wallNow(), "sorma.gone"}, Message());
+    push(std::move(body));
+}
+
+void Server::Subscription::push(std::shared_ptr<const Buffer> body) {
+    ++number_;
+    if (!session_.peer) {
+        ++lost_;
+        return;
+    }
+    if (items_.size() >= keep_) {                       // the oldest goes; the next one tells how many went before it
+        lost_ += 1 + items_.front().lost;
+        items_.pop_front();
+        if (!items_.empty()) items_.front().lost += std::exchange(lost_, 0);
+    }
+    items_.push_back({std::move(body), number_, std::exchange(lost_, 0)});
+    if (!scheduled) session_.peer->schedule(*this);
+}
+
+bool Server::Subscription::pump(Peer&, Buffer& out) {
+    while (!items_.empty() && out.size() < kEventWindow) {
+        auto& item = items_.front();
+        wire::writeEvent(out, {id, item.number, item.lost}, *item.body);
+        items_.pop_front();
+    }
+    return !items_.empty();
+}
+
+void Server::Subscription::stopKeeping() {
+    for (auto& item : items_) lost_ += 1 + item.lost;
+    items_.clear();
+    scheduled = false;
+}
+
+}  // namespace sorma
