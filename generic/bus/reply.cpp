@@ -137,7 +137,7 @@ Message& Future::wait(Deadline deadline) const {
         if (!sorm) fail(kEnded, p.who);
         if (end.passed()) {
             if (!p.deadline.passed()) fail(kPassed, p.who);
-            p.cancel(trailOf(makeEntry(kPassed, {MessageArg::of(p.who)})));
+            p.cancel(p.carrier ? p.carrier->overdue(p) : trailOf(makeEntry(kPassed, {MessageArg::of(p.who)})));
             break;
         }
         if (p.carrier) p.carrier->drive(p, end);

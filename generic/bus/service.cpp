@@ -236,7 +236,8 @@ void Service::perform(const PendingPointer& pending, Method method) {
 }
 
 Future Service::async(Method method, Message request, Deadline deadline) {
-    auto pending = std::make_shared<Pending>(*sorm_, deadline.earlier(Call::currentDeadline()), Call::currentClient());
+    auto pending = std::make_shared<Pending>(*sorm_, (deadline.none() ? patience() : deadline).earlier(Call::currentDeadline()),
+                                             Call::currentClient());
     pending->who = name_;
     pending->message = std::move(request);
     try {
@@ -285,6 +286,39 @@ void Service::subscribe(Subscriber* subscriber, std::string pattern) {
 
 void Service::unsubscribe(Subscriber* subscriber) {
     if (stream_) stream_->remove(subscriber);
+}
+
+namespace {
+
+class LocalListening : public Listening, public Subscriber {
+public:
+    LocalListening(Reference object, std::string pattern, std::shared_ptr<Inbox> inbox)
+        : object_(std::move(object)), inbox_(std::move(inbox)) {
+        object_->subscribe(this, std::move(pattern));
+    }
+    ~LocalListening() override {
+        inbox_->close();
+        if (object_) object_->unsubscribe(this);
+    }
+    void event(const Event& e) override {
+        inbox_->push({std::string(e.object), std::string(e.name), e.message, ++number_, 0, e.time});
+    }
+    void gone() override {
+        Reference was = std::exchange(object_, Reference());
+        inbox_->push({was->name(), "sorma.gone", {}, ++number_, 0, wallNow()});
+    }
+
+private:
+    Reference object_;
+    std::shared_ptr<Inbox> inbox_;
+    std::uint64_t number_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Listening> Service::listen(std::string pattern, std::size_t keep, Listener listener) {
+    return std::make_unique<LocalListening>(Reference(this), std::move(pattern),
+                                            std::make_shared<Inbox>(sorm_->mailbox(), keep, std::move(listener)));
 }
 
 // ---- locks: a client keeps others from EXEC and from setting options; what stops or inspects stays open to all ----

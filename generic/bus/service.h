@@ -74,10 +74,13 @@ public:
     std::int64_t lastRun = INT64_MAX;       // [ns] of the last request that a daemon served, INT64_MAX before
     std::uint64_t calls() const { return calls_; }
     std::uint32_t references() const { return references_; }
-    // Who listens to what it publishes. add: before the next request; the listener hears gone() when the object goes.
+    // Listen to what it publishes: events whose names match a pattern, as Tcl's string match; of those not taken yet the
+    // last `keep` are kept. The listener is called from the loop. Throws when the object cannot be listened to.
+    virtual std::unique_ptr<Listening> listen(std::string pattern, std::size_t keep, Listener listener);
+    // The same, closer: the subscriber is called in the middle of whatever publishes, and hears gone() when the object goes.
     void subscribe(Subscriber* subscriber, std::string pattern);
     void unsubscribe(Subscriber* subscriber);
-    // What it is about: requests that it has taken over, and those that wait for them.
+    // Requests that it has taken over, and those that wait for them.
     std::size_t underWay() const;
     std::string dump() const;               // settable part: "-option value" lines; then state lines "# ..."
     std::string recipe() const;             // options that differ from their defaults, as CTRL words
@@ -92,6 +95,7 @@ protected:
     }
     // Bring a request forward; a proxy gives it to its connection.
     virtual void carry(const PendingPointer& pending, Method method);
+    virtual Deadline patience() const { return {}; }        // of async, unless its caller says another one
 
 private:
     friend class Reference;

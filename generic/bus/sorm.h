@@ -106,6 +106,9 @@ public:
     Permissions permissions;
     std::string daemonName;                                         // as served; empty when not a daemon
 
+    // While it is set, names of remote objects are taken on trust: nothing blocks to ask the daemon whether it has them.
+    bool unhurried = false;
+
     // Makes the proxy of a remote object; set by COMM. The address is what the dictionary says now; the recipe is this
     // client's own wish for the object, from its dictionary, and goes to the daemon as CTRL.
     using ProxyMaker =

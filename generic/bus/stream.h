@@ -5,10 +5,14 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "bus/loop.h"
 #include "bus/message.h"
 
 namespace sorma {
@@ -46,6 +50,42 @@ private:
     };
     std::vector<Entry> subscribers_;
     int handing_ = 0;
+};
+
+// ---- what a listener gets, from here or from another process: Service::listen ----
+
+struct Received {
+    std::string object, name;
+    Message message;
+    std::uint64_t number = 0;           // counts the events of this subscription from 1, lost ones included
+    std::int64_t lost = 0;              // events between the one before and this; -1: some, nobody knows how many
+    std::int64_t time = 0;              // microseconds since 1970
+};
+// Beside the object's own events there are: sorma.gone (it has been removed, no more will come), sorma.reconnected (after
+// a broken connection; lost tells what was missed), sorma.refused (it could not be resumed; text says why).
+using Listener = std::function<void(Received& event)>;
+
+// A subscription: it lasts as long as this.
+class Listening {
+public:
+    virtual ~Listening() = default;
+};
+
+// Events on their way to a listener, called from the loop. Holds at most `keep`; the oldest go, and are counted.
+class Inbox : public std::enable_shared_from_this<Inbox> {
+public:
+    Inbox(std::shared_ptr<Mailbox> mailbox, std::size_t keep, Listener listener)
+        : mailbox_(std::move(mailbox)), keep_(keep), listener_(std::move(listener)) {}
+    void push(Received event);
+    void close() { listener_ = nullptr; }
+
+private:
+    void deliver();
+    std::shared_ptr<Mailbox> mailbox_;
+    std::size_t keep_;
+    Listener listener_;
+    std::deque<Received> waiting_;
+    bool scheduled_ = false;
 };
 
 }  // namespace sorma

@@ -55,16 +55,18 @@ std::unique_ptr<Service> Comm::makeProxy(const Name& name, const Address& addres
             Address now = resolve(name, sorm_.dictionary());
             return now.kind == Address::Kind::self ? address : now;
         };
-        connection = std::make_shared<Connection>(name.where.empty() ? address.toText() : name.where, locate, settings);
+        connection = std::make_shared<Connection>(name.where.empty() ? address.toText() : name.where, locate, settings, reactor_, sorm_.mailbox());
         connections_[key] = connection;
     }
     Deadline deadline = Deadline::in(settings.timeout).earlier(Call::currentDeadline());
     // The daemon makes the object now, so that a name that cannot be served is told at once.
-    Message m;
-    m.words = {"-info", "class"};
-    connection->call(name.service, Method::dbx, m, deadline);
+    if (!sorm_.unhurried) {
+        Message m;
+        m.words = {"-info", "class"};
+        connection->call(name.service, Method::dbx, m, deadline);
+    }
     auto proxy = std::make_unique<Proxy>(name.service, std::move(connection), settings);
-    if (!recipe.empty()) proxy->setRecipe(std::move(recipe));
+    if (!recipe.empty()) proxy->setRecipe(std::move(recipe), sorm_.unhurried);
     return proxy;
 }
 
@@ -120,7 +122,7 @@ std::vector<Comm::Found> Comm::daemons() {
             d.identity = Caller::self().toText();
             continue;
         }
-        Connection probe(d.name, [&] { return Address{Address::Kind::path, d.socket, 0}; }, settings);
+        Connection probe(d.name, [&] { return Address{Address::Kind::path, d.socket, 0}; }, settings, reactor_, sorm_.mailbox());
         try {
             probe.connect(Deadline::in(kProbe));
             auto& w = probe.daemon();

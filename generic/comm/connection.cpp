@@ -1,4 +1,4 @@
-#include "comm/connection.h"
+#include "comm/connectionParts.h"
 
 #include <poll.h>
 #include <sys/socket.h>
@@ -23,8 +23,6 @@ constexpr std::size_t kReadSize = 64 * 1024;
 constexpr std::size_t kKeepBuffer = 4 << 20;            // a longer message's memory is given back
 constexpr std::size_t kBatchSize = 32 * 1024;           // of submitted requests, before they are sent unasked
 constexpr std::int64_t kIdle = 1'000'000;               // [ns] silence after which a connection may have died unnoticed
-constexpr std::int64_t kFirstPause = 2'000'000, kLastPause = 500'000'000;   // [ns] between attempts to reconnect
-constexpr std::uint32_t kSlotBits = 16;                 // xid = low bits of the sequence, slot
 
 std::uint32_t xidOf(std::uint32_t slot, std::uint32_t sequence) { return sequence << kSlotBits | slot; }
 
@@ -41,14 +39,27 @@ void pause(std::int64_t nanoseconds) {
 
 }  // namespace
 
-Connection::Connection(std::string who, std::function<Address()> locate, const Settings& settings)
-    : who_(std::move(who)), locate_(std::move(locate)), settings_(settings), client_(randomNumber()) {}
+Connection::Connection(std::string who, std::function<Address()> locate, const Settings& settings, Reactor& reactor,
+                       std::shared_ptr<Mailbox> mailbox)
+    : who_(std::move(who)), locate_(std::move(locate)), settings_(settings), client_(randomNumber()), reactor_(reactor),
+      mailbox_(std::move(mailbox)) {}
 
-Connection::~Connection() { drop(); }
+Connection::~Connection() {
+    drop();
+    closeOpening();
+    reactor_.cancel(retryTimer_);
+    reactor_.cancel(deadlineTimer_);
+}
 
 void Connection::drop() {
+    if (watched_) reactor_.remove(fd_, this);
+    watched_ = false;
+    interest_ = 0;
     if (fd_ >= 0) ::close(fd_);
     fd_ = -1;
+    outgoing_.clear();
+    outgoingAt_ = 0;
+    controls_.clear();
     in_.clear();
     inAt_ = 0;
 }
@@ -72,6 +83,7 @@ void Connection::call(std::string_view name, Method method, Message& m, Deadline
         now = monotonicNow();
     }
     if (!batch_.empty()) flush(deadline);
+    if (!outgoing_.empty()) [[unlikely]] drain(deadline);
     slot.into = &m;
     write(index, method, m, now);
     slot.state = Slot::State::unsent;
@@ -81,6 +93,7 @@ void Connection::call(std::string_view name, Method method, Message& m, Deadline
         ++inFlight_;
     }
     await(index);
+    if (!arrived_.empty()) [[unlikely]] deliverLater();
     if (slot.failed) throw Error(std::move(slot.failure));
     if (m.code < 0) {
         if (m.trail.empty()) sorma::fail(errors::kCode, fullName(slot), m.code);
@@ -107,6 +120,7 @@ Connection::Ticket Connection::submit(std::string_view name, Method method, cons
 
 void Connection::flush(Deadline deadline) {
     if (unsent_.empty()) return;
+    if (!outgoing_.empty()) drain(deadline);
     if (batch_.empty())
         for (auto index : unsent_) batch_.append(slots_[index]->request.data(), slots_[index]->request.size());
     for (auto index : unsent_)
@@ -142,7 +156,7 @@ void Connection::collect(Ticket ticket, Message& m) {
 
 std::uint32_t Connection::acquire(std::string_view name, Deadline deadline) {
     if (free_.empty()) {
-        std::size_t most = daemon_.slots != 0 ? std::min<std::size_t>(daemon_.slots, 1u << kSlotBits) : 1;
+        std::size_t most = daemon_.slots != 0 ? std::min<std::size_t>(daemon_.slots, kControl) : 1;
         if (slots_.size() >= std::max<std::size_t>(most, 1))
             sorma::fail(errors::kLimit, who_, std::to_string(slots_.size()) + " calls are in flight already, the daemon takes at most " +
                                                   std::to_string(most) + "; raise it there: sorma::configure -inflight N");
@@ -155,7 +169,7 @@ std::uint32_t Connection::acquire(std::string_view name, Deadline deadline) {
     slot.name = name;
     slot.deadline = deadline;
     slot.budget = fd_ < 0 ? deadline.left() : 0;        // otherwise write() takes the time anyway
-    slot.failed = false;
+    slot.failed = slot.orphan = false;
     slot.into = nullptr;
     slot.state = Slot::State::done;                     // in use, nothing sent yet
     return index;
@@ -323,9 +337,17 @@ void Connection::take(std::string_view record) {
     if (r.good() && envelope.kind == 0) {
         auto header = wire::readCallHeader(r, envelope.xid);
         if (header.procedure == wire::kGoodbye) lastWords_ = std::string(r.text());
+        if (header.procedure == wire::kEvent) takeEvent(r);
         return;
     }
     std::uint32_t index = envelope.xid & ((1u << kSlotBits) - 1);
+    if (r.good() && index == kControl) [[unlikely]] {
+        auto found = controls_.find(envelope.xid);
+        if (found == controls_.end()) return;
+        auto handler = std::move(found->second);
+        controls_.erase(found);
+        return handler(r, wire::readReplyHeader(r));
+    }
     if (!r.good() || index >= slots_.size()) {
         drop();
         return lost("a record that is no reply to any call");
@@ -341,12 +363,13 @@ void Connection::take(std::string_view record) {
         return;
     }
     std::string objection = wire::readReplyHeader(r);
-    Message& m = slot.into ? *slot.into : slot.result;
+    Message& m = slot.pending ? slot.pending->message : slot.into ? *slot.into : slot.result;
     if (objection.empty() && !wire::readReply(r, times_, m)) objection = "its reply could not be decoded";
     slot.state = Slot::State::done;
     if (!objection.empty())
         fail(index, Trail{}), slot.failure.add(makeEntry(errors::kProtocol, {MessageArg::of(fullName(slot)),
              MessageArg::of(address_), MessageArg::of(objection), MessageArg::of("are both of the same version?")}));
+    if (slot.pending) settle(index);
 }
 
 void Connection::fail(std::uint32_t index, Trail trail) {
@@ -363,6 +386,7 @@ void Connection::connect(Deadline deadline) {
 }
 
 void Connection::open(const std::string& whom, Deadline deadline) {
+    closeOpening();                                     // what the reactor has begun, we end faster
     Address address = locate_();
     program_ = address.kind == Address::Kind::program ? wire::kProgramBase + address.number : wire::kProgram;
     address_ = address.kind == Address::Kind::alias ? runtimeSocket(address.host) : describe(address);
@@ -396,6 +420,11 @@ void Connection::greet(const std::string& whom, Deadline deadline) {
         if (hungUp_) sorma::fail(errors::kRefused, whom, address_, why, "it may be ending, or full");
         sorma::fail(errors::kProtocol, whom, address_, why, "is the address right?");
     }
+    welcomed(whom, record);
+}
+
+// The daemon's answer to HELLO: who it is decides what becomes of calls without reply.
+void Connection::welcomed(const std::string& whom, const std::string& record) {
     XdrReader r(record);
     auto envelope = wire::readEnvelope(r);
     if (r.good() && envelope.kind == 0) {               // the daemon speaks first when it will not serve us
@@ -415,8 +444,10 @@ void Connection::greet(const std::string& whom, Deadline deadline) {
     daemon_ = welcome;
     since_ = lastHeard_ = monotonicNow();
     if (first || !sameDaemon) ++boots_;
-    if (first || sameDaemon) return;
-    for (auto& [number, callback] : std::map(restarted_)) callback();
+    pause_ = 0;
+    if (!first && !sameDaemon)
+        for (auto& [number, callback] : std::map(restarted_)) callback();
+    resubscribe();
 }
 
 // One whole record while nothing else is under way. Returns what went wrong, "deadline" for the deadline.
@@ -459,6 +490,7 @@ void Connection::lost(const std::string& how) {
     if (!unread_.empty()) how_ += " (\"" + unread_ + "\")";
     drop();
     ++reconnects_;
+    if (wanted()) retry();
 }
 
 // Connect anew, within the deadline. A daemon that refuses connections has ended, and with it what was sent to it.
@@ -474,14 +506,14 @@ void Connection::recover(Deadline deadline, const Slot* waiting) {
         } catch (const Error& e) {
             bool absent = (e.is("COMM REFUSED") || e.is("ADDRESS UNRESOLVED")) && !hungUp_;
             if (absent || e.is("COMM PROTOCOL")) failSent(e.what());
-            if (waiting && waiting->failed) return;
+            if ((waiting && waiting->failed) || (driven_ && hasArrived(*driven_))) return;
             // Who was there before may come back: wait. Who never was, or will never do, is reported at once.
             bool hopeful = !first && (absent || hungUp_ || e.is("COMM LIMIT") || e.is("COMM TIMEOUT"));
             if (!hopeful) throw;
             problem = e.what();
         }
         if (fd_ >= 0) resend(deadline);
-        if ((waiting && waiting->failed) || fd_ >= 0) return;
+        if ((waiting && waiting->failed) || (driven_ && hasArrived(*driven_)) || fd_ >= 0) return;
         std::int64_t left = deadline.left();
         pause(std::min(left, pauseTime));
         if (left <= pauseTime) failTimeout(waiting, whom, problem);
@@ -528,6 +560,7 @@ void Connection::failSent(const std::string& hint) {
             trail.add(makeEntry(errors::kLost, {MessageArg::of(fullName(slot)), MessageArg::of(address_), MessageArg::of(daemon_.name),
                                                 MessageArg::of(age()), MessageArg::of(how_), MessageArg::of(hint)}));
             fail(i, std::move(trail));
+            if (slot.pending) settle(i);
         }
     }
 }
@@ -543,6 +576,7 @@ void Connection::close(const std::string& reason) {
     how_ = reason;
     drop();
     failSent("it was closed on this side");
+    if (!arrived_.empty()) deliverLater();
 }
 
 std::string Connection::age() const { return durationText(double(monotonicNow() - since_)); }

@@ -4,13 +4,21 @@
 // breaks, the address is resolved anew and the daemon asked who it is: the same one (its boot number) is sent the
 // kept bytes again and executes nothing twice; another one has lost what was sent (COMM LOST) and gets what was not.
 //
-// Threads: belongs to the thread of its SORM. Blocking calls never enter an event loop.
+// Calls may also be begun and left to themselves (begin): then the reactor brings them forward, reconnects without
+// blocking, and answers. More calls than the daemon takes at a time wait here. Subscriptions share the connection.
+//
+// Threads: belongs to the thread of its SORM. Blocking calls never enter an event loop; what comes for others meanwhile
+// is kept for it.
+//
+// Source: connection.cpp has the calls that block and what both share, connectionEvents.cpp what the reactor drives.
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
+#include <queue>
 #include <string>
 #include <string_view>
 #include <sys/types.h>
@@ -19,16 +27,20 @@
 #include "bus/deadline.h"
 #include "bus/message.h"
 #include "bus/name.h"
+#include "bus/reply.h"
+#include "bus/stream.h"
+#include "comm/reactor.h"
 #include "comm/settings.h"
 #include "comm/wire.h"
 
 namespace sorma {
 
-class Connection {
+class Connection : public Pending::Carrier, public Reactor::Watcher, public std::enable_shared_from_this<Connection> {
 public:
     // who: whom messages name, the text after @. locate: the address as the dictionary says now.
-    Connection(std::string who, std::function<Address()> locate, const Settings& settings);
-    ~Connection();
+    Connection(std::string who, std::function<Address()> locate, const Settings& settings, Reactor& reactor,
+               std::shared_ptr<Mailbox> mailbox);
+    ~Connection() override;
     Connection(const Connection&) = delete;
     Connection& operator=(const Connection&) = delete;
 
@@ -44,6 +56,18 @@ public:
     void collect(Ticket ticket, Message& m);
     // Would collect return at once? Looks at what has been read, never at the socket.
     bool arrived(Ticket ticket) const { return slots_[ticket]->state == Slot::State::done; }
+
+    // Begin a call: pending's message is the request, its answer the end. Never throws, never blocks but to look up a
+    // host's name. The connection lives as long as there are such calls.
+    void begin(const PendingPointer& pending, const std::string& name, Method method);
+    // Without a reply: sent when it can be, forgotten when not.
+    void oneway(const std::string& name, Method method, const Message& m);
+    // Listen to an object of the daemon. Blocks until the daemon has agreed; throws what it objects to.
+    std::unique_ptr<Listening> listen(std::string name, std::string pattern, std::size_t keep, Listener listener, Deadline deadline);
+    // How the daemon is; also while it is busy. Throws as call does.
+    wire::Health health(Deadline deadline);
+    // Is the reactor at work, so that nothing may block?
+    bool inEvents() const { return inEvents_; }
 
     void connect(Deadline deadline);                    // now rather than at the first call
     void ping(Deadline deadline);
@@ -73,7 +97,31 @@ private:
         Message result;
         Trail failure;                  // not empty: failed on our side of the wire
         bool failed = false;
+        bool orphan = false;            // nobody wants its reply, though it is still to be sent
+        PendingPointer pending;         // whom the reply is for, when it was begun
     };
+    // A call that waits for a slot, or for the connection.
+    struct Waiting {
+        PendingPointer pending;
+        std::string name;
+        Method method;
+    };
+    struct Outgoing {                   // on its way, taken by the socket in part or not at all
+        std::uint32_t slot;             // kControl: no call, but bytes
+        Buffer bytes;
+    };
+    struct Arrived {
+        PendingPointer pending;
+        Trail failure;
+    };
+    struct Opening;                     // a connection that is being made by the reactor
+    class Remote;                       // a subscription
+    struct Due {
+        std::int64_t when;
+        std::weak_ptr<Pending> pending;
+        bool operator>(const Due& o) const { return when > o.when; }
+    };
+    using Control = std::function<void(XdrReader& reply, const std::string& objection)>;
 
     std::uint32_t acquire(std::string_view name, Deadline deadline);
     void write(std::uint32_t slot, Method method, const Message& m, std::int64_t now);
@@ -87,6 +135,39 @@ private:
     void release(std::uint32_t slot);
     void checkIdle(std::int64_t now);
 
+    // ---- connectionEvents.cpp ----
+    void ready(std::uint32_t events) override;
+    void drive(Pending& pending, Deadline deadline) override;
+    void cancelled(Pending& pending) override;
+    Trail overdue(Pending& pending) override;
+    bool wanted() const { return pendings_ > 0 || !subscriptions_.empty(); }
+    void watch();                                       // what the reactor is to tell us
+    void sendWaiting();
+    void sendSlot(std::uint32_t index);
+    void sendBytes(Buffer bytes);
+    void continueSending();
+    bool drain(Deadline deadline);                      // what is on its way, blocking; false: the connection is lost
+    void sent(std::uint32_t index);
+    void settle(std::uint32_t index);
+    void arrived(PendingPointer pending, Trail failure);
+    bool hasArrived(const Pending& pending) const;
+    void deliver();
+    void deliverOne(Pending& pending);
+    void deliverLater();
+    void forget(std::size_t calls);                     // so many are answered; the last one lets go of the connection
+    void addDeadline(const PendingPointer& pending);
+    void passDeadlines();
+    void startOpening();
+    void advance(std::uint32_t events);
+    void closeOpening();
+    void openFailed(const Error& error);
+    void retry();
+    void failWaiting(const Trail& trail);
+    std::uint32_t control(Control handler);             // its xid
+    void resubscribe();
+    void takeEvent(XdrReader& r);
+
+    void welcomed(const std::string& whom, const std::string& record);
     void open(const std::string& whom, Deadline deadline);      // connect and say HELLO; throws
     void greet(const std::string& whom, Deadline deadline);
     std::string readWhole(Deadline deadline, std::string& record);
@@ -125,6 +206,27 @@ private:
     std::map<std::uint64_t, std::function<void()>> restarted_;
     std::uint64_t nextRestart_ = 1;
     std::string unread_;                    // beginning of what a stranger said, for the error message
+
+    Reactor& reactor_;
+    std::shared_ptr<Mailbox> mailbox_;
+    std::shared_ptr<Connection> keep_;      // while calls are under way that nobody else holds us for
+    std::size_t pendings_ = 0;              // begun, and not answered
+    std::deque<Waiting> waiting_, urgent_;  // EXEC; CTRL and DBX, which go first
+    std::deque<Outgoing> outgoing_;
+    std::size_t outgoingAt_ = 0;            // of the first: what the socket has taken
+    std::vector<Arrived> arrived_;          // answered by the daemon, their owners not told yet
+    bool delivering_ = false;               // ... but soon
+    const Pending* driven_ = nullptr;       // whom drive is for
+    std::unique_ptr<Opening> opening_;
+    std::int64_t pause_ = 0;                // [ns] before the next attempt
+    std::uint64_t retryTimer_ = 0, deadlineTimer_ = 0;
+    std::int64_t deadlineAt_ = 0;
+    std::priority_queue<Due, std::vector<Due>, std::greater<>> due_;
+    bool watched_ = false, inEvents_ = false;
+    std::uint32_t interest_ = 0;
+    std::map<std::uint32_t, Control> controls_;         // by xid
+    std::uint32_t lastControl_ = 0, lastSubscription_ = 0;
+    std::map<std::uint32_t, Remote*> subscriptions_;
 };
 
 }  // namespace sorma

@@ -128,51 +128,103 @@ std::string describe(const Address& address) {
     return address.toText();
 }
 
-int connectTo(const Address& given, const std::string& who, Deadline deadline) {
-    Address address = given;
-    if (address.kind == Address::Kind::alias) address = {Address::Kind::path, runtimeSocket(address.host), 0};
-    if (address.kind == Address::Kind::path) {
-        sockaddr_un a = unixAddress(address.host);
-        Closing s{socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)};
-        if (s.fd < 0) failConnect(who, address.host, errno);
-        if (int error = connectWithin(s.fd, reinterpret_cast<sockaddr*>(&a), sizeof a, deadline)) {
-            if (error == ENOENT && given.kind == Address::Kind::alias) fail(errors::kUnresolved, who, given.host, address.host);
-            failConnect(who, address.host, error);
-        }
-        makeBlocking(s.fd, true);
-        return raiseDescriptor(s.release());
-    }
+namespace {
+
+struct InfoList {
+    addrinfo* list = nullptr;
+    ~InfoList() { if (list) freeaddrinfo(list); }
+};
+
+// Where a TCP address, or a program registered with rpcbind, is to be found. Fails with ADDRESS UNRESOLVED.
+void lookUp(const Address& address, const std::string& who, InfoList& found, std::string& where) {
     std::string host = address.host;
     int port = int(address.number);
     if (address.kind == Address::Kind::program) {
         port = rpcbindLookup(host, address.number);
         if (port == 0) fail(kNotRegistered, who, host, hex(0x20000000 + address.number), hex(address.number));
     }
+    where = host + ":" + std::to_string(port);
     if (host.size() > 2 && host.front() == '[' && host.back() == ']') host = host.substr(1, host.size() - 2);
     addrinfo hints{};
     hints.ai_socktype = SOCK_STREAM;
     hints.ai_flags = AI_ADDRCONFIG | AI_NUMERICSERV;
-    addrinfo* list = nullptr;
-    int code = getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &list);
+    int code = getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &found.list);
     if (code != 0) {                            // without any interface but loopback, AI_ADDRCONFIG knows nothing
         hints.ai_flags = AI_NUMERICSERV;
-        code = getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &list);
+        code = getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &found.list);
     }
     if (code != 0) fail(kHost, who, host, gai_strerror(code));
-    std::unique_ptr<addrinfo, decltype(&freeaddrinfo)> owner(list, freeaddrinfo);
+}
+
+void forTcp(int fd) {
+    int on = 1;
+    setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+    setsockopt(fd, SOL_SOCKET, SO_KEEPALIVE, &on, sizeof on);
+}
+
+[[noreturn]] void failPath(const Address& given, const std::string& path, const std::string& who, int error) {
+    if (error == ENOENT && given.kind == Address::Kind::alias) fail(errors::kUnresolved, who, given.host, path);
+    failConnect(who, path, error);
+}
+
+}  // namespace
+
+int connectTo(const Address& given, const std::string& who, Deadline deadline) {
+    bool alias = given.kind == Address::Kind::alias;
+    if (alias || given.kind == Address::Kind::path) {
+        std::string path = alias ? runtimeSocket(given.host) : given.host;
+        sockaddr_un a = unixAddress(path);
+        Closing s{socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)};
+        if (s.fd < 0) failConnect(who, path, errno);
+        if (int error = connectWithin(s.fd, reinterpret_cast<sockaddr*>(&a), sizeof a, deadline)) failPath(given, path, who, error);
+        makeBlocking(s.fd, true);
+        return raiseDescriptor(s.release());
+    }
+    InfoList found;
+    std::string where;
+    lookUp(given, who, found, where);
     int error = ECONNREFUSED;
-    for (addrinfo* a = list; a; a = a->ai_next) {
+    for (addrinfo* a = found.list; a; a = a->ai_next) {
         Closing s{socket(a->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)};
         if (s.fd < 0) continue;
         error = connectWithin(s.fd, a->ai_addr, a->ai_addrlen, deadline);
         if (error != 0) continue;
         makeBlocking(s.fd, true);
-        int on = 1;
-        setsockopt(s.fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-        setsockopt(s.fd, SOL_SOCKET, SO_KEEPALIVE, &on, sizeof on);
+        forTcp(s.fd);
         return raiseDescriptor(s.release());
     }
-    failConnect(who, host + ":" + std::to_string(port), error);
+    failConnect(who, where, error);
+}
+
+int beginConnect(const Address& given, const std::string& who) {
+    bool alias = given.kind == Address::Kind::alias;
+    if (alias || given.kind == Address::Kind::path) {       // at once, or not at all
+        std::string path = alias ? runtimeSocket(given.host) : given.host;
+        sockaddr_un a = unixAddress(path);
+        Closing s{socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)};
+        if (s.fd < 0 || connect(s.fd, reinterpret_cast<sockaddr*>(&a), sizeof a) < 0) failPath(given, path, who, errno);
+        return raiseDescriptor(s.release());
+    }
+    InfoList found;
+    std::string where;
+    lookUp(given, who, found, where);
+    int error = ECONNREFUSED;
+    for (addrinfo* a = found.list; a; a = a->ai_next) {     // the first that does not refuse at once
+        Closing s{socket(a->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)};
+        if (s.fd < 0) continue;
+        forTcp(s.fd);
+        if (connect(s.fd, a->ai_addr, a->ai_addrlen) == 0 || errno == EINPROGRESS) return raiseDescriptor(s.release());
+        error = errno;
+    }
+    failConnect(who, where, error);
+}
+
+void endConnect(int fd, const Address& address, const std::string& who) {
+    int error = 0;
+    socklen_t length = sizeof error;
+    getsockopt(fd, SOL_SOCKET, SO_ERROR, &error, &length);
+    if (error != 0) failConnect(who, describe(address), error);
+    makeBlocking(fd, true);
 }
 
 int listenTcp(const std::string& host, int port, int& boundPort) {

@@ -19,6 +19,11 @@ std::string runtimeSocket(const std::string& name);     // NAME.sock in it
 // Fails with COMM REFUSED, COMM TIMEOUT, ADDRESS UNRESOLVED. errnoOut: of the failed connect, 0 otherwise.
 int connectTo(const Address& address, const std::string& who, Deadline deadline);
 
+// The same in two steps, for those who must not wait: a socket that is connecting (writable when that has ended), and
+// what came of it. Looking up a host's name may still take its time.
+int beginConnect(const Address& address, const std::string& who);
+void endConnect(int fd, const Address& address, const std::string& who);       // throws as connectTo; then it blocks again
+
 // What an address stands for, for messages: "127.0.0.1:7014", "/run/user/1000/sorma/robot.sock".
 std::string describe(const Address& address);
 

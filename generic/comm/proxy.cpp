@@ -13,6 +13,11 @@ Proxy::~Proxy() {
 }
 
 void Proxy::forward(Method method, Message& m) {
+    if (!recipe_.empty()) {
+        Message recipe;
+        recipe.words = std::exchange(recipe_, {});
+        forward(Method::ctrl, recipe);
+    }
     Deadline deadline = Deadline::in(settings_.timeout);
     Call* outer = Call::current();
     if (!outer) return connection_->call(target_, method, m, deadline);
@@ -23,6 +28,21 @@ void Proxy::forward(Method method, Message& m) {
         ~Count() { outer->subTime += monotonicNow() - start; }
     } count{outer, start};
     connection_->call(target_, method, m, deadline.earlier(outer->deadline));
+}
+
+void Proxy::carry(const PendingPointer& pending, Method method) {
+    if (!recipe_.empty()) {
+        Message m;
+        m.words = std::exchange(recipe_, {});
+        async(Method::ctrl, std::move(m));
+    }
+    connection_->begin(pending, target_, method);
+}
+void Proxy::oneway(Method method, Message request) { connection_->oneway(target_, method, request); }
+
+std::unique_ptr<Listening> Proxy::listen(std::string pattern, std::size_t keep, Listener listener) {
+    Deadline deadline = Deadline::in(settings_.timeout).earlier(Call::currentDeadline());
+    return connection_->listen(target_, std::move(pattern), keep, std::move(listener), deadline);
 }
 
 void Proxy::exec(Message& m) { forward(Method::exec, m); }
@@ -36,13 +56,16 @@ void Proxy::dbx(Message& m) {
     forward(Method::dbx, m);
 }
 
-void Proxy::setRecipe(std::vector<std::string> words) {
+void Proxy::setRecipe(std::vector<std::string> words, bool later) {
+    // The daemon executes in order: what is called next finds the recipe applied.
     auto send = [this, words] {
         Message m;
         m.words = words;
-        forward(Method::ctrl, m);
+        if (connection_->inEvents()) async(Method::ctrl, std::move(m));
+        else forward(Method::ctrl, m);
     };
-    send();
+    if (later) recipe_ = words;
+    else send();
     if (restart_ != 0) connection_->cancelRestart(restart_);
     restart_ = connection_->onRestart(send);
 }

@@ -18,14 +18,21 @@ public:
     void exec(Message& m) override;
     void ctrl(Message& m) override;
     void dbx(Message& m) override;
+    void oneway(Method method, Message request) override;
+    std::unique_ptr<Listening> listen(std::string pattern, std::size_t keep, Listener listener) override;
     std::string location() const override { return connection_->who(); }
 
     // A client's own recipe for the remote object: sent now, and again to each daemon that takes the old one's place.
-    void setRecipe(std::vector<std::string> words);
+    // later: before the first call that is begun, rather than now.
+    void setRecipe(std::vector<std::string> words, bool later);
 
     Connection& connection() { return *connection_; }
     const std::string& target() const { return target_; }
     static Class describe();
+
+protected:
+    void carry(const PendingPointer& pending, Method method) override;
+    Deadline patience() const override { return Deadline::in(settings_.timeout); }
 
 private:
     void forward(Method method, Message& m);
@@ -34,6 +41,7 @@ private:
     std::shared_ptr<Connection> connection_;
     const Settings& settings_;
     std::uint64_t restart_ = 0;
+    std::vector<std::string> recipe_;       // not sent yet
 };
 
 }  // namespace sorma

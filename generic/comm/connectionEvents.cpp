@@ -1,0 +1,607 @@
+// The half of a connection that the reactor drives: calls that were begun, subscriptions, reconnection without blocking.
+#include <sys/epoll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include "bus/statistics.h"
+#include "comm/connectionParts.h"
+#include "comm/endpoint.h"
+#include "comm/errors.h"
+
+namespace sorma {
+
+namespace {
+
+constexpr std::int64_t kOpenTime = 5'000'000'000;       // [ns] for an address to be connected and the daemon to greet
+
+const Prototype kNotGreeted{Severity::error, "COMM TIMEOUT", 1, "{}: {} is connected, but does not answer; never sent"};
+
+Trail trailOf(Entry entry) {
+    Trail trail;
+    trail.add(std::move(entry));
+    return trail;
+}
+
+}  // namespace
+
+// ---- calls that are begun ----
+
+void Connection::begin(const PendingPointer& pending, const std::string& name, Method method) {
+    pending->carrier = this;
+    pending->ticket = kNoTicket;
+    pending->who = name + "@" + who_;
+    if (pendings_++ == 0) keep_ = shared_from_this();
+    addDeadline(pending);
+    if (fd_ >= 0) checkIdle(monotonicNow());
+    (method == Method::exec ? waiting_ : urgent_).push_back({pending, name, method});
+    if (fd_ >= 0) sendWaiting();
+    else if (!opening_ && retryTimer_ == 0) startOpening();
+    watch();
+    if (!arrived_.empty()) deliverLater();
+}
+
+void Connection::oneway(const std::string& name, Method method, const Message& m) {
+    try {
+        if (fd_ < 0) recover(Deadline::in(settings_.timeout), nullptr);
+    } catch (const Error&) {
+        return;                         // nobody wants to know
+    }
+    Buffer bytes;
+    wire::writeCall(bytes, 0, program_, {wire::kNoSlot, 0, 0, method, name}, m, wire::kOneway);
+    sendBytes(std::move(bytes));
+    watch();
+}
+
+// As many of those that wait as there are slots for. CTRL and DBX go first, and find some slots free.
+void Connection::sendWaiting() {
+    std::size_t most = std::min<std::size_t>(daemon_.slots, kControl), reserved = most > 4 * kReserved ? kReserved : 0;
+    for (auto* queue : {&urgent_, &waiting_}) {
+        std::size_t limit = queue == &urgent_ ? most : most - reserved;
+        while (fd_ >= 0 && !queue->empty()) {
+            Waiting& next = queue->front();
+            if (next.pending->answered()) {             // cancelled meanwhile
+                queue->pop_front();
+                forget(1);
+                continue;
+            }
+            if (slots_.size() - free_.size() >= limit) break;
+            Waiting call = std::move(next);
+            queue->pop_front();
+            std::uint32_t index = acquire(call.name, call.pending->deadline);
+            Slot& slot = *slots_[index];
+            try {
+                write(index, call.method, call.pending->message, monotonicNow());
+            } catch (const Error& e) {
+                release(index);
+                arrived(call.pending, e.trail);
+                continue;
+            }
+            call.pending->ticket = index;
+            slot.pending = std::move(call.pending);
+            slot.state = Slot::State::unsent;
+            sendSlot(index);
+        }
+    }
+}
+
+void Connection::sent(std::uint32_t index) {
+    Slot& slot = *slots_[index];
+    if (slot.state != Slot::State::unsent) return;      // sent again after a broken connection
+    slot.state = slot.orphan ? Slot::State::abandoned : Slot::State::sent;
+    ++inFlight_;
+}
+
+void Connection::sendSlot(std::uint32_t index) {
+    Slot& slot = *slots_[index];
+    if (!outgoing_.empty() || !unsent_.empty()) return outgoing_.push_back({index, {}});
+    ssize_t n = send(fd_, slot.request.data(), slot.request.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+    if (n == static_cast<ssize_t>(slot.request.size())) return sent(index);
+    if (n < 0 && errno != EAGAIN && errno != EINTR) return lost(std::strerror(errno));
+    outgoingAt_ = n > 0 ? static_cast<std::size_t>(n) : 0;
+    outgoing_.push_back({index, {}});
+}
+
+void Connection::sendBytes(Buffer bytes) {
+    if (fd_ < 0) return;
+    if (outgoing_.empty() && unsent_.empty()) {
+        ssize_t n = send(fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+        if (n == static_cast<ssize_t>(bytes.size())) return;
+        if (n < 0 && errno != EAGAIN && errno != EINTR) return lost(std::strerror(errno));
+        outgoingAt_ = n > 0 ? static_cast<std::size_t>(n) : 0;
+    }
+    outgoing_.push_back({kControl, std::move(bytes)});
+}
+
+void Connection::continueSending() {
+    while (!outgoing_.empty()) {
+        std::uint32_t index = outgoing_.front().slot;
+        const Buffer& bytes = index == kControl ? outgoing_.front().bytes : slots_[index]->request;
+        ssize_t n = send(fd_, bytes.data() + outgoingAt_, bytes.size() - outgoingAt_, MSG_NOSIGNAL | MSG_DONTWAIT);
+        if (n < 0 && errno == EINTR) continue;
+        if (n < 0 && errno == EAGAIN) return;
+        if (n < 0) return lost(std::strerror(errno));
+        outgoingAt_ += static_cast<std::size_t>(n);
+        if (outgoingAt_ < bytes.size()) return;
+        outgoing_.pop_front();
+        outgoingAt_ = 0;
+        if (index != kControl) sent(index);
+    }
+}
+
+bool Connection::drain(Deadline deadline) {
+    while (fd_ >= 0 && !outgoing_.empty()) {
+        Outgoing first = std::move(outgoing_.front());
+        std::size_t at = std::exchange(outgoingAt_, 0);
+        outgoing_.pop_front();
+        const Buffer& bytes = first.slot == kControl ? first.bytes : slots_[first.slot]->request;
+        if (!transmit(bytes.data() + at, bytes.size() - at, deadline)) return false;
+        if (first.slot != kControl) sent(first.slot);
+    }
+    return fd_ >= 0;
+}
+
+// The reply of a call that was begun is there, or it has failed: its slot is free for the next one.
+void Connection::settle(std::uint32_t index) {
+    Slot& slot = *slots_[index];
+    arrived(std::move(slot.pending), slot.failed ? std::move(slot.failure) : Trail());
+    release(index);
+}
+
+void Connection::arrived(PendingPointer pending, Trail failure) {
+    pending->ticket = kNoTicket;
+    arrived_.push_back({std::move(pending), std::move(failure)});
+}
+
+bool Connection::hasArrived(const Pending& pending) const {
+    return std::any_of(arrived_.rbegin(), arrived_.rend(), [&](auto& a) { return a.pending.get() == &pending; });
+}
+
+void Connection::deliver() {
+    auto keep = shared_from_this();
+    auto batch = std::exchange(arrived_, {});
+    for (auto& a : batch) {
+        if (a.failure.empty()) a.pending->answer();
+        else a.pending->answer(std::move(a.failure));
+    }
+    forget(batch.size());
+    if (fd_ >= 0 && !(waiting_.empty() && urgent_.empty())) sendWaiting();
+    watch();
+}
+
+void Connection::deliverOne(Pending& pending) {
+    auto found = std::find_if(arrived_.begin(), arrived_.end(), [&](auto& a) { return a.pending.get() == &pending; });
+    if (found == arrived_.end()) return;
+    Arrived a = std::move(*found);
+    arrived_.erase(found);
+    if (a.failure.empty()) a.pending->answer();
+    else a.pending->answer(std::move(a.failure));
+    forget(1);
+}
+
+void Connection::deliverLater() {
+    if (std::exchange(delivering_, true)) return;
+    mailbox_->post([self = shared_from_this()] {
+        self->delivering_ = false;
+        self->deliver();
+    });
+}
+
+void Connection::forget(std::size_t calls) {
+    pendings_ -= calls;
+    if (pendings_ == 0 && calls > 0 && keep_) mailbox_->post([keep = std::move(keep_)] {});
+}
+
+// Block until a call that was begun is answered. Others that are answered meanwhile are told by the loop.
+void Connection::drive(Pending& pending, Deadline deadline) {
+    auto keep = shared_from_this();
+    const Pending* outer = std::exchange(driven_, &pending);
+    struct Leave {
+        Connection& c;
+        const Pending* outer;
+        ~Leave() {
+            c.driven_ = outer;
+            if (!c.arrived_.empty()) c.deliverLater();
+            c.watch();
+        }
+    } leave{*this, outer};
+    while (!pending.answered()) {
+        if (!hasArrived(pending)) {
+            try {
+                if (fd_ < 0) recover(deadline, nullptr);
+                if (fd_ >= 0 && !(waiting_.empty() && urgent_.empty())) sendWaiting();
+                if (fd_ >= 0 && !outgoing_.empty()) drain(deadline);
+                if (fd_ >= 0 && !hasArrived(pending) && !receive(deadline)) return;
+            } catch (const Error& e) {
+                if (deadline.passed()) return;          // the caller has better words for it
+                if (!hasArrived(pending)) {
+                    pending.answer(e.trail);            // where it waits it will be found answered
+                    if (pending.ticket != kNoTicket) {
+                        Slot& slot = *slots_[pending.ticket];
+                        slot.pending.reset();
+                        slot.orphan = true;
+                        forget(1);
+                    }
+                    return;
+                }
+            }
+        }
+        deliverOne(pending);
+    }
+}
+
+// The caller has given up: the daemon is told, the reply is not waited for.
+void Connection::cancelled(Pending& pending) {
+    if (pending.ticket == kNoTicket) return;            // it waits, and will be found answered
+    Slot& slot = *slots_[pending.ticket];
+    pending.ticket = kNoTicket;
+    auto mine = std::move(slot.pending);
+    forget(1);
+    if (slot.state == Slot::State::unsent) {
+        slot.orphan = true;
+        return;
+    }
+    slot.state = Slot::State::abandoned;
+    Buffer bytes;
+    std::uint32_t index = static_cast<std::uint32_t>(std::find_if(slots_.begin(), slots_.end(), [&](auto& s) { return s.get() == &slot; }) - slots_.begin());
+    wire::writeCancel(bytes, program_, {index, slot.sequence});
+    sendBytes(std::move(bytes));
+    watch();
+}
+
+Trail Connection::overdue(Pending& pending) {
+    std::string patience = settings_.timeout > 0 ? durationText(double(settings_.timeout) * 1e6) : std::string("its time");
+    bool sent = pending.ticket != kNoTicket && slots_[pending.ticket]->state == Slot::State::sent;
+    if (pending.ticket != kNoTicket && slots_[pending.ticket]->budget > 0) patience = durationText(double(slots_[pending.ticket]->budget));
+    if (sent) return trailOf(makeEntry(errors::kTimeoutSent, {MessageArg::of(pending.who), MessageArg::of(patience), MessageArg::of(address_)}));
+    return trailOf(makeEntry(errors::kTimeoutUnsent, {MessageArg::of(pending.who), MessageArg::of("the daemon"), MessageArg::of(patience),
+                                                      MessageArg::of(fd_ < 0 ? how_ : "all its slots are taken")}));
+}
+
+// ---- deadlines: a heap of them, swept when most of it is over ----
+
+void Connection::addDeadline(const PendingPointer& pending) {
+    if (pending->deadline.none()) return;
+    if (due_.size() > 2 * pendings_ + 64) {
+        decltype(due_) left;
+        for (; !due_.empty(); due_.pop())
+            if (auto p = due_.top().pending.lock(); p && !p->answered()) left.push(due_.top());
+        due_.swap(left);
+    }
+    due_.push({pending->deadline.when(), pending});
+    if (deadlineTimer_ != 0 && deadlineAt_ <= pending->deadline.when()) return;
+    reactor_.cancel(deadlineTimer_);
+    deadlineAt_ = pending->deadline.when();
+    deadlineTimer_ = reactor_.after(deadlineAt_, [this] { passDeadlines(); });
+}
+
+void Connection::passDeadlines() {
+    deadlineTimer_ = 0;
+    auto keep = weak_from_this().lock();
+    std::int64_t now = monotonicNow();
+    while (!due_.empty()) {
+        auto p = due_.top().pending.lock();
+        if (p && !p->answered() && due_.top().when > now) break;
+        due_.pop();
+        if (p && !p->answered()) p->cancel(overdue(*p));
+    }
+    if (due_.empty()) return;
+    deadlineAt_ = due_.top().when;
+    deadlineTimer_ = reactor_.after(deadlineAt_, [this] { passDeadlines(); });
+}
+
+// ---- the reactor's turns ----
+
+void Connection::watch() {
+    if (fd_ < 0) return;
+    if (!watched_ && !wanted() && outgoing_.empty()) return;    // blocking calls need nobody to watch
+    std::uint32_t events = EPOLLIN | (outgoing_.empty() ? 0u : std::uint32_t{EPOLLOUT});
+    if (!watched_) reactor_.add(fd_, events, this);
+    else if (events != interest_) reactor_.change(fd_, events, this);
+    watched_ = true;
+    interest_ = events;
+}
+
+void Connection::ready(std::uint32_t events) {
+    auto keep = shared_from_this();
+    bool outer = std::exchange(inEvents_, true);
+    struct Leave {
+        bool& flag;
+        bool outer;
+        ~Leave() { flag = outer; }
+    } leave{inEvents_, outer};
+    if (opening_) return advance(events);
+    if (fd_ < 0) return;
+    if (events & EPOLLOUT) continueSending();
+    if (fd_ >= 0 && (events & (EPOLLIN | EPOLLHUP | EPOLLERR))) {
+        ssize_t n = read(MSG_DONTWAIT);
+        if (n > 0) takeRecords();
+        else if (n == 0) lost("the daemon closed it");
+        else if (errno != EAGAIN && errno != EINTR) lost(std::strerror(errno));
+    }
+    if (!arrived_.empty()) deliver();
+    watch();
+}
+
+// ---- connecting without blocking ----
+
+void Connection::retry() {
+    if (fd_ >= 0 || opening_ || retryTimer_ != 0) return;
+    pause_ = pause_ == 0 ? kFirstPause : std::min(pause_ * 2, kLastPause);
+    retryTimer_ = reactor_.after(monotonicNow() + pause_, [this] {
+        retryTimer_ = 0;
+        if (fd_ < 0 && !opening_ && wanted()) startOpening();
+    });
+}
+
+void Connection::startOpening() {
+    auto keep = shared_from_this();
+    try {
+        Address address = locate_();
+        program_ = address.kind == Address::Kind::program ? wire::kProgramBase + address.number : wire::kProgram;
+        address_ = address.kind == Address::Kind::alias ? runtimeSocket(address.host) : describe(address);
+        hungUp_ = false;
+        int fd = beginConnect(address, who_);
+        opening_ = std::make_unique<Opening>();
+        opening_->fd = fd;
+        opening_->address = address;
+        opening_->timer = reactor_.after(monotonicNow() + kOpenTime, [this] {
+            opening_->timer = 0;
+            closeOpening();
+            openFailed(Error(makeEntry(kNotGreeted, {MessageArg::of(who_), MessageArg::of(address_)})));
+        });
+        reactor_.add(fd, EPOLLOUT, this);
+    } catch (const Error& e) {
+        openFailed(e);
+    }
+}
+
+void Connection::closeOpening() {
+    if (!opening_) return;
+    reactor_.cancel(opening_->timer);
+    if (opening_->fd >= 0) {
+        reactor_.remove(opening_->fd, this);
+        ::close(opening_->fd);
+    }
+    opening_.reset();
+}
+
+void Connection::advance(std::uint32_t) {
+    Opening& o = *opening_;
+    try {
+        if (!o.greeting) {
+            endConnect(o.fd, o.address, who_);
+            auto& self = Caller::self();
+            Buffer out;
+            wire::writeHello(out, 0, program_, {client_, self.user, self.host, self.program, self.process,
+                                               static_cast<std::uint32_t>(settings_.maxMessage)});
+            hungUp_ = send(o.fd, out.data(), out.size(), MSG_NOSIGNAL | MSG_DONTWAIT) != static_cast<ssize_t>(out.size());
+            if (hungUp_) sorma::fail(errors::kRefused, who_, address_, std::strerror(errno), "it may be ending, or full");
+            o.greeting = true;
+            reactor_.change(o.fd, EPOLLIN, this);
+            return;
+        }
+        std::size_t before = o.in.size();
+        ssize_t n = recv(o.fd, o.in.extend(4096), 4096, MSG_DONTWAIT);
+        o.in.resize(before + (n > 0 ? static_cast<std::size_t>(n) : 0));
+        if (n < 0 && (errno == EAGAIN || errno == EINTR)) return;
+        hungUp_ = n <= 0 && o.in.empty();
+        if (hungUp_) sorma::fail(errors::kRefused, who_, address_, "it closed the connection without a word", "it may be ending, or full");
+        if (n <= 0) sorma::fail(errors::kProtocol, who_, address_, "it closed the connection in the middle of its welcome", "is the address right?");
+        if (o.in.size() < wire::kMarkSize) return;
+        XdrReader marks(o.in.data(), wire::kMarkSize);
+        std::uint32_t mark = marks.u32();
+        std::size_t length = mark & ~wire::kLastFragment;
+        if (!(mark & wire::kLastFragment) || length > 1 << 20)
+            sorma::fail(errors::kProtocol, who_, address_, "what it said is no record of ONC RPC", "is the address right?");
+        if (o.in.size() < wire::kMarkSize + length) return;
+        std::string record(o.in.data() + wire::kMarkSize, length);
+        // It is ours: from here on it is the connection.
+        fd_ = std::exchange(o.fd, -1);
+        watched_ = true;
+        interest_ = EPOLLIN;
+        receiveTimeout_ = 0;
+        in_.clear();
+        inAt_ = 0;
+        in_.append(o.in.data() + wire::kMarkSize + length, o.in.size() - wire::kMarkSize - length);
+        unread_.clear();
+        lastWords_.clear();
+        closeOpening();
+        try {
+            welcomed(who_, record);
+        } catch (...) {
+            drop();
+            throw;
+        }
+    } catch (const Error& e) {
+        closeOpening();
+        return openFailed(e);
+    }
+    // What was sent to the same daemon, and what was not sent at all: now, in order, as the socket takes it.
+    for (std::uint32_t i = 0; i < slots_.size() && fd_ >= 0; ++i) {
+        Slot::State state = slots_[i]->state;
+        if (state == Slot::State::sent || state == Slot::State::abandoned || state == Slot::State::unsent) sendSlot(i);
+    }
+    unsent_.clear();
+    batch_.clear();
+    if (fd_ >= 0) sendWaiting();
+    if (!arrived_.empty()) deliver();
+    watch();
+}
+
+// As recover() has it: a daemon that refuses has ended, and with it what was sent to it; one that was there may come back.
+void Connection::openFailed(const Error& e) {
+    bool first = daemon_.boot == 0;
+    bool absent = (e.is("COMM REFUSED") || e.is("ADDRESS UNRESOLVED")) && !hungUp_;
+    if (absent || e.is("COMM PROTOCOL")) failSent(e.what());
+    bool hopeful = !first && (absent || hungUp_ || e.is("COMM LIMIT") || e.is("COMM TIMEOUT"));
+    how_ = e.what();
+    if (!hopeful) failWaiting(e.trail);
+    if (!arrived_.empty()) deliverLater();
+    if (wanted()) retry();
+}
+
+void Connection::failWaiting(const Trail& trail) {
+    for (auto* queue : {&urgent_, &waiting_})
+        for (; !queue->empty(); queue->pop_front()) arrived(queue->front().pending, trail);
+    for (std::uint32_t i = 0; i < slots_.size(); ++i) {
+        Slot& slot = *slots_[i];
+        if (slot.state != Slot::State::unsent || !slot.pending) continue;
+        slot.state = Slot::State::done;
+        --slot.sequence;
+        slot.failed = true;
+        slot.failure = trail;
+        settle(i);
+    }
+}
+
+// ---- what is no call: health and subscriptions ----
+
+std::uint32_t Connection::control(Control handler) {
+    std::uint32_t xid = ++lastControl_ << kSlotBits | kControl;
+    controls_.emplace(xid, std::move(handler));
+    return xid;
+}
+
+wire::Health Connection::health(Deadline deadline) {
+    if (fd_ >= 0) checkIdle(monotonicNow());
+    if (fd_ < 0) recover(deadline, nullptr);
+    wire::Health health;
+    std::string wrong;
+    bool done = false;
+    Buffer bytes;
+    wire::writeHealthRequest(bytes, control([&](XdrReader& r, const std::string& objection) {
+        wrong = objection;
+        if (wrong.empty() && !wire::readHealth(r, health)) wrong = "its answer could not be decoded";
+        done = true;
+    }), program_);
+    std::uint32_t xid = lastControl_ << kSlotBits | kControl;
+    sendBytes(std::move(bytes));
+    while (!done) {
+        if (fd_ < 0) sorma::fail(errors::kRefused, who_, address_, how_, "ask again");
+        drain(deadline);
+        if (fd_ >= 0 && !receive(deadline)) {
+            controls_.erase(xid);
+            sorma::fail(errors::kConnectTimeout, who_, address_ + " (no answer about its health)");
+        }
+    }
+    if (!arrived_.empty()) deliverLater();
+    if (!wrong.empty()) sorma::fail(errors::kProtocol, who_, address_, wrong, "are both of the same version?");
+    return health;
+}
+
+class Connection::Remote : public Listening {
+public:
+    Remote(std::shared_ptr<Connection> c, wire::Subscription w, std::shared_ptr<Inbox> i)
+        : connection(std::move(c)), wanted(std::move(w)), inbox(std::move(i)) {
+        connection->subscriptions_.emplace(wanted.id, this);
+    }
+    ~Remote() override {
+        inbox->close();
+        connection->subscriptions_.erase(wanted.id);
+        Buffer bytes;
+        wire::writeUnsubscribe(bytes, connection->program_, wanted.id);
+        connection->sendBytes(std::move(bytes));
+        connection->watch();
+    }
+    // Ask the daemon for it. answered: what it objects to, empty when it agrees.
+    void ask(std::function<void(Trail objection, const Message& m)> answered) {
+        Buffer bytes;
+        Connection& c = *connection;
+        auto handler = [&c, answered = std::move(answered)](XdrReader& r, const std::string& objection) {
+            Message m;
+            wire::Times times;
+            std::string wrong = objection;
+            if (wrong.empty() && (!wire::readReply(r, times, m) || (m.code >= 0 && m.ints.size() != 2))) wrong = "its answer could not be decoded";
+            if (!wrong.empty()) {
+                m.code = -1;
+                m.trail = trailOf(makeEntry(errors::kProtocol, {MessageArg::of(c.who_), MessageArg::of(c.address_), MessageArg::of(wrong),
+                                            MessageArg::of("are both of the same version?")}));
+            }
+            answered(m.code < 0 ? m.trail : Trail(), m);
+        };
+        wire::writeSubscribe(bytes, c.control(std::move(handler)), c.program_, wanted);
+        c.sendBytes(std::move(bytes));
+    }
+    void tell(std::string name, std::int64_t lost, std::string text) {
+        Message m;
+        m.text = std::move(text);
+        inbox->push({wanted.name + "@" + connection->who_, std::move(name), std::move(m), last, lost, wallNow()});
+    }
+
+    std::shared_ptr<Connection> connection;
+    wire::Subscription wanted;
+    std::shared_ptr<Inbox> inbox;
+    std::uint64_t last = 0;             // number of the last event that came
+    std::uint64_t boot = 0;             // of the daemon that counts them
+};
+
+std::unique_ptr<Listening> Connection::listen(std::string name, std::string pattern, std::size_t keep, Listener listener,
+                                              Deadline deadline) {
+    if (fd_ >= 0) checkIdle(monotonicNow());
+    if (fd_ < 0) recover(deadline, nullptr);
+    wire::Subscription wanted{++lastSubscription_, std::move(name), std::move(pattern), static_cast<std::uint32_t>(keep)};
+    auto remote = std::make_unique<Remote>(shared_from_this(), wanted, std::make_shared<Inbox>(mailbox_, keep, std::move(listener)));
+    bool done = false;
+    Trail objection;
+    auto ask = [&] {
+        remote->boot = daemon_.boot;
+        remote->ask([&](Trail why, const Message& m) {
+            done = true;
+            objection = std::move(why);
+            if (objection.empty()) remote->last = std::uint64_t(m.ints[0]) - 0;
+        });
+    };
+    ask();
+    while (!done) {
+        if (fd_ < 0) {
+            recover(deadline, nullptr);                 // which subscribes again by itself, but tells nobody here
+            ask();
+        }
+        drain(deadline);
+        if (fd_ >= 0 && !done && !receive(deadline)) sorma::fail(errors::kConnectTimeout, wanted.name + "@" + who_, address_);
+    }
+    if (!arrived_.empty()) deliverLater();
+    if (!objection.empty()) throw Error(std::move(objection));
+    watch();
+    return remote;
+}
+
+// On a new connection: the same daemon knows how many events it could not send us; another one knows nothing.
+void Connection::resubscribe() {
+    for (auto& [id, remote] : subscriptions_) {
+        if (remote->boot == 0) continue;
+        bool same = remote->boot == daemon_.boot;
+        remote->boot = daemon_.boot;
+        std::uint32_t number = id;
+        remote->ask([this, number, same](Trail objection, const Message& m) {
+            auto found = subscriptions_.find(number);
+            if (found == subscriptions_.end()) return;
+            Remote& r = *found->second;
+            if (!objection.empty()) return r.tell("sorma.refused", -1, objection.cause() ? objection.cause()->text : "");
+            auto now = std::uint64_t(m.ints[0]);
+            bool counted = same && now >= r.last;
+            std::int64_t missed = counted ? std::int64_t(now - r.last) : -1;
+            r.last = now;
+            r.tell("sorma.reconnected", missed, "");
+        });
+    }
+}
+
+void Connection::takeEvent(XdrReader& r) {
+    wire::EventHeader header;
+    wire::EventBody body;
+    Message content;
+    if (!wire::readEvent(r, header, body, content)) return;
+    auto found = subscriptions_.find(header.id);
+    if (found == subscriptions_.end()) return;          // it has just ended
+    Remote& remote = *found->second;
+    remote.last = header.number;
+    remote.inbox->push({remote.wanted.name + "@" + who_, std::move(body.name), std::move(content), header.number,
+                        std::int64_t(header.lost), body.time});
+}
+
+}  // namespace sorma
