@@ -1,0 +1,166 @@
+// counted.h -- something of which there is a fixed number, lent to clients: what semaphore and mutex have in common.
+//
+// First come, first served, strictly: who wants much is not overtaken by those who want little. What a client holds is
+// given back when it ends. This process is a client as well, the null one; it gives back nothing by itself.
+//
+// Threads: the SORM's.
+#pragma once
+
+#include <algorithm>
+#include <map>
+#include <string>
+
+#include <sorma.h>
+
+namespace counted {
+
+using sorma::ClientPointer;
+using sorma::Message;
+using sorma::Reply;
+
+inline const sorma::Prototype kEnded{sorma::Severity::error, "COMM CANCELLED", 1, "{}: the client that asked has ended"};
+inline const sorma::Prototype kGone{sorma::Severity::error, "SERVICE GONE", 1, "{}: the service object has been removed"};
+
+class Counted : public sorma::Service {
+public:
+    ~Counted() override { forgive(); }
+
+    void leaving() override {
+        forgive();
+        for (auto& [ticket, waiter] : std::exchange(waiters_, {})) refuse(waiter.reply, kGone);
+    }
+
+protected:
+    struct Holder {
+        ClientPointer client;               // null: this process
+        sorma::Client::Lease lease = 0;
+        std::int64_t count = 0;
+        std::int64_t since = 0;             // [us] wall clock, of the first that it holds
+        std::string who() const { return (client ? client->caller : sorma::Caller::self()).toText(); }
+    };
+    struct Waiter {
+        Reply reply;
+        std::int64_t n;
+    };
+
+    virtual std::int64_t total() const = 0;
+
+    std::int64_t free() const { return total() - held_; }      // negative when the total has been lowered below
+    const std::map<const sorma::Client*, Holder>& holders() const { return holders_; }
+    std::size_t waiting() const { return waiters_.size(); }
+
+    // What the client that asks holds.
+    std::int64_t held() const {
+        auto found = holders_.find(sorma::Call::currentClient().get());
+        return found == holders_.end() ? 0 : found->second.count;
+    }
+
+    // For the client that asks: n of them at once, if there are as many and nobody was here before.
+    bool acquire(std::int64_t n) {
+        const ClientPointer client = sorma::Call::currentClient();
+        if (client && client->ended()) fail(kEnded, name());
+        if (!waiters_.empty() || n > free()) return false;
+        take(client, n);
+        return true;
+    }
+
+    // The same, when it is its turn.
+    void acquireLater(Message& m, std::int64_t n) {
+        Reply reply = later(m);
+        std::uint64_t ticket = ++tickets_;
+        waiters_.emplace(ticket, Waiter{reply, n});
+        reply.onCancel([this, ticket] {
+            auto found = waiters_.find(ticket);
+            if (found == waiters_.end()) return;
+            found->second.reply.complete();
+            waiters_.erase(found);
+            grant();                        // it may have stood before others who want less
+        });
+    }
+
+    // The client that asks gives n back. False: it does not hold as many, and nothing has changed.
+    bool release(std::int64_t n) {
+        if (held() < n) return false;
+        giveBack(sorma::Call::currentClient().get(), n);
+        return true;
+    }
+
+    // Serve those who wait, as far as it goes. Answers are only posted: nothing calls back from here.
+    void grant() {
+        while (!waiters_.empty()) {
+            auto at = waiters_.begin();
+            auto [reply, n] = at->second;
+            const ClientPointer client = reply.client();
+            if (client && client->ended()) {
+                waiters_.erase(at);
+                refuse(reply, kEnded);
+                continue;
+            }
+            if (n > free()) return;
+            waiters_.erase(at);
+            take(client, n);
+            // From here to its delivery the caller may still give up: then it never had them.
+            reply.onCancel([this, client = client.get(), n = n] { giveBack(client, n); });
+            reply.message().clear();
+            reply.complete();
+        }
+    }
+
+    // Those who want more than there can ever be would hold up all others.
+    void refuseMoreThan(std::int64_t most, const std::function<sorma::Error(std::int64_t n)>& why) {
+        std::erase_if(waiters_, [&](auto& item) {
+            if (item.second.n <= most) return false;
+            item.second.reply.fail(why(item.second.n));
+            return true;
+        });
+    }
+
+private:
+    void take(const ClientPointer& client, std::int64_t n) {
+        auto& holder = holders_[client.get()];
+        if (holder.count == 0) {
+            holder.client = client;
+            holder.since = sorma::wallNow();
+            if (client)
+                holder.lease = client->hold([this, client = client.get()] {
+                    auto found = holders_.find(client);
+                    if (found != holders_.end()) giveBack(client, found->second.count);
+                });
+        }
+        holder.count += n;
+        held_ += n;
+    }
+
+    void giveBack(const sorma::Client* client, std::int64_t n) {
+        auto found = holders_.find(client);
+        if (found == holders_.end()) return;
+        Holder& holder = found->second;
+        n = std::min(n, holder.count);
+        holder.count -= n;
+        held_ -= n;
+        if (holder.count == 0) {
+            auto [owner, lease] = std::pair(holder.client, holder.lease);
+            holders_.erase(found);
+            if (owner) owner->release(lease);
+        }
+        grant();
+    }
+
+    void refuse(const Reply& reply, const sorma::Prototype& why) {
+        reply.fail(sorma::Error(sorma::makeEntry(why, {sorma::MessageArg::of(name())})));
+    }
+
+    // Clients need not look after what they hold of an object that is no more.
+    void forgive() {
+        for (auto& [key, holder] : std::exchange(holders_, {}))
+            if (holder.client) holder.client->release(holder.lease);
+        held_ = 0;
+    }
+
+    std::map<const sorma::Client*, Holder> holders_;        // counts are > 0
+    std::int64_t held_ = 0;                                 // their sum
+    std::map<std::uint64_t, Waiter> waiters_;               // by ticket: the first is next
+    std::uint64_t tickets_ = 0;
+};
+
+}  // namespace counted
