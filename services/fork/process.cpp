@@ -1,0 +1,396 @@
+#include "process.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/ioctl.h>
+#include <sys/prctl.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <mutex>
+#include <set>
+#include <system_error>
+#include <utility>
+
+namespace child {
+
+namespace {
+
+constexpr int kFirstFree = 1024;                    // above what select() can watch, and above the standard channels
+constexpr std::int64_t kWriteAgain = 10'000'000;    // [ns] until a full pipe is tried again
+constexpr int kReapTime = 2000;                     // [ms]
+constexpr int kPipeSize = 1 << 20;
+constexpr unsigned kCloseRangeCloexec = 4;          // CLOSE_RANGE_CLOEXEC, Linux 5.11
+
+// Groups of this process that still run. exit() may come without any of our objects being taken down: tclsh does so.
+class Groups {
+public:
+    ~Groups() {
+        if (owner_ != getpid()) return;             // a fork of this process that calls exit: the groups are not its own
+        for (pid_t group : groups_) ::kill(-group, SIGKILL);
+    }
+    void add(pid_t group) {
+        std::lock_guard lock(mutex_);
+        owner_ = getpid();
+        groups_.insert(group);
+    }
+    void remove(pid_t group) {
+        std::lock_guard lock(mutex_);
+        groups_.erase(group);
+    }
+
+private:
+    std::mutex mutex_;
+    std::set<pid_t> groups_;
+    pid_t owner_ = 0;
+};
+Groups groups;
+
+struct Descriptor {
+    int fd = -1;
+    Descriptor() = default;
+    ~Descriptor() { close(); }
+    Descriptor(const Descriptor&) = delete;
+    Descriptor& operator=(const Descriptor&) = delete;
+    void close() {
+        if (fd >= 0) ::close(fd);
+        fd = -1;
+    }
+    int release() { return std::exchange(fd, -1); }
+};
+
+[[noreturn]] void failWith(const char* what) { throw std::system_error(errno, std::generic_category(), what); }
+
+// Out of the way of the standard channels, and where possible of those who can only watch small numbers.
+int raised(int fd) {
+    if (fd >= kFirstFree) return fd;
+    int high = fcntl(fd, F_DUPFD_CLOEXEC, kFirstFree);
+    if (high < 0) high = fcntl(fd, F_DUPFD_CLOEXEC, 3);
+    int error = errno;
+    ::close(fd);
+    errno = error;
+    if (high < 0) failWith("cannot make a pipe");
+    return high;
+}
+
+struct Pipe {
+    Descriptor reader, writer;
+    Pipe() {
+        int fds[2];
+        if (pipe2(fds, O_CLOEXEC) < 0) failWith("cannot make a pipe");
+        reader.fd = fds[0];
+        writer.fd = fds[1];
+        reader.fd = raised(reader.release());
+        writer.fd = raised(writer.release());
+    }
+};
+
+void makeNonBlocking(int fd) { fcntl(fd, F_SETFL, fcntl(fd, F_GETFL) | O_NONBLOCK); }
+
+// Files that exec may try for a program, in this order.
+std::vector<std::string> candidates(const std::string& program) {
+    if (program.empty() || program.find('/') != std::string::npos) return {program};
+    const char* set = std::getenv("PATH");
+    std::string_view path = set ? set : "/usr/local/bin:/bin:/usr/bin";
+    std::vector<std::string> out;
+    for (std::size_t at = 0;;) {
+        std::size_t end = std::min(path.find(':', at), path.size());
+        std::string folder(path.substr(at, end - at));
+        out.push_back(folder.empty() ? "./" + program : folder + "/" + program);
+        if (end == path.size()) return out;
+        at = end + 1;
+    }
+}
+
+// What a child tells in its last breath.
+struct Report {
+    enum Stage : int { directory, program } stage;
+    int error;
+};
+
+// fork() without the handlers of pthread_atfork: those of Tcl make a notifier for the child, which needs none.
+pid_t forkPlain() {
+#if defined(__GLIBC__) && __GLIBC_PREREQ(2, 34)
+    return _Fork();
+#else
+    return fork();
+#endif
+}
+
+}  // namespace
+
+int End::status() const {
+    switch (kind) {
+        case Kind::exited: return number;
+        case Kind::killed: return 128 + number;
+        case Kind::notStarted: return 127;
+        case Kind::unknown: break;
+    }
+    return -1;
+}
+
+// Everything that the child needs, made before there is one: it may not allocate.
+struct Process::Fork {
+    std::vector<std::string> files;
+    std::vector<const char*> filePointers;
+    std::vector<char*> arguments;
+    const char* directory;
+    pid_t parent = getpid();
+    Pipe input, output, errors, report;
+
+    explicit Fork(const Command& command)
+        : files(candidates(command.words[0])), directory(command.directory.empty() ? nullptr : command.directory.c_str()) {
+        for (auto& file : files) filePointers.push_back(file.c_str());
+        for (auto& word : command.words) arguments.push_back(const_cast<char*>(word.c_str()));
+        arguments.push_back(nullptr);
+    }
+
+    // In the child: a copy of a process with many threads, of which only this one goes on. From here to exec only calls
+    // of signal-safety(7) are allowed, for another thread may have held any lock.
+    [[noreturn]] void run() const {
+        setpgid(0, 0);
+        prctl(PR_SET_PDEATHSIG, SIGKILL);
+        if (getppid() != parent) _exit(127);        // it died before we could ask to be told
+        // All signals are blocked until no handler of the parent is left that could run here.
+        struct sigaction usual {};
+        usual.sa_handler = SIG_DFL;
+        for (int s = 1; s < NSIG; ++s) sigaction(s, &usual, nullptr);
+        sigset_t none;
+        sigemptyset(&none);
+        sigprocmask(SIG_SETMASK, &none, nullptr);
+
+        dup2(input.reader.fd, STDIN_FILENO);
+        dup2(output.writer.fd, STDOUT_FILENO);
+        dup2(errors.writer.fd, STDERR_FILENO);
+        syscall(SYS_close_range, 3u, ~0u, kCloseRangeCloexec);      // libraries open some without O_CLOEXEC
+        if (directory && chdir(directory) < 0) fail(Report::directory, errno);
+        int error = ENOENT;
+        for (const char* file : filePointers) {
+            execve(file, arguments.data(), environ);
+            if (errno == EACCES) error = EACCES;    // goes on, as execvp does, but is what is told
+            else if (errno != ENOENT && errno != ENOTDIR && errno != ESTALE && errno != ENODEV && errno != ETIMEDOUT)
+                fail(Report::program, errno);
+        }
+        fail(Report::program, error);
+    }
+
+    [[noreturn]] void fail(Report::Stage stage, int error) const {
+        Report r{stage, error};
+        ssize_t ignored = write(report.writer.fd, &r, sizeof r);
+        (void)ignored;
+        _exit(127);
+    }
+};
+
+void Process::start(const Command& command) {
+    Fork fork(command);
+    sigset_t all, before;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    pid_t pid = forkPlain();
+    if (pid == 0) fork.run();
+    int error = errno;
+    pthread_sigmask(SIG_SETMASK, &before, nullptr);
+    if (pid < 0) {
+        errno = error;
+        failWith("cannot make a process");
+    }
+    setpgid(pid, pid);                              // both do it: whoever needs the group first finds it
+    pid_ = pid;
+    running_ = true;
+    groups.add(pid);
+
+    report_ = fork.report.reader.release();
+    input_ = fork.input.writer.release();
+    output_ = fork.output.reader.release();
+    errors_ = fork.errors.reader.release();
+    for (int fd : {report_, input_, output_, errors_}) makeNonBlocking(fd);
+    toWrite_ = command.input;
+    if (toWrite_.size() > 65536) fcntl(input_, F_SETPIPE_SZ, int(std::min<std::size_t>(toWrite_.size(), kPipeSize)));
+    try {
+        int exit = int(syscall(SYS_pidfd_open, pid, 0));
+        if (exit < 0) failWith("cannot watch a process");
+        exit_ = raised(exit);
+        watch(exit_, &Process::exited);
+        watch(report_, &Process::readReport);
+        watch(output_, &Process::readOutput);
+        watch(errors_, &Process::readErrors);
+        writeInput();
+    } catch (...) {
+        abandon();
+        throw;
+    }
+}
+
+// ---- events ----
+
+void Process::watch(int fd, void (Process::*callback)()) {
+    sorm_.loop().watch(fd, [weak = weak_from_this(), callback] {
+        if (auto self = weak.lock()) (self.get()->*callback)();
+    });
+}
+
+void Process::drop(int& fd) {
+    if (fd < 0) return;
+    try {
+        sorm_.loop().unwatch(fd);
+    } catch (const sorma::Error&) {                 // the loop has ended before us
+    }
+    ::close(std::exchange(fd, -1));
+}
+
+void Process::later(std::uint64_t& timer, std::int64_t nanoseconds, void (Process::*callback)()) {
+    timer = sorm_.loop().after(sorma::monotonicNow() + nanoseconds, [weak = weak_from_this(), callback] {
+        if (auto self = weak.lock()) (self.get()->*callback)();
+    });
+}
+
+void Process::cancel(std::uint64_t& timer) {
+    if (timer == 0) return;
+    try {
+        sorm_.loop().cancel(std::exchange(timer, 0));
+    } catch (const sorma::Error&) {
+    }
+}
+
+void Process::release() {
+    cancel(inputTimer_);
+    cancel(killTimer_);
+    for (int* fd : {&exit_, &report_, &input_, &output_, &errors_}) drop(*fd);
+}
+
+// As much as the pipe takes. The loop does not tell when a pipe can be written, so a full one is tried again.
+void Process::writeInput() {
+    inputTimer_ = 0;
+    // A program that does not read to the end would end us with SIGPIPE, which embedding programs do not ignore.
+    sigset_t pipe, before, waiting;
+    sigemptyset(&pipe);
+    sigaddset(&pipe, SIGPIPE);
+    sigpending(&waiting);
+    pthread_sigmask(SIG_BLOCK, &pipe, &before);
+    bool full = false;
+    while (!full && written_ < toWrite_.size()) {
+        ssize_t n = ::write(input_, toWrite_.data() + written_, toWrite_.size() - written_);
+        if (n >= 0) written_ += std::size_t(n);
+        else if (errno == EAGAIN) full = true;
+        else if (errno != EINTR) written_ = toWrite_.size();        // it reads no more: that is its own affair
+    }
+    timespec now{};
+    if (!sigismember(&waiting, SIGPIPE)) sigtimedwait(&pipe, nullptr, &now);
+    pthread_sigmask(SIG_SETMASK, &before, nullptr);
+    if (full) return later(inputTimer_, kWriteAgain, &Process::writeInput);
+    drop(input_);
+    toWrite_ = {};
+}
+
+// The pipe is closed by exec, or brings what went wrong.
+void Process::readReport() {
+    if (report_ < 0) return;
+    Report r{};
+    ssize_t n = ::read(report_, &r, sizeof r);
+    if (n < 0 && (errno == EAGAIN || errno == EINTR)) return;
+    drop(report_);
+    if (n == sizeof r)
+        failure_ = {End::Kind::notStarted, r.error, r.stage == Report::directory ? "its directory cannot be entered" : ""};
+    else
+        listener_.started();
+}
+
+void Process::readOutput() { read(output_, listener_.output); }
+void Process::readErrors() { read(errors_, listener_.error); }
+
+// One portion, so that others get their turn.
+void Process::read(int& fd, const std::function<void(std::string_view)>& sink) {
+    char buffer[65536];
+    ssize_t n = ::read(fd, buffer, sizeof buffer);
+    if (n > 0) return sink({buffer, std::size_t(n)});
+    if (n < 0 && (errno == EAGAIN || errno == EINTR)) return;
+    drop(fd);
+}
+
+// What is there, and no more: somebody who has left the group may hold the other end, and go on writing.
+void Process::drain(int& fd, const std::function<void(std::string_view)>& sink) {
+    int there = 0;
+    if (fd < 0 || ioctl(fd, FIONREAD, &there) < 0) return;
+    std::vector<char> buffer(std::size_t(std::max(there, 0)));
+    for (std::size_t got = 0; got < buffer.size();) {
+        ssize_t n = ::read(fd, buffer.data() + got, buffer.size() - got);
+        if (n < 0 && errno == EINTR) continue;
+        if (n <= 0) break;
+        sink({buffer.data() + got, std::size_t(n)});
+        got += std::size_t(n);
+    }
+}
+
+void Process::exited() {
+    // Until it is reaped, its number is still that of its group: now is the last moment to end what it left there.
+    signal(SIGKILL);
+    int status = 0;
+    pid_t reaped = waitpid(pid_, &status, WNOHANG);
+    if (reaped == 0 || (reaped < 0 && errno == EINTR)) return;
+    running_ = false;
+    groups.remove(pid_);
+    readReport();
+    drain(output_, listener_.output);
+    drain(errors_, listener_.error);
+    release();
+    End end{End::Kind::unknown};
+    if (failure_.kind == End::Kind::notStarted) end = failure_;
+    else if (reaped == pid_ && WIFEXITED(status)) end = {End::Kind::exited, WEXITSTATUS(status)};
+    else if (reaped == pid_) end = {End::Kind::killed, WTERMSIG(status)};
+    listener_.ended(end);
+}
+
+// ---- ending it ----
+
+void Process::signal(int number) const {
+    if (running_) ::kill(-pid_, number);
+}
+
+void Process::terminate(std::int64_t grace) {
+    if (!running_ || terminating_) return;
+    terminating_ = true;
+    if (grace <= 0) return kill();
+    signal(SIGTERM);
+    signal(SIGCONT);                                // one that has been stopped would not hear it
+    later(killTimer_, grace, &Process::kill);
+}
+
+void Process::kill() { signal(SIGKILL); }
+
+void Process::abandon() {
+    if (!running_) return;
+    kill();
+    if (exit_ >= 0) {
+        pollfd p{exit_, POLLIN, 0};
+        int left = kReapTime;
+        std::int64_t end = sorma::monotonicNow() + std::int64_t(kReapTime) * 1'000'000;
+        while (poll(&p, 1, left) < 0 && errno == EINTR)
+            left = std::max<int>(0, int((end - sorma::monotonicNow()) / 1'000'000));
+        kill();                                     // what was born in the group meanwhile, before its number is free
+        while (waitpid(pid_, nullptr, WNOHANG) < 0 && errno == EINTR) {}
+    } else {
+        while (waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {}
+    }
+    running_ = false;
+    groups.remove(pid_);
+    release();
+}
+
+std::string Process::find(const std::string& program, const std::string& directory) {
+    for (auto& file : candidates(program)) {
+        std::string full = file.starts_with('/') || directory.empty() ? file : directory + "/" + file;
+        struct stat s;
+        if (stat(full.c_str(), &s) == 0 && S_ISREG(s.st_mode) && access(full.c_str(), X_OK) == 0) return full;
+    }
+    return {};
+}
+
+}  // namespace child
