@@ -41,6 +41,7 @@ public:
         virtual ~Carrier() = default;
         virtual void drive(Pending& pending, Deadline deadline) = 0;    // block until it is answered, or the deadline
         virtual void cancelled(Pending& pending) = 0;                   // tell those who execute it
+        virtual int descriptor() const = 0;     // readable when there is something to drive; -1: not now
         virtual Trail overdue(Pending& pending) = 0;                    // what to say when its deadline has passed
     };
 

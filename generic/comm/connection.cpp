@@ -525,6 +525,7 @@ void Connection::recover(Deadline deadline, const Slot* waiting) {
 void Connection::resend(Deadline deadline) {
     unsent_.clear();
     batch_.clear();
+    if (!outgoing_.empty() && !drain(deadline)) return;
     for (std::size_t i = 0; i < slots_.size() && fd_ >= 0; ++i) {
         Slot& slot = *slots_[i];
         bool again = slot.state == Slot::State::sent || slot.state == Slot::State::abandoned;

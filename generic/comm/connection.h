@@ -139,6 +139,7 @@ private:
     void ready(std::uint32_t events) override;
     void drive(Pending& pending, Deadline deadline) override;
     void cancelled(Pending& pending) override;
+    int descriptor() const override { return fd_; }
     Trail overdue(Pending& pending) override;
     bool wanted() const { return pendings_ > 0 || !subscriptions_.empty(); }
     void watch();                                       // what the reactor is to tell us

@@ -223,6 +223,10 @@ Constants::Constants() {
     Tcl_Obj* dict = Tcl_NewDictObj();
     Tcl_DictObjPut(nullptr, dict, code, integer(0));
     code0 = dict;
+    yield = word("::yield");
+    infoCoroutine = word("::tcl::info::coroutine");
+    coroutine = word("::coroutine");
+    runExec = word("::sorma::tcloo::Run");
 }
 
 // ---- requests ----

@@ -41,6 +41,7 @@ public:
     }
     Obj empty, ret, tmsg, fmsg, imsg, amsg, tdbx, ret0;         // ret0: the list RET 0
     Obj text, floats, ints, any, words, code, trail, code0;     // code0: the dict code 0
+    Obj yield, infoCoroutine, coroutine, runExec;               // command words
 
 private:
     static constexpr std::int64_t kLow = -8, kHigh = 256;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "bus/deadline.h"
 #include "bus/requestText.h"
 #include "tcl/soCommand.h"
 #include "tcl/tclService.h"
@@ -165,6 +166,16 @@ void Interpreter::providePackage(const char* package, const char* version) {
 
 void Interpreter::report(const std::string& message) {
     if (!closing()) Tcl_SetObjResult(interp, newText(message));
+}
+
+bool Interpreter::turn(std::int64_t until) {
+    if (closing()) return false;
+    std::int64_t left = std::max<std::int64_t>(until - monotonicNow(), 0) / 1'000'000 + 1;
+    Tcl_TimerToken timer = Tcl_CreateTimerHandler(int(std::min<std::int64_t>(left, 3'600'000)), [](ClientData) {}, nullptr);
+    KeepState keep(interp);
+    Tcl_DoOneEvent(TCL_ALL_EVENTS);
+    Tcl_DeleteTimerHandler(timer);
+    return true;
 }
 
 std::string commandText(int objc, Tcl_Obj* const objv[]) {

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <unordered_map>
 #include <vector>
@@ -20,6 +21,7 @@ namespace sorma {
 
 class SoBinding;
 class TclService;
+struct TclRun;
 
 // A word of sorma::configure. Other parts of the package add theirs: interpreter.add(...).
 struct Setting {
@@ -68,6 +70,7 @@ public:
     void removed(const std::string& name) override;
     void providePackage(const char* package, const char* version) override;
     void report(const std::string& message) override;
+    bool turn(std::int64_t until) override;
 
     // ---- what soCommand.cpp and tclService.cpp keep here ----
     std::unordered_map<std::string, SoBinding*> bindings;           // by the SO's name
@@ -79,6 +82,8 @@ public:
         Message* message;
     };
     Running running{nullptr, nullptr};
+    std::unordered_map<std::string, std::shared_ptr<TclRun>> runs;  // EXECs of Tcl services, by their coroutine
+    std::uint64_t lastRun = 0;
 
     // Marks a call in progress.
     class Entered {

@@ -3,6 +3,9 @@
 #include <cstring>
 
 #include "bus/requestText.h"
+#include "tcl/pendingCommand.h"
+#include "tcl/tclService.h"
+#include "tcl/waiting.h"
 
 namespace sorma {
 
@@ -12,6 +15,7 @@ constexpr std::string_view kNamespace = "::sorma::so::";
 
 const Prototype kBadMethod{Severity::error, "REQUEST SYNTAX", 0,
                            "bad method \"{}\": must be CTRL, DBX, EXEC, cget, configure, destroy, exec, or info"};
+const Prototype kNotAsync{Severity::error, "REQUEST SYNTAX", 0, "{} cannot be asked for later: must be CTRL, DBX, EXEC, cget, configure, exec, or info"};
 const Prototype kPairs{Severity::error, "OPTION MISSING", 2, "{}: {} needs a value"};
 
 enum class Word { none, EXEC, CTRL, DBX, exec, configure, cget, info, destroy };
@@ -41,17 +45,21 @@ public:
         SoBinding* owner = nullptr;
         Tcl_Command token = nullptr;
     };
-    SoBinding(Interpreter& i, std::string n, Reference r) : interpreter(i), name(std::move(n)), so(std::move(r)) {
+    SoBinding(Interpreter& i, std::string n, Reference r)
+        : interpreter(i), name(std::move(n)), so(std::move(r)), remote(isRemote(*so)) {
         for (auto& c : commands) c.owner = this;
     }
 
     Interpreter& interpreter;
     const std::string name;
     Reference so;
+    bool remote;                        // so stands for an object of another process
     Message message;                    // reused by each call that finds it free, so that a call does not allocate
     bool messageBusy = false;
     bool registered = false;            // in interpreter.bindings
     Command commands[2];                // ::sorma::so::NAME and ::NAME
+
+    static bool isRemote(const Service& s) { return s.type().name() == "proxy"; }
 
     // Without a command it goes, but not under the feet of a call in progress.
     void release() {
@@ -63,6 +71,7 @@ public:
     // A call in progress may stand on the reference that is replaced.
     void renew(Reference fresh) {
         std::swap(so, fresh);
+        remote = isRemote(*so);
         interpreter.whenIdle([old = std::move(fresh)] {});
     }
 
@@ -139,7 +148,7 @@ std::string requestText(const std::string& name, int objc, Objects objv) {
         for (auto& e : m.trail.entries())
             if (e.request.empty()) e.request = request;
         // Inside a TclOO service this was a call to a sub-service: its messages travel on with the reply.
-        if (interpreter.running.message) interpreter.running.message->trail.append(m.trail);
+        if (auto running = runningNow(interpreter); running.message) running.message->trail.append(m.trail);
     }
     interpreter.sorm.setLastTrail(m.trail);
 }
@@ -156,38 +165,81 @@ int answer(SoBinding& b, Tcl_Obj* result) {
     return TCL_OK;
 }
 
-// A request in words whose answer is one text.
-Tcl_Obj* ask(SoBinding& b, Method method, std::vector<std::string> words, int objc, Objects objv) {
-    SoBinding::Borrowed borrowed(b);
-    Message& m = *borrowed;
-    m.words = std::move(words);
-    invoke(b, method, m, objc, objv);
-    return newText(m.text);
-}
+// ---- from words to a request, and from its message to a result ----
 
-int configure(SoBinding& b, int objc, Objects objv) {
-    if (objc == 2) return answer(b, ask(b, Method::dbx, {"-info", "options"}, objc, objv));
-    if (objc == 3) {
-        std::string option = toUtf8(objv[2]);
-        Obj list(ask(b, Method::dbx, {"-info", "options", option}, objc, objv));
-        auto entries = listElements(list);
-        if (entries.size() == 1) return answer(b, entries[0]);
-        ask(b, Method::dbx, {"-get", option}, objc, objv);      // fails, and says which options there are
+int configure(SoBinding& b, int objc, Objects objv, Request& request, Message& m) {
+    request.method = Method::dbx;
+    if (objc == 2) {
+        m.words = {"-info", "options"};
+        request.answer = Request::Answer::text;
+    } else if (objc == 3) {
+        m.words = {"-info", "options", toUtf8(objv[2])};
+        request.answer = Request::Answer::oneOption;
+    } else {
+        if (objc % 2 != 0) fail(kPairs, b.name, toUtf8(objv[objc - 1]));
+        for (int i = 2; i < objc; ++i) m.words.push_back(toUtf8(objv[i]));
+        request.method = Method::ctrl;
+        request.answer = Request::Answer::nothing;
     }
-    if (objc % 2 != 0) fail(kPairs, b.name, toUtf8(objv[objc - 1]));
-    std::vector<std::string> words;
-    for (int i = 2; i < objc; ++i) words.push_back(toUtf8(objv[i]));
-    Obj said(ask(b, Method::ctrl, std::move(words), objc, objv));
-    return answer(b, b.interpreter.constants.empty);
+    return TCL_OK;
 }
 
-int info(SoBinding& b, int objc, Objects objv) {
-    std::string_view what = view(objv[2]);
-    if (objc == 3 && what == "location") return answer(b, newText(b.so->location()));
-    if (objc == 3 && what == "name") return answer(b, newText(b.name));
-    std::vector<std::string> words{"-info"};
-    for (int i = 2; i < objc; ++i) words.push_back(toUtf8(objv[i]));
-    return answer(b, ask(b, Method::dbx, std::move(words), objc, objv));
+// Read the words of a command. TCL_CONTINUE: it is no request, but something between this interpreter and the command.
+int readRequest(SoBinding& b, Word word, int objc, Objects objv, Request& request, Message& m) {
+    Tcl_Interp* interp = b.interpreter.interp;
+    std::span<Tcl_Obj* const> words(objv + 2, std::size_t(objc - 2));
+    request.answer = Request::Answer::text;
+    request.method = Method::dbx;
+    switch (word) {
+        case Word::EXEC:
+            readParts(words, m);
+            request = {Method::exec, Request::Answer::flat};
+            return TCL_OK;
+        case Word::exec:
+            readOptions(words, m);
+            request = {Method::exec, Request::Answer::dict};
+            return TCL_OK;
+        case Word::CTRL:
+        case Word::DBX:
+            for (auto* o : words) m.words.push_back(toUtf8(o));
+            request = {word == Word::CTRL ? Method::ctrl : Method::dbx, Request::Answer::flat};
+            return TCL_OK;
+        case Word::configure:
+            return configure(b, objc, objv, request, m);
+        case Word::cget:
+            if (objc != 3) return Tcl_WrongNumArgs(interp, 2, objv, "-option"), TCL_ERROR;
+            m.words = {"-get", toUtf8(objv[2])};
+            return TCL_OK;
+        case Word::info: {
+            if (objc < 3) return Tcl_WrongNumArgs(interp, 2, objv, "what ?option?"), TCL_ERROR;
+            std::string_view what = view(objv[2]);
+            if (objc == 3 && (what == "location" || what == "name")) return TCL_CONTINUE;
+            m.words.emplace_back("-info");
+            for (int i = 2; i < objc; ++i) m.words.push_back(toUtf8(objv[i]));
+            return TCL_OK;
+        }
+        default: return TCL_CONTINUE;
+    }
+}
+
+Tcl_Obj* resultOf(SoBinding& b, const Request& request, const Message& m, Tcl_Obj* option) {
+    const Constants& constants = b.interpreter.constants;
+    switch (request.answer) {
+        case Request::Answer::flat: return flatReply(constants, m);
+        case Request::Answer::dict: return dictReply(constants, m);
+        case Request::Answer::nothing: return constants.empty;
+        case Request::Answer::oneOption: {
+            Obj list(newText(m.text));
+            auto entries = listElements(list);
+            if (entries.size() == 1) return Obj(entries[0]), Tcl_DuplicateObj(entries[0]);
+            Message again;                                      // fails, and says which options there are
+            again.words = {"-get", toUtf8(option)};
+            b.so->invoke(Method::dbx, again);
+            return newText(again.text);
+        }
+        case Request::Answer::text: break;
+    }
+    return newText(m.text);
 }
 
 // With ::sorma::so in its namespace path a script finds our dict before Tcl's: what is no request goes on to that.
@@ -198,34 +250,12 @@ int tclDict(Tcl_Interp* interp, int objc, Objects objv) {
     return Tcl_EvalObjv(interp, objc, words.data(), TCL_EVAL_NOERR);
 }
 
-// Everything but EXEC.
-[[gnu::noinline]] int otherMethod(SoBinding& b, Word method, int objc, Objects objv) {
+// What is between this interpreter and the command alone.
+int ownMethod(SoBinding& b, Word method, int objc, Objects objv) {
     Tcl_Interp* interp = b.interpreter.interp;
-    std::span<Tcl_Obj* const> words(objv + 2, std::size_t(objc - 2));
     switch (method) {
-        case Word::CTRL:
-        case Word::DBX: {
-            SoBinding::Borrowed borrowed(b);
-            Message& m = *borrowed;
-            for (auto* o : words) m.words.push_back(toUtf8(o));
-            invoke(b, method == Word::CTRL ? Method::ctrl : Method::dbx, m, objc, objv);
-            return answer(b, flatReply(b.interpreter.constants, m));
-        }
-        case Word::exec: {
-            SoBinding::Borrowed borrowed(b);
-            Message& m = *borrowed;
-            readOptions(words, m);
-            invoke(b, Method::exec, m, objc, objv);
-            return answer(b, dictReply(b.interpreter.constants, m));
-        }
-        case Word::configure:
-            return configure(b, objc, objv);
-        case Word::cget:
-            if (objc != 3) return Tcl_WrongNumArgs(interp, 2, objv, "-option"), TCL_ERROR;
-            return answer(b, ask(b, Method::dbx, {"-get", toUtf8(objv[2])}, objc, objv));
         case Word::info:
-            if (objc < 3) return Tcl_WrongNumArgs(interp, 2, objv, "what ?option?"), TCL_ERROR;
-            return info(b, objc, objv);
+            return answer(b, newText(view(objv[2]) == "name" ? b.name : b.so->location()));
         case Word::destroy:
             if (objc != 2) return Tcl_WrongNumArgs(interp, 2, objv, nullptr), TCL_ERROR;
             // The name may have been written otherwise than the repository has it: nop@h:0x014.
@@ -242,6 +272,38 @@ int tclDict(Tcl_Interp* interp, int objc, Objects objv) {
     return b.interpreter.raise(trailOfCurrentException(b.name), requestText(b.name, objc, objv));
 }
 
+// ---- answers that come later ----
+
+int answerLater(SoBinding& b, Future future, Request request, int objc, Objects objv) {
+    auto pending = std::make_shared<PendingCommand>(b.interpreter, b.name, request, std::move(future), objc, objv);
+    return waitThen(b.interpreter, {pending->future()}, true, {}, [pending] { return pending->finish(); });
+}
+
+// In a coroutine, what another process answers suspends that coroutine alone.
+[[gnu::noinline]] int callRemote(SoBinding& b, const Request& request, Message& m, int objc, Objects objv) {
+    Obj coroutine = coroutineName(b.interpreter);
+    if (view(coroutine).empty()) {
+        invoke(b, request.method, m, objc, objv);
+        return answer(b, resultOf(b, request, m, objc > 2 ? objv[2] : nullptr));
+    }
+    InCoroutine context(b.interpreter, coroutine);
+    return answerLater(b, b.so->async(request.method, std::exchange(m, {})), request, objc, objv);
+}
+
+// Everything but EXEC of an object of this process.
+[[gnu::noinline]] int otherMethod(SoBinding& b, Word method, int objc, Objects objv) {
+    SoBinding::Borrowed borrowed(b);
+    Message& m = *borrowed;
+    Request request;
+    int code = readRequest(b, method, objc, objv, request, m);
+    if (code == TCL_CONTINUE) return ownMethod(b, method, objc, objv);
+    if (code != TCL_OK) return code;
+    if (b.remote) return callRemote(b, request, m, objc, objv);
+    if (b.so->start(request.method, m)) return answerLater(b, Future(std::exchange(m.later, nullptr)), request, objc, objv);
+    if (!m.trail.empty() || !b.interpreter.sorm.lastTrail().empty()) keepTrail(b, m, objc, objv);
+    return answer(b, resultOf(b, request, m, objc > 2 ? objv[2] : nullptr));
+}
+
 // Speed counts here: no allocation, no clock, no look-up, no text.
 int call(SoBinding& b, int objc, Objects objv) noexcept {
     Interpreter& interpreter = b.interpreter;
@@ -253,11 +315,14 @@ int call(SoBinding& b, int objc, Objects objv) noexcept {
         }
         if (b.so->gone()) [[unlikely]] b.renew(interpreter.sorm.get(b.name));
         Word method = methodOf(objv[1]);
-        if (method != Word::EXEC) return otherMethod(b, method, objc, objv);
+        if (method != Word::EXEC || b.remote) return otherMethod(b, method, objc, objv);
         SoBinding::Borrowed borrowed(b);
         Message& m = *borrowed;
         if (objc > 2) readParts({objv + 2, std::size_t(objc - 2)}, m);
-        invoke(b, Method::exec, m, objc, objv);
+        // The call may remove the object, but not before it returns: see renew, release.
+        if (b.so->start(Method::exec, m)) [[unlikely]]
+            return answerLater(b, Future(std::exchange(m.later, nullptr)), {Method::exec, Request::Answer::flat}, objc, objv);
+        if (!m.trail.empty() || !interpreter.sorm.lastTrail().empty()) [[unlikely]] keepTrail(b, m, objc, objv);
         if (interpreter.ended()) [[unlikely]] return TCL_ERROR;
         if (m.code == 0 && m.floats.empty() && m.text.empty() && m.ints.empty() && m.any.empty() && m.trail.empty()) {
             borrowed.stillClear();
@@ -271,8 +336,12 @@ int call(SoBinding& b, int objc, Objects objv) noexcept {
     }
 }
 
-int SoObjCmd(ClientData data, Tcl_Interp*, int objc, Objects objv) {
+int SoNRCmd(ClientData data, Tcl_Interp*, int objc, Objects objv) {
     return call(*static_cast<SoBinding::Command*>(data)->owner, objc, objv);
+}
+
+int SoObjCmd(ClientData data, Tcl_Interp* interp, int objc, Objects objv) {
+    return Tcl_NRCallObjProc(interp, SoNRCmd, data, objc, objv);
 }
 
 void soCommandDeleted(ClientData data) {
@@ -287,7 +356,7 @@ void makeCommands(SoBinding& b) {
     Interpreter& i = b.interpreter;
     if (b.name.find("::") != std::string::npos) return;     // Tcl would take it for namespaces; unknown serves such names
     auto create = [&](SoBinding::Command& command, const std::string& full) {
-        command.token = Tcl_CreateObjCommand(i.interp, full.c_str(), SoObjCmd, &command, soCommandDeleted);
+        command.token = Tcl_NRCreateCommand(i.interp, full.c_str(), SoObjCmd, SoNRCmd, &command, soCommandDeleted);
     };
     if (!b.commands[0].token) create(b.commands[0], std::string(kNamespace) + b.name);
     std::string global = "::" + b.name;
@@ -317,6 +386,21 @@ SoBinding& bindingFor(Interpreter& i, std::string_view name) {
     makeCommands(*b);
     return *b;
 }
+
+// In a coroutine nothing may block, not even the first mention of a remote object.
+class Unhurried {
+public:
+    explicit Unhurried(Interpreter& i, bool always = false) : sorm_(i.sorm), was_(i.sorm.unhurried) {
+        if (always || !view(coroutineName(i)).empty()) sorm_.unhurried = true;
+    }
+    ~Unhurried() { sorm_.unhurried = was_; }
+    Unhurried(const Unhurried&) = delete;
+    Unhurried& operator=(const Unhurried&) = delete;
+
+private:
+    Sorm& sorm_;
+    const bool was_;
+};
 
 // ---- unknown words ----
 
@@ -421,6 +505,7 @@ int UnknownNRCmd(ClientData data, Tcl_Interp* interp, int objc, Objects objv) {
                     Tcl_WrongNumArgs(interp, 1, objv, "method ?word ...?");
                     return TCL_ERROR;
                 }
+                Unhurried unhurried(i);
                 SoBinding& b = bindingFor(i, mention.name);
                 return call(b, objc, objv);
             }
@@ -446,6 +531,50 @@ int UnknownObjCmd(ClientData data, Tcl_Interp* interp, int objc, Objects objv) {
 }
 
 }  // namespace
+
+PendingCommand::PendingCommand(Interpreter& i, std::string name, Request request, Future future, int objc, Tcl_Obj* const objv[])
+    : interpreter_(i), name_(std::move(name)), request_(request), future_(std::move(future)), words_(Tcl_NewListObj(objc, objv)) {}
+
+int PendingCommand::finish() const {
+    Interpreter& i = interpreter_;
+    Interpreter::Entered entered(i);
+    Tcl_Size objc;
+    Tcl_Obj** objv;
+    Tcl_ListObjGetElements(nullptr, words_, &objc, &objv);
+    try {
+        Message& m = future_.result();
+        SoBinding& b = bindingFor(i, name_);
+        if (!m.trail.empty() || !i.sorm.lastTrail().empty()) keepTrail(b, m, int(objc), objv);
+        return answer(b, resultOf(b, request_, m, objc > 2 ? objv[2] : nullptr));
+    } catch (...) {
+        return i.raise(trailOfCurrentException(name_), requestText(name_, int(objc), objv));
+    }
+}
+
+std::shared_ptr<PendingCommand> beginCommand(Interpreter& i, std::string_view name, int objc, Tcl_Obj* const objv[], Deadline deadline) {
+    Unhurried unhurried(i, true);
+    SoBinding& b = bindingFor(i, name);
+    if (objc < 2) return Tcl_WrongNumArgs(i.interp, 1, objv, "method ?word ...?"), nullptr;
+    Message m;
+    Request request;
+    int code = readRequest(b, methodOf(objv[1]), objc, objv, request, m);
+    if (code == TCL_CONTINUE) fail(kNotAsync, toUtf8(objv[1]));
+    if (code != TCL_OK) return nullptr;
+    return std::make_shared<PendingCommand>(i, b.name, request, b.so->async(request.method, std::move(m), deadline), objc, objv);
+}
+
+bool sendOneway(Interpreter& i, std::string_view name, int objc, Tcl_Obj* const objv[]) {
+    SoBinding& b = bindingFor(i, name);
+    if (objc < 2) return Tcl_WrongNumArgs(i.interp, 1, objv, "method ?word ...?"), false;
+    Message m;
+    Request request;
+    int code = readRequest(b, methodOf(objv[1]), objc, objv, request, m);
+    if (code == TCL_CONTINUE) fail(kNotAsync, toUtf8(objv[1]));
+    if (code != TCL_OK) return false;
+    b.so->oneway(request.method, std::move(m));
+    Tcl_ResetResult(i.interp);
+    return true;
+}
 
 bool isSoMethod(Tcl_Obj* word) { return methodOf(word) != Word::none; }
 

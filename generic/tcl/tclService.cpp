@@ -5,6 +5,7 @@
 
 #include "bus/requestText.h"
 #include "tcl/soCommand.h"
+#include "tcl/waiting.h"
 
 namespace sorma {
 
@@ -175,6 +176,89 @@ TclService::TclService(Interpreter& i, Tcl_Class type, std::vector<Value> initia
     my_ = str(std::string(Tcl_GetObjectNamespace(object_)->fullName) + "::my");
 }
 
+namespace {
+
+// sorma::tcloo::Done result options: the EXEC of this coroutine has come to its end.
+int DoneObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    if (objc != 4) return Tcl_WrongNumArgs(interp, 1, objv, "coroutine result options"), TCL_ERROR;
+    auto found = i.runs.find(std::string(view(objv[1])));
+    if (found == i.runs.end()) return TCL_OK;
+    Interpreter::Entered entered(i);
+    auto run = std::move(found->second);
+    i.runs.erase(found);
+    run->done = true;
+    run->result = objv[2];
+    run->options = objv[3];
+    Obj key(Tcl_NewStringObj("-code", -1));
+    Tcl_Obj* code = nullptr;
+    if (Tcl_DictObjGet(nullptr, objv[3], key, &code) != TCL_OK || !code || Tcl_GetIntFromObj(nullptr, code, &run->code) != TCL_OK)
+        run->code = TCL_ERROR;
+    if (run->code == TCL_RETURN) run->code = TCL_OK;
+    if (!run->reply) return TCL_OK;                 // exec() is on the stack, and sees to it
+    try {
+        Message& m = run->reply.message();
+        if (run->service) run->service->answer(*run, m);
+        run->reply.complete();
+    } catch (const Error& e) {
+        run->reply.fail(e);
+    } catch (const std::exception& e) {
+        run->reply.fail(e);
+    }
+    Tcl_ResetResult(interp);
+    return TCL_OK;
+}
+
+std::shared_ptr<TclRun> currentRun(Interpreter& i) {
+    if (i.runs.empty()) return nullptr;
+    auto found = i.runs.find(toUtf8(coroutineName(i)));
+    return found == i.runs.end() ? nullptr : found->second;
+}
+
+// sorma::cancelled: has the caller of this EXEC given up?   sorma::atCancel script: run it when that happens
+int CancelledObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    if (objc != 1) return Tcl_WrongNumArgs(interp, 1, objv, nullptr), TCL_ERROR;
+    return guarded(i, objc, objv, [&] {
+        auto run = currentRun(i);
+        bool cancelled = run && (run->cancelled || run->deadline.passed());
+        if (auto* call = Call::current()) cancelled = cancelled || call->cancelled.load(std::memory_order_relaxed) || call->deadline.passed();
+        Tcl_SetObjResult(interp, Tcl_NewWideIntObj(cancelled));
+        return TCL_OK;
+    });
+}
+
+int AtCancelObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    if (objc != 2) return Tcl_WrongNumArgs(interp, 1, objv, "script"), TCL_ERROR;
+    return guarded(i, objc, objv, [&] {
+        auto run = currentRun(i);
+        if (!run) fail(kNotRunning, "sorma::atCancel");
+        run->atCancel = Obj(objv[1]);
+        Tcl_ResetResult(interp);
+        return TCL_OK;
+    });
+}
+
+}  // namespace
+
+Interpreter::Running runningNow(Interpreter& i) {
+    KeepState keep(i.interp);
+    auto run = currentRun(i);
+    return run ? Interpreter::Running{run->service, &run->said} : i.running;
+}
+
+InCoroutine::InCoroutine(Interpreter& i, Tcl_Obj* coroutine) {
+    auto found = i.runs.empty() ? i.runs.end() : i.runs.find(std::string(view(coroutine)));
+    if (found == i.runs.end()) return;
+    run_ = found->second;
+    new (call_) Call(run_->client ? run_->client->caller : Caller::self(), run_->deadline, run_->client);
+}
+
+InCoroutine::~InCoroutine() {
+    if (run_) reinterpret_cast<Call*>(call_)->~Call();
+}
+
 TclService::~TclService() {
     if (!name().empty()) {
         auto known = interpreter_.tclServices.find(name());
@@ -257,10 +341,85 @@ Obj TclService::call(std::string_view method, std::span<Tcl_Obj* const> args, Me
 }
 
 void TclService::exec(Message& m) {
-    Obj request(messageDict(interpreter_.constants, m));
-    Tcl_Obj* args[] = {request};
-    Obj result = call("exec", args, &m);
-    readResult(result, m);
+    Interpreter& i = interpreter_;
+    if (i.closing()) fail(kInterpGone, name());
+    if (!object_) fail(kObjectGone, name());
+    auto run = std::make_shared<TclRun>();
+    run->service = this;
+    run->keep = Reference(this);
+    run->deadline = Call::currentDeadline();
+    run->client = Call::currentClient();
+    std::string coroutine = "::sorma::co::" + std::to_string(++i.lastRun);
+    i.runs.emplace(coroutine, run);
+    struct Around {
+        Interpreter& i;
+        Interpreter::Running outer;
+        Interpreter::Entered entered;
+        Around(Interpreter& interpreter, Interpreter::Running running)
+            : i(interpreter), outer(std::exchange(i.running, running)), entered(i) {
+            Tcl_Preserve(i.interp);
+        }
+        ~Around() {
+            i.running = outer;
+            Tcl_Release(i.interp);
+        }
+    };
+    int code;
+    {
+        Around around(i, {this, &run->said});
+        Obj words[] = {i.constants.coroutine, str(coroutine), i.constants.runExec, my_, messageDict(i.constants, m)};
+        Tcl_Obj* objv[] = {words[0], words[1], words[2], words[3], words[4]};
+        code = Tcl_EvalObjv(i.interp, 5, objv, TCL_EVAL_GLOBAL);
+        if (i.closing()) fail(kInterpGone, name());
+    }
+    if (run->done) {
+        Tcl_ResetResult(i.interp);
+        return answer(*run, m);
+    }
+    if (code != TCL_OK) {               // there is no coroutine, or it was deleted
+        i.runs.erase(coroutine);
+        Trail trail = run->said.trail;
+        trail.append(trailOfTclError(i, code, name(), type()));
+        throw Error(std::move(trail));
+    }
+    Tcl_ResetResult(i.interp);
+    run->reply = later(m);
+    run->reply.onCancel([run] {
+        run->cancelled = true;
+        if (!run->atCancel || !run->service || run->service->interpreter().closing()) return;
+        Interpreter& i = run->service->interpreter();
+        Interpreter::Entered entered(i);
+        Obj script = std::exchange(run->atCancel, Obj());
+        if (Tcl_EvalObjEx(i.interp, script, TCL_EVAL_GLOBAL) != TCL_OK) Tcl_BackgroundException(i.interp, TCL_ERROR);
+    });
+}
+
+void TclService::answer(TclRun& run, Message& m) const {
+    Interpreter& i = interpreter_;
+    if (run.code == TCL_OK) {
+        m.clear();
+        m.trail = std::move(run.said.trail);
+        return readResult(run.result, m);
+    }
+    Trail trail = std::move(run.said.trail);
+    Tcl_SetObjResult(i.interp, run.result);
+    Tcl_SetReturnOptions(i.interp, run.options);
+    trail.append(trailOfTclError(i, run.code, name(), type()));
+    throw Error(std::move(trail));
+}
+
+void TclService::leaving() {
+    // Those that wait have nobody to work for any more; deleting a coroutine unwinds it.
+    Interpreter& i = interpreter_;
+    if (i.closing()) return;
+    std::vector<std::pair<std::string, std::shared_ptr<TclRun>>> mine;
+    for (auto& [coroutine, run] : i.runs)
+        if (run->service == this && run->reply) mine.emplace_back(coroutine, run);
+    for (auto& [coroutine, run] : mine) {
+        Tcl_DeleteCommand(i.interp, coroutine.c_str());
+        i.runs.erase(coroutine);
+        run->reply.fail(Error(makeEntry(kObjectGone, {MessageArg::of(name())})));
+    }
 }
 
 void TclService::born() {
@@ -600,6 +759,7 @@ constexpr const char* kVersionUsage = "version";
 
 // ---- inside methods ----
 
+
 // sorma::fail {AREA SYMBOL ?detail ...?} text, and sorma::warn: the entry names this line of Tcl.
 Entry entryOf(Interpreter& i, Severity severity, Tcl_Obj* code, Tcl_Obj* text) {
     auto words = listStrings(code);
@@ -612,7 +772,7 @@ Entry entryOf(Interpreter& i, Severity severity, Tcl_Obj* code, Tcl_Obj* text) {
     e.text = toUtf8(text);
     e.file.clear();
     e.line = 0;
-    if (i.running.service) e.so = i.running.service->name();
+    if (auto running = runningNow(i); running.service) e.so = running.service->name();
     whereAmI(i, e.file, e.line);
     return e;
 }
@@ -634,8 +794,9 @@ int WarnObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const obj
     return guarded(i, objc, objv, [&] {
         bool verbose = objc == 4 && view(objv[1]) == "-verbose";
         if (objc != 3 && !verbose) return wrongArgs(interp, objv, "?-verbose? {AREA SYMBOL ?detail ...?} text");
-        if (!i.running.message) fail(kNotRunning, "sorma::warn");
-        i.running.message->trail.add(
+        auto running = runningNow(i);
+        if (!running.message) fail(kNotRunning, "sorma::warn");
+        running.message->trail.add(
             entryOf(i, verbose ? Severity::verbose : Severity::warning, objv[objc - 2], objv[objc - 1]));
         return TCL_OK;
     });
@@ -727,6 +888,7 @@ constexpr Tcl_MethodType kUnknown = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::unkn
 // What does not need C++. It is here and not in a file because a safe interpreter can read none.
 constexpr const char* kScript = R"tcl(
 namespace eval ::sorma::tcloo {}
+namespace eval ::sorma::co {}
 
 # Root of all service classes written in Tcl. Each method but exec may be left as it is.
 #       exec message    do the job. message: dict of text floats ints any words. Returns a dict of what it answers among
@@ -750,6 +912,13 @@ proc ::sorma::tcloo::Classes {{from ::sorma::Service}} {
         ::lappend all $class {*}[Classes $class]
     }
     ::lsort -unique $all
+}
+
+# Body of the coroutine that an EXEC runs in.
+proc ::sorma::tcloo::Run {my message} {
+    ::set coroutine [::info coroutine]
+    ::catch {$my exec $message} result options
+    Done $coroutine $result $options
 }
 
 # A service class behind those it derives from; empty when it is none.
@@ -812,6 +981,7 @@ bool initTclServices(Interpreter& i) {
     };
     for (auto& c : std::initializer_list<Command>{
              {"option", OptionObjCmd}, {"action", ActionObjCmd}, {"inspection", InspectionObjCmd},
+             {"tcloo::Done", DoneObjCmd}, {"cancelled", CancelledObjCmd}, {"atCancel", AtCancelObjCmd},
              {"reads", ReadsObjCmd}, {"writes", WritesObjCmd}, {"fail", FailObjCmd}, {"warn", WarnObjCmd},
              {"purpose", TextObjCmd<&TclClass::purpose, kTextUsage>}, {"words", TextObjCmd<&TclClass::words, kUsageUsage>},
              {"example", TextObjCmd<&TclClass::example, kRequestUsage>},

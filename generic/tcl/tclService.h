@@ -20,6 +20,8 @@
 
 #include <memory>
 
+#include "bus/deadline.h"
+
 #include "tcl/interpreter.h"
 
 namespace sorma {
@@ -45,6 +47,8 @@ public:
     void removed();             // the SO has left the repository: so does the TclOO object
     void objectDeleted();       // and the other way round
 
+    void leaving() override;
+    void answer(TclRun& run, Message& m) const;     // of an EXEC that is done: the result into m, or a throw
     Value value(std::size_t option) const { return values_[option]; }
     void setValue(std::size_t option, const Value& value);
     Interpreter& interpreter() const { return interpreter_; }
@@ -55,6 +59,35 @@ private:
     Obj my_;                            // command that also calls its private methods
     std::vector<Value> values_;         // one for each option
     std::vector<Reference> services_;   // of the options of type service; as long as values_, or empty
+};
+
+// An EXEC of a service in Tcl. It runs in a coroutine of its own, so that it may wait: for time, for events, for other
+// services, which then suspend only it. What it still owes when it first waits is answered later.
+struct TclRun {
+    TclService* service;                // null when its interpreter is gone
+    Reference keep;
+    Message said;                       // its warnings so far
+    Deadline deadline;
+    ClientPointer client;
+    Reply reply;                        // set when it has waited
+    Obj atCancel;                       // script
+    bool done = false, cancelled = false;
+    int code = 0;                       // when it is done: what Tcl has to say
+    Obj result, options;
+};
+
+// What is being executed: by the coroutine that we are in, else by whoever called us.
+Interpreter::Running runningNow(Interpreter& interpreter);
+
+// While Tcl code of a coroutine makes a request: deadline and caller of the EXEC that runs in it, if it is one.
+class InCoroutine {
+public:
+    InCoroutine(Interpreter& interpreter, Tcl_Obj* coroutine);
+    ~InCoroutine();
+
+private:
+    std::shared_ptr<TclRun> run_;
+    alignas(Call) unsigned char call_[sizeof(Call)];
 };
 
 // Creates ::sorma::Service, the declaration commands and sorma::fail, sorma::warn. False: see the interpreter's result.
