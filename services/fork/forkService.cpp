@@ -39,8 +39,6 @@ const sorma::Prototype kCommand{Severity::error, "OPTION VALUE", 2, "{}: {} {} i
 const sorma::Prototype kZero{Severity::error, "REQUEST SYNTAX", 1,
                              "{}: word {} of the command, {}, holds a zero character, and no program can be given that"};
 const sorma::Prototype kGone{Severity::error, "SERVICE GONE", 1, "{}: the service object has been removed; {} was {}"};
-const sorma::Prototype kSafe{Severity::error, "COMM DENIED", 1, "{}: this interpreter is safe and may not start programs; "
-                             "its parent can grant it: sorma::grant INTERP -files 1"};
 const sorma::Prototype kStderr{Severity::warning, "FORK STDERR", 1, "{}: {}"};
 const sorma::Prototype kCut{Severity::warning, "FORK CUT", 1,
                             "{}: the last {} bytes of its standard output were dropped: it wrote more than -limit {}"};
@@ -161,7 +159,6 @@ public:
     }
 
     void exec(sorma::Message& m) override {
-        if (!sorm().permissions.files) fail(kSafe, name());
         child::Command command{commandWords(), directory_, {}};
         command.words.insert(command.words.end(), m.words.begin(), m.words.end());
         if (command.words.empty()) fail(kNothing, name(), "-command");
