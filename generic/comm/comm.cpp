@@ -112,7 +112,7 @@ std::vector<Comm::Found> Comm::daemons() {
     if (!dir) return out;
     while (dirent* e = readdir(dir)) {
         std::string file = e->d_name;
-        if (file.size() > 5 && file.ends_with(".sock")) out.push_back({file.substr(0, file.size() - 5), folder + "/" + file, {}, {}});
+        if (file.size() > 5 && file.ends_with(".sock")) out.push_back({file.substr(0, file.size() - 5), folder + "/" + file, {}, {}, {}});
     }
     closedir(dir);
     std::sort(out.begin(), out.end(), [](auto& a, auto& b) { return a.name < b.name; });
@@ -124,9 +124,10 @@ std::vector<Comm::Found> Comm::daemons() {
         }
         Connection probe(d.name, [&] { return Address{Address::Kind::path, d.socket, 0}; }, settings, reactor_, sorm_.mailbox());
         try {
-            probe.connect(Deadline::in(kProbe));
+            wire::Health h = probe.health(Deadline::in(kProbe));
             auto& w = probe.daemon();
-            d.state = "alive";
+            d.state = h.busy ? "busy" : "alive";
+            d.what = h.what;
             d.identity = w.user + "@" + w.host + " " + w.program + "[" + std::to_string(w.process) + "]";
         } catch (const Error& error) {
             d.state = error.is("COMM REFUSED") ? "dead" : error.is("COMM TIMEOUT") ? "busy" : error.what();

@@ -44,8 +44,9 @@ public:
 
     // A daemon found in the runtime folder.
     struct Found {
-        std::string name, socket, state;        // state: "alive", "dead" (its socket is left over), or what is wrong
+        std::string name, socket, state;        // state: "alive", "busy", "dead" (its socket is left over), or what is wrong
         std::string identity;                   // user@host program[process] of a live one
+        std::string what;                       // in which a busy one is busy
     };
     std::vector<Found> daemons();
 

@@ -158,6 +158,7 @@ private:
     void forget(std::size_t calls);                     // so many are answered; the last one lets go of the connection
     void addDeadline(const PendingPointer& pending);
     void passDeadlines();
+    std::string whom() const;
     void startOpening();
     void advance(std::uint32_t events);
     void closeOpening();

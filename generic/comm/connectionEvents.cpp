@@ -337,6 +337,12 @@ void Connection::retry() {
     });
 }
 
+// Whom messages name: the call that waits longest.
+std::string Connection::whom() const {
+    if (!urgent_.empty()) return urgent_.front().pending->who;
+    return waiting_.empty() ? who_ : waiting_.front().pending->who;
+}
+
 void Connection::startOpening() {
     auto keep = shared_from_this();
     try {
@@ -344,7 +350,7 @@ void Connection::startOpening() {
         program_ = address.kind == Address::Kind::program ? wire::kProgramBase + address.number : wire::kProgram;
         address_ = address.kind == Address::Kind::alias ? runtimeSocket(address.host) : describe(address);
         hungUp_ = false;
-        int fd = beginConnect(address, who_);
+        int fd = beginConnect(address, whom());
         opening_ = std::make_unique<Opening>();
         opening_->fd = fd;
         opening_->address = address;
@@ -373,13 +379,13 @@ void Connection::advance(std::uint32_t) {
     Opening& o = *opening_;
     try {
         if (!o.greeting) {
-            endConnect(o.fd, o.address, who_);
+            endConnect(o.fd, o.address, whom());
             auto& self = Caller::self();
             Buffer out;
             wire::writeHello(out, 0, program_, {client_, self.user, self.host, self.program, self.process,
                                                static_cast<std::uint32_t>(settings_.maxMessage)});
             hungUp_ = send(o.fd, out.data(), out.size(), MSG_NOSIGNAL | MSG_DONTWAIT) != static_cast<ssize_t>(out.size());
-            if (hungUp_) sorma::fail(errors::kRefused, who_, address_, std::strerror(errno), "it may be ending, or full");
+            if (hungUp_) sorma::fail(errors::kRefused, whom(), address_, std::strerror(errno), "it may be ending, or full");
             o.greeting = true;
             reactor_.change(o.fd, EPOLLIN, this);
             return;
@@ -389,14 +395,14 @@ void Connection::advance(std::uint32_t) {
         o.in.resize(before + (n > 0 ? static_cast<std::size_t>(n) : 0));
         if (n < 0 && (errno == EAGAIN || errno == EINTR)) return;
         hungUp_ = n <= 0 && o.in.empty();
-        if (hungUp_) sorma::fail(errors::kRefused, who_, address_, "it closed the connection without a word", "it may be ending, or full");
-        if (n <= 0) sorma::fail(errors::kProtocol, who_, address_, "it closed the connection in the middle of its welcome", "is the address right?");
+        if (hungUp_) sorma::fail(errors::kRefused, whom(), address_, "it closed the connection without a word", "it may be ending, or full");
+        if (n <= 0) sorma::fail(errors::kProtocol, whom(), address_, "it closed the connection in the middle of its welcome", "is the address right?");
         if (o.in.size() < wire::kMarkSize) return;
         XdrReader marks(o.in.data(), wire::kMarkSize);
         std::uint32_t mark = marks.u32();
         std::size_t length = mark & ~wire::kLastFragment;
         if (!(mark & wire::kLastFragment) || length > 1 << 20)
-            sorma::fail(errors::kProtocol, who_, address_, "what it said is no record of ONC RPC", "is the address right?");
+            sorma::fail(errors::kProtocol, whom(), address_, "what it said is no record of ONC RPC", "is the address right?");
         if (o.in.size() < wire::kMarkSize + length) return;
         std::string record(o.in.data() + wire::kMarkSize, length);
         // It is ours: from here on it is the connection.
@@ -411,7 +417,7 @@ void Connection::advance(std::uint32_t) {
         lastWords_.clear();
         closeOpening();
         try {
-            welcomed(who_, record);
+            welcomed(whom(), record);
         } catch (...) {
             drop();
             throw;

@@ -7,6 +7,7 @@
 #include "tcl/tclService.h"
 
 #if __has_include("tcl/commCommands.h")
+#include "tcl/asyncCommands.h"
 #include "tcl/commCommands.h"
 #define SORMA_COMM 1
 #endif
@@ -32,6 +33,7 @@ int init(Tcl_Interp* interp, bool safe) {
             initCommands(*interpreter);
 #ifdef SORMA_COMM
             initCommCommands(*interpreter);
+            initAsyncCommands(*interpreter);
 #endif
             if (Tcl_EvalEx(interp, "::namespace eval ::sorma {::namespace ensemble create -command ::sorma}", -1,
                            TCL_EVAL_GLOBAL) != TCL_OK)

@@ -773,7 +773,15 @@ Entry entryOf(Interpreter& i, Severity severity, Tcl_Obj* code, Tcl_Obj* text) {
     e.file.clear();
     e.line = 0;
     if (auto running = runningNow(i); running.service) e.so = running.service->name();
-    whereAmI(i, e.file, e.line);
+    // `info frame` of 8.6 falls into freed frames in coroutines that have been resumed: there the class's place has to do.
+    auto run = currentRun(i);
+    bool resumed = run ? bool(run->reply) : !view(coroutineName(i)).empty();
+    if (!resumed) {
+        whereAmI(i, e.file, e.line);
+    } else if (run && run->service) {
+        e.file = run->service->type().file();
+        e.line = run->service->type().line();
+    }
     return e;
 }
 
@@ -846,6 +854,19 @@ int ConfigureMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext conte
     });
 }
 
+int PublishMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        int skip = int(Tcl_ObjectContextSkippedArgs(context));
+        if (objc < skip + 1)
+            return Tcl_WrongNumArgs(interp, skip, objv, "event ?-text text? ?-floats list? ?-ints list? ?-any bytes? ?word ...?"), TCL_ERROR;
+        Message m;
+        readOptions({objv + skip + 1, std::size_t(objc - skip - 1)}, m);
+        self(context, interp).tell(toUtf8(objv[skip]), m);
+        return TCL_OK;
+    });
+}
+
 int NameMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     return guarded(i, objc, objv, [&] {
@@ -883,6 +904,7 @@ int UnknownMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context
 constexpr Tcl_MethodType kCget = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::cget", CgetMethod, nullptr, nullptr};
 constexpr Tcl_MethodType kConfigure = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::configure", ConfigureMethod, nullptr, nullptr};
 constexpr Tcl_MethodType kName = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::name", NameMethod, nullptr, nullptr};
+constexpr Tcl_MethodType kPublish = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::publish", PublishMethod, nullptr, nullptr};
 constexpr Tcl_MethodType kUnknown = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::unknown", UnknownMethod, nullptr, nullptr};
 
 // What does not need C++. It is here and not in a file because a safe interpreter can read none.
@@ -971,6 +993,7 @@ bool initTclServices(Interpreter& i) {
     addMethod(service, "cget", true, &kCget);
     addMethod(service, "configure", true, &kConfigure);
     addMethod(service, "name", true, &kName);
+    addMethod(service, "publish", false, &kPublish);
     if (Tcl_EvalEx(interp, "::expr {{unknown} ni [::info class methods ::oo::class -private]}", -1, TCL_EVAL_GLOBAL) == TCL_OK &&
         view(Tcl_GetObjResult(interp)) == "1")
         addMethod(all, "unknown", false, &kUnknown);

@@ -48,6 +48,7 @@ public:
     void objectDeleted();       // and the other way round
 
     void leaving() override;
+    void tell(std::string_view event, const Message& m) const { publish(event, m); }
     void answer(TclRun& run, Message& m) const;     // of an EXEC that is done: the result into m, or a throw
     Value value(std::size_t option) const { return values_[option]; }
     void setValue(std::size_t option, const Value& value);
