@@ -3,9 +3,12 @@
 //     FORK.sound CTRL -command {aplay -q}
 //     FORK.sound EXEC alert.wav
 //
-// Words are appended to -command, text and any go to standard input; the answer comes when the program has ended: standard
-// output as text, exit status as an int, lines of standard error as warnings. The child belongs to its request: when the
-// caller gives up or dies, the object is removed, or the process ends, it is killed with its whole process group.
+// Words are appended to -command, text and any go to standard input; the answer comes when the program has ended:
+// standard output as text, exit status as an int, lines of standard error as warnings. The child belongs to its
+// request: when the caller gives up or dies, the object is removed, or this process ends, its process group is killed.
+//
+// Published: started {pid}, output {pid} and error {pid} for each line, ended {pid status}; started and ended with the
+// command as text.
 #include <sorma.h>
 
 #include <algorithm>
@@ -26,18 +29,22 @@ using sorma::Severity;
 
 const sorma::Prototype kStatus{Severity::error, "FORK STATUS", 2, "{0}: {2} ended with status {1}{3}"};
 const sorma::Prototype kKilled{Severity::error, "FORK KILLED", 2, "{0}: {2} was killed by signal {1}, {3}{4}"};
-const sorma::Prototype kRefused{Severity::error, "FORK KILLED", 1, "{}: {} was still waiting, and was refused by CTRL -kill"};
-const sorma::Prototype kTimeout{Severity::error, "FORK TIMEOUT", 1, "{}: {} had not ended after {} s, and was ended; see -timeout"};
+const sorma::Prototype kRefused{Severity::error, "FORK KILLED", 1,
+                                "{}: {} was still waiting, and was refused by CTRL -kill"};
+const sorma::Prototype kTimeout{Severity::error, "FORK TIMEOUT", 1,
+                                "{}: {} had not ended after {} s, and was ended; see -timeout"};
 const sorma::Prototype kStart{Severity::error, "FORK START", 2, "{0}: {2} cannot be started: {3}"};
 const sorma::Prototype kLost{Severity::error, "FORK LOST", 1,
-                             "{}: how {} ended is not known: SIGCHLD is ignored, or somebody else waits for all children"};
+                             "{}: how {} ended is not known: this process ignores SIGCHLD, or waits for all children"};
 const sorma::Prototype kBusy{Severity::error, "FORK BUSY", 1,
-                             "{}: {} children run and {} requests wait, no more may: -max {} -queue {}; try again later"};
+                             "{}: {} children run, {} requests wait: -max {} -queue {} allow no more; try again later"};
 const sorma::Prototype kNothing{Severity::error, "OPTION MISSING", 2,
-                                "{0}: {1} is empty and EXEC came without words: what to run must stand in one of them"};
+                                "{}: {} is empty and EXEC came without words: one of them must say what to run"};
 const sorma::Prototype kCommand{Severity::error, "OPTION VALUE", 2, "{}: {} {} is no list of words: {}"};
+const sorma::Prototype kFolder{Severity::error, "OPTION VALUE", 2,
+                               "{}: {} {} holds a zero character, as no folder does"};
 const sorma::Prototype kZero{Severity::error, "REQUEST SYNTAX", 1,
-                             "{}: word {} of the command, {}, holds a zero character, and no program can be given that"};
+                             "{}: word {} of the command, {}, holds a zero character: no program can be given that"};
 const sorma::Prototype kGone{Severity::error, "SERVICE GONE", 1, "{}: the service object has been removed; {} was {}"};
 const sorma::Prototype kStderr{Severity::warning, "FORK STDERR", 1, "{}: {}"};
 const sorma::Prototype kCut{Severity::warning, "FORK CUT", 1,
@@ -78,18 +85,17 @@ public:
         rest_ += bytes;
         std::size_t at = 0;
         for (;;) {
-            std::size_t end = rest_.find('\n', at);
-            if (end == std::string::npos) {
-                if (rest_.size() - at <= kLongestLine) break;
+            std::size_t end = rest_.find('\n', at), next = end + 1;
+            if (std::min(end, rest_.size()) - at > kLongestLine) {
                 end = at + kLongestLine;            // ... or before, where a character begins
                 while (end > at && (static_cast<unsigned char>(rest_[end]) & 0xc0) == 0x80) --end;
                 if (end == at) end = at + kLongestLine;
-                sink(cleaned(std::string_view(rest_).substr(at, end - at)));
-                at = end;
-                continue;
+                next = end;
+            } else if (end == std::string::npos) {
+                break;
             }
             sink(cleaned(std::string_view(rest_).substr(at, end - at)));
-            at = end + 1;
+            at = next;
         }
         rest_.erase(0, at);
     }
@@ -127,22 +133,27 @@ public:
         using enum sorma::Field;
         return sorma::Class::of<ForkService>("fork", "runs a program as a subprocess, and answers when it has ended")
             .text("-command", &ForkService::command_,
-                  {.help = "program and first arguments, a list of words; no shell reads it. Words of EXEC follow"})
-            .integer("-max", &ForkService::max_, {.unit = "children", .low = 1, .high = 1000, .help = "that run at once"})
+                  {.help = "program and first arguments, as a list; no shell reads it. Words of EXEC follow"})
+            .integer("-max", &ForkService::max_,
+                     {.unit = "children", .low = 1, .high = 1000, .help = "that run at once"})
             .integer("-queue", &ForkService::queue_,
-                     {.unit = "requests", .low = 0, .high = 100'000, .help = "that wait when -max children run; 0: none, they are refused"})
+                     {.unit = "requests", .low = 0, .high = 100'000,
+                      .help = "that wait while -max children run; 0: none, they are refused"})
             .real("-timeout", &ForkService::timeout_,
                   {.unit = "s", .low = 0, .high = 1e9, .help = "end a child that runs longer; 0: never"})
             .real("-grace", &ForkService::grace_,
                   {.unit = "s", .low = 0, .high = 3600, .help = "between SIGTERM and SIGKILL; 0: SIGKILL at once"})
-            .text("-directory", &ForkService::directory_, {.help = "where the program runs; empty: where the daemon is"})
+            .text("-directory", &ForkService::directory_,
+                  {.help = "where the program runs; empty: where the daemon is"})
             .integer("-limit", &ForkService::limit_,
-                     {.unit = "bytes", .low = 0, .high = 16 << 20, .help = "of standard output kept for the answer; more is dropped, with a warning"})
+                     {.unit = "bytes", .low = 0, .high = 16 << 20,
+                      .help = "of standard output kept for the answer; more is dropped, with a warning"})
             .action("-kill", &ForkService::killAll, "", "kill all children now, and refuse the requests that wait")
             .action("-list", &ForkService::list, "", "a line for each child: process number, since when, command")
             .conduct(sorma::Conduct::concurrent)
             .words("?word ...?")
-            .reads(text, {}, "", "standard input of the program").reads(any, {}, "", "the same, as bytes, after the text")
+            .reads(text, {}, "", "standard input of the program")
+            .reads(any, {}, "", "the same, as bytes, after the text")
             .writes(text, {}, "", "standard output, without a newline at its end")
             .writes(any, {}, "", "standard output when it is not UTF-8; then there is no text")
             .writes(ints, sorma::exactly(1), "", "exit status")
@@ -151,10 +162,10 @@ public:
 
     ~ForkService() override { end(); }
 
-    void born() override { commandWords(); }
+    void born() override { check(); }
 
     void changed(std::span<const sorma::Option* const>) override {
-        commandWords();
+        check();
         startNext();                            // -max may have grown
     }
 
@@ -163,10 +174,10 @@ public:
         command.words.insert(command.words.end(), m.words.begin(), m.words.end());
         if (command.words.empty()) fail(kNothing, name(), "-command");
         for (std::size_t i = 0; i < command.words.size(); ++i)
-            if (command.words[i].find('\0') != std::string::npos) fail(kZero, name(), i + 1, sorma::shown(command.words[i]));
-        if (directory_.find('\0') != std::string::npos) fail(kStart, name(), "EINVAL", "-directory", "it holds a zero character");
+            if (hasZero(command.words[i])) fail(kZero, name(), i + 1, sorma::shown(command.words[i]));
         bool waits = running_.size() >= std::size_t(max_);
-        if (waits && waiting_.size() >= std::size_t(queue_)) fail(kBusy, name(), running_.size(), waiting_.size(), max_, queue_);
+        if (waits && waiting_.size() >= std::size_t(queue_))
+            fail(kBusy, name(), running_.size(), waiting_.size(), max_, queue_);
 
         auto job = std::make_shared<Job>();
         command.input = std::move(m.text);
@@ -194,7 +205,8 @@ public:
     }
 
     void dumpState(std::string& out) const override {
-        out += "# children " + std::to_string(running_.size()) + "\n# waiting " + std::to_string(waiting_.size()) + "\n";
+        out += "# children " + std::to_string(running_.size()) + "\n";
+        out += "# waiting " + std::to_string(waiting_.size()) + "\n";
     }
 
 private:
@@ -204,6 +216,13 @@ private:
         } catch (const sorma::Error& e) {
             fail(kCommand, name(), "-command", sorma::shown(command_), e.what());
         }
+    }
+
+    static bool hasZero(const std::string& word) { return word.find('\0') != std::string::npos; }
+
+    void check() const {
+        commandWords();
+        if (hasZero(directory_)) fail(kFolder, name(), "-directory", sorma::shown(directory_));
     }
 
     static std::string notFound(const std::string& program) {
@@ -231,21 +250,25 @@ private:
         try {
             job->process->start(job->command);
             if (job->timeout > 0)
-                job->timer = sorm().loop().after(sorma::monotonicNow() + nanoseconds(job->timeout), [this, weak = std::weak_ptr(job)] {
-                    if (auto late = weak.lock()) {
-                        late->late = true;
-                        late->process->terminate(nanoseconds(late->grace));
-                    }
-                });
+                job->timer = sorm().loop().after(sorma::monotonicNow() + nanoseconds(job->timeout),
+                                                 [weak = std::weak_ptr(job)] {
+                                                     if (auto late = weak.lock()) overdue(*late);
+                                                 });
         } catch (const std::system_error& e) {
-            int number = e.code().value();
-            return job->reply.fail(sorma::Error(makeEntry(kStart, {of(name()), of(errorName(number)), of(job->shown), of(e.what())})));
+            std::string symbol = errorName(e.code().value());
+            auto entry = makeEntry(kStart, {of(name()), of(symbol), of(job->shown), of(e.what())});
+            return job->reply.fail(sorma::Error(std::move(entry)));
         } catch (const std::exception& e) {
             return job->reply.fail(e);
         }
         job->since = sorma::wallNow();
         job->command.input = {};                // the process has it
         running_.push_back(job);
+    }
+
+    static void overdue(Job& job) {
+        job.late = true;
+        job.process->terminate(nanoseconds(job.grace));
     }
 
     void takeOutput(Job& job, std::string_view bytes) {
@@ -310,9 +333,9 @@ private:
         auto entry = [&] {
             switch (end.kind) {
                 case notStarted: {
-                    std::string why = end.what.empty() ? std::string() : end.what + ", " + sorma::shown(job.command.directory) + ": ";
-                    if (end.what.empty() && end.number == ENOENT) why = notFound(job.command.words[0]);
-                    else why += std::strerror(end.number);
+                    std::string why = std::strerror(end.number);
+                    if (!end.what.empty()) why = end.what + ", " + sorma::shown(job.command.directory) + ": " + why;
+                    else if (end.number == ENOENT) why = notFound(job.command.words[0]);
                     return makeEntry(kStart, {of(name()), of(errorName(end.number)), of(job.shown), of(why)});
                 }
                 case unknown: return makeEntry(kLost, {of(name()), of(job.shown)});

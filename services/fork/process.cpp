@@ -33,7 +33,7 @@ constexpr unsigned kCloseRangeCloexec = 4;          // CLOSE_RANGE_CLOEXEC, Linu
 class Groups {
 public:
     ~Groups() {
-        if (owner_ != getpid()) return;             // a fork of this process that calls exit: the groups are not its own
+        if (owner_ != getpid()) return;             // a fork of ours that calls exit: they are not its own
         for (pid_t group : groups_) ::kill(-group, SIGKILL);
     }
     void add(pid_t group) {
@@ -146,7 +146,8 @@ struct Process::Fork {
     Pipe input, output, errors, report;
 
     explicit Fork(const Command& command)
-        : files(candidates(command.words[0])), directory(command.directory.empty() ? nullptr : command.directory.c_str()) {
+        : files(candidates(command.words[0])),
+          directory(command.directory.empty() ? nullptr : command.directory.c_str()) {
         for (auto& file : files) filePointers.push_back(file.c_str());
         for (auto& word : command.words) arguments.push_back(const_cast<char*>(word.c_str()));
         arguments.push_back(nullptr);
@@ -298,7 +299,8 @@ void Process::readReport() {
     if (n < 0 && (errno == EAGAIN || errno == EINTR)) return;
     drop(report_);
     if (n == sizeof r)
-        failure_ = {End::Kind::notStarted, r.error, r.stage == Report::directory ? "its directory cannot be entered" : ""};
+        failure_ = {End::Kind::notStarted, r.error,
+                    r.stage == Report::directory ? "its directory cannot be entered" : ""};
     else
         listener_.started();
 }

@@ -1,11 +1,12 @@
 // process.h -- a program that runs as a child of this process, in a process group of its own.
 //
-// No shell stands between: the words of the command are the words that the program gets. Its three standard channels are
-// pipes; all other descriptors, signal masks and signal dispositions of this process stay here.
+// No shell stands between: the words of the command are the words that the program gets. Its three standard channels
+// are pipes; other descriptors, the signal mask and signal dispositions of this process are not passed on.
 //
-// Nothing is left behind. Whatever happens is done to the whole group, and when the program has ended, what it left in its
-// group is killed as well; only a process that makes itself a session of its own (setsid) stays. When this process dies
-// without a word (SIGKILL), the kernel kills the program; when it exits, its groups are killed on the way out.
+// Nothing is left behind. Whatever is done is done to the whole group, and when the program has ended, what it left in
+// its group is killed as well; only one that makes itself a session or group of its own (setsid) stays. When this
+// process exits, its groups are killed on the way out; when it dies without a word (SIGKILL), the kernel kills the
+// programs, but not what they have started.
 //
 // Source:    pidfd_open(2), PR_SET_PDEATHSIG in prctl(2), setpgid(2), signal-safety(7).
 // Threads:   a Process belongs to the thread of its SORM; that thread is also the parent, and must outlive the program.
