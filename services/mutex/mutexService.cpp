@@ -13,7 +13,7 @@ using sorma::Severity;
 const sorma::Prototype kWord{Severity::error, "MUTEX WORD", 2, "{}: bad word \"{}\": must be holder, lock, or unlock"};
 const sorma::Prototype kUsage{Severity::error, "MUTEX SYNTAX", 1, "{}: wrong words: should be \"{}\""};
 const sorma::Prototype kBusy{Severity::error, "MUTEX BUSY", 1, "{}: held by {}; without \"now\" lock waits"};
-const sorma::Prototype kNotHeld{Severity::error, "MUTEX NOTHELD", 1, "{}: this client does not hold it, {}"};
+const sorma::Prototype kNotHeld{Severity::error, "MUTEX NOTHELD", 1, "{}: not held by this client, {}"};
 
 class Mutex : public counted::Counted {
 public:
@@ -35,7 +35,7 @@ public:
             acquireLater(m, 1);
         } else if (word == "unlock") {
             if (m.words.size() > 1) fail(kUsage, name(), "unlock");
-            if (!release(1)) fail(kNotHeld, name(), holders().empty() ? "nobody does" : "but " + holder());
+            if (!release(1)) fail(kNotHeld, name(), holders().empty() ? "nor by any other" : "but by " + holder());
             m.clear();
         } else if (word == "holder") {
             if (m.words.size() > 1) fail(kUsage, name(), "holder");
