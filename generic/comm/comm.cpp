@@ -41,6 +41,8 @@ Comm::~Comm() {
     watchman_.reset();
     servers_.clear();
     ended_.clear();
+    for (auto& [key, weak] : connections_)
+        if (auto connection = weak.lock()) connection->end();
     sorm_.setLoop(nullptr);
     sorm_.makeProxy = nullptr;
     sorm_.networkFacts = nullptr;

@@ -513,6 +513,10 @@ void Connection::recover(Deadline deadline, const Slot* waiting) {
             problem = e.what();
         }
         if (fd_ >= 0) resend(deadline);
+        if (fd_ >= 0 && wanted()) {
+            sendWaiting();
+            watch();
+        }
         if ((waiting && waiting->failed) || (driven_ && hasArrived(*driven_)) || fd_ >= 0) return;
         std::int64_t left = deadline.left();
         pause(std::min(left, pauseTime));

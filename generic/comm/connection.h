@@ -72,6 +72,7 @@ public:
     void connect(Deadline deadline);                    // now rather than at the first call
     void ping(Deadline deadline);
     void close(const std::string& reason);              // calls in flight fail with LOST
+    void end();                                         // for good, with everything: nobody hears of it
 
     // Called after another daemon than before has answered, before anything else is sent to it.
     std::uint64_t onRestart(std::function<void()> callback);
@@ -159,6 +160,7 @@ private:
     void addDeadline(const PendingPointer& pending);
     void passDeadlines();
     std::string whom() const;
+    void hasten();
     void startOpening();
     void advance(std::uint32_t events);
     void closeOpening();

@@ -1,4 +1,5 @@
 // The half of a connection that the reactor drives: calls that were begun, subscriptions, reconnection without blocking.
+#include <poll.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -38,10 +39,38 @@ void Connection::begin(const PendingPointer& pending, const std::string& name, M
     addDeadline(pending);
     if (fd_ >= 0) checkIdle(monotonicNow());
     (method == Method::exec ? waiting_ : urgent_).push_back({pending, name, method});
-    if (fd_ >= 0) sendWaiting();
-    else if (!opening_ && retryTimer_ == 0) startOpening();
+    if (fd_ >= 0) {
+        sendWaiting();
+    } else if (!opening_ && retryTimer_ == 0) {
+        startOpening();
+        hasten();
+    }
     watch();
     if (!arrived_.empty()) deliverLater();
+}
+
+// A daemon that is there answers in a moment: then the request is on its way though nobody enters the event loop.
+void Connection::hasten() {
+    constexpr int kMoment = 10;         // [ms]
+    Deadline deadline = Deadline::in(kMoment);
+    while (opening_ && !deadline.passed()) {
+        pollfd p{opening_->fd, short(opening_->greeting ? POLLIN : POLLOUT), 0};
+        if (poll(&p, 1, int(deadline.left() / 1'000'000) + 1) > 0) ready(std::uint32_t(p.revents));
+    }
+}
+
+// The SORM ends: nobody is left to hear of anything.
+void Connection::end() {
+    auto keep = shared_from_this();
+    close("the program ends its use of it");
+    closeOpening();
+    reactor_.cancel(std::exchange(retryTimer_, 0));
+    reactor_.cancel(std::exchange(deadlineTimer_, 0));
+    waiting_.clear();
+    urgent_.clear();
+    arrived_.clear();
+    for (auto& slot : slots_) slot->pending.reset();
+    keep_.reset();
 }
 
 void Connection::oneway(const std::string& name, Method method, const Message& m) {
@@ -236,17 +265,13 @@ void Connection::drive(Pending& pending, Deadline deadline) {
 // The caller has given up: the daemon is told, the reply is not waited for.
 void Connection::cancelled(Pending& pending) {
     if (pending.ticket == kNoTicket) return;            // it waits, and will be found answered
-    Slot& slot = *slots_[pending.ticket];
-    pending.ticket = kNoTicket;
+    std::uint32_t index = std::exchange(pending.ticket, kNoTicket);
+    Slot& slot = *slots_[index];
     auto mine = std::move(slot.pending);
     forget(1);
-    if (slot.state == Slot::State::unsent) {
-        slot.orphan = true;
-        return;
-    }
-    slot.state = Slot::State::abandoned;
+    if (slot.state == Slot::State::unsent) slot.orphan = true;          // it stands in line, and so will this
+    else slot.state = Slot::State::abandoned;
     Buffer bytes;
-    std::uint32_t index = static_cast<std::uint32_t>(std::find_if(slots_.begin(), slots_.end(), [&](auto& s) { return s.get() == &slot; }) - slots_.begin());
     wire::writeCancel(bytes, program_, {index, slot.sequence});
     sendBytes(std::move(bytes));
     watch();

@@ -221,6 +221,7 @@ Server::Session& Server::session(Peer& peer, const wire::Hello& hello, bool& kno
     peer.client = s.client;
     s.peer = &peer;
     s.lastSeen = monotonicNow();
+    sorm_.mailbox()->post([&sorm = sorm_, who = s.client->caller.toText()] { sorm.announce("connection.opened", who); });
     if (!watched_) {
         if (s.graceTimer != 0) reactor_.cancel(std::exchange(s.graceTimer, 0));
         forgetOldSessions();

@@ -36,7 +36,7 @@ struct TclClass {
     Interpreter* interpreter = nullptr;
     Tcl_Class tcl = nullptr;            // null when the TclOO class has been destroyed
     std::string service;                // name of the service class
-    std::string purpose, words, example, version;
+    std::string purpose, words, example, version, conduct;
     std::vector<OptionDeclaration> options;
     std::vector<Action> actions, inspections;
     std::vector<Part> reads, writes;
@@ -481,6 +481,8 @@ Class buildClass(Interpreter& i, const std::vector<TclClass*>& line, Tcl_Class t
         if (!c->words.empty()) made.words(c->words);
         if (!c->example.empty()) made.example(c->example);
         if (!c->version.empty()) made.version(c->version);
+        if (!c->conduct.empty())
+            made.conduct(c->conduct == "concurrent" ? Conduct::concurrent : c->conduct == "exclusive" ? Conduct::exclusive : Conduct::serial);
         if (!c->file.empty()) made.declaredAt(c->file, c->line);
         for (auto& d : c->options) {
             std::size_t index = made.options().size();
@@ -752,6 +754,20 @@ int TextObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const obj
         return TCL_OK;
     });
 }
+int ConductObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc != 2) return wrongArgs(interp, objv, "serial|concurrent|exclusive");
+        TclClass& c = target(i, objv[0]);
+        std::string conduct = toUtf8(objv[1]);
+        if (conduct != "serial" && conduct != "concurrent" && conduct != "exclusive")
+            bad(objv[0], "bad conduct \"" + conduct + "\": must be concurrent, exclusive, or serial");
+        c.conduct = conduct;
+        declared(i, c);
+        return TCL_OK;
+    });
+}
+
 constexpr const char* kTextUsage = "text";
 constexpr const char* kUsageUsage = "usage";
 constexpr const char* kRequestUsage = "request";
@@ -1005,7 +1021,7 @@ bool initTclServices(Interpreter& i) {
     for (auto& c : std::initializer_list<Command>{
              {"option", OptionObjCmd}, {"action", ActionObjCmd}, {"inspection", InspectionObjCmd},
              {"tcloo::Done", DoneObjCmd}, {"cancelled", CancelledObjCmd}, {"atCancel", AtCancelObjCmd},
-             {"reads", ReadsObjCmd}, {"writes", WritesObjCmd}, {"fail", FailObjCmd}, {"warn", WarnObjCmd},
+             {"conduct", ConductObjCmd}, {"reads", ReadsObjCmd}, {"writes", WritesObjCmd}, {"fail", FailObjCmd}, {"warn", WarnObjCmd},
              {"purpose", TextObjCmd<&TclClass::purpose, kTextUsage>}, {"words", TextObjCmd<&TclClass::words, kUsageUsage>},
              {"example", TextObjCmd<&TclClass::example, kRequestUsage>},
              {"version", TextObjCmd<&TclClass::version, kVersionUsage>}})

@@ -19,6 +19,7 @@ struct Waiter {
     Obj coroutine;
     std::uint64_t timer = 0;
     bool resuming = false;              // the loop is about to go on with the coroutine
+    Tcl_Obj* words[1] = {};             // of yield: Tcl looks at them when we have returned
 };
 using WaiterPointer = std::shared_ptr<Waiter>;
 
@@ -124,8 +125,8 @@ int afterYield(ClientData data[], Tcl_Interp* interp, int code) {
 int yieldNow(const WaiterPointer& w) {
     Tcl_Interp* interp = w->interpreter.interp;
     Tcl_NRAddCallback(interp, afterYield, new WaiterPointer(w), nullptr, nullptr, nullptr);
-    Tcl_Obj* word = w->interpreter.constants.yield;
-    return Tcl_NREvalObjv(interp, 1, &word, 0);
+    w->words[0] = w->interpreter.constants.yield;
+    return Tcl_NREvalObjv(interp, 1, w->words, 0);
 }
 
 }  // namespace
