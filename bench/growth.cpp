@@ -64,13 +64,13 @@ void outside(Table& table) {
     Bus bus;
     Remote alone(bus, plain.unixAddress(), false), among(bus, crowded.unixAddress(), false);
     double before = crowded.residentBytes();
-    sorma::Settings settings;
-    std::vector<std::unique_ptr<sorma::Connection>> idle;
-    for (int i = 0; i < kConnections; ++i) {
-        auto locate = [&] { return sorma::Address{sorma::Address::Kind::path, crowded.unixAddress(), 0}; };
-        idle.push_back(std::make_unique<sorma::Connection>("crowded", locate, settings));
-        idle.back()->ping(sorma::Deadline::in(10'000));         // each has called once
-    }
+    struct Idle {
+        Bus bus;
+        Remote remote;
+        explicit Idle(const std::string& address) : remote(bus, address, false) { remote.call(); }
+    };
+    std::vector<std::unique_ptr<Idle>> idle;
+    for (int i = 0; i < kConnections; ++i) idle.push_back(std::make_unique<Idle>(crowded.unixAddress()));
     table.size(kIdle, (crowded.residentBytes() - before) / kConnections, kMostBytes);
     table.measure(kProtected, repeat([&] { among.call(); }), repeat([&] { alone.call(); }));
 }

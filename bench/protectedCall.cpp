@@ -33,6 +33,8 @@ const Case kIdle = {"P_unix_idle", "call, empty, after 5 ms of silence; one CPU"
 const std::vector<Case> kPipes = {
     {"PIPE_unix", "64 calls in flight, empty; one CPU", kRawMany, 0, 0, 0, kInFlight * kRounds, kBatch},
     {"PIPE_tcp", "64 calls in flight, empty; one CPU", kRawMany, 0, 0, 0, kInFlight * kRounds, kBatch},
+    {"PIPE10_unix", "64 in flight, text and 10 floats; one CPU", kRawMany, 0, 0, 0, kInFlight * kRounds, kBatch},
+    {"PIPE10_tcp", "64 in flight, text and 10 floats; one CPU", kRawMany, 0, 0, 0, kInFlight * kRounds, kBatch},
 };
 const std::vector<Case> kScripts = {
     {"PT_unix", "Tcl script: nop@robot EXEC; one CPU", "P_unix", 0, 0, 1000, Interpreter::kUnrolled, kBatch},
@@ -85,7 +87,7 @@ void pipelines(Table& table, Bus& bus, const Daemon& daemon) {
     for (auto& c : kPipes) {
         if (!table.wants(c.row)) continue;
         bool tcp = contains(c, "tcp");
-        Remote remote(bus, tcp ? daemon.tcpAddress() : daemon.unixAddress(), false);
+        Remote remote(bus, tcp ? daemon.tcpAddress() : daemon.unixAddress(), contains(c, "PIPE10"));
         RawServer raw(tcp ? Kind::tcp : Kind::unixSocket, cpus().first, remote.requestSize(), remote.replySize());
         // A batch is one stream of calls: the window fills once, and empties once.
         auto row = [&](std::int64_t count) {
