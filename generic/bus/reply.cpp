@@ -13,6 +13,7 @@ const Prototype kDropped{Severity::error, "SERVICE FAILED", 1, "{}: the service 
 const Prototype kOther{Severity::error, "SERVICE FAILED", 1, "{}: {}"};
 const Prototype kCancelled{Severity::error, "COMM CANCELLED", 1, "{}: the call was cancelled by its caller; it may have run"};
 const Prototype kPassed{Severity::error, "COMM TIMEOUT", 1, "{}: no answer in time; the request goes on"};
+const Prototype kOverdue{Severity::error, "COMM TIMEOUT", 1, "{}: no answer by the deadline; the service was told to stop"};
 const Prototype kEnded{Severity::error, "SERVICE GONE", 1, "{}: the SORM has ended"};
 const Prototype kNotYet{Severity::error, "FUTURE PENDING", 1, "{}: the answer is not there yet; use wait, or then"};
 const Prototype kCode{Severity::error, "SERVICE FAILED", 1, "{}: EXEC returned code {}"};
@@ -68,15 +69,14 @@ bool Pending::cancel(Trail why) {
     if (answered_) return false;
     auto keep = shared_from_this();
     cancelled_.store(true, std::memory_order_relaxed);
+    auto tell = std::exchange(onCancel_, nullptr);
+    answer(std::move(why));             // first: what the service has to say of it comes too late
     if (carrier) carrier->cancelled(*this);
-    if (onCancel_) {
-        auto callback = std::move(onCancel_);
-        onCancel_ = nullptr;
-        callback();
-    }
-    answer(std::move(why));
+    if (tell) tell();
     return true;
 }
+
+void Pending::expire() { cancel(carrier ? carrier->overdue(*this) : trailOf(makeEntry(kOverdue, {MessageArg::of(who)}))); }
 
 void Pending::onCancel(std::function<void()> callback) {
     if (cancelled()) return callback();
@@ -137,7 +137,7 @@ Message& Future::wait(Deadline deadline) const {
         if (!sorm) fail(kEnded, p.who);
         if (end.passed()) {
             if (!p.deadline.passed()) fail(kPassed, p.who);
-            p.cancel(p.carrier ? p.carrier->overdue(p) : trailOf(makeEntry(kPassed, {MessageArg::of(p.who)})));
+            p.expire();
             break;
         }
         if (p.carrier) p.carrier->drive(p, end);

@@ -68,6 +68,7 @@ public:
     void whenAnswered(std::function<void()> callback);  // at once when it is
     // The caller wants no answer any more: it gets `why`, and the service is told. False: it was answered already.
     bool cancel(Trail why);
+    void expire();                                      // its deadline has passed
     void onCancel(std::function<void()> callback);      // at once when it is cancelled
 
     // The service has done with it, whatever the caller has heard: serial objects take the next request.

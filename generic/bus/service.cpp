@@ -250,6 +250,14 @@ Future Service::async(Method method, Message request, Deadline deadline) {
 
 void Service::carry(const PendingPointer& pending, Method method) {
     pending->mailbox->post([pending, method, self = Reference(this)] { self->perform(pending, method); });
+    if (pending->deadline.none() || pending->deadline.when() == INT64_MAX || !sorm_->hasLoop()) return;
+    Loop& loop = sorm_->loop();
+    std::uint64_t timer = loop.after(pending->deadline.when(), [weak = std::weak_ptr(pending)] {
+        if (auto p = weak.lock()) p->expire();
+    });
+    pending->whenAnswered([sorm = sorm_, box = pending->mailbox, timer] {
+        if (box->owner && sorm->hasLoop()) sorm->loop().cancel(timer);
+    });
 }
 
 void Service::oneway(Method method, Message request) { async(method, std::move(request)); }
@@ -674,6 +682,7 @@ void CommonRequests::verbosity(Service& s, Args args, Message& reply) {
 
 void CommonRequests::undo(Service& s, Args, Message& reply) {
     auto& r = s.record();
+    if (s.guard_ & Service::kLockedBit) s.checkLock();
     if (r.undo.empty()) fail(kNothingToUndo, s.name());
     std::vector<Service::Record::Undo> now;
     std::vector<const Option*> changed;

@@ -93,6 +93,7 @@ public:
     const std::shared_ptr<Mailbox>& mailbox() const { return mailbox_; }
     // Timers and descriptors for services; set by COMM. Fails with SERVICE FAILED in a program without any loop.
     Loop& loop() const;
+    bool hasLoop() const { return loop_ != nullptr; }
     void setLoop(Loop* loop) { loop_ = loop; }
     // Wait for anything to happen, and let it: for those who block until an object of this process answers.
     void turn(Deadline deadline);

@@ -28,8 +28,8 @@ bool goodName(const std::string& name) {
 
 }  // namespace
 
-Comm::Comm(Sorm& sorm) : sorm_(sorm), reactor_(sorm.mailbox()) {
-    sorm_.setLoop(&reactor_);
+Comm::Comm(Sorm& sorm) : sorm_(sorm), reactor_(std::make_shared<Reactor>(sorm.mailbox())) {
+    sorm_.setLoop(reactor_.get());
     sorm_.add(Proxy::describe());
     sorm_.makeProxy = [this](const Name& name, const Address& address, std::vector<std::string> recipe) {
         return makeProxy(name, address, std::move(recipe));
@@ -77,11 +77,13 @@ Server& Comm::serve(const Server::Wanted& wanted) {
     if (!sorm_.permissions.network) fail(kDenied, wanted.name);
     if (!goodName(wanted.name)) fail(kName, wanted.name);
     if (servers_.contains(wanted.name)) fail(kServed, wanted.name);
-    auto server = std::make_unique<Server>(sorm_, reactor_, gate_, settings, wanted);
+    auto server = std::make_unique<Server>(sorm_, *reactor_, gate_, settings, wanted);
     if (sorm_.daemonName.empty()) sorm_.daemonName = wanted.name;
     if (!watchman_)
-        watchman_ = std::make_unique<Watchman>(reactor_, gate_, [this](const std::vector<void*>& waiting) {
-            for (auto& [name, s] : servers_) s->glance(waiting);
+        watchman_ = std::make_unique<Watchman>(*reactor_, gate_, [this](const std::vector<void*>& waiting) {
+            bool busy = false;
+            for (auto& [name, s] : servers_) busy = s->glance(waiting) || busy;
+            return busy;
         });
     Gate::Inside inside(gate_);
     return *servers_.emplace(wanted.name, std::move(server)).first->second;

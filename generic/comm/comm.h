@@ -30,7 +30,7 @@ public:
     Comm& operator=(const Comm&) = delete;
 
     Settings settings;
-    Reactor& reactor() { return reactor_; }
+    Reactor& reactor() { return *reactor_; }
 
     // Fails with COMM REFUSED when the name is served already, COMM DENIED without permission.
     Server& serve(const Server::Wanted& wanted);
@@ -55,7 +55,7 @@ private:
     std::string facts(std::string_view what);
 
     Sorm& sorm_;
-    Reactor reactor_;
+    std::shared_ptr<Reactor> reactor_;          // shared with connections, which their proxies keep
     Gate gate_;                     // to servers_ and ended_, and all that they have
     std::map<std::string, std::unique_ptr<Server>> servers_;
     std::vector<std::unique_ptr<Server>> ended_;        // unserved while one of their own requests was on the stack

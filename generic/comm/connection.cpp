@@ -39,20 +39,20 @@ void pause(std::int64_t nanoseconds) {
 
 }  // namespace
 
-Connection::Connection(std::string who, std::function<Address()> locate, const Settings& settings, Reactor& reactor,
+Connection::Connection(std::string who, std::function<Address()> locate, const Settings& settings, std::shared_ptr<Reactor> reactor,
                        std::shared_ptr<Mailbox> mailbox)
-    : who_(std::move(who)), locate_(std::move(locate)), settings_(settings), client_(randomNumber()), reactor_(reactor),
+    : who_(std::move(who)), locate_(std::move(locate)), settings_(settings), client_(randomNumber()), reactor_(std::move(reactor)),
       mailbox_(std::move(mailbox)) {}
 
 Connection::~Connection() {
     drop();
     closeOpening();
-    reactor_.cancel(retryTimer_);
-    reactor_.cancel(deadlineTimer_);
+    reactor_->cancel(retryTimer_);
+    reactor_->cancel(deadlineTimer_);
 }
 
 void Connection::drop() {
-    if (watched_) reactor_.remove(fd_, this);
+    if (watched_) reactor_->remove(fd_, this);
     watched_ = false;
     interest_ = 0;
     if (fd_ >= 0) ::close(fd_);
@@ -226,8 +226,8 @@ void Connection::await(std::uint32_t index) {
 }
 
 void Connection::failTimeout(const Slot* waiting, const std::string& whom, const std::string& lastError) {
-    std::int64_t budget = waiting && waiting->budget > 0 ? waiting->budget : settings_.timeout * 1'000'000;
-    std::string patience = durationText(double(budget));
+    std::int64_t budget = !waiting ? 0 : waiting->budget > 0 ? waiting->budget : settings_.timeout * 1'000'000;
+    std::string patience = budget > 0 ? durationText(double(budget)) : std::string("time");
     if (waiting && waiting->state == Slot::State::sent) sorma::fail(errors::kTimeoutSent, whom, patience, address_);
     sorma::fail(errors::kTimeoutUnsent, whom, "the daemon", patience, lastError);
 }

@@ -38,7 +38,7 @@ namespace sorma {
 class Connection : public Pending::Carrier, public Reactor::Watcher, public std::enable_shared_from_this<Connection> {
 public:
     // who: whom messages name, the text after @. locate: the address as the dictionary says now.
-    Connection(std::string who, std::function<Address()> locate, const Settings& settings, Reactor& reactor,
+    Connection(std::string who, std::function<Address()> locate, const Settings& settings, std::shared_ptr<Reactor> reactor,
                std::shared_ptr<Mailbox> mailbox);
     ~Connection() override;
     Connection(const Connection&) = delete;
@@ -211,7 +211,7 @@ private:
     std::uint64_t nextRestart_ = 1;
     std::string unread_;                    // beginning of what a stranger said, for the error message
 
-    Reactor& reactor_;
+    std::shared_ptr<Reactor> reactor_;
     std::shared_ptr<Mailbox> mailbox_;
     std::shared_ptr<Connection> keep_;      // while calls are under way that nobody else holds us for
     std::size_t pendings_ = 0;              // begun, and not answered

@@ -64,8 +64,8 @@ void Connection::end() {
     auto keep = shared_from_this();
     close("the program ends its use of it");
     closeOpening();
-    reactor_.cancel(std::exchange(retryTimer_, 0));
-    reactor_.cancel(std::exchange(deadlineTimer_, 0));
+    reactor_->cancel(std::exchange(retryTimer_, 0));
+    reactor_->cancel(std::exchange(deadlineTimer_, 0));
     waiting_.clear();
     urgent_.clear();
     arrived_.clear();
@@ -298,9 +298,9 @@ void Connection::addDeadline(const PendingPointer& pending) {
     }
     due_.push({pending->deadline.when(), pending});
     if (deadlineTimer_ != 0 && deadlineAt_ <= pending->deadline.when()) return;
-    reactor_.cancel(deadlineTimer_);
+    reactor_->cancel(deadlineTimer_);
     deadlineAt_ = pending->deadline.when();
-    deadlineTimer_ = reactor_.after(deadlineAt_, [this] { passDeadlines(); });
+    deadlineTimer_ = reactor_->after(deadlineAt_, [this] { passDeadlines(); });
 }
 
 void Connection::passDeadlines() {
@@ -315,7 +315,7 @@ void Connection::passDeadlines() {
     }
     if (due_.empty()) return;
     deadlineAt_ = due_.top().when;
-    deadlineTimer_ = reactor_.after(deadlineAt_, [this] { passDeadlines(); });
+    deadlineTimer_ = reactor_->after(deadlineAt_, [this] { passDeadlines(); });
 }
 
 // ---- the reactor's turns ----
@@ -324,8 +324,8 @@ void Connection::watch() {
     if (fd_ < 0) return;
     if (!watched_ && !wanted() && outgoing_.empty()) return;    // blocking calls need nobody to watch
     std::uint32_t events = EPOLLIN | (outgoing_.empty() ? 0u : std::uint32_t{EPOLLOUT});
-    if (!watched_) reactor_.add(fd_, events, this);
-    else if (events != interest_) reactor_.change(fd_, events, this);
+    if (!watched_) reactor_->add(fd_, events, this);
+    else if (events != interest_) reactor_->change(fd_, events, this);
     watched_ = true;
     interest_ = events;
 }
@@ -356,7 +356,7 @@ void Connection::ready(std::uint32_t events) {
 void Connection::retry() {
     if (fd_ >= 0 || opening_ || retryTimer_ != 0) return;
     pause_ = pause_ == 0 ? kFirstPause : std::min(pause_ * 2, kLastPause);
-    retryTimer_ = reactor_.after(monotonicNow() + pause_, [this] {
+    retryTimer_ = reactor_->after(monotonicNow() + pause_, [this] {
         retryTimer_ = 0;
         if (fd_ < 0 && !opening_ && wanted()) startOpening();
     });
@@ -379,12 +379,12 @@ void Connection::startOpening() {
         opening_ = std::make_unique<Opening>();
         opening_->fd = fd;
         opening_->address = address;
-        opening_->timer = reactor_.after(monotonicNow() + kOpenTime, [this] {
+        opening_->timer = reactor_->after(monotonicNow() + kOpenTime, [this] {
             opening_->timer = 0;
             closeOpening();
             openFailed(Error(makeEntry(kNotGreeted, {MessageArg::of(who_), MessageArg::of(address_)})));
         });
-        reactor_.add(fd, EPOLLOUT, this);
+        reactor_->add(fd, EPOLLOUT, this);
     } catch (const Error& e) {
         openFailed(e);
     }
@@ -392,9 +392,9 @@ void Connection::startOpening() {
 
 void Connection::closeOpening() {
     if (!opening_) return;
-    reactor_.cancel(opening_->timer);
+    reactor_->cancel(opening_->timer);
     if (opening_->fd >= 0) {
-        reactor_.remove(opening_->fd, this);
+        reactor_->remove(opening_->fd, this);
         ::close(opening_->fd);
     }
     opening_.reset();
@@ -412,7 +412,7 @@ void Connection::advance(std::uint32_t) {
             hungUp_ = send(o.fd, out.data(), out.size(), MSG_NOSIGNAL | MSG_DONTWAIT) != static_cast<ssize_t>(out.size());
             if (hungUp_) sorma::fail(errors::kRefused, whom(), address_, std::strerror(errno), "it may be ending, or full");
             o.greeting = true;
-            reactor_.change(o.fd, EPOLLIN, this);
+            reactor_->change(o.fd, EPOLLIN, this);
             return;
         }
         std::size_t before = o.in.size();
@@ -546,7 +546,7 @@ public:
             Message m;
             wire::Times times;
             std::string wrong = objection;
-            if (wrong.empty() && (!wire::readReply(r, times, m) || (m.code >= 0 && m.ints.size() != 2))) wrong = "its answer could not be decoded";
+            if (wrong.empty() && (!wire::readReply(r, times, m) || (m.code >= 0 && m.ints.size() != 3))) wrong = "its answer could not be decoded";
             if (!wrong.empty()) {
                 m.code = -1;
                 m.trail = trailOf(makeEntry(errors::kProtocol, {MessageArg::of(c.who_), MessageArg::of(c.address_), MessageArg::of(wrong),
@@ -583,7 +583,7 @@ std::unique_ptr<Listening> Connection::listen(std::string name, std::string patt
         remote->ask([&](Trail why, const Message& m) {
             done = true;
             objection = std::move(why);
-            if (objection.empty()) remote->last = std::uint64_t(m.ints[0]) - 0;
+            if (objection.empty()) remote->last = std::uint64_t(m.ints[0]);
         });
     };
     ask();
@@ -614,7 +614,7 @@ void Connection::resubscribe() {
             Remote& r = *found->second;
             if (!objection.empty()) return r.tell("sorma.refused", -1, objection.cause() ? objection.cause()->text : "");
             auto now = std::uint64_t(m.ints[0]);
-            bool counted = same && now >= r.last;
+            bool counted = same && m.ints[2] == 1 && now >= r.last;
             std::int64_t missed = counted ? std::int64_t(now - r.last) : -1;
             r.last = now;
             r.tell("sorma.reconnected", missed, "");
@@ -631,6 +631,7 @@ void Connection::takeEvent(XdrReader& r) {
     if (found == subscriptions_.end()) return;          // it has just ended
     Remote& remote = *found->second;
     remote.last = header.number;
+    if (body.name == "sorma.gone") remote.boot = 0;     // it has ended: not to be resumed
     remote.inbox->push({remote.wanted.name + "@" + who_, std::move(body.name), std::move(content), header.number,
                         std::int64_t(header.lost), body.time});
 }

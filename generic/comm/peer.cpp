@@ -94,7 +94,6 @@ void Server::Peer::receive() {
     }
     arrived_ = monotonicNow();
     server_.reactor_.seen(arrived_);
-    glanced_ = 0;
     Frame frame{this, inPeer ? in_.data() : scratch.in, nullptr, inPeer, false, server_.frames_};
     frame.end = frame.at + (inPeer ? in_.size() : static_cast<std::size_t>(n));
     server_.frames_ = &frame;
@@ -256,12 +255,13 @@ void Server::Peer::subscribe(XdrReader& r, std::uint32_t xid, Scratch& scratch) 
     Message m;
     try {
         auto known = session->subscriptions.find(wanted.id);
-        if (known == session->subscriptions.end()) {
+        bool goesOn = known != session->subscriptions.end();
+        if (!goesOn) {
             if (wanted.name.find('@') != std::string::npos) fail(errors::kRelay, wanted.name);
             auto fresh = std::make_unique<Subscription>(server_, *session, wanted);
             known = session->subscriptions.emplace(wanted.id, std::move(fresh)).first;
         }
-        m.ints = {std::int64_t(known->second->number()), std::int64_t(known->second->takeLost())};
+        m.ints = {std::int64_t(known->second->number()), std::int64_t(known->second->takeLost()), goesOn};
         wire::writeReply(scratch.out, xid, {}, m);
     } catch (...) {
         Trail trail = trailOfCurrentException(wanted.name);
@@ -497,32 +497,21 @@ void Server::Peer::pump() {
 
 // ---- the watchman's look ----
 
-// Whole records stand at the end of what has been read; how much of the last one is still in the socket?
-std::size_t Server::Peer::missing() const {
-    const char* at = in_.data();
-    const char* end = in_.data() + in_.size();
-    for (Frame* f = server_.frames_; f; f = f->outer)
-        if (f->peer == this && !f->spilled) at = f->at, end = f->end;
-    std::size_t left = static_cast<std::size_t>(end - at);
-    if (skip_ > left) return skip_ - left;
-    std::size_t position = skip_;
-    while (left - position >= wire::kMarkSize) {
-        XdrReader mark(at + position, wire::kMarkSize);
-        std::size_t length = wire::kMarkSize + (mark.u32() & ~wire::kLastFragment);
-        if (position + length > left) return position + length - left;
-        position += length;
-    }
-    return position == left ? 0 : SIZE_MAX;     // a torn mark: it will not be guessed
-}
-
+// What has been read and not served, then what lies in the socket: records in the order in which they came.
 void Server::Peer::glance() {
     constexpr std::size_t kLook = 256 * 1024;
     if (!open()) return;
+    const char* begin = in_.data();
+    const char* end = in_.data() + in_.size();
+    for (Frame* f = server_.frames_; f; f = f->outer)
+        if (f->peer == this && !f->spilled) begin = f->at, end = f->end;
+    std::size_t unserved = static_cast<std::size_t>(end - begin);
+    if (unserved > kLook) return;
     Buffer& seen = server_.glance_;
-    seen.resize(kLook);
-    ssize_t n = recv(fd_, seen.data(), kLook, MSG_PEEK | MSG_DONTWAIT);
-    if (n <= 0) return;
-    std::size_t size = static_cast<std::size_t>(n), at = glanced_ > 0 ? glanced_ : missing();
+    seen.clear();
+    seen.append(begin, unserved);
+    ssize_t n = recv(fd_, seen.extend(kLook), kLook, MSG_PEEK | MSG_DONTWAIT);
+    std::size_t size = unserved + (n > 0 ? static_cast<std::size_t>(n) : 0), at = skip_;
     Buffer out;
     while (at < size && size - at >= wire::kMarkSize) {
         XdrReader marks(seen.data() + at, wire::kMarkSize);
@@ -535,6 +524,7 @@ void Server::Peer::glance() {
         if (!r.good() || envelope.kind != 0) break;
         auto header = wire::readCallHeader(r, envelope.xid);
         if (!r.good() || header.rpcVersion != 2 || header.version != wire::kVersion) break;
+        if (std::find(answered_.begin(), answered_.end(), header.xid) != answered_.end()) continue;
         std::size_t before = out.size();
         switch (header.procedure) {
             case wire::kNull: wire::writeEmptyReply(out, header.xid); break;
@@ -553,7 +543,6 @@ void Server::Peer::glance() {
         }
         if (out.size() > before) answered_.push_back(header.xid);
     }
-    glanced_ = at <= size ? at : 0;
     // What the socket does not take now is not worth waiting for: the client will ask again.
     if (!out.empty() && queued() == 0) {
         ssize_t ignored = send(fd_, out.data(), out.size(), MSG_DONTWAIT | MSG_NOSIGNAL);

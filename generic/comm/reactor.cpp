@@ -43,6 +43,7 @@ Reactor::Reactor(std::shared_ptr<Mailbox> mailbox) : mailbox_(std::move(mailbox)
     epoll_ = epoll_create1(EPOLL_CLOEXEC);
     timer_ = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
     bell_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+    seen_ = monotonicNow();
     if (epoll_ < 0 || timer_ < 0 || bell_ < 0) throw std::system_error(errno, std::generic_category(), "cannot wait for events");
     timer_ = raiseDescriptor(timer_);
     epoll_event e{};
@@ -142,7 +143,13 @@ int Reactor::wait(int timeout, std::int64_t end) {
 int Reactor::callAll(Batch& batch) {
     batch.outer = batches_;
     batches_ = &batch;
-    turns_.fetch_add(1, std::memory_order_relaxed);     // only a sign of life
+    turns_.fetch_add(1, std::memory_order_seq_cst);
+    if (sleeper_.load(std::memory_order_seq_cst) >= 0) [[unlikely]] {
+        int bell = sleeper_.exchange(-1);
+        std::uint64_t one = 1;
+        ssize_t ignored = bell >= 0 ? write(bell, &one, sizeof one) : 0;
+        (void)ignored;
+    }
     if (!unwatched_.empty() && !batch.outer) unwatched_.clear();
     struct Leave {
         Reactor& reactor;

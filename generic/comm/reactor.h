@@ -66,7 +66,10 @@ public:
 
     // Turns in which something was called. Any thread may look: one that stands still while the descriptor can be read
     // belongs to a thread that is busy.
-    std::uint64_t turns() const { return turns_.load(std::memory_order_relaxed); }
+    std::uint64_t turns() const { return turns_.load(std::memory_order_seq_cst); }
+    // Somebody else sleeps until the next turn begins: `bell`, an eventfd, is then rung once. -1: nobody does. Sequential
+    // order: either the sleeper, who looks at turns() after this, sees the turn, or the turn sees the sleeper.
+    void setSleeper(int bell) { sleeper_.store(bell, std::memory_order_seq_cst); }
 
 private:
     struct Batch;                       // events that a poll on the stack has yet to call
@@ -88,6 +91,7 @@ private:
     std::vector<std::unique_ptr<Descriptor>> unwatched_;                // one may be on the stack
     std::shared_ptr<Mailbox> mailbox_;
     std::atomic<std::uint64_t> turns_{0};
+    std::atomic<int> sleeper_{-1};
     std::vector<Watcher*> pending_;     // to be called again; the bell has been rung while it is not empty
     Batch* batches_ = nullptr;
 };

@@ -299,6 +299,10 @@ void Server::retire(Peer* peer, const std::string& reason, bool tell) {
         sorm_.mailbox()->post([client = peer->client] { client->end(); });
     }
     peer->events_.clear();
+    for (auto& owed : std::exchange(peer->owed_, {}))
+        sorm_.mailbox()->post([owed] {
+            if (auto p = owed.lock()) p->cancel(trailOf(makeEntry(kClientGone, {MessageArg::of(p->who)})));
+        });
     if (!stopping_) sorm_.mailbox()->post([&sorm = sorm_, who = peer->client->caller.toText()] { sorm.announce("connection.closed", who); });
     slow_.erase(peer);
     peer->shut();
@@ -387,7 +391,12 @@ void Server::replyAgain(const Later& later, Slot& slot, Peer* answered) {
 void Server::replyLater(Later later, wire::Times times, PendingPointer pending) {
     if (pending->answered()) return answer(later, times, *pending);
     later.started = monotonicNow();
-    if (Slot* slot = findSlot(later)) slot->pending = pending;
+    if (Slot* slot = findSlot(later)) {
+        slot->pending = pending;
+    } else if (Peer* peer = findPeer(later)) {
+        std::erase_if(peer->owed_, [](auto& weak) { return weak.expired(); });
+        peer->owed_.push_back(pending);
+    }
     std::weak_ptr<Server*> self = self_;
     if (!pending->deadline.none())
         later.timer = reactor_.after(pending->deadline.when(), [weak = std::weak_ptr(pending)] {
@@ -474,7 +483,7 @@ wire::Health Server::health(bool busy) const {
     return h;
 }
 
-void Server::glance(const std::vector<void*>& waiting) {
+bool Server::glance(const std::vector<void*>& waiting) {
     watched_ = true;
     for (auto& listener : listeners_) {
         if (std::find(waiting.begin(), waiting.end(), static_cast<Reactor::Watcher*>(listener.get())) == waiting.end()) continue;
@@ -485,10 +494,10 @@ void Server::glance(const std::vector<void*>& waiting) {
                (fd = accept4(listener->descriptor(), reinterpret_cast<sockaddr*>(&from), &size, SOCK_CLOEXEC | SOCK_NONBLOCK)) >= 0)
             adopt(fd, listener->tcp(), &from);
     }
-    for (auto* key : waiting)
-        for (auto& [peer, owned] : peers_)
-            if (static_cast<Reactor::Watcher*>(peer) == key) peer->glance();
+    for (auto& [peer, owned] : peers_)
+        if (peer->unserved() || std::find(waiting.begin(), waiting.end(), static_cast<Reactor::Watcher*>(peer)) != waiting.end()) peer->glance();
     watched_ = false;
+    return activity_ != nullptr;
 }
 
 }  // namespace sorma

@@ -56,8 +56,8 @@ public:
     void handBack();
     bool serving() const { return depth_ > 0; }                 // is one of its requests on the stack?
     std::uint64_t served() const { return served_; }
-    // The watchman's look: inside the gate, while the SORM's thread is elsewhere.
-    void glance(const std::vector<void*>& waiting);
+    // The watchman's look: inside the gate, while the SORM's thread is elsewhere. Is a request being executed?
+    bool glance(const std::vector<void*>& waiting);
     wire::Health health(bool busy) const;
     std::string connectionsText() const;                        // a line for each peer
     std::string statisticsText() const;

@@ -131,6 +131,12 @@ public:
     void forget(Subscription& subscription);
     // The watchman's look, while the SORM's thread is elsewhere: answers what needs no service. Reads without taking.
     void glance();
+    bool unserved() const {
+        if (!in_.empty()) return true;
+        for (Frame* f = server_.frames_; f; f = f->outer)
+            if (f->peer == this && f->at < f->end) return true;
+        return false;
+    }
 
     // Why this peer has been slow for too long; empty when it has not.
     std::string tooSlow(std::int64_t now) const;
@@ -155,7 +161,6 @@ private:
     void pump();
     void interest();
     void refuse(std::uint32_t xid, Buffer& out, const Error& error);
-    std::size_t missing() const;                        // bytes until the next record begins
 
     Server& server_;
     int fd_;
@@ -168,8 +173,8 @@ private:
     std::uint32_t interest_ = EPOLLIN;
     std::uint32_t maxReply_ = UINT32_MAX;
     std::deque<Subscription*> events_;  // those with something for this peer
-    std::size_t glanced_ = 0;           // bytes of the socket that the watchman has seen to
-    std::vector<std::uint32_t> answered_;       // what it has answered
+    std::vector<std::weak_ptr<Pending>> owed_;  // calls without a slot that are answered later: they end with the connection
+    std::vector<std::uint32_t> answered_;       // by the watchman: xids that are not to be answered again
 
     friend class Server;
 

@@ -9,6 +9,7 @@
 
 #include <cerrno>
 #include <system_error>
+#include <utility>
 
 namespace sorma {
 
@@ -19,8 +20,8 @@ constexpr int kPatience = 50;       // [ms] that requests may wait before we loo
 }  // namespace
 
 Watchman::Watchman(Reactor& reactor, Gate& gate, Look look) : reactor_(reactor), gate_(gate), look_(std::move(look)) {
-    stop_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
-    if (stop_ < 0) throw std::system_error(errno, std::generic_category(), "cannot start the watchman");
+    bell_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+    if (bell_ < 0) throw std::system_error(errno, std::generic_category(), "cannot start the watchman");
     // Signals are for the program's own threads.
     sigset_t all, before;
     sigfillset(&all);
@@ -30,33 +31,42 @@ Watchman::Watchman(Reactor& reactor, Gate& gate, Look look) : reactor_(reactor),
 }
 
 Watchman::~Watchman() {
+    ended_ = true;
     std::uint64_t one = 1;
-    ssize_t ignored = write(stop_, &one, sizeof one);
+    ssize_t ignored = write(bell_, &one, sizeof one);
     (void)ignored;
     thread_.join();
-    close(stop_);
+    reactor_.setSleeper(-1);
+    close(bell_);
 }
 
 void Watchman::watch() {
-    // The reactor's set is itself a descriptor that can be read when anything in it can. Asked for once at a time, so
-    // that a busy daemon wakes us twenty times a second, and an idle one never.
-    pollfd waits[] = {{stop_, POLLIN, 0}, {reactor_.descriptor(), POLLIN, 0}};
-    for (;;) {
-        if (poll(waits, 2, -1) < 0 && errno != EINTR) return;
-        if (waits[0].revents) return;
-        if (!waits[1].revents) continue;
-        std::uint64_t turns = reactor_.turns();
-        if (poll(waits, 1, kPatience) > 0) return;
-        if (reactor_.turns() != turns) continue;
-        pollfd still{reactor_.descriptor(), POLLIN, 0};
-        if (poll(&still, 1, 0) <= 0) continue;
+    // The reactor's set is itself a descriptor that can be read while something in it waits to be taken.
+    pollfd waits[] = {{bell_, POLLIN, 0}, {reactor_.descriptor(), POLLIN, 0}};
+    auto waitFor = [&](int descriptors, int milliseconds) {
+        if (poll(waits, nfds_t(descriptors), milliseconds) <= 0) return;
+        std::uint64_t rung;
+        ssize_t ignored = waits[0].revents ? read(bell_, &rung, sizeof rung) : 0;
+        (void)ignored;
+    };
+    std::uint64_t turns = reactor_.turns();
+    while (!ended_) {
+        waitFor(1, kPatience);
+        std::uint64_t now = reactor_.turns();
+        if (ended_ || now != std::exchange(turns, now)) continue;       // it goes on without us
         epoll_event events[64];
         int n = epoll_wait(reactor_.descriptor(), events, 64, 0);
         std::vector<void*> waiting;
         for (int i = 0; i < n; ++i) waiting.push_back(events[i].data.ptr);
-        if (waiting.empty() || !gate_.tryWatch()) continue;
-        look_(waiting);
-        gate_.endWatch();
+        bool busy = true;
+        if (gate_.tryWatch()) {
+            busy = look_(waiting);
+            gate_.endWatch();
+        }
+        if (busy || !waiting.empty()) continue;
+        reactor_.setSleeper(bell_);
+        if (reactor_.turns() == turns) waitFor(2, -1);
+        reactor_.setSleeper(-1);
     }
 }
 

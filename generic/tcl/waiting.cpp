@@ -137,7 +137,9 @@ Obj coroutineName(Interpreter& i) {
         Tcl_ResetResult(i.interp);
         return i.constants.empty;
     }
-    return Obj(Tcl_GetObjResult(i.interp));
+    Obj name(Tcl_GetObjResult(i.interp));
+    Tcl_ResetResult(i.interp);
+    return name;
 }
 
 int waitThen(Interpreter& i, std::vector<Future> futures, bool all, Deadline deadline, std::function<int()> finish) {
