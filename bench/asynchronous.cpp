@@ -40,8 +40,8 @@ const std::vector<Case> kStreams = {
 const Case kPublish = {"PUBLISH", "my publish, 100 subscribers; one CPU", "nobody listens", 0, 0, 0, kEvents, kLong, 5};
 const Case kDeaf = {"PUBLISH_deaf", "my publish, 100 subscribers that never read", "PUBLISH", 1.2, 0, 0, kEvents, kLong, 5};
 const std::vector<Case> kCrowds = {
-    {"FUTURES_call", "CTRL as a future, 10 000 calls pending", "100 calls pending", 1.2, 0, 0, 1, kBatch},
-    {"FUTURES_cancel", "one of 10 000 cancelled, another begun", "one of 100", 1.2, 0, 0, kCancelled, kBatch},
+    {"FUTURES_call", "CTRL as a future, 10 000 calls pending", "100 calls pending", 1.5, 0, 0, 1, kBatch},
+    {"FUTURES_cancel", "one of 10 000 cancelled, another begun", "one of 100", 1.5, 0, 0, kCancelled, kBatch},
 };
 const Case kMemory = {"FUTURES", "a pending future, memory of the caller"};
 
