@@ -145,6 +145,7 @@ private:
     bool wanted() const { return pendings_ > 0 || !subscriptions_.empty(); }
     void watch();                                       // what the reactor is to tell us
     void sendWaiting();
+    void sweepWaiting();
     void sendSlot(std::uint32_t index);
     void sendBytes(Buffer bytes);
     void continueSending();
@@ -215,6 +216,7 @@ private:
     std::shared_ptr<Mailbox> mailbox_;
     std::shared_ptr<Connection> keep_;      // while calls are under way that nobody else holds us for
     std::size_t pendings_ = 0;              // begun, and not answered
+    std::size_t stale_ = 0;                 // cancelled since waiting_ and urgent_ were swept
     std::deque<Waiting> waiting_, urgent_;  // EXEC; CTRL and DBX, which go first
     std::deque<Outgoing> outgoing_;
     std::size_t outgoingAt_ = 0;            // of the first: what the socket has taken

@@ -264,7 +264,7 @@ void Connection::drive(Pending& pending, Deadline deadline) {
 
 // The caller has given up: the daemon is told, the reply is not waited for.
 void Connection::cancelled(Pending& pending) {
-    if (pending.ticket == kNoTicket) return;            // it waits, and will be found answered
+    if (pending.ticket == kNoTicket) return sweepWaiting();     // it waits, and is found answered when its turn comes
     std::uint32_t index = std::exchange(pending.ticket, kNoTicket);
     Slot& slot = *slots_[index];
     auto mine = std::move(slot.pending);
@@ -275,6 +275,17 @@ void Connection::cancelled(Pending& pending) {
     wire::writeCancel(bytes, program_, {index, slot.sequence});
     sendBytes(std::move(bytes));
     watch();
+}
+
+// Those that were cancelled while they waited go when they are the majority: cancelling stays cheap, memory bounded.
+void Connection::sweepWaiting() {
+    constexpr std::size_t kFew = 64;
+    if (++stale_ < kFew || 2 * stale_ < waiting_.size() + urgent_.size()) return;
+    std::size_t gone = 0;
+    for (auto* queue : {&urgent_, &waiting_})
+        gone += std::erase_if(*queue, [](auto& w) { return w.pending->answered(); });
+    stale_ = 0;
+    forget(gone);
 }
 
 Trail Connection::overdue(Pending& pending) {

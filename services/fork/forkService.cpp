@@ -38,6 +38,8 @@ const sorma::Prototype kLost{Severity::error, "FORK LOST", 1,
                              "{}: how {} ended is not known: this process ignores SIGCHLD, or waits for all children"};
 const sorma::Prototype kBusy{Severity::error, "FORK BUSY", 1,
                              "{}: {} children run, {} requests wait: -max {} -queue {} allow no more; try again later"};
+const sorma::Prototype kDenied{sorma::Severity::error, "COMM DENIED", 1,
+    "{}: a caller from {} may not choose the program; give it as -command in a dictionary file of the daemon's host"};
 const sorma::Prototype kNothing{Severity::error, "OPTION MISSING", 2,
                                 "{}: {} is empty and EXEC came without words: one of them must say what to run"};
 const sorma::Prototype kCommand{Severity::error, "OPTION VALUE", 2, "{}: {} {} is no list of words: {}"};
@@ -162,9 +164,14 @@ public:
 
     ~ForkService() override { end(); }
 
-    void born() override { check(); }
+    void born() override {
+        check();
+        if (fromNetwork() && !command_.empty() && !recipeOfFile()) deny();
+    }
 
-    void changed(std::span<const sorma::Option* const>) override {
+    void changed(std::span<const sorma::Option* const> options) override {
+        for (auto* o : options)
+            if (o->name == "-command" && fromNetwork()) deny();
         check();
         startNext();                            // -max may have grown
     }
@@ -173,6 +180,7 @@ public:
         child::Command command{commandWords(), directory_, {}};
         command.words.insert(command.words.end(), m.words.begin(), m.words.end());
         if (command.words.empty()) fail(kNothing, name(), "-command");
+        if (command_.empty() && fromNetwork()) deny();
         for (std::size_t i = 0; i < command.words.size(); ++i)
             if (hasZero(command.words[i])) fail(kZero, name(), i + 1, sorma::shown(command.words[i]));
         bool waits = running_.size() >= std::size_t(max_);
@@ -217,6 +225,20 @@ private:
             fail(kCommand, name(), "-command", sorma::shown(command_), e.what());
         }
     }
+
+    // Whoever comes by the network may have run what this host's own files or users have chosen, with arguments of his,
+    // but choose no program himself: he would run any as the daemon's user.
+    static bool fromNetwork() {
+        auto& address = sorma::Call::currentCaller().address;
+        return address != "self" && address != "unix";
+    }
+    bool recipeOfFile() const {
+        bool ofFile = false;
+        for (auto& word : sorm().dictionary().expand(name()))
+            if (word.text == "-command") ofFile = !word.origin.file.empty();
+        return ofFile;
+    }
+    [[noreturn]] void deny() const { fail(kDenied, name(), sorma::Call::currentCaller().address); }
 
     static bool hasZero(const std::string& word) { return word.find('\0') != std::string::npos; }
 

@@ -28,6 +28,7 @@ constexpr std::int64_t kWriteAgain = 10'000'000;    // [ns] until a full pipe is
 constexpr int kReapTime = 2000;                     // [ms]
 constexpr int kPipeSize = 1 << 20;
 constexpr unsigned kCloseRangeCloexec = 4;          // CLOSE_RANGE_CLOEXEC, Linux 5.11
+constexpr std::size_t kSignalSetSize = 8;           // [bytes] the kernel's, not that of sigset_t
 
 // Groups of this process that still run. exit() may come without any of our objects being taken down: tclsh does so.
 class Groups {
@@ -159,18 +160,12 @@ struct Process::Fork {
         setpgid(0, 0);
         prctl(PR_SET_PDEATHSIG, SIGKILL);
         if (getppid() != parent) _exit(127);        // it died before we could ask to be told
-        // All signals are blocked until no handler of the parent is left that could run here.
-        struct sigaction usual {};
-        usual.sa_handler = SIG_DFL;
-        for (int s = 1; s < NSIG; ++s) sigaction(s, &usual, nullptr);
-        sigset_t none;
-        sigemptyset(&none);
-        sigprocmask(SIG_SETMASK, &none, nullptr);
+        usualSignals();
 
         dup2(input.reader.fd, STDIN_FILENO);
         dup2(output.writer.fd, STDOUT_FILENO);
         dup2(errors.writer.fd, STDERR_FILENO);
-        syscall(SYS_close_range, 3u, ~0u, kCloseRangeCloexec);      // libraries open some without O_CLOEXEC
+        closeOthersAtExec();
         if (directory && chdir(directory) < 0) fail(Report::directory, errno);
         int error = ENOENT;
         for (const char* file : filePointers) {
@@ -180,6 +175,32 @@ struct Process::Fork {
                 fail(Report::program, errno);
         }
         fail(Report::program, error);
+    }
+
+    // All signals are blocked until no handler of the parent is left that could run here. The system's own calls are
+    // taken: the library's leave out the two signals that it uses itself, which a caller may have been started without.
+    static void usualSignals() {
+        const std::uint64_t usual[4] = {};           // of the kernel's sigaction, on all machines: no handler, flags, mask
+        const std::uint64_t none = 0;
+        for (int s = 1; s < NSIG; ++s) syscall(SYS_rt_sigaction, s, usual, nullptr, kSignalSetSize);
+        syscall(SYS_rt_sigprocmask, SIG_SETMASK, &none, nullptr, kSignalSetSize);
+    }
+
+    // Libraries open some without O_CLOEXEC, and our own parent may have left us others.
+    static void closeOthersAtExec() {
+        if (syscall(SYS_close_range, 3u, ~0u, kCloseRangeCloexec) == 0) return;
+        int folder = ::open("/proc/self/fd", O_RDONLY | O_DIRECTORY | O_CLOEXEC);   // an older kernel, or a filter of calls
+        alignas(8) char entries[4096];
+        for (long n; (n = syscall(SYS_getdents64, folder, entries, sizeof entries)) > 0;)
+            for (long at = 0; at < n;) {
+                constexpr int kLength = 16, kName = 19;         // of struct linux_dirent64, see getdents64(2)
+                int fd = 0;
+                for (const char* c = entries + at + kName; *c >= '0' && *c <= '9'; ++c) fd = 10 * fd + *c - '0';
+                if (fd > STDERR_FILENO) fcntl(fd, F_SETFD, FD_CLOEXEC);
+                unsigned short length;
+                std::memcpy(&length, entries + at + kLength, sizeof length);
+                at += length;
+            }
     }
 
     [[noreturn]] void fail(Report::Stage stage, int error) const {
