@@ -64,6 +64,9 @@ Call::~Call() {
     theCall = outer_;
 }
 
+Call::Lent::Lent(Call* call) : own_(theCall) { theCall = call; }
+Call::Lent::~Lent() { theCall = own_; }
+
 Call* Call::current() { return theCall; }
 Deadline Call::currentDeadline() { return theCall ? theCall->deadline : Deadline(); }
 const Caller& Call::currentCaller() { return theCall ? theCall->caller : Caller::self(); }

@@ -62,6 +62,17 @@ public:
     Call(const Call&) = delete;
     Call& operator=(const Call&) = delete;
 
+    // On a thread that executes a request for another one, which waits for it: makes that one's call its own.
+    class Lent {
+    public:
+        explicit Lent(Call* call);
+        ~Lent();
+        Lent(const Lent&) = delete;
+        Lent& operator=(const Lent&) = delete;
+    private:
+        Call* own_;
+    };
+
     static Call* current();                     // null outside of any request
     static Deadline currentDeadline();
     static const Caller& currentCaller();       // Caller::self() outside of any request

@@ -248,6 +248,8 @@ Class& Class::writes(Field field, Count count, std::string unit, std::string hel
     return *this;
 }
 
+Class& Class::realtime() { return realtime_ = true, *this; }
+Class& Class::withoutFeedthrough() { return feedthrough_ = false, *this; }
 Class& Class::words(std::string usage) { return words_ = std::move(usage), *this; }
 Class& Class::example(std::string request) { return example_ = std::move(request), *this; }
 Class& Class::version(std::string version) { return version_ = std::move(version), *this; }

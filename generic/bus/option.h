@@ -158,9 +158,16 @@ public:
     Class& example(std::string request);            // printed by -help, run by the tests
     Class& version(std::string version);
     Class& conduct(Conduct conduct);                // serial unless said otherwise
+    // Once warmed up, EXEC without words neither allocates, locks, waits nor touches the SORM: it may be a step of a cycle.
+    Class& realtime();
+    // What EXEC writes depends on earlier requests alone, not on the floats of this one; and without floats it writes what it
+    // will write next, and changes nothing. Such a unit may close a loop of a circuit.
+    Class& withoutFeedthrough();
     Class& declaredAt(std::string file, int line);  // where, when it is not the place of the constructor: other languages
 
     Conduct conduct() const { return conduct_; }
+    bool isRealtime() const { return realtime_; }
+    bool hasFeedthrough() const { return feedthrough_; }
     const std::string& name() const { return name_; }
     const std::string& purpose() const { return purpose_; }
     const std::vector<Option>& options() const { return options_; }
@@ -203,7 +210,7 @@ private:
     std::vector<Action> actions_, inspections_;
     std::vector<Part> reads_, writes_;
     mutable std::vector<Value> defaults_;
-    bool checks_ = false;
+    bool checks_ = false, realtime_ = false, feedthrough_ = true;
     Conduct conduct_ = Conduct::serial;
 };
 

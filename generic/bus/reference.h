@@ -8,6 +8,7 @@
 namespace sorma {
 
 class Service;
+class Steering;
 
 // A counted reference to a service object, here or (through its proxy) elsewhere. It stays valid when the object is
 // removed: calls then fail with SERVICE GONE.
@@ -31,6 +32,9 @@ public:
     // Time-optimal invocation: EXEC in place. No allocation, no lock, no clock; the class's signature is checked
     // where it demands something. Throws Error.
     inline void exec(Message& message) const;       // defined in bus/service.h
+    // The same for one who executes many in a row, a circuit or a cycle: lengths have been checked when they were wired.
+    // here: Steering::current().
+    inline void step(Message& message, Steering* here) const;
 
 private:
     Service* service_ = nullptr;

@@ -24,6 +24,7 @@ const Prototype kReadonly{Severity::error, "OPTION READONLY", 2, "{}: {} can onl
 const Prototype kNoWords{Severity::error, "REQUEST SYNTAX", 1, "{}: {} needs at least one word, try -help"};
 const Prototype kRemoved{Severity::error, "SERVICE GONE", 1, "{}: the service object has been removed"};
 const Prototype kCode{Severity::error, "SERVICE FAILED", 1, "{}: EXEC returned code {}"};
+const Prototype kLater{Severity::error, "SERVICE FAILED", 1, "{}: it answers later, and so cannot be a step that others wait for"};
 const Prototype kNothingToUndo{Severity::error, "SERVICE FAILED", 1, "{}: there is no CTRL to undo"};
 
 const Prototype kLockedBy{Severity::error, "SERVICE LOCKED", 1, "{}: locked by {} since {}; it is freed by CTRL -unlock there, or when that client ends"};
@@ -141,6 +142,57 @@ Args takeArguments(const Service& s, const Action& action, const std::vector<std
 Service::Service() = default;
 Service::~Service() = default;
 
+std::vector<Pin> Service::pins(std::string_view, std::size_t) const {
+    std::vector<Pin> out;
+    auto add = [&](const std::vector<Part>& parts, bool input) {
+        for (auto& p : parts)
+            if (p.field == Field::floats)
+                out.push_back({input ? "in" : "out", input, 0, p.count.low == p.count.high ? p.count.low : Pin::kOpen, p.unit, p.help});
+    };
+    add(class_->reads(), true);
+    add(class_->writes(), false);
+    return out;
+}
+
+std::vector<Reference> Service::parts() const {
+    std::vector<Reference> out;
+    for (auto& o : class_->options()) {
+        if (o.type != Type::service) continue;
+        if (Service* s = sorm_->find(std::get<std::string>(o.get(*this)))) out.emplace_back(s);
+    }
+    return out;
+}
+
+void Service::steer(Steering* steering) {
+    steering_ = steering;
+    setGuard(kSteeredBit, steering != nullptr);
+}
+
+// The steering thread does it on this one's behalf, and finds the caller of the request where it always is.
+void Service::startLent(Method method, Message& m) {
+    Error failure{Trail()};
+    bool failed = false;
+    Call* outer = Call::current();
+    steering_->lend(*this, [&] {
+        Call::Lent call(outer);
+        try {
+            start(method, m);
+        } catch (...) {
+            failure = Error(trailOfCurrentException(name_));
+            failed = true;
+        }
+    });
+    if (failed) throw failure;
+}
+
+// A step that cannot be taken as it is.
+void Service::unusable(Message& m) {
+    if (!m.later) fail(kCode, name_, m.code);
+    if (!steering_) return awaitLater(m);
+    std::exchange(m.later, nullptr)->cancel(Trail());
+    fail(kLater, name_);
+}
+
 Service::Record& Service::record() {
     if (!record_) {
         record_ = std::make_unique<Record>();
@@ -152,10 +204,11 @@ Service::Record& Service::record() {
 void Service::failGone() const { fail(kRemoved, name_); }
 
 bool Service::start(Method method, Message& m) {
-    if (guard_) [[unlikely]] {
+    if (guard()) [[unlikely]] {
         if (gone()) failGone();
-        if (method == Method::exec && (guard_ & kLockedBit)) checkLock();
-        if (method == Method::exec && (guard_ & kBusyBit)) return enqueue(m), true;
+        if (steering_ && Steering::current() != steering_) return startLent(method, m), m.later != nullptr;
+        if (method == Method::exec && (guard() & kLockedBit)) checkLock();
+        if (method == Method::exec && (guard() & kBusyBit)) return enqueue(m), true;
     }
     try {
         enter(method, m);
@@ -188,7 +241,7 @@ Reply Service::later(Message& m) {
     std::swap(pending->message, m);
     m.later = pending;
     ++record().underWay;
-    if (class_->conduct() != Conduct::concurrent) guard_ |= kBusyBit;
+    if (class_->conduct() != Conduct::concurrent) setGuard(kBusyBit, true);
     return Reply(std::move(pending));
 }
 
@@ -203,9 +256,9 @@ void Service::enqueue(Message& m) {
 void Service::released() {
     auto& r = record();
     if (--r.underWay > 0 || class_->conduct() == Conduct::concurrent) return;
-    guard_ &= std::uint8_t(~kBusyBit);
+    setGuard(kBusyBit, false);
     Reference keep(this);
-    while (!(guard_ & (kBusyBit | kGoneBit)) && !r.waiting.empty()) {
+    while (!(guard() & (kBusyBit | kGoneBit)) && !r.waiting.empty()) {
         auto next = std::move(r.waiting.front());
         r.waiting.pop_front();
         perform(next, Method::exec);
@@ -263,12 +316,22 @@ void Service::carry(const PendingPointer& pending, Method method) {
 void Service::oneway(Method method, Message request) { async(method, std::move(request)); }
 
 void Service::left() {
-    guard_ |= kGoneBit;
+    setGuard(kGoneBit, true);
     Reference keep(this);
-    if (guard_ & kLockedBit) {
+    if (steering_ && Steering::current() != steering_) {
+        try {
+            return steering_->lend(*this, [this] { leave(); });
+        } catch (const Error&) {        // it hangs in a step; what is under way there cannot be ended
+        }
+    }
+    leave();
+}
+
+void Service::leave() {
+    if (guard() & kLockedBit) {
         auto& lock = record().lock;
         if (lock.holder) lock.holder->release(lock.lease);
-        guard_ &= std::uint8_t(~kLockedBit);
+        setGuard(kLockedBit, false);
     }
     if (record_) {
         for (auto& pending : std::exchange(record_->waiting, {})) {
@@ -337,29 +400,29 @@ void Service::checkLock() const {
 }
 
 void CommonRequests::lock(Service& s, Args, Message& reply) {
-    if (s.guard_ & Service::kLockedBit) {
+    if (s.guard() & Service::kLockedBit) {
         s.checkLock();
     } else {
         auto& lock = s.record().lock;
         lock.holder = Call::currentClient();
         lock.by = Call::currentCaller().toText();
         lock.since = wallNow();
-        s.guard_ |= Service::kLockedBit;
+        s.setGuard(Service::kLockedBit, true);
         if (lock.holder)
             lock.lease = lock.holder->hold([self = Reference(&s)] {
-                if (self->guard_ & Service::kLockedBit) CommonRequests::freeLock(*self);
+                if (self->guard() & Service::kLockedBit) CommonRequests::freeLock(*self);
             });
     }
     addLine(reply, "locked by " + s.record().lock.by);
 }
 
 void CommonRequests::freeLock(Service& s) {
-    s.guard_ &= std::uint8_t(~Service::kLockedBit);
+    s.setGuard(Service::kLockedBit, false);
     s.record().lock = {};
 }
 
 void CommonRequests::unlock(Service& s, Args, Message&) {
-    if (!(s.guard_ & Service::kLockedBit)) fail(kNotLocked, s.name());
+    if (!(s.guard() & Service::kLockedBit)) fail(kNotLocked, s.name());
     s.checkLock();
     auto holder = s.record().lock.holder;
     auto lease = s.record().lock.lease;
@@ -370,7 +433,8 @@ void CommonRequests::unlock(Service& s, Args, Message&) {
 void Service::enter(Method method, Message& m) {
     if (method == Method::exec) [[likely]] {
         if (checks_) class_->checkRequest(name_, m);
-        if ((++calls_ & 63) == 1) [[unlikely]] timed(method, m);
+        count();
+        if ((calls() & 63) == 1) [[unlikely]] timed(method, m);
         else exec(m);
         if (m.later) [[unlikely]] return;
         if (!m.words.empty()) m.words.clear();      // words go in, never out
@@ -469,7 +533,7 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, c
     }
 
     std::vector<Record::Undo> before;
-    if (!birth && !settings.empty() && (guard_ & kLockedBit)) checkLock();
+    if (!birth && !settings.empty() && (guard() & kLockedBit)) checkLock();
     if (!settings.empty()) {
         Record& r = record();
         std::vector<const Option*> changedOptions;
@@ -657,11 +721,11 @@ void CommonRequests::diff(Service& s, Args, Message& reply) {
 void CommonRequests::stats(Service& s, Args, Message& reply) {
     auto& r = s.record();
     double seconds = double(monotonicNow() - r.since) / 1e9;
-    addLine(reply, "EXEC " + std::to_string(s.calls_) + " CTRL " + std::to_string(r.ctrls) + " DBX " +
+    addLine(reply, "EXEC " + std::to_string(s.calls()) + " CTRL " + std::to_string(r.ctrls) + " DBX " +
                        std::to_string(r.dbxs) + " errors " + std::to_string(r.errors));
     char rate[64];
     std::snprintf(rate, sizeof rate, "EXEC per second %.3g (since statistics began, %.3g s)",
-                  seconds > 0 ? double(s.calls_) / seconds : 0.0, seconds);
+                  seconds > 0 ? double(s.calls()) / seconds : 0.0, seconds);
     addLine(reply, rate);
     if (r.times.count() > 0) {
         addLine(reply, "time of EXEC, one call in 64: p50 <= " + durationText(double(r.times.quantile(0.5))) + ", p99 <= " +
@@ -682,7 +746,7 @@ void CommonRequests::verbosity(Service& s, Args args, Message& reply) {
 
 void CommonRequests::undo(Service& s, Args, Message& reply) {
     auto& r = s.record();
-    if (s.guard_ & Service::kLockedBit) s.checkLock();
+    if (s.guard() & Service::kLockedBit) s.checkLock();
     if (r.undo.empty()) fail(kNothingToUndo, s.name());
     std::vector<Service::Record::Undo> now;
     std::vector<const Option*> changed;
@@ -818,6 +882,8 @@ const std::vector<Action>& CommonRequests::inspections() {
              addLine(m, c.name() + ": " + c.purpose());
              addLine(m, "declared at " + c.file() + ":" + std::to_string(c.line()) + ", version " + c.version());
              if (auto t = c.signatureText(); !t.empty()) addLine(m, t);
+             if (c.isRealtime()) addLine(m, "real-time: its EXEC may be a step of a cycle");
+             if (!c.hasFeedthrough()) addLine(m, "without feedthrough: it may close a loop of a circuit");
          }},
         {"-audit", "", "who sent which CTRL, and when", 0, 0,
          [](Service& s, Args, Message& m) {
@@ -826,6 +892,13 @@ const std::vector<Action>& CommonRequests::inspections() {
          }},
         {"-verbosity", "?0..2?", "messages that are kept: 0 errors, 1 and warnings, 2 and verbose", 0, 1, verbosity},
         {"-stats", "", "call counts, rates, histogram of times", 0, 0, stats},
+        {"-pins", "?pin length?", "where wires of a circuit end: name, in or out, at, length, unit, help", 0, 2,
+         [](Service& s, Args args, Message& m) {
+             std::int64_t n = 0;
+             if (args.size() == 1 || (args.size() == 2 && (!parseNumber(args[1], n) || n < 0)))
+                 fail(kMissing, s.name(), "-pins", "a pin, and its length");
+             for (auto& pin : args.empty() ? s.pins() : s.pins(args[0], std::size_t(n))) addLine(m, pin.toText());
+         }},
         {"-trail", "", "messages of the last request that had any", 0, 0,
          [](Service& s, Args, Message& m) { addLine(m, s.record().trail.toText()); }},
         {"-info", "what ?option?", "plain values for programs", 1, 2, CommonRequests::info},

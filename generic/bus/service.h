@@ -1,8 +1,10 @@
 // service.h -- a service object: what its author implements, and what every object gets from its class's table.
 //
-// Threads: a service object belongs to the thread of its SORM. References are counted without locks.
+// Threads: a service object belongs to the thread of its SORM, or to one that steers it (bus/steering.h). References are
+// counted without locks.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -12,8 +14,10 @@
 #include "bus/dictionary.h"
 #include "bus/message.h"
 #include "bus/option.h"
+#include "bus/pin.h"
 #include "bus/reference.h"
 #include "bus/reply.h"
+#include "bus/steering.h"
 #include "bus/stream.h"
 
 namespace sorma {
@@ -48,6 +52,13 @@ public:
     // State that is not in the options, appended line by line as "# name value" for -dump.
     virtual void dumpState(std::string& out) const { (void)out; }
 
+    // The pins by which a circuit wires it. pin, length: one of its inputs has been found to have that many elements; a
+    // class whose other lengths follow from it tells them then. From the signature, unless a class knows better.
+    virtual std::vector<Pin> pins(std::string_view pin = {}, std::size_t length = Pin::kOpen) const;
+
+    // Objects that it executes in its own EXEC, and that are steered with it: those of its options, unless it knows better.
+    virtual std::vector<Reference> parts() const;
+
     // ---- requests with words; a proxy forwards them, others leave them as they are ----
     virtual void ctrl(Message& m);
     virtual void dbx(Message& m);
@@ -57,7 +68,10 @@ public:
     const std::string& name() const { return name_; }
     const Class& type() const { return *class_; }
     Sorm& sorm() const { return *sorm_; }
-    bool gone() const { return guard_ & kGoneBit; }
+    bool gone() const { return guard() & kGoneBit; }
+    Steering* steering() const { return steering_; }        // null: it belongs to the SORM's thread
+    // Hand the object over to a thread, or with null back. By the SORM's thread, while the other one does not run it.
+    void steer(Steering* steering);
 
     // A request of any method, as the dispatcher, the Tcl command and the server make it: checks, counts, times one
     // call in 64, keeps the trail within the object's verbosity, and names this object in what is thrown. True: the
@@ -72,7 +86,7 @@ public:
     virtual void oneway(Method method, Message request);
 
     std::int64_t lastRun = INT64_MAX;       // [ns] of the last request that a daemon served, INT64_MAX before
-    std::uint64_t calls() const { return calls_; }
+    std::uint64_t calls() const { return calls_.load(std::memory_order_relaxed); }
     std::uint32_t references() const { return references_; }
     // Listen to what it publishes: events whose names match a pattern, as Tcl's string match; of those not taken yet the
     // last `keep` are kept. The listener is called from the loop. Throws when the object cannot be listened to.
@@ -115,19 +129,31 @@ private:
     void perform(const PendingPointer& pending, Method method);
     void released();                        // one of the requests that it had taken over has ended
     void checkLock() const;
+    void leave();
     void left();                            // the repository: no more requests, those that wait are refused
     void awaitLater(Message& m);
+
+    // Both are written by the thread that the object belongs to, and may be looked at by another one any time; they order
+    // nothing.
+    std::uint8_t guard() const { return guard_.load(std::memory_order_relaxed); }
+    void setGuard(std::uint8_t bit, bool on) {
+        guard_.store(std::uint8_t(on ? guard() | bit : guard() & ~bit), std::memory_order_relaxed);
+    }
+    void count() { calls_.store(calls() + 1, std::memory_order_relaxed); }
+    void startLent(Method method, Message& m);
+    void unusable(Message& m);
 
     std::string name_;
     const Class* class_ = nullptr;
     Sorm* sorm_ = nullptr;
     std::unique_ptr<Record> record_;
-    std::uint64_t calls_ = 0;               // EXECs
+    Steering* steering_ = nullptr;          // while guard_ has kSteeredBit
+    std::atomic<std::uint64_t> calls_{0};   // EXECs
     std::uint32_t references_ = 0;
     std::uint32_t names_ = 0;               // in the repository, second names included
     std::unique_ptr<Stream> stream_;        // while somebody listens
-    static constexpr std::uint8_t kGoneBit = 1, kBusyBit = 2, kLockedBit = 4;
-    std::uint8_t guard_ = 0;                // what stands in the way of a request
+    static constexpr std::uint8_t kGoneBit = 1, kBusyBit = 2, kLockedBit = 4, kSteeredBit = 8;
+    std::atomic<std::uint8_t> guard_{0};    // what stands in the way of a request
     bool checks_ = false;                   // class_->checksRequests()
     std::uint8_t verbosity_ = 1;            // 0 errors, 1 and warnings, 2 and verbose
 };
@@ -142,11 +168,20 @@ inline Reference::~Reference() {
 
 inline void Reference::exec(Message& message) const {
     Service& s = *service_;
-    if (s.guard_) [[unlikely]] return s.invoke(Method::exec, message);
+    if (s.guard()) [[unlikely]] return s.invoke(Method::exec, message);
     if (s.checks_) s.class_->checkRequest(s.name_, message);
-    ++s.calls_;
+    s.count();
     s.exec(message);
     if (message.later) [[unlikely]] s.awaitLater(message);
+}
+
+inline void Reference::step(Message& message, Steering* here) const {
+    Service& s = *service_;
+    std::uint8_t guard = s.guard();
+    if (guard && (guard != Service::kSteeredBit || s.steering_ != here)) [[unlikely]] return s.invoke(Method::exec, message);
+    s.count();
+    s.exec(message);
+    if (message.later || message.code < 0) [[unlikely]] s.unusable(message);
 }
 
 // Used by Class::service: resolves a name through the SORM of the object, so that cycles are noticed.

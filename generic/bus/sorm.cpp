@@ -20,6 +20,8 @@ const Prototype kDuplicate{Severity::error, "CLASS DUPLICATE", 1, "service class
 const Prototype kClassName{Severity::error, "NAME SYNTAX", 1, "bad class name \"{}\": must be lower-case letters, digits and _"};
 const Prototype kCycle{Severity::error, "SERVICE CYCLE", 1, "{}: sub-services form a cycle: {}"};
 const Prototype kFailed{Severity::error, "SERVICE FAILED", 1, "{}: the constructor of class {} failed: {}"};
+const Prototype kThread{Severity::error, "SERVICE THREAD", 1,
+                        "{}: a step of a cycle can make and remove no objects; ask for it by sorm().mailbox()"};
 const Prototype kGone{Severity::error, "SERVICE GONE", 1, "{}: there is no such service object"};
 const Prototype kExists{Severity::error, "SERVICE EXISTS", 1, "{}: the service object exists already; use CTRL to change it"};
 const Prototype kProtected{Severity::error, "SERVICE PROTECTED", 1, "{}: belongs to the SORM and cannot be removed"};
@@ -36,6 +38,9 @@ Bindings& bindings() {
     static Bindings b;
     return b;
 }
+
+// A thread that steers objects has no business in the repository while it runs a tick.
+bool onForeignThread() { return Steering::current() && !Steering::current()->hasLoan(); }
 
 }  // namespace
 
@@ -128,6 +133,7 @@ Reference Sorm::create(std::string_view text, const std::vector<std::string>& wo
 }
 
 Reference Sorm::make(const Name& name, const std::vector<std::string>* words) {
+    if (onForeignThread()) fail(kThread, name.toText());
     if (name.local()) return makeLocal(name.service, name.className, words);
     Address address = resolve(name, dictionary_);
     std::string key = name.toText();
@@ -217,6 +223,7 @@ void Sorm::drop(const std::string& key) {
 }
 
 void Sorm::remove(std::string_view name) {
+    if (onForeignThread()) fail(kThread, name);
     auto found = repository_.find(name);
     if (found == repository_.end()) fail(kGone, name);
     Reference service = found->second;
@@ -296,6 +303,7 @@ void Sorm::announce(std::string_view event, std::string_view text, std::vector<s
 }
 
 void Sorm::announce(const Trail& trail) {
+    if (onForeignThread()) return mailbox_->post([this, trail] { announce(trail); });
     if (!self_ || !self_->stream_) return;
     for (auto& e : trail.entries())
         if (e.daemon.empty() || e.daemon == daemonName)

@@ -56,6 +56,14 @@ void Proxy::dbx(Message& m) {
     forward(Method::dbx, m);
 }
 
+std::vector<Pin> Proxy::pins(std::string_view pin, std::size_t length) const {
+    Message m;
+    m.words = {"-pins"};
+    if (!pin.empty()) m.words.insert(m.words.end(), {std::string(pin), std::to_string(length)});
+    const_cast<Proxy*>(this)->forward(Method::dbx, m);
+    return Pin::fromText(m.text);
+}
+
 void Proxy::setRecipe(std::vector<std::string> words, bool later) {
     // The daemon executes in order: what is called next finds the recipe applied.
     auto send = [this, words] {

@@ -20,6 +20,7 @@ public:
     void dbx(Message& m) override;
     void oneway(Method method, Message request) override;
     std::unique_ptr<Listening> listen(std::string pattern, std::size_t keep, Listener listener) override;
+    std::vector<Pin> pins(std::string_view pin, std::size_t length) const override;
     std::string location() const override { return connection_->who(); }
 
     // A client's own recipe for the remote object: sent now, and again to each daemon that takes the old one's place.
