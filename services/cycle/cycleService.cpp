@@ -1,0 +1,233 @@
+// cycle -- runs service objects at a fixed period, in a thread of its own.
+//
+//     cycle.fast CTRL -period 0.001 -steps {circuit.control shmem_w.set} -onfault {shmem_w.set EXEC FMSG 2 0 0}
+//     cycle.fast CTRL -start
+//
+// A step is the name of an object, or a whole EXEC request. Its class must say that it is real-time.
+#include <algorithm>
+#include <cmath>
+
+#include <sorma.h>
+
+#include "runner.h"
+
+namespace {
+
+using cycle::Fault;
+using cycle::Plan;
+using cycle::Step;
+using sorma::Args;
+using sorma::Message;
+using sorma::Severity;
+
+const sorma::Prototype kNoSteps{Severity::error, "OPTION MISSING", 2, "{}: {} is empty: it names the objects to run"};
+const sorma::Prototype kRunning{Severity::error, "CYCLE RUNNING", 1, "{}: it runs; {}"};
+const sorma::Prototype kNotRunning{Severity::error, "CYCLE STOPPED", 1, "{}: it does not run; CTRL -start starts it"};
+const sorma::Prototype kExecOnly{Severity::error, "OPTION VALUE", 2, "{}: -steps {}: a step is a name, or a request for EXEC without words"};
+const sorma::Prototype kWithin{Severity::error, "CYCLE STEP", 2, "{}: {} cannot be a step of itself"};
+const sorma::Prototype kHangs{Severity::error, "CYCLE HANGS", 1, "{}: it hangs in its step {}, and cannot be stopped"};
+const sorma::Prototype kUsual{Severity::warning, "CYCLE REALTIME", 1, "{}: {}"};
+
+constexpr std::int64_t kLeastWatchdog = 50'000'000;     // [ns]
+constexpr int kWatchdogPeriods = 10;
+
+class Cycle : public sorma::Service, private cycle::Owner {
+public:
+    static sorma::Class describe() {
+        return sorma::Class::of<Cycle>("cycle", "runs service objects at a fixed period, in a thread of its own")
+            .text("-steps", &Cycle::steps_, {.help = "what to run: names, or requests for EXEC as one word each"})
+            .real("-period", &Cycle::period_, {.unit = "s", .low = 250e-6, .high = 3600, .help = "from one tick to the next"})
+            .choice("-overrun", &Cycle::overrun_, {"skip", "catchUp", "fault"},
+                    {.help = "when a tick is not over before the next is due: leave out what was missed, run it at once, or fail"})
+            .text("-onfault", &Cycle::onFault_, {.help = "request for the next tick after a step has failed or hangs: the safe action"})
+            .choice("-afterFault", &Cycle::afterFault_, {"stop", "continue"}, {.help = "what becomes of the steps then"})
+            .real("-watchdog", &Cycle::watchdog_, {.unit = "s", .low = 0, .high = 3600,
+                                                   .help = "a tick that takes longer hangs; 0: ten periods, at least 0.05 s"})
+            .integer("-priority", &Cycle::priority_, {.low = 0, .high = 99, .help = "of SCHED_FIFO; 0: an ordinary thread"})
+            .integer("-cpu", &Cycle::cpu_, {.low = -1, .high = 1023, .help = "processor to run on; -1: any"})
+            .flag("-lockMemory", &Cycle::lockMemory_, {.help = "keep the process's memory from being paged out while it runs"})
+            .flag("-autostart", &Cycle::autostart_, {.help = "start when made", .fixed = true})
+            .action("-start", &Cycle::start, "", "begin; a warning tells what real-time help the system has refused")
+            .action("-stop", &Cycle::stopNow, "", "end after the present tick")
+            .action("-reset", &Cycle::reset, "", "begin the figures of DBX -stats anew")
+            .inspection({"-stats", "", "ticks, jitter, time of each step", 0, 0,
+                         [](Service& s, Args, Message& m) { m.text += static_cast<Cycle&>(s).figuresText(); }})
+            .writes(sorma::Field::ints, sorma::exactly(1), "", "number of the tick")
+            .example("cycle CTRL -period 0.01 -steps nop");
+    }
+
+    ~Cycle() override { end(); }
+
+    void born() override {
+        plan();
+        if (!autostart_) return;
+        Message m;
+        start({}, m);
+        if (!m.trail.empty()) sorm().announce(m.trail);
+    }
+
+    void changed(std::span<const sorma::Option* const> options) override {
+        Plan next = plan();
+        if (!runner_) return;
+        for (auto* o : options)
+            for (auto* fixed : {"-priority", "-cpu", "-lockMemory"})
+                if (o->name == fixed) fail(kRunning, name(), std::string(fixed) + " can be changed after CTRL -stop");
+        if (next.steps.empty()) fail(kNoSteps, name(), "-steps");
+        runner_->change(std::move(next));
+    }
+
+    // One tick by hand, on the caller's thread: to try things out.
+    void exec(Message& m) override {
+        if (runner_) fail(kRunning, name(), "EXEC runs one tick while it is stopped");
+        Plan once = plan();
+        if (once.steps.empty()) fail(kNoSteps, name(), "-steps");
+        sorma::Tick tick{sorma::monotonicNow(), period_, ++byHand_};
+        sorma::Tick::Scope scope(tick);
+        for (auto& step : once.steps) step.run(nullptr);
+        m.ints.assign(1, std::int64_t(byHand_));
+    }
+
+    void leaving() override { end(); }
+
+    void dumpState(std::string& out) const override {
+        out += std::string("# state ") + (runner_ ? "running" : fault_.trail.empty() ? "stopped" : "faulted") + "\n";
+        if (runner_) {
+            out += "# tick " + std::to_string(runner_->ticks()) + "\n";
+            if (auto busy = runner_->busyWith(); !busy.empty()) out += "# busy with " + busy + "\n";
+        }
+        for (auto& line : refused_) out += "# refused " + line + "\n";
+        if (!fault_.trail.empty())
+            out += "# fault in tick " + std::to_string(fault_.tick) + (fault_.step.empty() ? "" : ", step " + fault_.step) + ": " +
+                   sorma::Error(fault_.trail).what() + "\n";
+    }
+
+private:
+    // ---- what is to be run ----
+
+    Step step(const std::string& text, bool execOnly) {
+        Step s;
+        s.text = text;
+        std::string target = text;
+        if (text.find_first_of(" \t\n") != std::string::npos) {
+            sorma::parseRequest(text, target, s.method, s.request);
+            if (execOnly && (s.method != sorma::Method::exec || !s.request.words.empty())) fail(kExecOnly, name(), text);
+        }
+        s.object = sorm().get(target);
+        if (s.object.get() == this) fail(kWithin, name(), name());
+        return s;
+    }
+
+    Plan plan() {
+        Plan p;
+        p.period = std::llround(period_ * 1e9);
+        p.overrun = overrun_ == "skip" ? cycle::Overrun::skip : overrun_ == "fault" ? cycle::Overrun::fault : cycle::Overrun::catchUp;
+        p.goesOn = afterFault_ == "continue";
+        p.watchdog = watchdog_ > 0 ? std::llround(watchdog_ * 1e9) : std::max(kWatchdogPeriods * p.period, kLeastWatchdog);
+        for (auto& word : sorma::splitWords(steps_)) p.steps.push_back(step(word, true));
+        if (!onFault_.empty()) p.onFault = step(onFault_, false);
+        return p;
+    }
+
+    // ---- requests ----
+
+    void start(Args, Message& m) {
+        if (runner_) fail(kRunning, name(), "CTRL -stop stops it");
+        Plan p = plan();
+        if (p.steps.empty()) fail(kNoSteps, name(), "-steps");
+        auto runner = std::make_unique<cycle::Runner>(name(), sorm().mailbox(), static_cast<cycle::Owner&>(*this));
+        std::string memory = lockMemory_ ? memory_.acquire() : std::string();
+        refused_ = runner->start(std::move(p), {int(priority_), int(cpu_)});
+        if (!memory.empty()) refused_.push_back(memory);
+        runner_ = std::move(runner);
+        fault_ = {};
+        for (auto& line : refused_) m.warn(kUsual, name(), line);
+        publishText("started", steps_);
+    }
+
+    void stopNow(Args, Message&) {
+        if (!runner_) fail(kNotRunning, name());
+        halt();
+    }
+
+    void reset(Args, Message&) {
+        if (!runner_) fail(kNotRunning, name());
+        runner_->resetFigures();
+    }
+
+    void halt() {
+        if (!runner_->stop()) fail(kHangs, name(), runner_->busyWith());
+        last_ = figuresText();
+        runner_.reset();
+        memory_.release();
+        publishText("stopped", steps_);
+    }
+
+    // With a step that hangs, its thread and what it uses stay as they are: nobody can take them away from it.
+    void end() {
+        if (!runner_) return;
+        if (runner_->stop()) runner_.reset();
+        else (void)runner_.release();
+        memory_.release();
+    }
+
+    std::string figuresText() {
+        if (!runner_) return last_.empty() ? "it has not run yet" : last_;
+        auto f = runner_->figures();
+        std::string out = "ticks " + std::to_string(f.ticks) + " skipped " + std::to_string(f.skipped) + " overruns " +
+                          std::to_string(f.overruns) + " faults " + std::to_string(f.faults) + " requests " +
+                          std::to_string(f.requests) + "\n";
+        auto times = [&](const std::string& what, const sorma::Histogram& h) {
+            out += what + ": p50 <= " + sorma::durationText(double(h.quantile(0.5))) + ", p99 <= " +
+                   sorma::durationText(double(h.quantile(0.99))) + ", longest " + sorma::durationText(double(h.quantile(1))) + "\n";
+        };
+        times("jitter of the beginning", f.jitter);
+        out += f.jitter.toText() + "\n";
+        times("length of a tick", f.busy);
+        for (auto& s : runner_->plan().steps)
+            if (s.times.count() > 0) times("step " + s.text + ", one tick in " + std::to_string(cycle::Runner::kSample), s.times);
+        out += "longest request between ticks " + sorma::durationText(double(f.longestRequest));
+        return out;
+    }
+
+    void publishText(std::string_view event, const std::string& text) {
+        Message m;
+        m.text = text;
+        publish(event, m);
+    }
+
+    // ---- what the runner tells ----
+
+    void faulted(const Fault& fault) override {
+        fault_ = fault;
+        Message m;
+        m.text = sorma::Error(fault.trail).what();
+        m.words = {fault.step};
+        m.ints = {std::int64_t(fault.tick)};
+        publish("fault", m);
+        sorm().announce(fault.trail);
+    }
+
+    void act(const Step& action) override { action.object->oneway(action.method, action.request); }
+
+    void ended() override {
+        if (runner_) halt();
+    }
+
+    std::string steps_, overrun_ = "skip", onFault_, afterFault_ = "stop";
+    double period_ = 0.015, watchdog_ = 0;
+    std::int64_t priority_ = 50, cpu_ = -1;
+    bool lockMemory_ = true, autostart_ = false;
+
+    std::unique_ptr<cycle::Runner> runner_;         // while it runs
+    cycle::MemoryLock memory_;
+    std::vector<std::string> refused_;
+    Fault fault_;                                   // the last one since it was started
+    std::string last_;                              // figures when it was stopped
+    std::uint64_t byHand_ = 0;
+};
+
+}  // namespace
+
+extern "C" SORMA_EXPORT int Cycle_Init(Tcl_Interp* interp) {
+    return sorma::provide(interp, "sorma::service::cycle", "1.0", {Cycle::describe()});
+}

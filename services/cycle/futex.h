@@ -1,0 +1,45 @@
+// futex.h -- a word on which one thread sleeps until another one has changed it, or until a time.
+#pragma once
+
+#include <linux/futex.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <climits>
+#include <cstdint>
+#include <ctime>
+
+namespace cycle {
+
+class Futex {
+public:
+    explicit Futex(std::uint32_t value = 0) : word_(value) {}
+    std::uint32_t load() const { return word_.load(std::memory_order_acquire); }
+    bool exchange(std::uint32_t from, std::uint32_t to) {
+        return word_.compare_exchange_strong(from, to, std::memory_order_acq_rel);
+    }
+    // Change it, and wake those who sleep.
+    void set(std::uint32_t value) {
+        word_.store(value, std::memory_order_release);
+        call(FUTEX_WAKE_PRIVATE, INT_MAX, nullptr);
+    }
+    void increase() {
+        word_.fetch_add(1, std::memory_order_release);
+        call(FUTEX_WAKE_PRIVATE, INT_MAX, nullptr);
+    }
+    // Sleep while it has this value, until a time on the monotonic clock [ns]. May return early.
+    void wait(std::uint32_t value, std::int64_t until) {
+        timespec t{std::time_t(until / 1'000'000'000), long(until % 1'000'000'000)};
+        call(FUTEX_WAIT_BITSET_PRIVATE, value, &t);
+    }
+
+private:
+    long call(int operation, std::uint32_t value, const timespec* until) {
+        return syscall(SYS_futex, reinterpret_cast<std::uint32_t*>(&word_), operation, value, until, nullptr, FUTEX_BITSET_MATCH_ANY);
+    }
+    std::atomic<std::uint32_t> word_;
+    static_assert(sizeof(std::atomic<std::uint32_t>) == 4 && std::atomic<std::uint32_t>::is_always_lock_free);
+};
+
+}  // namespace cycle

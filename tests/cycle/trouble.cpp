@@ -1,0 +1,82 @@
+// trouble -- a step for the tests of the cycle: does what a step should not, when it is told to.
+#include <pthread.h>
+#include <time.h>
+
+#include <atomic>
+#include <memory>
+
+#include <sorma.h>
+
+namespace {
+
+const sorma::Prototype kFailed{sorma::Severity::error, "TROUBLE MADE", 1, "{}: failed as it was told to, call {}"};
+
+std::atomic<int> actions{0};                // of all objects: EXECs with an int, which say that the safe action was taken
+std::atomic<bool> asleep{false};            // an EXEC sleeps
+
+class Trouble : public sorma::Service {
+public:
+    static sorma::Class describe() {
+        return sorma::Class::of<Trouble>("trouble", "does what a step should not, when it is told to")
+            .integer("-failAt", &Trouble::failAt_, {.help = "call that fails; 0: none"})
+            .integer("-sleepAt", &Trouble::sleepAt_, {.help = "call that sleeps; 0: none"})
+            .real("-sleep", &Trouble::sleep_, {.unit = "s", .low = 0, .help = "how long"})
+            .integer("-removeAt", &Trouble::removeAt_, {.help = "call that removes the object itself; 0: none"})
+            .integer("-allocateAt", &Trouble::allocateAt_, {.help = "call that takes memory; 0: none"})
+            .integer("-lockAt", &Trouble::lockAt_, {.help = "call that locks a mutex; 0: none"})
+            .integer("-value", &Trouble::value_, {.help = "any"})
+            .action("-thread", &Trouble::thread, "", "name of the thread that executes this")
+            .action("-wait", &Trouble::wait, "s", "take so long", 1, 1)
+            .action("-actions", &Trouble::actions, "", "safe actions taken so far, by all objects of the class")
+            .action("-asleep", &Trouble::isAsleep, "", "does any of them sleep?")
+            .action("-clear", &Trouble::clear, "", "no safe action has been taken")
+            .realtime();
+    }
+
+    void exec(sorma::Message& m) override {
+        ++calls_;
+        if (!m.ints.empty()) ++::actions;
+        floats_ = m.floats.size();
+        if (const auto* tick = sorma::Tick::current()) period_ = tick->period;
+        if (calls_ == sleepAt_) doze(sleep_);
+        if (calls_ == removeAt_) sorm().remove(name());
+        if (calls_ == allocateAt_) allocated_ = std::make_unique<char[]>(100);
+        if (calls_ == lockAt_) std::lock_guard lock(mutex_);
+        if (calls_ == failAt_) fail(kFailed, name(), calls_);
+        m.floats.assign(1, double(calls_));
+    }
+
+    void dumpState(std::string& out) const override {
+        out += "# calls " + std::to_string(calls_) + "\n# floats " + std::to_string(floats_) + "\n# period " +
+               std::to_string(period_) + "\n";
+    }
+
+private:
+    static void doze(double seconds) {
+        asleep = true;
+        timespec t{time_t(seconds), long((seconds - double(time_t(seconds))) * 1e9)};
+        nanosleep(&t, nullptr);
+        asleep = false;
+    }
+    void thread(sorma::Args, sorma::Message& m) {
+        char name[32] = "";
+        pthread_getname_np(pthread_self(), name, sizeof name);
+        m.text = name;
+    }
+    void wait(sorma::Args args, sorma::Message&) { doze(std::stod(args[0])); }
+    void actions(sorma::Args, sorma::Message& m) { m.text = std::to_string(::actions); }
+    void isAsleep(sorma::Args, sorma::Message& m) { m.text = std::to_string(int(asleep)); }
+    void clear(sorma::Args, sorma::Message&) { ::actions = 0; }
+
+    std::int64_t failAt_ = 0, sleepAt_ = 0, removeAt_ = 0, allocateAt_ = 0, lockAt_ = 0, value_ = 0, calls_ = 0;
+    double sleep_ = 0, period_ = 0;
+    std::size_t floats_ = 0;
+    std::unique_ptr<char[]> allocated_;
+    std::mutex mutex_;
+};
+
+}  // namespace
+
+extern "C" SORMA_EXPORT int Trouble_Init(Tcl_Interp* interp) {
+    return sorma::provide(interp, "sorma::service::trouble", "1.0", {Trouble::describe()});
+}
