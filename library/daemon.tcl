@@ -14,10 +14,14 @@ namespace eval ::sorma {
   -package NAME ...   Tcl packages to load, such as sorma::service::echo
   -script FILE        Tcl script to run before the daemon is ready
   -log FILE           where background errors are noted                     (default: standard error)
+  -until-eof          end when standard input ends: with whoever has started it, also over ssh
+  -inetd              serve the socket that is standard input: one connection, or a listener (inetd's "wait")
+  -idle SECONDS       end when there has been no connection for so long     (default: 0, never)
   -help               this text
 When it can be called it prints: ready NAME tcp=PORT unix=PATH program=0xN (the parts that apply).
-SIGTERM and SIGINT end it; exit code 0.}
-    variable DaemonEnd      ;# set by a signal: how the daemon ended
+SIGTERM and SIGINT end it; exit code 0. Listening sockets that systemd passes are used in place of new ones.}
+    variable DaemonEnd      ;# set once: how the daemon ended
+    variable Grace 5000     ;# ms for requests to end when the daemon has been told to
 }
 
 # ::sorma::daemonMain --
@@ -29,6 +33,7 @@ SIGTERM and SIGINT end it; exit code 0.}
 proc ::sorma::daemonMain words {
     variable DaemonEnd
     variable DaemonUsage
+    variable Grace
     if {"-help" in $words || "--help" in $words} {
         puts $DaemonUsage
         return 0
@@ -42,7 +47,10 @@ proc ::sorma::daemonMain words {
     }
     try {
         AtSignal ::sorma::EndDaemon
-        StartDaemon $settings
+        if {[dict get $settings -until-eof]} {
+            UntilEof $Grace
+        }
+        StartDaemon $settings [InheritedSockets [dict get $settings -inetd]]
     } on error message {
         puts stderr "sormad: $message"
         return 1
@@ -62,7 +70,9 @@ proc ::sorma::daemonMain words {
 # A service that waits in an event loop of its own keeps the daemon from ending: it gets a while, no more.
 proc ::sorma::EndDaemon {} {
     variable DaemonEnd signal
-    after 5000 {
+    variable Grace
+    Notify "STOPPING=1\nSTATUS=told to end"
+    after $Grace {
         puts stderr "sormad: told to end, but a request did not end in 5 s"
         exit 1
     }
@@ -70,16 +80,22 @@ proc ::sorma::EndDaemon {} {
 
 # Read the command line into a dict: option -> value, or list of values for -dict and -package.
 proc ::sorma::ParseDaemonWords words {
-    set settings [dict create -name {} -dict {} -package {} -script {} -log {} -serve {}]
+    set settings [dict create -name {} -dict {} -package {} -script {} -log {} -until-eof 0 -inetd 0 -idle 0 -serve {}]
     while {[llength $words] > 0} {
         set words [lassign $words option]
         switch -- $option {
-            -name - -script - -log - -port - -host - -socket - -rpcbind - -program {
+            -until-eof - -inetd {
+                dict set settings $option 1
+            }
+            -name - -script - -log - -idle - -port - -host - -socket - -rpcbind - -program {
                 if {[llength $words] == 0} {
                     return -code error "$option needs a value"
                 }
                 set words [lassign $words value]
-                if {$option in {-name -script -log}} {
+                if {$option eq "-idle" && (![string is double -strict $value] || !($value >= 0 && $value < 1e9))} {
+                    return -code error "-idle expects seconds, 0 or more, got \"$value\""
+                }
+                if {$option in {-name -script -log -idle}} {
                     dict set settings $option $value
                 } else {
                     dict lappend settings -serve $option $value
@@ -106,8 +122,46 @@ proc ::sorma::ParseDaemonWords words {
     return $settings
 }
 
+# Sockets that whoever has started this process has opened for it: systemd says so in the environment (sd_listen_fds(3)),
+# inetd gives one as standard input. Returns options for sorma::serve.
+proc ::sorma::InheritedSockets inetd {
+    global env
+    set listen {}
+    set options {}
+    if {[info exists env(LISTEN_PID)] && $env(LISTEN_PID) eq [pid]} {
+        if {![info exists env(LISTEN_FDS)] || ![regexp {^\d{1,4}$} $env(LISTEN_FDS)]} {
+            return -code error "LISTEN_FDS must be the number of sockets that are passed"
+        }
+        set names {}
+        if {[info exists env(LISTEN_FDNAMES)]} {
+            set names [split $env(LISTEN_FDNAMES) :]
+        }
+        for {set k 0; set fd 3} {$k < $env(LISTEN_FDS)} {incr k; incr fd} {
+            CloseAtExec $fd
+            if {[lindex $names $k] eq "connection"} {   ;# a socket unit with Accept=yes
+                lappend options -connection $fd
+            } else {
+                lappend listen $fd
+            }
+        }
+    }
+    unset -nocomplain env(LISTEN_PID) env(LISTEN_FDS) env(LISTEN_FDNAMES)
+    if {$inetd} {
+        lassign [TakeSocket] fd listens
+        if {$listens} {
+            lappend listen $fd
+        } else {
+            lappend options -connection $fd
+        }
+    }
+    if {[llength $listen] > 0} {
+        lappend options -listen $listen
+    }
+    return $options
+}
+
 # Load what the daemon needs, serve, and say so. On an error nothing is served.
-proc ::sorma::StartDaemon settings {
+proc ::sorma::StartDaemon {settings inherited} {
     if {[dict get $settings -log] ne {}} {
         set log [open [dict get $settings -log] a]
         fconfigure $log -buffering line -encoding utf-8
@@ -125,17 +179,66 @@ proc ::sorma::StartDaemon settings {
     if {[dict get $settings -script] ne {}} {
         uplevel #0 [list source -encoding utf-8 [dict get $settings -script]]
     }
-    set served [serve [dict get $settings -name] {*}[dict get $settings -serve]]
+    if {[dict exists $inherited -connection]} {
+        subscribe sorm -event connection.closed -command ::sorma::ConnectionEnded
+    }
+    set served [serve [dict get $settings -name] {*}[dict get $settings -serve] {*}$inherited]
+    if {[dict get $settings -idle] > 0} {
+        WatchIdle [expr {round(1000 * [dict get $settings -idle])}]
+    }
     set line "ready [dict get $served name]"
     if {[dict get $served port] ne {}} {
         append line " tcp=[dict get $served port]"
     }
-    append line " unix=[dict get $served socket]"
+    if {[dict get $served socket] ne {}} {
+        append line " unix=[dict get $served socket]"
+    }
     if {[dict get $served program] ne {}} {
         append line " program=[dict get $served program]"
     }
     puts $line
     flush stdout
+    Notify "READY=1\nSTATUS=$line"
+    StartWatchdog
+}
+
+# The one connection for which the daemon was made has ended.
+proc ::sorma::ConnectionEnded args {
+    variable DaemonEnd connection
+}
+
+# Each time a connection has ended, see after a while whether there is one.
+proc ::sorma::WatchIdle milliseconds {
+    subscribe sorm -event connection.closed -command [list ::sorma::AfterIdle $milliseconds]
+    AfterIdle $milliseconds
+}
+
+proc ::sorma::AfterIdle {milliseconds args} {
+    after cancel ::sorma::CheckIdle
+    after $milliseconds ::sorma::CheckIdle
+}
+
+proc ::sorma::CheckIdle {} {
+    variable DaemonEnd
+    if {![regexp -line {^from } [lindex [::sorma::so::sorm CTRL -connections] 3]]} {
+        Notify "STOPPING=1\nSTATUS=idle"
+        set DaemonEnd idle
+    }
+}
+
+# Tell systemd regularly that the event loop turns (WatchdogSec=), twice as often as it wants to hear it.
+proc ::sorma::StartWatchdog {} {
+    global env
+    if {![info exists env(WATCHDOG_USEC)] || ![string is wideinteger -strict $env(WATCHDOG_USEC)] ||
+            ([info exists env(WATCHDOG_PID)] && $env(WATCHDOG_PID) ne [pid])} {
+        return
+    }
+    Watchdog [expr {max(1, $env(WATCHDOG_USEC) / 2000)}]
+}
+
+proc ::sorma::Watchdog milliseconds {
+    Notify WATCHDOG=1
+    after $milliseconds [list ::sorma::Watchdog $milliseconds]
 }
 
 proc ::sorma::NoteBackgroundError {log message options} {

@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstddef>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
@@ -33,6 +34,7 @@ const Prototype kPath{Severity::error, "NAME SYNTAX", 1, "socket path {} has {} 
 const Prototype kListen{Severity::error, "COMM REFUSED", 1, "cannot listen on {}: {}"};
 const Prototype kTaken{Severity::error, "COMM REFUSED", 1,
     "{} is served already by {}; this is {}; end that one or choose another name"};
+const Prototype kInherited{Severity::error, "COMM REFUSED", 1, "descriptor {} was to be {}, but it is {}"};
 const Prototype kNotRegistered{Severity::error, "ADDRESS UNRESOLVED", 1, "{}: rpcbind on {} knows no program 0x{} (0x20000000 + 0x{})"};
 
 struct Closing {
@@ -278,5 +280,48 @@ int listenUnix(const std::string& path) {
     if (listen(s.fd, SOMAXCONN) < 0) fail(kListen, path, std::strerror(errno));
     return raiseDescriptor(s.release());
 }
+
+namespace {
+
+Inherited inherit(int fd, bool listener) {
+    const char* wanted = listener ? "a socket that listens" : "a connection";
+    auto property = [&](int which, const char* otherwise) {
+        int value = 0;
+        socklen_t size = sizeof value;
+        if (getsockopt(fd, SOL_SOCKET, which, &value, &size) < 0)
+            fail(kInherited, fd, wanted, errno == EBADF ? "not open" : errno == ENOTSOCK ? "no socket" : otherwise);
+        return value;
+    };
+    int domain = property(SO_DOMAIN, "of no known kind");
+    if (domain != AF_UNIX && domain != AF_INET && domain != AF_INET6) fail(kInherited, fd, wanted, "neither of TCP nor of the Unix domain");
+    if (property(SO_TYPE, "of no known kind") != SOCK_STREAM) fail(kInherited, fd, wanted, "no stream");
+    bool listens = property(SO_ACCEPTCONN, "of no known kind");
+    sockaddr_storage peer{}, own{};
+    socklen_t size = sizeof peer;
+    if (listener && !listens) fail(kInherited, fd, wanted, "a connection, or not yet either; one connection is served by sormad -inetd");
+    if (!listener && listens) fail(kInherited, fd, wanted, "a socket that listens");
+    if (!listener && getpeername(fd, reinterpret_cast<sockaddr*>(&peer), &size) < 0) fail(kInherited, fd, wanted, "not connected");
+    size = sizeof own;
+    getsockname(fd, reinterpret_cast<sockaddr*>(&own), &size);
+    Inherited found{-1, domain != AF_UNIX, 0, {}};
+    if (domain == AF_INET) found.port = ntohs(reinterpret_cast<sockaddr_in&>(own).sin_port);
+    else if (domain == AF_INET6) found.port = ntohs(reinterpret_cast<sockaddr_in6&>(own).sin6_port);
+    else if (size > offsetof(sockaddr_un, sun_path)) {
+        auto& a = reinterpret_cast<sockaddr_un&>(own);
+        found.path.assign(a.sun_path, size - offsetof(sockaddr_un, sun_path));
+        if (found.path[0] == 0) found.path[0] = '@';
+        else found.path.resize(std::strlen(found.path.c_str()));
+    }
+    int copy = fcntl(fd, F_DUPFD_CLOEXEC, STDERR_FILENO + 1);
+    if (copy < 0) fail(kListen, "descriptor " + std::to_string(fd), std::strerror(errno));
+    makeBlocking(copy, false);
+    found.fd = raiseDescriptor(copy);
+    return found;
+}
+
+}  // namespace
+
+Inherited inheritListener(int fd) { return inherit(fd, true); }
+Inherited inheritConnection(int fd) { return inherit(fd, false); }
 
 }  // namespace sorma

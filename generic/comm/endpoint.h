@@ -32,6 +32,18 @@ int listenTcp(const std::string& host, int port, int& boundPort);
 // Removes the socket file of a daemon that died; refuses when a live one answers. Holds a lock on the folder meanwhile.
 int listenUnix(const std::string& path);
 
+// Sockets that somebody else has opened for us (socket activation, inetd), as copies that are like our own: non-blocking,
+// close-on-exec, above 1024. The original stays open, and the caller's. Fail with COMM REFUSED, saying what the
+// descriptor is instead, when it is no stream socket, TCP or Unix-domain, that listens or that is connected.
+struct Inherited {
+    int fd;
+    bool tcp;
+    int port;               // TCP: where it is bound
+    std::string path;       // Unix-domain: the same; "@name" in the abstract namespace; empty: a connection without a name
+};
+Inherited inheritListener(int fd);
+Inherited inheritConnection(int fd);
+
 // rpcbind of a host (through libtirpc). Port of a registered program, 0 when it is not registered.
 int rpcbindLookup(const std::string& host, std::uint32_t program);
 // Register a TCP port; program offset 0 takes the first free one. Returns the offset. Fails with COMM REFUSED.

@@ -79,19 +79,34 @@ Server::Server(Sorm& sorm, Reactor& reactor, Gate& gate, const Settings& setting
     : sorm_(sorm), reactor_(reactor), gate_(gate), settings_(settings), name_(wanted.name), boot_(randomNumber()), started_(wallNow()) {
     Gate::Inside inside(gate_);
     try {
-        socket_ = wanted.socket.empty() ? runtimeSocket(name_) : wanted.socket;
-        std::string path = socket_;
-        socket_.clear();                                // not ours until we listen
-        listeners_.push_back(std::make_unique<Listener>(*this, listenUnix(path), false));
-        socket_ = path;
-        int port = wanted.port;
-        if (port < 0 && wanted.rpcbind) port = 0;       // rpcbind registers a TCP port
-        if (port >= 0) listeners_.push_back(std::make_unique<Listener>(*this, listenTcp(wanted.host, port, port_), true));
-        if (wanted.rpcbind) program_ = rpcbindRegister(wanted.program, wanted.host, port_);
+        for (int fd : wanted.listen) {
+            Inherited found = inheritListener(fd);
+            listeners_.push_back(std::make_unique<Listener>(*this, found.fd, found.tcp));
+            if (found.tcp && port_ == 0) port_ = found.port;
+            if (!found.tcp && socket_.empty()) socket_ = found.path;
+        }
+        if (wanted.connection < 0) listen(wanted);
+        if (wanted.connection >= 0) adopt(inheritConnection(wanted.connection));
     } catch (...) {
         stop({});
         throw;
     }
+    for (int fd : wanted.listen) close(fd);
+    if (wanted.connection >= 0) close(wanted.connection);
+}
+
+// What has not been inherited.
+void Server::listen(const Wanted& wanted) {
+    if (socket_.empty()) {
+        std::string path = wanted.socket.empty() ? runtimeSocket(name_) : wanted.socket;
+        listeners_.push_back(std::make_unique<Listener>(*this, listenUnix(path), false));
+        socket_ = path;
+        ownSocket_ = true;
+    }
+    int port = wanted.port;
+    if (port < 0 && wanted.rpcbind) port = 0;           // rpcbind registers a TCP port
+    if (port >= 0 && port_ == 0) listeners_.push_back(std::make_unique<Listener>(*this, listenTcp(wanted.host, port, port_), true));
+    if (wanted.rpcbind) program_ = rpcbindRegister(wanted.program, wanted.host, port_);
 }
 
 Server::~Server() { stop("the daemon ends"); }
@@ -117,7 +132,8 @@ void Server::stop(const std::string& reason) {
     for (auto& [number, session] : sessions_) session->subscriptions.clear();
     Gate::Inside inside(gate_);
     listeners_.clear();
-    if (!socket_.empty()) unlink(socket_.c_str());
+    if (ownSocket_) unlink(socket_.c_str());
+    ownSocket_ = false;
     socket_.clear();
     if (program_ != 0) rpcbindUnregister(program_);
     program_ = 0;
@@ -160,6 +176,13 @@ void Server::accept(int listener, bool tcp) {
         }
         adopt(fd, tcp, &from);
     }
+}
+
+void Server::adopt(const Inherited& connection) {
+    sockaddr_storage from{};
+    socklen_t size = sizeof from;
+    getpeername(connection.fd, reinterpret_cast<sockaddr*>(&from), &size);
+    adopt(connection.fd, connection.tcp, &from);
 }
 
 void Server::adopt(int fd, bool tcp, const void* address) {

@@ -27,6 +27,8 @@
 
 namespace sorma {
 
+struct Inherited;
+
 class Server {
 public:
     struct Wanted {
@@ -36,9 +38,14 @@ public:
         int port = -1;                  // -1: no TCP; 0: a free one
         bool rpcbind = false;
         std::uint32_t program = 0;      // offset from 0x20000000; 0: the first free one
+        // Descriptors of sockets that listen already (socket activation), in place of new ones: a Unix-domain one of
+        // that at `socket`, a TCP one of that at `host` and `port`. They are closed when it serves; files of Unix-domain
+        // ones stay at the end, since whoever made them goes on to listen.
+        std::vector<int> listen;
+        int connection = -1;            // a connection that is open already (inetd): serve this one, and listen nowhere
     };
 
-    // Starts to listen. Fails with COMM REFUSED when the name or an address is taken.
+    // Starts to listen. Fails with COMM REFUSED when the name or an address is taken, or a descriptor is of no use.
     Server(Sorm& sorm, Reactor& reactor, Gate& gate, const Settings& settings, const Wanted& wanted);
     ~Server();                          // as stop("the daemon ends")
     Server(const Server&) = delete;
@@ -90,7 +97,9 @@ private:
         std::uint64_t timer;
     };
 
+    void listen(const Wanted& wanted);
     void accept(int listener, bool tcp);
+    void adopt(const Inherited& connection);
     void adopt(int fd, bool tcp, const void* address);
     bool newcomer(XdrReader hello) const;
     Slot* findSlot(const Later& later);
@@ -116,6 +125,7 @@ private:
     Gate& gate_;
     const Settings& settings_;
     std::string name_, socket_;
+    bool ownSocket_ = false;                                    // its file is removed at the end
     int port_ = 0;
     std::uint32_t program_ = 0;
     std::uint64_t boot_;

@@ -1,10 +1,9 @@
 #include "tcl/commCommands.h"
 
-#include <csignal>
+#include <climits>
 #include <cstring>
 #include <memory>
-#include <sys/eventfd.h>
-#include <unistd.h>
+#include <vector>
 
 #include "bus/requestText.h"
 #include "comm/comm.h"
@@ -15,7 +14,7 @@ namespace sorma {
 namespace {
 
 const Prototype kServeOption{Severity::error, "REQUEST SYNTAX", 0,
-    "bad option \"{}\": must be -host, -port, -program, -rpcbind, or -socket"};
+    "bad option \"{}\": must be -connection, -host, -listen, -port, -program, -rpcbind, or -socket"};
 const Prototype kServeValue{Severity::error, "REQUEST SYNTAX", 0, "{} expects {}, got \"{}\""};
 const Prototype kServeMissing{Severity::error, "REQUEST SYNTAX", 0, "{} needs a value"};
 
@@ -68,25 +67,38 @@ Tcl_Obj* describe(const Server& server) {
     return dict;
 }
 
-// sorma::serve name ?-port P? ?-host H? ?-socket PATH? ?-rpcbind bool? ?-program N?
+std::vector<int> descriptors(const std::string& option, Tcl_Obj* list) {
+    Tcl_Size count = 0;
+    Tcl_Obj** items = nullptr;
+    if (Tcl_ListObjGetElements(nullptr, list, &count, &items) != TCL_OK) fail(kServeValue, option, "a list of descriptors", toUtf8(list));
+    std::vector<int> out;
+    for (Tcl_Size k = 0; k < count; ++k) out.push_back(int(wholeNumber(option, toUtf8(items[k]), 0, INT_MAX)));
+    return out;
+}
+
+// sorma::serve name ?-port P? ?-host H? ?-socket PATH? ?-rpcbind bool? ?-program N? ?-listen FDS? ?-connection FD?
 int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     return guarded(i, objc, objv, [&] {
         if (objc < 2) {
-            Tcl_WrongNumArgs(interp, 1, objv, "name ?-port number? ?-host name? ?-socket path? ?-rpcbind boolean? ?-program number?");
+            Tcl_WrongNumArgs(interp, 1, objv, "name ?-port number? ?-host name? ?-socket path? ?-rpcbind boolean? ?-program number? "
+                                              "?-listen descriptors? ?-connection descriptor?");
             return TCL_ERROR;
         }
         Server::Wanted wanted;
         wanted.name = toUtf8(objv[1]);
         for (int at = 2; at < objc; at += 2) {
             std::string option = toUtf8(objv[at]);
-            bool known = option == "-port" || option == "-host" || option == "-socket" || option == "-rpcbind" || option == "-program";
+            bool known = option == "-port" || option == "-host" || option == "-socket" || option == "-rpcbind" ||
+                         option == "-program" || option == "-listen" || option == "-connection";
             if (!known) fail(kServeOption, option);
             if (at + 1 == objc) fail(kServeMissing, option);
             std::string value = toUtf8(objv[at + 1]);
             if (option == "-port") wanted.port = value.empty() ? -1 : int(wholeNumber(option, value, 0, 65535));
             else if (option == "-host") wanted.host = value;
             else if (option == "-socket") wanted.socket = value;
+            else if (option == "-listen") wanted.listen = descriptors(option, objv[at + 1]);
+            else if (option == "-connection") wanted.connection = int(wholeNumber(option, value, 0, INT_MAX));
             else if (option == "-rpcbind") wanted.rpcbind = toBoolean(objv[at + 1]);
             else wanted.program = std::uint32_t(wholeNumber(option, value, 1, 0x1fffffff));
         }
@@ -133,56 +145,6 @@ int DaemonsObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const 
     });
 }
 
-// ---- signals: a daemon is asked to end by SIGTERM or SIGINT ----
-
-int signalBell = -1;
-
-void onSignal(int) {
-    std::uint64_t one = 1;
-    int saved = errno;
-    ssize_t ignored = write(signalBell, &one, sizeof one);
-    (void)ignored;
-    errno = saved;
-}
-
-struct SignalScript {
-    Interpreter& interpreter;
-    Obj script;
-    ~SignalScript() {
-        Tcl_DeleteFileHandler(signalBell);
-        for (int number : {SIGTERM, SIGINT}) signal(number, SIG_DFL);
-    }
-};
-
-void signalReadable(ClientData data, int) {
-    auto& s = *static_cast<SignalScript*>(data);
-    std::uint64_t count;
-    if (read(signalBell, &count, sizeof count) < 0) return;
-    Interpreter::Entered entered(s.interpreter);
-    Obj script = s.script;
-    Tcl_Interp* interp = s.interpreter.interp;
-    if (Tcl_EvalObjEx(interp, script, TCL_EVAL_GLOBAL) != TCL_OK) Tcl_BackgroundException(interp, TCL_ERROR);
-}
-
-// sorma::AtSignal script: run it from the event loop when SIGTERM or SIGINT comes. For sormad; one a process.
-int AtSignalObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
-    auto& i = *static_cast<Interpreter*>(data);
-    return guarded(i, objc, objv, [&] {
-        if (objc != 2 || signalBell >= 0) {
-            Tcl_WrongNumArgs(interp, 1, objv, "script (once a process)");
-            return TCL_ERROR;
-        }
-        signalBell = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
-        std::shared_ptr<SignalScript> own(new SignalScript{i, Obj(objv[1])});
-        Tcl_CreateFileHandler(signalBell, TCL_READABLE, signalReadable, own.get());
-        struct sigaction action{};
-        action.sa_handler = onSignal;
-        for (int number : {SIGTERM, SIGINT}) sigaction(number, &action, nullptr);
-        i.atEnd([own]() mutable { own.reset(); });
-        return TCL_OK;
-    });
-}
-
 }  // namespace
 
 void initCommCommands(Interpreter& i) {
@@ -192,7 +154,6 @@ void initCommCommands(Interpreter& i) {
     i.define("serve", ServeObjCmd);
     i.define("unserve", UnserveObjCmd);
     i.define("daemons", DaemonsObjCmd);
-    if (!i.safe) Tcl_CreateObjCommand(i.interp, "::sorma::AtSignal", AtSignalObjCmd, &i, nullptr);
 
     Settings& s = network->comm.settings;
     auto add = [&](const char* name, const char* unit, const char* help, std::int64_t low, std::int64_t high, std::int64_t& value) {

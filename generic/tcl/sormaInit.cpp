@@ -3,6 +3,7 @@
 
 #include "tcl/commands.h"
 #include "tcl/interpreter.h"
+#include "tcl/processCommands.h"
 #include "tcl/soCommand.h"
 #include "tcl/tclService.h"
 
@@ -31,6 +32,7 @@ int init(Tcl_Interp* interp, bool safe) {
             initSoCommands(*interpreter);
             if (!initTclServices(*interpreter)) return TCL_ERROR;
             initCommands(*interpreter);
+            initProcessCommands(*interpreter);
 #ifdef SORMA_COMM
             initCommCommands(*interpreter);
             initAsyncCommands(*interpreter);

@@ -1,0 +1,275 @@
+#include "tcl/processCommands.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstddef>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <thread>
+
+#include "bus/requestText.h"
+
+namespace sorma {
+
+namespace {
+
+const Prototype kSignalName{Severity::error, "REQUEST SYNTAX", 0, "unknown signal \"{}\": must be CONT, HUP, INT, KILL, QUIT, STOP, or TERM"};
+const Prototype kNumber{Severity::error, "REQUEST SYNTAX", 0, "{} expects a whole number, got \"{}\""};
+const Prototype kNoProcess{Severity::error, "SERVICE GONE", 1, "process {} cannot be watched: {}"};
+const Prototype kNoSocket{Severity::error, "COMM REFUSED", 0, "standard input is no socket; inetd, or systemd with Accept=yes and StandardInput=socket, give one"};
+const Prototype kNoThread{Severity::error, "COMM LIMIT", 1, "no thread can be had that watches standard input: {}"};
+
+struct SignalName {
+    const char* name;
+    int number;
+};
+constexpr SignalName kSignals[] = {{"CONT", SIGCONT}, {"HUP", SIGHUP}, {"INT", SIGINT}, {"KILL", SIGKILL},
+                                   {"QUIT", SIGQUIT}, {"STOP", SIGSTOP}, {"TERM", SIGTERM}};
+
+int signalNumber(const std::string& name) {
+    for (auto& s : kSignals)
+        if (name == s.name) return s.number;
+    fail(kSignalName, name);
+}
+
+int number(const char* what, Tcl_Obj* given) {
+    std::int64_t value = 0;
+    std::string text = toUtf8(given);
+    if (!parseNumber(text, value) || value < INT32_MIN || value > INT32_MAX) fail(kNumber, what, text);
+    return int(value);
+}
+
+void evaluate(Interpreter& i, Tcl_Obj* script) {
+    Interpreter::Entered entered(i);
+    Obj keep(script);
+    if (Tcl_EvalObjEx(i.interp, keep, TCL_EVAL_GLOBAL) != TCL_OK) Tcl_BackgroundException(i.interp, TCL_ERROR);
+}
+
+// ---- signals ----
+
+int signalBell = -1;
+
+void onSignal(int) {
+    std::uint64_t one = 1;
+    int saved = errno;
+    ssize_t ignored = write(signalBell, &one, sizeof one);
+    (void)ignored;
+    errno = saved;
+}
+
+struct SignalScript {
+    Interpreter& interpreter;
+    Obj script;
+    std::vector<int> signals;
+    ~SignalScript() {
+        Tcl_DeleteFileHandler(signalBell);
+        for (int number : signals) signal(number, SIG_DFL);
+    }
+};
+
+void signalReadable(ClientData data, int) {
+    auto& s = *static_cast<SignalScript*>(data);
+    std::uint64_t count;
+    if (read(signalBell, &count, sizeof count) < 0) return;
+    evaluate(s.interpreter, s.script);
+}
+
+int AtSignalObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc < 2 || signalBell >= 0) {
+            Tcl_WrongNumArgs(interp, 1, objv, "script ?signal ...? (once a process)");
+            return TCL_ERROR;
+        }
+        std::vector<int> signals{SIGTERM, SIGINT};
+        for (int at = 2; at < objc; ++at) {
+            int number = signalNumber(toUtf8(objv[at]));
+            struct sigaction now{};
+            sigaction(number, nullptr, &now);
+            if (now.sa_handler != SIG_IGN) signals.push_back(number);
+        }
+        signalBell = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+        std::shared_ptr<SignalScript> own(new SignalScript{i, Obj(objv[1]), signals});
+        Tcl_CreateFileHandler(signalBell, TCL_READABLE, signalReadable, own.get());
+        struct sigaction action{};
+        action.sa_handler = onSignal;
+        for (int number : signals) sigaction(number, &action, nullptr);
+        i.atEnd([own]() mutable { own.reset(); });
+        return TCL_OK;
+    });
+}
+
+int SignalObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc != 3) {
+            Tcl_WrongNumArgs(interp, 1, objv, "pid signal");
+            return TCL_ERROR;
+        }
+        int sent = kill(number("pid", objv[1]), signalNumber(toUtf8(objv[2])));
+        Tcl_SetObjResult(interp, Tcl_NewIntObj(sent == 0));
+        return TCL_OK;
+    });
+}
+
+// ---- the end of a child ----
+
+struct EndScript {
+    Interpreter& interpreter;
+    Obj script;
+    int fd;
+};
+
+void childEnded(ClientData data, int) {
+    std::unique_ptr<EndScript> own(static_cast<EndScript*>(data));
+    Tcl_DeleteFileHandler(own->fd);
+    close(own->fd);
+    evaluate(own->interpreter, own->script);
+}
+
+int AtEndObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc != 3) {
+            Tcl_WrongNumArgs(interp, 1, objv, "pid script");
+            return TCL_ERROR;
+        }
+        int pid = number("pid", objv[1]);
+        int fd = int(syscall(SYS_pidfd_open, pid, 0));          // close-on-exec
+        if (fd < 0) fail(kNoProcess, pid, std::strerror(errno));
+        Tcl_CreateFileHandler(fd, TCL_READABLE, childEnded, new EndScript{i, Obj(objv[2]), fd});
+        return TCL_OK;
+    });
+}
+
+// ---- the end of standard input ----
+
+// A thread of its own: a service that computes for ever, or a script that never comes back, must not outlive whoever
+// holds the other end.
+void watchInput(int milliseconds) {
+    char buffer[4096];
+    for (;;) {
+        ssize_t n = read(STDIN_FILENO, buffer, sizeof buffer);
+        if (n > 0 || (n < 0 && errno == EINTR)) continue;
+        if (n == 0 || errno != EAGAIN) break;
+        pollfd p{STDIN_FILENO, POLLIN, 0};                      // somebody has made it non-blocking
+        poll(&p, 1, -1);
+    }
+    kill(getpid(), SIGTERM);
+    std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));
+    static const char text[] = "standard input has ended, but this daemon did not end in time\n";
+    ssize_t ignored = write(STDERR_FILENO, text, sizeof text - 1);
+    (void)ignored;
+    _exit(1);
+}
+
+int UntilEofObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc != 2) {
+            Tcl_WrongNumArgs(interp, 1, objv, "ms");
+            return TCL_ERROR;
+        }
+        int milliseconds = number("ms", objv[1]);
+        sigset_t all, before;
+        sigfillset(&all);
+        pthread_sigmask(SIG_SETMASK, &all, &before);            // signals are for the thread of the interpreter
+        try {
+            std::thread(watchInput, milliseconds).detach();
+        } catch (const std::system_error& error) {
+            pthread_sigmask(SIG_SETMASK, &before, nullptr);
+            fail(kNoThread, error.what());
+        }
+        pthread_sigmask(SIG_SETMASK, &before, nullptr);
+        return TCL_OK;
+    });
+}
+
+// ---- who has started us ----
+
+bool notify(const std::string& text) {
+    const char* where = std::getenv("NOTIFY_SOCKET");
+    if (!where || (*where != '/' && *where != '@')) return false;
+    sockaddr_un a{};
+    a.sun_family = AF_UNIX;
+    std::size_t length = std::strlen(where);
+    if (length < 2 || length >= sizeof a.sun_path) return false;
+    std::memcpy(a.sun_path, where, length);
+    if (*where == '@') a.sun_path[0] = 0;                       // of the abstract namespace
+    int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    if (fd < 0) return false;
+    ssize_t sent = sendto(fd, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT, reinterpret_cast<sockaddr*>(&a),
+                          socklen_t(offsetof(sockaddr_un, sun_path) + length));
+    close(fd);
+    return sent == ssize_t(text.size());
+}
+
+int NotifyObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc != 2) {
+            Tcl_WrongNumArgs(interp, 1, objv, "text");
+            return TCL_ERROR;
+        }
+        Tcl_SetObjResult(interp, Tcl_NewIntObj(notify(toUtf8(objv[1]))));
+        return TCL_OK;
+    });
+}
+
+int CloseAtExecObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc != 2) {
+            Tcl_WrongNumArgs(interp, 1, objv, "fd");
+            return TCL_ERROR;
+        }
+        fcntl(number("fd", objv[1]), F_SETFD, FD_CLOEXEC);      // one that is not open is told when it is to be used
+        return TCL_OK;
+    });
+}
+
+int TakeSocketObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc != 1) {
+            Tcl_WrongNumArgs(interp, 1, objv, nullptr);
+            return TCL_ERROR;
+        }
+        struct stat input, other;
+        if (fstat(STDIN_FILENO, &input) < 0 || !S_ISSOCK(input.st_mode)) fail(kNoSocket);
+        int listens = 0;
+        socklen_t size = sizeof listens;
+        getsockopt(STDIN_FILENO, SOL_SOCKET, SO_ACCEPTCONN, &listens, &size);
+        int taken = fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, STDERR_FILENO + 1);
+        int null = open("/dev/null", O_RDWR | O_CLOEXEC);
+        for (int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
+            if (fstat(fd, &other) == 0 && other.st_dev == input.st_dev && other.st_ino == input.st_ino) dup2(null, fd);
+        if (null >= 0) close(null);
+        Tcl_Obj* words[] = {Tcl_NewIntObj(taken), Tcl_NewIntObj(listens)};
+        Tcl_SetObjResult(interp, Tcl_NewListObj(2, words));
+        return TCL_OK;
+    });
+}
+
+}  // namespace
+
+void initProcessCommands(Interpreter& i) {
+    if (i.safe) return;
+    struct { const char* name; Tcl_ObjCmdProc* proc; } commands[] = {
+        {"AtSignal", AtSignalObjCmd}, {"AtEnd", AtEndObjCmd}, {"Signal", SignalObjCmd}, {"UntilEof", UntilEofObjCmd},
+        {"Notify", NotifyObjCmd}, {"CloseAtExec", CloseAtExecObjCmd}, {"TakeSocket", TakeSocketObjCmd}};
+    for (auto& c : commands) Tcl_CreateObjCommand(i.interp, (std::string("::sorma::") + c.name).c_str(), c.proc, &i, nullptr);
+}
+
+}  // namespace sorma
