@@ -262,13 +262,31 @@ int TakeSocketObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* con
     });
 }
 
+int SplitWordsObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc != 2) {
+            Tcl_WrongNumArgs(interp, 1, objv, "text");
+            return TCL_ERROR;
+        }
+        std::string text = toUtf8(objv[1]);
+        WordReader reader(text);
+        Obj list(Tcl_NewListObj(0, nullptr));
+        std::string_view word;
+        while (reader.next(word) && (reader.quoted() || !word.starts_with('#')))
+            Tcl_ListObjAppendElement(nullptr, list, newText(word));
+        Tcl_SetObjResult(interp, list);
+        return TCL_OK;
+    });
+}
+
 }  // namespace
 
 void initProcessCommands(Interpreter& i) {
     if (i.safe) return;
     struct { const char* name; Tcl_ObjCmdProc* proc; } commands[] = {
         {"AtSignal", AtSignalObjCmd}, {"AtEnd", AtEndObjCmd}, {"Signal", SignalObjCmd}, {"UntilEof", UntilEofObjCmd},
-        {"Notify", NotifyObjCmd}, {"CloseAtExec", CloseAtExecObjCmd}, {"TakeSocket", TakeSocketObjCmd}};
+        {"Notify", NotifyObjCmd}, {"CloseAtExec", CloseAtExecObjCmd}, {"SplitWords", SplitWordsObjCmd}, {"TakeSocket", TakeSocketObjCmd}};
     for (auto& c : commands) Tcl_CreateObjCommand(i.interp, (std::string("::sorma::") + c.name).c_str(), c.proc, &i, nullptr);
 }
 

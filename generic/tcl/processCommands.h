@@ -1,4 +1,4 @@
-// processCommands.h -- what sormad and sorma-launch need of the operating system. Commands of their own, not for others.
+// processCommands.h -- what sormad and sorma-launch need, mostly of the operating system. Commands of their own, not for others.
 //
 //     sorma::AtSignal script ?NAME ...?   run it from the event loop whenever SIGTERM, SIGINT or one of these comes. Once
 //                                         a process. SIGHUP stays ignored where it is (nohup).
@@ -8,6 +8,7 @@
 //                                         no request can keep from it; the end, with 1, when that has not helped in ms
 //     sorma::Notify text                  to whom NOTIFY_SOCKET names, as sd_notify(3) does. Returns whether it was sent
 //     sorma::CloseAtExec fd               keep an inherited descriptor from programs that this one starts
+//     sorma::SplitWords text              the words of a text, quoted as in requests; # begins a comment
 //     sorma::TakeSocket                   the socket that is standard input: list of descriptor, and whether it listens.
 //                                         Standard channels that are this socket become /dev/null: nothing else may write
 //                                         there

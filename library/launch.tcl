@@ -1,0 +1,410 @@
+# launch.tcl -- the program sorma-launch: starts the daemons of an application, shows what they say, ends them together.
+#
+# Each daemon runs in a session of its own, so that Ctrl-C reaches only the launcher, with a pipe as its standard input:
+# sormad -until-eof ends when the launcher does, however that dies. One on another host has ssh between, which hands that
+# end on. Whatever is left in the session when a daemon has ended is killed.
+
+namespace eval ::sorma::launch {}
+
+# Control characters but the tab, each with what is shown instead: a daemon must not write where it likes on a terminal.
+proc ::sorma::launch::ControlMap {} {
+    set map {}
+    for {set code 0} {$code < 160} {incr code} {
+        if {$code != 9 && ($code < 32 || $code >= 127)} {
+            lappend map [format %c $code] [format {\x%02x} $code]
+        }
+    }
+    return $map
+}
+
+namespace eval ::sorma::launch {
+    variable Usage {usage: sorma-launch FILE                 start the daemons of FILE, stay until they have ended
+       sorma-launch --check FILE         say what is wrong with FILE, and start nothing
+       sorma-launch --list FILE          say how its daemons are
+       sorma-launch --help | --options   this text | what a daemon of FILE can be given
+Lines of FILE:  daemon NAME ?-option value...? ...    defaults ?-option value...? ...    # comment
+SIGTERM, SIGINT (Ctrl-C) and SIGHUP end the daemons in reverse order; the same again kills them.
+Exit codes: 0 all have ended well, 1 a daemon failed, 2 the command line or FILE is wrong.}
+
+    variable Daemons {}     ;# dict: name -> object of class Daemon, in the order of the file
+    variable Started {}     ;# names in the order in which they were started first
+    variable Complete 0     ;# have all been ready?
+    variable Stopping 0     ;# 1: asked to end, 2: asked again
+    variable Code 0         ;# of the program
+    variable Done           ;# set at the end
+    variable Width 1        ;# of the names that stand before lines
+    variable Colours {}     ;# those for names; empty without a terminal
+    variable Steady 60000   ;# ms of service after which restarts are counted anew
+    variable Longest 4000   ;# characters of a line that are shown in one piece
+    variable Visible [ControlMap]   ;# control characters -> what is shown in their place
+}
+
+# ::sorma::launchMain --
+#       Run the program sorma-launch.
+# Arguments:
+#       words   command line, as Usage says
+# Results:
+#       Exit code of the program, as Usage says.
+proc ::sorma::launchMain words {
+    set action start
+    if {[string match -?* [lindex $words 0]]} {
+        set words [lassign $words action]
+    }
+    if {$action in {--help -help -h}} {
+        puts $launch::Usage
+        return 0
+    }
+    if {$action eq "--options"} {
+        puts [launch::OptionsText]
+        return 0
+    }
+    if {$action ni {start --check --list} || [llength $words] != 1} {
+        puts stderr "sorma-launch: [expr {$action in {start --check --list} ? "expects one FILE" : "unknown option \"$action\""}]"
+        puts stderr $launch::Usage
+        return 2
+    }
+    try {
+        set daemons [launch::Read [lindex $words 0]]
+    } trap {SORMA LAUNCH FILE} message {
+        puts stderr [regsub -all -line ^ $message {sorma-launch: }]
+        return 2
+    }
+    switch -- $action {
+        --check { return [launch::Check [lindex $words 0] $daemons] }
+        --list { return [launch::List $daemons] }
+        default { return [launch::Run $daemons] }
+    }
+}
+
+proc ::sorma::launch::OptionsText {} {
+    variable Options
+    set lines {}
+    dict for {option facts} $Options {
+        lassign $facts kind default help
+        set kind [switch -- [lindex $kind 0] {
+            whole - seconds { string cat [lindex $kind 0 ] " " [lindex $kind 1] .. [lindex $kind 2] }
+            choice { join [lrange $kind 1 end] | }
+            words { string cat "word ..." }
+            default { lindex $kind 0 }
+        }]
+        if {$default ne {}} {
+            append help " (default: $default)"
+        }
+        lappend lines [format "%-11s %-21s %s" $option $kind $help]
+    }
+    return [join $lines \n]
+}
+
+# ---- --check and --list ----
+
+proc ::sorma::launch::Check {file daemons} {
+    dict for {name settings} $daemons {
+        if {[dict get $settings -on] ne {} && [dict get $settings -port] ne {} && [dict get $settings -host] eq {}} {
+            puts "[dict get $settings place]: note: without -host, $name listens on 127.0.0.1 of [dict get $settings -on] only"
+        }
+    }
+    puts "$file is good; daemons, as they are started: [join [StartOrder $daemons] {, }]"
+    return 0
+}
+
+proc ::sorma::launch::List daemons {
+    set found [Running]
+    set rows [list {NAME ON STATE AFTER RESTART}]
+    dict for {name settings} $daemons {
+        lappend rows [list $name [Place $settings] [State $name $settings $found] [join [dict get $settings -after] ,] \
+            [dict get $settings -restart]]
+    }
+    set widths {}
+    for {set column 0} {$column < 5} {incr column} {
+        lappend widths [tcl::mathfunc::max {*}[lmap row $rows {string length [lindex $row $column]}]]
+    }
+    foreach row $rows {
+        puts [string trimright [join [lmap word $row width $widths {format %-*s $width $word}] {  }]]
+    }
+    return 0
+}
+
+proc ::sorma::launch::Place settings {
+    return [expr {[dict get $settings -on] eq {} ? "this host" : [dict get $settings -on]}]
+}
+
+# How a daemon is, in a few words. Asked over the network only where its address is known.
+proc ::sorma::launch::State {name settings running} {
+    if {[Local $settings]} {
+        return [expr {[dict exists $running $name] ? [dict get $running $name] : "not running"}]
+    }
+    set port [dict get $settings -port]
+    if {[dict get $settings -on] eq {}} {
+        set address [dict get $settings -socket]
+    } elseif {$port ni {{} 0}} {
+        set address [regsub {^.*@} [dict get $settings -on] {}]:$port
+    } else {
+        set address {}
+    }
+    if {$address eq {}} {
+        return "not known from here"
+    }
+    try {
+        return "[dict get [::sorma::health $address -timeout 2000] state] at $address"
+    } on error {} {
+        return "no answer from $address"
+    }
+}
+
+# Does it listen in the runtime folder of this process?
+proc ::sorma::launch::Local settings {
+    return [expr {[dict get $settings -on] eq {} && [dict get $settings -socket] eq {} &&
+        [lsearch -glob [dict get $settings -env] SORMA_RUNTIME_DIR=*] < 0}]
+}
+
+# Daemons of this user on this host: dict of name -> state and who.
+proc ::sorma::launch::Running {} {
+    set running {}
+    foreach found [::sorma::daemons] {
+        if {[dict get $found state] ne "dead"} {
+            dict set running [dict get $found name] "[dict get $found state], [dict get $found identity]"
+        }
+    }
+    return $running
+}
+
+# ---- the whole ----
+
+proc ::sorma::launch::Run daemons {
+    variable Daemons
+    variable Width
+    variable Colours
+    variable Code
+    variable Done
+    set running [Running]
+    set refused 0
+    dict for {name settings} $daemons {
+        if {[Local $settings] && [dict exists $running $name]} {
+            Complain "[dict get $settings place]: daemon $name is running already ([dict get $running $name]); end it, or choose another name"
+            set refused 1
+        }
+    }
+    if {$refused} {
+        return 1
+    }
+    if {[Terminal stdout]} {
+        set Colours {36 32 33 35 34 96 92 95}
+    }
+    set Width [tcl::mathfunc::max {*}[lmap name [dict keys $daemons] {string length $name}]]
+    fconfigure stdout -buffering line
+    interp bgerror {} ::sorma::launch::Unexpected
+    ::sorma::AtSignal ::sorma::launch::Signalled HUP
+    dict for {name settings} $daemons {
+        dict set Daemons $name [Daemon new $name $settings]
+    }
+    StartDue
+    if {![info exists Done]} {
+        vwait ::sorma::launch::Done
+    }
+    catch {flush stdout}
+    return $Code
+}
+
+proc ::sorma::launch::Unexpected {message options} {
+    variable Code 1
+    Complain "unexpected: [dict get $options -errorinfo]"
+    Stop
+}
+
+proc ::sorma::launch::Signalled {} {
+    variable Stopping
+    variable Daemons
+    if {!$Stopping} {
+        Say * "told to end; once more kills what still runs"
+        Stop
+    } elseif {$Stopping == 1} {
+        set Stopping 2
+        Say * "told to end once more"
+        foreach daemon [dict values $Daemons] {
+            $daemon kill
+        }
+    }
+}
+
+# Start those whose turn it is. Called whenever one has got ready.
+proc ::sorma::launch::StartDue {} {
+    variable Daemons
+    variable Complete
+    variable Started
+    variable Stopping
+    dict for {name daemon} $Daemons {
+        if {[$daemon state] eq "waiting" && !$Stopping && [AllReady [$daemon after]]} {
+            lappend Started $name
+            $daemon start
+        }
+    }
+    if {!$Complete && [AllReady [dict keys $Daemons]]} {
+        set Complete 1
+        Say * "ready: [join [dict keys $Daemons] { }]"
+    }
+}
+
+proc ::sorma::launch::GotReady {name took} {
+    Say * "$name is ready after $took s"
+    StartDue
+}
+
+proc ::sorma::launch::AllReady names {
+    variable Daemons
+    foreach name $names {
+        if {[[dict get $Daemons $name] state] ne "ready"} {
+            return 0
+        }
+    }
+    return 1
+}
+
+# A daemon is gone for good. Without it nothing is complete at the beginning; later the others go on, unless it was
+# essential.
+proc ::sorma::launch::Gone {name failed essential message last} {
+    variable Code
+    variable Complete
+    variable Stopping
+    if {$failed || $essential || !$Complete} {
+        set Code 1
+    }
+    if {$Complete && !$essential} {
+        Say * [expr {$failed ? "$message; the others go on" : "$name has ended"}] [expr {$failed ? 31 : {}}]
+    } else {
+        if {[llength $last] > 0} {
+            append message "; it said last:\n[join [lmap line $last {string cat "    " $line}] \n]"
+        }
+        Complain $message
+        set Stopping 1
+    }
+    Next
+}
+
+# End all, the last one started first: each when the one before has ended.
+proc ::sorma::launch::Stop {} {
+    variable Stopping
+    if {!$Stopping} {
+        set Stopping 1
+        Next
+    }
+}
+
+# One has ended: go on with the next that has to end. Nothing is left to do when there is none.
+proc ::sorma::launch::Next {} {
+    variable Daemons
+    variable Started
+    variable Stopping
+    variable Done
+    if {$Stopping} {
+        foreach name [lreverse $Started] {
+            if {[[dict get $Daemons $name] stop]} {
+                return
+            }
+        }
+    } else {
+        foreach daemon [dict values $Daemons] {
+            if {[$daemon state] ne "ended"} {
+                return
+            }
+        }
+    }
+    Say * "all have ended"
+    set Done 1
+}
+
+# ---- what is shown ----
+
+# A line, behind the name it is about; * is the launcher itself. mark: "|", or ":" when the line goes on.
+proc ::sorma::launch::Say {name line {colour {}} {mark |}} {
+    variable Width
+    variable Colours
+    variable Daemons
+    variable Visible
+    set head [format "%*s %s" $Width $name $mark]
+    set line [string map $Visible $line]
+    if {[llength $Colours] > 0} {
+        set index [lsearch -exact [dict keys $Daemons] $name]
+        set head "\x1b\[[expr {$index < 0 ? 1 : [lindex $Colours [expr {$index % [llength $Colours]}]]}]m$head\x1b\[0m"
+        if {$colour ne {}} {
+            set line "\x1b\[${colour}m$line\x1b\[0m"
+        }
+    }
+    try {
+        puts "$head $line"
+    } trap {POSIX EPIPE} {} - trap {POSIX EIO} {} {
+        after 0 ::sorma::launch::Stop           ;# whoever read this has gone
+    } on error {} {
+        # such as a full disk: that is no reason to end the daemons
+    }
+}
+
+proc ::sorma::launch::Complain message {
+    variable Visible
+    set message [join [lmap line [split $message \n] {string map $Visible $line}] \n]
+    set message "sorma-launch: $message"
+    if {[Terminal stderr]} {
+        set message "\x1b\[31m$message\x1b\[0m"
+    }
+    catch {flush stdout}
+    catch {puts stderr $message}
+}
+
+# May colours be used there?
+proc ::sorma::launch::Terminal channel {
+    global env
+    if {[info exists env(NO_COLOR)] && $env(NO_COLOR) ne {} || [info exists env(TERM)] && $env(TERM) eq "dumb"} {
+        return 0
+    }
+    return [expr {![catch {exec test -t 1 >@$channel}]}]
+}
+
+# ---- commands ----
+
+# One word that a shell reads as it stands.
+proc ::sorma::launch::Quoted word {
+    if {[regexp {^[A-Za-z0-9_./:=@%+,-]+$} $word]} {
+        return $word
+    }
+    return '[string map {' '\\''} $word]'
+}
+
+# The command of a daemon for a shell: here, or on its own host.
+proc ::sorma::launch::CommandText {name settings} {
+    set words {}
+    if {[dict get $settings -directory] ne {} || [llength [dict get $settings -env]] > 0} {
+        lappend words env
+        if {[dict get $settings -directory] ne {}} {
+            lappend words -C [dict get $settings -directory]
+        }
+        lappend words {*}[dict get $settings -env]
+    }
+    set program [dict get $settings -sormad]
+    if {$program eq "sormad" && [dict get $settings -on] eq {}} {
+        set program [list [Beside sormad]]
+    }
+    lappend words {*}$program -name $name -until-eof
+    foreach option {-port -host -socket -rpcbind -program -log -script} {
+        if {[dict get $settings $option] ne {}} {
+            lappend words $option [dict get $settings $option]
+        }
+    }
+    foreach option {-dict -package} {
+        if {[llength [dict get $settings $option]] > 0} {
+            lappend words $option {*}[dict get $settings $option]
+        }
+    }
+    set text "exec [join [lmap word $words {Quoted $word}]]"
+    if {[dict get $settings -on] eq {}} {
+        return $text
+    }
+    # Without somebody to ask for a password; a connection that is dead is noticed, here and there.
+    set words [list {*}[dict get $settings -ssh] -T -o BatchMode=yes -o ServerAliveInterval=5 -o ServerAliveCountMax=3 \
+        -- [dict get $settings -on] $text]
+    return "exec [join [lmap word $words {Quoted $word}]]"
+}
+
+# A program of ours: the one that lies where this one does, else one along PATH.
+proc ::sorma::launch::Beside program {
+    set file [file join [file dirname [file normalize [info script]]] $program]
+    return [expr {[info script] ne {} && [file executable $file] ? $file : $program}]
+}

@@ -1,0 +1,222 @@
+# launchDaemon.tcl -- one daemon of sorma-launch: its process, its state, and when it is started again.
+#
+# States: waiting (not yet started), starting (no "ready" yet), ready, late (not ready in time, being ended), pausing
+# (before a restart), stopping, ended (for good).
+
+oo::class create ::sorma::launch::Daemon {
+    variable Name
+    variable Settings       ;# as launch::Read gives them
+    variable State
+    variable Pipe           ;# its standard input and output, while there is a process
+    variable Pid
+    variable Part           ;# the beginning of a line that has not ended
+    variable Marks          ;# of the line that is being shown: "|", then ":" for its further pieces
+    variable Last           ;# lines that it said last, for errors
+    variable Begun          ;# ms: when it was started; when it got ready
+    variable Restarts       ;# in a row
+    variable Timer          ;# after: of readiness, pause or grace
+    variable Killed         ;# has SIGKILL been sent?
+
+    constructor {name settings} {
+        namespace path ::sorma::launch
+        set Name $name
+        set Settings $settings
+        set State waiting
+        set Pipe {}
+        set Restarts 0
+        set Timer {}
+    }
+
+    method state {} {
+        return $State
+    }
+
+    method after {} {
+        return [dict get $Settings -after]
+    }
+
+    # ---- its life ----
+
+    method start {} {
+        set Part {}
+        set Marks |
+        set Last {}
+        set Killed 0
+        set Begun [clock milliseconds]
+        set State starting
+        set where [expr {[dict get $Settings -on] eq {} ? {} : " on [dict get $Settings -on]"}]
+        try {
+            set Pipe [open [list | setsid sh -c [CommandText $Name $Settings] 2>@1] r+]
+        } on error message {
+            my Over "cannot be started: $message" 1
+            return
+        }
+        set Pid [lindex [pid $Pipe] 0]
+        fconfigure $Pipe -blocking 0 -encoding utf-8 -translation lf
+        catch {fconfigure $Pipe -profile replace}       ;# Tcl 9 is strict otherwise
+        fileevent $Pipe readable [namespace code {my Readable}]
+        Say * "$Name is started$where, process $Pid"
+        my Later [dict get $Settings -ready] Late
+        ::sorma::AtEnd $Pid [namespace code {my Ended}]
+    }
+
+    # Its output is read until there is none; that it has ended is told by the process, not by what it closes.
+    method Readable {} {
+        if {![my Take] && [eof $Pipe]} {
+            fileevent $Pipe readable {}
+        }
+    }
+
+    # Take what is there, at most 64 K. False: there was nothing.
+    method Take {} {
+        set came [read $Pipe 65536]
+        set lines [split $Part$came \n]
+        set Part [lindex $lines end]
+        foreach line [lrange $lines 0 end-1] {
+            my Line [string trimright $line \r] 1
+        }
+        if {[string length $Part] > $::sorma::launch::Longest} {
+            my Line $Part 0
+            set Part {}
+        }
+        return [expr {$came ne {}}]
+    }
+
+    # Show a line, or a piece of one that goes on.
+    method Line {line whole} {
+        set longest $::sorma::launch::Longest
+        if {$State eq "starting" && $Marks eq "|" && [regexp "^ready [string map {. \\.} $Name]( |\$)" $line]} {
+            my Ready
+        }
+        for {set at 0} {$at == 0 || $at < [string length $line]} {incr at $longest} {
+            set piece [string range $line $at [expr {$at + $longest - 1}]]
+            Say $Name $piece {} $Marks
+            set Marks :
+            set Last [lrange [list {*}$Last [string range $piece 0 199]] end-9 end]
+        }
+        if {$whole} {
+            set Marks |
+        }
+    }
+
+    method Ready {} {
+        after cancel $Timer
+        set State ready
+        set took [format %.1f [expr {([clock milliseconds] - $Begun) / 1000.0}]]
+        set Begun [clock milliseconds]
+        after 0 [list ::sorma::launch::GotReady $Name $took]        ;# when its line has been shown
+    }
+
+    method Late {} {
+        set State late
+        my End
+    }
+
+    # The process has ended. It is not reaped before its pipe is closed: until then its session can be killed by number.
+    method Ended {} {
+        after cancel $Timer
+        ::sorma::Signal -$Pid KILL
+        fileevent $Pipe readable {}
+        for {set n 0} {$n < 32 && [my Take]} {incr n} {}        ;# no more than a pipe holds: others may go on writing
+        if {$Part ne {}} {
+            my Line $Part 1
+        }
+        fconfigure $Pipe -blocking 1
+        set failed [catch {close $Pipe} message options]
+        set Pipe {}
+        set how "has ended"
+        if {$failed} {
+            lassign [dict get $options -errorcode] kind - what
+            set how [switch -- $kind {
+                CHILDSTATUS { string cat "ended with status " $what }
+                CHILDKILLED { string cat "was killed by " $what }
+                default { string cat "ended: " $message }
+            }]
+        }
+        my Over $how $failed
+    }
+
+    # There is no process any more. how: what to say of it.
+    method Over {how failed} {
+        set was $State
+        if {$::sorma::launch::Stopping} {
+            set State ended
+            if {$Killed} {
+                set how "did not end in [dict get $Settings -grace] s and was killed"
+            }
+            if {$how eq "was killed by SIGTERM"} {      ;# as it was asked to
+                set how "has ended"
+                set failed 0
+            }
+            if {$failed} {
+                set ::sorma::launch::Code 1
+            }
+            Say * "$Name $how" [expr {$failed ? 31 : {}}]
+            Next
+            return
+        }
+        switch -- $was {
+            late { set how "was not ready in [dict get $Settings -ready] s and was ended" ; set failed 1 }
+            starting { append how " before it was ready" ; set failed 1 }
+            ready {
+                if {[clock milliseconds] - $Begun >= $::sorma::launch::Steady} {
+                    set Restarts 0
+                }
+            }
+        }
+        set policy [dict get $Settings -restart]
+        set wanted [expr {$policy eq "always" || ($policy eq "failure" && $failed)}]
+        if {$wanted && $Restarts < [dict get $Settings -limit]} {
+            set pause [format %g [expr {min(30, [dict get $Settings -pause] * 2**min($Restarts, 20))}]]
+            incr Restarts
+            set State pausing
+            Say * "$Name $how; restart $Restarts of [dict get $Settings -limit] in $pause s" [expr {$failed ? 31 : {}}]
+            my Later $pause start
+            return
+        }
+        set State ended
+        if {$wanted} {
+            append how ", and was restarted [dict get $Settings -limit] times in vain"
+            set failed 1
+        }
+        Gone $Name $failed [dict get $Settings -essential] "[dict get $Settings place]: daemon $Name $how" $Last
+    }
+
+    # ---- the end ----
+
+    # Ask it to end. Returns whether there is something to wait for.
+    method stop {} {
+        switch -- $State {
+            starting - ready { my End }
+            late - stopping {}
+            default {
+                after cancel $Timer
+                set State ended
+                return 0
+            }
+        }
+        set State stopping
+        return 1
+    }
+
+    # On another host it sees its standard input end, through ssh; here also when something stands between, such as sudo.
+    method End {} {
+        catch {close $Pipe write}
+        if {[dict get $Settings -on] eq {}} {
+            ::sorma::Signal $Pid TERM
+        }
+        my Later [dict get $Settings -grace] kill
+    }
+
+    method kill {} {
+        if {$Pipe ne {}} {
+            set Killed 1
+            ::sorma::Signal -$Pid KILL
+        }
+    }
+
+    method Later {seconds method} {
+        after cancel $Timer
+        set Timer [after [expr {round(1000 * $seconds)}] [namespace code [list my $method]]]
+    }
+}
