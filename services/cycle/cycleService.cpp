@@ -183,8 +183,8 @@ private:
         times("jitter of the beginning", f.jitter);
         out += f.jitter.toText() + "\n";
         times("length of a tick", f.busy);
-        for (auto& s : runner_->plan().steps)
-            if (s.times.count() > 0) times("step " + s.text + ", one tick in " + std::to_string(cycle::Runner::kSample), s.times);
+        for (auto& [step, h] : f.steps)
+            if (h.count() > 0) times("step " + step + ", one tick in " + std::to_string(cycle::Runner::kSample), h);
         out += "longest request between ticks " + sorma::durationText(double(f.longestRequest));
         return out;
     }

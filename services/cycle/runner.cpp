@@ -187,7 +187,10 @@ void Runner::change(Plan plan) {
 
 Figures Runner::figures() {
     Figures copy;
-    borrow(name_, [&] { copy = figures_; });
+    borrow(name_, [&] {
+        copy = figures_;
+        for (auto& step : plan_.steps) copy.steps.emplace_back(step.text, step.times);
+    });
     copy.ticks = ticks();
     return copy;
 }

@@ -65,6 +65,7 @@ struct Figures {
     sorma::Histogram jitter;            // [ns] from when a tick was due to when it began
     sorma::Histogram busy;              // [ns] length of a tick
     std::int64_t longestRequest = 0;    // [ns]
+    std::vector<std::pair<std::string, sorma::Histogram>> steps;    // text and times of each; in a copy alone
 };
 
 // Who hears of what happens, on the SORM's thread.
@@ -95,7 +96,6 @@ public:
     bool ended() const { return phase_.load() == kEnded; }      // by a fault
     Figures figures();                  // fails with SERVICE STUCK
     void resetFigures();
-    const Plan& plan() const { return plan_; }
     std::uint64_t ticks() const { return number_.load(std::memory_order_relaxed); }
     std::string busyWith() const;       // "gain.k since 1.2 s", or nothing between two ticks
 
