@@ -44,7 +44,7 @@ public:
             .real("-watchdog", &Cycle::watchdog_, {.unit = "s", .low = 0, .high = 3600,
                                                    .help = "a tick that takes longer hangs; 0: ten periods, at least 0.05 s"})
             .integer("-priority", &Cycle::priority_, {.low = 0, .high = 99, .help = "of SCHED_FIFO; 0: an ordinary thread"})
-            .integer("-cpu", &Cycle::cpu_, {.low = -1, .high = 1023, .help = "processor to run on; -1: any"})
+            .integer("-cpu", &Cycle::cpu_, {.low = -1, .high = 1023, .help = "processor to run on; -1: those of the process"})
             .flag("-lockMemory", &Cycle::lockMemory_, {.help = "keep the process's memory from being paged out while it runs"})
             .flag("-autostart", &Cycle::autostart_, {.help = "start when made", .fixed = true})
             .action("-start", &Cycle::start, "", "begin; a warning tells what real-time help the system has refused")

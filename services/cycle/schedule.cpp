@@ -32,12 +32,11 @@ std::vector<std::string> apply(const Schedule& schedule, const char* threadName)
     if (int error = pthread_setschedparam(pthread_self(), policy, &parameters))
         refused.push_back("priority " + std::to_string(schedule.priority) + " of SCHED_FIFO was refused: " + strerror(error) +
                           "; it needs CAP_SYS_NICE, or a limit on rtprio (ulimit -r) of at least that");
+    if (schedule.cpu < 0) return refused;
     cpu_set_t set;
     CPU_ZERO(&set);
-    if (schedule.cpu >= 0) CPU_SET(std::size_t(schedule.cpu), &set);
-    else
-        for (int i = 0; i < CPU_SETSIZE; ++i) CPU_SET(std::size_t(i), &set);
-    if (int error = pthread_setaffinity_np(pthread_self(), sizeof set, &set); error && schedule.cpu >= 0)
+    CPU_SET(std::size_t(schedule.cpu), &set);
+    if (int error = pthread_setaffinity_np(pthread_self(), sizeof set, &set))
         refused.push_back("processor " + std::to_string(schedule.cpu) + " was refused: " + strerror(error));
     return refused;
 }

@@ -8,7 +8,7 @@ namespace cycle {
 
 struct Schedule {
     int priority = 50;          // of SCHED_FIFO; 0: like any other thread
-    int cpu = -1;               // -1: any
+    int cpu = -1;               // -1: those that the process may use
     bool operator==(const Schedule&) const = default;
 };
 
