@@ -21,4 +21,13 @@ foreach file [glob -nocomplain -directory [file join $dir services] *.tcl *[info
     }
     package ifneeded sorma::service::$name 1.0 $script
 }
-unset -nocomplain file name script
+
+# Modules that hold more classes than one: the plant asks for sorma::service::CLASS.
+foreach {module classes} {
+    shmem {shmem_w shmem_r}
+} {
+    foreach name $classes {
+        package ifneeded sorma::service::$name 1.0 "package require sorma::service::$module\npackage provide sorma::service::$name 1.0"
+    }
+}
+unset -nocomplain file name script module classes

@@ -1,0 +1,252 @@
+// ring.h -- snapshot buffer: the last records of one writer, in shared memory, for any number of readers.
+//
+//     shmem::Writer arm("arm", {.blocks = 16, .floats = 6}, "robot");      // makes the segment
+//     arm.write(position, nullptr);                                       // each 15 ms
+//
+//     shmem::Reader reader("arm");                                        // another process; it needs only the key
+//     std::vector<double> now(reader.shape().floats);
+//     shmem::Stamp stamp;
+//     if (reader.latest(now.data(), nullptr, stamp) == shmem::Outcome::read) ...
+//
+// The writer is wait-free: it never waits for a reader, calls the system only when a reader sleeps, and reads the clock
+// once for each record. Readers are lock-free, disturb neither the writer nor each other, and see whole records only.
+// Neither allocates in write, read, latest, view. A writer may be killed anywhere: the record in the making is never
+// seen, and the next writer goes on behind the last one that was complete.
+//
+// The model. Each block has a sequence number, odd while record n is being written (2n - 1), even when it is complete
+// (2n). A reader takes it before and after it copies, and has the whole of record n when it was 2n both times.
+//  1. The writer's 2n - 1 comes before its data: a release fence stands between. The reader's second look comes after
+//     its data: an acquire fence stands between. So a reader that has seen any word of record n' > n in the block sees
+//     2n' - 1 or more in its second look, and drops what it has.
+//  2. 2n is stored with release, after the data, and loaded with acquire: who sees 2n at first sees the data of record n.
+//  3. `count` is stored with release, after 2n: who loads it with acquire finds record `count` complete, or overwritten.
+//  4. Numbers never come again: a writer that takes over goes on behind the highest number that is complete. Its
+//     predecessor's last stores come before its own, because the kernel hands over the lock in between.
+//  5. By the letter of C++ the copy itself is a data race when the record is being overwritten; what it copied then is
+//     dropped. On all machines memcpy just copies some mixture. Under ThreadSanitizer, which holds the letter, copies go
+//     word by word through atomics, stored with release and loaded with acquire, which also stands for the fences of 1
+//     (it does not know fences): who loads a word of record n' sees the 2n' - 1 before it. It costs four times a memcpy.
+//  6. Going to sleep: a reader sets `asleep` and then looks at `count`; the writer stores `count` and then looks at
+//     `asleep`. One of the two must see the other, for which each needs a full barrier in between. The reader's system
+//     call membarrier makes all writers execute one just then, so the writer needs none of its own, which would cost
+//     more than the rest of a small record. Where the kernel does not offer that, the writer uses a fence, and readers
+//     that cannot call it sleep for a millisecond at a time. `asleep` is a mark, not a count, so that a reader which is
+//     killed in its sleep costs one vain system call and no more.
+//
+// Threads: a Writer belongs to one thread at a time; a Reader may be used by several.
+#pragma once
+
+#include <time.h>
+
+#include <atomic>
+#include <cstdint>
+#include <cstring>
+#include <memory>
+#include <string>
+
+#include "segment.h"
+
+#if defined(__SANITIZE_THREAD__)
+#define SHMEM_BY_THE_LETTER 1
+#elif defined(__has_feature)
+#if __has_feature(thread_sanitizer)
+#define SHMEM_BY_THE_LETTER 1
+#endif
+#endif
+
+namespace shmem {
+
+inline std::int64_t nanoseconds(clockid_t clock = CLOCK_MONOTONIC) {
+    timespec t;
+    clock_gettime(clock, &t);
+    return std::int64_t(t.tv_sec) * 1'000'000'000 + t.tv_nsec;
+}
+
+struct Stamp {
+    std::uint64_t counter = 0;      // number of the record, from 1
+    std::int64_t monotonic = 0;     // [ns] CLOCK_MONOTONIC, when it was written
+    std::int64_t wall = 0;          // [us] since 1970; the same instant by the wall clock as the writer last saw it (1 s)
+};
+
+enum class Outcome {
+    read,
+    empty,          // there is no record yet
+    overwritten,    // it is gone; latest: the writer was faster so many times in a row that there is no point in going on
+};
+
+class Reader;
+
+class Writer {
+public:
+    // Become the writer of a segment, see Segment::forWriting for what may fail.
+    Writer(const std::string& key, const Shape& shape, const std::string& program, Access access = Access::owner, bool keep = false);
+
+    const Shape& shape() const { return segment_->shape(); }
+    const std::shared_ptr<Segment>& segment() const { return segment_; }
+    std::uint64_t count() const { return count_; }          // records written, those of predecessors included
+    Reader reader() const;                                  // of the same memory
+
+    // Append a record.   floats (shape.floats);   any (shape.any) [bytes], may be null when that is 0.
+    void write(const double* floats, const void* any) noexcept { write(floats, floatBytes_, any, anyBytes_); }
+    // The same with fewer bytes; the rest of the block keeps what an older record has left there.
+    void write(const double* floats, std::size_t floatBytes, const void* any, std::size_t anyBytes) noexcept {
+        Block& b = begin();
+        copyIn(b.floats(), floats, floatBytes);
+        if (anyBytes) copyIn(b.any(segment_->shape().floats), any, anyBytes);
+        end(b);
+    }
+    // In place: fill what begin() returns, then end() it. Until then readers do not see it.
+    Block& begin() noexcept {
+        std::int64_t now = nanoseconds();
+        if (now >= refresh_) [[unlikely]] refresh(now);
+        Block& b = *next_;
+        b.sequence.store(2 * count_ + 1, std::memory_order_relaxed);        // ordered by the fence
+        releaseFence();                                                     // 1
+        // Data as well, and ordered as data are.
+        b.monotonic.store(now, kDataStore);
+        b.offset.store(offset_, kDataStore);
+        return b;
+    }
+    void end(Block& b) noexcept {
+        std::uint64_t n = ++count_;
+        b.sequence.store(2 * n, std::memory_order_release);                 // 2
+        header_->count.store(n, std::memory_order_release);                 // 3
+        char* next = reinterpret_cast<char*>(next_) + blockBytes_;
+        next_ = reinterpret_cast<Block*>(next == end_ ? first_ : next);
+        if (anybodyAsleep()) [[unlikely]] wake();                           // 6
+    }
+
+private:
+    friend class Reader;
+#if SHMEM_BY_THE_LETTER
+    static constexpr auto kDataStore = std::memory_order_release, kDataLoad = std::memory_order_acquire;     // 5
+    static void releaseFence() {}
+    static void acquireFence() {}
+    static void copyIn(void* to, const void* from, std::size_t n) noexcept;
+    static void copyOut(void* to, const void* from, std::size_t n) noexcept;
+    // By the letter: of this and a sleeper's exchange the later one sees the earlier one, and all before it.
+    bool anybodyAsleep() noexcept { return header_->asleep.fetch_or(0, std::memory_order_seq_cst) != 0; }
+#else
+    static constexpr auto kDataStore = std::memory_order_relaxed, kDataLoad = std::memory_order_relaxed;     // 1: fences
+    static void releaseFence() { std::atomic_thread_fence(std::memory_order_release); }
+    static void acquireFence() { std::atomic_thread_fence(std::memory_order_acquire); }
+    static void copyIn(void* to, const void* from, std::size_t n) noexcept { std::memcpy(to, from, n); }
+    static void copyOut(void* to, const void* from, std::size_t n) noexcept { std::memcpy(to, from, n); }
+    bool anybodyAsleep() noexcept {
+        if (fence_) [[unlikely]] std::atomic_thread_fence(std::memory_order_seq_cst);
+        else std::atomic_signal_fence(std::memory_order_seq_cst);           // the compiler's part
+        return header_->asleep.load(std::memory_order_relaxed) != 0;        // ordered by what stands above
+    }
+#endif
+    void refresh(std::int64_t now) noexcept;
+    void wake() noexcept;
+
+    std::shared_ptr<Segment> segment_;
+    // What write needs, on one line of the cache. Invariant: next_ is the block of record count_ + 1.
+    alignas(kLine) Header* header_;
+    Block* next_;
+    std::uint64_t count_;
+    std::int64_t offset_ = 0, refresh_ = 0;     // [ns]
+    char *first_, *end_;
+    std::uint32_t blockBytes_ = 0;
+    bool fence_;
+    std::size_t floatBytes_, anyBytes_;
+};
+
+class Reader {
+public:
+    // Look at the segment of that name, see Segment::forReading for what may fail.
+    explicit Reader(const std::string& key) : Reader(Segment::forReading(key)) {}
+    explicit Reader(std::shared_ptr<Segment> segment) : segment_(std::move(segment)), header_(&segment_->header()) {}
+
+    const Shape& shape() const { return segment_->shape(); }
+    const std::shared_ptr<Segment>& segment() const { return segment_; }
+    // Number of the newest record, 0 when there is none.
+    std::uint64_t count() const { return header_->count.load(std::memory_order_acquire); }      // 3
+    // The oldest that may still be there: it may be overwritten at any moment.
+    std::uint64_t oldest() const { return oldest(count()); }
+    std::uint64_t oldest(std::uint64_t count) const { return count > shape().blocks ? count - shape().blocks + 1 : 1; }
+    // No more records will come here: open the key anew.
+    bool retired() const { return header_->retired.load(std::memory_order_relaxed); }   // a hint: it orders nothing
+
+    // Copy out the newest record.   floats (shape.floats), any (shape.any): null for what is not wanted.
+    // Wait-free: after kTries that were overwritten meanwhile it gives up.
+    Outcome latest(double* floats, void* any, Stamp& stamp) const noexcept {
+        for (int i = 0; i < kTries; ++i) {
+            std::uint64_t n = count();
+            if (n == 0) [[unlikely]] return Outcome::empty;
+            if (read(n, floats, any, stamp)) [[likely]] return Outcome::read;
+        }
+        return Outcome::overwritten;
+    }
+    static constexpr int kTries = 100;
+
+    // Copy out record n. False when it is not there any more, or not yet; then what was copied means nothing.
+    bool read(std::uint64_t n, double* floats, void* any, Stamp& stamp) const noexcept {
+        Block& b = segment_->block(n);
+        if (b.sequence.load(std::memory_order_acquire) != 2 * n) return false;          // 2
+        takeStamp(b, n, stamp);
+        if (floats) Writer::copyOut(floats, b.floats(), shape().floats * sizeof(double));
+        if (any && shape().any) Writer::copyOut(any, b.any(shape().floats), shape().any);
+        return intact(b, n);
+    }
+
+    // A record in place: nothing is copied. Use it, then ask whether it was whole all the time; if not, what was made of
+    // it means nothing (numbers may have been mixed, so do not use them as indices before).
+    class View {
+    public:
+        const double* floats = nullptr;
+        const unsigned char* any = nullptr;
+        Stamp stamp;
+        explicit operator bool() const { return block_ != nullptr; }        // there was such a record
+        bool valid() const noexcept { return intact(*block_, stamp.counter); }
+
+    private:
+        friend class Reader;
+        Block* block_ = nullptr;
+    };
+    View view(std::uint64_t n) const noexcept {
+        View v;
+        if (n == 0) return v;
+        Block& b = segment_->block(n);
+        if (b.sequence.load(std::memory_order_acquire) != 2 * n) return v;              // 2
+        takeStamp(b, n, v.stamp);
+        v.floats = b.floats();
+        v.any = b.any(shape().floats);
+        v.block_ = &b;
+        return v;
+    }
+
+    // The record whose time is nearest to a time, given as in a Stamp: monotonic [ns], or with wall [us].
+    // Of the records that are there it looks at a few only. Outcome as for latest.
+    Outcome nearestTo(std::int64_t time, bool wall, double* floats, void* any, Stamp& stamp) const noexcept;
+
+    // ---- waiting ----
+
+    // Sleep until there is a record after n, the segment is retired, the bell has changed since `bell` was read, or a
+    // time has come [ns, monotonic]. May return early. Who wants to be woken by poke() takes bell() first, then looks
+    // whether he is still wanted, then sleeps.
+    void sleep(std::uint64_t n, std::uint32_t bell, std::int64_t until) const noexcept;
+    std::uint32_t bell() const { return header_->bell.load(std::memory_order_seq_cst); }
+    void poke() const noexcept;         // wakes all sleepers of the segment, here and elsewhere; they go to sleep again
+
+private:
+    static void takeStamp(const Block& b, std::uint64_t n, Stamp& stamp) noexcept {
+        stamp.counter = n;
+        stamp.monotonic = b.monotonic.load(Writer::kDataLoad);
+        // Unsigned: in a block that is being overwritten, or was filled by a stranger, anything may stand.
+        auto offset = std::uint64_t(b.offset.load(Writer::kDataLoad));
+        stamp.wall = std::int64_t(std::uint64_t(stamp.monotonic) + offset) / 1000;
+    }
+    static bool intact(const Block& b, std::uint64_t n) noexcept {
+        Writer::acquireFence();                                             // 1
+        return b.sequence.load(std::memory_order_relaxed) == 2 * n;         // ordered by the fence
+    }
+
+    std::shared_ptr<Segment> segment_;
+    Header* header_;
+};
+
+inline Reader Writer::reader() const { return Reader(segment_); }
+
+}  // namespace shmem
