@@ -13,8 +13,44 @@ const Prototype kGone{Severity::error, "SERVICE GONE", 1, "sorm: there is no ser
 const Prototype kDepth{Severity::error, "SORM DEPTH", 0, "sorm: requests in requests are {} deep; that is enough"};
 const Prototype kElsewhere{Severity::error, "COMM DENIED", 1,
     "sorm: {} is served elsewhere; a daemon does not make connections for others"};
+const Prototype kInventory{Severity::error, "REQUEST SYNTAX", 1,
+    "sorm: bad word \"{}\" of -inventory: must be addresses, classes, names, objects, serves, or words"};
 constexpr std::size_t kMostLines = 1000;
 constexpr int kMostDepth = 16;
+
+// Keys and values of a Tcl dict, as text.
+class DictText {
+public:
+    void put(std::string_view key, std::string_view value) {
+        appendListElement(text_, key);
+        appendListElement(text_, value);
+    }
+    const std::string& text() const { return text_; }
+
+private:
+    std::string text_;
+};
+
+std::string listOf(std::initializer_list<std::string> fields) {
+    std::string list;
+    for (auto& f : fields) appendListElement(list, f);
+    return list;
+}
+
+std::string actionsText(const std::vector<Action>& actions) {
+    std::string list;
+    for (auto& a : actions)
+        appendListElement(list, listOf({a.name, a.usage, a.help, std::to_string(a.minArgs), std::to_string(a.maxArgs)}));
+    return list;
+}
+
+std::string partsText(const std::vector<Part>& parts) {
+    std::string list;
+    for (auto& p : parts)
+        appendListElement(list, listOf({toText(p.field), std::to_string(p.count.low),
+                                        p.count.high == SIZE_MAX ? std::string() : std::to_string(p.count.high), p.unit, p.help}));
+    return list;
+}
 
 class SormService : public Service {
 public:
@@ -81,6 +117,74 @@ public:
         sorm().alias(args[0], args[1]);
     }
 
+    // What inspectors ask again and again: not noted in the audit, and nothing is made for it.
+    void inventory(Args args, Message& reply) {
+        static const std::vector<std::string> all = {"classes", "names", "objects", "words", "addresses", "serves"};
+        DictText out;
+        for (auto& what : args.empty() ? Args(all) : args) {
+            std::string list;
+            if (what == "classes") {
+                for (auto* type : sorm().classes()) appendListElement(list, listOf({type->name(), type->version(), type->purpose()}));
+            } else if (what == "names") {
+                for (auto& name : sorm().names()) appendListElement(list, name);
+            } else if (what == "objects") {
+                for (auto& name : sorm().names()) {
+                    Service* s = sorm().find(name);
+                    appendListElement(list, listOf({name, s->type().name(), std::to_string(s->calls()), std::to_string(s->underWay())}));
+                }
+            } else if (what == "words") {
+                for (auto& word : sorm().dictionary().words()) appendListElement(list, word);
+            } else if (what == "addresses") {
+                for (auto& word : sorm().dictionary().words()) {
+                    if (word[0] != '@' && (word[0] < 'A' || word[0] > 'Z')) continue;
+                    auto* expansion = sorm().dictionary().get(word);
+                    if (expansion && !expansion->empty()) appendListElement(list, listOf({word, expansion->front()}));
+                }
+            } else if (what == "serves") {
+                for (auto& name : served()) appendListElement(list, name);
+            } else {
+                fail(kInventory, what);
+            }
+            out.put(what, list);
+        }
+        addLine(reply, out.text());
+    }
+
+    // The table of a class, by the name of an object that need not be there; it is not made. Values: of one that is.
+    void describe(Args args, Message& reply) {
+        Service* s = sorm().find(args[0]);
+        if (!s) {
+            if (args[0].find('@') != std::string::npos || Name::parse(args[0]).byDefault) fail(kElsewhere, args[0]);
+        }
+        const Class& type = s ? s->type() : sorm().needClass(Name::parse(args[0]).className);
+        std::string options, fixed;
+        for (std::size_t i = 0; i < type.options().size(); ++i) {
+            auto& o = type.options()[i];
+            appendListElement(options, listOf({o.name, toText(o.type), o.spec.unit, o.range(),
+                                               i < type.defaults().size() ? toText(type.defaults()[i]) : std::string(),
+                                               s ? toText(o.get(*s)) : std::string(), o.spec.help}));
+            if (o.spec.fixed) appendListElement(fixed, o.name);
+        }
+        DictText out;
+        out.put("name", args[0]);
+        out.put("exists", s ? "1" : "0");
+        out.put("class", type.name());
+        out.put("purpose", type.purpose());
+        out.put("version", type.version());
+        out.put("options", options);
+        out.put("fixed", fixed);
+        out.put("actions", actionsText(type.actions()));
+        out.put("inspections", actionsText(type.inspections()));
+        out.put("reads", partsText(type.reads()));
+        out.put("writes", partsText(type.writes()));
+        out.put("words", type.words());
+        out.put("signature", type.signatureText());
+        out.put("example", type.example());
+        out.put("help", type.helpText(args[0]));
+        if (s) out.put("dump", s->dump());
+        addLine(reply, out.text());
+    }
+
     void remove(Args args, Message&) {
         for (auto& name : args)
             if (!sorm().find(name)) fail(kGone, name);
@@ -97,6 +201,19 @@ private:
     void network(const char* what, Message& reply) {
         std::string text = sorm().networkFacts ? sorm().networkFacts(what) : std::string("# this program has no COMM");
         if (!text.empty()) addLine(reply, text);
+    }
+
+    // The daemon names of this process: what COMM says begins its lines with "daemon NAME: ".
+    std::vector<std::string> served() const {
+        constexpr std::string_view kBegin = "daemon ";
+        std::string text = sorm().networkFacts ? sorm().networkFacts("statistics") : std::string();
+        std::vector<std::string> names;
+        for (std::size_t at = 0; at < text.size();) {
+            std::string_view line = std::string_view(text).substr(at, text.find('\n', at) - at);
+            at += line.size() + 1;
+            if (line.starts_with(kBegin)) names.emplace_back(line.substr(kBegin.size(), line.find(':') - kBegin.size()));
+        }
+        return names;
     }
 
     static bool remote() { return Call::current() && &Call::currentCaller() != &Caller::self(); }
@@ -142,6 +259,10 @@ Class describeSorm() {
         .action("-create", &SormService::create, "name ?word ...?", "make an object; words as in CTRL", 1, Action::kRest)
         .action("-alias", &SormService::alias, "name target", "give an object a second name", 2, 2)
         .action("-remove", &SormService::remove, "name ?name ...?", "remove objects", 1, Action::kRest)
+        .inspection({"-inventory", "?what ...?", "dict of classes, names, objects (name class calls underway), words, addresses, serves",
+                     0, Action::kRest, [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).inventory(a, m); }})
+        .inspection({"-describe", "name", "dict of the table of an object's class, without making the object", 1, 1,
+                     [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).describe(a, m); }})
         .reads(Field::text, {}, "", "a request")
         .writes(Field::text, {}, "", "its reply")
         .example("sorm CTRL -classes");

@@ -211,6 +211,19 @@ int GrantObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
     });
 }
 
+// sorma::Aside script: evaluate a script in the caller's frame; the trail of the last request is afterwards what it was
+// before. For inspectors that look around between two lines of their user.
+int AsideObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    if (objc != 2) return wrongArgs(interp, objv, "script");
+    auto& i = of(data);
+    return guarded(i, objc, objv, [&] {
+        Trail before = i.sorm.lastTrail();
+        int code = Tcl_EvalObjEx(interp, objv[1], 0);
+        if (!i.closing()) i.sorm.setLastTrail(before);
+        return code;
+    });
+}
+
 }  // namespace
 
 void initCommands(Interpreter& i) {
@@ -224,6 +237,7 @@ void initCommands(Interpreter& i) {
     i.define("trail", TrailObjCmd);
     i.define("configure", ConfigureObjCmd);
     i.define("grant", GrantObjCmd);
+    Tcl_CreateObjCommand(i.interp, "::sorma::Aside", AsideObjCmd, &i, nullptr);
 }
 
 }  // namespace sorma
