@@ -10,6 +10,25 @@ package ifneeded sorma 1.0 [list apply {dir {
     }
     load [file join $dir $module[info sharedlibextension]] Sorma
     set ::sorma::library $dir
+    # Commands in Tcl: their files are read when they are first called.
+    foreach {file commands} {
+        discover discover
+        complete complete
+        show {show showTrail showDefaults}
+        inspect {inspect inspect::ls inspect::tree inspect::daemons inspect::help inspect::dump inspect::watch inspect::unwatch
+            inspect::top inspect::find}
+    } {
+        foreach command $commands {
+            set ::auto_index(::sorma::$command) [list source -encoding utf-8 [file join $dir $file.tcl]]
+        }
+    }
+}} $dir]
+package ifneeded sorma::inspect 1.0 [list apply {dir {
+    package require sorma
+    foreach file {discover complete show inspect} {
+        uplevel #0 [list source -encoding utf-8 [file join $dir $file.tcl]]
+    }
+    package provide sorma::inspect 1.0
 }} $dir]
 
 foreach file [glob -nocomplain -directory [file join $dir services] *.tcl *[info sharedlibextension]] {

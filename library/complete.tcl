@@ -1,0 +1,959 @@
+# complete.tcl -- what can be typed next: for the terminal, and for whatever else takes lines.
+#
+# A line is read as Tcl reads it, up to the point; what the point is in decides: a command's name, a word of a request, a
+# value, a recipe in quotes. Tables come from discover.tcl: nothing is made, nothing is called, nobody is waited for.
+
+auto_load ::sorma::discover
+namespace eval ::sorma::complete {
+    variable Methods {CTRL DBX EXEC cget configure destroy exec info}
+    variable Infos {actions class dump example help inspections location methods name options purpose signature trail version}
+    # dict: command -> {usage options kinds}. kinds: of its words that are no options, the last one for all further:
+    # object (that there is), so (that can be), class, daemon, file, request (words), text (a request), recipe, setting
+    variable Commands {
+        sorma::async {{?-timeout ms? ?-command prefix? ?-oneway? name method ?word ...?} {-timeout -command -oneway} request}
+        sorma::dispatch {request {} text}
+        sorma::create {{name ?word ...?} {} {so recipe}}
+        sorma::remove {name {} {object none}}
+        sorma::exists {name {} {object none}}
+        sorma::names {?pattern? {} {object none}}
+        sorma::classes {?pattern? {} {class none}}
+        sorma::trail {?name? {} {object none}}
+        sorma::health {{daemon ?-timeout ms?} -timeout {daemon none}}
+        sorma::subscribe {{name ?-event pattern? ?-latest? ?-queue n? -command prefix} {-event -latest -queue -command} {so none}}
+        sorma::serve {{name ?-port number? ?-host name? ?-socket path? ?-rpcbind boolean? ?-program number?}
+            {-port -host -socket -rpcbind -program} none}
+        sorma::configure {{?-setting? ?value ...?} {} setting}
+        sorma::show {{value ?-as kind? ?-colour boolean? ?-width n? ?-json boolean? ?-so name? ?-error options? ?-trail list? ?-whole boolean?}
+            {-as -colour -width -json -so -error -trail -whole} none}
+        sorma::inspect::ls {{?pattern? ?@daemon? ?-data?} -data {object at none}}
+        sorma::inspect::tree {{?pattern? ?@daemon? ?-data?} -data {object at none}}
+        sorma::inspect::daemons {?-data? -data none}
+        sorma::inspect::help {{?name? ?-data?} -data {topic none}}
+        sorma::inspect::dump {{name ?-data?} -data {object none}}
+        sorma::inspect::watch {{?name? ?-every ms? ?-command prefix?} {-every -command} {object none}}
+        sorma::inspect::unwatch {{?id?} {} none}
+        sorma::inspect::top {{?-count n? ?@daemon? ?-data?} {-count -data} {at none}}
+        sorma::inspect::find {{word ?@daemon? ?-data?} -data {none at}}
+        package {} source {} cd {} open {} load {} glob {} exec {} file {} record {}
+    }
+    # Commands whose words are names of files.
+    variable FileCommands {source cd open load glob exec file record}
+}
+
+# ::sorma::complete --
+#       What can stand at a point of a line.
+# Arguments:
+#       line    what has been typed
+#       point   characters before the cursor
+# Results:
+#       A dict: from (column where the words go, up to the point), words (sorted, each as it is to be typed) and hint (one
+#       line about what is expected there, or empty). Words that lead on end in / or ::.
+proc ::sorma::complete {line point} {
+    return [Aside [list ::sorma::complete::Complete $line $point]]
+}
+
+proc ::sorma::complete::Complete {line point} {
+    set point [expr {max(0, min($point, [string length $line]))}]
+    set context [Scan [string range $line 0 $point-1] 0 script {}]
+    if {[dict exists $context comment]} {
+        return [dict create from $point words {} hint {}]
+    }
+    ::sorma::discover::LookAgain
+    # Braces may hold a script or a text: the command around them knows.
+    if {[dict exists $context outer words] && [WantsText [dict get $context outer words]]} {
+        set context [dict get $context outer]
+    }
+    dict with context {}
+    if {[regexp {^(.*)\$([\w:]*(\([^()]*)?)$} $partial -> before name] && $quote ni {' \{}} {
+        set candidates [Variables $name]
+        set hint {}
+        set skip [expr {[string length $before] + 1}]
+    } else {
+        lassign [ForWord $words $partial] candidates hint skip
+    }
+    if {$skip ne {}} {
+        incr from $skip         ;# what is completed begins inside of the word
+        set partial [string range $partial $skip end]
+    }
+    set found {}
+    foreach word [lsort -unique [lsearch -all -inline -glob $candidates [Escape $partial]*]] {
+        lappend found [Quoted $word $quote]
+    }
+    return [dict create from $from words $found hint [string map {\n { }} $hint]]
+}
+
+# ---- reading the line ----
+
+# What the end of a text is in: a dict of words (before, of the same command), partial (the word there as far as it is
+# typed, without quoting), from (where it begins), quote (in what: empty, ", {, ') and outer (the context around braces
+# or quotes; empty when there is none); or the key comment. kind: script, bracket, or brace. For a bracket that is
+# closed within the text: {closed POSITION}.
+proc ::sorma::complete::Scan {text at kind outer} {
+    set end [string length $text]
+    set words {}
+    while 1 {
+        while {$at < $end && [string index $text $at] in [list { } \t] || [string range $text $at $at+1] eq "\\\n"} {
+            incr at [expr {[string index $text $at] eq "\\" ? 2 : 1}]
+        }
+        if {$at >= $end} {
+            return [dict create words $words partial {} from $end quote {} outer $outer]
+        }
+        set c [string index $text $at]
+        if {$c in [list \n ";"]} {
+            set words {}
+            incr at
+            continue
+        }
+        if {$c eq "]" && $kind eq "bracket"} {
+            return [list closed [expr {$at + 1}]]
+        }
+        if {$c eq "#" && [llength $words] == 0} {
+            set at [string first \n $text $at]
+            if {$at < 0} {
+                return {comment 1}
+            }
+            continue
+        }
+        set read [Word $text $at $words $kind $outer]
+        if {[dict exists $read words]} {
+            return $read
+        }
+        set at [dict get $read at]
+        if {[dict get $read value] eq "{*}" && [string index $text $at] ni [list { } \t \n ";" {}]} {
+            continue
+        }
+        lappend words [dict get $read value]
+    }
+}
+
+# One word: a dict of value and at, its end; or the context, as Scan returns it, when the text ends in it.
+proc ::sorma::complete::Word {text at words kind outer} {
+    set end [string length $text]
+    set c [string index $text $at]
+    set here [dict create words $words outer $outer]
+    if {$c eq "\{"} {
+        set close [MatchBrace $text $at]
+        if {$close < 0} {
+            dict set here partial [string range $text $at+1 end]
+            dict set here from [expr {$at + 1}]
+            dict set here quote "\{"
+            return [Scan $text [expr {$at + 1}] brace $here]
+        }
+        return [dict create value [string range $text $at+1 $close-1] at [expr {$close + 1}]]
+    }
+    if {$c eq "'" && [lindex $words 1] in {CTRL DBX EXEC}} {
+        set close [string first ' $text $at+1]
+        if {$close < 0} {
+            set rest [string range $text $at+1 end]
+            return [dict create words $words partial $rest from [expr {$at + 1}] quote ' outer $outer]
+        }
+        return [dict create value [string range $text $at+1 $close-1] at [expr {$close + 1}]]
+    }
+    set start $at
+    set quote {}
+    if {$c eq "\""} {
+        set quote $c
+        incr at
+        set start $at
+    }
+    set value {}
+    while {$at < $end} {
+        set c [string index $text $at]
+        if {$quote eq {} && $c in [list { } \t \n ";"] || $quote eq {} && $c eq "]" && $kind eq "bracket"} {
+            return [dict create value $value at $at]
+        }
+        if {$quote ne {} && $c eq $quote} {
+            return [dict create value $value at [expr {$at + 1}]]
+        }
+        if {$c eq "\\"} {
+            append value [subst -nocommands -novariables [string range $text $at $at+1]]
+            incr at 2
+            continue
+        }
+        if {$c eq "\["} {
+            set inside [Scan $text [expr {$at + 1}] bracket {}]
+            if {[lindex $inside 0] ne "closed"} {
+                return $inside
+            }
+            append value [string range $text $at [lindex $inside 1]-1]
+            set at [lindex $inside 1]
+            continue
+        }
+        append value $c
+        incr at
+    }
+    return [dict create words $words partial $value from $start quote $quote outer $outer]
+}
+
+proc ::sorma::complete::MatchBrace {text at} {
+    set depth 0
+    set end [string length $text]
+    while {$at < $end} {
+        switch -- [string index $text $at] {
+            "\\" { incr at }
+            "\{" { incr depth }
+            "\}" {
+                if {[incr depth -1] == 0} {
+                    return $at
+                }
+            }
+        }
+        incr at
+    }
+    return -1
+}
+
+# A word as it has to be typed in its quotes.
+proc ::sorma::complete::Quoted {word quote} {
+    switch -- $quote {
+        {} { return [string map {\\ \\\\ \[ \\\[ \] \\\] \{ \\\{ \} \\\} \" \\\" $ \\$ ; \\; { } {\ } \t \\t \n \\n} $word] }
+        \" { return [string map {\\ \\\\ \[ \\\[ \" \\\" $ \\$} $word] }
+    }
+    return $word
+}
+
+proc ::sorma::complete::Escape text {
+    return [string map {\\ \\\\ * \\* ? \\? \[ \\\[ \] \\\]} $text]
+}
+
+# ---- contexts ----
+
+# Does a command take its next word as text, not as a script?
+proc ::sorma::complete::WantsText words {
+    set kind [lindex [Expected $words] 0]
+    return [expr {$kind in {recipe text} || ([lindex $words 1] in {CTRL DBX EXEC exec configure} && [IsName [lindex $words 0]])}]
+}
+
+# Variables of the global level, elements of arrays included.
+proc ::sorma::complete::Variables name {
+    if {[regexp {^([^(]+)\((.*)$} $name -> array element]} {
+        if {![uplevel #0 [list array exists $array]]} {
+            return {}
+        }
+        return [lmap key [uplevel #0 [list array names $array [Escape $element]*]] {string cat $array ( $key )}]
+    }
+    set found [uplevel #0 [list info vars [Escape $name]*]]
+    foreach child [Children $name] {
+        lappend found $child
+    }
+    return $found
+}
+
+# Namespaces that a partial name may lead into, written as it is.
+proc ::sorma::complete::Children name {
+    set tail [string last :: $name]
+    set parent [if {$tail > 0} {string range $name 0 $tail-1} else {string cat ::}]
+    set parent ::[string trimleft $parent :]
+    if {![namespace exists $parent]} {
+        return {}
+    }
+    set found [lmap child [namespace children $parent] {string cat $child ::}]
+    if {![string match ::* $name]} {
+        set found [lmap child $found {string range $child 2 end}]
+    }
+    return $found
+}
+
+# {candidates hint ?skip?} for the word after others. skip: where in the partial word the completed part begins.
+proc ::sorma::complete::ForWord {words partial} {
+    if {[llength $words] == 0} {
+        return [ForCommand $partial]
+    }
+    lassign [Expected $words] kind one two
+    if {[string match -* $partial] && $kind in {so object at daemon class topic}} {
+        set kind option
+        set two [Options [lindex $words 0]]
+    }
+    switch -- $kind {
+        request { return [Request $one $partial] }
+        methods {
+            set table [Table $one]
+            set methods [if {$one eq "dict"} {concat {CTRL DBX EXEC} [Subcommands dict]} else {set ::sorma::complete::Methods}]
+            set hint [if {[dict exists $table purpose]} {string cat "[dict get $table class]: [dict get $table purpose]"}]
+            return [list $methods $hint]
+        }
+        recipe {
+            set skip [expr {[string last { } $partial] + 1}]
+            set before [Split [string range $partial 0 $skip-1]]
+            lassign [Recipe $one [concat $two $before] [string range $partial $skip end]] candidates hint
+            return [list $candidates $hint $skip]
+        }
+        text {
+            set context [Scan $partial 0 script {}]
+            if {[dict exists $context comment] || [llength [dict get $context words]] == 0} {
+                return [list [Names $partial] $one 0]
+            }
+            lassign [ForWord [dict get $context words] [dict get $context partial]] candidates hint
+            return [list $candidates $hint [dict get $context from]]
+        }
+        object { return [list [Names $partial 1] $one] }
+        so { return [list [Names $partial] $one] }
+        at { return [list [lmap name [::sorma::discover::names] {string cat @ $name}] $one] }
+        daemon { return [list [::sorma::discover::names] $one] }
+        class { return [list [::sorma::discover::classes {}] $one] }
+        topic { return [list [concat [Names $partial] [Topics]] $one] }
+        setting { return [list [dict keys [::sorma::configure]] $one] }
+        option { return [list $two $one] }
+        file { return [list [Files $partial] $one] }
+        list { return [list $two $one] }
+        none { return [list {} $one] }
+    }
+    set found [Names $partial]
+    if {$partial ne {} && [lsearch -glob $found [Escape $partial]*] < 0} {
+        set found [Files $partial]
+    }
+    return [list $found $one]
+}
+
+# Options of a command of the table above.
+proc ::sorma::complete::Options command {
+    variable Commands
+    set command [string trimleft $command :]
+    foreach name [list $command sorma::inspect::$command] {
+        if {[dict exists $Commands $name]} {
+            return [lindex [dict get $Commands $name] 1]
+        }
+    }
+    return {}
+}
+
+# What a command expects next: {kind ...}. request WORDS; methods NAME; recipe NAME WORDS; option HINT LIST; list HINT
+# LIST; else a kind of the table above and a hint.
+proc ::sorma::complete::Expected words {
+    variable Commands
+    variable FileCommands
+    variable Methods
+    set command [string trimleft [lindex $words 0] :]
+    set rest [lrange $words 1 end]
+    if {[string match sorma::so::* $command]} {
+        set command [string range $command 11 end]
+        lset words 0 $command
+    }
+    set full $command
+    if {![dict exists $Commands $full] && [dict exists $Commands sorma::inspect::$command] && [llength [info commands ::$command]] > 0} {
+        set full sorma::inspect::$command
+    }
+    if {$command eq "sorma" && [llength $rest] > 0 && [dict exists $Commands sorma::[lindex $rest 0]]} {
+        return [Expected [list sorma::[lindex $rest 0] {*}[lrange $rest 1 end]]]
+    }
+    if {$full in $FileCommands} {
+        return [list file [Usage $full]]
+    }
+    if {$full eq "package" && [lindex $rest 0] in {require present versions names}} {
+        return [list list {} [package names]]
+    }
+    if {[dict exists $Commands $full] && $full ne "package"} {
+        lassign [dict get $Commands $full] usage options kinds
+        set hint "$full $usage"
+        if {$full eq "sorma::async"} {
+            while {[string match -* [lindex $rest 0]]} {
+                if {[lindex $rest 0] ne "-oneway"} {
+                    if {[llength $rest] == 1} {
+                        return [list none $hint]
+                    }
+                    set rest [lrange $rest 1 end]
+                }
+                set rest [lrange $rest 1 end]
+            }
+            if {[llength $rest] == 0} {
+                return [list so $hint]
+            }
+            return [Expected $rest]
+        }
+        # Words that are no options, and whether an option waits for its value.
+        set plain {}
+        for {set i 0} {$i < [llength $rest]} {incr i} {
+            set word [lindex $rest $i]
+            if {$word in $options} {
+                if {$word in {-data -latest -oneway}} continue
+                if {[incr i] == [llength $rest]} {
+                    switch -- $word {
+                        -so { return [list so $hint] }
+                        -as { return [list list $hint {reply dict plain}] }
+                        default { return [list none $hint] }
+                    }
+                }
+            } else {
+                lappend plain $word
+            }
+        }
+        set kind [lindex $kinds [expr {min([llength $plain], [llength $kinds] - 1)}]]
+        if {$kind eq "recipe"} {
+            return [list recipe [lindex $plain 0] [lrange $plain 1 end]]
+        }
+        if {$kind eq "setting" && [llength $plain] % 2 == 1} {
+            return [list list $hint [SettingValue [lindex $plain end]]]
+        }
+        if {$kind eq "none" && [llength $options] > 0} {
+            return [list option $hint [lsearch -all -inline -not -regexp $options "^([join $rest |])\$"]]
+        }
+        return [list $kind $hint]
+    }
+    if {[llength $rest] > 0 && [lindex $rest 0] in $Methods && [IsName $command] && !($command ne "dict" && [Occupied $command])} {
+        return [list request $words]
+    }
+    if {$command eq "dict" && [llength $rest] == 0 || [llength $rest] == 0 && [IsName $command] && ![Occupied $command]} {
+        return [list methods $command]
+    }
+    set subcommands [Subcommands $command]
+    if {[llength $rest] == 0 && [llength $subcommands] > 0} {
+        return [list list {} $subcommands]
+    }
+    return [list any [Usage $command]]
+}
+
+proc ::sorma::complete::SettingValue name {
+    set settings [::sorma::configure]
+    return [if {[dict exists $settings $name]} {list [dict get $settings $name]}]
+}
+
+# Is a command of that name something else than a service object?
+proc ::sorma::complete::Occupied name {
+    if {[string match *::* $name]} {
+        return [expr {[llength [info commands ::$name]] > 0}]
+    }
+    return [expr {[llength [info commands ::$name]] > 0 && [namespace which -command ::sorma::so::$name] eq {}}]
+}
+
+# Can it be a service object? Cheap: nothing is looked up elsewhere.
+proc ::sorma::complete::IsName name {
+    if {![regexp {^([[:alpha:]]\w*)(\.[^\s@\[\]{}$"\\;]*)?(@.+)?$} $name -> class flavor where]} {
+        return 0
+    }
+    if {$where ne {}} {
+        return 1
+    }
+    if {[string is upper -strict [string index $class 0]]} {
+        return [expr {[lindex [::sorma::discover::locate $name] 1] ne {}}]
+    }
+    return [expr {[::sorma::exists $name] || $class in [::sorma::classes $class] || [::sorma::discover::HasPackage sorma::service::$class]}]
+}
+
+# ---- commands of Tcl ----
+
+proc ::sorma::complete::ForCommand partial {
+    set pattern [Escape $partial]*
+    set found {}
+    foreach name [uplevel #0 [list info commands $pattern]] {
+        if {![string match ::* $partial]} {
+            set name [string trimleft $name :]
+        }
+        lappend found $name
+    }
+    foreach name [array names ::auto_index ::sorma::*] {        ;# not loaded yet
+        lappend found [if {[string match ::* $partial]} {set name} else {string range $name 2 end}]
+    }
+    set tail [string range $partial [expr {[string last : $partial] + 1}] end]
+    if {![string is upper -strict [string index $tail 0]]} {
+        set found [lsearch -all -inline -not -regexp $found {^(::)?sorma(::.*)?::[A-Z]\w*$}]
+    }
+    if {![string match *::* $partial]} {
+        set found [concat $found [Names $partial]]
+    }
+    set found [concat $found [Children $partial]]
+    set hint {}
+    set exact [lsearch -exact -inline $found $partial]
+    if {$exact eq {} && $partial ne {}} {
+        set matches [lsort -unique [lsearch -all -inline -glob $found $pattern]]
+        if {[llength $matches] == 1} {
+            set exact [lindex $matches 0]
+        }
+    }
+    if {$exact ne {}} {
+        set hint [Usage $exact]
+        if {$hint eq {} && [IsName $exact] && ![Occupied $exact]} {
+            set table [Table $exact]
+            if {$table ne {}} {
+                set hint "[dict get $table class]: [dict get $table purpose]"
+            }
+        }
+    }
+    return [list $found $hint]
+}
+
+# How a command is called, where that is known: a proc's arguments, or the table above.
+proc ::sorma::complete::Usage command {
+    variable Commands
+    set command [string trimleft $command :]
+    foreach name [list $command sorma::inspect::$command] {
+        if {[dict exists $Commands $name] && [llength [dict get $Commands $name]] > 0} {
+            return "$command [lindex [dict get $Commands $name] 0]"
+        }
+    }
+    if {[llength [info procs ::$command]] == 0} {
+        return {}
+    }
+    set words [list $command]
+    foreach argument [info args ::$command] {
+        if {[info default ::$command $argument default]} {
+            lappend words ?$argument?
+        } elseif {$argument eq "args"} {
+            lappend words ?word? ...
+        } else {
+            lappend words $argument
+        }
+    }
+    return [join $words]
+}
+
+# Words that can follow a command: of an ensemble, of an object, of a future.
+proc ::sorma::complete::Subcommands command {
+    set command ::[string trimleft $command :]
+    if {[namespace which -command $command] eq {}} {
+        return {}
+    }
+    if {[namespace ensemble exists $command]} {
+        set map [namespace ensemble configure $command -map]
+        if {[dict size $map] > 0} {
+            return [dict keys $map]
+        }
+        set listed [namespace ensemble configure $command -subcommands]
+        if {[llength $listed] > 0} {
+            return $listed
+        }
+        set space [namespace ensemble configure $command -namespace]
+        set found {}
+        foreach pattern [namespace eval $space {namespace export}] {
+            foreach name [info commands ${space}::$pattern] {
+                lappend found [namespace tail $name]
+            }
+        }
+        return $found
+    }
+    if {[info object isa object $command]} {
+        return [info object methods $command -all]
+    }
+    if {[string match ::sorma::future::* $command]} {
+        return {cancel destroy done result wait}
+    }
+    return {}
+}
+
+# ---- names of service objects ----
+
+# Those that can be called: objects, flavors of dictionaries, classes; here, and at each daemon as far as it is known.
+# made: only objects that are there.
+proc ::sorma::complete::Names {partial {made 0}} {
+    set at [string first @ $partial]
+    if {$at >= 0} {
+        set object [string range $partial 0 $at]
+        set found [lmap name [::sorma::discover::names] {string cat $object $name}]
+        if {[string index $partial $at+1] eq "/"} {
+            foreach file [Files [string range $partial $at+1 end]] {
+                lappend found $object$file
+            }
+        }
+        return $found
+    }
+    set pattern [Escape $partial]*
+    set found [::sorma::names $pattern]
+    if {!$made} {
+        set words [lsearch -all -inline -glob [::sorma::discover::words {}] $pattern]
+        set found [concat $found [lsearch -all -inline -glob [::sorma::discover::classes {}] $pattern] \
+            [lsearch -all -inline -regexp $words {^[[:alpha:]]\w*(\.[^\s@\[\]{}$"\\;]+)?$}]]
+    }
+    if {[regexp {^([A-Z][A-Z0-9_]*)\.} $partial -> class]} {
+        lassign [::sorma::discover::locate $class] service where
+        if {$where ne {}} {
+            ::sorma::discover::glance [list $where] $::sorma::discover::Inventory
+        }
+        foreach name [concat [::sorma::discover::objects $where] [::sorma::discover::words $where]] {
+            if {[string match $service.* $name]} {
+                lappend found $class[string range $name [string length $service] end]
+            }
+        }
+    }
+    if {$partial ne {}} {
+        set daemons [::sorma::discover::names]
+        ::sorma::discover::glance $daemons $::sorma::discover::Inventory
+        foreach daemon $daemons {
+            set known [::sorma::discover::inventory $daemon]
+            if {$known eq {}} continue
+            set lists [list [dict get $known names]]
+            if {!$made} {
+                lappend lists [dict keys [dict get $known classes]] [dict get $known words]
+            }
+            foreach names $lists {
+                foreach name [lsearch -all -inline -glob $names $pattern] {
+                    if {[regexp {^[[:alpha:]]} $name]} {
+                        lappend found $name@$daemon
+                    }
+                }
+            }
+        }
+    }
+    return $found
+}
+
+proc ::sorma::complete::Topics {} {
+    variable Commands
+    return [lmap name [dict keys $Commands sorma::*] {set name}]
+}
+
+# What is known of an object's class, now: of one elsewhere its own, else that of the class of that name here.
+proc ::sorma::complete::Table name {
+    lassign [::sorma::discover::locate $name] service where
+    if {$where ne {}} {
+        ::sorma::discover::glance [list $where] [list sorm DBX -describe $service]
+    }
+    set table [::sorma::discover::describe $name]
+    if {$table eq {} && $where ne {}} {
+        set table [::sorma::discover::describe [lindex [split $service .] 0].?]
+    }
+    return $table
+}
+
+# ---- requests ----
+
+# {candidates hint ?skip?} for the next word of NAME METHOD WORD...
+proc ::sorma::complete::Request {words partial} {
+    variable Infos
+    set rest [lassign $words name method]
+    set table [Table $name]
+    if {$table eq {}} {
+        return [list {} {}]
+    }
+    switch -- $method {
+        CTRL { return [Words $name $table 1 $rest $partial] }
+        DBX { return [Words $name $table 0 $rest $partial] }
+        EXEC { return [Exec $table $rest $partial] }
+        exec {
+            set waits [expr {[lindex $rest end] in {-text -floats -ints -any}}]
+            return [list [if {!($waits)} {string cat {-any -floats -ints -text}}] [Signature $table]]
+        }
+        configure {
+            if {[llength $rest] % 2 == 1} {
+                return [Value $table [lindex $rest end] $partial]
+            }
+            return [list [Without [OptionNames $table] $rest] [NameHint $table $partial 1]]
+        }
+        cget {
+            return [list [if {[llength $rest] == 0} {OptionNames $table}] [NameHint $table $partial 1]]
+        }
+        info {
+            if {[llength $rest] == 0} {
+                return [list $Infos "$name info what"]
+            }
+            return [list [if {$rest eq "options"} {OptionNames $table}] [NameHint $table $partial 1]]
+        }
+    }
+    return [list {} {}]
+}
+
+proc ::sorma::complete::OptionNames table {
+    return [lmap option [dict get $table options] {lindex $option 0}]
+}
+
+proc ::sorma::complete::Without {names used} {
+    return [lmap name $names {if {$name in $used} continue; set name}]
+}
+
+# CTRL and DBX: names of the table, or what follows the last of them.
+proc ::sorma::complete::Words {name table ctrl words partial} {
+    lassign [State $table $ctrl $words] what item index open
+    set names [Without [KnownNames $table $ctrl] $words]
+    if {$what eq "value"} {
+        lassign [Value $table [lindex $item 0] $partial] candidates hint skip
+        return [list [if {$open} {concat $candidates $names} else {set candidates}] $hint $skip]
+    }
+    if {$what eq "argument"} {
+        lassign [Argument $name $table $item [lrange $words end-[expr {$index - 1}] end] $partial] candidates hint skip
+        return [list [if {$open} {concat $candidates $names} else {set candidates}] $hint $skip]
+    }
+    return [list $names [NameHint $table $partial $ctrl]]
+}
+
+# dict of all words that CTRL or DBX of a class knows -> {option ITEM} or {action ITEM}.
+proc ::sorma::complete::KnownItems {table ctrl} {
+    set known {}
+    if {$ctrl} {
+        foreach item [dict get $table options] {
+            dict set known [lindex $item 0] [list option $item]
+        }
+    }
+    set own [dict get $table [expr {$ctrl ? "actions" : "inspections"}]]
+    foreach item [concat [lindex [::sorma::discover::Common] [expr {!$ctrl}]] $own] {
+        dict set known [lindex $item 0] [list action $item]
+    }
+    return $known
+}
+
+proc ::sorma::complete::KnownNames {table ctrl} {
+    return [dict keys [KnownItems $table $ctrl]]
+}
+
+# Where words lead: {name}; {value OPTION 0 OPEN}; {argument ACTION INDEX OPEN}. OPEN: another name may come instead.
+proc ::sorma::complete::State {table ctrl words} {
+    set known [KnownItems $table $ctrl]
+    set n [llength $words]
+    for {set i 0} {$i < $n} {} {
+        set word [lindex $words $i]
+        incr i
+        if {![dict exists $known $word]} {
+            continue
+        }
+        lassign [dict get $known $word] kind item
+        if {$kind eq "option"} {
+            set flag [expr {[lindex $item 1] eq "flag"}]
+            if {$i == $n} {
+                return [list value $item 0 $flag]
+            }
+            if {!$flag || ![string match -* [lindex $words $i]]} {
+                incr i
+            }
+            continue
+        }
+        lassign $item - usage - least most
+        set count 0
+        while {$i < $n && ($count < $least || $most == -1 || ($count < $most && ![dict exists $known [lindex $words $i]]))} {
+            incr i
+            incr count
+        }
+        if {$i == $n && ($most == -1 || $count < $most)} {
+            return [list argument $item $count [expr {$count >= $least && $most != -1}]]
+        }
+    }
+    return {name}
+}
+
+# {candidates hint} for the value of an option.
+proc ::sorma::complete::Value {table name partial} {
+    set option [lsearch -inline -index 0 -exact [dict get $table options] $name]
+    if {$option eq {}} {
+        return [list {} {}]
+    }
+    lassign $option name type unit range default value help
+    switch -- $type {
+        enum { set candidates $range }
+        flag { set candidates {0 1} }
+        service { set candidates [Names $partial] }
+        default {
+            set candidates {}
+            foreach known [list $value $default] {
+                if {$known ne {}} {
+                    lappend candidates $known
+                }
+            }
+            if {$type eq "string" && [regexp -nocase {file|folder|path|socket|script} "$name $help"]} {
+                set candidates [concat $candidates [Files $partial]]
+            }
+        }
+    }
+    return [list $candidates [OptionHint $table $option]]
+}
+
+# An option in one line: -transferSpeed double [m/s] 0.01 .. 1.5, default 0.5, now 0.2: speed while loaded
+proc ::sorma::complete::OptionHint {table option} {
+    lassign $option name type unit range default value help
+    set text "$name $type"
+    if {$unit ne {}} {
+        append text " \[$unit\]"
+    }
+    if {$range ne {}} {
+        append text " " [if {$type eq "enum"} {join $range |} else {set range}]
+    }
+    if {$default ne {}} {
+        append text ", default $default"
+    }
+    if {[dict get $table exists]} {
+        append text ", now [if {$value eq {}} {string cat empty} else {set value}]"
+    }
+    if {$name in [dict get $table fixed]} {
+        append text ", recipe only"
+    }
+    if {$help ne {}} {
+        append text ": $help"
+    }
+    return $text
+}
+
+proc ::sorma::complete::ActionHint item {
+    lassign $item name usage help
+    return [string trimright "[string trimright "$name $usage"]: $help" ": "]
+}
+
+# About the name that is being typed, when it can only be one.
+proc ::sorma::complete::NameHint {table partial ctrl} {
+    set known [KnownItems $table $ctrl]
+    if {[dict exists $known $partial]} {
+        set found [list $partial]
+    } else {
+        set found [dict keys $known [Escape $partial]*]
+    }
+    if {$partial eq {} || [llength $found] != 1} {
+        return {}
+    }
+    lassign [dict get $known [lindex $found 0]] kind item
+    return [if {$kind eq "option"} {OptionHint $table $item} else {ActionHint $item}]
+}
+
+# {candidates hint ?skip?} for an argument of an action; before: its arguments so far. What it means is told by its
+# name in the usage.
+proc ::sorma::complete::Argument {name table item before partial} {
+    set index [llength $before]
+    lassign $item action usage
+    set hint [ActionHint $item]
+    set placeholders [lmap word $usage {
+        set word [string trim $word ?]
+        if {$word eq "..."} continue
+        set word
+    }]
+    set what [lindex $placeholders [expr {min($index, [llength $placeholders] - 1)}]]
+    lassign [::sorma::discover::locate $name] service where
+    set class [dict get $table class]
+    if {$class eq "dict" && $action eq "-add" && $index > 0 || $class eq "sorm" && $action eq "-create" && $index > 0} {
+        set skip [expr {[string last { } $partial] + 1}]
+        set typed [concat [lrange $before 1 end] [Split [string range $partial 0 $skip-1]]]
+        lassign [Recipe [lindex $before 0] $typed [string range $partial $skip end]] candidates more
+        return [list $candidates [if {$more eq {}} {set hint} else {set more}] $skip]
+    }
+    switch -glob -- $what {
+        option { set candidates [OptionNames $table] }
+        file - folder - path - script { set candidates [Files $partial] }
+        word { set candidates [if {$class eq "dict"} {concat [::sorma::discover::words $where] [Classes $action $where]}] }
+        name - target - pattern - object {
+            set candidates [if {$action eq "-classes"} {::sorma::discover::classes $where} else {::sorma::discover::objects $where}]
+            if {$what eq "pattern" && $class eq "dict"} {
+                set candidates [::sorma::discover::words $where]
+            }
+        }
+        class { set candidates [::sorma::discover::classes $where] }
+        what {
+            set candidates $::sorma::complete::Infos
+            if {$action eq "-inventory"} {
+                set candidates {addresses classes names objects serves words}
+            }
+        }
+        daemon { set candidates [::sorma::discover::names] }
+        0..2 { set candidates {0 1 2} }
+        default { set candidates [Alternatives $what] }
+    }
+    return [list $candidates $hint]
+}
+
+# New entries may be for any class, old ones are those that there are.
+proc ::sorma::complete::Classes {action where} {
+    return [if {$action eq "-add"} {::sorma::discover::classes $where}]
+}
+
+# Literal words of a usage text: a|b|c. A single word is the name of something.
+proc ::sorma::complete::Alternatives usage {
+    return [if {[string match *|* $usage]} {lsearch -all -inline -regexp [split $usage |?] {^[\w-]+$}}]
+}
+
+# A recipe: words of CTRL of the class of NAME, and -SUBST with an entry of the dictionary.
+proc ::sorma::complete::Recipe {name words partial} {
+    if {[lindex $words end] eq "-SUBST"} {
+        return [list [::sorma::discover::words {}] "-SUBST word: what that entry says is put here"]
+    }
+    set table {}
+    if {[regexp {^[[:alpha:]]} $name]} {
+        set table [Table $name]
+    }
+    if {$table eq {}} {
+        return [list -SUBST {}]
+    }
+    dict set table actions {}
+    lassign [State $table 1 $words] what item
+    if {$what eq "value"} {
+        lassign [Value $table [lindex $item 0] $partial] candidates hint
+        if {[lindex $item 1] ne "flag"} {
+            return [list $candidates $hint]
+        }
+    } else {
+        set candidates {}
+        set hint [NameHint $table $partial 1]
+    }
+    return [list [concat $candidates -SUBST [Without [OptionNames $table] $words]] $hint]
+}
+
+# EXEC: parts of a message, and words of the class's own. {candidates hint}
+proc ::sorma::complete::Exec {table words partial} {
+    set hint [Signature $table]
+    set used {}
+    for {set i 0} {$i < [llength $words]} {} {
+        set word [lindex $words $i]
+        incr i
+        switch -- $word {
+            TMSG - AMSG {
+                if {$i == [llength $words]} {
+                    return [list {} $hint]
+                }
+                incr i
+            }
+            FMSG - IMSG {
+                if {$i == [llength $words]} {
+                    return [list [Count $table $word] $hint]
+                }
+                set count [lindex $words $i]
+                if {![string is integer -strict $count]} {
+                    return [list {} $hint]
+                }
+                if {[llength $words] - $i - 1 < $count} {
+                    return [list {} "$word: number [expr {[llength $words] - $i}] of $count; $hint"]
+                }
+                incr i [expr {1 + $count}]
+            }
+        }
+        lappend used $word
+    }
+    set keys {}
+    foreach part [dict get $table reads] {
+        lappend keys [dict get {text TMSG floats FMSG ints IMSG any AMSG} [lindex $part 0]]
+    }
+    if {[llength $keys] == 0} {
+        set keys {TMSG FMSG IMSG AMSG}
+    }
+    return [list [Without [concat $keys [Alternatives [dict get $table words]]] $used] $hint]
+}
+
+# How many numbers EXEC reads, where the table says so.
+proc ::sorma::complete::Count {table key} {
+    set part [lsearch -inline -index 0 [dict get $table reads] [expr {$key eq "FMSG" ? "floats" : "ints"}]]
+    lassign $part - low high
+    return [if {$low ne {} && $low eq $high} {set low}]
+}
+
+proc ::sorma::complete::Signature table {
+    set text [string map {\n "; "} [dict get $table signature]]
+    if {[dict get $table example] ne {}} {
+        append text [expr {$text eq {} ? {} : "; "}] "as in: " [dict get $table example]
+    }
+    return $text
+}
+
+# Words of a text as requests have them; what is left open is a word, too.
+proc ::sorma::complete::Split text {
+    set words {}
+    foreach {- single double bare} [regexp -all -inline {'([^']*)'?|"([^"]*)"?|([^\s'"]+)} $text] {
+        lappend words $single$double$bare
+    }
+    return $words
+}
+
+# ---- files ----
+
+proc ::sorma::complete::Files partial {
+    set folder [string range $partial 0 [string last / $partial]]
+    set tail [string range $partial [string length $folder] end]
+    set place [if {$folder eq {}} {string cat .} else {set folder}]
+    if {[string match ~* $place]} {
+        if {![info exists ::env(HOME)] || [string index $place 1] ne "/"} {
+            return {}
+        }
+        set place $::env(HOME)[string range $place 1 end]
+    }
+    set pattern [string map {\\ \\\\ * \\* ? \\? \[ \\\[ \] \\\] \{ \\\{ \} \\\}} $tail]*
+    set found {}
+    if {[catch {glob -nocomplain -tails -directory $place $pattern} names]} {
+        return {}
+    }
+    if {[string match .* $tail]} {
+        catch {lappend names {*}[glob -nocomplain -tails -types hidden -directory $place $pattern]}
+    }
+    foreach name $names {
+        if {$name in {. ..}} continue
+        lappend found $folder$name[expr {[file isdirectory [file join $place $name]] ? "/" : {}}]
+    }
+    return $found
+}

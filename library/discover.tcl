@@ -1,0 +1,645 @@
+# discover.tcl -- what there is: here, and at each daemon that can be reached. Shared by completion, inspector and panels.
+#
+# Nothing here waits for a daemon unless its caller says for how long. What is asked of a daemon is asked by a second
+# interpreter: its proxies, its connections, its deadlines and its trail are not the user's. Answers are kept, and asked
+# for again in the background when they are needed and have grown old. Nothing is ever made for a question: daemons are
+# asked through their object `sorm`, DBX -inventory and -describe.
+#
+# Answers come from strangers: they are data, checked before they are believed, and never evaluated.
+
+namespace eval ::sorma::discover {
+    namespace export daemons names objects classes words inventory census describe locate ask fetch await renew glance address state trouble
+    namespace ensemble create
+
+    variable Fresh 1000         ;# ms for which an answer is not asked for again
+    variable Patience 3000      ;# ms for which a daemon may take its time, in the background
+    variable Most 200000        ;# names that are believed to be at one daemon
+    variable Peer {}            ;# the interpreter that asks
+    # array: {address request} -> dict, request being the words of a request to an object there
+    #   future   name in Peer, empty when nothing is under way      asked   ms, when that was begun
+    #   text     last answer                                        came    ms, when that came; 0: never
+    #   error, code   of the last attempt when that failed          failed  ms, when; 0: it did not
+    variable Asked
+    variable Parsed             ;# array: {address request} -> {came, dict}: an answer, checked and taken apart
+    variable Hosts              ;# array: host name -> numeric address, "?" while it is being looked up, "" unknown
+    variable Inventory {sorm DBX -inventory names classes words}
+    variable Own {0 {} {}}      ;# {ms, addresses of the dictionary, names that this process serves}
+    array set Asked {}
+    array set Parsed {}
+    array set Hosts {}
+}
+
+# ---- here and elsewhere ----
+
+# ::sorma::discover::locate NAME --
+#       {SERVICE WHERE}: the name as its process knows it, and what stands after @ (empty: here).
+proc ::sorma::discover::locate name {
+    set at [string first @ $name]
+    if {$at >= 0} {
+        set service [string range $name 0 $at-1]
+        set where [string range $name $at+1 end]
+    } elseif {[regexp {^([A-Z])[A-Z0-9_]*} $name class first]} {
+        set service [string tolower $class][string range $name [string length $class] end]
+        set where [DictionaryAddress $class]
+    } else {
+        return [list $name {}]
+    }
+    if {$where eq "self" || [lindex [address $where] 0] eq "self"} {
+        return [list $service {}]
+    }
+    return [list $service $where]
+}
+
+# ::sorma::discover::address WHERE --
+#       What an address means now: a path, host:number, or `self` for this process.
+proc ::sorma::discover::address where {
+    set seen {}
+    while 1 {
+        if {$where eq "self"} {
+            return self
+        }
+        if {[string match /* $where]} {
+            if {[file dirname $where] eq [RuntimeFolder] && [Serves [file rootname [file tail $where]]]} {
+                return self
+            }
+            return $where
+        }
+        if {[string match *:* $where]} {
+            return $where
+        }
+        set next [DictionaryAddress @$where]
+        if {$next eq {} || $where in $seen} {
+            if {[Serves $where]} {
+                return self
+            }
+            return [file join [RuntimeFolder] $where.sock]
+        }
+        lappend seen $where
+        set where $next
+    }
+}
+
+proc ::sorma::discover::RuntimeFolder {} {
+    global env
+    if {[info exists env(SORMA_RUNTIME_DIR)] && $env(SORMA_RUNTIME_DIR) ne {}} {
+        return $env(SORMA_RUNTIME_DIR)
+    }
+    if {[info exists env(XDG_RUNTIME_DIR)] && $env(XDG_RUNTIME_DIR) ne {}} {
+        return $env(XDG_RUNTIME_DIR)/sorma
+    }
+    if {[catch {file stat /proc/self own}]} {
+        return {}
+    }
+    return /tmp/sorma-$own(uid)
+}
+
+# Addresses of the dictionary and names served here, at most Fresh ms old.
+proc ::sorma::discover::OwnFacts {} {
+    variable Own
+    variable Fresh
+    set now [clock milliseconds]
+    if {$now - [lindex $Own 0] >= $Fresh} {
+        set facts [LocalText {sorm DBX -inventory addresses serves}]
+        set addresses {}
+        foreach pair [dict get $facts addresses] {
+            dict set addresses [lindex $pair 0] [lindex $pair 1]
+        }
+        set Own [list $now $addresses [dict get $facts serves]]
+    }
+    return $Own
+}
+
+# What the dictionary says about @alias or CLASS, without the @ before an alias; empty when it says nothing.
+proc ::sorma::discover::DictionaryAddress word {
+    set addresses [lindex [OwnFacts] 1]
+    if {![dict exists $addresses $word]} {
+        return {}
+    }
+    return [string trimleft [dict get $addresses $word] @]
+}
+
+proc ::sorma::discover::Serves name {
+    return [expr {$name in [lindex [OwnFacts] 2]}]
+}
+
+# Forget what is known of here: the next question sees what the dictionary says now.
+proc ::sorma::discover::LookAgain {} {
+    variable Own {0 {} {}}
+}
+
+# The text of a reply of an object of this interpreter. The user's trail stays what it was.
+proc ::sorma::discover::LocalText request {
+    set words [lassign $request so]
+    set reply [::sorma::Aside [list ::sorma::so::$so {*}$words]]
+    return [lindex $reply 3]
+}
+
+# ---- daemons ----
+
+# ::sorma::discover::names --
+#       What can stand after @, as far as it is known at once: daemons of this user on this host, aliases of the
+#       dictionary, and the addresses of proxies.
+proc ::sorma::discover::names {} {
+    set found {}
+    foreach file [glob -nocomplain -tails -directory [RuntimeFolder] *.sock] {
+        dict set found [string range $file 0 end-5] 1
+    }
+    foreach word [dict keys [lindex [OwnFacts] 1] @*] {
+        dict set found [string range $word 1 end] 1
+    }
+    foreach name [::sorma::names *@*] {
+        dict set found [string range $name [string first @ $name]+1 end] 1
+    }
+    return [lsort [lsearch -all -inline -regexp [dict keys $found] {^[^\s@\[\]{}$"\\;[:cntrl:]]+$}]]
+}
+
+# ::sorma::discover::state WHERE ?REQUEST? --
+#       How a daemon is, from what became of a request, as a dict of state and error. state: self, alive, asking (no
+#       answer yet), away (no answer within Patience), refused, or failed; error says what is wrong.
+proc ::sorma::discover::state {where {request {}}} {
+    variable Asked
+    variable Inventory
+    set address [address $where]
+    if {$address eq "self"} {
+        return {state self error {}}
+    }
+    if {$request eq {}} {
+        set request $Inventory
+    }
+    set key [list $address $request]
+    if {![info exists Asked($key)]} {
+        return {state asking error {}}
+    }
+    set entry $Asked($key)
+    if {[dict get $entry failed]} {
+        set state failed
+        switch -glob -- [dict get $entry code] {
+            "SORMA COMM TIMEOUT*" { set state away }
+            "SORMA COMM REFUSED*" - "SORMA ADDRESS*" { set state refused }
+        }
+        return [dict create state $state error [dict get $entry error]]
+    }
+    if {[dict get $entry came] > 0 && ([dict get $entry future] eq {} || [clock milliseconds] - [dict get $entry asked] < 300)} {
+        return {state alive error {}}
+    }
+    set waited [expr {[clock milliseconds] - [dict get $entry asked]}]
+    return [dict create state asking error "no answer for $waited ms"]
+}
+
+# ::sorma::discover::trouble WHERE ?REQUEST? --
+#       Why a daemon gives no answer, in one line for people; empty when it does. Whether it is busy or does not live is
+#       asked for at most 150 ms, and not again for 3 s.
+proc ::sorma::discover::trouble {where {request {}}} {
+    variable Health
+    set found [state $where $request]
+    set address [address $where]
+    switch -- [dict get $found state] {
+        self - alive { return {} }
+        asking - away {}
+        refused {
+            if {[string match /* $address]} {
+                return [if {[file exists $address]} {string cat "dead: its socket is all that is left"} else {string cat "no daemon listens on $address"}]
+            }
+            return [dict get $found error]
+        }
+        default { return [dict get $found error] }
+    }
+    set address [Numeric $address]
+    if {$address eq {}} {
+        return "the address of its host is not known yet"
+    }
+    set now [clock milliseconds]
+    if {![info exists Health($address)] || $now - [lindex $Health($address) 0] > 3000} {
+        set text "no answer: it may be stopped"
+        if {![catch {interp eval [Peer] [list ::sorma::health $address -timeout 150]} health]} {
+            set text {}
+            if {[dict get $health state] eq "busy"} {
+                set text "busy with [dict get $health what], for [dict get $health since] ms"
+            }
+        }
+        set Health($address) [list $now $text]
+    }
+    set text [lindex $Health($address) 1]
+    return [if {$text eq {}} {string cat "no answer yet"} else {set text}]
+}
+
+# ::sorma::discover::daemons --
+#       A list of dicts: name, address, state and error (as state gives them), objects (how many, empty: not known).
+# Arguments:
+#       wait    ms to wait for those that have not answered yet
+proc ::sorma::discover::daemons {{wait 0}} {
+    variable Inventory
+    set names [names]
+    if {$wait > 0} {
+        await $wait $names $Inventory
+    }
+    return [lmap name $names {
+        set known [inventory $name]
+        set state [state $name]
+        dict create name $name address [address $name] state [dict get $state state] error [dict get $state error] \
+            objects [expr {[dict exists $known names] ? [llength [dict get $known names]] : {}}]
+    }]
+}
+
+# ::sorma::discover::inventory WHERE --
+#       What there is at a daemon (empty: here): a dict of names (of its objects, sorted), classes (dict: name ->
+#       {version purpose}), words (of the dictionary). Empty as long as nothing is known.
+proc ::sorma::discover::inventory {where {now 0}} {
+    variable Inventory
+    return [Known $where $Inventory ParseInventory $now]
+}
+
+# ::sorma::discover::census WHERE --
+#       Objects and what they have done: a dict: name -> {class calls underway}. Empty as long as nothing is known.
+proc ::sorma::discover::census where {
+    return [Known $where {sorm DBX -inventory objects} ParseCensus 1]
+}
+
+# Names of objects at a daemon, sorted.
+proc ::sorma::discover::objects where {
+    if {$where eq {} || [address $where] eq "self"} {
+        return [::sorma::names]
+    }
+    set known [inventory $where]
+    return [if {$known ne {}} {dict get $known names}]
+}
+
+# ::sorma::discover::classes WHERE --
+#       Classes known at a daemon; here also those whose package could be loaded.
+proc ::sorma::discover::classes where {
+    if {$where ne {} && [address $where] ne "self"} {
+        set known [inventory $where]
+        return [if {$known ne {}} {dict keys [dict get $known classes]}]
+    }
+    set found {}
+    foreach name [::sorma::classes] {
+        dict set found $name 1
+    }
+    foreach package [lsearch -all -inline -glob [package names] sorma::service::*] {
+        dict set found [namespace tail $package] 1
+    }
+    dict unset found proxy
+    return [lsort [dict keys $found]]
+}
+
+# Words of the dictionary of a daemon.
+proc ::sorma::discover::words where {
+    if {$where eq {} || [address $where] eq "self"} {
+        return [dict get [LocalText {sorm DBX -inventory words}] words]
+    }
+    set known [inventory $where]
+    return [if {$known ne {}} {dict get $known words}]
+}
+
+# ::sorma::discover::describe NAME --
+#       The table of an object's class, as a dict: name exists class purpose version options fixed actions inspections
+#       reads writes words signature example help, and dump when the object exists. No object is made; a class of this
+#       interpreter is loaded. Empty when nothing is known, or not yet.
+proc ::sorma::discover::describe name {
+    lassign [locate $name] service where
+    if {$where ne {}} {
+        return [Known $where [list sorm DBX -describe $service] ParseDescription 1]
+    }
+    if {![::sorma::exists $service]} {
+        set class [lindex [split $service .] 0]
+        if {$class ni [::sorma::classes] && ![HasPackage sorma::service::$class]} {
+            return {}
+        }
+    } elseif {[catch {LocalText [list sorm DBX -describe $service]} text]} {
+        return {}
+    } else {
+        return $text
+    }
+    if {[catch {LocalText [list sorm DBX -describe $service]} text]} {
+        return {}
+    }
+    return $text
+}
+
+proc ::sorma::discover::HasPackage package {
+    return [expr {[llength [package versions $package]] > 0 || [package provide $package] ne {}}]
+}
+
+# Actions and inspections that every class has: {actions inspections}, elements as in describe.
+proc ::sorma::discover::Common {} {
+    variable CommonRequests
+    if {![info exists CommonRequests]} {
+        set own [LocalText {sorm DBX -describe sorm}]
+        set CommonRequests [lmap {what key} {actions actions inspections inspections} {
+            lmap action [lrange [LocalText [list sorm DBX -info $what]] [llength [dict get $own $key]] end] {
+                lassign $action name usage help
+                set least [llength [lsearch -all -not -glob $usage {[?]*}]]
+                list $name $usage $help $least [llength $usage]
+            }
+        }]
+    }
+    return $CommonRequests
+}
+
+# ---- asking ----
+
+# ::sorma::discover::ask WHERE REQUEST --
+#       The text of a daemon's answer as far as it is known, empty when it is not; asks in the background when it is
+#       older than Fresh. Errors are in state.
+proc ::sorma::discover::ask {where request} {
+    variable Asked
+    set address [address $where]
+    if {$address eq "self"} {
+        return [LocalText $request]
+    }
+    set key [list $address $request]
+    Ask $key
+    return [dict get $Asked($key) text]
+}
+
+# The same, checked and taken apart by a proc, once for each answer. Empty for an answer that makes no sense. A long
+# answer is taken apart by the event loop, and until then the one before stands, unless it has to be now.
+proc ::sorma::discover::Known {where request parseCmd {now 0}} {
+    variable Asked
+    variable Parsed
+    set address [if {$where eq {}} {string cat self} else {address $where}]
+    if {$address eq "self"} {
+        return [$parseCmd [LocalText $request]]
+    }
+    set key [list $address $request]
+    Ask $key
+    set came [dict get $Asked($key) came]
+    if {$came == 0} {
+        return {}
+    }
+    if {![info exists Parsed($key)] || [lindex $Parsed($key) 0] != $came} {
+        if {!$now && [string length [dict get $Asked($key) text]] > 50000} {
+            after cancel [list ::sorma::discover::Known $where $request $parseCmd 1]
+            after 0 [list ::sorma::discover::Known $where $request $parseCmd 1]
+            return [if {[info exists Parsed($key)]} {lindex $Parsed($key) 1}]
+        }
+        if {[catch {$parseCmd [dict get $Asked($key) text]} parsed]} {
+            dict set Asked($key) failed $came
+            dict set Asked($key) error "its answer makes no sense: $parsed"
+            dict set Asked($key) code {SORMA COMM PROTOCOL}
+            set parsed {}
+        }
+        set Parsed($key) [list $came $parsed]
+    }
+    return [lindex $Parsed($key) 1]
+}
+
+# ::sorma::discover::fetch WHERE REQUEST MS --
+#       The text of a daemon's answer to a request that is sent now. Blocks until then, and runs no event loop. Fails as the
+#       request does.
+proc ::sorma::discover::fetch {where request ms} {
+    set address [address $where]
+    if {$address eq "self"} {
+        return [LocalText $request]
+    }
+    set words [lassign $request so]
+    set future [interp eval [Peer] [list ::sorma::async -timeout $ms $so@$address {*}$words]]
+    try {
+        return [lindex [interp eval [Peer] [list $future wait]] 3]
+    } on error {message options} {
+        dict unset options -errorinfo
+        return -options $options "daemon $where: [regsub {^sorm@\S+: } $message {}]"
+    } finally {
+        interp eval [Peer] [list $future destroy]
+    }
+}
+
+# What daemons have answered counts as old: await asks again.
+proc ::sorma::discover::renew {wheres request} {
+    variable Asked
+    foreach where $wheres {
+        set key [list [address $where] $request]
+        if {[info exists Asked($key)]} {
+            dict set Asked($key) asked 0
+        }
+    }
+}
+
+# When an answer came [ms]; 0: never.
+proc ::sorma::discover::Came {where request} {
+    variable Asked
+    set key [list [address $where] $request]
+    return [if {[info exists Asked($key)]} {dict get $Asked($key) came} else {string cat 0}]
+}
+
+# Begin what has to be asked anew.
+proc ::sorma::discover::Ask key {
+    variable Asked
+    variable Fresh
+    variable Patience
+    set now [clock milliseconds]
+    if {![info exists Asked($key)]} {
+        set Asked($key) {future {} asked 0 text {} came 0 error {} code {} failed 0}
+    }
+    set entry $Asked($key)
+    if {[dict get $entry future] ne {} || $now - [dict get $entry asked] < $Fresh} {
+        return
+    }
+    lassign $key address request
+    dict set Asked($key) asked $now
+    set target [Numeric $address]
+    if {$target eq {}} {
+        dict set Asked($key) asked 0
+        return
+    }
+    set words [lassign $request so]
+    set begin [list ::sorma::async -timeout $Patience -command [list ::sorma::discover::Answered $key] $so@$target {*}$words]
+    if {[catch {interp eval [Peer] $begin} future options]} {
+        Failed $key $future [dict get $options -errorcode]
+    } else {
+        dict set Asked($key) future $future
+    }
+}
+
+proc ::sorma::discover::Failed {key message code} {
+    variable Asked
+    dict set Asked($key) future {}
+    dict set Asked($key) failed [clock milliseconds]
+    dict set Asked($key) error [regsub {^sorm@\S+: } $message {}]
+    dict set Asked($key) code $code
+}
+
+# Peer: a request is done. Called by the event loop, or by await before that has a chance.
+proc ::sorma::discover::Answered {key future} {
+    variable Asked
+    variable Peer
+    if {![info exists Asked($key)] || [dict get $Asked($key) future] ne $future} {
+        return
+    }
+    set failed [catch {interp eval $Peer [list $future result]} reply options]
+    interp eval $Peer [list $future destroy]
+    if {$failed} {
+        Failed $key $reply [dict get $options -errorcode]
+        return
+    }
+    dict set Asked($key) future {}
+    dict set Asked($key) failed 0
+    dict set Asked($key) error {}
+    dict set Asked($key) text [lindex $reply 3]
+    dict set Asked($key) came [expr {max([clock milliseconds], [dict get $Asked($key) came] + 1)}]
+}
+
+# ::sorma::discover::await MS WHERES REQUEST ?REQUEST ...? --
+#       Ask daemons, and wait until all have answered, but no longer than MS. A daemon that has let us wait before is
+#       not waited for again. Runs no event loop.
+proc ::sorma::discover::await {ms wheres args} {
+    variable Asked
+    variable Peer
+    set end [expr {[clock milliseconds] + $ms}]
+    set open {}
+    foreach where $wheres {
+        set address [address $where]
+        if {$address eq "self"} {
+            continue
+        }
+        foreach request $args {
+            set key [list $address $request]
+            Ask $key
+            set entry $Asked($key)
+            if {[dict get $entry future] ne {} && [clock milliseconds] - [dict get $entry asked] < 100} {
+                dict set open [dict get $entry future] $key
+            }
+        }
+    }
+    while {[dict size $open] > 0} {
+        set left [expr {$end - [clock milliseconds]}]
+        if {$left <= 0 || [catch {interp eval $Peer [list ::sorma::any -timeout $left {*}[dict keys $open]]} done]} {
+            break
+        }
+        set key [dict get $open $done]
+        dict unset open $done
+        Answered $key $done
+    }
+}
+
+# ::sorma::discover::glance WHERES REQUEST --
+#       Ask, and wait a moment for those of whom nothing is known: one that is well answers much sooner.
+proc ::sorma::discover::glance {wheres request} {
+    variable Asked
+    set new {}
+    foreach where $wheres {
+        set key [list [address $where] $request]
+        if {![info exists Asked($key)] || ([dict get $Asked($key) came] == 0 && [dict get $Asked($key) failed] == 0)} {
+            lappend new $where
+        }
+    }
+    if {[llength $new] > 0} {
+        await 20 $new $request
+    }
+}
+
+# The interpreter that asks, made at first use. The module is there already, so this takes about a millisecond.
+proc ::sorma::discover::Peer {} {
+    variable Peer
+    if {$Peer eq {} || ![interp exists $Peer]} {
+        set Peer [interp create]
+        set module [lindex [lsearch -inline -index 1 -exact [info loaded {}] Sorma] 0]
+        load $module Sorma $Peer
+        interp eval $Peer {sorma::configure -timeout 1000}
+        interp alias $Peer ::sorma::discover::Answered {} ::sorma::discover::Answered
+    }
+    return $Peer
+}
+
+# An address that can be asked without looking up a host's name, which may take seconds: that is done by another
+# process. Empty: not known, or not yet.
+proc ::sorma::discover::Numeric address {
+    variable Hosts
+    if {[string match /* $address] || ![regexp {^(.*):(0x)?[[:xdigit:]]+$} $address -> host program]} {
+        return $address
+    }
+    if {$host eq "localhost" || [regexp {^\d+\.\d+\.\d+\.\d+$} $host]} {
+        if {$program ne {} && $host ne "localhost" && ![string match 127.* $host]} {
+            return {}           ;# another host's rpcbind would have to be asked, and that blocks
+        }
+        return $address
+    }
+    if {[string match {\[*\]} $host]} {
+        return $address
+    }
+    if {![info exists Hosts($host)]} {
+        set Hosts($host) ?
+        if {[catch {open |[list getent ahosts $host 2>@1] r} pipe]} {
+            set Hosts($host) {}
+        } else {
+            fconfigure $pipe -blocking 0
+            fileevent $pipe readable [list ::sorma::discover::LookedUp $host $pipe]
+        }
+    }
+    if {$Hosts($host) in {? {}} || $program ne {}} {
+        return {}
+    }
+    set number $Hosts($host)
+    if {[string match *:* $number]} {
+        set number \[$number\]
+    }
+    return $number[string range $address [string length $host] end]
+}
+
+proc ::sorma::discover::LookedUp {host pipe} {
+    variable Hosts
+    if {[gets $pipe line] < 0 && ![eof $pipe]} {
+        return
+    }
+    set number [lindex [split $line] 0]
+    set Hosts($host) [if {[regexp {^[[:xdigit:].:]+$} $number]} {set number}]
+    fileevent $pipe readable {}
+    catch {close $pipe}
+    if {$Hosts($host) eq {}} {
+        after 10000 [list unset -nocomplain ::sorma::discover::Hosts($host)]
+    }
+}
+
+# ---- answers of strangers ----
+
+namespace eval ::sorma::discover {
+    variable NamePattern {^[[:alpha:]][^\s@\[\]{}$"\\;[:cntrl:]]*$}
+}
+
+proc ::sorma::discover::ParseInventory text {
+    variable Most
+    variable NamePattern
+    set names [lsearch -all -inline -regexp [lrange [dict get $text names] 0 $Most] $NamePattern]
+    set classes {}
+    foreach item [dict get $text classes] {
+        lassign $item name version purpose
+        if {[regexp {^[a-z]\w*$} $name]} {
+            dict set classes $name [list $version $purpose]
+        }
+    }
+    set words [lsearch -all -inline -regexp [lrange [dict get $text words] 0 $Most] {^[^\s[:cntrl:]]+$}]
+    return [dict create names $names classes $classes words $words]
+}
+
+proc ::sorma::discover::ParseCensus text {
+    variable Most
+    variable NamePattern
+    set out {}
+    foreach item [lrange [dict get $text objects] 0 $Most] {
+        lassign $item name class calls underway
+        if {[regexp $NamePattern $name] && [regexp {^\w+$} $class]} {
+            dict set out $name [list $class [expr {int($calls)}] [expr {int($underway)}]]
+        }
+    }
+    return $out
+}
+
+proc ::sorma::discover::ParseDescription text {
+    foreach key {name exists class purpose version words signature example help} {
+        dict set out $key [dict get $text $key]
+    }
+    dict set out exists [expr {[dict get $out exists] eq "1"}]
+    foreach {key fields} {options 7 actions 5 inspections 5 reads 5 writes 5} {
+        foreach item [dict get $text $key] {
+            if {[llength $item] != $fields} {
+                return -code error "$key of [llength $item] fields instead of $fields"
+            }
+        }
+        dict set out $key [dict get $text $key]
+    }
+    dict set out fixed [lrange [dict get $text fixed] 0 end]
+    if {[dict exists $text dump]} {
+        dict set out dump [dict get $text dump]
+    }
+    return $out
+}
