@@ -7,6 +7,7 @@
 //
 // Every number of a record follows from its counter, and its bytes end in a sum over all that stands before them. Prints
 // "ok" and some figures, or what was wrong.
+#include <linux/filter.h>
 #include <linux/seccomp.h>
 #include <signal.h>
 #include <sys/mman.h>
@@ -16,6 +17,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <cstddef>
 #include <cstdio>
 #include <cstdlib>
 #include <optional>
@@ -248,11 +250,17 @@ int threads(const std::string& key, double seconds) {
     return verdict(tally, ", " + std::to_string(writer.count()) + " written") + (news == 0);
 }
 
-// In a process that the kernel kills at its first system call but read, write and exit. Returns how it ended.
+// In a process that the kernel kills at its first system call but exit. Returns how it ended.
 enum class End { well, killed, impossible };
 template <class Body> End withoutTheSystem(Body body) {
     pid_t pid = inProcess([&] {
-        if (prctl(PR_SET_SECCOMP, SECCOMP_MODE_STRICT) != 0) throw std::runtime_error("no seccomp");
+        // SECCOMP_MODE_STRICT would take the clock away as well.
+        sock_filter rules[] = {BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr)),
+                               BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_exit, 0, 1), BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
+                               BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_KILL_PROCESS)};
+        sock_fprog program{4, rules};
+        if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0 || prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) != 0)
+            _exit(1);
         body();
         syscall(SYS_exit, 0);
     });
