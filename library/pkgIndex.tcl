@@ -44,6 +44,7 @@ foreach file [glob -nocomplain -directory [file join $dir services] *.tcl *[info
 # Modules that hold more classes than one: the plant asks for sorma::service::CLASS.
 foreach {module classes} {
     shmem {shmem_w shmem_r}
+    units {sum gain matrix clip lowpass integrator delay table select sine noise probe}
 } {
     foreach name $classes {
         package ifneeded sorma::service::$name 1.0 "package require sorma::service::$module\npackage provide sorma::service::$name 1.0"

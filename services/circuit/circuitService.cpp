@@ -1,0 +1,178 @@
+// circuit -- service objects wired to each other, executed as one: by a request, or tick after tick by a cycle.
+//
+//     circuit.loop CTRL -wires {
+//         target[0]       -> sum.error.in1
+//         delay.plant.out -> sum.error.in2
+//         sum.error.out   -> gain.p.in
+//         gain.p.out      -> delay.plant.in
+//         delay.plant.out -> position
+//     }
+//     circuit.loop EXEC FMSG 1 0.5        -> FMSG 1 position
+//
+// wires.h says how wires are written, network.h what they mean. A circuit has pins as every object: circuits nest.
+#include <cmath>
+
+#include <sorma.h>
+
+#include "network.h"
+
+namespace {
+
+using circuit::Network;
+using sorma::Message;
+using sorma::Prototype;
+using sorma::Severity;
+
+const Prototype kFloats{Severity::error, "REQUEST SIGNATURE", 1, "{}: EXEC expects {} floats{}, got {}"};
+const Prototype kBusy{Severity::error, "CIRCUIT BUSY", 1, "{}: it is in the middle of an EXEC, and cannot {} before that has ended"};
+
+class Circuit : public sorma::Service {
+public:
+    static sorma::Class describe() {
+        using enum sorma::Field;
+        auto c = sorma::Class::of<Circuit>("circuit", "executes service objects that are wired to each other");
+        c.text("-wires", &Circuit::wires_, {.help = "source -> sink; ...    a.out[0:2] -> b.in, 0.5 -> b.in[3], in -> a.in, b.out -> out"})
+            .text("-inputs", &Circuit::inputs_, {.help = "its own inputs, in order: name ?length? ?unit?; ...    others follow as wired"})
+            .text("-outputs", &Circuit::outputs_, {.help = "its own outputs, likewise"})
+            .real("-period", &Circuit::period_, {.unit = "s", .low = 0, .high = 3600,
+                                                 .help = "time step of its units when no cycle drives it; 0: they need their own"})
+            .action("-rewire", &Circuit::rewireAction, "", "find units and lengths anew, after units have been replaced or changed")
+            .action("-reset", &Circuit::resetAction, "", "-reset of all units of this process that have it, and time from 0 again")
+            .inspection(list("-units", "name class location floats-in floats-out step|loop", &Network::listUnits))
+            .inspection(list("-wires", "source -> sink length unit, as resolved", &Network::listWires))
+            .inspection(list("-order", "ask|exec name, in the order of execution", &Network::listOrder))
+            .inspection(list("-live", "pin in|out length unit number..., of every pin", &Network::listLive))
+            .reads(floats, {}, "", "its inputs, one pin after another; see DBX -pins")
+            .writes(floats, {}, "", "its outputs")
+            .realtime()
+            .example("circuit EXEC");
+        return c;
+    }
+
+    void born() override { rewire(); }
+
+    void changed(std::span<const sorma::Option* const> options) override {
+        bool wired = true;
+        for (auto* o : options) wired = wired && o->name == "-period";
+        if (!wired) rewire();
+        anchor();
+    }
+
+    void exec(Message& m) override {
+        if (m.floats.size() != network_->inputs()) [[unlikely]] failFloats(m.floats.size());
+        if (running_) [[unlikely]] fail(kBusy, name(), "begin another one");
+        Running running(running_);
+        m.text.clear();
+        m.ints.clear();
+        m.any.clear();
+        if (period_ == 0 || sorma::Tick::current()) return network_->run(m);
+        tick_.period = period_;
+        tick_.time = nextTime();
+        sorma::Tick::Scope scope(tick_);
+        network_->run(m);
+        ++tick_.number;
+    }
+
+    std::vector<sorma::Pin> pins(std::string_view, std::size_t) const override { return network_->pins(); }
+    std::vector<sorma::Reference> parts() const override {
+        return network_ ? network_->units() : std::vector<sorma::Reference>();
+    }
+
+    std::string selftest() override {
+        for (auto& unit : network_->units())
+            if (unit->gone()) return "unit " + unit->name() + " has been removed: CTRL -rewire";
+        return "ok: " + std::to_string(network_->units().size()) + " units, " + std::to_string(network_->wires().size()) + " wires";
+    }
+
+    void dumpState(std::string& out) const override {
+        if (!network_) return;
+        auto add = [&](const char* what, void (Network::*list)(std::string&) const) {
+            std::string lines;
+            ((*network_).*list)(lines);
+            for (std::size_t i = 0; i < lines.size();) {
+                auto end = std::min(lines.find('\n', i), lines.size());
+                out += std::string("# ") + what + " " + lines.substr(i, end - i) + "\n";
+                i = end + 1;
+            }
+        };
+        add("unit", &Network::listUnits);
+        add("wire", &Network::listWires);
+        add("order", &Network::listOrder);
+        add("live", &Network::listLive);
+    }
+
+private:
+    struct Running {
+        bool& flag;
+        explicit Running(bool& f) : flag(f) { flag = true; }
+        ~Running() { flag = false; }
+    };
+
+    static sorma::Action list(const char* name, const char* help, void (Network::*what)(std::string&) const) {
+        return {name, "", help, 0, 0, [what](sorma::Service& s, sorma::Args, Message& reply) {
+                    std::string lines;
+                    ((*static_cast<Circuit&>(s).network_).*what)(lines);
+                    if (!reply.text.empty() && !lines.empty()) reply.text += '\n';
+                    reply.text += lines;
+                }};
+    }
+
+    // All or nothing: what is there goes on when anything is wrong with what shall come.
+    void rewire() {
+        if (running_) fail(kBusy, name(), "be wired anew");
+        circuit::Description description{circuit::parseWires(name(), wires_), circuit::parsePins(name(), "-inputs", inputs_),
+                                         circuit::parsePins(name(), "-outputs", outputs_)};
+        auto fresh = std::make_unique<Network>(*this, description);
+        if (steering())
+            for (auto& unit : fresh->units())
+                if (unit->steering() != steering()) steering()->adopt(*unit);
+        network_ = std::move(fresh);
+    }
+
+    void rewireAction(sorma::Args, Message&) { rewire(); }
+
+    void resetAction(sorma::Args, Message&) {
+        if (running_) fail(kBusy, name(), "be reset");
+        for (auto& unit : network_->units()) {
+            if (!unit->type().findAction("-reset")) continue;
+            Message m;
+            m.words = {"-reset"};
+            unit->invoke(sorma::Method::ctrl, m);
+        }
+        tick_ = {};
+        anchor_ = 0;
+        anchorNumber_ = 0;
+    }
+
+    // By the number of ticks, so that no rounding adds up.
+    std::int64_t nextTime() const {
+        return anchor_ + std::int64_t(std::llround(double(tick_.number - anchorNumber_) * tick_.period * 1e9));
+    }
+    // From here on time runs by the present period: a new one does not move what was.
+    void anchor() {
+        anchor_ = nextTime();
+        anchorNumber_ = tick_.number;
+    }
+
+    [[noreturn]] void failFloats(std::size_t got) const {
+        std::string pins;
+        for (auto& p : network_->pins())
+            if (p.input) pins += (pins.empty() ? " (" : ", ") + circuit::sliceText(p.name, 0, p.length);
+        if (!pins.empty()) pins += ")";
+        fail(kFloats, name(), network_->inputs(), pins, got);
+    }
+
+    std::string wires_, inputs_, outputs_;
+    double period_ = 0;
+    std::unique_ptr<Network> network_;      // from birth on
+    bool running_ = false;                  // a unit may come back to us, or let others do so while it waits
+    sorma::Tick tick_;                      // when no cycle drives us: the next one, with the period of the last
+    std::int64_t anchor_ = 0;               // [ns] time of tick anchorNumber_
+    std::uint64_t anchorNumber_ = 0;
+};
+
+}  // namespace
+
+extern "C" SORMA_EXPORT int Circuit_Init(Tcl_Interp* interp) {
+    return sorma::provide(interp, "sorma::service::circuit", "1.0", {Circuit::describe()});
+}

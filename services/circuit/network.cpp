@@ -1,0 +1,141 @@
+#include "network.h"
+
+#include <algorithm>
+
+namespace circuit {
+
+namespace {
+
+using sorma::Message;
+using sorma::Prototype;
+using sorma::Severity;
+
+const Prototype kStep{Severity::error, "CIRCUIT STEP", 2, "{}: its unit {} has failed"};
+const Prototype kWritten{Severity::error, "CIRCUIT LENGTH", 2,
+                         "{}: {} has written {} floats, and the wires expect {}; when its options have changed, CTRL -rewire"};
+
+}  // namespace
+
+// What a unit will write in this tick, before anybody knows what it will read.
+void Network::ask(Step& step, sorma::Steering* here) const {
+    Message& m = step.message;
+    m.floats.clear();
+    step.unit.step(m, here);
+    if (m.floats.size() == 1 && step.out > 1) m.floats.resize(step.out, m.floats[0]);
+    if (m.floats.size() != step.out) [[unlikely]]
+        if (step.exact || m.floats.size() < step.out) fail(kWritten, owner_.name(), step.unit->name(), m.floats.size(), step.out);
+    std::swap(m.floats, step.held);
+}
+
+void Network::execute(Step& step, sorma::Steering* here) const {
+    Message& m = step.message;
+    if (m.floats.size() != step.in) m.floats.resize(step.in);
+    gather(copies_.data() + step.firstCopy, copies_.data() + step.lastCopy, m.floats.data());
+    step.unit.step(m, here);
+    if (m.floats.size() != step.out) [[unlikely]]
+        if (step.exact || m.floats.size() < step.out) fail(kWritten, owner_.name(), step.unit->name(), m.floats.size(), step.out);
+}
+
+// Nothing that a unit has written beside its floats is its next request.
+void Network::tidy(Step& step, Message& m) const {
+    Message& own = step.message;
+    if (!own.trail.empty()) [[unlikely]] {
+        m.trail.append(own.trail);
+        own.trail.clear();
+    }
+    own.code = 0;
+    if (step.onlyFloats) return;
+    own.text.clear();
+    own.ints.clear();
+    own.any.clear();
+    own.words.clear();
+}
+
+void Network::failStep(Step& step, Message& m) const {
+    sorma::Trail trail = m.trail;
+    trail.append(sorma::trailOfCurrentException(step.unit->name()));
+    trail.add(sorma::makeEntry(kStep, {sorma::MessageArg::of(owner_.name()), sorma::MessageArg::of(step.unit->name())}));
+    step.message.clear();
+    throw sorma::Error(std::move(trail));
+}
+
+void Network::run(Message& m) {
+    sorma::Steering* here = sorma::Steering::current();
+    std::swap(m.floats, inputs_);
+    Step* step = nullptr;
+    try {
+        for (Step* s : loops_) {
+            step = s;
+            ask(*s, here);
+            tidy(*s, m);
+        }
+        for (Step &s : steps_) {
+            step = &s;
+            execute(s, here);
+            tidy(s, m);
+        }
+    } catch (...) {
+        failStep(*step, m);
+    }
+    m.floats.resize(outputCount_);
+    gather(outputs_.data(), outputs_.data() + outputs_.size(), m.floats.data());
+}
+
+std::vector<sorma::Reference> Network::units() const {
+    std::vector<sorma::Reference> out;
+    for (auto& s : steps_) out.push_back(s.unit);
+    return out;
+}
+
+// ---- for those who look at it ----
+
+namespace {
+
+void appendLine(std::string& out, const std::vector<std::string>& words) {
+    if (!out.empty()) out += '\n';
+    std::string line;
+    for (auto& word : words) sorma::appendWord(line, word);
+    out += line;
+}
+
+}  // namespace
+
+void Network::listUnits(std::string& out) const {
+    for (auto& s : steps_)
+        appendLine(out, {s.unit->name(), s.unit->type().name(), s.unit->location(), std::to_string(s.in), std::to_string(s.out),
+                         s.loop ? "loop" : "step"});
+}
+
+void Network::listWires(std::string& out) const {
+    for (auto& w : resolved_) appendLine(out, {w.source, "->", w.sink, std::to_string(w.length), w.unit});
+}
+
+void Network::listOrder(std::string& out) const {
+    for (auto* s : loops_) appendLine(out, {"ask", s->unit->name()});
+    for (auto& s : steps_) appendLine(out, {"exec", s.unit->name()});
+}
+
+void Network::listLive(std::string& out) const {
+    auto line = [&](const std::string& owner, const sorma::Pin& pin, const std::vector<double>& floats) {
+        std::vector<std::string> words = {owner + pin.name, pin.input ? "in" : "out", std::to_string(pin.length), pin.unit};
+        for (std::size_t i = pin.at; i < pin.at + pin.length && i < floats.size(); ++i) words.push_back(sorma::numberText(floats[i]));
+        appendLine(out, words);
+    };
+    std::vector<double> read;
+    auto gathered = [&](const Copy* first, const Copy* last, std::size_t count) -> const std::vector<double>& {
+        read.assign(count, 0);
+        for (auto* c = first; c != last; ++c)
+            if (c->from->size() < c->at + c->count) return read.clear(), read;      // it has not run yet
+        gather(first, last, read.data());
+        return read;
+    };
+    for (auto& pin : pins_)
+        line("", pin, pin.input ? inputs_ : gathered(outputs_.data(), outputs_.data() + outputs_.size(), outputCount_));
+    for (auto& s : steps_)
+        for (auto& pin : s.pins)
+            line(s.unit->name() + ".", pin,
+                 pin.input ? gathered(copies_.data() + s.firstCopy, copies_.data() + s.lastCopy, s.in)
+                           : s.loop ? s.held : s.message.floats);
+}
+
+}  // namespace circuit

@@ -1,0 +1,80 @@
+// wiring.h -- makes a network out of its description: finds the units, infers lengths, checks every wire, sorts.
+//
+// Used once and thrown away. network.h says what it guarantees and how it fails.
+#pragma once
+
+#include <deque>
+#include <set>
+#include <unordered_map>
+
+#include "network.h"
+
+namespace circuit {
+
+class Wiring {
+public:
+    Wiring(Network& network, sorma::Service& owner, const Description& description);
+    void run();
+
+private:
+    static constexpr int kInputs = 0, kOutputs = 1;     // nodes: the circuit's own pins, then the units
+    static constexpr int kConstants = -1;
+
+    struct Node {
+        std::string name;               // empty: the circuit itself
+        sorma::Reference unit;
+        std::vector<sorma::Pin> pins;
+        std::vector<bool> guessed;      // pins whose length is the highest index that is wired
+        std::vector<std::size_t> wires; // that end here, at either side
+        std::vector<std::size_t> needed;    // by pin: highest index in a slice, plus 1
+        std::size_t in = 0, out = 0;    // floats
+        bool exact = true, loop = false;
+        std::size_t place = 0;          // in the order
+    };
+    struct Terminal {
+        int node = kConstants;
+        std::size_t pin = 0;            // of the node; of constants: where they begin
+    };
+    struct Connection {
+        const Wire* wire;
+        Terminal source, sink;
+        std::size_t length = 0, from = 0, to = 0;       // elements; where in the floats of source and sink
+    };
+
+    // In this order:
+    void declare();
+    void connect();
+    void refuseRecursion();
+    void spread();
+    void check();
+    void drive();
+    void findLoops();
+    void sort();
+    void assemble();
+
+    int nodeOf(const std::string& object);
+    Terminal terminal(const Wire& wire, const End& end, bool sink);
+    std::size_t ownPin(const Wire& wire, const End& end, bool sink);
+    std::size_t lengthOf(const Connection& c, bool sink) const;
+    const sorma::Pin& pin(const Terminal& t) const { return nodes_[std::size_t(t.node)].pins[t.pin]; }
+    sorma::Pin& pin(const Terminal& t) { return nodes_[std::size_t(t.node)].pins[t.pin]; }
+    void setLength(const Terminal& t, std::size_t length);
+    void settle();
+    void checkEnd(const Connection& c, bool sink) const;
+    std::string elementText(const Node& node, std::size_t element) const;
+    [[noreturn]] void failLoop(const std::vector<bool>& left) const;
+    template <class Use> void eachEdge(Use use) const;      // use(from, to): the one needs what the other writes
+
+    Network& network_;
+    sorma::Service& owner_;
+    const Description& description_;
+    const std::string& who_;
+    std::deque<Node> nodes_;
+    std::vector<Connection> connections_;
+    std::unordered_map<std::string, int> byName_;
+    std::deque<std::size_t> todo_;          // wires along which a length may spread
+    std::vector<std::vector<std::size_t>> drivers_;     // by node and element it reads: the wire, from 1
+    std::vector<int> order_;
+};
+
+}  // namespace circuit
