@@ -45,6 +45,10 @@ int table(const std::string& pattern, int rounds, bool json) {
             failed = true;
         }
     }
+    if (rows.empty() && !failed) {
+        std::fprintf(stderr, "bench: no row is named \"%s\"; doc/benchmark.md lists them\n", pattern.c_str());
+        return 2;
+    }
     return rows.finish() && !failed ? 0 : 1;
 }
 

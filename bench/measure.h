@@ -77,6 +77,7 @@ public:
     // Rows that cannot be measured, and why.
     void failed(const std::vector<Case>& cases, const std::string& why);
 
+    bool empty() const { return results_.empty(); }     // no row was asked for
     // The end of the output. Returns false when a row failed.
     bool finish();
 
