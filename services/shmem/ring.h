@@ -91,7 +91,7 @@ public:
     // The same with fewer bytes; the rest of the block keeps what an older record has left there.
     void write(const double* floats, std::size_t floatBytes, const void* any, std::size_t anyBytes) noexcept {
         Block& b = begin();
-        copyIn(b.floats(), floats, floatBytes);
+        if (floatBytes) copyIn(b.floats(), floats, floatBytes);
         if (anyBytes) copyIn(b.any(segment_->shape().floats), any, anyBytes);
         end(b);
     }
