@@ -10,6 +10,7 @@ void tclCommand(Table& table);          // T
 void textDispatch(Table& table);        // S
 void protectedCall(Table& table);       // P PT PIPE BIG
 void asynchronous(Table& table);        // FUTURE CTRL_busy STREAM PUBLISH FUTURES
+void snapshot(Table& table);            // M
 void cycle(Table& table);               // CYCLE
 void growth(Table& table);              // each of them beside much else
 

@@ -3,15 +3,21 @@
 //     torture processes SECONDS KILLS     a writer at full speed, four reader processes; then a writer that is killed in
 //                                         the middle, KILLS times, while they go on reading
 //     torture threads SECONDS             the same by threads of one process, a follower beside: for ThreadSanitizer
+//     torture quiet                       nobody sleeps: neither write nor read calls the system
 //
 // Every number of a record follows from its counter, and its bytes end in a sum over all that stands before them. Prints
 // "ok" and some figures, or what was wrong.
+#include <linux/filter.h>
+#include <linux/seccomp.h>
 #include <signal.h>
 #include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <atomic>
+#include <cstddef>
 #include <cstdio>
 #include <cstdlib>
 #include <optional>
@@ -244,6 +250,44 @@ int threads(const std::string& key, double seconds) {
     return verdict(tally, ", " + std::to_string(writer.count()) + " written") + (news == 0);
 }
 
+// In a process that the kernel kills at its first system call but exit. Returns how it ended.
+enum class End { well, killed, impossible };
+template <class Body> End withoutTheSystem(Body body) {
+    pid_t pid = inProcess([&] {
+        // SECCOMP_MODE_STRICT would take the clock away as well.
+        sock_filter rules[] = {BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr)),
+                               BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_exit, 0, 1), BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
+                               BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_KILL_PROCESS)};
+        sock_fprog program{4, rules};
+        if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0 || prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) != 0)
+            _exit(1);
+        body();
+        syscall(SYS_exit, 0);
+    });
+    int status = 0;
+    waitpid(pid, &status, 0);
+    return !WIFEXITED(status) ? End::killed : WEXITSTATUS(status) == 0 ? End::well : End::impossible;
+}
+
+int quiet(const std::string& key) {
+    if (withoutTheSystem([] { nanoseconds(), nanoseconds(CLOCK_REALTIME); }) != End::well)
+        return std::puts("ok: this machine has no seccomp, or no clock without a system call"), 0;
+    Writer writer(key, kShape, "torture");
+    Reader reader = writer.reader();
+    Record r;
+    End end = withoutTheSystem([&] {
+        // Longer than a second: the wall clock is looked at anew.
+        for (std::int64_t late = nanoseconds() + 1'100'000'000; nanoseconds() < late;) {
+            writer.write(r.floats.data(), r.any.data());
+            Stamp s;
+            reader.latest(r.floats.data(), r.any.data(), s);
+        }
+    });
+    bool good = end == End::well && reader.count() > 1000;
+    std::puts(good ? "ok" : "WRONG: the system was called");
+    return good ? 0 : 1;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -251,11 +295,12 @@ int main(int argc, char** argv) {
     std::string key = "torture" + std::to_string(getpid());
     try {
         if (how == "processes" && argc == 4) return processes(key, std::atof(argv[2]), std::atoi(argv[3]));
+        if (argc == 2 && std::string(argv[1]) == "quiet") return quiet(key);
         if (how == "threads" && argc == 3) return threads(key, std::atof(argv[2]));
     } catch (const std::exception& e) {
         std::fprintf(stderr, "torture: %s\n", e.what());
         return 1;
     }
-    std::fprintf(stderr, "usage: torture processes SECONDS KILLS | torture threads SECONDS\n");
+    std::fprintf(stderr, "usage: torture processes SECONDS KILLS | torture threads SECONDS | torture quiet\n");
     return 2;
 }
