@@ -69,8 +69,12 @@ proc ::sorma::daemonMain words {
 
 # A service that waits in an event loop of its own keeps the daemon from ending: it gets a while, no more.
 proc ::sorma::EndDaemon {} {
-    variable DaemonEnd signal
+    variable DaemonEnd
     variable Grace
+    if {[info exists DaemonEnd]} {
+        return
+    }
+    set DaemonEnd signal
     Notify "STOPPING=1\nSTATUS=told to end"
     after $Grace {
         puts stderr "sormad: told to end, but a request did not end in 5 s"

@@ -214,6 +214,10 @@ proc ::sorma::launch::Unexpected {message options} {
 proc ::sorma::launch::Signalled {} {
     variable Stopping
     variable Daemons
+    variable Colours
+    if {[llength $Colours] > 0} {
+        catch {puts -nonewline "\r\x1b\[K"}      ;# over the ^C that the terminal has shown
+    }
     if {!$Stopping} {
         Say * "told to end; once more kills what still runs"
         Stop
@@ -245,8 +249,11 @@ proc ::sorma::launch::StartDue {} {
 }
 
 proc ::sorma::launch::GotReady {name took} {
-    Say * "$name is ready after $took s"
-    StartDue
+    variable Daemons
+    if {[[dict get $Daemons $name] state] eq "ready"} {     ;# it may have ended in the same breath
+        Say * "$name is ready after $took s"
+        StartDue
+    }
 }
 
 proc ::sorma::launch::AllReady names {

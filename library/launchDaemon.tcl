@@ -141,7 +141,7 @@ oo::class create ::sorma::launch::Daemon {
         set was $State
         if {$::sorma::launch::Stopping} {
             set State ended
-            if {$Killed} {
+            if {$Killed && $::sorma::launch::Stopping == 1} {
                 set how "did not end in [dict get $Settings -grace] s and was killed"
             }
             if {$how eq "was killed by SIGTERM"} {      ;# as it was asked to
