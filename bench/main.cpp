@@ -24,7 +24,8 @@ const char* const kUsage =
     "usage: bench ?--json? ?--rounds N? ?--rows GLOB?\n"
     "       bench --client ADDRESS nop|rec\n";
 
-void (*const kGroups[])(Table&) = {byReference, tclCommand, textDispatch, protectedCall, asynchronous, snapshot, cycle, growth};
+void (*const kGroups[])(Table&) = {byReference, tclCommand, textDispatch, protectedCall, asynchronous, snapshot,
+                                    cycle, circuit, growth};
 
 int table(const std::string& pattern, int rounds, bool json) {
     catchSignals();

@@ -12,6 +12,7 @@ void protectedCall(Table& table);       // P PT PIPE BIG
 void asynchronous(Table& table);        // FUTURE CTRL_busy STREAM PUBLISH FUTURES
 void snapshot(Table& table);            // M
 void cycle(Table& table);               // CYCLE
+void circuit(Table& table);             // CIRCUIT
 void growth(Table& table);              // each of them beside much else
 
 // bench --client ADDRESS nop|rec: the project as one more peer of a comparison with other systems.

@@ -17,7 +17,7 @@ const Prototype kWritten{Severity::error, "CIRCUIT LENGTH", 2,
 }  // namespace
 
 // What a unit will write in this tick, before anybody knows what it will read.
-void Network::ask(Step& step, sorma::Steering* here) const {
+inline void Network::ask(Step& step, sorma::Steering* here) const {
     Message& m = step.message;
     m.floats.clear();
     step.unit.step(m, here);
@@ -27,24 +27,26 @@ void Network::ask(Step& step, sorma::Steering* here) const {
     std::swap(m.floats, step.held);
 }
 
-void Network::execute(Step& step, sorma::Steering* here) const {
+inline void Network::execute(Step& step, sorma::Steering* here) const {
     Message& m = step.message;
     if (m.floats.size() != step.in) m.floats.resize(step.in);
-    gather(copies_.data() + step.firstCopy, copies_.data() + step.lastCopy, m.floats.data());
+    gather(step.firstCopy, step.lastCopy, m.floats.data());
     step.unit.step(m, here);
     if (m.floats.size() != step.out) [[unlikely]]
         if (step.exact || m.floats.size() < step.out) fail(kWritten, owner_.name(), step.unit->name(), m.floats.size(), step.out);
 }
 
+void Network::handOn(sorma::Trail& from, sorma::Trail& to) const {
+    to.append(from);
+    from.clear();
+}
+
 // Nothing that a unit has written beside its floats is its next request.
-void Network::tidy(Step& step, Message& m) const {
+inline void Network::tidy(Step& step, Message& m) const {
     Message& own = step.message;
-    if (!own.trail.empty()) [[unlikely]] {
-        m.trail.append(own.trail);
-        own.trail.clear();
-    }
+    if (!own.trail.empty()) [[unlikely]] handOn(own.trail, m.trail);
     own.code = 0;
-    if (step.onlyFloats) return;
+    if (step.onlyFloats) [[likely]] return;
     own.text.clear();
     own.ints.clear();
     own.any.clear();
@@ -62,20 +64,19 @@ void Network::failStep(Step& step, Message& m) const {
 void Network::run(Message& m) {
     sorma::Steering* here = sorma::Steering::current();
     std::swap(m.floats, inputs_);
-    Step* step = nullptr;
     try {
         for (Step* s : loops_) {
-            step = s;
+            current_ = s;
             ask(*s, here);
             tidy(*s, m);
         }
-        for (Step &s : steps_) {
-            step = &s;
-            execute(s, here);
-            tidy(s, m);
+        for (Step *s = steps_.data(), *end = s + steps_.size(); s != end; ++s) {
+            current_ = s;
+            execute(*s, here);
+            tidy(*s, m);
         }
     } catch (...) {
-        failStep(*step, m);
+        failStep(*current_, m);
     }
     m.floats.resize(outputCount_);
     gather(outputs_.data(), outputs_.data() + outputs_.size(), m.floats.data());
@@ -134,7 +135,7 @@ void Network::listLive(std::string& out) const {
     for (auto& s : steps_)
         for (auto& pin : s.pins)
             line(s.unit->name() + ".", pin,
-                 pin.input ? gathered(copies_.data() + s.firstCopy, copies_.data() + s.lastCopy, s.in)
+                 pin.input ? gathered(s.firstCopy, s.lastCopy, s.in)
                            : s.loop ? s.held : s.message.floats);
 }
 

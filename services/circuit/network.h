@@ -15,6 +15,7 @@
 #pragma once
 
 #include <cstdint>
+#include <cstring>
 #include <string>
 #include <vector>
 
@@ -72,7 +73,7 @@ private:
         sorma::Message message;
         std::vector<double> held;       // of a unit that closes a loop: what it writes in this tick
         std::uint32_t in = 0, out = 0;  // floats that it reads, and writes
-        std::uint32_t firstCopy = 0, lastCopy = 0;
+        const Copy *firstCopy = nullptr, *lastCopy = nullptr;
         bool exact = true;              // it must write so many; else at least
         bool onlyFloats = false;        // it writes no other part of a message
         bool loop = false;
@@ -86,17 +87,18 @@ private:
                 to[first->to] = *from;
                 continue;
             }
-            double* target = to + first->to;
-            for (std::uint32_t i = 0; i < first->count; ++i) target[i] = from[i];
+            std::memcpy(to + first->to, from, first->count * sizeof(double));
         }
     }
     void ask(Step& step, sorma::Steering* here) const;
     void execute(Step& step, sorma::Steering* here) const;
     void tidy(Step& step, sorma::Message& m) const;
+    void handOn(sorma::Trail& from, sorma::Trail& to) const;
     [[noreturn]] void failStep(Step& step, sorma::Message& m) const;
 
     sorma::Service& owner_;
     std::vector<Step> steps_;           // in order
+    Step* current_ = nullptr;           // in a register it would be in the way of all the others
     std::vector<Step*> loops_;          // those that are asked before
     std::vector<Copy> copies_;          // of all steps, one after another
     std::vector<Copy> outputs_;         // to the circuit's outputs

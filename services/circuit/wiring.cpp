@@ -424,6 +424,7 @@ void Wiring::assemble() {
             copies.push_back(copy);
         }
     };
+    std::vector<std::size_t> begins;        // of each step's copies
     for (int n : order_) {
         auto& node = nodes_[std::size_t(n)];
         auto& step = net.steps_[node.place];
@@ -438,10 +439,14 @@ void Wiring::assemble() {
                                                          [](auto& part) { return part.field == sorma::Field::floats; });
         step.message.floats.reserve(std::max(node.in, node.out));
         step.held.reserve(std::max(node.in, node.out));     // the two change places
-        step.firstCopy = std::uint32_t(net.copies_.size());
+        begins.push_back(net.copies_.size());
         gather(std::size_t(n), net.copies_);
-        step.lastCopy = std::uint32_t(net.copies_.size());
         if (node.loop) net.loops_.push_back(&step);
+    }
+    begins.push_back(net.copies_.size());
+    for (std::size_t i = 0; i < net.steps_.size(); ++i) {
+        net.steps_[i].firstCopy = net.copies_.data() + begins[i];
+        net.steps_[i].lastCopy = net.copies_.data() + begins[i + 1];
     }
     gather(kOutputs, net.outputs_);
     net.inputCount_ = 0;
