@@ -13,6 +13,7 @@ namespace shmem {
 namespace {
 
 constexpr std::uint64_t kShownRecords = 5, kShownFloats = 8, kShownBytes = 16;
+constexpr std::uint64_t kTimedRecords = 1000;       // a cycle may be waiting for us to come to an end
 
 std::string number(double v) {
     std::string s;
@@ -21,22 +22,26 @@ std::string number(double v) {
 }
 
 std::string shapeText(const Shape& s) {
-    return std::to_string(s.blocks) + " blocks of " + std::to_string(s.floats) + " floats and " + std::to_string(s.any) + " bytes";
+    return std::to_string(s.blocks) + " blocks of " + std::to_string(s.floats) + " floats and " + std::to_string(s.any) +
+           " bytes";
 }
 
 std::string writerText(const Writing& w) {
-    return (w.program.empty() ? "process " : w.program + " ") + "[" + std::to_string(w.process) + "] since " + sorma::clockText(w.since);
+    return (w.program.empty() ? "process " : w.program + " ") + "[" + std::to_string(w.process) + "] since " +
+           sorma::clockText(w.since);
 }
 
-std::string ageText(std::int64_t monotonic) { return sorma::durationText(double(std::max<std::int64_t>(0, nanoseconds() - monotonic))); }
+std::string ageText(std::int64_t monotonic) {
+    return sorma::durationText(double(std::max<std::int64_t>(0, nanoseconds() - monotonic)));
+}
 
 }  // namespace
 
 void appendDump(std::string& out, const Reader& reader) {
     auto& segment = *reader.segment();
     auto line = [&](const std::string& text) { out += "# " + text + "\n"; };
-    line("segment " + segment.key() + ": " + shapeText(segment.shape()) + (segment.unlinked() ? ", its name has been removed" : "") +
-         (reader.retired() ? ", replaced by a new one" : ""));
+    line("segment " + segment.key() + ": " + shapeText(segment.shape()) +
+         (segment.unlinked() ? ", its name has been removed" : "") + (reader.retired() ? ", replaced by a new one" : ""));
     line("writer " + writerText(segment.writing()));
     std::uint64_t newest = reader.count();
     line("records " + std::to_string(newest));
@@ -46,7 +51,8 @@ void appendDump(std::string& out, const Reader& reader) {
     for (std::uint64_t n = newest; n >= reader.oldest(newest) && n > 0 && shown < kShownRecords; --n, ++shown) {
         Stamp stamp;
         if (!reader.read(n, floats.data(), any.data(), stamp)) break;
-        std::string text = "record " + std::to_string(n) + " at " + sorma::clockText(stamp.wall) + ", " + ageText(stamp.monotonic) + " old:";
+        std::string text = "record " + std::to_string(n) + " at " + sorma::clockText(stamp.wall) + ", " +
+                           ageText(stamp.monotonic) + " old:";
         for (std::size_t i = 0; i < floats.size() && i < kShownFloats; ++i) text += " " + number(floats[i]);
         if (floats.size() > kShownFloats) text += " ... (" + std::to_string(floats.size()) + " floats)";
         if (!any.empty()) text += " any";
@@ -62,7 +68,8 @@ void appendDump(std::string& out, const Reader& reader) {
 std::string timingText(const Reader& reader) {
     std::vector<std::int64_t> times;        // the oldest first, without a gap
     std::uint64_t newest = reader.count();
-    for (std::uint64_t n = reader.oldest(newest); n <= newest && newest > 0; ++n) {
+    std::uint64_t first = std::max(reader.oldest(newest), newest > kTimedRecords ? newest - kTimedRecords + 1 : 1);
+    for (std::uint64_t n = first; n <= newest; ++n) {
         auto view = reader.view(n);
         if (view && view.valid()) times.push_back(view.stamp.monotonic);
         else times.clear();                 // the writer is faster: begin anew behind it
@@ -81,9 +88,9 @@ std::string timingText(const Reader& reader) {
     }
     char rate[40];
     std::snprintf(rate, sizeof rate, "%.4g", mean > 0 ? 1e9 / mean : 0.0);
-    out += std::string("\nrate ") + rate + " per second\nperiod mean " + sorma::durationText(mean) + ", least " + sorma::durationText(least) +
-           ", most " + sorma::durationText(most) + "\njitter " + sorma::durationText(std::sqrt(squares / double(periods))) +
-           " (standard deviation of the period)";
+    out += std::string("\nrate ") + rate + " per second\nperiod mean " + sorma::durationText(mean) + ", least " +
+           sorma::durationText(least) + ", most " + sorma::durationText(most) + "\njitter " +
+           sorma::durationText(std::sqrt(squares / double(periods))) + " (standard deviation of the period)";
     return out;
 }
 
@@ -98,7 +105,7 @@ std::string listText() {
             out += shapeText(e.shape) + ", " + std::to_string(e.count) + " records, ";
             out += e.written ? "written by " + writerText(e.writing) : "no writer, the last was " + writerText(e.writing);
         }
-        out += e.written ? "" : e.used ? ", in use" : ", nobody uses it";
+        if (!e.written) out += e.used ? ", in use" : e.size > 0 ? ", nobody uses it" : "";
         if (e.keep) out += ", kept";
     }
     return out;

@@ -10,7 +10,8 @@ namespace shmem {
 // What the segment is and who writes it, then the last records, the newest first; lines that begin with "# ".
 void appendDump(std::string& out, const Reader& reader);
 
-// How regularly records come, as far as the buffer reaches back: count, age, rate, period, jitter. Lines, no newline at the end.
+// How regularly records come: count, age, rate, period and jitter of the last thousand, as far as they are still there.
+// Lines, no newline at the end.
 std::string timingText(const Reader& reader);
 
 // One line for each segment of this machine.

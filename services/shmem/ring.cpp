@@ -84,7 +84,8 @@ Outcome Reader::nearestTo(std::int64_t time, bool wall, double* floats, void* an
         std::uint64_t best = low;
         if (low > 1) {
             View after = view(low), before = view(low - 1);
-            if (before && before.valid() && after && distance(timeOf(before.stamp), time) <= distance(timeOf(after.stamp), time))
+            if (before && before.valid() && after &&
+                distance(timeOf(before.stamp), time) <= distance(timeOf(after.stamp), time))
                 best = low - 1;
         }
         if (read(best, floats, any, stamp)) return Outcome::read;

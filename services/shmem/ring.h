@@ -79,7 +79,8 @@ class Reader;
 class Writer {
 public:
     // Become the writer of a segment, see Segment::forWriting for what may fail.
-    Writer(const std::string& key, const Shape& shape, const std::string& program, Access access = Access::owner, bool keep = false);
+    Writer(const std::string& key, const Shape& shape, const std::string& program, Access access = Access::owner,
+           bool keep = false);
 
     const Shape& shape() const { return segment_->shape(); }
     const std::shared_ptr<Segment>& segment() const { return segment_; }

@@ -19,6 +19,7 @@
 #include <mutex>
 #include <optional>
 #include <set>
+#include <string_view>
 #include <system_error>
 #include <utility>
 
@@ -45,9 +46,11 @@ std::string errorText(int error) { return std::generic_category().message(error)
 std::string fileOf(const std::string& key) {
     bool good = !key.empty() && key.size() <= 200 && key[0] != '.';
     for (char c : key)
-        good = good && ((c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || std::strchr("_-+.,:=%", c));
+        good = good && ((c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+                        std::string_view("_-+.,:=%").find(c) != std::string_view::npos);
     if (!good)
-        throw Failure(Reason::key, "\"" + key + "\" must be 1 to 200 letters, digits and _ - + . , : = % and not begin with a dot");
+        throw Failure(Reason::key, "\"" + key +
+                                       "\" must be 1 to 200 letters, digits and _ - + . , : = % and not begin with a dot");
     return std::string("/") + kPrefix + key;
 }
 
@@ -73,7 +76,9 @@ private:
 };
 
 // Only regular files; a FIFO of that name must not make us wait.
-int openShared(const std::string& file, int flags, mode_t mode = 0) { return shm_open(file.c_str(), flags | O_NONBLOCK, mode); }
+int openShared(const std::string& file, int flags, mode_t mode = 0) {
+    return shm_open(file.c_str(), flags | O_NONBLOCK, mode);
+}
 
 // Take, or with F_UNLCK give back, the lock on one byte. False when somebody else has one that forbids it.
 bool lock(int fd, short type, off_t byte, const std::string& key) {
@@ -174,7 +179,8 @@ Found examine(int fd, const std::string& key) {
     if (!S_ISREG(s.st_mode)) return bad(Reason::foreign, "is no shared memory");
     if (s.st_size == 0) return bad(Reason::absent, "is empty: it is just being made, or who made it has died");
     Bytes b;
-    if (!b.read(fd)) return bad(Reason::foreign, "is not of SORMA: it has " + std::to_string(s.st_size) + " bytes, fewer than a header");
+    if (!b.read(fd))
+        return bad(Reason::foreign, "is not of SORMA: it has " + std::to_string(s.st_size) + " bytes, fewer than a header");
     auto word = b.at<std::uint64_t>(offsetof(Header, magic));
     if (word == 0) return bad(Reason::absent, "is not complete: it is just being made, or who made it has died");
     if (word != magic()) return bad(Reason::foreign, "is not of SORMA: it does not begin with SORMAshm");
@@ -186,7 +192,8 @@ Found examine(int fd, const std::string& key) {
     f.shape = {b.at<std::uint64_t>(offsetof(Header, blocks)), b.at<std::uint64_t>(offsetof(Header, floats)),
                b.at<std::uint64_t>(offsetof(Header, any))};
     auto size = b.at<std::uint64_t>(offsetof(Header, size));
-    bool possible = f.shape.blocks >= 2 && f.shape.blocks <= kMostBlocks && f.shape.floats <= kMostFloats && f.shape.any <= kMostAny;
+    bool possible = f.shape.blocks >= 2 && f.shape.blocks <= kMostBlocks && f.shape.floats <= kMostFloats &&
+                    f.shape.any <= kMostAny;
     if (!possible || size != segmentBytes(f.shape) || b.at<std::uint64_t>(offsetof(Header, headerBytes)) != sizeof(Header) ||
         b.at<std::uint64_t>(offsetof(Header, blockBytes)) != blockBytes(f.shape))
         return bad(Reason::foreign, "contradicts itself: its sizes do not fit together");
@@ -212,7 +219,8 @@ std::string whoWrites(const Writing& w) {
     std::time_t seconds = w.since / 1'000'000;
     std::tm t{};
     char when[40];
-    if (localtime_r(&seconds, &t) && std::strftime(when, sizeof when, "%Y-%m-%d %H:%M:%S", &t)) text += std::string(" since ") + when;
+    if (localtime_r(&seconds, &t) && std::strftime(when, sizeof when, "%Y-%m-%d %H:%M:%S", &t))
+        text += std::string(" since ") + when;
     return text;
 }
 
@@ -319,7 +327,8 @@ std::shared_ptr<Segment> Segment::forWriting(const std::string& key, const Shape
             taken->sign(program);
             return taken;
         }
-        if (f.reason == Reason::foreign || f.reason == Reason::newer) throw Failure(*f.reason, f.text + "; remove it with -clean " + key);
+        if (f.reason == Reason::foreign || f.reason == Reason::newer)
+            throw Failure(*f.reason, f.text + "; remove it with -clean " + key);
         // Nobody writes, and nobody can go on writing: it makes way.
         if (!f.reason) retire(fd.get());
         if (shm_unlink(file.c_str()) != 0 && errno != ENOENT) failSystem("replace", key, errno);
@@ -336,7 +345,8 @@ std::shared_ptr<Segment> Segment::forReading(const std::string& key) {
             writable = false;
             fd = Descriptor(openShared(file, O_RDONLY));
         }
-        if (fd.get() < 0 && errno == ENOENT) throw Failure(Reason::absent, "there is no segment " + key + ": nobody writes it yet");
+        if (fd.get() < 0 && errno == ENOENT)
+            throw Failure(Reason::absent, "there is no segment " + key + ": nobody writes it yet");
         if (fd.get() < 0) failSystem("read", key, errno);
         // Refused only while somebody removes it.
         if (!lock(fd.get(), F_RDLCK, kUserByte, key)) {

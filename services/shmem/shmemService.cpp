@@ -39,7 +39,8 @@ const sorma::Prototype kNoKey{Severity::error, "OPTION MISSING", 2,
                               "{}: {} is empty and the name has no flavor: one of them must name the segment"};
 const sorma::Prototype kNothing{Severity::error, "OPTION MISSING", 2, "{}: {} 0 and -any 0: a record must have something"};
 const sorma::Prototype kSize{Severity::error, "SHMEM SIZE", 2, "{}: {} must be {}, as {} says, not {}"};
-const sorma::Prototype kNoWords{Severity::error, "SHMEM WORD", 2, "{}: bad word \"{}\": EXEC writes a record and takes no words"};
+const sorma::Prototype kNoWords{Severity::error, "SHMEM WORD", 2,
+                                "{}: bad word \"{}\": EXEC writes a record and takes no words"};
 const sorma::Prototype kWord{Severity::error, "SHMEM WORD", 2,
                              "{}: bad word \"{}\": must be history, latest, nearestTo, next, or since"};
 const sorma::Prototype kUsage{Severity::error, "SHMEM SYNTAX", 1, "{}: wrong words: should be \"{}\""};
@@ -47,7 +48,8 @@ const sorma::Prototype kNumber{Severity::error, "SHMEM NUMBER", 2, "{}: \"{}\" m
 const sorma::Prototype kEmpty{Severity::error, "SHMEM EMPTY", 1, "{}: segment {} has no record yet"};
 const sorma::Prototype kOverrun{Severity::error, "SHMEM OVERRUN", 1,
                                 "{}: the writer of segment {} was faster {} times in a row; more -blocks help"};
-const sorma::Prototype kTimeout{Severity::error, "SHMEM TIMEOUT", 1, "{}: no new record of segment {} in {} s, the newest is number {}"};
+const sorma::Prototype kTimeout{Severity::error, "SHMEM TIMEOUT", 1,
+                                "{}: no new record of segment {} in {} s, the newest is number {}"};
 const sorma::Prototype kGone{Severity::error, "SERVICE GONE", 1, "{}: the service object has been removed"};
 
 [[noreturn]] void raise(const sorma::Service& s, const shmem::Failure& f) {
@@ -145,7 +147,8 @@ public:
                            std::min(m.any.size(), std::size_t(any_)));
             return;
         }
-        if (m.floats.size() != std::size_t(floats_) || m.any.size() != std::size_t(any_) || !m.words.empty()) [[unlikely]] refuse(m);
+        if (m.floats.size() != std::size_t(floats_) || m.any.size() != std::size_t(any_) || !m.words.empty()) [[unlikely]]
+            refuse(m);
         writer_->write(m.floats.data(), m.any.data());
     }
 
@@ -175,8 +178,8 @@ private:
         auto access = access_ == "owner" ? shmem::Access::owner : access_ == "group" ? shmem::Access::group : shmem::Access::all;
         std::string program = sorm().daemonName.empty() ? sorma::Caller::self().program : sorm().daemonName;
         try {
-            writer_.emplace(key(), shmem::Shape{std::uint64_t(blocks_), std::uint64_t(floats_), std::uint64_t(any_)}, program, access,
-                            keep_);
+            writer_.emplace(key(), shmem::Shape{std::uint64_t(blocks_), std::uint64_t(floats_), std::uint64_t(any_)}, program,
+                            access, keep_);
         } catch (const shmem::Failure& f) {
             raise(*this, f);
         }
@@ -205,8 +208,9 @@ public:
         c.words("?latest | since ?counter? | nearestTo time ?wall? | history n | next ?timeout ?counter???")
             .writes(floats, {}, "", "the record's floats; of several records one after another, the oldest first")
             .writes(any, {}, "", "the record's bytes, likewise")
-            .writes(ints, {}, "1, ns, us", "counter, time by the monotonic clock [ns], by the wall clock [us] of each record; since: "
-                                           "before them how many were overwritten unread")
+            .writes(ints, {}, "1, ns, us",
+                    "counter, time by the monotonic clock [ns], by the wall clock [us] of each record; since: before them how "
+                    "many were overwritten unread")
             .example("shmem_r.example EXEC");
         return c;
     }
@@ -353,7 +357,9 @@ private:
         auto time = number<std::int64_t>(args[0], INT64_MIN, INT64_MAX,
                                          "a whole number: [ns] of the monotonic clock, or with \"wall\" [us] since 1970");
         const shmem::Reader& r = *reader_;
-        check(fill(m, r, [&](double* floats, void* any, shmem::Stamp& stamp) { return r.nearestTo(time, wall, floats, any, stamp); }));
+        check(fill(m, r, [&](double* floats, void* any, shmem::Stamp& stamp) {
+            return r.nearestTo(time, wall, floats, any, stamp);
+        }));
     }
 
     // Appends records first .. last, as far as they are still there; returns how many.
@@ -398,7 +404,8 @@ private:
 
     void history(Message& m) {
         auto args = take(m, 1, 1, "history n");
-        auto n = std::uint64_t(number<std::int64_t>(args[0], 1, std::int64_t(shmem::kMostBlocks), "a number of records, 1 or more"));
+        const std::int64_t most = shmem::kMostBlocks;
+        auto n = std::uint64_t(number<std::int64_t>(args[0], 1, most, "a number of records, 1 or more"));
         const shmem::Reader& r = *reader_;
         const std::uint64_t newest = r.count();
         m.clear();
@@ -439,7 +446,8 @@ private:
         followed_ = reader_;
         sorma::Reply reply = later(m);
         const std::uint64_t ticket = ++tickets_;
-        waiters_.emplace(ticket, Waiter{reply, after, timeout > 0 ? shmem::nanoseconds() + std::int64_t(timeout * 1e9) : INT64_MAX, timeout});
+        const std::int64_t until = timeout > 0 ? shmem::nanoseconds() + std::int64_t(timeout * 1e9) : INT64_MAX;
+        waiters_.emplace(ticket, Waiter{reply, after, until, timeout});
         reply.onCancel([this, ticket] {
             auto found = waiters_.find(ticket);
             if (found == waiters_.end()) return;
@@ -474,8 +482,9 @@ private:
                 if (done) reply.message().words.clear(), reply.complete();
             }
             if (!done && now >= until) {
-                reply.fail(sorma::Error(sorma::makeEntry(kTimeout, {sorma::MessageArg::of(name()), sorma::MessageArg::of(r.segment()->key()),
-                                                                    sorma::MessageArg::of(timeout), sorma::MessageArg::of(r.count())})));
+                using Arg = sorma::MessageArg;
+                reply.fail(sorma::Error(sorma::makeEntry(kTimeout, {Arg::of(name()), Arg::of(r.segment()->key()), Arg::of(timeout),
+                                                                    Arg::of(r.count())})));
                 done = true;
             }
             at = done ? waiters_.erase(at) : std::next(at);
