@@ -75,9 +75,9 @@ proc ::sorma::complete::Complete {line point} {
         incr from $skip         ;# what is completed begins inside of the word
         set partial [string range $partial $skip end]
     }
-    set found {}
-    foreach word [lsort -unique [lsearch -all -inline -glob $candidates [Escape $partial]*]] {
-        lappend found [Quoted $word $quote]
+    set found [lsort -unique [lsearch -all -inline -glob $candidates [Escape $partial]*]]
+    if {[regexp {[][\\{}"$; \t\n]} [join $found {}]]} {
+        set found [lmap word $found {Quoted $word $quote}]
     }
     return [dict create from $from words $found hint [string map {\n { }} $hint]]
 }
@@ -330,7 +330,7 @@ proc ::sorma::complete::Expected words {
         lset words 0 $command
     }
     set full $command
-    if {![dict exists $Commands $full] && [dict exists $Commands sorma::inspect::$command] && [llength [info commands ::$command]] > 0} {
+    if {![dict exists $Commands $full] && [dict exists $Commands sorma::inspect::$command] && [namespace which -command ::$command] ne {}} {
         set full sorma::inspect::$command
     }
     if {$command eq "sorma" && [llength $rest] > 0 && [dict exists $Commands sorma::[lindex $rest 0]]} {
@@ -407,12 +407,16 @@ proc ::sorma::complete::SettingValue name {
     return [if {[dict exists $settings $name]} {list [dict get $settings $name]}]
 }
 
-# Is a command of that name something else than a service object?
+# Is a command of that name something else than a service object? A class in Tcl is both.
 proc ::sorma::complete::Occupied name {
-    if {[string match *::* $name]} {
-        return [expr {[llength [info commands ::$name]] > 0}]
+    if {[namespace which -command ::$name] eq {}} {
+        return 0
     }
-    return [expr {[llength [info commands ::$name]] > 0 && [namespace which -command ::sorma::so::$name] eq {}}]
+    if {[string match *::* $name]} {
+        return 1
+    }
+    return [expr {[namespace which -command ::sorma::so::$name] eq {} && !([info object isa object ::$name] && [info object isa class ::$name]
+        && [llength [::sorma::classes [Escape $name]]] > 0)}]
 }
 
 # Can it be a service object? Cheap: nothing is looked up elsewhere.
@@ -426,25 +430,22 @@ proc ::sorma::complete::IsName name {
     if {[string is upper -strict [string index $class 0]]} {
         return [expr {[lindex [::sorma::discover::locate $name] 1] ne {}}]
     }
-    return [expr {[::sorma::exists $name] || $class in [::sorma::classes $class] || [::sorma::discover::HasPackage sorma::service::$class]}]
+    return [expr {[::sorma::exists $name] || [llength [::sorma::classes $class]] > 0 || [::sorma::discover::HasPackage sorma::service::$class]}]
 }
 
 # ---- commands of Tcl ----
 
 proc ::sorma::complete::ForCommand partial {
     set pattern [Escape $partial]*
-    set found {}
-    foreach name [uplevel #0 [list info commands $pattern]] {
-        if {![string match ::* $partial]} {
-            set name [string trimleft $name :]
-        }
-        lappend found $name
+    set found [uplevel #0 [list info commands $pattern]]
+    if {[string match *::* $partial] && ![string match ::* $partial]} {
+        set found [lmap name $found {string trimleft $name :}]
     }
     foreach name [array names ::auto_index ::sorma::*] {        ;# not loaded yet
         lappend found [if {[string match ::* $partial]} {set name} else {string range $name 2 end}]
     }
     set tail [string range $partial [expr {[string last : $partial] + 1}] end]
-    if {![string is upper -strict [string index $tail 0]]} {
+    if {[string match *::* $partial] && ![string is upper -strict [string index $tail 0]]} {
         set found [lsearch -all -inline -not -regexp $found {^(::)?sorma(::.*)?::[A-Z]\w*$}]
     }
     if {![string match *::* $partial]} {
@@ -480,7 +481,7 @@ proc ::sorma::complete::Usage command {
             return "$command [lindex [dict get $Commands $name] 0]"
         }
     }
-    if {[llength [info procs ::$command]] == 0} {
+    if {[llength [info procs [Escape ::$command]]] == 0} {
         return {}
     }
     set words [list $command]
@@ -554,9 +555,6 @@ proc ::sorma::complete::Names {partial {made 0}} {
     }
     if {[regexp {^([A-Z][A-Z0-9_]*)\.} $partial -> class]} {
         lassign [::sorma::discover::locate $class] service where
-        if {$where ne {}} {
-            ::sorma::discover::glance [list $where] $::sorma::discover::Inventory
-        }
         foreach name [concat [::sorma::discover::objects $where] [::sorma::discover::words $where]] {
             if {[string match $service.* $name]} {
                 lappend found $class[string range $name [string length $service] end]
@@ -564,9 +562,7 @@ proc ::sorma::complete::Names {partial {made 0}} {
         }
     }
     if {$partial ne {}} {
-        set daemons [::sorma::discover::names]
-        ::sorma::discover::glance $daemons $::sorma::discover::Inventory
-        foreach daemon $daemons {
+        foreach daemon [::sorma::discover::names] {
             set known [::sorma::discover::inventory $daemon]
             if {$known eq {}} continue
             set lists [list [dict get $known names]]
@@ -593,9 +589,6 @@ proc ::sorma::complete::Topics {} {
 # What is known of an object's class, now: of one elsewhere its own, else that of the class of that name here.
 proc ::sorma::complete::Table name {
     lassign [::sorma::discover::locate $name] service where
-    if {$where ne {}} {
-        ::sorma::discover::glance [list $where] [list sorm DBX -describe $service]
-    }
     set table [::sorma::discover::describe $name]
     if {$table eq {} && $where ne {}} {
         set table [::sorma::discover::describe [lindex [split $service .] 0].?]

@@ -8,7 +8,7 @@
 # Answers come from strangers: they are data, checked before they are believed, and never evaluated.
 
 namespace eval ::sorma::discover {
-    namespace export daemons names objects classes words inventory census describe locate ask fetch await renew glance address state trouble
+    namespace export daemons names objects classes words inventory census describe locate ask fetch await renew address state trouble
     namespace ensemble create
 
     variable Fresh 1000         ;# ms for which an answer is not asked for again
@@ -23,10 +23,13 @@ namespace eval ::sorma::discover {
     variable Parsed             ;# array: {address request} -> {came, dict}: an answer, checked and taken apart
     variable Hosts              ;# array: host name -> numeric address, "?" while it is being looked up, "" unknown
     variable Inventory {sorm DBX -inventory names classes words}
+    variable Waits              ;# array: token -> coroutine that waits for answers, empty: somebody who blocks
+    variable LastWait 0
     variable Own {0 {} {}}      ;# {ms, addresses of the dictionary, names that this process serves}
     array set Asked {}
     array set Parsed {}
     array set Hosts {}
+    array set Waits {}
 }
 
 # ---- here and elsewhere ----
@@ -188,7 +191,7 @@ proc ::sorma::discover::state {where {request {}}} {
 
 # ::sorma::discover::trouble WHERE ?REQUEST? --
 #       Why a daemon gives no answer, in one line for people; empty when it does. Whether it is busy or does not live is
-#       asked for at most 150 ms, and not again for 3 s.
+#       asked for at most 300 ms, and not again for 3 s.
 proc ::sorma::discover::trouble {where {request {}}} {
     variable Health
     set found [state $where $request]
@@ -211,7 +214,7 @@ proc ::sorma::discover::trouble {where {request {}}} {
     set now [clock milliseconds]
     if {![info exists Health($address)] || $now - [lindex $Health($address) 0] > 3000} {
         set text "no answer: it may be stopped"
-        if {![catch {interp eval [Peer] [list ::sorma::health $address -timeout 150]} health]} {
+        if {![catch {interp eval [Peer] [list ::sorma::health $address -timeout 300]} health]} {
             set text {}
             if {[dict get $health state] eq "busy"} {
                 set text "busy with [dict get $health what], for [dict get $health since] ms"
@@ -385,21 +388,24 @@ proc ::sorma::discover::Known {where request parseCmd {now 0}} {
 }
 
 # ::sorma::discover::fetch WHERE REQUEST MS --
-#       The text of a daemon's answer to a request that is sent now. Blocks until then, and runs no event loop. Fails as the
-#       request does.
+#       The text of a daemon's answer to a request that is sent now. Fails as the request does. Waits as await does.
 proc ::sorma::discover::fetch {where request ms} {
     set address [address $where]
     if {$address eq "self"} {
         return [LocalText $request]
     }
     set words [lassign $request so]
-    set future [interp eval [Peer] [list ::sorma::async -timeout $ms $so@$address {*}$words]]
+    set token [NewWait]
+    set future [interp eval [Peer] [list ::sorma::async -timeout $ms -command [list ::sorma::discover::Wake $token] $so@$address {*}$words]]
     try {
-        return [lindex [interp eval [Peer] [list $future wait]] 3]
+        set end [expr {[clock milliseconds] + $ms + 1000}]
+        while {![interp eval [Peer] [list $future done]] && [Suspended $token [expr {$end - [clock milliseconds]}]]} {}
+        return [lindex [interp eval [Peer] [list $future result]] 3]
     } on error {message options} {
         dict unset options -errorinfo
         return -options $options "daemon $where: [regsub {^sorm@\S+: } $message {}]"
     } finally {
+        EndWait $token
         interp eval [Peer] [list $future destroy]
     }
 }
@@ -463,11 +469,15 @@ proc ::sorma::discover::Failed {key message code} {
 proc ::sorma::discover::Answered {key future} {
     variable Asked
     variable Peer
+    variable Waits
     if {![info exists Asked($key)] || [dict get $Asked($key) future] ne $future} {
         return
     }
     set failed [catch {interp eval $Peer [list $future result]} reply options]
     interp eval $Peer [list $future destroy]
+    if {[array size Waits] > 0} {
+        after 0 ::sorma::discover::WakeAll
+    }
     if {$failed} {
         Failed $key $reply [dict get $options -errorcode]
         return
@@ -481,10 +491,9 @@ proc ::sorma::discover::Answered {key future} {
 
 # ::sorma::discover::await MS WHERES REQUEST ?REQUEST ...? --
 #       Ask daemons, and wait until all have answered, but no longer than MS. A daemon that has let us wait before is
-#       not waited for again. Runs no event loop.
+#       not waited for again. In a coroutine only that is suspended; elsewhere the event loop runs meanwhile.
 proc ::sorma::discover::await {ms wheres args} {
     variable Asked
-    variable Peer
     set end [expr {[clock milliseconds] + $ms}]
     set open {}
     foreach where $wheres {
@@ -497,34 +506,79 @@ proc ::sorma::discover::await {ms wheres args} {
             Ask $key
             set entry $Asked($key)
             if {[dict get $entry future] ne {} && [clock milliseconds] - [dict get $entry asked] < 100} {
-                dict set open [dict get $entry future] $key
+                dict set open $key [dict get $entry future]
             }
         }
     }
-    while {[dict size $open] > 0} {
-        set left [expr {$end - [clock milliseconds]}]
-        if {$left <= 0 || [catch {interp eval $Peer [list ::sorma::any -timeout $left {*}[dict keys $open]]} done]} {
-            break
-        }
-        set key [dict get $open $done]
-        dict unset open $done
-        Answered $key $done
+    set token [NewWait]
+    try {
+        while {[StillOpen open] && [Suspended $token [expr {$end - [clock milliseconds]}]]} {}
+    } finally {
+        EndWait $token
     }
 }
 
-# ::sorma::discover::glance WHERES REQUEST --
-#       Ask, and wait a moment for those of whom nothing is known: one that is well answers much sooner.
-proc ::sorma::discover::glance {wheres request} {
+# Is anything of a dict: key -> future still under way? What is done is taken out.
+proc ::sorma::discover::StillOpen openVar {
     variable Asked
-    set new {}
-    foreach where $wheres {
-        set key [list [address $where] $request]
-        if {![info exists Asked($key)] || ([dict get $Asked($key) came] == 0 && [dict get $Asked($key) failed] == 0)} {
-            lappend new $where
+    upvar 1 $openVar open
+    dict for {key future} $open {
+        if {[dict get $Asked($key) future] ne $future} {
+            dict unset open $key
         }
     }
-    if {[llength $new] > 0} {
-        await 20 $new $request
+    return [expr {[dict size $open] > 0}]
+}
+
+# ---- waiting ----
+#
+# Futures have a wait that blocks; it is not used here. It gives up a connection that the event loop has just begun to make
+# and makes another one, and a daemon that is busy greets each client just once.
+
+proc ::sorma::discover::NewWait {} {
+    variable LastWait
+    variable Waits
+    set token [incr LastWait]
+    set Waits($token) [info coroutine]
+    return $token
+}
+
+proc ::sorma::discover::EndWait token {
+    variable Waits
+    unset Waits($token)
+}
+
+# Suspend the coroutine, or run the event loop, for some time, or until anything is answered. 0: the time is over.
+proc ::sorma::discover::Suspended {token ms} {
+    variable Waits
+    if {$ms <= 0} {
+        return 0
+    }
+    set timer [after $ms [list ::sorma::discover::Wake $token]]
+    if {$Waits($token) eq {} || [catch yield]} {
+        set Waits($token) {}            ;# no coroutine, or C code in between
+        vwait ::sorma::discover::Waits($token)
+    }
+    after cancel $timer
+    return 1
+}
+
+proc ::sorma::discover::Wake {token args} {
+    variable Waits
+    if {![info exists Waits($token)]} {
+        return
+    }
+    if {$Waits($token) eq {}} {
+        set Waits($token) {}
+    } elseif {[namespace which -command $Waits($token)] ne {}} {
+        $Waits($token)
+    }
+}
+
+proc ::sorma::discover::WakeAll {} {
+    variable Waits
+    foreach token [array names Waits] {
+        Wake $token
     }
 }
 
@@ -537,6 +591,7 @@ proc ::sorma::discover::Peer {} {
         load $module Sorma $Peer
         interp eval $Peer {sorma::configure -timeout 1000}
         interp alias $Peer ::sorma::discover::Answered {} ::sorma::discover::Answered
+        interp alias $Peer ::sorma::discover::Wake {} ::sorma::discover::Wake
     }
     return $Peer
 }

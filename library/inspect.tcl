@@ -304,7 +304,7 @@ proc ::sorma::inspect::watch args {
 proc ::sorma::inspect::unwatch {{only {}}} {
     variable Watches
     if {$only ne {} && ![dict exists $Watches $only]} {
-        return -code error -errorcode {SORMA REQUEST SYNTAX} "\"$only\" is no watch: there are [join [dict keys $Watches] {, }]"
+        return -code error -errorcode {SORMA REQUEST SYNTAX} "\"$only\" is no watch: there are [if {[dict size $Watches] > 0} {join [dict keys $Watches] {, }} else {string cat none}]"
     }
     foreach id [if {$only eq {}} {dict keys $Watches} else {list $only}] {
         set watch [dict get $Watches $id]
@@ -377,6 +377,7 @@ proc ::sorma::inspect::Again id {
 proc ::sorma::inspect::Unseen {id message} {
     variable Watches
     Again $id
+    regsub {^sorm@\S+: } $message {} message
     if {[dict get $Watches $id error] ne $message} {
         dict set Watches $id error $message
         Tell $id error $message
@@ -699,7 +700,7 @@ proc ::sorma::inspect::InTable {table pattern} {
     foreach option [dict get $table options] {
         lassign $option name type unit range default value help
         if {[string match -nocase $pattern "$name $help $range"]} {
-            apply $add option $name [::sorma::complete::OptionHint [dict replace $table exists 0] [lreplace $option 0 0 {}]]
+            apply $add option $name [string trim [::sorma::complete::OptionHint [dict replace $table exists 0] [lreplace $option 0 0 {}]]]
         }
     }
     foreach {key kind} {actions action inspections inspection} {
@@ -743,11 +744,12 @@ proc ::sorma::inspect::Parse {words names} {
 # Places that are meant; empty: here. Without patterns: here, and all daemons but ourselves, each once.
 proc ::sorma::inspect::Places patterns {
     ::sorma::discover::LookAgain
-    set seen {self 1}
+    set seen {}
     set places {}
     if {[llength $patterns] == 0} {
         lappend places {}
-        set patterns {* -}
+        dict set seen self 1
+        set patterns *
     }
     foreach pattern $patterns {
         if {$pattern in {{} self}} {
@@ -755,14 +757,14 @@ proc ::sorma::inspect::Places patterns {
             continue
         }
         set names [lsearch -all -inline -glob [::sorma::discover::names] $pattern]
-        if {[llength $names] == 0 && ![regexp {[*?\[]} $pattern] && $pattern ne "-"} {
+        if {[llength $names] == 0 && ![regexp {[*?\[]} $pattern]} {
             set names [list $pattern]           ;# it cannot be found, but perhaps reached
         }
         foreach name $names {
             set address [::sorma::discover::address $name]
             if {[dict exists $seen $address]} continue
             dict set seen $address 1
-            lappend places $name
+            lappend places [if {$address ne "self"} {set name}]
         }
     }
     return $places

@@ -296,7 +296,7 @@ proc ::sorma::show::Numbers {values settings} {
 # Bytes: how many, and the first of them.
 proc ::sorma::show::Bytes {bytes settings} {
     set n [string length $bytes]
-    set shown [expr {[dict get $settings -whole] ? $n : min($n, 16)}]
+    set shown [expr {[dict get $settings -whole] ? $n : min($n, 12)}]
     set first [string range $bytes 0 [expr {$shown - 1}]]
     set hex [regexp -all -inline .. [binary encode hex $first]]
     regsub -all {[^\x20-\x7e]} $first . readable
@@ -318,9 +318,13 @@ proc ::sorma::show::Folded {trail settings} {
     set more [expr {[llength $texts] - 1}]
     set text "$worst: [lindex $texts $index]"
     set note [expr {$more > 0 ? "  (+$more, see trail)" : {}}]
+    set text [Clean $text]
     set width [dict get $settings -width]
+    if {$width > 0 && $width < 40} {
+        return [Paint [join [Wrap $text$note $width 2] \n] $worst $settings]
+    }
     if {$width > 0} {
-        set text [Cut [Clean $text] [expr {max(8, $width - [string length $note])}]]
+        set text [Cut $text [expr {$width - [string length $note]}]]
     }
     return [Paint $text $worst $settings][Paint $note dim $settings]
 }
@@ -365,7 +369,7 @@ proc ::sorma::show::Plain {value settings} {
             }
         }
         if {$n > 12 && ![dict get $settings -whole] && [AllNumbers $value]} {
-            return [Numbers $value $settings]
+            return [join [Wrap [Numbers $value $settings] [dict get $settings -width] 0] \n]
         }
     }
     return [Text $value $settings]
@@ -620,7 +624,7 @@ proc ::sorma::show::Columns text {
     set n [string length $text]
     # Halves of surrogate pairs (Tcl 8.6) count one each: such characters are wide, nearly all of them.
     set wide [regexp -all {[\u1100-\u115f\u2e80-\u303e\u3041-\ua4cf\uac00-\ud7a3\uf900-\ufaff\ufe30-\ufe6f\uff00-\uff60\uffe0-\uffe6]} $text]
-    if {[string length \U1f600] == 1} {
+    if {[package vsatisfies [package provide Tcl] 9-]} {
         incr wide [regexp -all {[\U1f300-\U1faff\U20000-\U3fffd]} $text]
     }
     set none [regexp -all {[\u0300-\u036f\u1ab0-\u1aff\u20d0-\u20ff\u200b-\u200f\ufe00-\ufe0f\ufeff]} $text]

@@ -135,7 +135,7 @@ public:
             } else if (what == "words") {
                 for (auto& word : sorm().dictionary().words()) appendListElement(list, word);
             } else if (what == "addresses") {
-                for (auto& word : sorm().dictionary().words()) {
+                for (auto& word : sorm().dictionary().words("[@A-Z]*")) {
                     if (word[0] != '@' && (word[0] < 'A' || word[0] > 'Z')) continue;
                     auto* expansion = sorm().dictionary().get(word);
                     if (expansion && !expansion->empty()) appendListElement(list, listOf({word, expansion->front()}));

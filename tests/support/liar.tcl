@@ -1,0 +1,40 @@
+# liar.tcl TEXT -- listens on a TCP port like a daemon, greets its clients as one, and answers every call with TEXT. Prints
+# its port. Ends with its standard input.
+
+source [file join [file dirname [file normalize [info script]]] rpc.tcl]
+
+proc accept {channel args} {
+    fconfigure $channel -translation binary -blocking 0 -buffering none
+    set ::rpc::Input($channel) {}
+    set ::rpc::Input($channel,ended) 0
+    fileevent $channel readable [list take $channel]
+}
+
+proc take channel {
+    rpc::Take $channel
+    while {[set n [rpc::Length $channel]] >= 0} {
+        answer $channel [string range $rpc::Input($channel) 4 [expr {3 + $n}]]
+        set rpc::Input($channel) [string range $rpc::Input($channel) [expr {4 + $n}] end]
+    }
+    if {$rpc::Input($channel,ended)} {
+        rpc::close $channel
+    }
+}
+
+proc answer {channel record} {
+    binary scan $record IIIIII xid kind - - - procedure
+    set head [binary format IIIIII $xid 1 0 0 0 0]
+    set welcome [binary format W 4711][rpc::text liar][rpc::text nobody][rpc::text nowhere][binary format W 1][rpc::text lies]
+    append welcome [binary format IIWI 1000000 64 0 0]
+    switch $procedure {
+        1 { rpc::send $channel [rpc::record $head$welcome] }
+        2 { rpc::send $channel [rpc::record $head[binary format IIII 0 0 0 0][rpc::message [lindex $::argv 0]][binary format II 0 0]] }
+    }
+}
+
+set listener [socket -server accept -myaddr 127.0.0.1 0]
+puts [lindex [fconfigure $listener -sockname] 2]
+flush stdout
+fconfigure stdin -blocking 0
+fileevent stdin readable {if {[gets stdin line] < 0 && [eof stdin]} exit}
+vwait forever
