@@ -26,6 +26,7 @@ constexpr std::int64_t kSweep = 250'000'000;            // [ns]
 constexpr std::size_t kOrphans = 1000;                  // sessions without a connection that are remembered
 constexpr std::int64_t kOrphanAge = 600'000'000'000;    // [ns]
 constexpr std::int64_t kCrowd = 2'000'000;              // [ns] two peers had requests not longer ago than this
+constexpr std::uint64_t kCrowdedTurns = 8;              // or than so many turns: where requests take long, one turn takes longer
 
 const Prototype kOverdue{Severity::error, "COMM TIMEOUT", 1, "{}: no answer by the deadline; the service was told to stop"};
 const Prototype kClientGone{Severity::error, "COMM CANCELLED", 1, "{}: its client has ended, or stayed away for too long"};
@@ -468,21 +469,38 @@ void Server::mark(Trail& trail, const std::string& request) const {
 
 // ---- fairness: who floods gets at most twice what the next one asks for, while there is a next one ----
 
-int Server::share(const Peer*) const { return reactor_.seen() - crowded_ < kCrowd ? share_ : kBatch; }
+int Server::share(const Peer* peer) const {
+    bool crowded = reactor_.seen() - crowded_ < kCrowd || reactor_.turns() - crowdedTurn_ <= kCrowdedTurns;
+    int all = crowded && share_ > 0 ? share_ : kBatch;
+    // A peer may come twice in a turn: with what was left here, and with what it has sent.
+    return peer->turn == reactor_.turns() ? std::max(all - peer->inTurn, 0) : all;
+}
 
-void Server::took(const Peer*, int served, bool more) {
+void Server::took(Peer* peer, int served, bool more) {
     if (turn_.number != reactor_.turns()) {
         if (turn_.peers > 1) {
             share_ = std::clamp(2 * turn_.second, 2, kBatch);
             crowded_ = reactor_.seen();
+            crowdedTurn_ = reactor_.turns();
         }
-        turn_ = {reactor_.turns(), 0, 0, 0};
+        turn_ = {reactor_.turns(), 0, 0, 0, nullptr};
     }
     if (served == 0) return;
-    ++turn_.peers;
-    if (more) ++served;                                 // it wanted more than it got
-    if (served > turn_.most) turn_.second = std::exchange(turn_.most, served);
-    else turn_.second = std::max(turn_.second, served);
+    if (peer->turn != turn_.number) {
+        peer->turn = turn_.number;
+        peer->inTurn = 0;
+        ++turn_.peers;
+    }
+    peer->inTurn += served;
+    int asked = peer->inTurn + (more ? 1 : 0);          // it wanted more than it got
+    if (peer == turn_.busiest) {
+        turn_.most = std::max(turn_.most, asked);
+    } else if (asked > turn_.most) {
+        turn_.second = std::exchange(turn_.most, asked);
+        turn_.busiest = peer;
+    } else {
+        turn_.second = std::max(turn_.second, asked);
+    }
 }
 
 // ---- health ----

@@ -112,7 +112,7 @@ private:
     void leave(Session& session);
     void abandon(std::uint64_t session);
     int share(const Peer* peer) const;
-    void took(const Peer* peer, int served, bool more);
+    void took(Peer* peer, int served, bool more);
     void sweep();
     void watchSlow(Peer* peer);
     void retire(Peer* peer, const std::string& reason, bool tell);
@@ -154,9 +154,11 @@ private:
     struct Turn {
         std::uint64_t number = 0;
         int peers = 0, most = 0, second = 0;
+        const Peer* busiest = nullptr;      // to compare with only
     } turn_;
     int share_ = 0;
     std::int64_t crowded_ = 0;                                  // when two peers last had requests at a time
+    std::uint64_t crowdedTurn_ = 0;                             // and in which turn
 };
 
 }  // namespace sorma

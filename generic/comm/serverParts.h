@@ -142,6 +142,10 @@ public:
     std::string tooSlow(std::int64_t now) const;
     bool slow() const { return halfSince_ != 0 || queued() > 0; }
 
+    // What it got in the last turn of the reactor that served it: the server's, for everybody's share.
+    std::uint64_t turn = 0;
+    int inTurn = 0;
+
 private:
     void receive();
     void serve(Frame& frame, Scratch& scratch);
