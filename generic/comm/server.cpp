@@ -26,6 +26,7 @@ constexpr std::int64_t kSweep = 250'000'000;            // [ns]
 constexpr std::size_t kOrphans = 1000;                  // sessions without a connection that are remembered
 constexpr std::int64_t kOrphanAge = 600'000'000'000;    // [ns]
 constexpr std::int64_t kCrowd = 2'000'000;              // [ns] two peers had requests not longer ago than this
+constexpr std::int64_t kSlowTurn = 1'000'000;           // [ns]
 constexpr std::uint64_t kCrowdedTurns = 8;              // or than so many turns: where requests take long, one turn takes longer
 
 const Prototype kOverdue{Severity::error, "COMM TIMEOUT", 1, "{}: no answer by the deadline; the service was told to stop"};
@@ -468,6 +469,9 @@ void Server::mark(Trail& trail, const std::string& request) const {
 }
 
 // ---- fairness: who floods gets at most twice what the next one asks for, while there is a next one ----
+//
+// Twice, since many at a time cost less than one at a time; but where requests take long they all cost the same, and a client
+// that blocks misses a turn now and then: there it is no more than the next one.
 
 int Server::share(const Peer* peer) const {
     bool crowded = reactor_.seen() - crowded_ < kCrowd || reactor_.turns() - crowdedTurn_ <= kCrowdedTurns;
@@ -479,11 +483,12 @@ int Server::share(const Peer* peer) const {
 void Server::took(Peer* peer, int served, bool more) {
     if (turn_.number != reactor_.turns()) {
         if (turn_.peers > 1) {
-            share_ = std::clamp(2 * turn_.second, 2, kBatch);
+            bool slow = reactor_.seen() - turn_.began > kSlowTurn;
+            share_ = std::clamp(slow ? turn_.second : 2 * turn_.second, slow ? 1 : 2, kBatch);
             crowded_ = reactor_.seen();
             crowdedTurn_ = reactor_.turns();
         }
-        turn_ = {reactor_.turns(), 0, 0, 0, nullptr};
+        turn_ = {reactor_.turns(), 0, 0, 0, nullptr, reactor_.seen()};
     }
     if (served == 0) return;
     if (peer->turn != turn_.number) {

@@ -155,6 +155,7 @@ private:
         std::uint64_t number = 0;
         int peers = 0, most = 0, second = 0;
         const Peer* busiest = nullptr;      // to compare with only
+        std::int64_t began = 0;             // [ns]
     } turn_;
     int share_ = 0;
     std::int64_t crowded_ = 0;                                  // when two peers last had requests at a time
