@@ -61,11 +61,16 @@ template <class Use> void eachStatement(std::string_view text, Use use) {
             text.remove_prefix(1);
             continue;
         }
-        bool comment = text[0] == '#';
-        auto statement = text.substr(0, text.find_first_of(comment ? "\n" : ";\n"));
-        text.remove_prefix(statement.size());
+        if (text[0] == '#') {
+            text.remove_prefix(std::min(text.find('\n'), text.size()));
+            continue;
+        }
+        std::size_t end = 0;        // names may hold # too
+        while (end < text.size() && text[end] != ';' && text[end] != '\n' && !(text[end] == '#' && isSpace(text[end - 1]))) ++end;
+        auto statement = text.substr(0, end);
+        text.remove_prefix(end);
         while (isSpace(statement.back())) statement.remove_suffix(1);
-        if (!comment) use(statement);
+        use(statement);
     }
 }
 

@@ -1,7 +1,6 @@
 // wires.h -- how the wires of a circuit are written.
 //
-//     wires   = statement ((";" | newline) statement)*
-//     statement = wire | "#" anything to the end of the line | nothing
+//     wires   = wire? ((";" | newline) wire?)*        # after white space: a comment to the end of the line
 //     wire    = source "->" sink                                  (white space around the arrow)
 //     source  = end | number (white-space number)*                numbers: constants, one for each element
 //     sink    = end
