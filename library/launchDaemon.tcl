@@ -176,8 +176,10 @@ oo::class create ::sorma::launch::Daemon {
         }
         set State ended
         if {$wanted} {
-            append how ", and was restarted [dict get $Settings -limit] times in vain"
             set failed 1
+            if {$Restarts > 0} {
+                append how ", and was restarted $Restarts times in vain"
+            }
         }
         Gone $Name $failed [dict get $Settings -essential] "[dict get $Settings place]: daemon $Name $how" $Last
     }

@@ -88,7 +88,7 @@ Server::Server(Sorm& sorm, Reactor& reactor, Gate& gate, const Settings& setting
             if (!found.tcp && socket_.empty()) socket_ = found.path;
         }
         if (wanted.connection < 0) listen(wanted);
-        if (wanted.connection >= 0) adopt(inheritConnection(wanted.connection));
+        else adopt(inheritConnection(wanted.connection));
     } catch (...) {
         stop({});
         throw;

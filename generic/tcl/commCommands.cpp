@@ -16,6 +16,7 @@ namespace {
 const Prototype kServeOption{Severity::error, "REQUEST SYNTAX", 0,
     "bad option \"{}\": must be -connection, -host, -listen, -port, -program, -rpcbind, or -socket"};
 const Prototype kServeValue{Severity::error, "REQUEST SYNTAX", 0, "{} expects {}, got \"{}\""};
+const Prototype kServeConnection{Severity::error, "REQUEST SYNTAX", 0, "{} does not go with -connection: that is served, and nothing listened to"};
 const Prototype kServeMissing{Severity::error, "REQUEST SYNTAX", 0, "{} needs a value"};
 
 constexpr char kKey[] = "sorma::comm";
@@ -87,6 +88,7 @@ int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
         }
         Server::Wanted wanted;
         wanted.name = toUtf8(objv[1]);
+        std::string address;                            // an option that says where to listen
         for (int at = 2; at < objc; at += 2) {
             std::string option = toUtf8(objv[at]);
             bool known = option == "-port" || option == "-host" || option == "-socket" || option == "-rpcbind" ||
@@ -94,6 +96,7 @@ int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
             if (!known) fail(kServeOption, option);
             if (at + 1 == objc) fail(kServeMissing, option);
             std::string value = toUtf8(objv[at + 1]);
+            if (option != "-connection") address = option;
             if (option == "-port") wanted.port = value.empty() ? -1 : int(wholeNumber(option, value, 0, 65535));
             else if (option == "-host") wanted.host = value;
             else if (option == "-socket") wanted.socket = value;
@@ -102,6 +105,7 @@ int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
             else if (option == "-rpcbind") wanted.rpcbind = toBoolean(objv[at + 1]);
             else wanted.program = std::uint32_t(wholeNumber(option, value, 1, 0x1fffffff));
         }
+        if (wanted.connection >= 0 && !address.empty()) fail(kServeConnection, address);
         Tcl_SetObjResult(interp, describe(networkOf(i).comm.serve(wanted)));
         return TCL_OK;
     });
