@@ -23,7 +23,8 @@
 
 namespace circuit {
 
-inline constexpr std::size_t kMaxElements = 1'000'000;      // of a pin
+inline constexpr std::size_t kMaxElements = 1'000'000;      // of a pin, and of all that a unit reads or writes
+inline constexpr std::size_t kMaxFloats = 10'000'000;       // of all units
 
 struct End {
     std::string object;             // empty: the circuit itself

@@ -70,8 +70,8 @@ int Wiring::nodeOf(const std::string& object) {
     if (!fresh) return at->second;
     sorma::Reference unit = owner_.sorm().get(object);
     // One object may have two names: it is one unit.
-    for (std::size_t i = 2; i < nodes_.size(); ++i)
-        if (nodes_[i].unit.get() == unit.get()) return at->second = int(i);
+    auto [known, first] = byObject_.try_emplace(unit.get(), int(nodes_.size()));
+    if (!first) return at->second = known->second;
     Node node;
     node.name = object;
     node.unit = unit;
@@ -124,15 +124,16 @@ void Wiring::connect() {
         connections_.push_back(c);
     }
     for (auto& node : nodes_) {
-        node.guessed.resize(node.pins.size());
+        node.wires.resize(node.pins.size());
         node.needed.resize(node.pins.size());
+        node.guessed.resize(node.pins.size());
     }
     for (std::size_t i = 0; i < connections_.size(); ++i) {
         auto& c = connections_[i];
         auto note = [&](const Terminal& t, const End& end) {
             if (t.node == kConstants) return;
             auto& node = nodes_[std::size_t(t.node)];
-            node.wires.push_back(i);
+            node.wires[t.pin].push_back(i);
             if (!end.whole) node.needed[t.pin] = std::max(node.needed[t.pin], end.last + 1);
         };
         note(c.source, c.wire->source);
@@ -155,7 +156,8 @@ void Wiring::setLength(const Terminal& t, std::size_t length) {
     auto& found = node.pins[t.pin];
     if (length > kMaxElements) fail(kTotal, who_, found.name, kMaxElements);
     found.length = length;
-    todo_.insert(todo_.end(), node.wires.begin(), node.wires.end());
+    auto follow = [&](std::size_t p) { todo_.insert(todo_.end(), node.wires[p].begin(), node.wires[p].end()); };
+    follow(t.pin);
     if (!node.unit) return;
     std::string from = node.name + "." + found.name;
     for (auto& told : node.unit->pins(found.name, length))
@@ -164,6 +166,7 @@ void Wiring::setLength(const Terminal& t, std::size_t length) {
             if (told.length == Pin::kOpen) continue;
             if (known.length != Pin::kOpen && known.length != told.length)
                 fail(kUnitLength, who_, length, from, node.name + "." + known.name, told.length, known.length);
+            if (known.length == Pin::kOpen) follow(std::size_t(&known - node.pins.data()));
             known.length = told.length;
             known.at = told.at;
         }
@@ -240,11 +243,9 @@ void Wiring::check() {
             auto& own = nodes_[std::size_t(n)].pins[p];
             if (!own.unit.empty()) continue;
             std::set<std::string> units;
-            for (auto w : nodes_[std::size_t(n)].wires) {
-                auto& c = connections_[w];
-                auto &here = n == kInputs ? c.source : c.sink, &there = n == kInputs ? c.sink : c.source;
-                if (here.node != n || here.pin != p || there.node == kConstants) continue;
-                units.insert(pin(there).unit);
+            for (auto w : nodes_[std::size_t(n)].wires[p]) {
+                auto& there = n == kInputs ? connections_[w].sink : connections_[w].source;
+                if (there.node != kConstants) units.insert(pin(there).unit);
             }
             if (units.size() == 1) own.unit = *units.begin();
         }
@@ -263,6 +264,7 @@ std::string Wiring::elementText(const Node& node, std::size_t element) const {
 
 // Each element that is read has one wire that drives it.
 void Wiring::drive() {
+    std::size_t total = 0;
     drivers_.resize(nodes_.size());
     for (std::size_t n = 0; n < nodes_.size(); ++n) {
         auto& node = nodes_[n];
@@ -275,11 +277,14 @@ void Wiring::drive() {
                 node.exact = false;
                 continue;
             }
-            auto& total = reads ? node.in : node.out;
-            total = std::max(total, pin.at + pin.length);
+            auto& floats = reads ? node.in : node.out;
+            floats = std::max(floats, pin.at + pin.length);
             if (!reads && node.guessed[p]) node.exact = false;
         }
         if (node.out == 0) node.exact = false;
+        total += node.in + node.out;
+        if (node.in > kMaxElements || node.out > kMaxElements) fail(kTotal, who_, node.name, kMaxElements);
+        if (total > kMaxFloats) fail(kTotal, who_, "all units together", kMaxFloats);
         drivers_[n].resize(node.in);
     }
     for (auto& c : connections_) {

@@ -24,9 +24,10 @@ private:
         std::string name;               // empty: the circuit itself
         sorma::Reference unit;
         std::vector<sorma::Pin> pins;
-        std::vector<bool> guessed;      // pins whose length is the highest index that is wired
-        std::vector<std::size_t> wires; // that end here, at either side
-        std::vector<std::size_t> needed;    // by pin: highest index in a slice, plus 1
+        // By pin:
+        std::vector<std::vector<std::size_t>> wires;    // that end there
+        std::vector<std::size_t> needed;                // highest index in a slice, plus 1
+        std::vector<bool> guessed;                      // its length is just that
         std::size_t in = 0, out = 0;    // floats
         bool exact = true, loop = false;
         std::size_t place = 0;          // in the order
@@ -72,6 +73,7 @@ private:
     std::deque<Node> nodes_;
     std::vector<Connection> connections_;
     std::unordered_map<std::string, int> byName_;
+    std::unordered_map<const sorma::Service*, int> byObject_;
     std::deque<std::size_t> todo_;          // wires along which a length may spread
     std::vector<std::vector<std::size_t>> drivers_;     // by node and element it reads: the wire, from 1
     std::vector<int> order_;
