@@ -555,12 +555,34 @@ proc ::sorma::discover::Suspended {token ms} {
         return 0
     }
     set timer [after $ms [list ::sorma::discover::Wake $token]]
-    if {$Waits($token) eq {} || [catch yield]} {
-        set Waits($token) {}            ;# no coroutine, or C code in between
+    set coroutine $Waits($token)
+    if {$coroutine ne {}} {
+        # It may be deleted, and another one be called as it was: that must not be woken.
+        set gone [list unset -nocomplain ::sorma::discover::Waits($token)]
+        trace add command $coroutine delete "$gone ;#"
+        set blocked [catch yield]
+        trace remove command $coroutine delete "$gone ;#"
+        if {$blocked} {                 ;# there is C code in between
+            set coroutine {}
+            set Waits($token) {}
+        }
+    }
+    if {$coroutine eq {}} {
         vwait ::sorma::discover::Waits($token)
     }
     after cancel $timer
     return 1
+}
+
+# Let time pass.
+proc ::sorma::discover::Sleep ms {
+    set token [NewWait]
+    set end [expr {[clock milliseconds] + $ms}]
+    try {
+        while {[Suspended $token [expr {$end - [clock milliseconds]}]]} {}
+    } finally {
+        EndWait $token
+    }
 }
 
 proc ::sorma::discover::Wake {token args} {

@@ -209,14 +209,15 @@ proc ::sorma::inspect::help args {
         lappend rows [list "NAME CTRL -help" "what an object can do; help NAME makes none, and takes a class, or NAME@DAEMON, too"]
         return [Table {} $rows {} 1]
     }
-    set command [regsub {^(::)?(sorma::inspect::)?} $name {}]
-    if {[dict exists $Topics $command] && ![::sorma::exists $command]} {
-        return [::sorma::show::Text "[string map {sorma::inspect:: {}} [::sorma::complete::Usage sorma::inspect::$command]]
-    [dict get $Topics $command]" [Style]]
-    }
     set command [string trimleft $name :]
-    if {[dict exists $::sorma::complete::Commands $command]} {
-        return [::sorma::show::Text "[::sorma::complete::Usage $command]" [Style]]
+    if {!$data && ![::sorma::complete::IsName $command]} {
+        foreach known [list sorma::inspect::$command $name] {
+            try {
+                return [::sorma::manual $known -width [Width]]
+            } trap {SORMA MANUAL UNKNOWN} {} {
+                # then it must be an object or a class
+            }
+        }
     }
     set table [Describe $name]
     if {$data} {
@@ -518,7 +519,7 @@ proc ::sorma::inspect::top args {
     }
     if {[$Sampler age] > 60000} {
         $Sampler take $wheres
-        after 300
+        ::sorma::discover::Sleep 300
     }
     $Sampler take $wheres
     set items [lrange [$Sampler busiest] 0 $count-1]
