@@ -1,5 +1,7 @@
 // ring.h -- snapshot buffer: the last records of one writer, in shared memory, for any number of readers.
 //
+// Installed as <shmem/ring.h>, with a library of its own that needs nothing of SORMA: pkg-config --cflags --libs sorma-shmem.
+//
 //     shmem::Writer arm("arm", {.blocks = 16, .floats = 6}, "robot");      // makes the segment
 //     arm.write(position, nullptr);                                       // each 15 ms
 //
