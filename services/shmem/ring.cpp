@@ -105,7 +105,8 @@ void Reader::sleep(std::uint64_t n, std::uint32_t bell, std::int64_t until) cons
     if (left <= 0) return;
     if (!canBeWoken) left = std::min(left, kGlance);
     timespec wait{time_t(left / 1'000'000'000), long(left % 1'000'000'000)};
-    syscall(SYS_futex, reinterpret_cast<std::uint32_t*>(&header_->bell), FUTEX_WAIT, bell, &wait, nullptr, 0);
+    const bool forever = canBeWoken && until == INT64_MAX;          // no timer to be set and taken back
+    syscall(SYS_futex, reinterpret_cast<std::uint32_t*>(&header_->bell), FUTEX_WAIT, bell, forever ? nullptr : &wait, nullptr, 0);
 }
 
 void Reader::poke() const noexcept {

@@ -227,7 +227,7 @@ public:
     // ---- waiting ----
 
     // Sleep until there is a record after n, the segment is retired, the bell has changed since `bell` was read, or a
-    // time has come [ns, monotonic]. May return early. Who wants to be woken by poke() takes bell() first, then looks
+    // time has come [ns, monotonic; INT64_MAX: none]. May return early. Who wants to be woken by poke() takes bell() first, then looks
     // whether he is still wanted, then sleeps.
     void sleep(std::uint64_t n, std::uint32_t bell, std::int64_t until) const noexcept;
     std::uint32_t bell() const { return header_->bell.load(std::memory_order_seq_cst); }
