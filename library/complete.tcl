@@ -4,6 +4,7 @@
 # value, a recipe in quotes. Tables come from discover.tcl: nothing is made, nothing is called, nobody is waited for.
 
 auto_load ::sorma::discover
+auto_load ::sorma::show
 namespace eval ::sorma::complete {
     variable Methods {CTRL DBX EXEC cget configure destroy exec info}
     variable Infos {actions class dump example help inspections location methods name options purpose signature trail version}
@@ -76,10 +77,19 @@ proc ::sorma::complete::Complete {line point} {
         set partial [string range $partial $skip end]
     }
     set found [lsort -unique [lsearch -all -inline -glob $candidates [Escape $partial]*]]
-    if {[regexp {[][\\{}"$; \t\n]} [join $found {}]]} {
+    # Names come from anywhere. None may do anything to a terminal, some have to be quoted, most are harmless.
+    set all [join $found {}]
+    if {[regexp {[[:cntrl:]]} $all]} {
+        set found [lsearch -all -inline -not -regexp $found {[[:cntrl:]]}]
+    }
+    if {[regexp {[][\\{}"$; ]} $all]} {
         set found [lmap word $found {Quoted $word $quote}]
     }
-    return [dict create from $from words $found hint [string map {\n { }} $hint]]
+    set hint [string map {\n { }} $hint]
+    if {[regexp {[^\x20-\x7e]} $hint]} {
+        set hint [::sorma::show::Clean $hint]
+    }
+    return [dict create from $from words $found hint $hint]
 }
 
 # ---- reading the line ----
@@ -267,7 +277,7 @@ proc ::sorma::complete::ForWord {words partial} {
     switch -- $kind {
         request { return [Request $one $partial] }
         methods {
-            set table [Table $one]
+            set table [::sorma::discover::guess $one]
             set methods [if {$one eq "dict"} {concat {CTRL DBX EXEC} [Subcommands dict]} else {set ::sorma::complete::Methods}]
             set hint [if {[dict exists $table purpose]} {string cat "[dict get $table class]: [dict get $table purpose]"}]
             return [list $methods $hint]
@@ -463,7 +473,7 @@ proc ::sorma::complete::ForCommand partial {
     if {$exact ne {}} {
         set hint [Usage $exact]
         if {$hint eq {} && [IsName $exact] && ![Occupied $exact]} {
-            set table [Table $exact]
+            set table [::sorma::discover::guess $exact]
             if {$table ne {}} {
                 set hint "[dict get $table class]: [dict get $table purpose]"
             }
@@ -586,23 +596,13 @@ proc ::sorma::complete::Topics {} {
     return [lmap name [dict keys $Commands sorma::*] {set name}]
 }
 
-# What is known of an object's class, now: of one elsewhere its own, else that of the class of that name here.
-proc ::sorma::complete::Table name {
-    lassign [::sorma::discover::locate $name] service where
-    set table [::sorma::discover::describe $name]
-    if {$table eq {} && $where ne {}} {
-        set table [::sorma::discover::describe [lindex [split $service .] 0].?]
-    }
-    return $table
-}
-
 # ---- requests ----
 
 # {candidates hint ?skip?} for the next word of NAME METHOD WORD...
 proc ::sorma::complete::Request {words partial} {
     variable Infos
     set rest [lassign $words name method]
-    set table [Table $name]
+    set table [::sorma::discover::guess $name]
     if {$table eq {}} {
         return [list {} {}]
     }
@@ -841,7 +841,7 @@ proc ::sorma::complete::Recipe {name words partial} {
     }
     set table {}
     if {[regexp {^[[:alpha:]]} $name]} {
-        set table [Table $name]
+        set table [::sorma::discover::guess $name]
     }
     if {$table eq {}} {
         return [list -SUBST {}]

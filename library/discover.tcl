@@ -8,11 +8,12 @@
 # Answers come from strangers: they are data, checked before they are believed, and never evaluated.
 
 namespace eval ::sorma::discover {
-    namespace export daemons names objects classes words inventory census describe locate ask fetch await renew address state trouble
+    namespace export daemons names objects classes words inventory census describe guess locate ask fetch await renew address state trouble
     namespace ensemble create
 
     variable Fresh 1000         ;# ms for which an answer is not asked for again
     variable Patience 3000      ;# ms for which a daemon may take its time, in the background
+    variable Many 1000          ;# answers that are kept before old ones are looked for
     variable Most 200000        ;# names that are believed to be at one daemon
     variable Peer {}            ;# the interpreter that asks
     # array: {address request} -> dict, request being the words of a request to an object there
@@ -319,6 +320,16 @@ proc ::sorma::discover::describe name {
     return $text
 }
 
+# The same as far as anything is known now: of an object elsewhere its own table, else that of the class of that name here.
+proc ::sorma::discover::guess name {
+    set table [describe $name]
+    lassign [locate $name] service where
+    if {$table eq {} && $where ne {}} {
+        set table [describe [lindex [split $service .] 0].?]
+    }
+    return $table
+}
+
 proc ::sorma::discover::HasPackage package {
     return [expr {[llength [package versions $package]] > 0 || [package provide $package] ne {}}]
 }
@@ -435,6 +446,7 @@ proc ::sorma::discover::Ask key {
     variable Patience
     set now [clock milliseconds]
     if {![info exists Asked($key)]} {
+        Prune
         set Asked($key) {future {} asked 0 text {} came 0 error {} code {} failed 0}
     }
     set entry $Asked($key)
@@ -455,6 +467,23 @@ proc ::sorma::discover::Ask key {
     } else {
         dict set Asked($key) future $future
     }
+}
+
+# Forget answers that nobody has wanted for a minute, when there are many.
+proc ::sorma::discover::Prune {} {
+    variable Asked
+    variable Parsed
+    variable Many
+    if {[array size Asked] < $Many} {
+        return
+    }
+    set old [expr {[clock milliseconds] - 60000}]
+    foreach {key entry} [array get Asked] {
+        if {[dict get $entry future] eq {} && [dict get $entry asked] < $old} {
+            unset -nocomplain Asked($key) Parsed($key)
+        }
+    }
+    set Many [expr {max(1000, 2 * [array size Asked])}]
 }
 
 proc ::sorma::discover::Failed {key message code} {
@@ -710,6 +739,9 @@ proc ::sorma::discover::ParseDescription text {
         foreach item [dict get $text $key] {
             if {[llength $item] != $fields} {
                 return -code error "$key of [llength $item] fields instead of $fields"
+            }
+            if {[regexp {[[:cntrl:]]} $item]} {
+                return -code error "control characters in $key"
             }
         }
         dict set out $key [dict get $text $key]

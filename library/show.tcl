@@ -251,7 +251,7 @@ proc ::sorma::show::Signature so {
     if {$so eq {}} {
         return {}
     }
-    set table [::sorma::Aside [list ::sorma::discover::describe $so]]
+    set table [::sorma::Aside [list ::sorma::discover::guess $so]]
     return [if {$table ne {}} {dict get $table writes}]
 }
 
