@@ -222,9 +222,12 @@ proc ::sorma::AfterIdle {milliseconds args} {
     after $milliseconds ::sorma::CheckIdle
 }
 
-proc ::sorma::CheckIdle {} {
+# again: who has come while this process did not run is let in first.
+proc ::sorma::CheckIdle {{again 1}} {
     variable DaemonEnd
-    if {![regexp -line {^from } [lindex [::sorma::so::sorm CTRL -connections] 3]]} {
+    if {$again} {
+        after 1 {::sorma::CheckIdle 0}
+    } elseif {![regexp -line {^from } [lindex [::sorma::so::sorm CTRL -connections] 3]]} {
         Notify "STOPPING=1\nSTATUS=idle"
         set DaemonEnd idle
     }
