@@ -522,21 +522,25 @@ proc ::sorma::discover::Answered {key future} {
 #       Ask daemons, and wait until all have answered, but no longer than MS. A daemon that has let us wait before is
 #       not waited for again. In a coroutine only that is suspended; elsewhere the event loop runs meanwhile.
 proc ::sorma::discover::await {ms wheres args} {
+    set keys {}
+    foreach where $wheres {
+        foreach request $args {
+            lappend keys [list [address $where] $request]
+        }
+    }
+    AwaitKeys $ms $keys
+}
+
+proc ::sorma::discover::AwaitKeys {ms keys} {
     variable Asked
     set end [expr {[clock milliseconds] + $ms}]
     set open {}
-    foreach where $wheres {
-        set address [address $where]
-        if {$address eq "self"} {
-            continue
-        }
-        foreach request $args {
-            set key [list $address $request]
-            Ask $key
-            set entry $Asked($key)
-            if {[dict get $entry future] ne {} && [clock milliseconds] - [dict get $entry asked] < 100} {
-                dict set open $key [dict get $entry future]
-            }
+    foreach key $keys {
+        if {[lindex $key 0] eq "self"} continue
+        Ask $key
+        set entry $Asked($key)
+        if {[dict get $entry future] ne {} && [clock milliseconds] - [dict get $entry asked] < 100} {
+            dict set open $key [dict get $entry future]
         }
     }
     set token [NewWait]

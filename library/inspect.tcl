@@ -523,6 +523,10 @@ proc ::sorma::inspect::top args {
     }
     $Sampler take $wheres
     set items [lrange [$Sampler busiest] 0 $count-1]
+    ::sorma::discover::AwaitKeys $::sorma::inspect::Wait [lmap item $items {
+        if {[dict get $item where] eq {}} continue
+        list [::sorma::discover::address [dict get $item where]] [list [dict get $item name] DBX -stats]
+    }]
     set items [lmap item $items {
         lassign [Times [dict get $item where] [dict get $item name]] p50 p99
         dict set item p50 $p50
@@ -552,14 +556,12 @@ proc ::sorma::inspect::Short rate {
 
 # Half of the EXECs of an object are quicker than p50: {p50 p99}, as DBX -stats says it; empty when it does not.
 proc ::sorma::inspect::Times {where name} {
-    variable Wait
     if {$where eq {}} {
         if {![::sorma::exists $name]} {
             return {}
         }
         set text [::sorma::discover::LocalText [list $name DBX -stats]]
     } else {
-        ::sorma::discover::await $Wait [list $where] [list $name DBX -stats]
         set text [::sorma::discover::ask $where [list $name DBX -stats]]
     }
     if {[regexp {p50 <= ([^,\n]+), p99 <= ([^\n]+)} $text -> p50 p99]} {
