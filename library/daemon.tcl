@@ -186,6 +186,10 @@ proc ::sorma::StartDaemon {settings inherited} {
     if {[dict exists $inherited -connection]} {
         subscribe sorm -event connection.closed -command ::sorma::ConnectionEnded
     }
+    # A class in Tcl becomes known when it is first named. Those who look around want to see it before.
+    foreach class [classes] {
+        catch {Aside [list ::sorma::so::sorm DBX -describe $class]}
+    }
     set served [serve [dict get $settings -name] {*}[dict get $settings -serve] {*}$inherited]
     if {[dict get $settings -idle] > 0} {
         WatchIdle [expr {round(1000 * [dict get $settings -idle])}]
