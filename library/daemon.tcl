@@ -84,7 +84,8 @@ proc ::sorma::EndDaemon {} {
 
 # Read the command line into a dict: option -> value, or list of values for -dict and -package.
 proc ::sorma::ParseDaemonWords words {
-    set settings [dict create -name {} -dict {} -package {} -script {} -log {} -until-eof 0 -inetd 0 -idle 0 -serve {}]
+    set settings [dict create -name {} -dict {} -package {} -script {} -log {} -until-eof 0 -inetd 0 -idle 0 \
+        -serve {}]
     while {[llength $words] > 0} {
         set words [lassign $words option]
         switch -- $option {
@@ -126,8 +127,8 @@ proc ::sorma::ParseDaemonWords words {
     return $settings
 }
 
-# Sockets that whoever has started this process has opened for it: systemd says so in the environment (sd_listen_fds(3)),
-# inetd gives one as standard input. Returns options for sorma::serve.
+# Sockets that whoever has started this process has opened for it: systemd says so in the environment
+# (sd_listen_fds(3)), inetd gives one as standard input. Returns options for sorma::serve.
 proc ::sorma::InheritedSockets inetd {
     global env
     set listen {}

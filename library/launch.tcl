@@ -1,12 +1,12 @@
-# launch.tcl -- the program sorma-launch: starts the daemons of an application, shows what they say, ends them together.
+# launch.tcl -- the program sorma-launch: starts the daemons of an application, shows what they say, ends them.
 #
-# Each daemon runs in a session of its own, so that Ctrl-C reaches only the launcher, with a pipe as its standard input:
-# sormad -until-eof ends when the launcher does, however that dies. One on another host has ssh between, which hands that
-# end on. Whatever is left in the session when a daemon has ended is killed.
+# Each daemon runs in a session of its own, so that Ctrl-C reaches only the launcher, with a pipe as its standard
+# input: sormad -until-eof ends when the launcher does, however that dies. One on another host has ssh between, which
+# hands that end on. Whatever is left in the session when a daemon has ended is killed.
 
 namespace eval ::sorma::launch {}
 
-# Control characters but the tab, each with what is shown instead: a daemon must not write where it likes on a terminal.
+# Control characters but the tab, each with what is shown instead: no daemon writes where it likes on a terminal.
 proc ::sorma::launch::ControlMap {} {
     set map {}
     for {set code 0} {$code < 160} {incr code} {
@@ -58,9 +58,14 @@ proc ::sorma::launchMain words {
         puts [launch::OptionsText]
         return 0
     }
-    if {$action ni {start --check --list} || [llength $words] != 1} {
-        puts stderr "sorma-launch: [expr {$action in {start --check --list} ? "expects one FILE" : "unknown option \"$action\""}]"
-        puts stderr $launch::Usage
+    set wrong {}
+    if {$action ni {start --check --list}} {
+        set wrong "unknown option \"$action\""
+    } elseif {[llength $words] != 1} {
+        set wrong "expects one FILE"
+    }
+    if {$wrong ne {}} {
+        puts stderr "sorma-launch: $wrong\n$launch::Usage"
         return 2
     }
     try {
@@ -69,10 +74,15 @@ proc ::sorma::launchMain words {
         puts stderr [regsub -all -line ^ $message {sorma-launch: }]
         return 2
     }
-    switch -- $action {
-        --check { return [launch::Check [lindex $words 0] $daemons] }
-        --list { return [launch::List $daemons] }
-        default { return [launch::Run $daemons] }
+    try {
+        switch -- $action {
+            --check { return [launch::Check [lindex $words 0] $daemons] }
+            --list { return [launch::List $daemons] }
+            default { return [launch::Run $daemons] }
+        }
+    } trap {SORMA COMM DENIED} message {        ;# the runtime folder
+        puts stderr "sorma-launch: $message"
+        return 1
     }
 }
 
@@ -100,7 +110,8 @@ proc ::sorma::launch::OptionsText {} {
 proc ::sorma::launch::Check {file daemons} {
     dict for {name settings} $daemons {
         if {[dict get $settings -on] ne {} && [dict get $settings -port] ne {} && [dict get $settings -host] eq {}} {
-            puts "[dict get $settings place]: note: without -host, $name listens on 127.0.0.1 of [dict get $settings -on] only"
+            puts "[dict get $settings place]: note: without -host, $name listens on 127.0.0.1 of\
+                [dict get $settings -on] only"
         }
     }
     puts "$file is good; daemons, as they are started: [join [StartOrder $daemons] {, }]"
@@ -111,8 +122,8 @@ proc ::sorma::launch::List daemons {
     set found [Running]
     set rows [list {NAME ON STATE AFTER RESTART}]
     dict for {name settings} $daemons {
-        lappend rows [list $name [Place $settings] [State $name $settings $found] [join [dict get $settings -after] ,] \
-            [dict get $settings -restart]]
+        lappend rows [list $name [Place $settings] [State $name $settings $found] \
+            [join [dict get $settings -after] ,] [dict get $settings -restart]]
     }
     set widths {}
     for {set column 0} {$column < 5} {incr column} {
@@ -180,7 +191,8 @@ proc ::sorma::launch::Run daemons {
     set refused 0
     dict for {name settings} $daemons {
         if {[Local $settings] && [dict exists $running $name]} {
-            Complain "[dict get $settings place]: daemon $name is running already ([dict get $running $name]); end it, or choose another name"
+            Complain "[dict get $settings place]: daemon $name is running already ([dict get $running $name]);\
+                end it, or choose another name"
             set refused 1
         }
     }
@@ -331,7 +343,8 @@ proc ::sorma::launch::Say {name line {colour {}} {mark |}} {
     set line [string map $Visible $line]
     if {[llength $Colours] > 0} {
         set index [lsearch -exact [dict keys $Daemons] $name]
-        set head "\x1b\[[expr {$index < 0 ? 1 : [lindex $Colours [expr {$index % [llength $Colours]}]]}]m$head\x1b\[0m"
+        set paint [expr {$index < 0 ? 1 : [lindex $Colours [expr {$index % [llength $Colours]}]]}]
+        set head "\x1b\[${paint}m$head\x1b\[0m"
         if {$colour ne {}} {
             set line "\x1b\[${colour}m$line\x1b\[0m"
         }
@@ -405,8 +418,8 @@ proc ::sorma::launch::CommandText {name settings} {
         return $text
     }
     # Without somebody to ask for a password; a connection that is dead is noticed, here and there.
-    set words [list {*}[dict get $settings -ssh] -T -o BatchMode=yes -o ServerAliveInterval=5 -o ServerAliveCountMax=3 \
-        -- [dict get $settings -on] $text]
+    set words [list {*}[dict get $settings -ssh] -T -o BatchMode=yes -o ServerAliveInterval=5 \
+        -o ServerAliveCountMax=3 -- [dict get $settings -on] $text]
     return "exec [join [lmap word $words {Quoted $word}]]"
 }
 

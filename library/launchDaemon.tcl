@@ -112,7 +112,8 @@ oo::class create ::sorma::launch::Daemon {
         my End
     }
 
-    # The process has ended. It is not reaped before its pipe is closed: until then its session can be killed by number.
+    # The process has ended. It is not reaped before its pipe is closed: until then its session can be killed by
+    # number.
     method Ended {} {
         after cancel $Timer
         ::sorma::Signal -$Pid KILL
@@ -170,7 +171,8 @@ oo::class create ::sorma::launch::Daemon {
             set pause [format %g [expr {min(30, [dict get $Settings -pause] * 2**min($Restarts, 20))}]]
             incr Restarts
             set State pausing
-            Say * "$Name $how; restart $Restarts of [dict get $Settings -limit] in $pause s" [expr {$failed ? 31 : {}}]
+            set how "$how; restart $Restarts of [dict get $Settings -limit] in $pause s"
+            Say * "$Name $how" [expr {$failed ? 31 : {}}]
             my Later $pause start
             return
         }
@@ -201,7 +203,7 @@ oo::class create ::sorma::launch::Daemon {
         return 1
     }
 
-    # On another host it sees its standard input end, through ssh; here also when something stands between, such as sudo.
+    # On another host it sees its standard input end, through ssh; here also when something stands between: sudo.
     method End {} {
         catch {close $Pipe write}
         if {[dict get $Settings -on] eq {}} {

@@ -9,8 +9,8 @@
 # words add to it. Files of daemons on this host are relative to the folder of the launch file.
 
 namespace eval ::sorma::launch {
-    # What a daemon may be given: option -> {kind default help}. Kinds: a word; words, up to the next option; text, which
-    # is split into words; a whole number or seconds in a range; a boolean; a choice.
+    # What a daemon may be given: option -> {kind default help}. Kinds: a word; words, up to the next option; text,
+    # which is split into words; a whole number or seconds in a range; a boolean; a choice.
     variable Options {
         -package    {words {} "Tcl packages that it loads"}
         -dict       {words {} "dictionaries that it loads"}
@@ -41,8 +41,8 @@ namespace eval ::sorma::launch {
 # Arguments:
 #       file    its path
 # Results:
-#       A dict in the order of the file: name of daemon -> dict of its options and of line and place ("FILE:LINE"). Fails
-#       with {SORMA LAUNCH FILE} and a line FILE:LINE: ... for each thing that is wrong.
+#       A dict in the order of the file: name of daemon -> dict of its options and of line and place ("FILE:LINE").
+#       Fails with {SORMA LAUNCH FILE} and a line FILE:LINE: ... for each thing that is wrong.
 proc ::sorma::launch::Read file {
     variable Options
     set wrong [Readable $file]
@@ -75,7 +75,8 @@ proc ::sorma::launch::Read file {
                         error "daemon $name is there already, in line [dict get $daemons $name line]"
                     }
                     dict set daemons $name [dict create line $line place $place {*}$defaults]
-                    dict set daemons $name [CheckDaemon [file dirname $file] [ParseOptions $words [dict get $daemons $name]]]
+                    set settings [ParseOptions $words [dict get $daemons $name]]
+                    dict set daemons $name [CheckDaemon [file dirname $file] $settings]
                 }
                 default {
                     error "unknown word \"$keyword\": must be daemon or defaults"
@@ -165,24 +166,25 @@ proc ::sorma::launch::ParseOptions {words settings} {
 
 # The value as it is used. An error says what was expected.
 proc ::sorma::launch::CheckValue {option kind value} {
-    set kind [lassign $kind type]
+    lassign $kind type low high
     set good 1
     switch -- $type {
         whole {
-            set good [expr {[regexp {^\d{1,9}$} $value] && [scan $value %d] >= [lindex $kind 0] && [scan $value %d] <= [lindex $kind 1]}]
-            set expected "a whole number from [lindex $kind 0] to [lindex $kind 1]"
+            set good [expr {[regexp {^\d{1,9}$} $value] && [scan $value %d] >= $low && [scan $value %d] <= $high}]
+            set expected "a whole number from $low to $high"
         }
         seconds {
-            set good [expr {[string is double -strict $value] && $value >= [lindex $kind 0] && $value <= [lindex $kind 1]}]
-            set expected "seconds from [lindex $kind 0] to [lindex $kind 1]"
+            set good [expr {[string is double -strict $value] && $value >= $low && $value <= $high}]
+            set expected "seconds from $low to $high"
         }
         boolean {
             set good [string is boolean -strict $value]
             set expected "a boolean"
         }
         choice {
-            set good [expr {$value in $kind}]
-            set expected [join [lreplace $kind end end "or [lindex $kind end]"] {, }]
+            set choices [lrange $kind 1 end]
+            set good [expr {$value in $choices}]
+            set expected [join [lreplace $choices end end "or [lindex $choices end]"] {, }]
         }
         text {
             set value [::sorma::SplitWords $value]
@@ -287,7 +289,8 @@ proc ::sorma::launch::StartOrder daemons {
     for {set before -1} {[llength $order] > $before} {} {
         set before [llength $order]
         dict for {name settings} $daemons {
-            if {$name ni $order && [lsearch -not -exact [lmap other [dict get $settings -after] {expr {$other in $order}}] 1] < 0} {
+            set missing [lmap other [dict get $settings -after] {if {$other in $order} continue; set other}]
+            if {$name ni $order && [llength $missing] == 0} {
                 lappend order $name
             }
         }

@@ -24,10 +24,12 @@ namespace sorma {
 
 namespace {
 
-const Prototype kSignalName{Severity::error, "REQUEST SYNTAX", 0, "unknown signal \"{}\": must be CONT, HUP, INT, KILL, QUIT, STOP, or TERM"};
+const Prototype kSignalName{Severity::error, "REQUEST SYNTAX", 0,
+    "unknown signal \"{}\": must be CONT, HUP, INT, KILL, QUIT, STOP, or TERM"};
 const Prototype kNumber{Severity::error, "REQUEST SYNTAX", 0, "{} expects a whole number, got \"{}\""};
 const Prototype kNoProcess{Severity::error, "SERVICE GONE", 1, "process {} cannot be watched: {}"};
-const Prototype kNoSocket{Severity::error, "COMM REFUSED", 0, "standard input is no socket; inetd, or systemd with Accept=yes and StandardInput=socket, give one"};
+const Prototype kNoSocket{Severity::error, "COMM REFUSED", 0,
+    "standard input is no socket; inetd, or systemd with Accept=yes and StandardInput=socket, give one"};
 const Prototype kNoThread{Severity::error, "COMM LIMIT", 1, "no thread can be had that watches standard input: {}"};
 
 struct SignalName {
@@ -286,8 +288,10 @@ void initProcessCommands(Interpreter& i) {
     if (i.safe) return;
     struct { const char* name; Tcl_ObjCmdProc* proc; } commands[] = {
         {"AtSignal", AtSignalObjCmd}, {"AtEnd", AtEndObjCmd}, {"Signal", SignalObjCmd}, {"UntilEof", UntilEofObjCmd},
-        {"Notify", NotifyObjCmd}, {"CloseAtExec", CloseAtExecObjCmd}, {"SplitWords", SplitWordsObjCmd}, {"TakeSocket", TakeSocketObjCmd}};
-    for (auto& c : commands) Tcl_CreateObjCommand(i.interp, (std::string("::sorma::") + c.name).c_str(), c.proc, &i, nullptr);
+        {"Notify", NotifyObjCmd}, {"CloseAtExec", CloseAtExecObjCmd}, {"SplitWords", SplitWordsObjCmd},
+        {"TakeSocket", TakeSocketObjCmd}};
+    for (auto& c : commands)
+        Tcl_CreateObjCommand(i.interp, (std::string("::sorma::") + c.name).c_str(), c.proc, &i, nullptr);
 }
 
 }  // namespace sorma
