@@ -31,8 +31,10 @@ public:
     static sorma::Class describe() {
         using enum sorma::Field;
         auto c = sorma::Class::of<Circuit>("circuit", "executes service objects that are wired to each other");
-        c.text("-wires", &Circuit::wires_, {.help = "source -> sink; ...    a.out[0:2] -> b.in, 0.5 -> b.in[3], in -> a.in, b.out -> out"})
-            .text("-inputs", &Circuit::inputs_, {.help = "its own inputs, in order: name ?length? ?unit?; ...    others follow as wired"})
+        c.text("-wires", &Circuit::wires_,
+               {.help = "source -> sink; ...    a.out[0:2] -> b.in, 0.5 -> b.in[3], in -> a.in, b.out -> out"})
+            .text("-inputs", &Circuit::inputs_,
+                  {.help = "its own inputs, in order: name ?length? ?unit?; ...    others follow as wired"})
             .text("-outputs", &Circuit::outputs_, {.help = "its own outputs, likewise"})
             .real("-period", &Circuit::period_, {.unit = "s", .low = 0, .high = 3600,
                                                  .help = "time step of its units when no cycle drives it; 0: they need their own"})

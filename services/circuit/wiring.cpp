@@ -25,7 +25,8 @@ const Prototype kIdle{Severity::error, "CIRCUIT OPEN", 1, "{}: input {} is decla
 const Prototype kOpen{Severity::error, "CIRCUIT OPEN", 1,
                       "{}: wire {} {}: nothing says how many elements it has; write a slice, such as {} -> {}"};
 const Prototype kLoop{Severity::error, "CIRCUIT LOOP", 1,
-                      "{}: a loop in which every unit needs what it causes: {}; put a unit without feedthrough into it, such as delay or integrator"};
+                      "{}: a loop in which every unit needs what it causes: {}; put a unit without feedthrough into it, such as "
+                      "delay or integrator"};
 const Prototype kCycle{Severity::error, "SERVICE CYCLE", 1, "{}: a circuit inside itself: {}"};
 
 std::string elements(std::size_t n) { return std::to_string(n) + (n == 1 ? " element" : " elements"); }

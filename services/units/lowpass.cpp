@@ -52,7 +52,8 @@ private:
 sorma::Class describeLowpass() {
     return sorma::Class::of<Lowpass>("lowpass", "first-order low-pass filter, exact at every time step")
         .real("-cutoff", &Lowpass::cutoff_, {.unit = "Hz", .low = 1e-9, .high = 1e9, .help = "frequency at which half of the power is left"})
-        .vector("-initial", &Lowpass::initial_, {.help = "value before the first request; empty: what that one brings; one number stands for every width"})
+        .vector("-initial", &Lowpass::initial_,
+                {.help = "value before the first request; empty: what that one brings; one number stands for every width"})
         .real("-period", &Lowpass::period_, kPeriod)
         .text("-unit", &Lowpass::unit_, kUnit)
         .action("-reset", &Lowpass::reset, "", "begin anew")

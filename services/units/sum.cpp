@@ -31,7 +31,8 @@ public:
         Pins out;
         bool open = width == sorma::Pin::kOpen;
         for (std::size_t i = 0; i < factors_.size(); ++i)
-            out.push_back({"in" + std::to_string(i + 1), true, open ? 0 : i * width, width, unit_, factors_[i] > 0 ? "added" : "subtracted"});
+            out.push_back({"in" + std::to_string(i + 1), true, open ? 0 : i * width, width, unit_,
+                           factors_[i] > 0 ? "added" : "subtracted"});
         out.push_back({"out", false, 0, width, unit_, {}});
         return out;
     }
