@@ -208,10 +208,11 @@ proc ::sorma::discover::trouble {where {request {}}} {
         }
         default { return [dict get $found error] }
     }
-    set address [Numeric $address]
-    if {$address eq {}} {
-        return "the address of its host is not known yet"
+    set numeric [Numeric $address]
+    if {$numeric eq {}} {
+        return [WhyNot $address]
     }
+    set address $numeric
     set now [clock milliseconds]
     if {![info exists Health($address)] || $now - [lindex $Health($address) 0] > 3000} {
         set text "no answer: it may be stopped"
@@ -684,6 +685,19 @@ proc ::sorma::discover::Numeric address {
         set number \[$number\]
     }
     return $number[string range $address [string length $host] end]
+}
+
+# Why there is no such address.
+proc ::sorma::discover::WhyNot address {
+    variable Hosts
+    regexp {^(.*):(0x)?[[:xdigit:]]+$} $address -> host program
+    if {$program ne {}} {
+        return "not asked: that needs the rpcbind of $host"
+    }
+    if {[info exists Hosts($host)] && $Hosts($host) eq {}} {
+        return "host $host is not known"
+    }
+    return "host $host is being looked up"
 }
 
 proc ::sorma::discover::LookedUp {host pipe} {

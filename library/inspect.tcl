@@ -342,7 +342,7 @@ proc ::sorma::inspect::Look id {
     set peer [::sorma::discover::Peer]
     set target [::sorma::discover::Numeric [::sorma::discover::address $where]]
     if {$target eq {}} {
-        return [Unseen $id "the address of its host is not known yet"]
+        return [Unseen $id [::sorma::discover::WhyNot [::sorma::discover::address $where]]]
     }
     interp alias $peer ::sorma::inspect::Answered {} ::sorma::inspect::Answered
     set patience [expr {max(2000, 2 * $every)}]
