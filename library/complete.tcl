@@ -3,8 +3,11 @@
 # A line is read as Tcl reads it, up to the point; what the point is in decides: a command's name, a word of a request, a
 # value, a recipe in quotes. Tables come from discover.tcl: nothing is made, nothing is called, nobody is waited for.
 
-auto_load ::sorma::discover
-auto_load ::sorma::show
+apply {{} {
+    foreach command {::sorma::discover ::sorma::show} {
+        if {[namespace which -command $command] eq {}} {auto_load $command}
+    }
+}}
 namespace eval ::sorma::complete {
     variable Methods {CTRL DBX EXEC cget configure destroy exec info}
     variable Infos {actions class dump example help inspections location methods name options purpose signature trail version}

@@ -15,7 +15,7 @@ namespace eval ::sorma::discover {
     variable Patience 3000      ;# ms for which a daemon may take its time, in the background
     variable Many 1000          ;# answers that are kept before old ones are looked for
     variable Most 200000        ;# names that are believed to be at one daemon
-    variable Peer {}            ;# the interpreter that asks
+    variable Peer               ;# the interpreter that asks, empty before it is needed
     # array: {address request} -> dict, request being the words of a request to an object there
     #   future   name in Peer, empty when nothing is under way      asked   ms, when that was begun
     #   text     last answer                                        came    ms, when that came; 0: never
@@ -25,12 +25,16 @@ namespace eval ::sorma::discover {
     variable Hosts              ;# array: host name -> numeric address, "?" while it is being looked up, "" unknown
     variable Inventory {sorm DBX -inventory names classes words}
     variable Waits              ;# array: token -> coroutine that waits for answers, empty: somebody who blocks
-    variable LastWait 0
-    variable Own {0 {} {}}      ;# {ms, addresses of the dictionary, names that this process serves}
-    array set Asked {}
-    array set Parsed {}
-    array set Hosts {}
-    array set Waits {}
+    variable LastWait
+    variable Own                ;# {ms, addresses of the dictionary, names that this process serves}
+    if {![info exists Peer]} {  ;# when this file is read again, what is known stays
+        set Peer {}
+        set LastWait 0
+        set Own {0 {} {}}
+        foreach name {Asked Parsed Hosts Waits} {
+            array set $name {}
+        }
+    }
 }
 
 # ---- here and elsewhere ----
@@ -216,12 +220,15 @@ proc ::sorma::discover::trouble {where {request {}}} {
     set now [clock milliseconds]
     if {![info exists Health($address)] || $now - [lindex $Health($address) 0] > 3000} {
         set text "no answer: it may be stopped"
-        if {![catch {interp eval [Peer] [list ::sorma::health $address -timeout 300]} health]} {
+        # A client of its own: Peer may be making a connection, and a busy daemon greets each client just once.
+        set stranger [NewInterpreter]
+        if {![catch {interp eval $stranger [list ::sorma::health $address -timeout 300]} health]} {
             set text {}
             if {[dict get $health state] eq "busy"} {
                 set text "busy with [dict get $health what], for [dict get $health since] ms"
             }
         }
+        interp delete $stranger
         set Health($address) [list $now $text]
     }
     set text [lindex $Health($address) 1]
@@ -638,13 +645,18 @@ proc ::sorma::discover::WakeAll {} {
     }
 }
 
-# The interpreter that asks, made at first use. The module is there already, so this takes about a millisecond.
+# An interpreter with nothing but the bus. The module is there already, so this takes about a millisecond.
+proc ::sorma::discover::NewInterpreter {} {
+    set interpreter [interp create]
+    load [lindex [lsearch -inline -index 1 -exact [info loaded {}] Sorma] 0] Sorma $interpreter
+    return $interpreter
+}
+
+# The interpreter that asks, made at first use.
 proc ::sorma::discover::Peer {} {
     variable Peer
     if {$Peer eq {} || ![interp exists $Peer]} {
-        set Peer [interp create]
-        set module [lindex [lsearch -inline -index 1 -exact [info loaded {}] Sorma] 0]
-        load $module Sorma $Peer
+        set Peer [NewInterpreter]
         interp eval $Peer {sorma::configure -timeout 1000}
         interp alias $Peer ::sorma::discover::Answered {} ::sorma::discover::Answered
         interp alias $Peer ::sorma::discover::Wake {} ::sorma::discover::Wake

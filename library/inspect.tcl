@@ -3,18 +3,25 @@
 # Each command returns text for people, or with -data lists and dicts for programs. They ask all daemons at once and come
 # back within half a second or so; daemons that do not answer have a line of their own. Nothing is made by looking.
 
-auto_load ::sorma::discover
-auto_load ::sorma::show
-auto_load ::sorma::complete
+apply {{} {
+    foreach command {::sorma::discover ::sorma::show ::sorma::complete} {
+        if {[namespace which -command $command] eq {}} {auto_load $command}
+    }
+}}
 namespace eval ::sorma::inspect {
     namespace export ls tree daemons help dump watch unwatch top find
     namespace ensemble create
 
     variable Wait 400           ;# ms for daemons to answer
     variable MostRows 200       ;# of one table
-    variable Watches {}         ;# dict: id -> {name every command known error timer subscription}
-    variable LastWatch 0
-    variable Sampler {}         ;# of top
+    variable Watches            ;# dict: id -> {name service where every command known error timer future subscription}
+    variable LastWatch
+    variable Sampler            ;# of top, empty before it is needed
+    if {![info exists Watches]} {
+        set Watches {}
+        set LastWatch 0
+        set Sampler {}
+    }
     variable Topics {
         ls {objects here and at each daemon: a pattern chooses names, @daemon one place, @ here}
         tree {objects with the sub-services that they use}
@@ -571,7 +578,8 @@ proc ::sorma::inspect::Times {where name} {
 }
 
 # Two looks at all objects: what one knows of the other is how often they were called in between.
-oo::class create ::sorma::inspect::Samples {
+if {![info object isa object ::sorma::inspect::Samples]} {oo::class create ::sorma::inspect::Samples}
+oo::define ::sorma::inspect::Samples {
     variable before now             ;# dicts: {where name} -> {class calls underway}
     variable then times             ;# dicts: where -> ms of the look
     variable errors                 ;# list of dicts: where and error

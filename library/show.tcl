@@ -3,9 +3,12 @@
 # What is shown may come from anywhere: nothing in it moves a cursor, rings a bell or turns the writing round. Widths are
 # those of a terminal: wide characters take two columns, combining ones none.
 
-auto_load ::sorma::discover
+if {[namespace which -command ::sorma::discover] eq {}} {auto_load ::sorma::discover}
 namespace eval ::sorma::show {
-    variable Settings {-as {} -colour 0 -width 80 -json 0 -so {} -error {} -trail {} -whole 0}
+    variable Settings           ;# defaults
+    if {![info exists Settings]} {
+        set Settings {-as {} -colour 0 -width 80 -json 0 -so {} -error {} -trail {} -whole 0}
+    }
     variable Colours {error 31 warning 33 verbose 2 dim 2 good 32 name 36 strong 1}
     variable Keys {text floats ints any code trail}
     variable MostLines 1000         ;# of a text
