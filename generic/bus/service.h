@@ -52,7 +52,7 @@ public:
     // State that is not in the options, appended line by line as "# name value" for -dump.
     virtual void dumpState(std::string& out) const { (void)out; }
 
-    // The pins by which a circuit wires it. pin, length: one of its inputs has been found to have that many elements; a
+    // The pins by which a circuit wires it. pin, length: one of its pins has been found to have that many elements; a
     // class whose other lengths follow from it tells them then. From the signature, unless a class knows better.
     virtual std::vector<Pin> pins(std::string_view pin = {}, std::size_t length = Pin::kOpen) const;
 
