@@ -59,13 +59,13 @@ proc ::sorma::complete {line point} {
 proc ::sorma::complete::Complete {line point} {
     set point [expr {max(0, min($point, [string length $line]))}]
     set context [Scan [string range $line 0 $point-1] 0 script {}]
-    if {[dict exists $context comment]} {
-        return [dict create from $point words {} hint {}]
-    }
     ::sorma::discover::LookAgain
     # Braces may hold a script or a text: the command around them knows.
     if {[dict exists $context outer words] && [WantsText [dict get $context outer words]]} {
         set context [dict get $context outer]
+    }
+    if {[dict exists $context comment]} {
+        return [dict create from $point words {} hint {}]
     }
     dict with context {}
     if {[regexp {^(.*)\$([\w:]*(\([^()]*)?)$} $partial -> before name] && $quote ni {' \{}} {
@@ -99,7 +99,7 @@ proc ::sorma::complete::Complete {line point} {
 
 # What the end of a text is in: a dict of words (before, of the same command), partial (the word there as far as it is
 # typed, without quoting), from (where it begins), quote (in what: empty, ", {, ') and outer (the context around braces
-# or quotes; empty when there is none); or the key comment. kind: script, bracket, or brace. For a bracket that is
+# or quotes; empty when there is none); or comment and outer. kind: script, bracket, or brace. For a bracket that is
 # closed within the text: {closed POSITION}.
 proc ::sorma::complete::Scan {text at kind outer} {
     set end [string length $text]
@@ -123,12 +123,12 @@ proc ::sorma::complete::Scan {text at kind outer} {
         if {$c eq "#" && [llength $words] == 0} {
             set at [string first \n $text $at]
             if {$at < 0} {
-                return {comment 1}
+                return [dict create comment 1 outer $outer]
             }
             continue
         }
         set read [Word $text $at $words $kind $outer]
-        if {[dict exists $read words]} {
+        if {![dict exists $read at]} {
             return $read
         }
         set at [dict get $read at]
