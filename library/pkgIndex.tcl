@@ -32,6 +32,11 @@ package ifneeded sorma::inspect 1.0 [list apply {dir {
     package provide sorma::inspect 1.0
 }} $dir]
 
+package ifneeded sorma::edit 1.0 [list apply {dir {
+    set module [expr {[package vsatisfies [package provide Tcl] 9.0-] ? "libtcl9sormaedit1.0" : "libsormaedit1.0"}]
+    load [file join $dir $module[info sharedlibextension]] Sormaedit
+}} $dir]
+
 foreach file [glob -nocomplain -directory [file join $dir services] *.tcl *[info sharedlibextension]] {
     set name [file rootname [file tail $file]]
     if {[file extension $file] eq ".tcl"} {

@@ -1,0 +1,547 @@
+# scott.tcl -- the program scott, the inspector: a tclsh with the bus inside.
+#
+# ::sorma::scott::main reads the command line and does what it says; ::sorma::scott::interact is the prompt alone.
+# What is typed is Tcl. A command whose first word is a service object's name and whose second is EXEC, CTRL or DBX may
+# also quote words as 'text', taken as it stands: see Translate.
+#
+# Everything typed runs in a coroutine, so that the event loop goes on while a request waits, and Ctrl-C can give up the
+# request and not the program. A batch (-c, a file, a pipe) runs as in tclsh.
+
+namespace eval ::sorma::scott {
+    variable Usage {usage: scott ?--json? ?-c REQUEST ...?
+       scott ?--json? FILE ?ARG ...?
+       scott ?--json? < REQUESTS
+Without words, on a terminal, requests and any Tcl are typed at a prompt.
+  -c REQUEST    do this; any number of them, one after another, until one fails
+  FILE ARG ...  do what stands in a Tcl script, which finds its words in argv
+  --json        print replies and errors as JSON, one line each
+  -h, --help    this text
+  --version     the version of SORMA
+Exit code: 0, 1 after an error, 2 for a bad command line.}
+    variable Json 0
+    variable Ready {ls tree daemons help dump watch top find trail record stop}     ;# commands whose text is as it is to be shown
+    variable Direct 0       ;# one of these is what was typed, not a part of it
+    variable Outcome        ;# of the command that was typed last, once it is there: list of catch's code, result, options
+    variable HistoryFile {} ;# where what is typed is noted; empty: nowhere
+    variable Pending {}     ;# lines of the command that is being typed, before the current one
+    variable Editing 0      ;# lines are edited; else they are read as they come
+}
+
+# ::sorma::scott::main --
+#       Run the program scott.
+# Arguments:
+#       words   command line, as Usage says
+# Results:
+#       Exit code of the program.
+proc ::sorma::scott::main words {
+    variable Usage
+    variable Json
+    set requests {}
+    while {[string match -* [lindex $words 0]]} {
+        set words [lassign $words option]
+        switch -- $option {
+            -h - --help {
+                puts $Usage
+                return 0
+            }
+            --version {
+                puts "scott, SORMA [package present sorma], Tcl [info patchlevel]"
+                return 0
+            }
+            --json { set Json 1 }
+            -c {
+                if {[llength $words] == 0} {
+                    return [Misused "-c needs a request"]
+                }
+                set words [lassign $words request]
+                lappend requests $request
+            }
+            default { return [Misused "unknown option \"$option\""] }
+        }
+    }
+    if {[llength $requests] > 0 && [llength $words] > 0} {
+        return [Misused "either -c or a file, not both: \"[lindex $words 0]\""]
+    }
+    Prepare
+    if {[llength $requests] > 0} {
+        return [Batch $requests]
+    }
+    if {[llength $words] > 0} {
+        return [Script {*}$words]
+    }
+    if {[IsTerminal stdin]} {
+        return [interact]
+    }
+    return [Piped]
+}
+
+proc ::sorma::scott::Misused message {
+    variable Usage
+    puts stderr "scott: $message"
+    puts stderr $Usage
+    return 2
+}
+
+# ::sorma::scott::Prepare --
+#       What all that is typed to scott may rely on, and so does a recording: dict answers CTRL, EXEC and DBX, and the
+#       inspector's commands are there. A command of the same name that is there already stays.
+proc ::sorma::scott::Prepare {} {
+    ::sorma::JoinDict
+    # Where nothing says which characters the terminal speaks it is UTF-8 today, not what Tcl makes of it.
+    if {[encoding system] in {iso8859-1 ascii}} {
+        foreach channel {stdin stdout stderr} {
+            catch {fconfigure $channel -encoding utf-8}
+        }
+    }
+    foreach name {daemons dump find help ls top tree watch} {
+        if {[info commands ::$name] eq {}} {
+            interp alias {} ::$name {} ::sorma::inspect::$name
+        }
+    }
+    foreach {name command} {trail scott::Trail record record::start stop record::stop} {
+        if {[info commands ::$name] eq {}} {
+            interp alias {} ::$name {} ::sorma::$command
+        }
+    }
+    foreach command {start stop} {
+        set ::auto_index(::sorma::record::$command) [list source -encoding utf-8 [file join $::sorma::library record.tcl]]
+    }
+}
+
+# Only a terminal has a line speed.
+proc ::sorma::scott::IsTerminal channel {
+    return [expr {![catch {fconfigure $channel -mode}]}]
+}
+
+# ---- batch ----
+
+proc ::sorma::scott::Batch requests {
+    foreach request $requests {
+        if {![Do $request]} {
+            return 1
+        }
+    }
+    return 0
+}
+
+# Execute a command and print what came. Returns whether it succeeded.
+proc ::sorma::scott::Do line {
+    set code [catch {Run [Translate $line]} result options]
+    Print $line $code $result $options
+    return [expr {$code != 1}]
+}
+
+proc ::sorma::scott::Run script {
+    variable Ready
+    variable Direct
+    set Direct [expr {[regexp {^\s*(\w+)} $script -> command] && $command in $Ready}]
+    return [uplevel #0 $script]
+}
+
+proc ::sorma::scott::Script {file args} {
+    set ::argv0 $file
+    set ::argv $args
+    set ::argc [llength $args]
+    if {[catch {uplevel #0 [list source -encoding utf-8 $file]} result options]} {
+        Print {} 1 $result $options
+        if {![string match "SORMA *" [dict get $options -errorcode]]} {
+            puts stderr [dict get $options -errorinfo]
+        }
+        return 1
+    }
+    return 0
+}
+
+# Commands from standard input, as at the prompt but without one. The event loop runs between them.
+proc ::sorma::scott::Piped {} {
+    variable Input
+    set command {}
+    while 1 {
+        unset -nocomplain Input
+        fileevent stdin readable {set ::sorma::scott::Input [gets stdin]}
+        vwait ::sorma::scott::Input
+        fileevent stdin readable {}
+        if {$Input eq {} && [eof stdin]} break
+        append command $Input
+        if {![IsComplete $command]} {
+            append command \n
+            continue
+        }
+        if {![Do $command]} {
+            return 1
+        }
+        set command {}
+    }
+    if {[string trim $command] ne {}} {
+        puts stderr "scott: the input ends in the middle of: $command"
+        return 1
+    }
+    return 0
+}
+
+# ---- the prompt ----
+
+# ::sorma::scott::interact --
+#       Read commands from the terminal, execute them and show what comes, until Ctrl-D, or a hang-up.
+# Results:
+#       Exit code of the program: 0.
+proc ::sorma::scott::interact {} {
+    variable Pending
+    variable Editing
+    package require sorma::edit
+    ::sorma::edit attach
+    set Editing [expr {[::sorma::edit usable] eq {}}]
+    interp bgerror {} ::sorma::scott::BackgroundError
+    set ::tcl_interactive 1
+    LoadHistory
+    set Pending {}
+    try {
+        while 1 {
+            try {
+                if {![Turn]} break
+            } trap {TCL CANCEL} {} {
+                set Pending {}      ;# Ctrl-C between two lines
+                puts {}
+            }
+        }
+    } finally {
+        ::sorma::edit detach
+    }
+    if {[Records]} {
+        puts [::sorma::record::stop]
+    }
+    return 0
+}
+
+# Read a line, and execute the command that it completes. Returns 0 at the end.
+proc ::sorma::scott::Turn {} {
+    variable Pending
+    lassign [ReadLine [expr {$Pending eq {} ? "% " : "> "}]] how line
+    if {$how eq "interrupt"} {
+        set Pending {}
+        return 1
+    }
+    if {$how eq "end"} {
+        set unfinished [expr {$Pending ne {}}]
+        set Pending {}
+        return $unfinished
+    }
+    append Pending $line
+    if {![IsComplete $Pending]} {
+        append Pending \n
+        return 1
+    }
+    set command $Pending
+    set Pending {}
+    if {[string trim $command] eq {}} {
+        return 1
+    }
+    Remember $command
+    try {
+        Execute $command
+    } trap {TCL CANCEL} {message options} {
+        return -options $options $message
+    } on error message {
+        puts stderr "scott: $message"       ;# whatever it was, the prompt comes again
+    }
+    return 1
+}
+
+# Returns list of how (line, end, interrupt) and text.
+proc ::sorma::scott::ReadLine prompt {
+    variable Editing
+    variable Input
+    if {$Editing} {
+        return [::sorma::edit read -prompt $prompt -complete ::sorma::scott::CompleteAt -hint ::sorma::scott::HintAt]
+    }
+    puts -nonewline $prompt
+    flush stdout
+    unset -nocomplain Input
+    fileevent stdin readable {set ::sorma::scott::Input [list [gets stdin line] $line]}
+    set came [::sorma::edit wait ::sorma::scott::Input]
+    fileevent stdin readable {}
+    if {!$came} {
+        puts {}
+        return interrupt
+    }
+    lassign $Input length line
+    if {$length < 0} {
+        puts {}
+        return end
+    }
+    return [list line $line]
+}
+
+# The words before the cursor may have begun on an earlier line.
+proc ::sorma::scott::CompleteAt {line point} {
+    variable Pending
+    set before [string length $Pending]
+    set found [::sorma::complete $Pending$line [expr {$before + $point}]]
+    dict set found from [expr {max([dict get $found from] - $before, 0)}]
+    return $found
+}
+
+proc ::sorma::scott::HintAt {line point} {
+    variable Pending
+    if {[string trim $line] eq {}} {
+        return {}
+    }
+    return [dict get [::sorma::complete $Pending$line [expr {[string length $Pending] + $point}]] hint]
+}
+
+# Execute a command while the event loop runs, show what came, and record it. Ctrl-C gives up what it waits for.
+proc ::sorma::scott::Execute line {
+    variable Outcome
+    unset -nocomplain Outcome
+    try {
+        coroutine ::sorma::scott::job ::sorma::scott::Evaluate $line
+        if {![info exists Outcome]} {
+            ::sorma::edit wait ::sorma::scott::Outcome
+        }
+    } trap {TCL CANCEL} {} {
+        # Ctrl-C in between
+    }
+    if {![info exists Outcome]} {
+        catch {rename ::sorma::scott::job {}}       ;# cancels the requests that it waits for
+        set Outcome {1 {interrupted; what was asked for may have been done} {-code 1 -errorcode {SORMA COMM CANCELLED}}}
+        set ::errorCode {SORMA COMM CANCELLED}
+    }
+    lassign $Outcome code result options
+    if {$code == 1 && [lrange [dict get $options -errorcode] 0 1] eq {TCL CANCEL} || $code == 1 && [dict get $options -errorcode] eq {SORMA COMM CANCELLED}} {
+        puts {}     ;# after the ^C
+    }
+    Print $line $code $result $options
+    if {[Records]} {
+        ::sorma::record::note $line [Translate $line] $code $result $options
+    }
+}
+
+proc ::sorma::scott::Evaluate line {
+    variable Outcome
+    set code [catch {
+        set script [Translate $line]
+        if {[Records]} {
+            ::sorma::record::before $script
+        }
+        Run $script
+    } result options]
+    set Outcome [list $code $result $options]
+}
+
+proc ::sorma::scott::Records {} {
+    return [expr {[info commands ::sorma::record::active] ne {} && [::sorma::record::active]}]
+}
+
+proc ::sorma::scott::BackgroundError {message options} {
+    puts stderr "background error: $message"
+}
+
+# ---- the language ----
+
+# ::sorma::scott::Translate --
+#       The Tcl of what is typed. A command whose first word looks like the name of a service object and whose second is
+#       EXEC, CTRL or DBX is a request: its words may also be quoted as '...', in which nothing is special. All else,
+#       "..." and {...}, $variables and [commands], is Tcl's own.
+# Arguments:
+#       line    commands, on any number of lines
+# Results:
+#       The same commands with each '...' as Tcl quotes it. Error SCOTT INCOMPLETE: a quote, brace or bracket is open.
+proc ::sorma::scott::Translate line {
+    set out {}
+    set at 0
+    set end [string length $line]
+    while {$at < $end} {
+        regexp -start $at {\A[\s;]*} $line blank
+        append out $blank
+        incr at [string length $blank]
+        if {[regexp -start $at {\A([A-Za-z][^\s\[\]$"{};\\']*)[ \t]+(?:EXEC|CTRL|DBX)(?=[\s;]|$)} $line head]} {
+            append out $head
+            incr at [string length $head]
+            append out [Words $line at]
+        } else {
+            append out [Upto {[;\n]} $line at]
+        }
+    }
+    return $out
+}
+
+# The words of a request up to its end; atVar moves there.
+proc ::sorma::scott::Words {line atVar} {
+    upvar 1 $atVar at
+    set out {}
+    while {[regexp -start $at {\A(?:[ \t]|\\\n)+} $line blank]} {
+        append out $blank
+        incr at [string length $blank]
+        if {[regexp -start $at {\A'([^']*)'(?=[\s;]|$)} $line quoted text]} {
+            append out [list $text]
+            incr at [string length $quoted]
+        } elseif {[string index $line $at] ne "'"} {
+            append out [Upto {[\s;]} $line at]
+        } elseif {[regexp -start $at {\A'[^']*'(\S+)} $line - junk]} {
+            return -code error -errorcode {SORMA SCOTT SYNTAX} "extra characters after close-quote: \"$junk\""
+        } else {
+            return -code error -errorcode {SORMA SCOTT INCOMPLETE} "missing '"
+        }
+    }
+    return $out
+}
+
+# The text up to the first character of a set where Tcl's quotes, braces and brackets are closed.
+proc ::sorma::scott::Upto {set line atVar} {
+    upvar 1 $atVar at
+    set from $at
+    while {[regexp -start $at -indices $set $line found]} {
+        set at [lindex $found 0]
+        set text [string range $line $from [expr {$at - 1}]]
+        # A backslash before the character makes it part of the text.
+        if {[info complete $text] && ![regexp {(?:^|[^\\])(?:\\\\)*\\$} $text]} {
+            return $text
+        }
+        incr at
+    }
+    set at [string length $line]
+    set text [string range $line $from end]
+    if {![info complete $text]} {
+        return -code error -errorcode {SORMA SCOTT INCOMPLETE} "missing close-quote, -brace or -bracket"
+    }
+    return $text
+}
+
+proc ::sorma::scott::IsComplete line {
+    if {[regexp {(?:^|[^\\])(?:\\\\)*\\\n?$} $line]} {
+        return 0
+    }
+    try {
+        Translate $line
+    } trap {SORMA SCOTT INCOMPLETE} {} {
+        return 0
+    } on error {} {
+        # wrong, but all there
+    }
+    return 1
+}
+
+# ---- history: one command a line, a newline in it as \n and a backslash as \\ ----
+
+proc ::sorma::scott::LoadHistory {} {
+    variable HistoryFile
+    set most 2000
+    set HistoryFile {}
+    if {[info exists ::env(XDG_STATE_HOME)] && $::env(XDG_STATE_HOME) ne {}} {
+        set folder $::env(XDG_STATE_HOME)
+    } elseif {[info exists ::env(HOME)] && $::env(HOME) ne {}} {
+        set folder [file join $::env(HOME) .local state]
+    } else {
+        return
+    }
+    set file [file join $folder sorma scott.history]
+    try {
+        file mkdir [file dirname $file]
+        set channel [open $file {RDWR CREAT APPEND} 0600]
+    } on error message {
+        puts stderr "scott: what is typed will not be remembered: $message"
+        return
+    }
+    try {
+        fconfigure $channel -encoding utf-8
+        seek $channel 0
+        set lines [split [string trimright [read $channel] \n] \n]
+    } on error message {
+        puts stderr "scott: cannot read what was typed before: $message"
+        return
+    } finally {
+        close $channel
+    }
+    set HistoryFile $file
+    if {[llength $lines] > 2 * $most} {
+        # Shortened now and then, in one step, so that others who read it find it whole.
+        set lines [lrange $lines end-[expr {$most - 1}] end]
+        catch {
+            set channel [open $file.[pid] {WRONLY CREAT TRUNC} 0600]
+            fconfigure $channel -encoding utf-8
+            puts $channel [join $lines \n]
+            close $channel
+            file rename -force $file.[pid] $file
+        }
+    }
+    ::sorma::edit remember {*}[lmap line [lrange $lines end-[expr {$most - 1}] end] {
+        if {$line eq {}} continue
+        string map [list {\\} \\ {\n} \n] $line
+    }]
+}
+
+# A command that begins with a space is kept out of it.
+proc ::sorma::scott::Remember command {
+    variable HistoryFile
+    if {[string index $command 0] eq " "} {
+        return
+    }
+    ::sorma::edit remember $command
+    if {$HistoryFile eq {}} {
+        return
+    }
+    try {
+        set channel [open $HistoryFile {WRONLY CREAT APPEND} 0600]
+        fconfigure $channel -encoding utf-8
+        puts $channel [string map [list \\ {\\} \n {\n}] $command]
+        close $channel
+    } on error message {
+        puts stderr "scott: what is typed will not be remembered: $message"
+        set HistoryFile {}
+    }
+}
+
+# ---- what comes back ----
+
+# Print a result, or an error on standard error.
+proc ::sorma::scott::Print {line code result options} {
+    variable Json
+    variable Direct
+    if {$code != 1 && $result eq {} && !$Json} {
+        return
+    }
+    if {$code != 1 && $Direct && !$Json} {
+        puts $result
+        return
+    }
+    set channel [expr {$code == 1 && !$Json ? "stderr" : "stdout"}]
+    set settings [ShowSettings $channel]
+    if {[regexp {^\s*(\S+)\s+(EXEC|CTRL|DBX|exec)\M} $line -> name]} {
+        lappend settings -so $name
+    }
+    if {$code == 1} {
+        lappend settings -error $options
+    }
+    puts $channel [::sorma::show $result {*}$settings]
+}
+
+# On a terminal for a person, with its width and perhaps colours; elsewhere everything, for a program.
+proc ::sorma::scott::ShowSettings channel {
+    variable Json
+    if {![IsTerminal $channel]} {
+        return [list -json $Json -width 0 -whole 1]
+    }
+    set colour [expr {[Environment NO_COLOR] eq {} && [Environment TERM] ni {dumb unknown {}}}]
+    return [list -json $Json -width [Width] -colour $colour]
+}
+
+proc ::sorma::scott::Environment name {
+    return [expr {[info exists ::env($name)] ? $::env($name) : {}}]
+}
+
+# Cells of a line on the terminal.
+proc ::sorma::scott::Width {} {
+    if {[info commands ::sorma::edit] ne {}} {
+        set width [::sorma::edit columns]
+    } elseif {[catch {lindex [exec stty size <@stdin] 1} width]} {
+        set width 0
+    }
+    return [expr {$width > 0 ? $width : 80}]
+}
+
+# trail ?NAME?: the messages of the last request, or of the last one of an object that had any. In colours only when it
+# is shown at once.
+proc ::sorma::scott::Trail args {
+    variable Direct
+    return [::sorma::showTrail [::sorma::trail {*}$args] {*}[expr {$Direct ? [ShowSettings stdout] : {-width 0}}]]
+}

@@ -1,0 +1,280 @@
+# terminal.tcl -- a program in a pseudo-terminal of its own, with a screen that can be looked at. Needs Expect.
+#
+# terminal open ?-columns n? ?-rows n? ?-term name? command ...      a terminal at a time
+# terminal type TEXT                  as if typed; "\x03" is Ctrl-C
+# terminal screen                     list of the screen's rows, without empty ones at the end
+# terminal row N                      one of them
+# terminal until CONDITION            reads what comes until the expression is true; fails with the screen in its message
+# terminal shows TEXT                 the same until the text stands somewhere on the screen
+# terminal prompts PROMPT             the same until, after what was typed last, the last row is a prompt and nothing else
+# terminal resize COLUMNS ROWS
+# terminal settings WORD ...          what stty says, or does
+# terminal pid                        of the program
+# terminal end                        waits until the program ends; its exit code
+# terminal kill                       ends it
+#
+# The screen understands what libedit says to an xterm: what it does not know is an error, not guessed.
+
+namespace eval terminal {
+    variable Id {}          ;# spawn id
+    variable Rows           ;# list of rows: each a string of exactly Columns characters
+    variable Columns
+    variable Height
+    variable X              ;# cursor; X may be Columns: the next character goes to the next row
+    variable Y
+    variable Rest {}        ;# the beginning of a sequence whose end has not come
+    variable Ended 0
+    variable Bells 0
+    variable Came 0         ;# has anything come since the last thing typed?
+    namespace export open type screen row until shows prompts resize settings pid end kill
+    namespace ensemble create
+}
+
+proc terminal::available {} {
+    if {[catch {package require Expect}]} {
+        return 0
+    }
+    exp_log_user 0
+    return 1
+}
+
+proc terminal::open args {
+    variable Id
+    variable Rows
+    variable Columns 80
+    variable Height 24
+    variable X 0
+    variable Y 0
+    variable Rest {}
+    variable Ended 0
+    variable Bells 0
+    set term xterm
+    while {[string match -* [lindex $args 0]]} {
+        set args [lassign $args option value]
+        switch -- $option {
+            -columns { set Columns $value }
+            -rows { set Height $value }
+            -term { set term $value }
+        }
+    }
+    set Rows [lrepeat $Height [string repeat " " $Columns]]
+    set before [array get ::env TERM]
+    set ::env(TERM) $term
+    set ::stty_init "sane rows $Height columns $Columns"
+    ::spawn -noecho {*}$args
+    set Id $spawn_id
+    variable Slave $spawn_out(slave,name)
+    fconfigure $Id -encoding utf-8
+    unset ::env(TERM)
+    array set ::env $before
+    return
+}
+
+proc terminal::type text {
+    variable Id
+    variable Came 0
+    exp_send -i $Id -- $text
+}
+
+proc terminal::screen {} {
+    variable Rows
+    return [split [string trimright [join [lmap row $Rows {string trimright $row}] \n] \n] \n]
+}
+
+proc terminal::row n {
+    return [lindex [screen] $n]
+}
+
+proc terminal::until {condition {bound 60}} {
+    variable Ended
+    set end [expr {[clock seconds] + $bound}]
+    while {![uplevel 1 [list expr $condition]]} {
+        if {$Ended || [clock seconds] > $end} {
+            return -code error "[expr {$Ended ? "the program has ended" : "waited $bound s in vain"}]: $condition\nscreen:\n[join [screen] \n]"
+        }
+        Take 1
+    }
+}
+
+proc terminal::shows text {
+    uplevel 1 [list terminal::until "\[string first [list $text] \[join \[terminal::screen\] \\n\]\] >= 0"]
+}
+
+proc terminal::prompts prompt {
+    uplevel 1 [list terminal::until "\$::terminal::Came && \[terminal::row end\] eq {$prompt}"]
+}
+
+proc terminal::resize {columns rows} {
+    variable Id
+    variable Rows
+    variable Columns
+    variable Height
+    variable X
+    variable Y
+    set Rows [lmap row [lrange $Rows 0 $rows-1] {string range [format %-${columns}s $row] 0 $columns-1}]
+    while {[llength $Rows] < $rows} {
+        lappend Rows [string repeat " " $columns]
+    }
+    set Columns $columns
+    set Height $rows
+    set X [expr {min($X, $columns - 1)}]
+    set Y [expr {min($Y, $rows - 1)}]
+    settings rows $rows columns $columns
+}
+
+proc terminal::settings args {
+    variable Slave
+    return [exec stty -F $Slave {*}$args]
+}
+
+proc terminal::pid {} {
+    variable Id
+    return [exp_pid -i $Id]
+}
+
+proc terminal::end {} {
+    variable Id
+    variable Ended
+    set bound [expr {[clock seconds] + 60}]
+    while {!$Ended && [clock seconds] < $bound} {
+        Take 1
+    }
+    if {!$Ended} {
+        return -code error "the program does not end\nscreen:\n[join [screen] \n]"
+    }
+    set status [exp_wait -i $Id]
+    set Id {}
+    return [expr {[llength $status] > 4 ? [lrange $status 4 end] : [lindex $status 3]}]
+}
+
+proc terminal::kill {} {
+    variable Id
+    if {$Id eq {}} {
+        return
+    }
+    catch {exec sh -c {kill "$@"} kill -KILL [exp_pid -i $Id]}
+    catch {exp_close -i $Id}
+    catch {exp_wait -i $Id}
+    set Id {}
+}
+
+# Read what has come, waiting for it for so many seconds.
+proc terminal::Take seconds {
+    variable Id
+    variable Ended
+    set came {}
+    ::expect -i $Id -timeout $seconds -re {.+} {
+        set came $expect_out(0,string)
+        variable Came 1
+    } timeout {
+    } eof {
+        set Ended 1
+    }
+    Show $came
+}
+
+# ---- the screen ----
+
+proc terminal::Show bytes {
+    variable Rest
+    variable X
+    variable Y
+    variable Columns
+    variable Height
+    variable Rows
+    variable Bells
+    set text $Rest$bytes
+    set Rest {}
+    set at 0
+    while {$at < [string length $text]} {
+        set c [string index $text $at]
+        switch -- $c {
+            \r { set X 0 }
+            \n { Down }
+            \b { set X [expr {max(0, min($X, $Columns - 1) - 1)}] }
+            \a { incr Bells }
+            \t { set X [expr {min($Columns - 1, ($X / 8 + 1) * 8)}] }
+            \033 {
+                if {![regexp -start $at {\A\033\[([0-9;?]*)([@-~])} $text all numbers command]} {
+                    if {![regexp -start $at {\A\033(\[[0-9;?]*)?$} $text]} {
+                        return -code error "a sequence that this screen does not know: [string range $text $at $at+10]"
+                    }
+                    set Rest [string range $text $at end]
+                    return
+                }
+                Command $command $numbers
+                incr at [string length $all]
+                continue
+            }
+            default {
+                if {$X == $Columns} {
+                    set X 0
+                    Down
+                }
+                lset Rows $Y [string replace [lindex $Rows $Y] $X $X $c]
+                incr X
+            }
+        }
+        incr at
+    }
+}
+
+proc terminal::Down {} {
+    variable Y
+    variable Rows
+    variable Height
+    variable Columns
+    if {$Y < $Height - 1} {
+        incr Y
+    } else {
+        set Rows [list {*}[lrange $Rows 1 end] [string repeat " " $Columns]]
+    }
+}
+
+proc terminal::Command {command numbers} {
+    variable X
+    variable Y
+    variable Rows
+    variable Columns
+    variable Height
+    if {$command in {m h l}} {
+        return      ;# colours, and modes that do not move anything (insert mode is not used by libedit for an xterm)
+    }
+    set n [expr {[lindex [split $numbers ";"] 0] in {{} 0} ? 1 : [lindex [split $numbers ";"] 0]}]
+    set row [lindex $Rows $Y]
+    set column [expr {min($X, $Columns - 1)}]
+    switch -- $command {
+        A { set Y [expr {max(0, $Y - $n)}] }
+        B { set Y [expr {min($Height - 1, $Y + $n)}] }
+        C { set X [expr {min($Columns - 1, $X + $n)}] }
+        D { set X [expr {max(0, $column - $n)}] }
+        G { set X [expr {min($Columns, $n) - 1}] }
+        H {
+            lassign [split $numbers ";"] y x
+            set Y [expr {$y eq {} ? 0 : $y - 1}]
+            set X [expr {$x eq {} ? 0 : $x - 1}]
+        }
+        K { set row [Blank [string range $row 0 $column-1]] }
+        J {
+            if {$numbers eq "2"} {
+                set Rows [lrepeat $Height [string repeat " " $Columns]]
+                return
+            }
+            set row [Blank [string range $row 0 $column-1]]
+            for {set y [expr {$Y + 1}]} {$y < $Height} {incr y} {
+                lset Rows $y [string repeat " " $Columns]
+            }
+        }
+        P { set row [Blank [string replace $row $column [expr {$column + $n - 1}]]] }
+        @ { set row [string range [string range $row 0 $column-1][string repeat " " $n][string range $row $column end] 0 $Columns-1] }
+        default { return -code error "a command that this screen does not know: $numbers$command" }
+    }
+    if {$command in {K J P @}} {
+        lset Rows $Y $row
+    }
+}
+
+proc terminal::Blank row {
+    variable Columns
+    return [format %-${Columns}s $row]
+}
