@@ -38,7 +38,10 @@ namespace eval ::sorma::complete {
         sorma::inspect::unwatch {{?id?} {} none}
         sorma::inspect::top {{?-count n? ?@daemon? ?-data?} {-count -data} {at none}}
         sorma::inspect::find {{word ?@daemon? ?-data?} -data {none at}}
-        package {} source {} cd {} open {} load {} glob {} exec {} file {} record {}
+        package {} source {} cd {} open {} load {} glob {} exec {} file {}
+        trail {?name? {} {object none}}
+        record {{file ?-exact?} -exact {file none}}
+        stop {{} {} none}
     }
     # Commands whose words are names of files.
     variable FileCommands {source cd open load glob exec file record}

@@ -19,7 +19,7 @@ Without words, on a terminal, requests and any Tcl are typed at a prompt.
   --version     the version of SORMA
 Exit code: 0, 1 after an error, 2 for a bad command line.}
     variable Json 0
-    variable Ready {ls tree daemons help dump watch top find trail record stop}     ;# commands whose text is as it is to be shown
+    variable Ready {ls tree daemons help dump watch unwatch top find trail record stop}     ;# commands whose text is as it is to be shown
     variable Direct 0       ;# one of these is what was typed, not a part of it
     variable Outcome        ;# of the command that was typed last, once it is there: list of catch's code, result, options
     variable HistoryFile {} ;# where what is typed is noted; empty: nowhere
@@ -93,12 +93,12 @@ proc ::sorma::scott::Prepare {} {
             catch {fconfigure $channel -encoding utf-8}
         }
     }
-    foreach name {daemons dump find help ls top tree watch} {
+    foreach name {daemons dump find ls top tree unwatch watch} {
         if {[info commands ::$name] eq {}} {
             interp alias {} ::$name {} ::sorma::inspect::$name
         }
     }
-    foreach {name command} {trail scott::Trail record record::start stop record::stop} {
+    foreach {name command} {help scott::Help trail scott::Trail record record::start stop record::stop} {
         if {[info commands ::$name] eq {}} {
             interp alias {} ::$name {} ::sorma::$command
         }
@@ -188,6 +188,7 @@ proc ::sorma::scott::Piped {} {
 proc ::sorma::scott::interact {} {
     variable Pending
     variable Editing
+    Prepare
     package require sorma::edit
     ::sorma::edit attach
     set Editing [expr {[::sorma::edit usable] eq {}}]
@@ -537,6 +538,20 @@ proc ::sorma::scott::Width {} {
         set width 0
     }
     return [expr {$width > 0 ? $width : 80}]
+}
+
+# help ?NAME?: that of the inspector, and what only scott has.
+proc ::sorma::scott::Help args {
+    set text [::sorma::inspect::help {*}$args]
+    if {[llength $args] == 0} {
+        append text \n [::sorma::inspect::Table {} {
+            {{trail ?name?} {all messages of the last request, or of an object's last one that had any}}
+            {{record file ?-exact?} {keeps what is typed as a script, and as a test suite}}
+            {stop {ends the recording}}
+            {{Tab, Ctrl-R, Ctrl-C, Ctrl-D} {complete; search what was typed; give up; leave. More: man scott}}
+        } {} 1]
+    }
+    return $text
 }
 
 # trail ?NAME?: the messages of the last request, or of the last one of an object that had any. In colours only when it

@@ -1,6 +1,6 @@
 # tour.tcl -- the main job of ./bootstrap run: a daemon on loopback with the services of the box, and requests to it.
 #
-# On a terminal each line typed is a request or any Tcl. Without one the tour of README.md is played: its commands are
+# On a terminal there is the prompt of scott. Without one the tour of README.md is played: its commands are
 # run and what comes back is held against what stands there; the exit code is 1 when any line is not true.
 
 namespace eval tour {
@@ -107,38 +107,15 @@ proc tour::play {} {
 
 proc tour::prompt line {
     puts "A daemon runs: $line"
-    puts "Type requests or any Tcl; exit ends. Try:  foo.a@robot CTRL -help    host@robot EXEC    bar@robot EXEC"
-    set command {}
-    while 1 {
-        puts -nonewline [expr {$command eq {} ? "% " : "> "}]
-        flush stdout
-        if {[gets stdin line] < 0} {
-            puts {}
-            return 0
-        }
-        append command $line
-        if {![info complete $command]} {
-            append command \n
-            continue
-        }
-        if {[string trim $command] eq "exit"} {
-            return 0
-        }
-        set came [run $command failed]
-        if {$failed} {
-            foreach entry [sorma::trail] {
-                set from [dict get $entry so]
-                if {[dict get $entry daemon] ne {}} {
-                    append from @[dict get $entry daemon]
-                }
-                puts "  [dict get $entry severity] [dict get $entry code] ($from, [dict get $entry file]:[dict get $entry line])"
-            }
-        }
-        if {$came ne {}} {
-            puts $came
-        }
-        set command {}
+    puts "Type requests or any Tcl; help says what else, Ctrl-D ends. Try:  foo.a@robot CTRL -help    host@robot EXEC    find tea"
+    uplevel #0 {source -encoding utf-8 [file join $sorma::library scott.tcl]}
+    # Who types exit must not leave the daemon behind.
+    rename ::exit ::tour::Exit
+    proc ::exit {{code 0}} {
+        ::tour::end
+        ::tour::Exit $code
     }
+    return [sorma::scott::interact]
 }
 
 set code 1
