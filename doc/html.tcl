@@ -1,0 +1,188 @@
+# html.tcl FOLDER MANUAL SOURCE -- the manual and the tutorials as web pages, with contents and index.
+#
+# FOLDER is made anew. MANUAL holds the pages as doc/pages.tcl has made them; SOURCE is the folder with README.md and doc.
+# Needs tcllib (doctools, Markdown). Every link between the pages leads somewhere: tests/html.test follows them.
+
+package require Tcl 8.6-
+package require doctools
+package require Markdown
+
+namespace eval html {
+    variable Style {
+body { max-width: 52em; margin: 2em auto; padding: 0 1em; font: 16px/1.5 sans-serif; color: #222; background: #fff }
+h1, h2, h3 { line-height: 1.2 } h1 { font-size: 1.6em } h2 { font-size: 1.2em; margin-top: 1.6em }
+pre { background: #f4f4f2; padding: .6em .8em; overflow-x: auto; font-size: 14px; line-height: 1.4 }
+code, pre, .cmd, .const, .option, .package { font-family: monospace }
+dt { margin-top: .8em } dd > p:first-child { margin-top: 0 } .doctools_requirements { display: none }
+table { border-collapse: collapse } td, th { padding: .2em .8em .2em 0; text-align: left; vertical-align: top }
+nav { font-size: 14px; margin-bottom: 1.5em } a { color: #05a }
+.index { columns: 3 14em } .index p { margin: 0 }
+}
+    variable Tutorials {first-tcl first-cpp two-hosts embedding moving testing}
+    variable Formats {wire snapshot benchmark}
+    variable Pages {}       ;# dict: file.html -> {kind title about}, in the order of the contents
+    variable Words {}       ;# list of {word file.html anchor}
+}
+
+proc html::read_file name {
+    set file [open $name]
+    fconfigure $file -encoding utf-8
+    try {
+        return [read $file]
+    } finally {
+        close $file
+    }
+}
+proc html::write {name text} {
+    set file [open $name w]
+    fconfigure $file -encoding utf-8
+    puts $file $text
+    close $file
+}
+proc html::Escape text {
+    return [string map {& &amp; < &lt; > &gt; \" &quot;} $text]
+}
+
+proc html::frame {title body} {
+    return "<!DOCTYPE html>
+<html lang=\"en\"><head><meta charset=\"utf-8\"><title>[Escape $title]</title><link rel=\"stylesheet\" href=\"style.css\"></head>
+<body>
+<nav><a href=\"index.html\">Contents</a> &middot; <a href=\"words.html\">Index</a></nav>
+$body
+</body></html>"
+}
+
+# ---- Markdown ----
+
+# Blocks between ``` are kept out of the way of the converter, which would escape them twice.
+proc html::markdown text {
+    set blocks {}
+    while {[regexp -indices {(?:^|\n)```\w*\n(.*?)\n```(?=\n|$)} $text all body]} {
+        lappend blocks "<pre><code>[Escape [string range $text {*}$body]]</code></pre>"
+        set text [string replace $text {*}$all "\n\nBLOCK[expr {[llength $blocks] - 1}]KCOLB\n\n"]
+    }
+    set html [Markdown::convert $text]
+    set n -1
+    foreach block $blocks {
+        set html [string map [list <p>BLOCK[incr n]KCOLB</p> $block] $html]
+    }
+    # What is a page here is linked as such; other files of the sources are named only.
+    set out {}
+    while {[regexp -indices {<a href="([^"#:]*?)"[^>]*>(.*?)</a>} $html all target label]} {
+        append out [string range $html 0 [lindex $all 0]-1]
+        set file [file rootname [file tail [string range $html {*}$target]]].html
+        set label [string range $html {*}$label]
+        append out [if {[dict exists $html::Pages $file]} {string cat "<a href=\"$file\">$label</a>"} else {set label}]
+        set html [string range $html [lindex $all 1]+1 end]
+    }
+    return $out$html
+}
+
+# ---- doctools ----
+
+proc html::manual {name text} {
+    variable Pages
+    variable Words
+    doctools::new page -format html
+    try {
+        page setparam raw 1
+        set links {}
+        dict for {file facts} $Pages {
+            if {[lindex $facts 0] eq "manual"} {
+                foreach word [list [lindex $facts 1] [string map {.html {}} $file]] {
+                    lappend links [list sa,$word $file {}]
+                }
+            }
+        }
+        page setparam xref $links
+        set body [page format $text]
+    } finally {
+        page destroy
+    }
+    regsub {^.*?<h1} $body {<h1} body
+    regsub {</body>.*$} $body {} body
+    regsub {<h1[^>]*>[^<]*</h1>} $body "<h1>[Escape [lindex [dict get $Pages $name.html] 1]]</h1>" body
+    # Commands, and sections of the page, are words of the index; so are its keywords.
+    foreach {- anchor head} [regexp -all -inline {<dt><a name="([^"]+?)">(.*?)</a></dt>} $body] {
+        set head [string map {&quot; \" &gt; > &lt; < &amp; &} [regsub -all {<[^>]*>} $head {}]]
+        if {[regexp {^(sorma::\S+|[a-z_]\w*(?: EXEC| CTRL| DBX)?(?: -?\w+)?)} $head word]} {
+            lappend Words [list $word $name.html $anchor]
+        }
+    }
+    foreach {- anchor heading} [regexp -all -inline {<a name="(section\d+)">([^<]*)</a>} $body] {
+        if {$heading ni {Description ERRORS OPTIONS EXAMPLES EXAMPLE {EXIT CODES} OUTPUT COMMANDS}} {
+            lappend Words [list [string tolower [string map {&amp; &} $heading]] $name.html $anchor]
+        }
+    }
+    if {[regexp {\[keywords ([^\]]*)\]} $text -> keywords]} {
+        foreach word $keywords {
+            lappend Words [list $word $name.html {}]
+        }
+    }
+    return $body
+}
+
+# ---- all of it ----
+
+proc html::make {folder manual source} {
+    variable Style
+    variable Tutorials
+    variable Formats
+    variable Pages
+    variable Words
+    file delete -force $folder
+    file mkdir $folder
+    write [file join $folder style.css] [string trim $Style]
+
+    # What there is, before the first page is made: pages link to each other.
+    dict set Pages README.html {readme SORMA {what it is, and a tour}}
+    set sources [dict create README.html [read_file [file join $source README.md]]]
+    foreach {kind names where} [list tutorial $Tutorials tutorials format $Formats .] {
+        foreach name $names {
+            set text [read_file [file join $source doc $where $name.md]]
+            # A page of the manual may have the name of a format.
+            set file $name[expr {$kind eq "format" ? "-$kind" : {}}].html
+            regexp -line {^# (.*)$} $text -> title
+            dict set Pages $file [list $kind $title {}]
+            dict set sources $file $text
+        }
+    }
+    foreach path [lsort [glob -directory $manual *.man]] {
+        set name [file rootname [file tail $path]]
+        set text [read_file $path]
+        regexp {\[manpage_begin (\S+)} $text -> title
+        regexp {\[titledesc \{([^\}]*)\}} $text -> about
+        dict set Pages $name.html [list manual $title $about]
+        dict set sources $name.html $text
+    }
+    dict for {file facts} $Pages {
+        lassign $facts kind title
+        set text [dict get $sources $file]
+        set body [if {$kind eq "manual"} {manual [file rootname $file] $text} else {markdown $text}]
+        write [file join $folder $file] [frame $title $body]
+    }
+
+    set contents "<h1>SORMA</h1>\n<p><a href=\"README.html\">What it is, and a tour</a></p>"
+    foreach {kind heading} {tutorial Tutorials manual Manual format {Formats and figures}} {
+        append contents "\n<h2>$heading</h2>\n<table>"
+        dict for {file facts} $Pages {
+            if {[lindex $facts 0] eq $kind} {
+                append contents "\n<tr><td><a href=\"$file\">[Escape [lindex $facts 1]]</a></td><td>[Escape [lindex $facts 2]]</td></tr>"
+            }
+        }
+        append contents "\n</table>"
+    }
+    write [file join $folder index.html] [frame SORMA $contents]
+
+    set index "<h1>Index</h1>\n<div class=\"index\">"
+    set last {}
+    foreach entry [lsort -dictionary -unique $Words] {
+        lassign $entry word file anchor
+        set label [if {$word eq $last} {string cat "&nbsp;&nbsp;" [Escape [lindex [dict get $Pages $file] 1]]} else {Escape $word}]
+        append index "\n<p><a href=\"$file[if {$anchor ne {}} {string cat # $anchor}]\">$label</a></p>"
+        set last $word
+    }
+    write [file join $folder words.html] [frame "SORMA: index" "$index\n</div>"]
+}
+
+html::make {*}$argv
