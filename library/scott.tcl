@@ -135,6 +135,9 @@ proc ::sorma::scott::Run script {
     variable Ready
     variable Direct
     set Direct [expr {[regexp {^\s*(\w+)} $script -> command] && $command in $Ready}]
+    if {$Direct && $command ni {trail record stop}} {       ;# what these return fits where it is shown
+        ::sorma::showDefaults {*}[dict filter [ShowSettings stdout] key -width -colour]
+    }
     return [uplevel #0 $script]
 }
 
