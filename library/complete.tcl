@@ -22,6 +22,7 @@ namespace eval ::sorma::complete {
         sorma::names {?pattern? {} {object none}}
         sorma::classes {?pattern? {} {class none}}
         sorma::trail {?name? {} {object none}}
+        sorma::manual {{?name? ?-width n?} -width {topic none}}
         sorma::health {{daemon ?-timeout ms?} -timeout {daemon none}}
         sorma::subscribe {{name ?-event pattern? ?-latest? ?-queue n? -command prefix} {-event -latest -queue -command} {so none}}
         sorma::serve {{name ?-port number? ?-host name? ?-socket path? ?-rpcbind boolean? ?-program number?}

@@ -7,8 +7,7 @@
 auto_load ::sorma::show
 namespace eval ::sorma::manual {
     variable Pages {}           ;# dict: page -> its blocks, as far as they have been read
-    variable Blocks             ;# of the page that is being read: list of {kind text ...}, see Read
-    variable Title              ;# of that page
+    variable Marks              ;# of the page that is being read: list of {kind word ...}, in the order of its commands
 }
 
 # ::sorma::manual ?NAME? ?-width n? --
