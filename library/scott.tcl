@@ -315,8 +315,8 @@ proc ::sorma::scott::Execute line {
         puts {}     ;# after the ^C
     }
     Print $line $code $result $options
-    if {[Records]} {
-        ::sorma::record::note $line [Translate $line] $code $result $options
+    if {[Records] && ![catch {Translate $line} script]} {
+        ::sorma::record::note $line $script $code $result $options
     }
 }
 

@@ -187,6 +187,8 @@ int EditObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const obj
 
 void deleted(ClientData data) {
     auto* p = static_cast<Package*>(data);
+    // A callback has deleted the interpreter that waits for it: what waits stands on this, and is left to the end.
+    if (p->editor && p->editor->signals.waiting()) return;
     if (p->editor) attachedAnywhere = nullptr;
     Tcl_DeleteExitHandler(restoreTerminal, p);
     delete p;

@@ -43,7 +43,7 @@ int LineEditor::columns() {
     return 0;
 }
 
-LineEditor::LineEditor(Tcl_Interp* interp) : signals(interp), interp_(interp), history_(history_winit()) {
+LineEditor::LineEditor(Tcl_Interp* interp) : signals(interp), history_(history_winit()) {
     HistEventW event;
     history_w(history_, &event, H_SETSIZE, kRemembered);
     history_w(history_, &event, H_SETUNIQUE, 1);
@@ -83,6 +83,9 @@ bool LineEditor::start() {
     el_wset(el_, EL_BIND, L"^R", L"em-inc-search-prev", nullptr);
     el_wset(el_, EL_BIND, L"^W", L"ed-delete-prev-word", nullptr);
     el_source(el_, nullptr);
+    const wchar_t* mode = nullptr;
+    if (el_wget(el_, EL_EDITOR, &mode) == 0 && mode && std::wcscmp(mode, L"vi") == 0)
+        el_wset(el_, EL_BIND, L"^I", L"sorma-complete", nullptr);       // that has changed all keys
     return true;
 }
 

@@ -87,7 +87,6 @@ private:
     void put(std::string_view bytes);
     void settle();                              // after an event: the size of the window, output, being continued
 
-    Tcl_Interp* const interp_;
     EditLine* el_ = nullptr;
     HistoryW* history_;
     std::unique_ptr<AsideChannel> out_, err_;
