@@ -95,7 +95,7 @@ proc ::sorma::scott::Prepare {} {
     }
     foreach name {daemons dump find ls top tree unwatch watch} {
         if {[info commands ::$name] eq {}} {
-            interp alias {} ::$name {} ::sorma::inspect::$name
+            interp alias {} ::$name {} ::sorma::scott::Look $name
         }
     }
     foreach {name command} {help scott::Help trail scott::Trail record record::start stop record::stop} {
@@ -504,7 +504,7 @@ proc ::sorma::scott::Print {line code result options} {
     if {$code != 1 && $result eq {} && !$Json} {
         return
     }
-    if {$code != 1 && $Direct && !$Json} {
+    if {$code != 1 && $Direct && (!$Json || [regexp {^\s*(ls|tree|daemons|dump|top|find|trail)\M} $line])} {
         puts $result
         return
     }
@@ -541,6 +541,30 @@ proc ::sorma::scott::Width {} {
         set width 0
     }
     return [expr {$width > 0 ? $width : 80}]
+}
+
+# A command of the inspector. With --json its data, when it is all that was typed.
+proc ::sorma::scott::Look {name args} {
+    variable Json
+    variable Direct
+    if {!$Json || !$Direct || $name in {watch unwatch}} {
+        return [::sorma::inspect::$name {*}$args]
+    }
+    set data [::sorma::inspect::$name {*}$args -data]
+    auto_load ::sorma::show
+    if {$name eq "dump"} {
+        return [JsonObject $data]
+    }
+    return \[[join [lmap item $data {JsonObject $item}] ,]\]
+}
+
+proc ::sorma::scott::JsonObject dict {
+    set fields {}
+    dict for {key value} $dict {
+        set value [expr {$key eq "uses" ? [JsonObject $value] : [::sorma::show::JsonValue $value]}]
+        lappend fields "[::sorma::show::JsonText $key]:$value"
+    }
+    return "{[join $fields ,]}"
 }
 
 # help ?NAME?: that of the inspector, and what only scott has.
