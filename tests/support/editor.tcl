@@ -4,6 +4,7 @@
 # hint is the length of the line.
 
 package require sorma::edit
+fconfigure stdout -encoding utf-8         ;# also where the locale says nothing
 
 proc complete {line point} {
     set from [expr {[string last " " $line $point-1] + 1}]
