@@ -386,7 +386,7 @@ void Connection::connect(Deadline deadline) {
 }
 
 void Connection::open(const std::string& whom, Deadline deadline) {
-    closeOpening();                                     // what the reactor has begun, we end faster
+    closeOpening();
     Address address = locate_();
     program_ = address.kind == Address::Kind::program ? wire::kProgramBase + address.number : wire::kProgram;
     address_ = address.kind == Address::Kind::alias ? runtimeSocket(address.host) : describe(address);
@@ -499,8 +499,12 @@ void Connection::recover(Deadline deadline, const Slot* waiting) {
     std::int64_t pauseTime = kFirstPause;
     std::string whom = waiting ? fullName(*waiting) : who_;
     bool first = daemon_.boot == 0;
+    // What the reactor has begun goes on: a wait that is taken up again and again must not begin it anew each time.
+    finishOpening(deadline);
+    if (opening_) sorma::fail(errors::kConnectTimeout, whom, address_ + " (it is connected, but does not answer)");
+    if ((waiting && waiting->failed) || (driven_ && hasArrived(*driven_))) return;
     while (fd_ < 0) {
-        std::string problem;
+        std::string problem = "it breaks off each new connection";
         try {
             open(whom, deadline);
         } catch (const Error& e) {

@@ -161,10 +161,10 @@ private:
     void addDeadline(const PendingPointer& pending);
     void passDeadlines();
     std::string whom() const;
-    void hasten();
     void startOpening();
     void advance(std::uint32_t events);
     void closeOpening();
+    void finishOpening(Deadline deadline);
     void openFailed(const Error& error);
     void retry();
     void failWaiting(const Trail& trail);

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <climits>
 #include <cerrno>
 #include <cstring>
 
@@ -27,6 +28,9 @@ Trail trailOf(Entry entry) {
     return trail;
 }
 
+// A daemon that is there answers in a moment: then a request is on its way though nobody enters the event loop.
+constexpr int kMoment = 10;             // [ms]
+
 }  // namespace
 
 // ---- calls that are begun ----
@@ -43,19 +47,18 @@ void Connection::begin(const PendingPointer& pending, const std::string& name, M
         sendWaiting();
     } else if (!opening_ && retryTimer_ == 0) {
         startOpening();
-        hasten();
+        finishOpening(Deadline::in(kMoment));
     }
     watch();
     if (!arrived_.empty()) deliverLater();
 }
 
-// A daemon that is there answers in a moment: then the request is on its way though nobody enters the event loop.
-void Connection::hasten() {
-    constexpr int kMoment = 10;         // [ms]
-    Deadline deadline = Deadline::in(kMoment);
+// Wait for the connection that is being made, without the event loop.
+void Connection::finishOpening(Deadline deadline) {
     while (opening_ && !deadline.passed()) {
         pollfd p{opening_->fd, short(opening_->greeting ? POLLIN : POLLOUT), 0};
-        if (poll(&p, 1, int(deadline.left() / 1'000'000) + 1) > 0) ready(std::uint32_t(p.revents));
+        int patience = deadline.none() ? -1 : int(std::min<std::int64_t>(deadline.left() / 1'000'000 + 1, INT_MAX));
+        if (poll(&p, 1, patience) > 0) ready(std::uint32_t(p.revents));
     }
 }
 
