@@ -90,6 +90,12 @@ proc ::sorma::manual::Find name {
     if {$plain in [pages]} {
         return [Page $plain]
     }
+    # A page bears a name of its own, too: man sorma-cpp.
+    foreach page [pages] {
+        if {[lindex [Page $page] 0 1] eq $plain} {
+            return [Page $page]
+        }
+    }
     # An object stands for its class; a command may be named without its namespace.
     set class [lindex [split $plain .@] 0]
     foreach {kind wanted} [list section [string toupper $class] call [list $plain sorma::$plain] def $plain section [string toupper $plain]] {
