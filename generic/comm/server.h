@@ -32,8 +32,8 @@ struct Inherited;
 class Server {
 public:
     struct Wanted {
-        std::string name;
-        std::string socket;             // path; empty: NAME.sock in the runtime folder
+        std::string name = {};
+        std::string socket = {};        // path; empty: NAME.sock in the runtime folder
         std::string host = "127.0.0.1";
         int port = -1;                  // -1: no TCP; 0: a free one
         bool rpcbind = false;
@@ -41,7 +41,7 @@ public:
         // Descriptors of sockets that listen already (socket activation), in place of new ones: a Unix-domain one of
         // that at `socket`, a TCP one of that at `host` and `port`. They are closed when it serves; files of Unix-domain
         // ones stay at the end, since whoever made them goes on to listen.
-        std::vector<int> listen;
+        std::vector<int> listen = {};
         int connection = -1;            // a connection that is open already (inetd): serve this one, and listen nowhere
     };
 

@@ -173,6 +173,8 @@ proc tutorial::end pipe {
     unset Came($pipe)
 }
 
+proc tutorial::QuoteForShell word { return '[string map {' '\\''} $word]' }
+
 # Programs as a reader has them: the tclsh of the tests under its usual name; a compiler that is not itself sanitized, and
 # makes code for what its output will be loaded into.
 proc tutorial::programs folder {
@@ -183,7 +185,7 @@ proc tutorial::programs folder {
     }
     foreach {name command} [list \
             tclsh8.6 [info nameofexecutable] \
-            g++ "env -u LD_PRELOAD [lindex [auto_execok g++] 0] $sanitizers"] {
+            g++ "env -u LD_PRELOAD PATH=[QuoteForShell $::env(PATH)] [lindex [auto_execok g++] 0] $sanitizers"] {
         set file [open [file join $folder $name] w]
         # Not found again by a compiler's wrapper, such as ccache, that looks for the real one along PATH.
         puts $file "#!/bin/sh\nPATH='$::env(PATH)' exec $command \"\$@\""
