@@ -115,7 +115,7 @@ private:
     friend class Reference;
     friend class Pending;
     friend class Sorm;
-    friend struct CommonRequests;           // service.cpp: -help, -dump, -why ... of every class
+    friend struct CommonRequests;           // -help, -dump, -why ... of every class
 
     struct Record;                          // origins, undo, audit, statistics: made when first needed
     Record& record();

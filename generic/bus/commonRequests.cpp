@@ -1,0 +1,325 @@
+#include <cmath>
+
+#include "bus/listText.h"
+#include "bus/serviceParts.h"
+
+#ifndef SORMA_VERSION
+#define SORMA_VERSION "1.0"
+#endif
+
+namespace sorma {
+
+namespace {
+
+const Prototype kNothingToUndo{Severity::error, "SERVICE FAILED", 1, "{}: there is no CTRL to undo"};
+const Prototype kNotLocked{Severity::error, "SERVICE LOCKED", 1, "{}: this client holds no lock of it"};
+
+}  // namespace
+
+// ---- locks: a client keeps others from EXEC and from setting options; what stops or inspects stays open to all ----
+
+void CommonRequests::lock(Service& s, Args, Message& reply) {
+    if (s.guard() & Service::kLockedBit) {
+        s.checkLock();
+    } else {
+        auto& lock = s.record().lock;
+        lock.holder = Call::currentClient();
+        lock.by = Call::currentCaller().toText();
+        lock.since = wallNow();
+        s.setGuard(Service::kLockedBit, true);
+        if (lock.holder)
+            lock.lease = lock.holder->hold([self = Reference(&s)] {
+                if (self->guard() & Service::kLockedBit) CommonRequests::freeLock(*self);
+            });
+    }
+    addLine(reply, "locked by " + s.record().lock.by);
+}
+
+void CommonRequests::freeLock(Service& s) {
+    s.setGuard(Service::kLockedBit, false);
+    s.record().lock = {};
+}
+
+void CommonRequests::unlock(Service& s, Args, Message&) {
+    if (!(s.guard() & Service::kLockedBit)) fail(kNotLocked, s.name());
+    s.checkLock();
+    auto holder = s.record().lock.holder;
+    auto lease = s.record().lock.lease;
+    freeLock(s);
+    if (holder) holder->release(lease);
+}
+
+// ---- what every class answers ----
+
+int CommonRequests::needOption(Service& s, const std::string& name) {
+    int index = s.type().findOption(name);
+    if (index < 0) {
+        std::vector<std::string> known;
+        for (auto& o : s.type().options()) known.push_back(o.name);
+        fail(kUnknownWord, s.name(), name, known.empty() ? "(this class has no options)" : oneOf(std::move(known)));
+    }
+    return index;
+}
+
+std::string CommonRequests::describe(const Service::Record::Source& source) {
+    using Kind = Service::Record::Source::Kind;
+    switch (source.kind) {
+        case Kind::initial: return "default";
+        case Kind::recipe: return "recipe " + source.origin.toText();
+        case Kind::ctrl: return "CTRL " + source.request + ", by " + source.by + " at " + clockText(source.time);
+    }
+    return {};
+}
+
+void CommonRequests::why(Service& s, Args args, Message& reply) {
+    int index = needOption(s, args[0]);
+    Service::Record::Source none;
+    auto& source = s.record_ ? s.record_->sources[index] : none;
+    std::string line = args[0];
+    appendWord(line, toText(s.type().options()[index].get(s)));
+    addLine(reply, line + ": " + describe(source));
+}
+
+void CommonRequests::diff(Service& s, Args, Message& reply) {
+    // What the recipe gives today, the last word for each option.
+    std::vector<std::pair<int, std::string>> recipe;
+    auto words = s.sorm().dictionary().expand(s.name());
+    for (std::size_t i = 0; i < words.size(); ++i) {
+        int index = s.type().findOption(words[i].text);
+        if (index < 0) continue;
+        std::string value = "1";
+        bool flag = s.type().options()[index].type == Type::flag;
+        if (i + 1 < words.size() && (!flag || !words[i + 1].text.starts_with('-'))) value = words[++i].text;
+        std::erase_if(recipe, [&](auto& p) { return p.first == index; });
+        recipe.emplace_back(index, value);
+    }
+    bool any = false;
+    for (std::size_t i = 0; i < s.type().options().size(); ++i) {
+        auto& o = s.type().options()[i];
+        std::string wanted = i < s.type().defaults().size() ? toText(s.type().defaults()[i]) : std::string();
+        const char* source = "default";
+        for (auto& [index, value] : recipe)
+            if (index == int(i)) {
+                source = "recipe";
+                try {
+                    wanted = toText(o.parse(s.name(), value));
+                } catch (const Error&) {
+                    wanted = value;     // the recipe has become wrong: show it as it stands
+                }
+            }
+        std::string now = toText(o.get(s));
+        if (now == wanted) continue;
+        std::string line = o.name;
+        line += std::string(": ") + source;
+        appendWord(line, wanted);
+        line += ", now";
+        appendWord(line, now);
+        addLine(reply, line);
+        any = true;
+    }
+    if (!any) addLine(reply, "as its recipe says");
+}
+
+void CommonRequests::stats(Service& s, Args, Message& reply) {
+    auto& r = s.record();
+    double seconds = double(monotonicNow() - r.since) / 1e9;
+    addLine(reply, "EXEC " + std::to_string(s.calls()) + " CTRL " + std::to_string(r.ctrls) + " DBX " +
+                       std::to_string(r.dbxs) + " errors " + std::to_string(r.errors));
+    char rate[64];
+    std::snprintf(rate, sizeof rate, "EXEC per second %.3g (since statistics began, %.3g s)",
+                  seconds > 0 ? double(s.calls()) / seconds : 0.0, seconds);
+    addLine(reply, rate);
+    if (r.times.count() > 0) {
+        addLine(reply, "time of EXEC, one call in 64: p50 <= " + durationText(double(r.times.quantile(0.5))) + ", p99 <= " +
+                           durationText(double(r.times.quantile(0.99))));
+        addLine(reply, r.times.toText());
+    }
+}
+
+void CommonRequests::verbosity(Service& s, Args args, Message& reply) {
+    static const Prototype kVerbosity{Severity::error, "OPTION RANGE", 2, "{}: {} {} is outside 0 .. 2"};
+    if (!args.empty()) {
+        std::int64_t level = 0;
+        if (!parseNumber(args[0], level) || level < 0 || level > 2) fail(kVerbosity, s.name(), "-verbosity", args[0]);
+        s.verbosity_ = std::uint8_t(level);
+    }
+    addLine(reply, "-verbosity " + std::to_string(int(s.verbosity_)));
+}
+
+void CommonRequests::undo(Service& s, Args, Message& reply) {
+    auto& r = s.record();
+    if (s.guard() & Service::kLockedBit) s.checkLock();
+    if (r.undo.empty()) fail(kNothingToUndo, s.name());
+    std::vector<Service::Record::Undo> now;
+    std::vector<const Option*> changed;
+    std::string line;
+    try {
+        for (auto u = r.undo.rbegin(); u != r.undo.rend(); ++u) {
+            auto& o = s.type().options()[u->option];
+            now.push_back({u->option, o.get(s), r.sources[u->option]});
+            o.set(s, u->value);
+            r.sources[u->option] = u->source;
+            changed.push_back(&o);
+        }
+        s.changed(changed);
+    } catch (...) {
+        for (auto n = now.rbegin(); n != now.rend(); ++n) {
+            s.type().options()[n->option].set(s, n->value);
+            r.sources[n->option] = n->source;
+        }
+        throw;
+    }
+    r.undo.clear();
+    for (auto* o : changed) {
+        appendWord(line, o->name);
+        appendWord(line, toText(o->get(s)));
+    }
+    addLine(reply, line);
+}
+
+std::string CommonRequests::optionsList(Service& s, std::string_view only) {
+    std::string list;
+    for (std::size_t i = 0; i < s.type().options().size(); ++i) {
+        auto& o = s.type().options()[i];
+        if (!only.empty() && o.name != only) continue;
+        std::string item;
+        for (auto& field : {o.name, std::string(toText(o.type)), o.spec.unit, o.range(),
+                            i < s.type().defaults().size() ? toText(s.type().defaults()[i]) : std::string(),
+                            toText(o.get(s)), o.spec.help})
+            appendListElement(item, field);
+        appendListElement(list, item);
+    }
+    return list;
+}
+
+// A list of dicts, as `sorma::trail` gives it.
+std::string CommonRequests::trailText(const Trail& trail) {
+    std::string list;
+    for (auto& e : trail.entries()) {
+        std::string item, code = "SORMA " + e.symbol;
+        for (auto& d : e.details) appendListElement(code, d);
+        auto put = [&](std::string_view key, std::string_view value) {
+            appendListElement(item, key);
+            appendListElement(item, value);
+        };
+        put("severity", toText(e.severity));
+        put("code", code);
+        put("text", e.text);
+        put("so", e.so);
+        put("daemon", e.daemon);
+        put("file", e.file);
+        put("line", std::to_string(e.line));
+        put("time", std::to_string(e.time));
+        if (!e.request.empty()) put("request", e.request);
+        appendListElement(list, item);
+    }
+    return list;
+}
+
+// Plain values for `NAME info ...`, as Tcl lists where there is more than one.
+void CommonRequests::info(Service& s, Args args, Message& reply) {
+    static const Prototype kInfo{Severity::error, "REQUEST SYNTAX", 2, "{}: bad info \"{}\": must be actions, class, dump, "
+                                 "example, help, inspections, location, methods, name, options, purpose, signature, trail, or version"};
+    const std::string& what = args[0];
+    auto actionList = [&](const std::vector<Action>& own, const std::vector<Action>& common) {
+        std::string list;
+        for (auto* set : {&own, &common})
+            for (auto& a : *set) {
+                std::string item;
+                for (auto& field : {a.name, a.usage, a.help}) appendListElement(item, field);
+                appendListElement(list, item);
+            }
+        return list;
+    };
+    std::string out;
+    if (what == "options") out = optionsList(s, args.size() > 1 ? std::string_view(args[1]) : std::string_view());
+    else if (what == "class") out = s.type().name();
+    else if (what == "purpose") out = s.type().purpose();
+    else if (what == "name") out = s.name();
+    else if (what == "location") out = s.location();
+    else if (what == "version") out = s.type().version();
+    else if (what == "methods") out = "EXEC CTRL DBX";
+    else if (what == "signature") out = s.type().signatureText();
+    else if (what == "example") out = s.type().example();
+    else if (what == "help") out = s.type().helpText(s.name());
+    else if (what == "dump") out = s.dump();
+    else if (what == "trail") out = trailText(s.record().trail);
+    else if (what == "actions") out = actionList(s.type().actions(), actions());
+    else if (what == "inspections") out = actionList(s.type().inspections(), inspections());
+    else fail(kInfo, s.name(), what);
+    reply.text += out;
+}
+
+const std::vector<Action>& CommonRequests::actions() {
+    static const std::vector<Action> list = {
+        {"-help", "", "purpose, options, signature, example", 0, 0,
+         [](Service& s, Args, Message& m) { addLine(m, s.type().helpText(s.name())); }},
+        {"-dump", "", "all state inside, as CTRL would read it again", 0, 0,
+         [](Service& s, Args, Message& m) { addLine(m, s.dump()); }},
+        {"-save", "", "write the options as this name's recipe into the dictionary", 0, 0,
+         [](Service& s, Args, Message& m) {
+             s.sorm().dictionary().add(s.name(), splitWords(s.recipe()), Call::currentCaller().toText());
+             std::string line;
+             appendWord(line, s.name());
+             addLine(m, line + " " + s.recipe());
+         }},
+        {"-selftest", "", "check itself", 0, 0,
+         [](Service& s, Args, Message& m) { addLine(m, s.selftest()); }},
+        {"-undo", "", "take back the last CTRL that set options", 0, 0, undo},
+    };
+    return list;
+}
+
+const std::vector<Action>& CommonRequests::inspections() {
+    static const std::vector<Action> list = {
+        {"-why", "option", "where the value of an option comes from", 1, 1, why},
+        {"-diff", "", "state against recipe", 0, 0, diff},
+        {"-version", "", "build and revision", 0, 0,
+         [](Service& s, Args, Message& m) {
+             addLine(m, s.type().name() + " " + s.type().version() + ", SORMA " SORMA_VERSION ", compiled by " __VERSION__);
+         }},
+        {"-class", "", "facts of the class", 0, 0,
+         [](Service& s, Args, Message& m) {
+             auto& c = s.type();
+             addLine(m, c.name() + ": " + c.purpose());
+             addLine(m, "declared at " + c.file() + ":" + std::to_string(c.line()) + ", version " + c.version());
+             if (auto t = c.signatureText(); !t.empty()) addLine(m, t);
+             if (c.isRealtime()) addLine(m, "real-time: its EXEC may be a step of a cycle");
+             if (!c.hasFeedthrough()) addLine(m, "without feedthrough: it may close a loop of a circuit");
+         }},
+        {"-audit", "", "who sent which CTRL, and when", 0, 0,
+         [](Service& s, Args, Message& m) {
+             for (auto& a : s.record().audit)
+                 addLine(m, clockText(a.time) + " " + a.by + (a.done ? ": CTRL " : " (refused): CTRL ") + a.request);
+         }},
+        {"-verbosity", "?0..2?", "messages that are kept: 0 errors, 1 and warnings, 2 and verbose", 0, 1, verbosity},
+        {"-stats", "", "call counts, rates, histogram of times", 0, 0, stats},
+        {"-pins", "?pin length?", "where wires of a circuit end: name, in or out, at, length, unit, help", 0, 2,
+         [](Service& s, Args args, Message& m) {
+             std::int64_t n = 0;
+             if (args.size() == 1 || (args.size() == 2 && (!parseNumber(args[1], n) || n < 0)))
+                 fail(kMissingValue, s.name(), "-pins", "a pin, and its length");
+             for (auto& pin : args.empty() ? s.pins() : s.pins(args[0], std::size_t(n))) addLine(m, pin.toText());
+         }},
+        {"-trail", "", "messages of the last request that had any", 0, 0,
+         [](Service& s, Args, Message& m) { addLine(m, s.record().trail.toText()); }},
+        {"-info", "what ?option?", "plain values for programs", 1, 2, CommonRequests::info},
+        {"-get", "option", "value of one option", 1, 1,
+         [](Service& s, Args args, Message& m) {
+             m.text += toText(s.type().options()[CommonRequests::needOption(s, args[0])].get(s));
+         }},
+    };
+    return list;
+}
+
+Class& Class::conduct(Conduct conduct) {
+    if (conduct == Conduct::exclusive && !findAction("-lock")) {
+        action({"-lock", "", "keep other clients from EXEC and from setting options, until -unlock or this client's end", 0, 0,
+                CommonRequests::lock});
+        action({"-unlock", "", "free the lock", 0, 0, CommonRequests::unlock});
+    }
+    conduct_ = conduct;
+    return *this;
+}
+
+}  // namespace sorma

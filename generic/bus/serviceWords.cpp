@@ -1,0 +1,216 @@
+#include "bus/serviceParts.h"
+
+namespace sorma {
+
+namespace {
+
+const Prototype kReadonly{Severity::error, "OPTION READONLY", 2, "{}: {} can only be set by a recipe, when the object is made"};
+
+constexpr std::size_t kAuditLength = 100;
+
+const Action* findIn(const std::vector<Action>& actions, std::string_view name) {
+    for (auto& a : actions)
+        if (a.name == name) return &a;
+    return nullptr;
+}
+
+[[noreturn]] void failUnknown(const Service& s, std::string_view word, bool ctrl) {
+    std::vector<std::string> known;
+    if (ctrl)
+        for (auto& o : s.type().options()) known.push_back(o.name);
+    for (auto& a : ctrl ? s.type().actions() : s.type().inspections()) known.push_back(a.name);
+    for (auto& a : ctrl ? CommonRequests::actions() : CommonRequests::inspections()) known.push_back(a.name);
+    fail(kUnknownWord, s.name(), word, oneOf(std::move(known)));
+}
+
+// Takes the arguments of an action: the least it needs, then more while they are no words of the table.
+template <class IsKnown>
+Args takeArguments(const Service& s, const Action& action, const std::vector<std::string>& words, std::size_t at,
+                   IsKnown isKnown) {
+    std::size_t rest = words.size() - at, least = std::size_t(action.minArgs);
+    if (rest < least) fail(kMissingValue, s.name(), action.name, "arguments: " + action.usage);
+    std::size_t n = least;
+    if (action.maxArgs == Action::kRest) n = rest;
+    else
+        while (n < std::size_t(action.maxArgs) && n < rest && !isKnown(words[at + n])) ++n;
+    return Args(words).subspan(at, n);
+}
+
+}  // namespace
+
+// "-a, -b, or -c"
+std::string oneOf(std::vector<std::string> words) {
+    std::sort(words.begin(), words.end());
+    std::string out;
+    for (std::size_t i = 0; i < words.size(); ++i) {
+        if (i > 0) out += words.size() > 2 ? ", " : " ";
+        if (i > 0 && i + 1 == words.size()) out += "or ";
+        out += words[i];
+    }
+    return out;
+}
+
+// Apply words of CTRL, all or nothing. Options are parsed and checked first, then set together, then actions run.
+void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, const std::string& request, Message* reply) {
+    struct Setting {
+        int option;
+        Value value;
+        const Origin* origin;
+    };
+    struct Step {
+        const Action* action;
+        Args args;
+    };
+    std::vector<Setting> settings;
+    std::vector<Step> steps;
+    std::vector<std::string> words;
+    words.reserve(recipe.size());
+    for (auto& w : recipe) words.push_back(w.text);
+
+    auto known = [&](const std::string& word) {
+        return class_->findOption(word) >= 0 || class_->findAction(word) || findIn(CommonRequests::actions(), word);
+    };
+    for (std::size_t i = 0; i < words.size();) {
+        const std::string& word = words[i];
+        const Origin* origin = &recipe[i].origin;
+        ++i;
+        if (int index = class_->findOption(word); index >= 0) {
+            const Option& o = class_->options()[index];
+            if (o.spec.fixed && !birth) fail(kReadonly, name_, o.name);
+            if (o.type == Type::flag) {
+                bool given = i < words.size() && !words[i].starts_with('-');     // a flag alone is set
+                settings.push_back({index, o.parse(name_, given ? std::string_view(words[i++]) : "1"), origin});
+                continue;
+            }
+            if (i == words.size()) {
+                std::string what = std::string("a value: ") + toText(o.type);
+                if (!o.spec.unit.empty()) what += " [" + o.spec.unit + "]";
+                if (auto r = o.range(); !r.empty()) what += ", " + r;
+                fail(kMissingValue, name_, o.name, what);
+            }
+            settings.push_back({index, o.parse(name_, words[i++]), origin});
+            continue;
+        }
+        const Action* action = class_->findAction(word);
+        if (!action) action = findIn(CommonRequests::actions(), word);
+        if (!action) failUnknown(*this, word, true);
+        Args args = takeArguments(*this, *action, words, i, known);
+        i += args.size();
+        steps.push_back({action, args});
+    }
+
+    std::vector<Record::Undo> before;
+    if (!birth && !settings.empty() && (guard() & kLockedBit)) checkLock();
+    if (!settings.empty()) {
+        Record& r = record();
+        std::vector<const Option*> changedOptions;
+        auto putBack = [&] {
+            for (auto u = before.rbegin(); u != before.rend(); ++u) class_->options()[u->option].set(*this, u->value);
+        };
+        try {
+            for (auto& s : settings) {
+                const Option& o = class_->options()[s.option];
+                before.push_back({s.option, o.get(*this), r.sources[s.option]});
+                o.set(*this, s.value);
+                if (std::find(changedOptions.begin(), changedOptions.end(), &o) == changedOptions.end())
+                    changedOptions.push_back(&o);
+            }
+            if (!birth) changed(changedOptions);
+        } catch (...) {
+            putBack();
+            throw;
+        }
+        std::string by = birth ? std::string() : Call::currentCaller().toText();
+        for (auto& s : settings) {
+            auto& source = r.sources[s.option];
+            source.kind = birth ? Record::Source::Kind::recipe : Record::Source::Kind::ctrl;
+            source.origin = birth ? *s.origin : Origin{};
+            source.by = by;
+            source.request = request;
+            source.time = wallNow();
+        }
+        if (!birth) r.undo = std::move(before);
+    }
+    for (auto& step : steps) {
+        Message none;
+        step.action->body(*this, step.args, reply ? *reply : none);
+    }
+}
+
+void Service::ctrl(Message& m) {
+    std::vector<DictionaryWord> words;
+    words.reserve(m.words.size());
+    for (auto& w : m.words) words.push_back({w, {}});
+    std::string request = joinWords(m.words);
+    m.text.clear();
+    bool done = false;
+    auto note = [&] {
+        auto& audit = record().audit;
+        if (audit.size() == kAuditLength) audit.pop_front();
+        audit.push_back({wallNow(), Call::currentCaller().toText(), request, done});
+    };
+    try {
+        configure(words, false, request, &m);
+        done = true;
+    } catch (...) {
+        note();
+        throw;
+    }
+    note();
+}
+
+void Service::dbx(Message& m) {
+    std::vector<std::string> words;
+    words.swap(m.words);
+    m.text.clear();
+    struct Step {
+        const Action* action;
+        Args args;
+    };
+    std::vector<Step> steps;
+    auto find = [&](std::string_view word) {
+        const Action* a = class_->findInspection(word);
+        return a ? a : findIn(CommonRequests::inspections(), word);
+    };
+    for (std::size_t i = 0; i < words.size();) {
+        const Action* action = find(words[i]);
+        if (!action) failUnknown(*this, words[i], false);
+        Args args = takeArguments(*this, *action, words, i + 1, find);
+        i += 1 + args.size();
+        steps.push_back({action, args});
+    }
+    for (auto& step : steps) step.action->body(*this, step.args, m);
+}
+
+std::string Service::dump() const {
+    std::string out;
+    for (auto& o : class_->options()) {
+        if (!out.empty()) out += '\n';
+        out += o.name;
+        appendWord(out, toText(o.get(*this)));
+    }
+    std::string state;
+    dumpState(state);
+    if (!state.empty()) {
+        if (state.back() == '\n') state.pop_back();
+        out += (out.empty() ? "" : "\n") + state;
+    }
+    return out;
+}
+
+std::string Service::recipe() const {
+    std::string out;
+    for (std::size_t i = 0; i < class_->options().size(); ++i) {
+        auto& o = class_->options()[i];
+        Value now = o.get(*this);
+        if (i < class_->defaults().size() && now == class_->defaults()[i]) continue;
+        appendWord(out, o.name);
+        appendWord(out, toText(now));
+    }
+    return out;
+}
+
+Reference subService(Service& user, const std::string& name) {
+    return name.empty() ? Reference() : user.sorm().get(name);
+}
+}  // namespace sorma
