@@ -233,9 +233,11 @@ void Connection::failTimeout(const Slot* waiting, const std::string& whom, const
 }
 
 // A connection that was quiet may have been closed by the other side, and TCP would take our bytes all the same.
-// Looking first keeps "never sent" what it is.
+// Looking first keeps "never sent" what it is. Calls that nobody waits for any more do not keep it from being quiet.
 void Connection::checkIdle(std::int64_t now) {
-    if (inFlight_ > 0 || now - lastHeard_ < kIdle) return;
+    if (now - lastHeard_ < kIdle) return;
+    auto awaited = [](auto& slot) { return slot->state == Slot::State::sent; };
+    if (inFlight_ > 0 && std::any_of(slots_.begin(), slots_.end(), awaited)) return;
     char c;
     ssize_t n;
     while ((n = recv(fd_, &c, 1, MSG_PEEK | MSG_DONTWAIT)) > 0) {
