@@ -144,7 +144,7 @@ void cycle(Table& table) {
     auto nop = sorm.get("clock.first");
     sorma::Message m;
     table.measure(kCases[3], repeat([&] {
-                      m.clear();
+                      m.reset();
                       m.words = {"-version"};
                       nop->invoke(sorma::Method::dbx, m);
                   }));

@@ -1,11 +1,10 @@
 # html.tcl FOLDER MANUAL SOURCE -- the manual and the tutorials as web pages, with contents and index.
 #
 # FOLDER is made anew. MANUAL holds the pages as doc/pages.tcl has made them; SOURCE is the folder with README.md and doc.
-# Needs tcllib (doctools, Markdown). Every link between the pages leads somewhere: tests/html.test follows them.
+# Needs tcllib's doctools, and cmark-gfm for Markdown. Every link between the pages leads somewhere: tests/html.test follows them.
 
 package require Tcl 8.6-
 package require doctools
-package require Markdown
 
 namespace eval html {
     variable Style {
@@ -54,25 +53,22 @@ $body
 
 # ---- Markdown ----
 
-# Blocks between ``` are kept out of the way of the converter, which would escape them twice.
 proc html::markdown text {
-    set blocks {}
-    while {[regexp -indices {(?:^|\n)```\w*\n(.*?)\n```(?=\n|$)} $text all body]} {
-        lappend blocks "<pre><code>[Escape [string range $text {*}$body]]</code></pre>"
-        set text [string replace $text {*}$all "\n\nBLOCK[expr {[llength $blocks] - 1}]KCOLB\n\n"]
-    }
-    set html [Markdown::convert $text]
-    set n -1
-    foreach block $blocks {
-        set html [string map [list <p>BLOCK[incr n]KCOLB</p> $block] $html]
-    }
+    variable Pages
+    # It reads everything before it writes.
+    set converter [open {| cmark-gfm -e table} r+]
+    fconfigure $converter -encoding utf-8
+    puts -nonewline $converter $text
+    close $converter write
+    set html [read $converter]
+    close $converter
     # What is a page here is linked as such; other files of the sources are named only.
     set out {}
     while {[regexp -indices {<a href="([^"#:]*?)"[^>]*>(.*?)</a>} $html all target label]} {
         append out [string range $html 0 [lindex $all 0]-1]
         set file [file rootname [file tail [string range $html {*}$target]]].html
         set label [string range $html {*}$label]
-        append out [if {[dict exists $html::Pages $file]} {string cat "<a href=\"$file\">$label</a>"} else {set label}]
+        append out [if {[dict exists $Pages $file]} {string cat "<a href=\"$file\">$label</a>"} else {set label}]
         set html [string range $html [lindex $all 1]+1 end]
     }
     return $out$html

@@ -26,6 +26,8 @@
 //     }
 #pragma once
 
+#include "bus/access.h"
+#include "bus/call.h"
 #include "bus/catalogue.h"
 #include "bus/deadline.h"
 #include "bus/dictionary.h"

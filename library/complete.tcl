@@ -25,8 +25,8 @@ namespace eval ::sorma::complete {
         sorma::manual {{?name? ?-width n?} -width {topic none}}
         sorma::health {{daemon ?-timeout ms?} -timeout {daemon none}}
         sorma::subscribe {{name ?-event pattern? ?-latest? ?-queue n? -command prefix} {-event -latest -queue -command} {so none}}
-        sorma::serve {{name ?-port number? ?-host name? ?-socket path? ?-rpcbind boolean? ?-program number?}
-            {-port -host -socket -rpcbind -program} none}
+        sorma::serve {{name ?-port number? ?-host name? ?-socket path? ?-rpcbind boolean? ?-program number? ?-allow line? ?-policy file?}
+            {-allow -host -policy -port -program -rpcbind -share -socket} none}
         sorma::configure {{?-setting? ?value ...?} {} setting}
         sorma::show {{value ?-as kind? ?-colour boolean? ?-width n? ?-json boolean? ?-so name? ?-error options? ?-trail list? ?-whole boolean?}
             {-as -colour -width -json -so -error -trail -whole} none}

@@ -10,6 +10,9 @@ namespace eval ::sorma {
   -socket PATH        Unix-domain socket              (default: NAME.sock in the runtime folder)
   -rpcbind BOOLEAN    register the TCP port with this host's rpcbind        (default: 0)
   -program NUMBER     program number there, from 0x20000000                 (default: first free)
+  -allow LINE         a line of the policy, such as "host 192.168.7.0/24 tune"; may be repeated
+  -policy FILE        the policy: who may do what              (default: ~/.config/sorma/policy)
+  -share BOOLEAN      let other users of this host connect to the Unix-domain socket (default: 0)
   -dict FILE ...      dictionaries to load
   -package NAME ...   Tcl packages to load, such as sorma::service::echo
   -script FILE        Tcl script to run before the daemon is ready
@@ -92,7 +95,7 @@ proc ::sorma::ParseDaemonWords words {
             -until-eof - -inetd {
                 dict set settings $option 1
             }
-            -name - -script - -log - -idle - -port - -host - -socket - -rpcbind - -program {
+            -name - -script - -log - -idle - -port - -host - -socket - -rpcbind - -program - -allow - -policy - -share {
                 if {[llength $words] == 0} {
                     return -code error "$option needs a value"
                 }

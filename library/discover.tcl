@@ -26,6 +26,7 @@ namespace eval ::sorma::discover {
     variable Inventory {sorm DBX -inventory names classes words}
     variable Waits              ;# array: token -> coroutine that waits for answers, empty: somebody who blocks
     variable LastWait
+    variable Nowhere /dev/null  ;# stands for a runtime folder that cannot be trusted: nothing is in it
     variable Own                ;# {ms, addresses of the dictionary, names that this process serves}
     if {![info exists Peer]} {  ;# when this file is read again, what is known stays
         set Peer {}
@@ -87,18 +88,26 @@ proc ::sorma::discover::address where {
     }
 }
 
+# Where daemons of this user listen. A folder that others may read or write, or that is another user's, is as good as none,
+# as it is to the package itself: who knows whose sockets are in there? It is looked at each time, since it may change.
 proc ::sorma::discover::RuntimeFolder {} {
     global env
-    if {[info exists env(SORMA_RUNTIME_DIR)] && $env(SORMA_RUNTIME_DIR) ne {}} {
-        return $env(SORMA_RUNTIME_DIR)
-    }
-    if {[info exists env(XDG_RUNTIME_DIR)] && $env(XDG_RUNTIME_DIR) ne {}} {
-        return $env(XDG_RUNTIME_DIR)/sorma
-    }
+    variable Nowhere
     if {[catch {file stat /proc/self own}]} {
-        return {}
+        return $Nowhere
     }
-    return /tmp/sorma-$own(uid)
+    if {[info exists env(SORMA_RUNTIME_DIR)] && $env(SORMA_RUNTIME_DIR) ne {}} {
+        set folder $env(SORMA_RUNTIME_DIR)
+    } elseif {[info exists env(XDG_RUNTIME_DIR)] && $env(XDG_RUNTIME_DIR) ne {}} {
+        set folder $env(XDG_RUNTIME_DIR)/sorma
+    } else {
+        set folder /tmp/sorma-$own(uid)
+    }
+    if {![catch {file lstat $folder found}]
+            && ($found(type) ne "directory" || $found(uid) != $own(uid) || ($found(mode) & 0o066))} {
+        return $Nowhere
+    }
+    return $folder
 }
 
 # Addresses of the dictionary and names served here, at most Fresh ms old.

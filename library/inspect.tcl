@@ -14,7 +14,7 @@ namespace eval ::sorma::inspect {
 
     variable Wait 400           ;# ms for daemons to answer
     variable MostRows 200       ;# of one table
-    variable Watches            ;# dict: id -> {name service where every command known error timer future subscription}
+    variable Watches            ;# dict: id -> {name service where every command event known error timer future subscription}
     variable LastWatch
     variable Sampler            ;# of top, empty before it is needed
     if {![info exists Watches]} {
@@ -271,10 +271,11 @@ proc ::sorma::inspect::Describe name {
     return $table
 }
 
-# ::sorma::inspect::watch NAME ?-every ms? ?-command prefix? --
+# ::sorma::inspect::watch NAME ?-event pattern? ?-every ms? ?-command prefix? --
 #       Tell what changes in an object, by looking at it from time to time, and what it publishes. Without a name: the
 #       watches that there are, a list of {id name}.
 # Arguments:
+#       pattern tell only of events whose name fits, and nothing of changes
 #       every   ms between two looks, default 1000
 #       prefix  is called with a dict: name, time [ms], and changes (list of {what old new}), or event (a dict as for
 #               sorma::subscribe), or error (the object cannot be seen; told once). Default: a line on standard output
@@ -287,10 +288,10 @@ proc ::sorma::inspect::watch args {
         return [lmap {id watch} $Watches {list $id [dict get $watch name]}]
     }
     set options [lassign $args name]
-    set settings {-every 1000 -command ::sorma::inspect::PrintWatch}
+    set settings {-every 1000 -event {} -command ::sorma::inspect::PrintWatch}
     foreach {option value} $options {
         if {![dict exists $settings $option] || [llength $options] % 2 == 1} {
-            return -code error -errorcode {SORMA REQUEST SYNTAX} "wrong # args: should be \"watch ?name? ?-every ms? ?-command prefix?\""
+            return -code error -errorcode {SORMA REQUEST SYNTAX} "wrong # args: should be \"watch ?name? ?-event pattern? ?-every ms? ?-command prefix?\""
         }
         dict set settings $option $value
     }
@@ -302,7 +303,7 @@ proc ::sorma::inspect::watch args {
     lassign [::sorma::discover::locate $name] service where
     set id watch[incr LastWatch]
     dict set Watches $id [dict create name $name service $service where $where every $every \
-        command [dict get $settings -command] known {} error {} timer {} future {} subscription {}]
+        command [dict get $settings -command] event [dict get $settings -event] known {} error {} timer {} future {} subscription {}]
     Look $id
     return $id
 }
@@ -429,7 +430,7 @@ proc ::sorma::inspect::Seen {id text} {
     if {[dict get $Watches $id subscription] eq {}} {
         Subscribe $id
     }
-    if {[llength $changes] > 0} {
+    if {[llength $changes] > 0 && [dict get $Watches $id event] eq {}} {
         Tell $id changes $changes
     }
 }
@@ -458,7 +459,10 @@ proc ::sorma::inspect::Happened {id event} {
         if {[dict get $event event] eq "sorma.gone"} {
             dict set Watches $id subscription {}
         }
-        Tell $id event $event
+        set pattern [dict get $Watches $id event]
+        if {$pattern eq {} || [string match $pattern [dict get $event event]]} {
+            Tell $id event $event
+        }
     }
 }
 
@@ -469,7 +473,12 @@ proc ::sorma::inspect::Tell {id what content} {
 }
 
 proc ::sorma::inspect::PrintWatch news {
-    puts [WatchText $news]
+    try {
+        puts [WatchText $news]
+        flush stdout
+    } trap {POSIX EPIPE} {} - trap {POSIX EIO} {} {
+        unwatch                                 ;# nobody reads it any more, as after "| head"
+    }
 }
 
 # ::sorma::inspect::WatchText --

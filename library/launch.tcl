@@ -18,16 +18,19 @@ proc ::sorma::launch::ControlMap {} {
 }
 
 namespace eval ::sorma::launch {
-    variable Usage {usage: sorma-launch FILE                 start the daemons of FILE, stay until they have ended
+    variable Usage {usage: sorma-launch ?--times? FILE       start the daemons of FILE, stay until they have ended
        sorma-launch --check FILE         say what is wrong with FILE, and start nothing
        sorma-launch --list FILE          say how its daemons are
        sorma-launch --help | --options   this text | what a daemon of FILE can be given
 Lines of FILE:  daemon NAME ?-option value...? ...    defaults ?-option value...? ...    # comment
+--times puts the time of day before each line.
 SIGTERM, SIGINT (Ctrl-C) and SIGHUP end the daemons in reverse order; the same again kills them.
 Exit codes: 0 all have ended well, 1 a daemon failed, 2 the command line or FILE is wrong.}
 
     variable Daemons {}     ;# dict: name -> object of class Daemon, in the order of the file
     variable Started {}     ;# names in the order in which they were started first
+    variable Told {}        ;# dict: name -> 1, once it has been said that it is ready
+    variable Times 0        ;# does each line begin with the time?
     variable Complete 0     ;# have all been ready?
     variable Stopping 0     ;# 1: asked to end, 2: asked again
     variable Code 0         ;# of the program
@@ -47,6 +50,10 @@ Exit codes: 0 all have ended well, 1 a daemon failed, 2 the command line or FILE
 #       Exit code of the program, as Usage says.
 proc ::sorma::launchMain words {
     set action start
+    if {[lindex $words 0] eq "--times"} {
+        set words [lrange $words 1 end]
+        set launch::Times 1
+    }
     if {[string match -?* [lindex $words 0]]} {
         set words [lassign $words action]
     }
@@ -263,6 +270,7 @@ proc ::sorma::launch::StartDue {} {
 proc ::sorma::launch::GotReady {name took} {
     variable Daemons
     if {[[dict get $Daemons $name] state] eq "ready"} {     ;# it may have ended in the same breath
+        dict set ::sorma::launch::Told $name 1
         Say * "$name is ready after $took s"
         StartDue
     }
@@ -270,8 +278,10 @@ proc ::sorma::launch::GotReady {name took} {
 
 proc ::sorma::launch::AllReady names {
     variable Daemons
+    variable Told
     foreach name $names {
-        if {[[dict get $Daemons $name] state] ne "ready"} {
+        # Said as well: whoever reads along wants the reason before what follows from it.
+        if {[[dict get $Daemons $name] state] ne "ready" || ![dict exists $Told $name]} {
             return 0
         }
     }
@@ -339,7 +349,12 @@ proc ::sorma::launch::Say {name line {colour {}} {mark |}} {
     variable Colours
     variable Daemons
     variable Visible
+    variable Times
     set head [format "%*s %s" $Width $name $mark]
+    if {$Times} {
+        set now [clock milliseconds]
+        set head "[clock format [expr {$now / 1000}] -format %H:%M:%S].[format %03d [expr {$now % 1000}]] $head"
+    }
     set line [string map $Visible $line]
     if {[llength $Colours] > 0} {
         set index [lsearch -exact [dict keys $Daemons] $name]
@@ -403,7 +418,10 @@ proc ::sorma::launch::CommandText {name settings} {
         set program [list [Beside sormad]]
     }
     lappend words {*}$program -name $name -until-eof
-    foreach option {-port -host -socket -rpcbind -program -log -script} {
+    foreach line [dict get $settings -allow] {
+        lappend words -allow $line
+    }
+    foreach option {-port -host -socket -rpcbind -program -policy -share -log -script} {
         if {[dict get $settings $option] ne {}} {
             lappend words $option [dict get $settings $option]
         }

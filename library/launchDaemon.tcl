@@ -16,6 +16,7 @@ oo::class create ::sorma::launch::Daemon {
     variable Restarts       ;# in a row
     variable Timer          ;# after: of readiness, pause or grace
     variable Killed         ;# has SIGKILL been sent?
+    variable Forward        ;# its socket on this host, when it runs on another one; empty: there is none
 
     constructor {name settings} {
         namespace path ::sorma::launch
@@ -25,6 +26,11 @@ oo::class create ::sorma::launch::Daemon {
         set Pipe {}
         set Restarts 0
         set Timer {}
+        set Forward {}
+    }
+
+    destructor {
+        my EndForward
     }
 
     method state {} {
@@ -86,7 +92,7 @@ oo::class create ::sorma::launch::Daemon {
     method Line {line whole} {
         set longest $::sorma::launch::Longest
         if {$State eq "starting" && $Marks eq "|" && [regexp "^ready [string map {. \\.} $Name]( |\$)" $line]} {
-            my Ready
+            my Ready $line
         }
         for {set at 0} {$at == 0 || $at < [string length $line]} {incr at $longest} {
             set piece [string range $line $at [expr {$at + $longest - 1}]]
@@ -99,7 +105,36 @@ oo::class create ::sorma::launch::Daemon {
         }
     }
 
-    method Ready {} {
+    method Ready line {
+        if {[dict get $Settings -on] ne {} && $Forward eq {} && [regexp { unix=(/[^ ]*)} $line -> remote] &&
+                [dict get $Settings -ssh] ne {} && ![file exists [::sorma::RuntimeSocket $Name]]} {
+            after cancel $Timer
+            set Forward [Forward new $Name [dict get $Settings -ssh] [dict get $Settings -on] $remote 5 \
+                [namespace code {my Forwarded}]]
+        } else {
+            my Serves
+        }
+    }
+
+    # Without its socket here it is ready all the same, for those who reach it by TCP.
+    method Forwarded {here {why {}}} {
+        if {!$here} {
+            Say * "$Name: its socket is not to be had on this host: $why" 33
+            my EndForward
+        }
+        if {$State eq "starting"} {
+            my Serves
+        }
+    }
+
+    method EndForward {} {
+        if {$Forward ne {}} {
+            $Forward destroy
+            set Forward {}
+        }
+    }
+
+    method Serves {} {
         after cancel $Timer
         set State ready
         set took [format %.1f [expr {([clock milliseconds] - $Begun) / 1000.0}]]
@@ -116,6 +151,7 @@ oo::class create ::sorma::launch::Daemon {
     # number.
     method Ended {} {
         after cancel $Timer
+        my EndForward
         ::sorma::Signal -$Pid KILL
         fileevent $Pipe readable {}
         for {set n 0} {$n < 32 && [my Take]} {incr n} {}        ;# no more than a pipe holds: others may go on writing

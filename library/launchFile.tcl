@@ -20,6 +20,9 @@ namespace eval ::sorma::launch {
         -socket     {word {} "its Unix-domain socket"}
         -rpcbind    {boolean {} "register its port with rpcbind"}
         -program    {word {} "program number there"}
+        -allow      {words {} "lines of its policy, one word each: {host 192.168.7.0/24 tune}"}
+        -policy     {word {} "file of its policy, there; default ~/.config/sorma/policy"}
+        -share      {boolean {} "let other users of that host connect to its Unix-domain socket"}
         -log        {word {} "file for its background errors"}
         -env        {words {} "NAME=VALUE, for its environment"}
         -directory  {word {} "where it runs"}

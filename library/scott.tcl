@@ -121,13 +121,26 @@ proc ::sorma::scott::Batch requests {
             return 1
         }
     }
+    Watches
     return 0
+}
+
+# Who has asked for a watch wants to see it: it ends by Ctrl-C, by unwatch, or when nobody reads it any more.
+proc ::sorma::scott::Watches {} {
+    while {[info exists ::sorma::inspect::Watches] && [dict size $::sorma::inspect::Watches] > 0} {
+        vwait ::sorma::inspect::Watches
+    }
 }
 
 # Execute a command and print what came. Returns whether it succeeded.
 proc ::sorma::scott::Do line {
     set code [catch {Run [Translate $line]} result options]
-    Print $line $code $result $options
+    try {
+        Print $line $code $result $options
+        flush stdout
+    } trap {POSIX EPIPE} {} {
+        exit 0                                  ;# nobody reads it any more, as after "| head"
+    }
     return [expr {$code != 1}]
 }
 
@@ -179,6 +192,7 @@ proc ::sorma::scott::Piped {} {
         puts stderr "scott: the input ends in the middle of: $command"
         return 1
     }
+    Watches
     return 0
 }
 
@@ -197,6 +211,7 @@ proc ::sorma::scott::interact {} {
     set Editing [expr {[::sorma::edit usable] eq {}}]
     interp bgerror {} ::sorma::scott::BackgroundError
     set ::tcl_interactive 1
+    history keep 2000
     LoadHistory
     set Pending {}
     try {
@@ -468,10 +483,14 @@ proc ::sorma::scott::LoadHistory {} {
             file rename -force $file.[pid] $file
         }
     }
-    ::sorma::edit remember {*}[lmap line [lrange $lines end-[expr {$most - 1}] end] {
+    set commands [lmap line [lrange $lines end-[expr {$most - 1}] end] {
         if {$line eq {}} continue
         string map [list {\\} \\ {\n} \n] $line
     }]
+    ::sorma::edit remember {*}$commands
+    foreach command $commands {
+        history add $command        ;# so that Tcl's own history shows the same
+    }
 }
 
 # A command that begins with a space is kept out of it.
@@ -481,6 +500,7 @@ proc ::sorma::scott::Remember command {
         return
     }
     ::sorma::edit remember $command
+    history add $command
     if {$HistoryFile eq {}} {
         return
     }

@@ -23,7 +23,9 @@ proc tour::begin {} {
     foreach class {nop echo foo bar host} {
         lappend packages sorma::service::$class
     }
-    set Daemon [open [list | sormad -name robot -port 0 -dict [file join $Folder tour.dict] -package {*}$packages 2>@stderr] r]
+    # In a session of its own: Ctrl-C is for what is typed. It ends with the tour, whatever ends that.
+    set Daemon [open [list | setsid sormad -name robot -port 0 -until-eof -dict [file join $Folder tour.dict] \
+        -package {*}$packages 2>@stderr] r+]
     gets $Daemon line
     if {![string match "ready robot *" $line]} {
         return -code error "the daemon did not start: $line"
@@ -57,24 +59,31 @@ proc tour::steps {} {
     close $file
     set steps {}
     foreach {- block} [regexp -all -inline {```tcl\n(.*?)\n```} $text] {
-        set command {}
-        set expected {}
-        foreach line [split $block \n] {
-            if {[string match "% *" $line]} {
-                if {$command ne {}} {
-                    lappend steps $command [join $expected \n]
-                }
-                set command [string range $line 2 end]
-                set expected {}
-            } elseif {![info complete $command]} {
-                append command \n $line
-            } else {
-                lappend expected $line
+        lappend steps {*}[session $block]
+    }
+    return $steps
+}
+
+# What was typed at the prompt "% " and what came: list of command, result.
+proc tour::session text {
+    set steps {}
+    set command {}
+    set came {}
+    foreach line [split $text \n] {
+        if {[string match "% *" $line]} {
+            if {$command ne {}} {
+                lappend steps $command [join $came \n]
             }
+            set command [string range $line 2 end]
+            set came {}
+        } elseif {![info complete $command]} {
+            append command \n $line
+        } else {
+            lappend came $line
         }
-        if {$command ne {}} {
-            lappend steps $command [join $expected \n]
-        }
+    }
+    if {$command ne {}} {
+        lappend steps $command [join $came \n]
     }
     return $steps
 }
@@ -118,18 +127,23 @@ proc tour::prompt line {
     return [sorma::scott::interact]
 }
 
-set code 1
-try {
-    set line [tour::begin]
-    if {[catch {exec test -t 0 <@stdin}]} {
-        set code [tour::play]
-    } else {
+# The exit code: 0, or 1 when the daemon cannot be started or a line is not true.
+proc tour::main {} {
+    try {
+        set line [begin]
+        if {[catch {exec test -t 0 <@stdin}]} {
+            return [play]
+        }
         uplevel #0 {package require sorma}
-        set code [tour::prompt $line]
+        return [prompt $line]
+    } on error message {
+        puts stderr "tour: $message"
+        return 1
+    } finally {
+        end
     }
-} on error message {
-    puts stderr "tour: $message"
-} finally {
-    tour::end
 }
-exit $code
+
+if {[info script] eq $argv0} {
+    exit [tour::main]
+}

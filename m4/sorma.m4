@@ -24,14 +24,14 @@ AC_DEFUN([SORMA_TCL], [
     AC_MSG_CHECKING([for tclConfig.sh])
     sorma_dirs=$with_tcl
     if test -z "$with_tcl"; then
-        for sorma_tclsh in $TCLSH tclsh tclsh8.6; do
+        for sorma_tclsh in $TCLSH tclsh tclsh8.6 tclsh9.0; do
             sorma_lib=`echo 'puts [[::tcl::pkgconfig get libdir,install]]; puts $tcl_version' | $sorma_tclsh 2>/dev/null`
             test -n "$sorma_lib" || continue
             set -- $sorma_lib
             sorma_dirs="$sorma_dirs $[1]/tcl$[2] $[1]"
         done
         sorma_multi=`$CC -print-multiarch 2>/dev/null`
-        sorma_dirs="$sorma_dirs /usr/lib/$sorma_multi/tcl8.6 /usr/lib/tcl8.6 $prefix/lib /usr/local/lib"
+        sorma_dirs="$sorma_dirs /usr/lib/$sorma_multi/tcl8.6 /usr/lib/$sorma_multi/tcl9.0 /usr/lib/tcl8.6 $prefix/lib /usr/local/lib"
     fi
     TCL_CONFIG=
     for sorma_dir in $sorma_dirs; do
@@ -42,7 +42,7 @@ AC_DEFUN([SORMA_TCL], [
     done
     if test -z "$TCL_CONFIG"; then
         AC_MSG_RESULT([no])
-        AC_MSG_ERROR([no tclConfig.sh in: $sorma_dirs; install tcl8.6-dev or give --with-tcl=DIR])
+        AC_MSG_ERROR([no tclConfig.sh in: $sorma_dirs; install tcl8.6-dev or tcl9.0-dev, or give --with-tcl=DIR])
     fi
     AC_MSG_RESULT([$TCL_CONFIG])
     . "$TCL_CONFIG"

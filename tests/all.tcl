@@ -149,6 +149,7 @@ if {[llength $queue] + [llength $alone] == 0} {
     puts "no suite of that name; there are: [lmap s [lsort [glob -tails -directory $here *.test]] {file rootname $s}]"
     exit 2
 }
+puts "Tcl [info patchlevel]"
 array set running {}
 next
 if {![info exists done]} {

@@ -16,6 +16,31 @@ namespace sorma {
 
 namespace {
 
+struct Real {
+    double value;
+};
+
+}  // namespace
+
+}  // namespace sorma
+
+// "{}" is the number as people read it, anything else {fmt}'s own.
+template <> struct fmt::formatter<sorma::Real> : fmt::formatter<double> {
+    bool plain = false;
+    constexpr auto parse(fmt::format_parse_context& context) {
+        plain = context.begin() == context.end() || *context.begin() == '}';
+        return fmt::formatter<double>::parse(context);
+    }
+    auto format(const sorma::Real& number, fmt::format_context& context) const {
+        if (!plain) return fmt::formatter<double>::format(number.value, context);
+        return fmt::format_to(context.out(), "{}", sorma::plainNumber(number.value));
+    }
+};
+
+namespace sorma {
+
+namespace {
+
 // Both are ready before any constructor runs and outlive every destructor: prototypes of other libraries come before
 // and leave after anything of this file that would need either.
 constinit std::mutex theMutex;
@@ -88,7 +113,10 @@ Entry makeEntry(const Raised& raised, std::initializer_list<MessageArg> args) {
     for (auto& arg : args) {
         std::string text = toText(arg);
         if (index++ < p.details) e.details.push_back(text);
-        store.push_back(std::move(text));
+        // Numbers as such, where the prototype says how to show them.
+        if (arg.kind == MessageArg::Kind::real) store.push_back(Real{arg.real});
+        else if (arg.kind == MessageArg::Kind::integer) store.push_back(arg.integer);
+        else store.push_back(std::move(text));
     }
     try {
         e.text = fmt::vformat(p.text, store);

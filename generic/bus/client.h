@@ -9,19 +9,20 @@
 #include <map>
 #include <memory>
 
-#include "bus/deadline.h"
+#include "bus/call.h"
 
 namespace sorma {
 
 class Client {
 public:
     using Lease = std::uint64_t;
-    explicit Client(Caller who) : caller(std::move(who)) {}
+    explicit Client(Caller who, PrincipalPointer as = nullptr) : caller(std::move(who)), principal(std::move(as)) {}
     ~Client() { end(); }
     Client(const Client&) = delete;
     Client& operator=(const Client&) = delete;
 
     Caller caller;
+    PrincipalPointer principal;         // whom it is charged to, and who writes its requests; null: the owner
 
     // Keep until released; lost() is called when the client ends before. Of a client that has ended: at once.
     Lease hold(std::function<void()> lost) {

@@ -23,8 +23,8 @@ void CommonRequests::lock(Service& s, Args, Message& reply) {
         s.checkLock();
     } else {
         auto& lock = s.record().lock;
-        lock.holder = Call::currentClient();
-        lock.by = Call::currentCaller().toText();
+        lock.holder = CallContext::currentClient();
+        lock.by = CallContext::currentCallers();
         lock.since = wallNow();
         s.setGuard(Service::kLockedBit, true);
         if (lock.holder)
@@ -139,6 +139,7 @@ void CommonRequests::stats(Service& s, Args, Message& reply) {
 void CommonRequests::verbosity(Service& s, Args args, Message& reply) {
     static const Prototype kVerbosity{Severity::error, "OPTION RANGE", 2, "{}: {} {} is outside 0 .. 2"};
     if (!args.empty()) {
+        s.need(reply.author, Right::configure);
         std::int64_t level = 0;
         if (!parseNumber(args[0], level) || level < 0 || level > 2) fail(kVerbosity, s.name(), "-verbosity", args[0]);
         s.verbosity_ = std::uint8_t(level);
@@ -150,29 +151,19 @@ void CommonRequests::undo(Service& s, Args, Message& reply) {
     auto& r = s.record();
     if (s.guard() & Service::kLockedBit) s.checkLock();
     if (r.undo.empty()) fail(kNothingToUndo, s.name());
-    std::vector<Service::Record::Undo> now;
-    std::vector<const Option*> changed;
-    std::string line;
-    try {
-        for (auto u = r.undo.rbegin(); u != r.undo.rend(); ++u) {
-            auto& o = s.type().options()[u->option];
-            now.push_back({u->option, o.get(s), r.sources[u->option]});
-            o.set(s, u->value);
-            r.sources[u->option] = u->source;
-            changed.push_back(&o);
-        }
-        s.changed(changed);
-    } catch (...) {
-        for (auto n = now.rbegin(); n != now.rend(); ++n) {
-            s.type().options()[n->option].set(s, n->value);
-            r.sources[n->option] = n->source;
-        }
-        throw;
+    // The first value of each is what it had; an option that was set twice is put back once.
+    Service::Applying a;
+    for (auto& u : r.undo) {
+        if (std::any_of(a.values.begin(), a.values.end(), [&](auto& v) { return v.option == u.option; })) continue;
+        a.values.push_back({u.option, u.value, u.source.author});
+        a.sources.push_back(u.source);
     }
+    s.apply(a);
     r.undo.clear();
-    for (auto* o : changed) {
-        appendWord(line, o->name);
-        appendWord(line, toText(o->get(s)));
+    std::string line;
+    for (auto& v : a.values) {
+        appendWord(line, s.type().options()[v.option].name);
+        appendWord(line, toText(s.type().options()[v.option].get(s)));
     }
     addLine(reply, line);
 }
@@ -253,70 +244,79 @@ void CommonRequests::info(Service& s, Args args, Message& reply) {
 const std::vector<Action>& CommonRequests::actions() {
     static const std::vector<Action> list = {
         {"-help", "", "purpose, options, signature, example", 0, 0,
-         [](Service& s, Args, Message& m) { addLine(m, s.type().helpText(s.name())); }},
+         [](Service& s, Args, Message& m) { addLine(m, s.type().helpText(s.name())); }, Right::inspect, true},
         {"-dump", "", "all state inside, as CTRL would read it again", 0, 0,
-         [](Service& s, Args, Message& m) { addLine(m, s.dump()); }},
+         [](Service& s, Args, Message& m) { addLine(m, s.dump()); }, Right::inspect},
         {"-save", "", "write the options as this name's recipe into the dictionary", 0, 0,
          [](Service& s, Args, Message& m) {
-             s.sorm().dictionary().add(s.name(), splitWords(s.recipe()), Call::currentCaller().toText());
+             s.sorm().access.need(m.author, Right::dictionary, s.name(), s.name());
+             // Saving launders nothing: the entry is written by all who have written its words.
+             PrincipalPointer author = m.author;
+             if (s.record_)
+                 for (auto& source : s.record_->sources) author = Principal::both(author, source.author);
+             s.sorm().dictionary().add(s.name(), splitWords(s.recipe()), CallContext::currentCallers(), author);
              std::string line;
              appendWord(line, s.name());
              addLine(m, line + " " + s.recipe());
-         }},
+         }, Right::inspect},
         {"-selftest", "", "check itself", 0, 0,
-         [](Service& s, Args, Message& m) { addLine(m, s.selftest()); }},
-        {"-undo", "", "take back the last CTRL that set options", 0, 0, undo},
+         [](Service& s, Args, Message& m) { addLine(m, s.selftest()); }, Right::call},
+        {"-undo", "", "take back the last CTRL that set options", 0, 0, undo, Right::configure, true},
     };
     return list;
 }
 
 const std::vector<Action>& CommonRequests::inspections() {
-    static const std::vector<Action> list = {
-        {"-why", "option", "where the value of an option comes from", 1, 1, why},
-        {"-diff", "", "state against recipe", 0, 0, diff},
-        {"-version", "", "build and revision", 0, 0,
-         [](Service& s, Args, Message& m) {
-             addLine(m, s.type().name() + " " + s.type().version() + ", SORMA " SORMA_VERSION ", compiled by " __VERSION__);
-         }},
-        {"-class", "", "facts of the class", 0, 0,
-         [](Service& s, Args, Message& m) {
-             auto& c = s.type();
-             addLine(m, c.name() + ": " + c.purpose());
-             addLine(m, "declared at " + c.file() + ":" + std::to_string(c.line()) + ", version " + c.version());
-             if (auto t = c.signatureText(); !t.empty()) addLine(m, t);
-             if (c.isRealtime()) addLine(m, "real-time: its EXEC may be a step of a cycle");
-             if (!c.hasFeedthrough()) addLine(m, "without feedthrough: it may close a loop of a circuit");
-         }},
-        {"-audit", "", "who sent which CTRL, and when", 0, 0,
-         [](Service& s, Args, Message& m) {
-             for (auto& a : s.record().audit)
-                 addLine(m, clockText(a.time) + " " + a.by + (a.done ? ": CTRL " : " (refused): CTRL ") + a.request);
-         }},
-        {"-verbosity", "?0..2?", "messages that are kept: 0 errors, 1 and warnings, 2 and verbose", 0, 1, verbosity},
-        {"-stats", "", "call counts, rates, histogram of times", 0, 0, stats},
-        {"-pins", "?pin length?", "where wires of a circuit end: name, in or out, at, length, unit, help", 0, 2,
-         [](Service& s, Args args, Message& m) {
-             std::int64_t n = 0;
-             if (args.size() == 1 || (args.size() == 2 && (!parseNumber(args[1], n) || n < 0)))
-                 fail(kMissingValue, s.name(), "-pins", "a pin, and its length");
-             for (auto& pin : args.empty() ? s.pins() : s.pins(args[0], std::size_t(n))) addLine(m, pin.toText());
-         }},
-        {"-trail", "", "messages of the last request that had any", 0, 0,
-         [](Service& s, Args, Message& m) { addLine(m, s.record().trail.toText()); }},
-        {"-info", "what ?option?", "plain values for programs", 1, 2, CommonRequests::info},
-        {"-get", "option", "value of one option", 1, 1,
-         [](Service& s, Args args, Message& m) {
-             m.text += toText(s.type().options()[CommonRequests::needOption(s, args[0])].get(s));
-         }},
+    static const std::vector<Action> list = [] {
+        std::vector<Action> all = {
+            {"-why", "option", "where the value of an option comes from", 1, 1, why},
+            {"-diff", "", "state against recipe", 0, 0, diff},
+            {"-version", "", "build and revision", 0, 0,
+             [](Service& s, Args, Message& m) {
+                 addLine(m, s.type().name() + " " + s.type().version() + ", SORMA " SORMA_VERSION ", compiled by " __VERSION__);
+             }},
+            {"-class", "", "facts of the class", 0, 0,
+             [](Service& s, Args, Message& m) {
+                 auto& c = s.type();
+                 addLine(m, c.name() + ": " + c.purpose());
+                 addLine(m, "declared at " + c.file() + ":" + std::to_string(c.line()) + ", version " + c.version());
+                 if (auto t = c.signatureText(); !t.empty()) addLine(m, t);
+                 if (c.isRealtime()) addLine(m, "real-time: its EXEC may be a step of a cycle");
+                 if (!c.hasFeedthrough()) addLine(m, "without feedthrough: it may close a loop of a circuit");
+             }},
+            {"-audit", "", "who sent which CTRL, and when", 0, 0,
+             [](Service& s, Args, Message& m) {
+                 for (auto& a : s.record().audit)
+                     addLine(m, clockText(a.time) + " " + a.by + (a.done ? ": CTRL " : " (refused): CTRL ") + a.request);
+             }},
+            {"-verbosity", "?0..2?", "messages that are kept: 0 errors, 1 and warnings, 2 and verbose", 0, 1, verbosity},
+            {"-stats", "", "call counts, rates, histogram of times", 0, 0, stats},
+            {"-pins", "?pin length?", "where wires of a circuit end: name, in or out, at, length, unit, help", 0, 2,
+             [](Service& s, Args args, Message& m) {
+                 std::int64_t n = 0;
+                 if (args.size() == 1 || (args.size() == 2 && (!parseNumber(args[1], n) || n < 0)))
+                     fail(kMissingValue, s.name(), "-pins", "a pin, and its length");
+                 for (auto& pin : args.empty() ? s.pins() : s.pins(args[0], std::size_t(n))) addLine(m, pin.toText());
+             }},
+            {"-trail", "", "messages of the last request that had any", 0, 0,
+             [](Service& s, Args, Message& m) { addLine(m, s.record().trail.toText()); }},
+            {"-info", "what ?option?", "plain values for programs", 1, 2, CommonRequests::info},
+            {"-get", "option", "value of one option", 1, 1,
+             [](Service& s, Args args, Message& m) {
+                 m.text += toText(s.type().options()[CommonRequests::needOption(s, args[0])].get(s));
+             }},
     };
+        for (auto& action : all) action.right = Right::inspect;
+        return all;
+    }();
     return list;
 }
 
 Class& Class::conduct(Conduct conduct) {
     if (conduct == Conduct::exclusive && !findAction("-lock")) {
         action({"-lock", "", "keep other clients from EXEC and from setting options, until -unlock or this client's end", 0, 0,
-                CommonRequests::lock});
-        action({"-unlock", "", "free the lock", 0, 0, CommonRequests::unlock});
+                CommonRequests::lock, Right::call});
+        action({"-unlock", "", "free the lock", 0, 0, CommonRequests::unlock, Right::call});
     }
     conduct_ = conduct;
     return *this;

@@ -1,13 +1,9 @@
-// deadline.h -- until when a call may take, on the monotonic clock, and who asked for it.
+// deadline.h -- clocks, and until when something may take.
 //
-// Deadlines travel between processes as time left, so clocks need not agree. A call made while another is executed
-// inherits that one's deadline when it is the earlier of the two.
+// Deadlines travel between processes as time left, so clocks need not agree.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
-#include <memory>
-#include <string>
 
 namespace sorma {
 
@@ -39,53 +35,6 @@ public:
 private:
     explicit Deadline(std::int64_t at) : at_(at) {}
     std::int64_t at_ = 0;
-};
-
-// Who sent a request.
-struct Caller {
-    std::string user, host, program, address;   // address: how it reached us, "unix" or "127.0.0.1:40312"
-    std::int64_t process = 0;
-    std::string toText() const;                 // user@host program[process]
-    static const Caller& self();                // this process
-};
-
-class Client;
-using ClientPointer = std::shared_ptr<Client>;      // bus/client.h
-
-// What surrounds the request that is executed on this thread. Entry points (server, dispatcher) set it up on their
-// stack; services and proxies look at it.
-class Call {
-public:
-    // client: null for this process. Both references must outlive the call.
-    Call(const Caller& caller, Deadline deadline, const ClientPointer& client = kThisProcess);
-    ~Call();
-    Call(const Call&) = delete;
-    Call& operator=(const Call&) = delete;
-
-    // On a thread that executes a request for another one, which waits for it: makes that one's call its own.
-    class Lent {
-    public:
-        explicit Lent(Call* call);
-        ~Lent();
-        Lent(const Lent&) = delete;
-        Lent& operator=(const Lent&) = delete;
-    private:
-        Call* own_;
-    };
-
-    static Call* current();                     // null outside of any request
-    static Deadline currentDeadline();
-    static const Caller& currentCaller();       // Caller::self() outside of any request
-    static ClientPointer currentClient();       // null when the request comes from this process
-
-    const Caller& caller;
-    const Deadline deadline;
-    const ClientPointer& client;
-    std::atomic<bool> cancelled{false};         // the caller has given up: what takes long may look, and stop early
-    std::int64_t subTime = 0;                   // [ns] spent in calls to other processes
-private:
-    static const ClientPointer kThisProcess;
-    Call* outer_;
 };
 
 }  // namespace sorma

@@ -1,5 +1,5 @@
 // The SO `dict`: the dictionary of its SORM, editable as any service object, here or from elsewhere.
-#include "bus/deadline.h"
+#include "bus/call.h"
 #include "bus/requestText.h"
 #include "bus/sorm.h"
 
@@ -8,11 +8,6 @@ namespace sorma {
 namespace {
 
 const Prototype kUnknown{Severity::error, "DICT UNKNOWN", 1, "dict: there is no entry \"{}\""};
-const Prototype kDenied{Severity::error, "DICT DENIED", 0,
-    "dict: this interpreter is safe and may not use files; its parent can grant it: sorma::grant INTERP -files 1"};
-
-const Prototype kStranger{Severity::error, "DICT DENIED", 0,
-    "dict: {} with a file name is not for callers by TCP ({}); use the daemon's Unix-domain socket"};
 
 class DictService : public Service {
 public:
@@ -28,12 +23,14 @@ public:
         for (auto& file : dictionary.files()) out += "# file " + file + "\n";
     }
 
-    void add(Args args, Message&) {
-        sorm().dictionary().add(args[0], {args.begin() + 1, args.end()}, Call::currentCaller().toText());
+    void add(Args args, Message& m) {
+        sorm().access.need(m.author, Right::dictionary, args[0], name());
+        sorm().dictionary().add(args[0], {args.begin() + 1, args.end()}, CallContext::currentCallers(), m.author);
         sorm().dictionaryChanged(args[0]);
     }
 
-    void remove(Args args, Message&) {
+    void remove(Args args, Message& m) {
+        for (auto& word : args) sorm().access.need(m.author, Right::dictionary, word, name());
         for (auto& word : args)
             if (!sorm().dictionary().has(word)) fail(kUnknown, word);
         for (auto& word : args) {
@@ -54,22 +51,25 @@ public:
 
     void expand(Args args, Message& reply) { addLine(reply, expansion(args[0])); }
 
-    void load(Args args, Message&) {
-        needFiles();
-        needNeighbour("-load");
+    void load(Args args, Message& m) {
+        needFile(m.author, args[0]);
+        sorm().access.need(m.author, Right::dictionary, "*", name());
         sorm().dictionary().load(args[0]);
         sorm().dictionaryChanged({});
     }
 
-    void reload(Args, Message&) {
-        needFiles();
+    void reload(Args, Message& m) {
+        sorm().access.need(m.author, Right::dictionary, "*", name());
+        if (sorm().access.restricted()) needFile(nullptr, "*");
         sorm().dictionary().reload();
         sorm().dictionaryChanged({});
     }
 
-    void save(Args args, Message&) {
-        needFiles();
-        if (!args.empty()) needNeighbour("-save");
+    // Without a file only those are written that the owner has had loaded.
+    void save(Args args, Message& m) {
+        if (!args.empty()) needFile(m.author, args[0]);
+        else if (sorm().access.restricted()) needFile(nullptr, "*");
+        sorm().access.need(m.author, Right::dictionary, "*", name());
         sorm().dictionary().save(args.empty() ? std::string() : args[0]);
     }
 
@@ -81,14 +81,8 @@ private:
         return joinWords(words);
     }
 
-    void needFiles() const {
-        if (!sorm().permissions.files) fail(kDenied);
-    }
-
-    // Who comes by TCP is whoever he says: he may not name files that are read or written as the daemon's user.
-    static void needNeighbour(const char* action) {
-        auto& address = Call::currentCaller().address;
-        if (address != "self" && address != "unix") fail(kStranger, action, address);
+    void needFile(const PrincipalPointer& author, const std::string& file) {
+        if (author || sorm().access.restricted()) sorm().access.need(author, Right::files, realPath(file), name());
     }
 
     static void addLine(Message& reply, const std::string& line) {
@@ -99,17 +93,20 @@ private:
 
 }  // namespace
 
+// Each action asks for the right to the entry or the file that it concerns.
 Class describeDict() {
     return Class::of<DictService>("dict", "recipes, daemon addresses and default locations: one word expands to many")
-        .action("-add", &DictService::add, "word ?expansion ...?", "set an entry; one quoted text is split into words", 1, Action::kRest)
-        .action("-remove", &DictService::remove, "word ?word ...?", "take entries out", 1, Action::kRest)
-        .action("-get", &DictService::get, "word", "the words of an entry as they were written", 1, 1)
-        .action("-expand", &DictService::expand, "word", "the words of an entry with every -SUBST spliced in", 1, 1)
-        .action("-list", &DictService::list, "?pattern?", "the words that have an entry", 0, 1)
-        .action("-load", &DictService::load, "file", "read a file, all of it or nothing", 1, 1)
-        .action("-reload", &DictService::reload, "", "read all files again, and forget what they gave before")
+        .action("-add", &DictService::add, "word ?expansion ...?", "set an entry; one quoted text is split into words", 1, Action::kRest,
+                Right::inspect)
+        .action("-remove", &DictService::remove, "word ?word ...?", "take entries out", 1, Action::kRest, Right::inspect)
+        .action("-get", &DictService::get, "word", "the words of an entry as they were written", 1, 1, Right::inspect)
+        .action("-expand", &DictService::expand, "word", "the words of an entry with every -SUBST spliced in", 1, 1, Right::inspect)
+        .action("-list", &DictService::list, "?pattern?", "the words that have an entry", 0, 1, Right::inspect)
+        .action("-load", &DictService::load, "file", "read a file, all of it or nothing", 1, 1, Right::inspect)
+        .action("-reload", &DictService::reload, "", "read all files again, and forget what they gave before", 0, 0,
+                Right::inspect)
         .action("-save", &DictService::save, "?file?", "write back to the file that was loaded last, or to another; comments "
-                "and order stay", 0, 1)
+                "and order stay", 0, 1, Right::inspect)
         .reads(Field::text, {}, "", "a word, also without TMSG")
         .writes(Field::text, {}, "", "its expansion")
         .words("?word?")

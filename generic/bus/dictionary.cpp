@@ -31,6 +31,9 @@ const Prototype kTooLarge{Severity::error, "DICT SYNTAX", 1, "dictionary entry {
 const Prototype kFile{Severity::error, "DICT FILE", 1, "cannot {1} dictionary file \"{0}\": {2}"};
 const Prototype kNoFile{Severity::error, "DICT FILE", 0, "no dictionary file is loaded; name the one to write: dict CTRL -save FILE"};
 
+// Above an entry of a file that somebody else than the owner has written: whose rights its words have. Without it they are
+// the owner's.
+constexpr std::string_view kAuthorMark = "#@ by ";
 constexpr std::string_view kSubst = "-SUBST", kByteOrderMark = "\xef\xbb\xbf";
 constexpr std::size_t kMaxFile = std::size_t{64} << 20;
 
@@ -133,9 +136,18 @@ private:
     std::size_t at_ = 0;
 };
 
+// Whom a line above an entry names; empty when it names nobody.
+std::string_view authorOf(const LogicalLine& line) {
+    std::string_view text = line.text;
+    if (!text.starts_with(kAuthorMark)) return {};
+    text.remove_prefix(kAuthorMark.size());
+    while (!text.empty() && isWhite(text.back())) text.remove_suffix(1);
+    return text.empty() ? std::string_view("anyone") : text;
+}
+
 // body(line, words, word) for each line of a file that holds an entry; words has taken its first one. Lines that do not
 // parse are passed over: spoilt since the file was loaded, and not ours to mend.
-template <class F> void eachEntry(std::string_view text, F body) {
+template <class F, class G> void eachLine(std::string_view text, F body, G other) {
     LineReader lines(text);
     for (LogicalLine line; lines.next(line);) {
         LineWords words(line.text);
@@ -146,7 +158,11 @@ template <class F> void eachEntry(std::string_view text, F body) {
         } catch (const Error&) {
         }
         if (found) body(line, words, word);
+        else other(line);
     }
+}
+template <class F> void eachEntry(std::string_view text, F body) {
+    eachLine(text, body, [](const LogicalLine&) {});
 }
 
 void appendEntryWord(std::string& out, std::string_view word) {
@@ -262,6 +278,20 @@ void replaceFile(const std::string& file, std::string_view text) {
 
 }  // namespace
 
+std::string realPath(const std::string& file) {
+    auto real = [](const std::string& path) {
+        char* found = ::realpath(path.c_str(), nullptr);
+        std::string out = found ? found : "";
+        std::free(found);
+        return out;
+    };
+    if (auto whole = real(file); !whole.empty()) return whole;
+    auto slash = file.rfind('/');
+    std::string folder = real(slash == file.npos ? "." : file.substr(0, slash + 1));
+    std::string name = slash == file.npos ? file : file.substr(slash + 1);
+    return folder.empty() ? file : folder == "/" ? folder + name : folder + "/" + name;
+}
+
 std::string Origin::toText() const {
     std::string out = file.empty() ? "added" + (by.empty() ? std::string(" at run time") : " by " + by)
                                    : file + ':' + std::to_string(line);
@@ -285,12 +315,13 @@ const std::vector<std::string>* Dictionary::get(std::string_view word) const {
 struct Dictionary::Expansion {
     std::string_view root;
     std::vector<DictionaryWord> out;
+    PrincipalPointer author;            // of all the entries that are being spliced
     std::vector<std::string> via;       // entries that are being spliced
     std::size_t words = 0, bytes = 0;
 };
 
 std::vector<DictionaryWord> Dictionary::expand(std::string_view word) const {
-    Expansion state{word, {}, {}, 0, 0};
+    Expansion state{word, {}, nullptr, {}, 0, 0};
     expandInto(word, state);
     return std::move(state.out);
 }
@@ -307,6 +338,7 @@ void Dictionary::expandInto(std::string_view word, Expansion& state) const {
         origin.line = entry.line;
     }
     origin.via = state.via;
+    origin.author = Principal::both(state.author, entry.author);
     std::size_t weight = origin.file.size() + origin.by.size();
     for (auto& step : origin.via) weight += step.size();
     auto count = [&](std::size_t bytes) {
@@ -320,7 +352,9 @@ void Dictionary::expandInto(std::string_view word, Expansion& state) const {
             count(0);
             if (state.via.size() == kMaxDepth) fail(kTooLarge, state.root, std::to_string(kMaxDepth) + " levels of -SUBST");
             state.via.push_back(next);
+            auto outer = std::exchange(state.author, origin.author);
             expandInto(next, state);
+            state.author = std::move(outer);
             state.via.pop_back();
         } else {
             count(entry.words[i].size() + weight);
@@ -400,20 +434,20 @@ void Dictionary::take(Table&& fresh) {
     }
 }
 
-void Dictionary::add(std::string_view word, const std::vector<std::string>& expansion, const std::string& by) {
+void Dictionary::add(std::string_view word, const std::vector<std::string>& expansion, const std::string& by, PrincipalPointer author) {
     if (auto why = badKey(word)) fail(kEntry, word, shown(word), why);
     if (expansion.size() != 1 || std::none_of(expansion[0].begin(), expansion[0].end(), isWhite))
-        return put(word, expansion, by);
+        return put(word, expansion, by, std::move(author));
     std::vector<std::string> words;
     try {
         words = splitWords(expansion[0]);
     } catch (const Error& e) {
         fail(kEntry, word, shown(word), e.what());
     }
-    put(word, std::move(words), by);
+    put(word, std::move(words), by, std::move(author));
 }
 
-void Dictionary::put(std::string_view word, std::vector<std::string> words, const std::string& by) {
+void Dictionary::put(std::string_view word, std::vector<std::string> words, const std::string& by, PrincipalPointer author) {
     if (auto why = badKey(word)) fail(kEntry, word, shown(word), why);
     for (auto& w : words)
         if (!isUtf8(w)) fail(kEntry, word, shown(word), shown(w) + " is not UTF-8");
@@ -423,7 +457,7 @@ void Dictionary::put(std::string_view word, std::vector<std::string> words, cons
     auto found = entries_.find(word);
     auto gone = removed_.find(word);
     if (found != entries_.end()) {
-        if (found->second.words == words) return;
+        if (found->second.words == words && found->second.author == author) return;
         entry.file = found->second.file;
         entry.line = found->second.line;
     } else if (gone != removed_.end()) {
@@ -432,6 +466,7 @@ void Dictionary::put(std::string_view word, std::vector<std::string> words, cons
     if (!loaded(entry.file)) entry.file.clear();        // a text that is not a file cannot be written back
     entry.words = std::move(words);
     entry.by = by;
+    entry.author = std::move(author);
     entry.changed = !entry.file.empty();
     Table fresh;
     fresh.emplace(word, std::move(entry));
@@ -453,12 +488,16 @@ bool Dictionary::remove(std::string_view word) {
 
 void Dictionary::parse(std::string_view text, const std::string& file, Table& into) {
     LineReader lines(text);
+    std::string author;                 // of the next entry
     for (LogicalLine line; lines.next(line);) {
         if (!isUtf8(line.text)) fail(kLine, file, line.number, "the line is not UTF-8");
         try {
             LineWords reader(line.text);
             std::string_view word;
-            if (!reader.next(word)) continue;
+            if (!reader.next(word)) {
+                if (auto named = authorOf(line); !named.empty()) author = named;
+                continue;
+            }
             if (auto why = badKey(word)) fail(kLine, file, line.number, why);
             std::string key(word);
             Entry entry;
@@ -466,6 +505,7 @@ void Dictionary::parse(std::string_view text, const std::string& file, Table& in
             if (auto why = badExpansion(entry.words)) fail(kLine, file, line.number, why);
             entry.file = file;
             entry.line = line.number;
+            if (!author.empty()) entry.author = Principal::parse(std::exchange(author, {}));
             into.insert_or_assign(std::move(key), std::move(entry));
         } catch (const Error& e) {
             if (e.is("DICT SYNTAX")) throw;
@@ -541,14 +581,28 @@ void Dictionary::saveTo(const std::string& file, bool everything, bool home) {
 
     std::string text;
     std::size_t copied = 0;         // of old
-    eachEntry(old, [&](const LogicalLine& line, LineWords& words, std::string_view word) {
+    std::size_t mark = old.npos;    // of old: where the line begins that names the author of the next entry
+    auto appendMark = [&](const Entry& e) {
+        if (e.author) text += std::string(kAuthorMark) + e.author->toText() + "\n";
+    };
+    auto take = [&](const LogicalLine& line, LineWords& words, std::string_view word) {
         key = word;
         auto found = entries_.find(key);
         const bool goes = removed(key);
+        const std::size_t begin = std::min(std::exchange(mark, old.npos), line.begin);
         if (!goes && (found == entries_.end() || !ours(found->second) || last[key] != line.begin)) return;
-        text += std::string_view(old).substr(copied, line.begin - copied);
+        // What stands between an author's mark and its entry stays, the mark goes.
+        text += std::string_view(old).substr(copied, begin - copied);
+        if (begin < line.begin) {
+            std::size_t next = old.find('\n', begin) + 1;
+            text += std::string_view(old).substr(next, line.begin - next);
+        }
         copied = line.end;
+        if (!goes) appendMark(found->second);
         if (!goes) appendReplaced(text, line, words, found->second.words, std::string_view(old).substr(line.begin, line.end - line.begin));
+    };
+    eachLine(old, take, [&](const LogicalLine& line) {
+        if (!authorOf(line).empty()) mark = line.begin;
     });
     text += std::string_view(old).substr(copied);
 
@@ -564,6 +618,7 @@ void Dictionary::saveTo(const std::string& file, bool everything, bool home) {
         if (continues(end)) text += '\n';       // else it would take the next line in
     }
     for (auto word : fresh) {
+        appendMark(entries_.find(word)->second);
         appendEntryWord(text, word);
         for (auto& w : entries_.find(word)->second.words) appendEntryWord(text, w);
         text += '\n';
@@ -607,7 +662,7 @@ void Dictionary::loadEnvironment() {
         } catch (const Error& e) {
             fail(kEntry, word, shown(word), "environment variable " + std::string(variable.substr(0, equals)) + ": " + e.what());
         }
-        put(word, std::move(words), "environment variable " + std::string(variable.substr(0, equals)));
+        put(word, std::move(words), "environment variable " + std::string(variable.substr(0, equals)), nullptr);
     }
 }
 

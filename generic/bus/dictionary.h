@@ -21,6 +21,8 @@
 #include <unordered_map>
 #include <vector>
 
+#include "bus/principal.h"
+
 namespace sorma {
 
 // Where a word of a recipe comes from.
@@ -28,7 +30,8 @@ struct Origin {
     std::string file;               // empty: added at run time
     int line = 0;                   // of the entry that holds the word
     std::vector<std::string> via;   // entries it was spliced through, outermost first
-    std::string by;                 // who added it at run time
+    std::string by;                 // who added it at run time, as it was shown
+    PrincipalPointer author;        // whose words these are, spliced ones through every entry of via; null: the owner
     std::string toText() const;     // "carry.dict:12 via carry", "added by joe@lab sormad[77]"
 };
 
@@ -36,6 +39,9 @@ struct DictionaryWord {
     std::string text;
     Origin origin;
 };
+
+// Where a file really is, as policies name it: without links and dots. Of one that is not there: its folder's, and its name.
+std::string realPath(const std::string& file);
 
 class Dictionary {
 public:
@@ -53,7 +59,8 @@ public:
     // Set an entry at run time. expansion: one text that is split into words when it is a single word holding white
     // space, else the words. Refused with DICT LOOP when it would close a loop, DICT SYNTAX when word is empty,
     // begins with # or holds white space or control characters.
-    void add(std::string_view word, const std::vector<std::string>& expansion, const std::string& by);
+    // author: whose rights its words have, also when they have been saved and loaded.
+    void add(std::string_view word, const std::vector<std::string>& expansion, const std::string& by, PrincipalPointer author = nullptr);
     bool remove(std::string_view word);         // false when there was none
 
     void load(const std::string& file);         // all or nothing; a file loaded again moves to the end of files()
@@ -79,6 +86,7 @@ private:
         std::string file;           // empty: run time
         int line = 0;
         std::string by;             // who changed it last at run time
+        PrincipalPointer author;    // null: the owner; from a file: the line "#@ by" above the entry
         bool changed = false;       // since it was read from the file
     };
     struct Hash {
@@ -92,7 +100,7 @@ private:
     // No loop leads through an entry of fresh, once these have replaced those of base.
     static void checkLoops(const Table& fresh, const Table& base);
     void take(Table&& fresh);
-    void put(std::string_view word, std::vector<std::string> words, const std::string& by);
+    void put(std::string_view word, std::vector<std::string> words, const std::string& by, PrincipalPointer author);
     bool loaded(const std::string& file) const;
     void expandInto(std::string_view word, Expansion& state) const;
     void saveTo(const std::string& file, bool everything, bool home);

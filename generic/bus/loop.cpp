@@ -6,23 +6,45 @@
 
 namespace sorma {
 
-void Mailbox::post(Loop::Callback work) {
+void Mailbox::post(KeptCallPointer context, Loop::Callback work) {
     std::lock_guard lock(mutex_);
     if (closed_) return;
     bool first = work_.empty();
-    work_.push_back(std::move(work));
+    work_.push_back({std::move(context), std::move(work)});
     if (!first) return;
     if (bell_) bell_();
     came_.notify_one();
 }
 
 void Mailbox::run() {
-    std::vector<Loop::Callback> work;
+    std::size_t n;
     {
         std::lock_guard lock(mutex_);
-        work.swap(work_);
+        n = work_.size();
     }
-    for (auto& item : work) item();
+    while (n-- > 0) {
+        Item item;
+        {
+            std::lock_guard lock(mutex_);
+            if (work_.empty()) return;          // an event loop inside of an item has done the rest
+            item = std::move(work_.front());
+            work_.pop_front();
+        }
+        CallContext context(item.context);
+        try {
+            item.work();
+        } catch (...) {
+            ringAgain();
+            throw;
+        }
+    }
+    ringAgain();
+}
+
+// Nobody rings for what came while there was something.
+void Mailbox::ringAgain() {
+    std::lock_guard lock(mutex_);
+    if (bell_ && !work_.empty()) bell_();
 }
 
 bool Mailbox::wait(std::int64_t until) {
@@ -38,7 +60,7 @@ void Mailbox::setBell(Loop::Callback bell) {
 }
 
 void Mailbox::close() {
-    std::vector<Loop::Callback> dropped;        // may post again while it goes
+    std::deque<Item> dropped;                   // may post again while it goes
     std::lock_guard lock(mutex_);
     closed_ = true;
     owner = nullptr;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "bus/catalogue.h"
+#include "bus/principal.h"
 #include "bus/trail.h"
 
 namespace sorma {
@@ -29,9 +30,13 @@ public:
     std::vector<std::string> words;     // words of CTRL and DBX; of EXEC those beyond the four parts above
     int code = 0;                       // 0 done, < 0 failed, > 0 done with warnings or a result number of the class
     Trail trail;
+    // Who wrote it, and must have the right to all that its words ask for; null: the owner of this process, as of every
+    // message that a program makes itself. EXEC finds it null, unless the class acts on words (Class::actsOnWords): what a
+    // class's code asks of others it asks as the owner. Not part of the content.
+    PrincipalPointer author;
     std::shared_ptr<Pending> later;     // set by a service that answers later (bus/reply.h); not part of the content
 
-    // Empty every part; memory stays for the next use.
+    // Empty every part but the trail: what was warned of before the result was made is told with it. Memory stays.
     void clear() {
         text.clear();
         floats.clear();
@@ -39,8 +44,13 @@ public:
         any.clear();
         words.clear();
         code = 0;
-        trail.clear();
+        if (author) [[unlikely]] author.reset();
         if (later) [[unlikely]] later.reset();
+    }
+    // For another request: the trail as well.
+    void reset() {
+        clear();
+        trail.clear();
     }
 
     // Add to the trail; the call goes on.

@@ -221,9 +221,24 @@ Name Name::parse(std::string_view text) {
     return out;
 }
 
+std::string Name::location() const {
+    if (byDefault) return mapped(className, upper);
+    return where.empty() ? std::string() : '@' + where;
+}
+
+std::string Name::recipeKey() const { return byDefault && flavor.empty() ? std::string() : toText(); }
+
+bool Name::isElsewhere(std::string_view text) {
+    return !text.empty() && (isUpper(text[0]) || text.find('@') != text.npos);
+}
+
+bool Name::isLocation(std::string_view word) {
+    return !word.empty() && (word[0] == '@' || (isUpper(word[0]) && word.find_first_of(".@") == word.npos));
+}
+
 bool Name::isName(std::string_view text) { return !checkName(text, nullptr); }
 
-Address resolve(const Name& name, const Dictionary& dictionary) {
+Address resolve(const Name& name, const Dictionary& dictionary, std::string* rule) {
     const std::string whole = name.toText();
     std::vector<std::string> chain;         // entries that were looked at
     // What an entry says; its word is in the chain.
@@ -247,13 +262,14 @@ Address resolve(const Name& name, const Dictionary& dictionary) {
     };
     Address address;
     if (name.byDefault) {
-        std::string key = mapped(name.className, upper);
+        std::string key = name.location();
         if (!dictionary.has(key)) fail(kNoDefault, whole, key);
         address = follow(key);
     } else if (!name.where.empty()) {
         address = Address::parse(name.where);
     }
     while (address.kind == Address::Kind::alias && dictionary.has('@' + address.host)) address = follow('@' + address.host);
+    if (rule) *rule = address.kind == Address::Kind::alias ? '@' + address.host : chain.empty() ? name.location() : chain.back();
     return address;
 }
 

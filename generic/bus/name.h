@@ -39,19 +39,32 @@ struct Name {
     bool byDefault = false;     // class was written in upper case
 
     bool local() const { return where.empty() && !byDefault; }
+    // What says where it is: "@robot", "@localhost:7014" as written after the name; "CARRY", the entry that is the class's
+    // default location; empty when it is here.
+    std::string location() const;
+    // The dictionary's entry that holds its recipe here: as the name was written. Empty for a class in upper case alone: that
+    // entry is the address of all its flavors, and no recipe of one of them.
+    std::string recipeKey() const;
     std::string toText() const; // as it was written: service, service@where, or CLASS.flavor
 
     // Fails with NAME SYNTAX, saying which character and where (counted from 1).
     static Name parse(std::string_view text);
     // Same rule, no error: cheap test whether a word can be a name at all.
     static bool isName(std::string_view text);
+    // Would a text, if it is a name, mean an object at some location (with @, or a class in upper case)? A look at the
+    // characters, for those who serve nothing but local names.
+    static bool isElsewhere(std::string_view text);
+    // Is a word of the dictionary a location, @alias or CLASS, rather than a recipe?
+    static bool isLocation(std::string_view word);
 };
 
 // Follow aliases and default locations through the dictionary: the first word of an entry is an address, with or
 // without @ before it (`@robot localhost:7014`, `@arm @robot`, `CARRY robot`, `@vision self`). Returns kind self, tcp, program or path; kind alias
 // when the alias has no entry (then it is looked for in the runtime directory).
+// rule: becomes the last location on that way, which alone decides where a connection leads that is made anew: of CARRY
+// it is "@robot" when the entry CARRY says robot. Names with one rule and one address share a connection.
 // Fails with ADDRESS UNRESOLVED: a default location without an entry, an entry that holds no address; with DICT LOOP:
 // aliases that lead in a circle, named as a chain.
-Address resolve(const Name& name, const Dictionary& dictionary);
+Address resolve(const Name& name, const Dictionary& dictionary, std::string* rule = nullptr);
 
 }  // namespace sorma

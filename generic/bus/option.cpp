@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "bus/listText.h"
 #include "bus/name.h"
@@ -15,8 +16,12 @@ namespace {
 const Prototype kRange{Severity::error, "OPTION RANGE", 2, "{}: {} {} is outside {}"};
 const Prototype kChoice{Severity::error, "OPTION VALUE", 2, "{}: {} \"{}\" is not one of {}"};
 const Prototype kValue{Severity::error, "OPTION VALUE", 2, "{}: {} expects {}, got \"{}\""};
-const Prototype kLength{Severity::error, "OPTION VALUE", 2, "{}: {} expects {} numbers, got {}"};
+const Prototype kLength{Severity::error, "OPTION VALUE", 2, "{}: {} expects {}, got {}"};
 const Prototype kSignature{Severity::error, "REQUEST SIGNATURE", 2, "{}: EXEC expects {} {}, got {}{}"};
+const Prototype kUndeclared{Severity::error, "REQUEST SIGNATURE", 2, "{}: EXEC takes no {}, got {}; it takes {}"};
+const Prototype kNoWords{Severity::error, "REQUEST SIGNATURE", 2, "{}: EXEC takes no words, got \"{}\"{}"};
+const Prototype kBreach{Severity::error, "SERVICE FAILED", 1,
+    "{}: EXEC was done, but returned {} {} where its class declares {}{}; the class is to be corrected"};
 const Prototype kSignatureRange{Severity::error, "REQUEST RANGE", 2, "{}: element {} of {} is {}, outside {} .. {} {}"};
 const Prototype kTable{Severity::error, "CLASS TABLE", 1, "class {}: {} \"{}\" {}"};
 
@@ -33,19 +38,9 @@ const char* expectation(Type type) {
 
 std::string rangeText(double low, double high) {
     if (low == -kInfinity && high == kInfinity) return {};
-    std::string out;
-    if (low == -kInfinity) {
-        out = "<= ";
-        appendNumber(out, high);
-    } else if (high == kInfinity) {
-        out = ">= ";
-        appendNumber(out, low);
-    } else {
-        appendNumber(out, low);
-        out += " .. ";
-        appendNumber(out, high);
-    }
-    return out;
+    if (low == -kInfinity) return "<= " + plainNumber(high);
+    if (high == kInfinity) return ">= " + plainNumber(low);
+    return plainNumber(low) + " .. " + plainNumber(high);
 }
 
 std::string countText(Count count) {
@@ -53,6 +48,14 @@ std::string countText(Count count) {
     if (count.high == SIZE_MAX) return count.low == 0 ? "any number of" : "at least " + std::to_string(count.low);
     return std::to_string(count.low) + " to " + std::to_string(count.high);
 }
+
+// words, which is a plural, or their singular for one.
+std::string wordsFor(Count count, std::string_view words) {
+    if (count.low == 1 && count.high == 1 && words.ends_with('s')) words.remove_suffix(1);
+    return std::string(words);
+}
+
+std::string amountText(Count count, std::string_view words) { return countText(count) + ' ' + wordsFor(count, words); }
 
 bool parseFlag(std::string_view text, bool& out) {
     for (auto yes : {"1", "true", "yes", "on"})
@@ -79,6 +82,25 @@ std::string joinChoices(const std::vector<std::string>& choices) {
         out += choices[i];
     }
     return out;
+}
+
+// Parts of one field follow one another: "floats 2 W" and "floats 1.. V" are at least 3 floats.
+Count together(const std::vector<Part>& parts, Field field) {
+    Count sum{0, 0};
+    for (auto& p : parts) {
+        if (p.field != field) continue;
+        sum.low += p.count.low;
+        sum.high = p.count.high > SIZE_MAX - sum.high ? SIZE_MAX : sum.high + p.count.high;
+    }
+    return sum;
+}
+
+// What they mean, for messages: " (from (3), to (3))".
+std::string meaning(const std::vector<Part>& parts, Field field) {
+    std::string out;
+    for (auto& p : parts)
+        if (p.field == field && !p.help.empty()) out += (out.empty() ? "" : "; ") + p.help;
+    return out.empty() ? out : " (" + out + ")";
 }
 
 // "  left          right" with the right side starting at a fixed column.
@@ -134,7 +156,7 @@ std::string Option::range() const {
     std::string out = rangeText(spec.low, spec.high);
     if (type == Type::vector && (spec.minLength > 0 || spec.maxLength != SIZE_MAX)) {
         if (!out.empty()) out += ", ";
-        out += countText({spec.minLength, spec.maxLength}) + " elements";
+        out += amountText({spec.minLength, spec.maxLength}, "elements");
     }
     return out;
 }
@@ -153,7 +175,7 @@ void Option::check(std::string_view object, const Value& value, std::string_view
         case Type::vector: {
             auto& v = std::get<std::vector<double>>(value);
             if (v.size() < spec.minLength || v.size() > spec.maxLength)
-                fail(kLength, object, name, countText({spec.minLength, spec.maxLength}), v.size());
+                fail(kLength, object, name, amountText({spec.minLength, spec.maxLength}, "numbers"), v.size());
             for (double x : v)
                 if (!inside(x)) outside();
             break;
@@ -231,26 +253,52 @@ Class& Class::action(Action a) {
     return *this;
 }
 
-Class& Class::inspection(Action a) {
+Class& Class::inspection(Action a, Right right) {
     if (findInspection(a.name)) fail(kTable, name_, "inspection", a.name, "is declared twice");
+    a.right = right;
     inspections_.push_back(std::move(a));
+    return *this;
+}
+
+Class& Class::execRight(Right right) {
+    execRight_ = right;
+    return *this;
+}
+
+Class& Class::actsOnWords() {
+    actsOnWords_ = true;
     return *this;
 }
 
 Class& Class::reads(Field field, Count count, std::string unit, std::string help, double low, double high) {
     reads_.push_back({field, count, std::move(unit), std::move(help), low, high});
-    checks_ = checks_ || count.low > 0 || count.high != SIZE_MAX || low != -kInfinity || high != kInfinity;
+    ranged_ = ranged_ || low != -kInfinity || high != kInfinity;
+    if (count.low > 0 || count.high != SIZE_MAX || ranged_) checks_ |= lengths;
+    declared();
     return *this;
 }
 
 Class& Class::writes(Field field, Count count, std::string unit, std::string help) {
     writes_.push_back({field, count, std::move(unit), std::move(help)});
+    if (count.low > 0 || count.high != SIZE_MAX) checks_ |= replies;
+    declared();
     return *this;
+}
+
+Class& Class::words(std::string usage) {
+    words_ = std::move(usage);
+    declared();
+    return *this;
+}
+
+void Class::declared() {
+    checks_ |= undeclared;
+    takesWords_ = !words_.empty();
+    for (int f = 0; f < 4; ++f) takes_[std::size_t(f)] = together(reads_, Field(f));
 }
 
 Class& Class::realtime() { return realtime_ = true, *this; }
 Class& Class::withoutFeedthrough() { return feedthrough_ = false, *this; }
-Class& Class::words(std::string usage) { return words_ = std::move(usage), *this; }
 Class& Class::example(std::string request) { return example_ = std::move(request), *this; }
 Class& Class::version(std::string version) { return version_ = std::move(version), *this; }
 Class& Class::declaredAt(std::string file, int line) { return file_ = std::move(file), line_ = line, *this; }
@@ -277,18 +325,59 @@ void Class::learnDefaults(const Service& fresh) const {
 }
 
 void Class::checkRequest(std::string_view object, const Message& m) const {
+    std::array<std::size_t, 4> from{};          // of each field: where the next part begins
     for (auto& part : reads_) {
-        std::size_t n = size(m, part.field);
-        if (n < part.count.low || n > part.count.high) {
-            std::string why = part.help.empty() ? std::string() : " (" + part.help + ")";
-            fail(kSignature, object, countText(part.count), toText(part.field), n, why);
-        }
+        std::size_t n = size(m, part.field), f = std::size_t(part.field);
+        if (n < takes_[f].low || n > takes_[f].high)
+            fail(kSignature, object, countText(takes_[f]), wordsFor(takes_[f], toText(part.field)), n, meaning(reads_, part.field));
+        std::size_t begin = std::exchange(from[f], part.count.low == part.count.high ? from[f] + part.count.low : n);
         if (part.field != Field::floats || (part.low == -kInfinity && part.high == kInfinity)) continue;
-        for (std::size_t i = 0; i < n; ++i) {
+        for (std::size_t i = begin; i < from[f]; ++i) {
             double x = m.floats[i];
             if (!(x >= part.low && x <= part.high))
                 fail(kSignatureRange, object, i + 1, "floats", x, part.low, part.high, part.unit);
         }
+    }
+}
+
+void Class::refuse(std::string_view object, const Message& m) const {
+    if (!takesWords_ && !m.words.empty()) {
+        const std::string& word = m.words[0];
+        std::string hint;
+        if (findOption(word) >= 0) hint = "; it is an option: CTRL " + word;
+        else if (findAction(word)) hint = "; it is a word of CTRL";
+        else if (word.starts_with('-')) hint = "; options are set with CTRL";
+        fail(kNoWords, object, word, hint);
+    }
+    checkRequest(object, m);
+    for (auto field : {Field::text, Field::floats, Field::ints, Field::any}) {
+        bool declared = std::any_of(reads_.begin(), reads_.end(), [field](auto& p) { return p.field == field; });
+        if (declared || size(m, field) == 0) continue;
+        std::vector<std::string> known;
+        for (auto& p : reads_) known.push_back(toText(p.field));
+        if (takesWords_) known.push_back("words: " + words_);
+        std::string what = known.empty() ? "nothing" : joinChoices(known);
+        fail(kUndeclared, object, toText(field), field == Field::text ? shown(m.text) : std::to_string(size(m, field)), what);
+    }
+    fail(kUndeclared, object, "such request", "one", signatureText());     // not reached: one of the above is wrong
+}
+
+void Class::dropUndeclared(Message& m) const {
+    if (!(checks_ & undeclared)) return;
+    auto none = [this](Field f) { return takes_[std::size_t(f)].high == 0; };
+    if (none(Field::text)) m.text.clear();
+    if (none(Field::floats)) m.floats.clear();
+    if (none(Field::ints)) m.ints.clear();
+    if (none(Field::any)) m.any.clear();
+    if (!takesWords_) m.words.clear();
+}
+
+void Class::checkReply(std::string_view object, const Message& m) const {
+    for (auto& part : writes_) {
+        std::size_t n = size(m, part.field);
+        Count whole = together(writes_, part.field);
+        if (n == 0 || (n >= whole.low && n <= whole.high)) continue;
+        fail(kBreach, object, n, toText(part.field), countText(whole), meaning(writes_, part.field));
     }
 }
 

@@ -16,6 +16,7 @@
 // The default of an option is what its member holds when the object has been constructed.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -27,13 +28,14 @@
 #include <variant>
 #include <vector>
 
+#include "bus/access.h"
 #include "bus/message.h"
+#include "bus/reference.h"
 #include "bus/where.h"
 
 namespace sorma {
 
 class Service;
-class Reference;
 
 // Value of an option: flag, int, double, string (also enum and service name), vector.
 using Value = std::variant<bool, std::int64_t, double, std::string, std::vector<double>>;
@@ -60,7 +62,9 @@ struct Option {
     Spec spec;
     std::vector<std::string> choices;                   // enum
     std::function<Value(const Service&)> get;
-    std::function<void(Service&, const Value&)> set;    // value is checked already; may throw (service not to be had)
+    std::function<void(Service&, const Value&)> set;    // value is checked already; may throw
+    // service: instead of set. The object has been found, with the rights of whoever named it; null: none.
+    std::function<void(Service&, Reference)> refer = nullptr;
 
     std::string range() const;      // for people and panels: "0.01 .. 1.5", "largo adagio ...", "" when anything goes
     // Read and check a value. Fails with OPTION VALUE or OPTION RANGE, naming object, option, value and rule.
@@ -77,7 +81,13 @@ struct Action {
     std::string usage;              // names of its arguments, as in a man page: "name ?word ...?"
     std::string help;
     int minArgs = 0, maxArgs = 0;   // kRest: all words that follow
-    std::function<void(Service&, Args, Message& reply)> body;       // appends to reply.text
+    // Appends to reply.text. reply.author wrote the arguments: one that names something else than this object asks for more
+    // rights than the one below.
+    std::function<void(Service&, Args, Message& reply)> body;
+    Right right = Right::configure;     // to ask of whoever wrote the request; what stops a motion asks for Right::call only
+    // Of an object that is executed in ticks: it is called while they go on, and says itself where it must be BetweenTicks. Others
+    // are called between two ticks, and so must be short.
+    bool whileTicking = false;
 };
 
 // Parts of a message that EXEC reads and writes.
@@ -143,14 +153,22 @@ public:
 
     template <class S>
     Class& action(std::string name, void (S::*body)(Args, Message&), std::string usage, std::string help,
-                  int minArgs = 0, int maxArgs = 0) {
+                  int minArgs = 0, int maxArgs = 0, Right right = Right::configure) {
         return action({std::move(name), std::move(usage), std::move(help), minArgs, maxArgs,
-                       [body](Service& s, Args args, Message& reply) { (static_cast<S&>(s).*body)(args, reply); }});
+                       [body](Service& s, Args args, Message& reply) { (static_cast<S&>(s).*body)(args, reply); }, right});
     }
     Class& action(Action action);                   // of CTRL
-    Class& inspection(Action action);               // of DBX
+    Class& inspection(Action action, Right right = Right::inspect);     // of DBX
+    // EXEC asks for another right than to call. actsOnWords: its words name what is done, by whom, or with what, so that it
+    // finds their author in the message and must ask for him.
+    Class& execRight(Right right);
+    Class& actsOnWords();
 
-    // EXEC signature. Requests by name are checked against it before EXEC runs.
+    // EXEC signature. A class that declares any of it (reads, writes, words) has declared all: of a request by name, a part
+    // or word that is not declared is refused before EXEC runs, and so is a declared part of another length. A reply with
+    // code 0 may leave a declared part out; another length is an error. A class that declares nothing takes what comes.
+    // By reference only the lengths of what is declared are checked, and nobody looks at what is left in a message from the
+    // call before: clear() one that is used again, if the object may be in another process.
     Class& reads(Field field, Count count, std::string unit, std::string help, double low = -kInfinity,
                  double high = kInfinity);
     Class& writes(Field field, Count count, std::string unit, std::string help);
@@ -167,6 +185,8 @@ public:
 
     Conduct conduct() const { return conduct_; }
     bool isRealtime() const { return realtime_; }
+    Right execRight() const { return execRight_; }
+    bool doesActOnWords() const { return actsOnWords_; }
     bool hasFeedthrough() const { return feedthrough_; }
     const std::string& name() const { return name_; }
     const std::string& purpose() const { return purpose_; }
@@ -190,8 +210,17 @@ public:
     const std::vector<Value>& defaults() const { return defaults_; }
     void learnDefaults(const Service& fresh) const;
 
-    bool checksRequests() const { return checks_; }
-    void checkRequest(std::string_view object, const Message& m) const;     // fails with REQUEST SIGNATURE
+    // What there is to check, as Service keeps it.
+    enum Check : std::uint8_t { lengths = 1, undeclared = 2, replies = 4 };
+    std::uint8_t checks() const { return checks_; }
+    void checkRequest(std::string_view object, const Message& m) const;     // its lengths; fails with REQUEST SIGNATURE, RANGE
+    // The same for a request by name, also what is not declared.
+    void checkNamed(std::string_view object, const Message& m) const {
+        if (!takes(m)) [[unlikely]] refuse(object, m);
+        if (ranged_) checkRequest(object, m);
+    }
+    void dropUndeclared(Message& m) const;
+    void checkReply(std::string_view object, const Message& m) const;       // fails with SERVICE FAILED
 
     std::string helpText(std::string_view object) const;
     std::string signatureText() const;
@@ -203,6 +232,18 @@ private:
                        [member](Service& s, const Value& v) { static_cast<S&>(s).*member = M(std::get<V>(v)); }});
     }
 
+    // Does each part have a length that is declared? One comparison for each: lengths below the range wrap around.
+    bool takes(const Message& m) const {
+        auto within = [this](std::size_t n, Field f) {
+            const Count& c = takes_[std::size_t(f)];
+            return n - c.low <= c.high - c.low;
+        };
+        return within(m.text.size(), Field::text) && within(m.floats.size(), Field::floats) &&
+               within(m.ints.size(), Field::ints) && within(m.any.size(), Field::any) && (takesWords_ || m.words.empty());
+    }
+    [[noreturn]] void refuse(std::string_view object, const Message& m) const;
+    void declared();
+
     std::string name_, purpose_, words_, example_, version_ = "1.0", file_;
     int line_;
     std::function<std::unique_ptr<Service>()> make_;
@@ -210,7 +251,11 @@ private:
     std::vector<Action> actions_, inspections_;
     std::vector<Part> reads_, writes_;
     mutable std::vector<Value> defaults_;
-    bool checks_ = false, realtime_ = false, feedthrough_ = true;
+    std::uint8_t checks_ = 0;               // of Check
+    std::array<Count, 4> takes_{};          // by Field: lengths that some part allows; without any signature: all
+    bool takesWords_ = true, ranged_ = false;
+    bool realtime_ = false, feedthrough_ = true, actsOnWords_ = false;
+    Right execRight_ = Right::call;
     Conduct conduct_ = Conduct::serial;
 };
 

@@ -8,7 +8,7 @@
 namespace sorma {
 
 class Service;
-class Steering;
+class RealtimeOwner;
 
 // A counted reference to a service object, here or (through its proxy) elsewhere. It stays valid when the object is
 // removed: calls then fail with SERVICE GONE.
@@ -33,8 +33,8 @@ public:
     // where it demands something. Throws Error.
     inline void exec(Message& message) const;       // defined in bus/service.h
     // The same for one who executes many in a row, a circuit or a cycle: lengths have been checked when they were wired.
-    // here: Steering::current().
-    inline void step(Message& message, Steering* here) const;
+    // here: RealtimeOwner::current().
+    inline void step(Message& message, RealtimeOwner* here) const;
 
 private:
     Service* service_ = nullptr;

@@ -26,13 +26,25 @@ Trail trailOf(Entry entry) {
 
 }  // namespace
 
-Pending::Pending(Sorm& sorm, Deadline deadline, ClientPointer client)
-    : deadline(deadline), client(std::move(client)), mailbox(sorm.mailbox()) {}
+Pending::Pending(Sorm& sorm, Deadline deadline, KeptCallPointer asker, KeptCallPointer own)
+    : deadline(deadline), asker(std::move(asker)), own(std::move(own)), mailbox(sorm.mailbox()) {}
+
+const ClientPointer& Pending::client() const {
+    static const ClientPointer thisProcess;
+    return own ? own->client : asker ? asker->client : thisProcess;
+}
 
 Pending::~Pending() = default;
 
 void Pending::answer() {
     if (answered_) return;
+    if (service && message.code == 0 && (service->checks_ & Class::replies)) {
+        try {
+            service->class_->checkReply(who, message);
+        } catch (const Error& e) {
+            return answer(e.trail);
+        }
+    }
     if (service) service->review(message);
     if (message.code < 0) {
         Trail trail = std::move(message.trail);
@@ -54,6 +66,7 @@ void Pending::answer(Trail trail) {
 
 void Pending::settle() {
     answered_ = true;
+    timer.cancel();
     onCancel_ = nullptr;
     auto callbacks = std::move(whenAnswered_);
     auto keep = shared_from_this();
@@ -72,6 +85,7 @@ bool Pending::cancel(Trail why) {
     auto tell = std::exchange(onCancel_, nullptr);
     answer(std::move(why));             // first: what the service has to say of it comes too late
     if (carrier) carrier->cancelled(*this);
+    if (own) own->cancel();
     if (tell) tell();
     return true;
 }
@@ -123,7 +137,7 @@ bool Reply::cancelled() const { return promise_->pending->cancelled(); }
 void Reply::onCancel(std::function<void()> callback) const { promise_->pending->onCancel(std::move(callback)); }
 bool Reply::answered() const { return promise_->pending->answered(); }
 Deadline Reply::deadline() const { return promise_->pending->deadline; }
-const ClientPointer& Reply::client() const { return promise_->pending->client; }
+const ClientPointer& Reply::client() const { return promise_->pending->client(); }
 
 // ---- the caller's side ----
 

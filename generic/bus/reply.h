@@ -23,7 +23,7 @@
 #include <vector>
 
 #include "bus/client.h"
-#include "bus/deadline.h"
+#include "bus/call.h"
 #include "bus/loop.h"
 #include "bus/message.h"
 #include "bus/reference.h"
@@ -45,16 +45,22 @@ public:
         virtual Trail overdue(Pending& pending) = 0;                    // what to say when its deadline has passed
     };
 
-    Pending(Sorm& sorm, Deadline deadline, ClientPointer client);
+    // asker: the request on whose behalf it is made; null: none. own: the context in which it is executed, when there is
+    // one already; it is cancelled with this.
+    Pending(Sorm& sorm, Deadline deadline, KeptCallPointer asker, KeptCallPointer own);
     ~Pending();
 
     Message message;                    // the request; when it is answered, the result
     Trail failure;                      // why it failed, when it did
     const Deadline deadline;
-    const ClientPointer client;         // null: this process
+    const KeptCallPointer asker;
+    KeptCallPointer own;
+    const ClientPointer& client() const;            // null: this process
+    Timer timer;                        // of its deadline, for whoever keeps that; it ends with the answer
     const std::shared_ptr<Mailbox> mailbox;
     Carrier* carrier = nullptr;
     std::uint32_t ticket = 0;           // the carrier's own
+    bool relayed = false;               // somebody else than the owner has named the object
     std::string who;                    // the object, as messages name it
     Reference service;                  // which executes it, from its start until finish()
 

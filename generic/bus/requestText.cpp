@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <climits>
 #include <cstring>
 
@@ -514,6 +515,13 @@ std::string numberText(double value) {
     return out;
 }
 
+std::string plainNumber(double value) {
+    double size = std::fabs(value);
+    if (size != 0 && !(size >= 1e-4 && size < 1e15)) return numberText(value);
+    char buffer[64];
+    return std::string(buffer, std::to_chars(buffer, buffer + sizeof buffer, value, std::chars_format::fixed).ptr);
+}
+
 bool parseNumber(std::string_view text, double& value) { return parseWhole(text, value); }
 bool parseNumber(std::string_view text, std::int64_t& value) { return parseWhole(text, value); }
 
@@ -589,7 +597,7 @@ void parseParts(WordReader& reader, Method method, Message& message) {
 }
 
 void parseRequest(std::string_view text, std::string& name, Method& method, Message& message) {
-    message.clear();
+    message.reset();
     name.clear();
     needUtf8(text);
     WordReader reader(text);
@@ -602,7 +610,7 @@ void parseRequest(std::string_view text, std::string& name, Method& method, Mess
 }
 
 void parseReply(std::string_view text, std::string& name, Message& message) {
-    message.clear();
+    message.reset();
     name.clear();
     needUtf8(text);
     WordReader reader(text);

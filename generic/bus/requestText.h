@@ -73,6 +73,8 @@ std::string joinWords(const std::vector<std::string>& words);
 void appendNumber(std::string& out, double value);
 void appendNumber(std::string& out, std::int64_t value);
 std::string numberText(double value);
+// For people to read: 1000, not 1e+03; an exponent only where the digits would be too many.
+std::string plainNumber(double value);
 // The whole text must be a number; no locale, surrounding space or hexadecimal. False otherwise, value unchanged;
 // also when it is beyond the range of the type.
 bool parseNumber(std::string_view text, double& value);

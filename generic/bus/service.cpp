@@ -1,6 +1,6 @@
 #include "bus/service.h"
 
-#include "bus/deadline.h"
+#include "bus/call.h"
 #include "bus/serviceParts.h"
 
 namespace sorma {
@@ -39,32 +39,17 @@ std::vector<Reference> Service::parts() const {
     return out;
 }
 
-void Service::steer(Steering* steering) {
-    steering_ = steering;
-    setGuard(kSteeredBit, steering != nullptr);
-}
-
-// The steering thread does it on this one's behalf, and finds the caller of the request where it always is.
-void Service::startLent(Method method, Message& m) {
-    Error failure{Trail()};
-    bool failed = false;
-    Call* outer = Call::current();
-    steering_->lend(*this, [&] {
-        Call::Lent call(outer);
-        try {
-            start(method, m);
-        } catch (...) {
-            failure = Error(trailOfCurrentException(name_));
-            failed = true;
-        }
-    });
-    if (failed) throw failure;
+// What both threads may look for is made now.
+void Service::setRealtimeOwner(RealtimeOwner* owner) {
+    record();
+    realtimeOwner_ = owner;
+    setGuard(kOwnedBit, owner != nullptr);
 }
 
 // A step that cannot be taken as it is.
 void Service::unusable(Message& m) {
     if (!m.later) fail(kCode, name_, m.code);
-    if (!steering_) return awaitLater(m);
+    if (!realtimeOwner_) return awaitLater(m);
     std::exchange(m.later, nullptr)->cancel(Trail());
     fail(kLater, name_);
 }
@@ -79,13 +64,59 @@ Service::Record& Service::record() {
 
 void Service::failGone() const { fail(kRemoved, name_); }
 
-bool Service::start(Method method, Message& m) {
-    if (guard()) [[unlikely]] {
-        if (gone()) failGone();
-        if (steering_ && Steering::current() != steering_) return startLent(method, m), m.later != nullptr;
-        if (method == Method::exec && (guard() & kLockedBit)) checkLock();
-        if (method == Method::exec && (guard() & kBusyBit)) return enqueue(m), true;
+// ---- rights ----
+
+// May whoever wrote this request ask for it at all? Of CTRL and DBX each word asks for its own right, when it is read.
+void Service::admit(Method method, Message& m) {
+    if (isElsewhere()) return;
+    if (method != Method::exec) return;
+    try {
+        need(m.author, class_->execRight());
+    } catch (const Error& e) {
+        noteFailure(e.trail);
+        throw;
     }
+    if (m.author && !class_->doesActOnWords()) m.author.reset();
+}
+
+void Service::need(const PrincipalPointer& author, Right right) {
+    Access& access = sorm_->access;
+    if (!author && !access.restricted()) return;
+    std::uint64_t principal = author ? author->serial() : 0;
+    if (known_.epoch != access.epoch() || known_.principal != principal)
+        known_ = {principal, access.epoch(), access.rights(author, name_)};
+    if (!(known_.rights & Rights(right))) access.refuse(author, right, name_, name_);
+}
+
+const PrincipalPointer& Service::author(std::string_view option) const {
+    static const PrincipalPointer owner;
+    int index = class_->findOption(option);
+    return record_ && index >= 0 ? record_->sources[std::size_t(index)].author : owner;
+}
+
+void Service::assign(const Option& option, const Value& value, const PrincipalPointer& author) {
+    if (!option.refer) return option.set(*this, value);
+    option.refer(*this, subService(*this, std::get<std::string>(value), author));
+}
+
+bool Service::start(Method method, Message& m) {
+    if (m.author) [[unlikely]] admit(method, m);
+    return guard() ? startGuarded(method, m) : proceed(method, m);
+}
+
+// What stands in the way of a request.
+bool Service::startGuarded(Method method, Message& m) {
+    if (gone()) failGone();
+    if ((guard() & kAskBit) && !m.author) admit(method, m);
+    // CTRL prepares while ticks go on, see configure().
+    std::optional<BetweenTicks> between;
+    if (realtimeOwner_ && method != Method::ctrl) between.emplace(*this);
+    if (method == Method::exec && (guard() & kLockedBit)) checkLock();
+    if (method == Method::exec && (guard() & kBusyBit)) return enqueue(m), true;
+    return proceed(method, m);
+}
+
+bool Service::proceed(Method method, Message& m) {
     try {
         enter(method, m);
     } catch (...) {
@@ -103,6 +134,12 @@ void Service::invoke(Method method, Message& m) {
     if (start(method, m)) [[unlikely]] awaitLater(m);
 }
 
+// What an earlier call has left in the message is no request: by reference nobody minds it.
+void Service::invokeInPlace(Message& m) {
+    class_->dropUndeclared(m);
+    invoke(Method::exec, m);
+}
+
 void Service::awaitLater(Message& m) {
     Future future(std::exchange(m.later, nullptr));
     std::swap(m, future.wait());
@@ -111,7 +148,7 @@ void Service::awaitLater(Message& m) {
 // ---- requests that take their time ----
 
 Reply Service::later(Message& m) {
-    auto pending = std::make_shared<Pending>(*sorm_, Call::currentDeadline(), Call::currentClient());
+    auto pending = std::make_shared<Pending>(*sorm_, CallContext::currentDeadline(), nullptr, CallContext::keep());
     pending->who = name_;
     pending->service = Reference(this);
     std::swap(pending->message, m);
@@ -122,7 +159,7 @@ Reply Service::later(Message& m) {
 }
 
 void Service::enqueue(Message& m) {
-    auto pending = std::make_shared<Pending>(*sorm_, Call::currentDeadline(), Call::currentClient());
+    auto pending = std::make_shared<Pending>(*sorm_, CallContext::currentDeadline(), nullptr, CallContext::keep());
     pending->who = name_;
     std::swap(pending->message, m);
     m.later = pending;
@@ -144,7 +181,12 @@ void Service::released() {
 // A request that stands for itself, with nobody on the stack who waits for it.
 void Service::perform(const PendingPointer& pending, Method method) {
     if (pending->answered()) return;
-    Call call(pending->client ? pending->client->caller : Caller::self(), pending->deadline, pending->client);
+    if (!pending->own) {
+        auto& asker = pending->asker;
+        pending->own = std::make_shared<KeptCall>(pending->client(), pending->deadline, asker ? asker->request : CallContext::newRequest(),
+                                                  asker ? asker->behalf : std::string());
+    }
+    CallContext context(pending->own);
     Message m;
     std::swap(m, pending->message);
     try {
@@ -165,8 +207,10 @@ void Service::perform(const PendingPointer& pending, Method method) {
 }
 
 Future Service::async(Method method, Message request, Deadline deadline) {
-    auto pending = std::make_shared<Pending>(*sorm_, (deadline.none() ? patience() : deadline).earlier(Call::currentDeadline()),
-                                             Call::currentClient());
+    auto asker = CallContext::keep();
+    auto pending = std::make_shared<Pending>(*sorm_, (deadline.none() ? patience() : deadline).earlier(CallContext::currentDeadline()),
+                                             asker, nullptr);
+    if (asker) asker->begun(pending);
     pending->who = name_;
     pending->message = std::move(request);
     try {
@@ -180,30 +224,31 @@ Future Service::async(Method method, Message request, Deadline deadline) {
 void Service::carry(const PendingPointer& pending, Method method) {
     pending->mailbox->post([pending, method, self = Reference(this)] { self->perform(pending, method); });
     if (pending->deadline.none() || pending->deadline.when() == INT64_MAX || !sorm_->hasLoop()) return;
-    Loop& loop = sorm_->loop();
-    std::uint64_t timer = loop.after(pending->deadline.when(), [weak = std::weak_ptr(pending)] {
+    pending->timer = sorm_->loop().after(pending->deadline.when(), [weak = std::weak_ptr(pending)] {
         if (auto p = weak.lock()) p->expire();
-    });
-    pending->whenAnswered([sorm = sorm_, box = pending->mailbox, timer] {
-        if (box->owner && sorm->hasLoop()) sorm->loop().cancel(timer);
     });
 }
 
-void Service::oneway(Method method, Message request) { async(method, std::move(request)); }
+void Service::oneway(Method method, Message request) {
+    if (method == Method::exec && (checks_ & Class::undeclared)) class_->checkNamed(name_, request);
+    async(method, std::move(request));
+}
 
 void Service::left() {
     setGuard(kGoneBit, true);
     Reference keep(this);
-    if (steering_ && Steering::current() != steering_) {
-        try {
-            return steering_->lend(*this, [this] { leave(); });
-        } catch (const Error&) {        // it hangs in a step; what is under way there cannot be ended
-        }
+    std::optional<BetweenTicks> between;
+    bool hangs = false;
+    try {
+        between.emplace(*this);
+    } catch (const Error&) {
+        hangs = true;
     }
-    leave();
+    leave(hangs);
 }
 
-void Service::leave() {
+// hangs: its real-time owner is in the middle of it, for ever perhaps. What is under way there cannot be ended.
+void Service::leave(bool hangs) {
     if (guard() & kLockedBit) {
         auto& lock = record().lock;
         if (lock.holder) lock.holder->release(lock.lease);
@@ -216,6 +261,7 @@ void Service::leave() {
             pending->answer(std::move(trail));
         }
     }
+    if (hangs) return;
     try {
         leaving();
     } catch (...) {                     // nobody is left to hear it
@@ -272,16 +318,18 @@ std::unique_ptr<Listening> Service::listen(std::string pattern, std::size_t keep
 
 void Service::checkLock() const {
     auto& lock = record_->lock;
-    if (lock.holder != Call::currentClient()) fail(kLockedBy, name_, lock.by, clockText(lock.since));
+    if (lock.holder != CallContext::currentClient()) fail(kLockedBy, name_, lock.by, clockText(lock.since));
 }
 
 void Service::enter(Method method, Message& m) {
     if (method == Method::exec) [[likely]] {
-        if (checks_) class_->checkRequest(name_, m);
+        const std::uint8_t checks = checks_;
+        if (checks & Class::undeclared) class_->checkNamed(name_, m);
         count();
         if ((calls() & 63) == 1) [[unlikely]] timed(method, m);
         else exec(m);
         if (m.later) [[unlikely]] return;
+        if ((checks & Class::replies) && m.code == 0) class_->checkReply(name_, m);
         if (!m.words.empty()) m.words.clear();      // words go in, never out
         if (m.code < 0) [[unlikely]] fail(kCode, name_, m.code);
         return;

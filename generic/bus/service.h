@@ -1,23 +1,25 @@
 // service.h -- a service object: what its author implements, and what every object gets from its class's table.
 //
-// Threads: a service object belongs to the thread of its SORM, or to one that steers it (bus/steering.h). References are
-// counted without locks.
+// Threads: a service object belongs to the thread of its SORM, or to one that executes it in ticks (bus/realtimeOwner.h).
+// References are counted without locks.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "bus/change.h"
 #include "bus/dictionary.h"
 #include "bus/message.h"
 #include "bus/option.h"
 #include "bus/pin.h"
+#include "bus/realtimeOwner.h"
 #include "bus/reference.h"
 #include "bus/reply.h"
-#include "bus/steering.h"
 #include "bus/stream.h"
 
 namespace sorma {
@@ -40,7 +42,13 @@ public:
     // The recipe has been applied, the name is known; the object is about to be called for the first time.
     virtual void born() {}
 
-    // These options have new values. Throw to refuse: all of them are put back. Not called for the recipe (see born).
+    // Options are about to be set, while the object goes on with their present values, in a cycle perhaps: do here what takes
+    // time. Called on the SORM's thread: change nothing that EXEC uses. What is returned is called between two ticks, when the
+    // options have been set; it must be short. Throw to refuse. Not called for the recipe (see born).
+    virtual Commit prepare(const Change& change) { return (void)change, nullptr; }
+
+    // These options have new values. Short as well: no tick begins meanwhile, and what makes one late by more than a quarter of
+    // its period is taken back (this is called again then). Throw to refuse: all of them are put back. Not called for the recipe.
     virtual void changed(std::span<const Option* const> options) { (void)options; }
 
     // Check yourself; throw what is wrong, or return a verdict in clear text.
@@ -56,22 +64,25 @@ public:
     // class whose other lengths follow from it tells them then. From the signature, unless a class knows better.
     virtual std::vector<Pin> pins(std::string_view pin = {}, std::size_t length = Pin::kOpen) const;
 
-    // Objects that it executes in its own EXEC, and that are steered with it: those of its options, unless it knows better.
+    // Objects that it executes in its own EXEC, and whose real-time owner is its own: those of its options, unless it knows
+    // better.
     virtual std::vector<Reference> parts() const;
 
     // ---- requests with words; a proxy forwards them, others leave them as they are ----
     virtual void ctrl(Message& m);
     virtual void dbx(Message& m);
     virtual std::string location() const { return "self"; }
+    // A proxy: others judge what is asked of it.
+    virtual bool isElsewhere() const { return false; }
 
     // ---- what callers use ----
     const std::string& name() const { return name_; }
     const Class& type() const { return *class_; }
     Sorm& sorm() const { return *sorm_; }
     bool gone() const { return guard() & kGoneBit; }
-    Steering* steering() const { return steering_; }        // null: it belongs to the SORM's thread
+    RealtimeOwner* realtimeOwner() const { return realtimeOwner_; }     // null: it belongs to the SORM's thread
     // Hand the object over to a thread, or with null back. By the SORM's thread, while the other one does not run it.
-    void steer(Steering* steering);
+    void setRealtimeOwner(RealtimeOwner* owner);
 
     // A request of any method, as the dispatcher, the Tcl command and the server make it: checks, counts, times one
     // call in 64, keeps the trail within the object's verbosity, and names this object in what is thrown. True: the
@@ -99,6 +110,10 @@ public:
     std::string dump() const;               // settable part: "-option value" lines; then state lines "# ..."
     std::string recipe() const;             // options that differ from their defaults, as CTRL words
 
+    // Who wrote the present value of an option, also while changed() looks at it; null: the owner. A value that names
+    // something is acted on with his rights.
+    const PrincipalPointer& author(std::string_view option) const;
+
 protected:
     // Take over the request that exec was called with: its content moves into the reply's message, exec returns, and
     // the answer is given through the reply, any time, by any thread.
@@ -120,7 +135,14 @@ private:
     struct Record;                          // origins, undo, audit, statistics: made when first needed
     Record& record();
     void configure(const std::vector<DictionaryWord>& words, bool birth, const std::string& request, Message* reply);
+    struct Applying;
+    void apply(Applying& a);
     [[noreturn]] void failGone() const;
+    void admit(Method method, Message& m);
+    void need(const PrincipalPointer& author, Right right);
+    void assign(const Option& option, const Value& value, const PrincipalPointer& author);
+    bool startGuarded(Method method, Message& m);
+    bool proceed(Method method, Message& m);
     void enter(Method method, Message& m);
     void timed(Method method, Message& m);
     void review(Message& m);                // the trail of an answer
@@ -129,7 +151,7 @@ private:
     void perform(const PendingPointer& pending, Method method);
     void released();                        // one of the requests that it had taken over has ended
     void checkLock() const;
-    void leave();
+    void leave(bool hangs);
     void left();                            // the repository: no more requests, those that wait are refused
     void awaitLater(Message& m);
 
@@ -140,22 +162,29 @@ private:
         guard_.store(std::uint8_t(on ? guard() | bit : guard() & ~bit), std::memory_order_relaxed);
     }
     void count() { calls_.store(calls() + 1, std::memory_order_relaxed); }
-    void startLent(Method method, Message& m);
+    void invokeInPlace(Message& m);         // EXEC by reference, the long way
     void unusable(Message& m);
 
     std::string name_;
     const Class* class_ = nullptr;
     Sorm* sorm_ = nullptr;
     std::unique_ptr<Record> record_;
-    Steering* steering_ = nullptr;          // while guard_ has kSteeredBit
+    RealtimeOwner* realtimeOwner_ = nullptr;    // while guard_ has kOwnedBit
     std::atomic<std::uint64_t> calls_{0};   // EXECs
     std::uint32_t references_ = 0;
     std::uint32_t names_ = 0;               // in the repository, second names included
     std::unique_ptr<Stream> stream_;        // while somebody listens
-    static constexpr std::uint8_t kGoneBit = 1, kBusyBit = 2, kLockedBit = 4, kSteeredBit = 8;
+    static constexpr std::uint8_t kGoneBit = 1, kBusyBit = 2, kLockedBit = 4, kOwnedBit = 8;
+    static constexpr std::uint8_t kAskBit = 16;     // the SORM is a safe interpreter's: its own requests are asked, too
     std::atomic<std::uint8_t> guard_{0};    // what stands in the way of a request
-    bool checks_ = false;                   // class_->checksRequests()
+    std::uint8_t checks_ = 0;               // class_->checks()
     std::uint8_t verbosity_ = 1;            // 0 errors, 1 and warnings, 2 and verbose
+    // What whoever asked last may do with this object: good for that principal, and for that state of the policy.
+    struct Known {
+        std::uint64_t principal = 0;
+        std::uint32_t epoch = 0;
+        Rights rights = 0;
+    } known_;
 };
 
 inline Reference::Reference(Service* service) : service_(service) {
@@ -168,24 +197,24 @@ inline Reference::~Reference() {
 
 inline void Reference::exec(Message& message) const {
     Service& s = *service_;
-    if (s.guard()) [[unlikely]] return s.invoke(Method::exec, message);
-    if (s.checks_) s.class_->checkRequest(s.name_, message);
+    if (s.guard()) [[unlikely]] return s.invokeInPlace(message);
+    if (s.checks_ & Class::lengths) s.class_->checkRequest(s.name_, message);
     s.count();
     s.exec(message);
     if (message.later) [[unlikely]] s.awaitLater(message);
 }
 
-inline void Reference::step(Message& message, Steering* here) const {
+inline void Reference::step(Message& message, RealtimeOwner* here) const {
     Service& s = *service_;
     std::uint8_t guard = s.guard();
-    if (guard && (guard != Service::kSteeredBit || s.steering_ != here)) [[unlikely]] return s.invoke(Method::exec, message);
+    if (guard && (guard != Service::kOwnedBit || s.realtimeOwner_ != here)) [[unlikely]] return s.invokeInPlace(message);
     s.count();
     s.exec(message);
     if (message.later || message.code < 0) [[unlikely]] s.unusable(message);
 }
 
 // Used by Class::service: resolves a name through the SORM of the object, so that cycles are noticed.
-Reference subService(Service& user, const std::string& name);
+Reference subService(Service& user, const std::string& name, const PrincipalPointer& author = nullptr);
 
 template <class S> Class& Class::service(std::string name, Reference S::*member, Spec spec) {
     return option({std::move(name), Type::service, std::move(spec), {},
@@ -193,9 +222,8 @@ template <class S> Class& Class::service(std::string name, Reference S::*member,
                        const Reference& r = static_cast<const S&>(s).*member;
                        return Value(r ? r->name() : std::string());
                    },
-                   [member](Service& s, const Value& v) {
-                       static_cast<S&>(s).*member = subService(s, std::get<std::string>(v));
-                   }});
+                   nullptr,
+                   [member](Service& s, Reference r) { static_cast<S&>(s).*member = std::move(r); }});
 }
 
 }  // namespace sorma

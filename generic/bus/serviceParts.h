@@ -24,6 +24,7 @@ struct Service::Record {
     struct Source {                     // why an option has its value
         enum class Kind { initial, recipe, ctrl } kind = Kind::initial;
         Origin origin;                  // recipe
+        PrincipalPointer author;        // of the word; null: the owner
         std::string by, request;        // ctrl
         std::int64_t time = 0;
     };
@@ -53,6 +54,16 @@ struct Service::Record {
         std::string by;
         std::int64_t since = 0;
     } lock;                             // while guard_ has kLockedBit
+};
+
+// Options that are being set. What it replaces ends after ticks go on again: the members go from the last to the first.
+struct Service::Applying {
+    Change::Values values;
+    std::vector<Record::Source> sources;    // of each
+    bool birth = false;                     // by its recipe: nothing has been there before
+    std::vector<Record::Undo> before;
+    Commit commit = nullptr;
+    std::optional<BetweenTicks> between = std::nullopt;     // from the commit on
 };
 
 // The requests that every class answers.

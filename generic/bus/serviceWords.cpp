@@ -50,18 +50,16 @@ std::string oneOf(std::vector<std::string> words) {
     return out;
 }
 
-// Apply words of CTRL, all or nothing. Options are parsed and checked first, then set together, then actions run.
+// Apply words of CTRL, all or nothing. Options are parsed and checked first, then set together, then actions run. Each
+// word is applied with the rights of its author: that of the recipe's entry, or of the request.
 void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, const std::string& request, Message* reply) {
-    struct Setting {
-        int option;
-        Value value;
-        const Origin* origin;
-    };
     struct Step {
         const Action* action;
         Args args;
+        const Origin* origin;
     };
-    std::vector<Setting> settings;
+    Applying a;
+    std::vector<const Origin*> origins;     // of each
     std::vector<Step> steps;
     std::vector<std::string> words;
     words.reserve(recipe.size());
@@ -76,10 +74,12 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, c
         ++i;
         if (int index = class_->findOption(word); index >= 0) {
             const Option& o = class_->options()[index];
+            need(origin->author, Right::configure);
             if (o.spec.fixed && !birth) fail(kReadonly, name_, o.name);
             if (o.type == Type::flag) {
                 bool given = i < words.size() && !words[i].starts_with('-');     // a flag alone is set
-                settings.push_back({index, o.parse(name_, given ? std::string_view(words[i++]) : "1"), origin});
+                a.values.push_back({index, o.parse(name_, given ? std::string_view(words[i++]) : "1"), origin->author});
+                origins.push_back(origin);
                 continue;
             }
             if (i == words.size()) {
@@ -88,66 +88,99 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, c
                 if (auto r = o.range(); !r.empty()) what += ", " + r;
                 fail(kMissingValue, name_, o.name, what);
             }
-            settings.push_back({index, o.parse(name_, words[i++]), origin});
+            a.values.push_back({index, o.parse(name_, words[i++]), origin->author});
+            origins.push_back(origin);
             continue;
         }
         const Action* action = class_->findAction(word);
         if (!action) action = findIn(CommonRequests::actions(), word);
         if (!action) failUnknown(*this, word, true);
+        need(origin->author, action->right);
         Args args = takeArguments(*this, *action, words, i, known);
         i += args.size();
-        steps.push_back({action, args});
+        steps.push_back({action, args, origin});
     }
 
-    std::vector<Record::Undo> before;
-    if (!birth && !settings.empty() && (guard() & kLockedBit)) checkLock();
-    if (!settings.empty()) {
+    if (!birth && !a.values.empty() && (guard() & kLockedBit)) checkLock();
+    if (!a.values.empty()) {
         Record& r = record();
-        std::vector<const Option*> changedOptions;
-        auto putBack = [&] {
-            for (auto u = before.rbegin(); u != before.rend(); ++u) class_->options()[u->option].set(*this, u->value);
-        };
-        try {
-            for (auto& s : settings) {
-                const Option& o = class_->options()[s.option];
-                before.push_back({s.option, o.get(*this), r.sources[s.option]});
-                o.set(*this, s.value);
-                if (std::find(changedOptions.begin(), changedOptions.end(), &o) == changedOptions.end())
-                    changedOptions.push_back(&o);
-            }
-            if (!birth) changed(changedOptions);
-        } catch (...) {
-            putBack();
-            throw;
-        }
-        std::string by = birth ? std::string() : Call::currentCaller().toText();
-        for (auto& s : settings) {
-            auto& source = r.sources[s.option];
-            source.kind = birth ? Record::Source::Kind::recipe : Record::Source::Kind::ctrl;
-            source.origin = birth ? *s.origin : Origin{};
-            source.by = by;
-            source.request = request;
-            source.time = wallNow();
-        }
-        if (!birth) r.undo = std::move(before);
+        std::string by = birth ? std::string() : CallContext::currentCallers();
+        std::int64_t now = wallNow();
+        for (std::size_t i = 0; i < a.values.size(); ++i)
+            a.sources.push_back({birth ? Record::Source::Kind::recipe : Record::Source::Kind::ctrl, birth ? *origins[i] : Origin{},
+                                 origins[i]->author, by, request, now});
+        a.birth = birth;
+        apply(a);
+        if (!birth) r.undo = std::move(a.before);
     }
     for (auto& step : steps) {
+        if (step.action->whileTicking) a.between.reset();
+        else if (realtimeOwner_ && !a.between) a.between.emplace(*this);
         Message none;
-        step.action->body(*this, step.args, reply ? *reply : none);
+        Message& into = reply ? *reply : none;
+        into.author = step.origin->author;
+        step.action->body(*this, step.args, into);
+    }
+}
+
+// All or nothing. What takes time comes first, while ticks go on; then all is set between two of them.
+void Service::apply(Applying& a) {
+    Record& r = record();
+    std::vector<const Option*> options;
+    std::vector<Reference> planted;         // so that setting a name only finds it
+    RealtimeOwner* owner = RealtimeOwner::current() == realtimeOwner_ ? nullptr : realtimeOwner_;
+    bool committed = false, told = false;
+    try {
+        for (auto& v : a.values) {
+            const Option& o = class_->options()[v.option];
+            if (std::find(options.begin(), options.end(), &o) == options.end()) options.push_back(&o);
+            if (a.birth || o.type != Type::service) continue;
+            planted.push_back(subService(*this, std::get<std::string>(v.value), v.author));
+            if (owner && planted.back()) owner->adopt(*planted.back());
+        }
+        if (!a.birth) a.commit = prepare(Change(*this, a.values));
+        a.between.emplace(*this);
+        for (std::size_t i = 0; i < a.values.size(); ++i) {
+            auto& v = a.values[i];
+            const Option& o = class_->options()[v.option];
+            a.before.push_back({v.option, o.get(*this), r.sources[v.option]});
+            assign(o, v.value, v.author);
+            r.sources[v.option] = a.sources[i];
+        }
+        if (a.birth) return;
+        if (a.commit) a.commit(), committed = true;
+        changed(options);
+        told = true;
+        if (owner) {
+            if (a.commit || !planted.empty()) owner->partsChanged();
+            owner->checkBudget(*this);
+        }
+    } catch (...) {
+        for (auto u = a.before.rbegin(); u != a.before.rend(); ++u) {
+            assign(class_->options()[u->option], u->value, u->source.author);
+            r.sources[u->option] = u->source;
+        }
+        try {
+            if (committed) a.commit();
+            if (told) changed(options);
+        } catch (...) {                     // what was there before is accepted, or it would not have been there
+        }
+        if (owner) owner->partsChanged();
+        throw;
     }
 }
 
 void Service::ctrl(Message& m) {
     std::vector<DictionaryWord> words;
     words.reserve(m.words.size());
-    for (auto& w : m.words) words.push_back({w, {}});
+    for (auto& w : m.words) words.push_back({w, {}}), words.back().origin.author = m.author;
     std::string request = joinWords(m.words);
     m.text.clear();
     bool done = false;
     auto note = [&] {
         auto& audit = record().audit;
         if (audit.size() == kAuditLength) audit.pop_front();
-        audit.push_back({wallNow(), Call::currentCaller().toText(), request, done});
+        audit.push_back({wallNow(), CallContext::currentCallers(), request, done});
     };
     try {
         configure(words, false, request, &m);
@@ -175,6 +208,7 @@ void Service::dbx(Message& m) {
     for (std::size_t i = 0; i < words.size();) {
         const Action* action = find(words[i]);
         if (!action) failUnknown(*this, words[i], false);
+        need(m.author, action->right);
         Args args = takeArguments(*this, *action, words, i + 1, find);
         i += 1 + args.size();
         steps.push_back({action, args});
@@ -210,7 +244,12 @@ std::string Service::recipe() const {
     return out;
 }
 
-Reference subService(Service& user, const std::string& name) {
-    return name.empty() ? Reference() : user.sorm().get(name);
+Reference subService(Service& user, const std::string& name, const PrincipalPointer& author) {
+    if (name.empty()) return {};
+    Reference found = user.sorm().get(name, author);
+    // What the class does with it, it does as the owner; so whoever has named it must have the right to that. Elsewhere that
+    // daemon judges.
+    if (!found->isElsewhere()) user.sorm().access.need(author, Right::call, found->name(), found->name());
+    return found;
 }
 }  // namespace sorma

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <mutex>
 
-#include "bus/deadline.h"
+#include "bus/call.h"
 #include "bus/glob.h"
 #include "bus/requestText.h"
 
@@ -25,8 +25,6 @@ const Prototype kThread{Severity::error, "SERVICE THREAD", 1,
 const Prototype kGone{Severity::error, "SERVICE GONE", 1, "{}: there is no such service object"};
 const Prototype kExists{Severity::error, "SERVICE EXISTS", 1, "{}: the service object exists already; use CTRL to change it"};
 const Prototype kProtected{Severity::error, "SERVICE PROTECTED", 1, "{}: belongs to the SORM and cannot be removed"};
-const Prototype kDenied{Severity::error, "COMM DENIED", 1, "{}: this interpreter is safe and may not use the network; "
-                        "its parent can grant it: sorma::grant INTERP -network 1"};
 const Prototype kNoLoop{Severity::error, "SERVICE FAILED", 0, "this program has no event loop: it was built without COMM"};
 const Prototype kNoNetwork{Severity::error, "COMM REFUSED", 1, "{}: this program was built without COMM, only local names work"};
 
@@ -39,8 +37,8 @@ Bindings& bindings() {
     return b;
 }
 
-// A thread that steers objects has no business in the repository while it runs a tick.
-bool onForeignThread() { return Steering::current() && !Steering::current()->hasLoan(); }
+// A thread that executes ticks has no business in the repository.
+bool onForeignThread() { return RealtimeOwner::current() != nullptr; }
 
 }  // namespace
 
@@ -48,9 +46,9 @@ Sorm::Sorm(Host* host) : host_(host) {
     add(describeDict());
     add(describeSorm());
     mailbox_->owner = this;
-    makeLocal("sorm", "sorm", nullptr);
+    makeLocal(Name::parse("sorm"), nullptr, nullptr);
     self_ = find("sorm");
-    makeLocal("dict", "dict", nullptr);
+    makeLocal(Name::parse("dict"), nullptr, nullptr);
 }
 
 Sorm::~Sorm() {
@@ -122,35 +120,69 @@ void Sorm::forget(std::string_view name) {
 
 // ---- repository and plant ----
 
-Reference Sorm::get(std::string_view text) {
-    if (auto* known = find(text)) return Reference(known);
-    return make(Name::parse(text), nullptr);
+Reference Sorm::get(std::string_view text, const PrincipalPointer& author) {
+    Service* known = find(text);
+    if (known && (!author || !known->isElsewhere())) return Reference(known);
+    return make(Name::parse(text), nullptr, author);
 }
 
-Reference Sorm::create(std::string_view text, const std::vector<std::string>& words) {
+Reference Sorm::create(std::string_view text, const std::vector<std::string>& words, const PrincipalPointer& author) {
     if (find(text)) fail(kExists, text);
-    return make(Name::parse(text), &words);
+    access.need(author, Right::make, text, text);
+    return make(Name::parse(text), &words, author);
 }
 
-Reference Sorm::make(const Name& name, const std::vector<std::string>* words) {
+Reference Sorm::make(const Name& name, const std::vector<std::string>* words, const PrincipalPointer& author) {
     if (onForeignThread()) fail(kThread, name.toText());
-    if (name.local()) return makeLocal(name.service, name.className, words);
+    if (name.local()) return makeLocal(name, words, author);
     Address address = resolve(name, dictionary_);
     std::string key = name.toText();
     if (address.kind == Address::Kind::self) {
-        Reference here = words ? makeLocal(name.service, name.className, words) : get(name.service);
+        Reference here = makeHere(name, words, author);
         if (!here->gone()) keep(key, here);     // the name with its address is a second name
         return here;
     }
-    if (!permissions.network) fail(kDenied, key);
+    access.need(author, Right::reach, name.where.empty() ? address.toText() : name.where, key);
     if (!makeProxy) fail(kNoNetwork, key);
+    if (author) return adopt(makeProxy(name, words ? *words : std::vector<std::string>(), author), key, *findClass("proxy"));
     if (auto* known = find(key)) return Reference(known);
     std::vector<std::string> recipe;
-    for (auto& w : dictionary_.expand(key)) recipe.push_back(w.text);
+    for (auto& w : recipeOf(name)) {
+        access.need(w.origin.author, Right::reach, name.where.empty() ? address.toText() : name.where, key);    // it goes there as ours
+        recipe.push_back(w.text);
+    }
     if (words) recipe.insert(recipe.end(), words->begin(), words->end());
-    Reference made = adopt(makeProxy(name, address, std::move(recipe)), key, *findClass("proxy"));
+    Reference made = adopt(makeProxy(name, std::move(recipe), nullptr), key, *findClass("proxy"));
     keep(key, made);
     return made;
+}
+
+std::vector<DictionaryWord> Sorm::recipeOf(const Name& name) const {
+    std::string key = name.recipeKey();
+    return key.empty() ? std::vector<DictionaryWord>() : dictionary_.expand(key);
+}
+
+// What a daemon elsewhere would get as CTRL from us, an object that is here gets all the same.
+Reference Sorm::makeHere(const Name& name, const std::vector<std::string>* words, const PrincipalPointer& author) {
+    auto wish = recipeOf(name);
+    Service* known = find(name.service);
+    if (!known) {
+        Name here = name;
+        here.where.clear();
+        here.byDefault = false;
+        return makeLocal(here, words, author, wish);
+    }
+    if (words) fail(kExists, name.service);
+    Reference here(known);
+    if (!wish.empty()) {
+        Message m;
+        for (auto& w : wish) {
+            m.words.push_back(std::move(w.text));
+            m.author = Principal::both(m.author, w.origin.author);
+        }
+        here->invoke(Method::ctrl, m);
+    }
+    return here;
 }
 
 Reference Sorm::adopt(std::unique_ptr<Service> service, const std::string& name, const Class& type) {
@@ -159,15 +191,19 @@ Reference Sorm::adopt(std::unique_ptr<Service> service, const std::string& name,
     s->name_ = name;
     s->class_ = &type;
     s->sorm_ = this;
-    s->checks_ = type.checksRequests();
+    s->checks_ = type.checks();
+    if (access.restricted()) s->setGuard(Service::kAskBit, true);
     return reference;
 }
 
-Reference Sorm::makeLocal(const std::string& name, const std::string& className, const std::vector<std::string>* words) {
+Reference Sorm::makeLocal(const Name& which, const std::vector<std::string>* words, const PrincipalPointer& author,
+                          const std::vector<DictionaryWord>& wish) {
+    const std::string &name = which.service, &className = which.className;
     if (auto* known = find(name)) {
         if (words) fail(kExists, name);
         return Reference(known);
     }
+    access.need(author, Right::call, name, name);
     if (std::find(births_.begin(), births_.end(), name) != births_.end()) {
         std::string chain;
         for (auto at = std::find(births_.begin(), births_.end(), name); at != births_.end(); ++at) chain += *at + " -> ";
@@ -192,9 +228,10 @@ Reference Sorm::makeLocal(const std::string& name, const std::string& className,
     }
     Reference made = adopt(std::move(fresh), name, type);
     type.learnDefaults(*made);
-    auto recipe = dictionary_.expand(name);
+    auto recipe = recipeOf(which);
+    recipe.insert(recipe.end(), wish.begin(), wish.end());
     if (words)
-        for (auto& w : *words) recipe.push_back({w, Origin{{}, 0, {}, Call::currentCaller().toText()}});
+        for (auto& w : *words) recipe.push_back({w, Origin{{}, 0, {}, CallContext::currentCallers(), author}});
     Message reply;
     try {
         if (!recipe.empty()) made->configure(recipe, true, {}, &reply);
@@ -247,10 +284,13 @@ void Sorm::remove(std::string_view name) {
     if (own == name) announce("object.removed", own);
 }
 
-void Sorm::alias(std::string_view name, std::string_view target) {
+void Sorm::alias(std::string_view name, std::string_view target, const PrincipalPointer& author) {
     if (find(name)) fail(kExists, name);
     Name parsed = Name::parse(name);
-    Reference service = get(target);
+    if (!parsed.where.empty()) access.need(author, Right::reach, parsed.where, name);
+    access.need(author, Right::make, name, name);
+    access.need(author, Right::make, target, target);
+    Reference service = get(target, author);
     keep(parsed.toText(), service);
 }
 
@@ -264,16 +304,14 @@ std::vector<std::string> Sorm::names(std::string_view pattern) const {
 
 void Sorm::dictionaryChanged(std::string_view word) {
     bool everything = word.empty();
-    if (!everything && word[0] != '@' && !(word[0] >= 'A' && word[0] <= 'Z')) return;
+    if (!everything && !Name::isLocation(word)) return;
+    ++locationChanges_;
     std::vector<std::string> leaving;
     for (auto& [key, service] : repository_) {
-        if (key == service->name() && service->location() == "self") continue;
-        auto at = key.find('@');
-        bool located = at != std::string::npos && key.compare(at, std::string::npos, word) == 0;
-        bool byDefault = at == std::string::npos && key.substr(0, key.find('.')) == word;
-        // Any alias may lead to another one, so an edited alias may concern every opaque address.
-        bool opaque = at != std::string::npos && key.find_first_of(":/", at) == std::string::npos;
-        if (everything || located || byDefault || opaque) leaving.push_back(key);
+        if (!Name::isElsewhere(key)) continue;
+        // Any location may lead to another one, so an edited one may concern every name that is not an address itself.
+        Name name = Name::parse(key);
+        if (everything || name.byDefault || Address::parse(name.where).kind == Address::Kind::alias) leaving.push_back(key);
     }
     for (auto& key : leaving) drop(key);
     if (host_)
@@ -317,18 +355,18 @@ void Sorm::call(std::string_view name, Method method, Message& m) {
     service->invoke(method, m);
 }
 
-void Sorm::dispatch(std::string_view request, std::string& reply) noexcept {
+void Sorm::dispatch(std::string_view request, std::string& reply, const PrincipalPointer& author) noexcept {
     if (scratchBusy_) {                     // from inside a service that was called by dispatch
         Message m;
         std::string name;
-        return dispatchWith(m, name, request, reply);
+        return dispatchWith(m, name, request, reply, author);
     }
     scratchBusy_ = true;
-    dispatchWith(scratch_, scratchName_, request, reply);
+    dispatchWith(scratch_, scratchName_, request, reply, author);
     scratchBusy_ = false;
 }
 
-void Sorm::dispatchWith(Message& m, std::string& name, std::string_view request, std::string& reply) noexcept {
+void Sorm::dispatchWith(Message& m, std::string& name, std::string_view request, std::string& reply, const PrincipalPointer& author) noexcept {
     constexpr std::string_view kBare = " EXEC";
     Method method = Method::exec;
     reply.clear();
@@ -338,24 +376,26 @@ void Sorm::dispatchWith(Message& m, std::string& name, std::string_view request,
     Service* known = who.empty() ? nullptr : find(who);
     try {
         if (known) {
-            m.clear();
+            m.reset();
         } else {
             who = {};
             parseRequest(request, name, method, m);
             who = name;
             known = find(who);
         }
-        Reference service = known ? Reference(known) : get(who);
+        Reference service = known && !author ? Reference(known) : get(who, author);
+        if (author) [[unlikely]] m.author = author;
         service->invoke(method, m);
     } catch (...) {
         Trail trail = trailOfCurrentException({});
         for (auto& e : trail.entries())
             if (e.request.empty() && e.daemon.empty()) e.request.assign(request.substr(0, 4096));
-        m.clear();
+        m.reset();
         m.code = -1;
         m.trail = std::move(trail);
         if (who.empty()) who = name.empty() ? std::string_view("sorm") : name;
     }
+    if (m.author) [[unlikely]] m.author.reset();
     if (!m.trail.empty() || !lastTrail_.empty()) lastTrail_ = m.trail;
     appendReply(reply, who, m);
 }

@@ -13,6 +13,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "bus/access.h"
 #include "bus/dictionary.h"
 #include "bus/loop.h"
 #include "bus/message.h"
@@ -31,12 +32,6 @@ public:
     virtual void report(const std::string&) {}                      // what provide() has to say when it fails
     // One turn of the event loop that surrounds the SORM, until something was done or a time [ns]. False: there is none.
     virtual bool turn(std::int64_t) { return false; }
-};
-
-// What a SORM may do; an interpreter that is safe is granted neither.
-struct Permissions {
-    bool network = true;
-    bool files = true;
 };
 
 class Sorm {
@@ -65,23 +60,31 @@ public:
     }
     // The object of that name, made when need be. Fails with NAME SYNTAX, NAME UNKNOWN_CLASS, OPTION ..., SERVICE
     // CYCLE, SERVICE FAILED (its constructor threw), ADDRESS UNRESOLVED, COMM ...
-    Reference get(std::string_view name);
+    // author: who wrote the name. He needs the right to call the object when it has to be made, and to reach its place when
+    // it is elsewhere; then what he gets is a line of his own, whose requests the other daemon judges as anyone's.
+    Reference get(std::string_view name) {
+        if (auto* known = find(name)) return Reference(known);
+        return make(Name::parse(name), nullptr, nullptr);
+    }
+    Reference get(std::string_view name, const PrincipalPointer& author);
     // A new object with words beyond its recipe. Fails with SERVICE EXISTS when the name is taken.
-    Reference create(std::string_view name, const std::vector<std::string>& words);
+    Reference create(std::string_view name, const std::vector<std::string>& words, const PrincipalPointer& author = nullptr);
     void remove(std::string_view name);                             // fails with SERVICE GONE when there is none
-    void alias(std::string_view name, std::string_view target);     // a second name of an object
+    void alias(std::string_view name, std::string_view target, const PrincipalPointer& author = nullptr);   // a second name
     std::vector<std::string> names(std::string_view pattern = "*") const;
     std::size_t size() const { return repository_.size(); }
 
     // ---- dispatch ----
     // Text in, text out; never throws. reply is overwritten.
-    void dispatch(std::string_view request, std::string& reply) noexcept;
+    void dispatch(std::string_view request, std::string& reply, const PrincipalPointer& author = nullptr) noexcept;
     // By name, in place. Throws Error.
     void call(std::string_view name, Method method, Message& m);
 
     Dictionary& dictionary() { return dictionary_; }
     const Dictionary& dictionary() const { return dictionary_; }
     void dictionaryChanged(std::string_view word);                  // after an edit: forget what it located
+    // Counts up when a location has changed: whoever has resolved a name looks again.
+    const std::uint64_t& locationChanges() const { return locationChanges_; }
 
     const Trail& lastTrail() const { return lastTrail_; }
     void setLastTrail(const Trail& trail) {
@@ -104,16 +107,15 @@ public:
     void announce(const Trail& trail);
 
     Host* host() const { return host_; }
-    Permissions permissions;
+    Access access;                                                  // who may do what
     std::string daemonName;                                         // as served; empty when not a daemon
 
     // While it is set, names of remote objects are taken on trust: nothing blocks to ask the daemon whether it has them.
     bool unhurried = false;
 
-    // Makes the proxy of a remote object; set by COMM. The address is what the dictionary says now; the recipe is this
-    // client's own wish for the object, from its dictionary, and goes to the daemon as CTRL.
-    using ProxyMaker =
-        std::function<std::unique_ptr<Service>(const Name&, const Address&, std::vector<std::string> recipe)>;
+    // Makes the proxy of a remote object; set by COMM. The recipe is this client's own wish for the object, from its
+    // dictionary, and goes to the daemon as CTRL. relayFor: who has named it, when it is not the owner.
+    using ProxyMaker = std::function<std::unique_ptr<Service>(const Name&, std::vector<std::string> recipe, const PrincipalPointer& relayFor)>;
     ProxyMaker makeProxy;
     // What COMM adds to the SO `sorm`: connections, daemons, server facts, as text in lines.
     std::function<std::string(std::string_view what)> networkFacts;
@@ -129,7 +131,7 @@ private:
     };
     using Repository = std::unordered_map<std::string, Reference, Hash, std::equal_to<>>;
 
-    void dispatchWith(Message& m, std::string& name, std::string_view request, std::string& reply) noexcept;
+    void dispatchWith(Message& m, std::string& name, std::string_view request, std::string& reply, const PrincipalPointer& author) noexcept;
     // What find() found last: a name that is used again needs no hash and no walk along a chain.
     // Invariant: name points to a key of repository_, service is what it holds there.
     struct Recent {
@@ -142,8 +144,12 @@ private:
         return recent_[n == 0 ? 0 : (n + 7 * at(n / 2) + 5 * at(n - 1)) % recent_.size()];
     }
 
-    Reference make(const Name& name, const std::vector<std::string>* words);
-    Reference makeLocal(const std::string& name, const std::string& className, const std::vector<std::string>* words);
+    Reference make(const Name& name, const std::vector<std::string>* words, const PrincipalPointer& author);
+    Reference makeHere(const Name& name, const std::vector<std::string>* words, const PrincipalPointer& author);
+    // wish: what follows its recipe, and comes before the words.
+    Reference makeLocal(const Name& name, const std::vector<std::string>* words, const PrincipalPointer& author,
+                        const std::vector<DictionaryWord>& wish = {});
+    std::vector<DictionaryWord> recipeOf(const Name& name) const;
     void keep(const std::string& key, const Reference& service);
     void drop(const std::string& key);
     Reference adopt(std::unique_ptr<Service> service, const std::string& name, const Class& type);
@@ -162,6 +168,7 @@ private:
     std::string scratchName_;
     bool scratchBusy_ = false;
     Trail lastTrail_;
+    std::uint64_t locationChanges_ = 0;
     std::vector<const void*> keys_;
 };
 

@@ -1,5 +1,5 @@
 // The SO `sorm`: looks into its SORM, and works on it: classes, objects, references, connections, daemons.
-#include "bus/deadline.h"
+#include "bus/call.h"
 #include "bus/glob.h"
 #include "bus/listText.h"
 #include "bus/requestText.h"
@@ -11,8 +11,7 @@ namespace {
 
 const Prototype kGone{Severity::error, "SERVICE GONE", 1, "sorm: there is no service object \"{}\""};
 const Prototype kDepth{Severity::error, "SORM DEPTH", 0, "sorm: requests in requests are {} deep; that is enough"};
-const Prototype kElsewhere{Severity::error, "COMM DENIED", 1,
-    "sorm: {} is served elsewhere; a daemon does not make connections for others"};
+const Prototype kElsewhere{Severity::error, "NAME UNKNOWN_CLASS", 1, "sorm: {} is served elsewhere: ask there"};
 const Prototype kInventory{Severity::error, "REQUEST SYNTAX", 1,
     "sorm: bad word \"{}\" of -inventory: must be addresses, classes, names, objects, serves, or words"};
 constexpr std::size_t kMostLines = 1000;
@@ -57,10 +56,10 @@ public:
     // A request in a request, for those who have a message at hand and no dispatcher.
     void exec(Message& m) override {
         if (depth_ >= kMostDepth) fail(kDepth, depth_);
-        if (remote()) stayHere(receiver(m.text));
         std::string request = std::move(m.text), reply;
+        PrincipalPointer author = std::move(m.author);
         ++depth_;
-        sorm().dispatch(request, reply);
+        sorm().dispatch(request, reply, author);
         --depth_;
         m.clear();
         m.text = std::move(reply);
@@ -100,22 +99,21 @@ public:
     }
 
     void connections(Args, Message& reply) { network("connections", reply); }
-    void daemons(Args, Message& reply) { network("daemons", reply); }
+    // It asks each of them.
+    void daemons(Args, Message& reply) {
+        sorm().access.need(reply.author, Right::reach, "*", name());
+        network("daemons", reply);
+    }
     void statistics(Args, Message& reply) {
         addLine(reply, sizes());
         network("statistics", reply);
     }
 
     void create(Args args, Message& reply) {
-        stayHere(args[0]);
-        addLine(reply, sorm().create(args[0], {args.begin() + 1, args.end()})->name());
+        addLine(reply, sorm().create(args[0], {args.begin() + 1, args.end()}, reply.author)->name());
     }
 
-    void alias(Args args, Message&) {
-        stayHere(args[0]);
-        stayHere(args[1]);
-        sorm().alias(args[0], args[1]);
-    }
+    void alias(Args args, Message& reply) { sorm().alias(args[0], args[1], reply.author); }
 
     // What inspectors ask again and again: not noted in the audit, and nothing is made for it.
     void inventory(Args args, Message& reply) {
@@ -136,7 +134,7 @@ public:
                 for (auto& word : sorm().dictionary().words()) appendListElement(list, word);
             } else if (what == "addresses") {
                 for (auto& word : sorm().dictionary().words("[@A-Z]*")) {
-                    if (word[0] != '@' && (word[0] < 'A' || word[0] > 'Z')) continue;
+                    if (!Name::isLocation(word)) continue;
                     auto* expansion = sorm().dictionary().get(word);
                     if (expansion && !expansion->empty()) appendListElement(list, listOf({word, expansion->front()}));
                 }
@@ -154,7 +152,7 @@ public:
     void describe(Args args, Message& reply) {
         Service* s = sorm().find(args[0]);
         if (!s) {
-            if (args[0].find('@') != std::string::npos || Name::parse(args[0]).byDefault) fail(kElsewhere, args[0]);
+            if (Name::isElsewhere(args[0])) fail(kElsewhere, args[0]);
         }
         const Class& type = s ? s->type() : sorm().needClass(Name::parse(args[0]).className);
         std::string options, fixed;
@@ -185,11 +183,26 @@ public:
         addLine(reply, out.text());
     }
 
-    void remove(Args args, Message&) {
+    void remove(Args args, Message& reply) {
+        for (auto& each : args) sorm().access.need(reply.author, Right::make, each, each);
         for (auto& name : args)
             if (!sorm().find(name)) fail(kGone, name);
         for (auto& name : args)
             if (sorm().find(name)) sorm().remove(name);
+    }
+
+    // ---- who may do what ----
+
+    void policy(Args, Message& reply) { addLine(reply, sorm().access.text()); }
+    void may(Args args, Message& reply) { addLine(reply, sorm().access.explain(args[0], args[1], args[2])); }
+    void denied(Args, Message& reply) { addLine(reply, sorm().access.deniedText()); }
+    void allow(Args args, Message& reply) {
+        sorm().access.need(reply.author, Right::policy, "policy", name());
+        sorm().access.add(args[0], "sorm CTRL -allow");
+    }
+    void reloadPolicy(Args, Message& reply) {
+        sorm().access.need(reply.author, Right::policy, "policy", name());
+        sorm().access.reload();
     }
 
 private:
@@ -216,28 +229,6 @@ private:
         return names;
     }
 
-    static bool remote() { return Call::current() && &Call::currentCaller() != &Caller::self(); }
-
-    // Whom a request is for. Empty when it cannot be read: dispatch will say why.
-    static std::string receiver(const std::string& request) {
-        std::string name;
-        Method method = Method::exec;
-        Message ignored;
-        try {
-            parseRequest(request, name, method, ignored);
-        } catch (const Error&) {
-            name.clear();
-        }
-        return name;
-    }
-
-    // A request from another process may not make this one connect to a third, nor take a name that means a third.
-    // The rule is the server's: it serves no name that has an address or a class in upper case.
-    static void stayHere(const std::string& name) {
-        bool elsewhere = name.find('@') != std::string::npos || (!name.empty() && name[0] >= 'A' && name[0] <= 'Z');
-        if (elsewhere && remote()) fail(kElsewhere, name);
-    }
-
     static void addLine(Message& reply, const std::string& line) {
         if (!reply.text.empty()) reply.text += '\n';
         reply.text += line;
@@ -248,21 +239,30 @@ private:
 
 }  // namespace
 
+// Actions that work on objects ask for the right to each of them.
 Class describeSorm() {
     return Class::of<SormService>("sorm", "the service object request manager: what there is here, and how it goes")
-        .action("-classes", &SormService::classes, "?pattern?", "classes: name, version, purpose", 0, 1)
-        .action("-objects", &SormService::objects, "?pattern?", "objects: name, class, references, calls of EXEC, place", 0, 1)
-        .action("-references", &SormService::referencesOf, "name", "how many hold a reference to an object", 1, 1)
-        .action("-connections", &SormService::connections, "", "connections to daemons, and from clients")
-        .action("-daemons", &SormService::daemons, "", "daemons of this user on this host: name, state, who, socket")
-        .action("-statistics", &SormService::statistics, "", "sizes and counts")
-        .action("-create", &SormService::create, "name ?word ...?", "make an object; words as in CTRL", 1, Action::kRest)
-        .action("-alias", &SormService::alias, "name target", "give an object a second name", 2, 2)
-        .action("-remove", &SormService::remove, "name ?name ...?", "remove objects", 1, Action::kRest)
+        .action("-classes", &SormService::classes, "?pattern?", "classes: name, version, purpose", 0, 1, Right::inspect)
+        .action("-objects", &SormService::objects, "?pattern?", "objects: name, class, references, calls of EXEC, place", 0, 1, Right::inspect)
+        .action("-references", &SormService::referencesOf, "name", "how many hold a reference to an object", 1, 1, Right::inspect)
+        .action("-connections", &SormService::connections, "", "connections to daemons, and from clients", 0, 0, Right::inspect)
+        .action("-daemons", &SormService::daemons, "", "daemons of this user on this host: name, state, who, socket", 0, 0, Right::inspect)
+        .action("-statistics", &SormService::statistics, "", "sizes and counts", 0, 0, Right::inspect)
+        .action("-create", &SormService::create, "name ?word ...?", "make an object; words as in CTRL", 1, Action::kRest, Right::inspect)
+        .action("-alias", &SormService::alias, "name target", "give an object a second name", 2, 2, Right::inspect)
+        .action("-remove", &SormService::remove, "name ?name ...?", "remove objects", 1, Action::kRest, Right::inspect)
+        .action("-policy", &SormService::policy, "", "who may do what: the lines that hold, and where each comes from", 0, 0, Right::inspect)
+        .action("-may", &SormService::may, "subject right name", "would it be allowed, and by which line: -may {host 192.168.7.21} configure carry",
+                3, 3, Right::inspect)
+        .action("-allow", &SormService::allow, "line", "add a line to the policy, before those of its file", 1, 1, Right::inspect)
+        .action("-reloadPolicy", &SormService::reloadPolicy, "", "read the file of the policy again", 0, 0, Right::inspect)
+        .inspection({"-denied", "", "what was refused: how often, to whom", 0, 0,
+                     [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).denied(a, m); }})
         .inspection({"-inventory", "?what ...?", "dict of classes, names, objects (name class calls underway), words, addresses, serves",
                      0, Action::kRest, [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).inventory(a, m); }})
         .inspection({"-describe", "name", "dict of the table of an object's class, without making the object", 1, 1,
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).describe(a, m); }})
+        .actsOnWords()
         .reads(Field::text, {}, "", "a request")
         .writes(Field::text, {}, "", "its reply")
         .example("sorm CTRL -classes");

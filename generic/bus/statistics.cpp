@@ -28,12 +28,15 @@ std::string Histogram::toText() const {
 }
 
 std::string durationText(double ns) {
-    static constexpr struct { double unit; const char* name; } scale[] = {{1e9, "s"}, {1e6, "ms"}, {1e3, "us"}};
-    char text[32];
-    for (auto& s : scale)
-        if (ns >= s.unit) return std::snprintf(text, sizeof text, "%.3g %s", ns / s.unit, s.name), text;
-    std::snprintf(text, sizeof text, "%.3g ns", ns);
-    return text;
+    static constexpr struct { double unit; const char* name; } scale[] = {{1e9, "s"}, {1e6, "ms"}, {1e3, "us"}, {1, "ns"}};
+    char digits[32];
+    for (auto& s : scale) {
+        if (ns < 0.9995 * s.unit && s.unit > 1) continue;       // 999.7 us are 1 ms, not 1000 us
+        // Three digits, but no 1e+03.
+        std::snprintf(digits, sizeof digits, ns < 999.5 * s.unit ? "%.3g" : "%.0f", ns / s.unit);
+        return std::string(digits) + ' ' + s.name;
+    }
+    return {};
 }
 
 std::string clockText(std::int64_t microseconds) {

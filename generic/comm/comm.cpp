@@ -13,8 +13,6 @@ namespace sorma {
 namespace {
 
 const Prototype kServed{Severity::error, "COMM REFUSED", 1, "this process serves the name \"{}\" already"};
-const Prototype kDenied{Severity::error, "COMM DENIED", 1,
-    "{}: this interpreter is safe and may not use the network; its parent can grant it: sorma::grant INTERP -network 1"};
 const Prototype kNotServed{Severity::error, "SERVICE GONE", 1, "this process does not serve the name \"{}\""};
 const Prototype kName{Severity::error, "NAME SYNTAX", 1, "bad daemon name \"{}\": letters, digits, _ - and . only"};
 
@@ -31,8 +29,8 @@ bool goodName(const std::string& name) {
 Comm::Comm(Sorm& sorm) : sorm_(sorm), reactor_(std::make_shared<Reactor>(sorm.mailbox())) {
     sorm_.setLoop(reactor_.get());
     sorm_.add(Proxy::describe());
-    sorm_.makeProxy = [this](const Name& name, const Address& address, std::vector<std::string> recipe) {
-        return makeProxy(name, address, std::move(recipe));
+    sorm_.makeProxy = [this](const Name& name, std::vector<std::string> recipe, const PrincipalPointer& relayFor) {
+        return makeProxy(name, std::move(recipe), relayFor);
     };
     sorm_.networkFacts = [this](std::string_view what) { return facts(what); };
 }
@@ -48,37 +46,50 @@ Comm::~Comm() {
     sorm_.networkFacts = nullptr;
 }
 
-std::unique_ptr<Service> Comm::makeProxy(const Name& name, const Address& address, std::vector<std::string> recipe) {
-    std::string key = address.toText();
-    auto connection = connections_[key].lock();
-    if (!connection) {
-        // Opaque addresses are looked up again at each reconnect; a name without its own entry follows its daemon.
-        auto locate = [this, name, address] {
-            Address now = resolve(name, sorm_.dictionary());
-            return now.kind == Address::Kind::self ? address : now;
-        };
-        connection = std::make_shared<Connection>(name.where.empty() ? address.toText() : name.where, locate, settings, reactor_, sorm_.mailbox());
-        connections_[key] = connection;
+std::shared_ptr<Connection> Comm::lineTo(const Name& name) {
+    std::string rule;
+    Address address = resolve(name, sorm_.dictionary(), &rule);
+    if (address.kind == Address::Kind::self) return nullptr;
+    auto& known = connections_[rule + ' ' + address.toText()];
+    if (auto connection = known.lock()) return connection;
+    // Opaque addresses are looked up again at each reconnect, by the rule that all who share the connection have in common.
+    Name ruler = name;
+    if (rule[0] == '@') {
+        ruler.where = rule.substr(1);
+        ruler.byDefault = false;
     }
-    Deadline deadline = Deadline::in(settings.timeout).earlier(Call::currentDeadline());
+    auto locate = [this, ruler, address] {
+        Address now = resolve(ruler, sorm_.dictionary());
+        return now.kind == Address::Kind::self ? address : now;     // who has the connection is no name any more: it stays
+    };
+    std::string who = !name.where.empty() ? name.where : rule[0] == '@' ? rule.substr(1) : address.toText();
+    auto connection = std::make_shared<Connection>(std::move(who), locate, settings, reactor_, sorm_.mailbox());
+    known = connection;
+    return connection;
+}
+
+std::unique_ptr<Service> Comm::makeProxy(const Name& name, std::vector<std::string> recipe, const PrincipalPointer& relayFor) {
+    auto connection = lineTo(name);
+    Deadline deadline = Deadline::in(settings.timeout).earlier(CallContext::currentDeadline());
     // The daemon makes the object now, so that a name that cannot be served is told at once.
     if (!sorm_.unhurried) {
         Message m;
         m.words = {"-info", "class"};
-        connection->call(name.service, Method::dbx, m, deadline);
+        connection->call(name.service, Method::dbx, m, deadline, relayFor != nullptr);
     }
-    auto proxy = std::make_unique<Proxy>(name.service, std::move(connection), settings);
+    auto proxy = std::make_unique<Proxy>(name.service, std::move(connection), settings,
+                                         Proxy::Line{sorm_.locationChanges(), [this, name] { return lineTo(name); }}, relayFor);
     if (!recipe.empty()) proxy->setRecipe(std::move(recipe), sorm_.unhurried);
     return proxy;
 }
 
 Server& Comm::serve(const Server::Wanted& wanted) {
     ended_.erase(std::remove_if(ended_.begin(), ended_.end(), [](auto& s) { return !s->serving(); }), ended_.end());
-    if (!sorm_.permissions.network) fail(kDenied, wanted.name);
+    sorm_.access.need(nullptr, Right::reach, wanted.name, wanted.name);
     if (!goodName(wanted.name)) fail(kName, wanted.name);
     if (servers_.contains(wanted.name)) fail(kServed, wanted.name);
     auto server = std::make_unique<Server>(sorm_, *reactor_, gate_, settings, wanted);
-    if (sorm_.daemonName.empty()) sorm_.daemonName = wanted.name;
+    if (sorm_.daemonName.empty()) sorm_.access.daemon = sorm_.daemonName = wanted.name;
     if (!watchman_)
         watchman_ = std::make_unique<Watchman>(*reactor_, gate_, [this](const std::vector<void*>& waiting) {
             bool busy = false;
@@ -89,7 +100,8 @@ Server& Comm::serve(const Server::Wanted& wanted) {
     return *servers_.emplace(wanted.name, std::move(server)).first->second;
 }
 
-void Comm::unserve(const std::string& name, const std::string& reason) {
+// name by value: it may be the very key that goes.
+void Comm::unserve(std::string name, const std::string& reason) {
     auto found = servers_.find(name);
     if (found == servers_.end()) fail(kNotServed, name);
     std::unique_ptr<Server> server;
@@ -98,7 +110,7 @@ void Comm::unserve(const std::string& name, const std::string& reason) {
         server = std::move(found->second);
         servers_.erase(found);
     }
-    if (sorm_.daemonName == name) sorm_.daemonName = servers_.empty() ? "" : servers_.begin()->first;
+    if (sorm_.daemonName == name) sorm_.access.daemon = sorm_.daemonName = servers_.empty() ? "" : servers_.begin()->first;
     server->stop(reason);
     if (server->serving()) ended_.push_back(std::move(server));
 }
@@ -110,7 +122,7 @@ Server* Comm::findServer(const std::string& name) {
 
 std::vector<Comm::Found> Comm::daemons() {
     std::vector<Found> out;
-    if (!sorm_.permissions.network) fail(kDenied, "daemons");
+    sorm_.access.need(nullptr, Right::reach, "*", "daemons");
     std::string folder = runtimeFolder();
     DIR* dir = opendir(folder.c_str());
     if (!dir) return out;
@@ -135,6 +147,7 @@ std::vector<Comm::Found> Comm::daemons() {
             d.identity = w.user + "@" + w.host + " " + w.program + "[" + std::to_string(w.process) + "]";
         } catch (const Error& error) {
             d.state = error.is("COMM REFUSED") ? "dead" : error.is("COMM TIMEOUT") ? "busy" : error.what();
+            if (d.state == "dead") sweepSocket(d.socket);       // told once
         }
     }
     return out;

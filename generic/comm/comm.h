@@ -34,7 +34,7 @@ public:
 
     // Fails with COMM REFUSED when the name is served already, COMM DENIED without permission.
     Server& serve(const Server::Wanted& wanted);
-    void unserve(const std::string& name, const std::string& reason);       // fails with SERVICE GONE
+    void unserve(std::string name, const std::string& reason);       // fails with SERVICE GONE
     Server* findServer(const std::string& name);
     const std::map<std::string, std::unique_ptr<Server>>& servers() const { return servers_; }
     // To be called when an event loop is entered while a request is executed (as Server::handBack).
@@ -51,7 +51,8 @@ public:
     std::vector<Found> daemons();
 
 private:
-    std::unique_ptr<Service> makeProxy(const Name& name, const Address& address, std::vector<std::string> recipe);
+    std::unique_ptr<Service> makeProxy(const Name& name, std::vector<std::string> recipe, const PrincipalPointer& relayFor);
+    std::shared_ptr<Connection> lineTo(const Name& name);       // as the dictionary says now; null when it says here
     std::string facts(std::string_view what);
 
     Sorm& sorm_;
@@ -59,7 +60,7 @@ private:
     Gate gate_;                     // to servers_ and ended_, and all that they have
     std::map<std::string, std::unique_ptr<Server>> servers_;
     std::vector<std::unique_ptr<Server>> ended_;        // unserved while one of their own requests was on the stack
-    std::map<std::string, std::weak_ptr<Connection>> connections_;      // by resolved address
+    std::map<std::string, std::weak_ptr<Connection>> connections_;      // by "RULE ADDRESS", see resolve
     std::unique_ptr<Watchman> watchman_;                        // while there is a server
 };
 

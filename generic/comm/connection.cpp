@@ -47,8 +47,6 @@ Connection::Connection(std::string who, std::function<Address()> locate, const S
 Connection::~Connection() {
     drop();
     closeOpening();
-    reactor_->cancel(retryTimer_);
-    reactor_->cancel(deadlineTimer_);
 }
 
 void Connection::drop() {
@@ -66,7 +64,7 @@ void Connection::drop() {
 
 // ---- calls ----
 
-void Connection::call(std::string_view name, Method method, Message& m, Deadline deadline) {
+void Connection::call(std::string_view name, Method method, Message& m, Deadline deadline, bool relayed, std::int64_t now) {
     std::uint32_t index = acquire(name, deadline);
     Slot& slot = *slots_[index];
     struct Leave {
@@ -74,9 +72,9 @@ void Connection::call(std::string_view name, Method method, Message& m, Deadline
         std::uint32_t index;
         ~Leave() { c.release(index); }
     } leave{*this, index};
-    // The clock is read once for all that is decided before the request is on its way: each reading is a hundredth of
-    // an empty call.
-    std::int64_t now = monotonicNow();
+    // The clock is read once for a call that is answered at once, by whoever made its deadline: each reading is a hundredth
+    // of an empty call.
+    if (now == 0) now = monotonicNow();
     if (fd_ >= 0) checkIdle(now);
     if (fd_ < 0) {
         recover(deadline, &slot);
@@ -85,14 +83,25 @@ void Connection::call(std::string_view name, Method method, Message& m, Deadline
     if (!batch_.empty()) flush(deadline);
     if (!outgoing_.empty()) [[unlikely]] drain(deadline);
     slot.into = &m;
-    write(index, method, m, now);
+    if (CallContext::current() || relayed) [[unlikely]] {
+        wire::Behalf behalf{relayed, CallContext::currentRequest(), CallContext::currentCallers()};
+        write(index, method, m, now, &behalf);
+    } else {
+        write(index, method, m, now, nullptr);
+    }
     slot.state = Slot::State::unsent;
     // Sent is what the kernel has taken to the last byte: of less than that the daemon can make nothing.
     if (fd_ >= 0 && transmit(slot.request.data(), slot.request.size(), deadline)) {
         slot.state = Slot::State::sent;
         ++inFlight_;
     }
-    await(index);
+    std::int64_t outer = std::exchange(callTime_, now);
+    struct Forget {
+        std::int64_t& time;
+        std::int64_t outer;
+        ~Forget() { time = outer; }
+    } forget{callTime_, outer};
+    await(index, deadline.none() ? deadline.left() : slot.budget);
     if (!arrived_.empty()) [[unlikely]] deliverLater();
     if (slot.failed) throw Error(std::move(slot.failure));
     if (m.code < 0) {
@@ -106,7 +115,7 @@ Connection::Ticket Connection::submit(std::string_view name, Method method, cons
     Slot& slot = *slots_[index];
     try {
         if (fd_ < 0) recover(deadline, &slot);
-        write(index, method, m, monotonicNow());
+        write(index, method, m, monotonicNow(), nullptr);
         slot.state = Slot::State::unsent;
         unsent_.push_back(index);
         batch_.append(slot.request.data(), slot.request.size());
@@ -195,7 +204,7 @@ void Connection::release(std::uint32_t index) {
     free_.push_back(index);
 }
 
-void Connection::write(std::uint32_t index, Method method, const Message& m, std::int64_t now) {
+void Connection::write(std::uint32_t index, Method method, const Message& m, std::int64_t now, const wire::Behalf* behalf) {
     Slot& slot = *slots_[index];
     wire::Request request{index, ++slot.sequence, 0, method, slot.name};
     ++calls_;
@@ -204,7 +213,7 @@ void Connection::write(std::uint32_t index, Method method, const Message& m, std
         request.timeleft = static_cast<std::uint32_t>(std::min<std::int64_t>(slot.budget / 1'000'000 + 1, UINT32_MAX));
     }
     slot.request.clear();
-    wire::writeCall(slot.request, xidOf(index, slot.sequence), program_, request, m);
+    wire::writeCall(slot.request, xidOf(index, slot.sequence), program_, request, m, wire::kCall, behalf);
     std::size_t size = slot.request.size() - wire::kMarkSize;
     std::size_t most = std::min<std::size_t>(daemon_.maxMessage, static_cast<std::size_t>(settings_.maxMessage));
     if (size > most) {
@@ -214,14 +223,16 @@ void Connection::write(std::uint32_t index, Method method, const Message& m, std
     }
 }
 
-void Connection::await(std::uint32_t index) {
+void Connection::await(std::uint32_t index, std::int64_t left) {
     Slot& slot = *slots_[index];
     while (slot.state == Slot::State::sent || slot.state == Slot::State::unsent) {
         if (fd_ < 0) {
             recover(slot.deadline, &slot);
+            left = -1;
             continue;
         }
-        if (!receive(slot.deadline)) failTimeout(&slot, fullName(slot), {});
+        if (left < 0) left = slot.deadline.left();
+        if (!receive(slot.deadline, std::exchange(left, -1))) failTimeout(&slot, fullName(slot), {});
     }
 }
 
@@ -274,8 +285,7 @@ bool Connection::transmit(const char* data, std::size_t size, Deadline deadline)
     return true;
 }
 
-bool Connection::receive(Deadline deadline) {
-    std::int64_t left = deadline.left();
+bool Connection::receive(Deadline deadline, std::int64_t left) {
     if (left == 0) return false;
     // The socket's own timeout serves as the deadline, so that a call costs no poll; it is set anew only when it
     // would wait too long. A shorter one just makes us look again.
@@ -335,7 +345,7 @@ bool Connection::takeRecords() {
 void Connection::take(std::string_view record) {
     XdrReader r(record);
     auto envelope = wire::readEnvelope(r);
-    lastHeard_ = monotonicNow();
+    lastHeard_ = callTime_ != 0 ? callTime_ : monotonicNow();
     if (r.good() && envelope.kind == 0) {
         auto header = wire::readCallHeader(r, envelope.xid);
         if (header.procedure == wire::kGoodbye) lastWords_ = std::string(r.text());

@@ -1,4 +1,5 @@
-// connection.h -- this process's line to one daemon: one for each daemon and SORM, shared by all its proxies.
+// connection.h -- this process's line to one daemon: shared by all its proxies whose names have the same address by the same
+// rule (see resolve in bus/name.h), since the rule decides where the line leads when it is made anew.
 //
 // A call is put into a free slot, numbered, sent, and its bytes are kept until the reply is there. When the connection
 // breaks, the address is resolved anew and the daemon asked who it is: the same one (its boot number) is sent the
@@ -46,7 +47,9 @@ public:
 
     // Call a service of the daemon, in place; blocks until the reply or the deadline. Throws Error: the daemon's own
     // trail, or one of COMM's (errors.h). name: as known at the daemon.
-    void call(std::string_view name, Method method, Message& m, Deadline deadline);
+    // relayed: the name was chosen by somebody else than the owner of this process. now: the time [ns] of which the deadline
+    // was made; 0: the clock is read.
+    void call(std::string_view name, Method method, Message& m, Deadline deadline, bool relayed = false, std::int64_t now = 0);
 
     // The same in two steps, so that many calls can be in flight. A ticket is good for one collect; the message
     // given to collect receives the result. Calls are sent at flush, at collect, or when much has gathered.
@@ -61,9 +64,10 @@ public:
     // host's name. The connection lives as long as there are such calls.
     void begin(const PendingPointer& pending, const std::string& name, Method method);
     // Without a reply: sent when it can be, forgotten when not.
-    void oneway(const std::string& name, Method method, const Message& m);
+    void oneway(const std::string& name, Method method, const Message& m, bool relayed = false);
     // Listen to an object of the daemon. Blocks until the daemon has agreed; throws what it objects to.
-    std::unique_ptr<Listening> listen(std::string name, std::string pattern, std::size_t keep, Listener listener, Deadline deadline);
+    std::unique_ptr<Listening> listen(std::string name, std::string pattern, std::size_t keep, Listener listener, Deadline deadline,
+                                      bool relayed = false);
     // How the daemon is; also while it is busy. Throws as call does.
     wire::Health health(Deadline deadline);
     // Is the reactor at work, so that nothing may block?
@@ -125,10 +129,12 @@ private:
     using Control = std::function<void(XdrReader& reply, const std::string& objection)>;
 
     std::uint32_t acquire(std::string_view name, Deadline deadline);
-    void write(std::uint32_t slot, Method method, const Message& m, std::int64_t now);
+    void write(std::uint32_t slot, Method method, const Message& m, std::int64_t now, const wire::Behalf* behalf);
     bool transmit(const char* data, std::size_t size, Deadline deadline);   // false: the connection is lost
-    void await(std::uint32_t slot);                     // until it is done, or throws on its deadline
-    bool receive(Deadline deadline);                    // some bytes; false when the deadline has passed
+    // Until it is done, or throws on its deadline. left: what was left of it just now [ns]; < 0: to be found out
+    void await(std::uint32_t slot, std::int64_t left = -1);
+    bool receive(Deadline deadline) { return receive(deadline, deadline.left()); }
+    bool receive(Deadline deadline, std::int64_t left);     // some bytes; false when the deadline has passed. left: [ns] of it
     ssize_t read(int flags);                            // once; as recv(2)
     bool takeRecords();                                 // those that are complete; false: what came makes no sense
     void take(std::string_view record);
@@ -197,6 +203,7 @@ private:
     std::string lastWords_;                 // reason of a GOODBYE
     std::string how_;                       // why the connection was lost
     std::int64_t since_ = 0, lastHeard_ = 0;
+    std::int64_t callTime_ = 0;             // [ns] when the blocking call that is under way was made; 0: none is
     std::uint64_t calls_ = 0, reconnects_ = 0;
     std::uint32_t program_ = wire::kProgram;
     std::vector<std::unique_ptr<Slot>> slots_;
@@ -225,7 +232,7 @@ private:
     const Pending* driven_ = nullptr;       // whom drive is for
     std::unique_ptr<Opening> opening_;
     std::int64_t pause_ = 0;                // [ns] before the next attempt
-    std::uint64_t retryTimer_ = 0, deadlineTimer_ = 0;
+    Timer retryTimer_, deadlineTimer_;
     std::int64_t deadlineAt_ = 0;
     std::priority_queue<Due, std::vector<Due>, std::greater<>> due_;
     bool watched_ = false, inEvents_ = false;

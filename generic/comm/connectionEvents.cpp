@@ -45,7 +45,7 @@ void Connection::begin(const PendingPointer& pending, const std::string& name, M
     (method == Method::exec ? waiting_ : urgent_).push_back({pending, name, method});
     if (fd_ >= 0) {
         sendWaiting();
-    } else if (!opening_ && retryTimer_ == 0) {
+    } else if (!opening_ && !retryTimer_) {
         startOpening();
         finishOpening(Deadline::in(kMoment));
     }
@@ -67,8 +67,8 @@ void Connection::end() {
     auto keep = shared_from_this();
     close("the program ends its use of it");
     closeOpening();
-    reactor_->cancel(std::exchange(retryTimer_, 0));
-    reactor_->cancel(std::exchange(deadlineTimer_, 0));
+    retryTimer_.cancel();
+    deadlineTimer_.cancel();
     waiting_.clear();
     urgent_.clear();
     arrived_.clear();
@@ -76,14 +76,16 @@ void Connection::end() {
     keep_.reset();
 }
 
-void Connection::oneway(const std::string& name, Method method, const Message& m) {
+void Connection::oneway(const std::string& name, Method method, const Message& m, bool relayed) {
     try {
         if (fd_ < 0) recover(Deadline::in(settings_.timeout), nullptr);
     } catch (const Error&) {
         return;                         // nobody wants to know
     }
     Buffer bytes;
-    wire::writeCall(bytes, 0, program_, {wire::kNoSlot, 0, 0, method, name}, m, wire::kOneway);
+    wire::Behalf behalf{relayed, CallContext::currentRequest(), CallContext::currentCallers()};
+    wire::writeCall(bytes, 0, program_, {wire::kNoSlot, 0, 0, method, name}, m, wire::kOneway,
+                    relayed || CallContext::current() ? &behalf : nullptr);
     sendBytes(std::move(bytes));
     watch();
 }
@@ -106,7 +108,10 @@ void Connection::sendWaiting() {
             std::uint32_t index = acquire(call.name, call.pending->deadline);
             Slot& slot = *slots_[index];
             try {
-                write(index, call.method, call.pending->message, monotonicNow());
+                auto& asker = call.pending->asker;
+                wire::Behalf behalf;
+                if (asker || call.pending->relayed) behalf = {call.pending->relayed, asker ? asker->request : 0, asker ? asker->callers() : std::string()};
+                write(index, call.method, call.pending->message, monotonicNow(), asker || behalf.relayed ? &behalf : nullptr);
             } catch (const Error& e) {
                 release(index);
                 arrived(call.pending, e.trail);
@@ -311,14 +316,13 @@ void Connection::addDeadline(const PendingPointer& pending) {
         due_.swap(left);
     }
     due_.push({pending->deadline.when(), pending});
-    if (deadlineTimer_ != 0 && deadlineAt_ <= pending->deadline.when()) return;
-    reactor_->cancel(deadlineTimer_);
+    if (deadlineTimer_ && deadlineAt_ <= pending->deadline.when()) return;
     deadlineAt_ = pending->deadline.when();
     deadlineTimer_ = reactor_->after(deadlineAt_, [this] { passDeadlines(); });
 }
 
 void Connection::passDeadlines() {
-    deadlineTimer_ = 0;
+    deadlineTimer_.cancel();
     auto keep = weak_from_this().lock();
     std::int64_t now = monotonicNow();
     while (!due_.empty()) {
@@ -368,10 +372,10 @@ void Connection::ready(std::uint32_t events) {
 // ---- connecting without blocking ----
 
 void Connection::retry() {
-    if (fd_ >= 0 || opening_ || retryTimer_ != 0) return;
+    if (fd_ >= 0 || opening_ || retryTimer_) return;
     pause_ = pause_ == 0 ? kFirstPause : std::min(pause_ * 2, kLastPause);
     retryTimer_ = reactor_->after(monotonicNow() + pause_, [this] {
-        retryTimer_ = 0;
+        retryTimer_.cancel();
         if (fd_ < 0 && !opening_ && wanted()) startOpening();
     });
 }
@@ -394,7 +398,6 @@ void Connection::startOpening() {
         opening_->fd = fd;
         opening_->address = address;
         opening_->timer = reactor_->after(monotonicNow() + kOpenTime, [this] {
-            opening_->timer = 0;
             closeOpening();
             openFailed(Error(makeEntry(kNotGreeted, {MessageArg::of(who_), MessageArg::of(address_)})));
         });
@@ -406,7 +409,6 @@ void Connection::startOpening() {
 
 void Connection::closeOpening() {
     if (!opening_) return;
-    reactor_->cancel(opening_->timer);
     if (opening_->fd >= 0) {
         reactor_->remove(opening_->fd, this);
         ::close(opening_->fd);
@@ -540,8 +542,8 @@ wire::Health Connection::health(Deadline deadline) {
 
 class Connection::Remote : public Listening {
 public:
-    Remote(std::shared_ptr<Connection> c, wire::Subscription w, std::shared_ptr<Inbox> i)
-        : connection(std::move(c)), wanted(std::move(w)), inbox(std::move(i)) {
+    Remote(std::shared_ptr<Connection> c, wire::Subscription w, std::shared_ptr<Inbox> i, bool r)
+        : connection(std::move(c)), wanted(std::move(w)), inbox(std::move(i)), relayed(r) {
         connection->subscriptions_.emplace(wanted.id, this);
     }
     ~Remote() override {
@@ -568,7 +570,8 @@ public:
             }
             answered(m.code < 0 ? m.trail : Trail(), m);
         };
-        wire::writeSubscribe(bytes, c.control(std::move(handler)), c.program_, wanted);
+        wire::Behalf behalf{relayed, CallContext::currentRequest(), CallContext::currentCallers()};
+        wire::writeSubscribe(bytes, c.control(std::move(handler)), c.program_, wanted, relayed ? &behalf : nullptr);
         c.sendBytes(std::move(bytes));
     }
     void tell(std::string name, std::int64_t lost, std::string text) {
@@ -580,16 +583,17 @@ public:
     std::shared_ptr<Connection> connection;
     wire::Subscription wanted;
     std::shared_ptr<Inbox> inbox;
+    const bool relayed;
     std::uint64_t last = 0;             // number of the last event that came
     std::uint64_t boot = 0;             // of the daemon that counts them
 };
 
 std::unique_ptr<Listening> Connection::listen(std::string name, std::string pattern, std::size_t keep, Listener listener,
-                                              Deadline deadline) {
+                                              Deadline deadline, bool relayed) {
     if (fd_ >= 0) checkIdle(monotonicNow());
     if (fd_ < 0) recover(deadline, nullptr);
     wire::Subscription wanted{++lastSubscription_, std::move(name), std::move(pattern), static_cast<std::uint32_t>(keep)};
-    auto remote = std::make_unique<Remote>(shared_from_this(), wanted, std::make_shared<Inbox>(mailbox_, keep, std::move(listener)));
+    auto remote = std::make_unique<Remote>(shared_from_this(), wanted, std::make_shared<Inbox>(mailbox_, keep, std::move(listener)), relayed);
     bool done = false;
     Trail objection;
     auto ask = [&] {

@@ -16,7 +16,7 @@ struct Connection::Opening {
     Address address;
     bool greeting = false;              // connected, HELLO is sent
     Buffer in;
-    std::uint64_t timer = 0;
+    Timer timer;
 };
 
 }  // namespace sorma

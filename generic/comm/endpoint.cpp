@@ -32,6 +32,9 @@ const Prototype kFolder{Severity::error, "COMM DENIED", 1, "runtime folder {}: {
 const Prototype kHost{Severity::error, "ADDRESS UNRESOLVED", 1, "{}: host \"{}\" is not known: {}"};
 const Prototype kPath{Severity::error, "NAME SYNTAX", 1, "socket path {} has {} bytes, a Unix-domain socket takes at most {}"};
 const Prototype kListen{Severity::error, "COMM REFUSED", 1, "cannot listen on {}: {}"};
+const Prototype kLocked{Severity::error, "COMM REFUSED", 1,
+    "cannot listen on {}: another process has had the lock on its folder {} for {} s; end that one (lslocks shows it), or choose a "
+    "folder of your own"};
 const Prototype kTaken{Severity::error, "COMM REFUSED", 1,
     "{} is served already by {}; this is {}; end that one or choose another name"};
 const Prototype kInherited{Severity::error, "COMM REFUSED", 1, "descriptor {} was to be {}, but it is {}"};
@@ -118,7 +121,7 @@ std::string runtimeFolder() {
     if (lstat(folder.c_str(), &s) < 0) fail(kFolder, folder, std::strerror(errno));
     if (!S_ISDIR(s.st_mode)) fail(kFolder, folder, "is not a folder");
     if (s.st_uid != geteuid()) fail(kFolder, folder, "belongs to another user");
-    if (s.st_mode & 022) fail(kFolder, folder, "others may write to it");
+    if (s.st_mode & 066) fail(kFolder, folder, s.st_mode & 022 ? "others may write to it" : "others may look into it");
     return folder;
 }
 
@@ -254,14 +257,32 @@ int listenTcp(const std::string& host, int port, int& boundPort) {
     return raiseDescriptor(s.release());
 }
 
-int listenUnix(const std::string& path) {
+// The lock on a folder. Whoever may read the folder can have it, and keep it: a start must not wait for him for ever.
+static void takeTurn(int folder, const std::string& name, const std::string& path) {
+    constexpr std::int64_t kPatience = 3000;            // [ms] several times what a start needs
+    for (Deadline deadline = Deadline::in(kPatience); flock(folder, LOCK_EX | LOCK_NB) < 0; poll(nullptr, 0, 10)) {
+        if (errno != EWOULDBLOCK && errno != EINTR) fail(kListen, path, std::strerror(errno));
+        if (deadline.passed()) fail(kLocked, path, name, kPatience / 1000);
+    }
+}
+
+bool sweepSocket(const std::string& path) {
+    sockaddr_un a = unixAddress(path);
+    Closing lock{open(path.substr(0, path.rfind('/') + 1).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
+    if (lock.fd < 0 || flock(lock.fd, LOCK_EX | LOCK_NB) < 0) return false;       // somebody is about to listen
+    Closing probe{socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)};
+    if (connectWithin(probe.fd, reinterpret_cast<sockaddr*>(&a), sizeof a, Deadline::in(100)) != ECONNREFUSED) return false;
+    return unlink(path.c_str()) == 0;
+}
+
+int listenUnix(const std::string& path, bool share) {
     sockaddr_un a = unixAddress(path);
     auto slash = path.rfind('/');
     std::string folder = slash == std::string::npos ? "." : slash == 0 ? "/" : path.substr(0, slash);
     // Two daemons that start at the same moment must not each remove the other's socket.
     Closing lock{open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
     if (lock.fd < 0) fail(kListen, path, std::strerror(errno));
-    flock(lock.fd, LOCK_EX);
+    takeTurn(lock.fd, folder, path);
     struct stat found;
     if (lstat(path.c_str(), &found) == 0) {
         if (!S_ISSOCK(found.st_mode)) fail(kListen, path, "there is a file of that name which is no socket");
@@ -278,6 +299,10 @@ int listenUnix(const std::string& path) {
     umask(mask);
     if (failed) fail(kListen, path, std::strerror(failed));
     if (listen(s.fd, SOMAXCONN) < 0) fail(kListen, path, std::strerror(errno));
+    if (share) {
+        if (chmod(path.c_str(), 0666) < 0) fail(kListen, path, std::strerror(errno));
+        if (folder == runtimeFolder() && chmod(folder.c_str(), 0711) < 0) fail(kListen, folder, std::strerror(errno));
+    }
     return raiseDescriptor(s.release());
 }
 

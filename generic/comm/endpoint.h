@@ -11,7 +11,9 @@
 namespace sorma {
 
 // Folder where daemons of this user listen: $SORMA_RUNTIME_DIR, else $XDG_RUNTIME_DIR/sorma, else /tmp/sorma-UID.
-// Made with mode 0700 when missing. Fails with COMM DENIED when it belongs to somebody else or others may write to it.
+// Made with mode 0700 when missing. Fails with COMM DENIED when it belongs to somebody else, or others may read or write it:
+// they could see who serves what, or put a socket of their own in a daemon's place. That others may pass through (0711)
+// gives them nothing, since each socket has a mode of its own.
 std::string runtimeFolder();
 std::string runtimeSocket(const std::string& name);     // NAME.sock in it
 
@@ -29,8 +31,12 @@ std::string describe(const Address& address);
 
 // Listening sockets, non-blocking. Fail with COMM REFUSED, naming who holds the address where that can be known.
 int listenTcp(const std::string& host, int port, int& boundPort);
-// Removes the socket file of a daemon that died; refuses when a live one answers. Holds a lock on the folder meanwhile.
-int listenUnix(const std::string& path);
+// Removes the socket file of a daemon that died; refuses when a live one answers. Holds a lock on the folder meanwhile, for
+// which it waits 3 s at most. share: other users may connect; of the runtime folder they may then use what they know the name of.
+int listenUnix(const std::string& path, bool share = false);
+
+// Remove the socket file of a daemon that died. False: one listens there, or it cannot be known. The same lock.
+bool sweepSocket(const std::string& path);
 
 // Sockets that somebody else has opened for us (socket activation, inetd), as copies that are like our own: non-blocking,
 // close-on-exec, above 1024. The original stays open, and the caller's. Fail with COMM REFUSED, saying what the

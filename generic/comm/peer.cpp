@@ -19,7 +19,7 @@ constexpr std::int64_t kQuick = 20'000;                 // [ns] a call this shor
 const Prototype kHelloFirst{Severity::error, "COMM PROTOCOL", 0, "{} needs a session: say HELLO first"};
 const Prototype kSlots{Severity::error, "COMM LIMIT", 0,
     "slot {} is beyond the {} calls in flight that this daemon takes from one client; raise it there: sorma::configure -inflight N"};
-const Prototype kOverdue{Severity::error, "COMM TIMEOUT", 1, "{}: no answer by the deadline; the service was told to stop"};
+const Prototype kBehalf{Severity::error, "COMM PROTOCOL", 0, "the credentials do not say on whose behalf the call is made"};
 const Prototype kStopped{Severity::error, "COMM CANCELLED", 1, "{}: the call was cancelled by its caller; it may have run"};
 
 std::uint32_t microseconds(std::int64_t nanoseconds) {
@@ -35,8 +35,9 @@ Trail trailOf(Entry entry) {
 
 }  // namespace
 
-Server::Peer::Peer(Server& server, int fd, ClientPointer who)
-    : server_(server), fd_(fd), client(std::move(who)), since(monotonicNow()), number(++server.peersSeen_) {
+Server::Peer::Peer(Server& server, int fd, ClientPointer who, std::int64_t user)
+    : server_(server), fd_(fd), principal_(who->principal), user_(user), client(std::move(who)), since(monotonicNow()),
+      number(++server.peersSeen_) {
     server_.reactor_.add(fd_, EPOLLIN, this);
 }
 
@@ -60,8 +61,13 @@ void Server::Peer::spill(Frame& frame) {
     if (frame.spilled) return;
     frame.spilled = true;
     std::size_t left = static_cast<std::size_t>(frame.end - frame.at);
-    if (frame.inPeer) in_.drop(in_.size() - left);
-    else in_.append(frame.at, left);
+    if (frame.inPeer) {
+        for (auto* a = server_.activity_; a; a = a->outer)          // its request goes, and it is still under way
+            if (a->kept.empty() && a->name.data() >= in_.data() && a->name.data() < frame.end) a->name = a->kept = a->name;
+        in_.drop(in_.size() - left);
+    } else {
+        in_.append(frame.at, left);
+    }
     if (left > 0) server_.reactor_.again(this);
 }
 
@@ -204,10 +210,10 @@ void Server::Peer::handle(std::string_view record, Scratch& scratch, Frame& fram
         case wire::kNull: return wire::writeEmptyReply(scratch.out, header.xid);
         case wire::kCall: return call(r, header, record, scratch, frame);
         case wire::kHello: return hello(r, header.xid, scratch.out);
-        case wire::kOneway: return oneway(r, scratch, frame);
+        case wire::kOneway: return oneway(r, header, scratch, frame);
         case wire::kCancel: return cancel(r);
         case wire::kHealth: return wire::writeHealth(scratch.out, header.xid, server_.health(false));
-        case wire::kSubscribe: return subscribe(r, header.xid, scratch);
+        case wire::kSubscribe: return subscribe(r, header, scratch);
         case wire::kUnsubscribe:
             if (session) session->subscriptions.erase(r.u32());
             return;
@@ -226,6 +232,7 @@ void Server::Peer::refuse(std::uint32_t xid, Buffer& out, const Error& error) {
 void Server::Peer::hello(XdrReader& r, std::uint32_t xid, Buffer& out) {
     wire::Hello hello;
     if (!wire::readHello(r, hello)) return wire::writeRefusal(out, xid, wire::Refusal::garbage);
+    if (std::exchange(greeted_, true)) return server_.retire(this, "HELLO was said twice on one connection", true);
     bool known = false;
     session = &server_.session(*this, hello, known);
     maxReply_ = hello.maxMessage > 0 ? hello.maxMessage : UINT32_MAX;
@@ -248,17 +255,25 @@ void Server::Peer::cancel(XdrReader& r) {
     }
 }
 
-void Server::Peer::subscribe(XdrReader& r, std::uint32_t xid, Scratch& scratch) {
+void Server::Peer::subscribe(XdrReader& r, const wire::CallHeader& header, Scratch& scratch) {
     wire::Subscription wanted;
-    if (!wire::readSubscription(r, wanted)) return wire::writeRefusal(scratch.out, xid, wire::Refusal::garbage);
+    wire::Behalf behalf;
+    const std::uint32_t xid = header.xid;
+    if (!wire::readSubscription(r, wanted) || (!header.behalf.empty() && !wire::readBehalf(header.behalf, behalf)))
+        return wire::writeRefusal(scratch.out, xid, wire::Refusal::garbage);
     if (!session) return refuse(xid, scratch.out, Error(makeEntry(kHelloFirst, {MessageArg::of("a subscription")})));
     Message m;
     try {
         auto known = session->subscriptions.find(wanted.id);
         bool goesOn = known != session->subscriptions.end();
         if (!goesOn) {
-            if (wanted.name.find('@') != std::string::npos) fail(errors::kRelay, wanted.name);
-            auto fresh = std::make_unique<Subscription>(server_, *session, wanted);
+            if (Name::isElsewhere(wanted.name)) fail(errors::kRelay, wanted.name);
+            ClientPointer who = client;
+            CallContext context(who, {}, ++server_.served_, behalf.callers);
+            const SessionKey mine = session->key;
+            auto fresh = std::make_unique<Subscription>(server_, *session, wanted, authorOf(behalf));
+            // The object may have been made, and have run the event loop: the session may be gone.
+            if (!session || session->key != mine) return;
             known = session->subscriptions.emplace(wanted.id, std::move(fresh)).first;
         }
         m.ints = {std::int64_t(known->second->number()), std::int64_t(known->second->takeLost()), goesOn};
@@ -305,10 +320,9 @@ void Server::Peer::call(XdrReader& r, const wire::CallHeader& header, std::strin
         slot->asked = false;
     }
     ++calls;
-    ++server_.served_;
     wire::Times times;
-    Later later{this, number, mine ? mine->number : 0, request.slot, request.sequence, header.xid, 0, 0};
-    bool pending = execute(request, record, m, times, slot, scratch, frame);
+    Later later{this, number, mine ? mine->key : SessionKey(), request.slot, request.sequence, header.xid, 0};
+    bool pending = execute(request, header, record, m, times, slot, scratch, frame);
     // A service may have run the event loop: the session may have moved to another connection, or be gone.
     if (slot) slot = server_.findSlot(later);
     if (slot) slot->call = nullptr;
@@ -317,18 +331,17 @@ void Server::Peer::call(XdrReader& r, const wire::CallHeader& header, std::strin
     if (slot && slot->asked) server_.replyAgain(later, *slot, this);
 }
 
-void Server::Peer::oneway(XdrReader& r, Scratch& scratch, Frame& frame) {
+void Server::Peer::oneway(XdrReader& r, const wire::CallHeader& header, Scratch& scratch, Frame& frame) {
     wire::Request request;
     Message& m = scratch.message;
     if (!wire::readRequest(r, request, m)) return;
     ++calls;
-    ++server_.served_;
     wire::Times times;
-    if (execute(request, {}, m, times, nullptr, scratch, frame)) m.later.reset();
+    if (execute(request, header, {}, m, times, nullptr, scratch, frame)) m.later.reset();
 }
 
-bool Server::Peer::execute(const wire::Request& request, std::string_view record, Message& m, wire::Times& times, Slot* slot,
-                           Scratch& scratch, Frame& frame) {
+bool Server::Peer::execute(const wire::Request& request, const wire::CallHeader& header, std::string_view record, Message& m,
+                           wire::Times& times, Slot* slot, Scratch& scratch, Frame& frame) {
     // Of requests that came together only the first starts when they came.
     std::int64_t start = frame.served++ == 0 ? arrived_ : monotonicNow();
     std::int64_t waited = start - arrived_;
@@ -336,14 +349,17 @@ bool Server::Peer::execute(const wire::Request& request, std::string_view record
     Deadline deadline;
     if (request.timeleft > 0) deadline = Deadline::at(arrived_ + std::int64_t{request.timeleft} * 1'000'000);
     ClientPointer who = client;                         // stays while the service runs, whatever becomes of this peer
-    Call context(who->caller, deadline, who);
+    wire::Behalf behalf;
+    const bool sound = header.behalf.empty() || wire::readBehalf(header.behalf, behalf);
+    CallContext context(who, deadline, ++server_.served_, behalf.callers);
     if (slot) slot->call = &context;
     Method method = request.method;
     try {
+        if (!sound) fail(kBehalf);
+        const PrincipalPointer& author = authorOf(behalf);
         if (request.timeleft > 0 && start >= deadline.when()) fail(errors::kTimeoutLate, request.name);
         // Only objects of this process are served: whoever may call us may not call others in our name.
-        bool elsewhere = request.name.find('@') != std::string_view::npos || (!request.name.empty() && request.name[0] >= 'A' && request.name[0] <= 'Z');
-        if (elsewhere) [[unlikely]] fail(errors::kRelay, request.name);
+        if (Name::isElsewhere(request.name)) [[unlikely]] fail(errors::kRelay, request.name);
         Service* known = server_.sorm_.find(request.name);
         // Replies to the requests before this one must not wait for it, unless it is known to be quick.
         if (!scratch.out.empty() && (!known || known->lastRun > kQuick)) flush(scratch);
@@ -352,7 +368,8 @@ bool Server::Peer::execute(const wire::Request& request, std::string_view record
         {
             Activity activity(server_, request.name, method, who->caller, start);
             Gate::Outside outside(server_.gate_);
-            service = known ? Reference(known) : server_.sorm_.get(request.name);
+            service = known && !author ? Reference(known) : server_.sorm_.get(request.name, author);
+            if (author) m.author = author;
             later = service->start(method, m);
         }
         std::int64_t ran = monotonicNow() - start;
@@ -373,13 +390,13 @@ bool Server::Peer::execute(const wire::Request& request, std::string_view record
             if (record.size() <= 4096 && wire::readRequest(r, as, again)) appendRequest(text, as.name, as.method, again);
         }
         server_.mark(trail, text);
-        m.clear();
+        m.reset();
         m.code = -1;
         m.trail = std::move(trail);
         times.ran = microseconds(monotonicNow() - start);
         server_.sorm_.setLastTrail(m.trail);
     }
-    times.sub = microseconds(context.subTime);
+    times.sub = context.subTime;
     if (!m.trail.empty()) server_.mark(m.trail, {});
     return false;
 }
@@ -500,7 +517,7 @@ void Server::Peer::pump() {
 // What has been read and not served, then what lies in the socket: records in the order in which they came.
 void Server::Peer::glance() {
     constexpr std::size_t kLook = 256 * 1024;
-    if (!open()) return;
+    if (!open() || queued() > kQueueLimit) return;
     const char* begin = in_.data();
     const char* end = in_.data() + in_.size();
     for (Frame* f = server_.frames_; f; f = f->outer)
@@ -530,7 +547,7 @@ void Server::Peer::glance() {
             case wire::kNull: wire::writeEmptyReply(out, header.xid); break;
             case wire::kHealth: wire::writeHealth(out, header.xid, server_.health(true)); break;
             case wire::kHello:
-                if (!session && server_.newcomer(r)) hello(r, header.xid, out);
+                if (!greeted_ && server_.newcomer(*this, r)) hello(r, header.xid, out);
                 break;
             case wire::kCancel: {
                 wire::Cancel wanted;
@@ -543,11 +560,20 @@ void Server::Peer::glance() {
         }
         if (out.size() > before) answered_.push_back(header.xid);
     }
-    // What the socket does not take now is not worth waiting for: the client will ask again.
-    if (!out.empty() && queued() == 0) {
-        ssize_t ignored = send(fd_, out.data(), out.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
-        (void)ignored;
-    }
+    // What the socket does not take now goes when it does: nobody will answer these again.
+    std::size_t sent = 0;
+    if (!out.empty() && queued() == 0) sent = static_cast<std::size_t>(std::max(send(fd_, out.data(), out.size(), MSG_DONTWAIT | MSG_NOSIGNAL), ssize_t{0}));
+    if (sent == out.size()) return;
+    if (queued() == 0) stuckSince_ = monotonicNow();
+    out_.append(out.data() + sent, out.size() - sent);
+    interest();
+    // The timer of those who take nothing is the SORM's thread's.
+    server_.sorm_.mailbox()->post([self = std::weak_ptr(server_.self_), peer = this, number = number] {
+        auto server = self.lock();
+        if (!server) return;
+        auto found = (*server)->peers_.find(peer);
+        if (found != (*server)->peers_.end() && peer->number == number) (*server)->watchSlow(peer);
+    });
 }
 
 }  // namespace sorma

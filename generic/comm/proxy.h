@@ -2,6 +2,7 @@
 // comes back in the daemon's own words. DBX -connection adds what the proxy itself knows.
 #pragma once
 
+#include <functional>
 #include <memory>
 
 #include "bus/service.h"
@@ -11,8 +12,14 @@ namespace sorma {
 
 class Proxy : public Service {
 public:
+    // Which connection leads to it, when the dictionary's locations have changed since.
+    struct Line {
+        const std::uint64_t& changes;                           // as Sorm::locationChanges
+        std::function<std::shared_ptr<Connection>()> find;      // null: none does; it may throw, too
+    };
     // target: the object's name at the daemon. settings: of the SORM, looked at for each call.
-    Proxy(std::string target, std::shared_ptr<Connection> connection, const Settings& settings);
+    // relayFor: whose wish it is, when it is not the owner's: then the daemon is told that these are not our own requests.
+    Proxy(std::string target, std::shared_ptr<Connection> connection, const Settings& settings, Line line, PrincipalPointer relayFor);
     ~Proxy() override;
 
     void exec(Message& m) override;
@@ -22,6 +29,7 @@ public:
     std::unique_ptr<Listening> listen(std::string pattern, std::size_t keep, Listener listener) override;
     std::vector<Pin> pins(std::string_view pin, std::size_t length) const override;
     std::string location() const override { return connection_->who(); }
+    bool isElsewhere() const override { return true; }
 
     // A client's own recipe for the remote object: sent now, and again to each daemon that takes the old one's place.
     // later: before the first call that is begun, rather than now.
@@ -37,12 +45,23 @@ protected:
 
 private:
     void forward(Method method, Message& m);
+    bool answers(Method method, Message& m);        // DBX -connection: without a word to the daemon
+    // Before each call: a location that has changed has moved all names that lead through it, and this object among them.
+    Connection& line() {
+        if (line_.changes != seen_) [[unlikely]] follow();
+        return *connection_;
+    }
+    void follow();
 
     std::string target_;
     std::shared_ptr<Connection> connection_;
     const Settings& settings_;
+    Line line_;
+    std::uint64_t seen_;                    // of line_.changes
+    const PrincipalPointer relayFor_;
     std::uint64_t restart_ = 0;
-    std::vector<std::string> recipe_;       // not sent yet
+    std::vector<std::string> wish_;         // the recipe
+    std::vector<std::string> recipe_;       // the same while it has not been sent
 };
 
 }  // namespace sorma

@@ -12,7 +12,7 @@
 #include <mutex>
 #include <system_error>
 
-#include "bus/deadline.h"
+#include "bus/call.h"
 
 namespace sorma {
 
@@ -141,6 +141,7 @@ int Reactor::wait(int timeout, std::int64_t end) {
 }
 
 int Reactor::callAll(Batch& batch) {
+    CallContext::Fresh fresh;           // whatever is called has nothing to do with whoever waits here
     batch.outer = batches_;
     batches_ = &batch;
     turns_.fetch_add(1, std::memory_order_seq_cst);
@@ -170,7 +171,7 @@ int Reactor::callAll(Batch& batch) {
     return called;
 }
 
-std::uint64_t Reactor::after(std::int64_t when, Callback callback) {
+std::uint64_t Reactor::start(std::int64_t when, Callback callback) {
     std::uint64_t id = nextTimer_++;
     timers_.emplace(std::pair(when, id), std::move(callback));
     timerTimes_.emplace(id, when);
@@ -178,7 +179,7 @@ std::uint64_t Reactor::after(std::int64_t when, Callback callback) {
     return id;
 }
 
-void Reactor::cancel(std::uint64_t timer) {
+void Reactor::stop(std::uint64_t timer) {
     auto found = timerTimes_.find(timer);
     if (found == timerTimes_.end()) return;
     timers_.erase({found->second, timer});

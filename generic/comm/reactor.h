@@ -58,8 +58,6 @@ public:
     void again(Watcher* watcher);
 
     // ---- Loop ----
-    std::uint64_t after(std::int64_t when, Callback callback) override;
-    void cancel(std::uint64_t timer) override;
     void watch(int fd, Callback readable) override;
     void unwatch(int fd) override;
     void turn(std::int64_t until) override { pollUntil(until); }
@@ -70,6 +68,10 @@ public:
     // Somebody else sleeps until the next turn begins: `bell`, an eventfd, is then rung once. -1: nobody does. Sequential
     // order: either the sleeper, who looks at turns() after this, sees the turn, or the turn sees the sleeper.
     void setSleeper(int bell) { sleeper_.store(bell, std::memory_order_seq_cst); }
+
+protected:
+    std::uint64_t start(std::int64_t when, Callback callback) override;
+    void stop(std::uint64_t timer) override;
 
 private:
     struct Batch;                       // events that a poll on the stack has yet to call

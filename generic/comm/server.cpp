@@ -1,9 +1,7 @@
 #include "comm/server.h"
 
-#include <arpa/inet.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
-#include <pwd.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -15,6 +13,7 @@
 #include "bus/statistics.h"
 #include "comm/endpoint.h"
 #include "comm/errors.h"
+#include "comm/identity.h"
 #include "comm/random.h"
 #include "comm/serverParts.h"
 
@@ -31,13 +30,6 @@ constexpr std::uint64_t kCrowdedTurns = 8;              // or than so many turns
 
 const Prototype kOverdue{Severity::error, "COMM TIMEOUT", 1, "{}: no answer by the deadline; the service was told to stop"};
 const Prototype kClientGone{Severity::error, "COMM CANCELLED", 1, "{}: its client has ended, or stayed away for too long"};
-
-std::string userName(uid_t uid) {
-    passwd entry, *found = nullptr;
-    char space[1024];
-    if (getpwuid_r(uid, &entry, space, sizeof space, &found) == 0 && found) return found->pw_name;
-    return std::to_string(uid);
-}
 
 Trail trailOf(Entry entry) {
     Trail trail;
@@ -101,7 +93,7 @@ Server::Server(Sorm& sorm, Reactor& reactor, Gate& gate, const Settings& setting
 void Server::listen(const Wanted& wanted) {
     if (socket_.empty()) {
         std::string path = wanted.socket.empty() ? runtimeSocket(name_) : wanted.socket;
-        listeners_.push_back(std::make_unique<Listener>(*this, listenUnix(path), false));
+        listeners_.push_back(std::make_unique<Listener>(*this, listenUnix(path, wanted.share), false));
         socket_ = path;
         ownSocket_ = true;
     }
@@ -140,17 +132,15 @@ void Server::stop(const std::string& reason) {
     if (program_ != 0) rpcbindUnregister(program_);
     program_ = 0;
     while (!peers_.empty()) retire(peers_.begin()->first, reason, true);
-    if (sweepTimer_ != 0) reactor_.cancel(sweepTimer_);
-    sweepTimer_ = 0;
+    sweepTimer_.cancel();
+    acceptTimer_.cancel();
     if (depth_ == 0) retired_.clear();
 }
 
 void Server::accept(int listener, bool tcp) {
     reactor_.seen(monotonicNow());
     for (int i = 0; i < kBatch; ++i) {
-        sockaddr_storage from{};
-        socklen_t size = sizeof from;
-        int fd = accept4(listener, reinterpret_cast<sockaddr*>(&from), &size, SOCK_CLOEXEC | SOCK_NONBLOCK);
+        int fd = accept4(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
         if (fd < 0) {
             // Without descriptors the newcomers wait in the backlog; look again later instead of spinning.
             if (errno == EMFILE || errno == ENFILE) {
@@ -158,7 +148,7 @@ void Server::accept(int listener, bool tcp) {
                 for (auto& l : listeners_)
                     if (l->descriptor() == listener) waiting = l.get();
                 reactor_.change(listener, 0, waiting);
-                reactor_.after(monotonicNow() + kSweep, [this, listener, waiting] {
+                acceptTimer_ = reactor_.after(monotonicNow() + kSweep, [this, listener, waiting] {
                     for (auto& l : listeners_)
                         if (l.get() == waiting) reactor_.change(listener, EPOLLIN, waiting);
                 });
@@ -176,113 +166,100 @@ void Server::accept(int listener, bool tcp) {
             close(fd);
             continue;
         }
-        adopt(fd, tcp, &from);
+        adopt(fd, tcp);
     }
 }
 
-void Server::adopt(const Inherited& connection) {
-    sockaddr_storage from{};
-    socklen_t size = sizeof from;
-    getpeername(connection.fd, reinterpret_cast<sockaddr*>(&from), &size);
-    adopt(connection.fd, connection.tcp, &from);
-}
+void Server::adopt(const Inherited& connection) { adopt(connection.fd, connection.tcp); }
 
-void Server::adopt(int fd, bool tcp, const void* address) {
+void Server::adopt(int fd, bool tcp) {
     fd = raiseDescriptor(fd);
-    Caller who;
     if (tcp) {
         int on = 1;
         setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
         setsockopt(fd, SOL_SOCKET, SO_KEEPALIVE, &on, sizeof on);
-        char text[INET6_ADDRSTRLEN] = "";
-        auto* from = static_cast<const sockaddr_storage*>(address);
-        bool six = from->ss_family == AF_INET6;
-        auto* v6 = static_cast<const sockaddr_in6*>(address);
-        auto* v4 = static_cast<const sockaddr_in*>(address);
-        inet_ntop(from->ss_family, six ? static_cast<const void*>(&v6->sin6_addr) : &v4->sin_addr, text, sizeof text);
-        who.address = std::string(text) + ":" + std::to_string(ntohs(six ? v6->sin6_port : v4->sin_port));
-        who.host = text;
-    } else {
-        ucred credentials{};
-        socklen_t length = sizeof credentials;
-        getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &credentials, &length);
-        who.address = "unix";
-        who.user = userName(credentials.uid);
-        who.process = credentials.pid;
-        who.host = Caller::self().host;
     }
-    auto peer = std::make_unique<Peer>(*this, fd, std::make_shared<Client>(std::move(who)));
+    Identity who = identify(fd, tcp);
+    std::int64_t user = SessionKey::kByNumber;
+    if (!tcp) user = !who.principal ? std::int64_t(geteuid()) : std::int64_t(who.principal->uid());
+    auto peer = std::make_unique<Peer>(*this, fd, std::make_shared<Client>(std::move(who.caller), std::move(who.principal)), user);
     peers_.emplace(peer.get(), std::move(peer));
+}
+
+// The one place where a session and a peer come together, or part: peer null.
+void Server::link(Session& s, Peer* peer) {
+    Peer* old = std::exchange(s.peer, peer);
+    if (old && old != peer) old->session = nullptr;
+    if (peer) peer->session = &s;
 }
 
 Server::Session& Server::session(Peer& peer, const wire::Hello& hello, bool& known) {
     Caller who = peer.client->caller;
-    bool local = who.address == "unix";
-    if (!local) {
+    if (peer.user_ == SessionKey::kByNumber) {
         who.user = hello.user;
         who.host = hello.host;
         who.process = hello.process;
     }
     who.program = hello.program;
-    auto& entry = sessions_[hello.client];
-    if (entry && local && entry->client->caller.user != who.user) {     // a number belongs to the user who chose it
-        abandon(hello.client);
-        sessions_.erase(hello.client);
-    }
-    auto& mine = sessions_[hello.client];
+    const SessionKey key{peer.user_, hello.client};
+    auto& mine = sessions_[key];
     known = mine != nullptr;
     if (!mine) {
         mine = std::make_unique<Session>();
-        mine->number = hello.client;
+        mine->key = key;
         mine->client = peer.client;
     }
     Session& s = *mine;
-    if (s.peer && s.peer != &peer) {
-        Peer* old = s.peer;
-        old->session = nullptr;
-        retire(old, "the same client has come by another connection", false);
-    }
+    Peer* old = s.peer;
+    if (old)                                            // as when its connection had broken: what waits there is lost
+        for (auto& [id, subscription] : s.subscriptions) subscription->stopKeeping();
+    link(s, &peer);
+    if (old) retire(old, "the same client has come by another connection", false);
     s.client->caller = std::move(who);
+    s.client->principal = peer.principal_;
+    if (peer.client != s.client)                        // what it held before it said who it is
+        sorm_.mailbox()->post([before = peer.client] { before->end(); });
     peer.client = s.client;
-    s.peer = &peer;
     s.lastSeen = monotonicNow();
     sorm_.mailbox()->post([&sorm = sorm_, who = s.client->caller.toText()] { sorm.announce("connection.opened", who); });
     if (!watched_) {
-        if (s.graceTimer != 0) reactor_.cancel(std::exchange(s.graceTimer, 0));
+        s.graceTimer.cancel();
         forgetOldSessions();
     }
     return s;
 }
 
 // Is it a client that we have not seen? The watchman greets no others.
-bool Server::newcomer(XdrReader hello) const {
+bool Server::newcomer(const Peer& peer, XdrReader hello) const {
     wire::Hello h;
-    return wire::readHello(hello, h) && !sessions_.contains(h.client);
+    return wire::readHello(hello, h) && !sessions_.contains({peer.user_, h.client});
 }
 
 // The connection of a session is gone. Its client may come back; what it holds and waits for stays for a while.
 void Server::leave(Session& s) {
-    s.peer = nullptr;
+    link(s, nullptr);
     s.lastSeen = monotonicNow();
     for (auto& [id, subscription] : s.subscriptions) subscription->stopKeeping();
-    if (s.graceTimer == 0)
-        s.graceTimer = reactor_.after(s.lastSeen + settings_.grace * 1'000'000, [this, number = s.number] {
+    if (!s.graceTimer)
+        s.graceTimer = reactor_.after(s.lastSeen + settings_.grace * 1'000'000, [this, key = s.key] {
             Gate::Inside inside(gate_);
-            auto found = sessions_.find(number);
+            auto found = sessions_.find(key);
             if (found == sessions_.end() || found->second->peer) return;
-            found->second->graceTimer = 0;
-            abandon(number);
+            found->second->graceTimer.cancel();
+            abandon(key);
         });
 }
 
 // A client has ended, or stayed away for too long: give back what it holds, stop what it waits for. What it has been
 // answered is still remembered.
-void Server::abandon(std::uint64_t number) {
-    Session& s = *sessions_.find(number)->second;
-    auto client = std::exchange(s.client, std::make_shared<Client>(s.client->caller));
+void Server::abandon(const SessionKey& key) {
+    Session& s = *sessions_.find(key)->second;
+    auto client = std::exchange(s.client, std::make_shared<Client>(s.client->caller, s.client->principal));
     std::vector<PendingPointer> pending;
-    for (auto& slot : s.slots)
+    for (auto& slot : s.slots) {
         if (slot.pending) pending.push_back(slot.pending);
+        if (slot.call) slot.call->cancelled.store(true, std::memory_order_relaxed);
+    }
     auto subscriptions = std::exchange(s.subscriptions, {});
     Gate::Outside outside(gate_);
     subscriptions.clear();
@@ -293,19 +270,14 @@ void Server::abandon(std::uint64_t number) {
 void Server::forgetOldSessions() {
     if (sessions_.size() <= peers_.size() + kOrphans) return;
     std::int64_t now = monotonicNow();
-    auto oldest = sessions_.end();
-    for (auto at = sessions_.begin(); at != sessions_.end();) {
-        Session& s = *at->second;
-        if (s.peer || s.running() || s.graceTimer != 0) {
-            ++at;
-        } else if (now - s.lastSeen > kOrphanAge) {
-            at = sessions_.erase(at);
-        } else {
-            if (oldest == sessions_.end() || s.lastSeen < oldest->second->lastSeen) oldest = at;
-            ++at;
-        }
+    std::vector<std::pair<std::int64_t, SessionKey>> orphans;
+    for (auto& [key, session] : sessions_)
+        if (!session->peer && !session->running() && !session->graceTimer) orphans.emplace_back(session->lastSeen, key);
+    std::sort(orphans.begin(), orphans.end(), [](auto& a, auto& b) { return a.first < b.first; });
+    for (auto& [seen, key] : orphans) {
+        if (now - seen <= kOrphanAge && sessions_.size() <= peers_.size() + kOrphans) return;
+        sessions_.erase(key);
     }
-    if (oldest != sessions_.end() && sessions_.size() > peers_.size() + kOrphans) sessions_.erase(oldest);
 }
 
 void Server::retire(Peer* peer, const std::string& reason, bool tell) {
@@ -318,9 +290,10 @@ void Server::retire(Peer* peer, const std::string& reason, bool tell) {
         found = peers_.find(peer);                      // push may have found the peer gone
         if (found == peers_.end()) return;
     }
-    if (peer->session) {
-        leave(*std::exchange(peer->session, nullptr));
-    } else if (peer->client.use_count() == 1) {         // of no session: it will not come back
+    if (Session* mine = peer->session) {
+        leave(*mine);
+        peer->session = nullptr;
+    } else if (!peer->greeted_) {                       // of no session: it will not come back
         sorm_.mailbox()->post([client = peer->client] { client->end(); });
     }
     peer->events_.clear();
@@ -338,12 +311,12 @@ void Server::retire(Peer* peer, const std::string& reason, bool tell) {
 
 void Server::watchSlow(Peer* peer) {
     slow_.insert(peer);
-    if (sweepTimer_ == 0) sweepTimer_ = reactor_.after(monotonicNow() + kSweep, [this] { sweep(); });
+    if (!sweepTimer_) sweepTimer_ = reactor_.after(monotonicNow() + kSweep, [this] { sweep(); });
 }
 
 void Server::sweep() {
     Gate::Inside inside(gate_);
-    sweepTimer_ = 0;
+    sweepTimer_.cancel();
     std::int64_t now = monotonicNow();
     std::vector<std::pair<Peer*, std::string>> leaving;
     for (auto at = slow_.begin(); at != slow_.end();) {
@@ -414,27 +387,33 @@ void Server::replyAgain(const Later& later, Slot& slot, Peer* answered) {
 }
 
 void Server::replyLater(Later later, wire::Times times, PendingPointer pending) {
-    if (pending->answered()) return answer(later, times, *pending);
     later.started = monotonicNow();
-    if (Slot* slot = findSlot(later)) {
+    if (pending->answered()) return answer(later, times, *pending);
+    Slot* slot = findSlot(later);
+    Peer* peer = findPeer(later);
+    if (slot) {
         slot->pending = pending;
-    } else if (Peer* peer = findPeer(later)) {
+    } else if (peer) {
         std::erase_if(peer->owed_, [](auto& weak) { return weak.expired(); });
         peer->owed_.push_back(pending);
     }
     std::weak_ptr<Server*> self = self_;
     if (!pending->deadline.none())
-        later.timer = reactor_.after(pending->deadline.when(), [weak = std::weak_ptr(pending)] {
+        pending->timer = reactor_.after(pending->deadline.when(), [weak = std::weak_ptr(pending)] {
             if (auto p = weak.lock()) p->cancel(trailOf(makeEntry(kOverdue, {MessageArg::of(p->who)})));
         });
     pending->whenAnswered([self, later, times, p = pending.get()] {
         if (auto server = self.lock()) (*server)->answer(later, times, *p);
     });
+    // The service has run the event loop, and its client has gone meanwhile: nobody else will tell the service.
+    const ClientPointer client = pending->client();
+    if ((slot || peer) && !(client && client->ended())) return;
+    Gate::Outside outside(gate_);
+    pending->cancel(trailOf(makeEntry(kClientGone, {MessageArg::of(pending->who)})));
 }
 
 void Server::answer(const Later& later, wire::Times times, Pending& pending) {
     Gate::Inside inside(gate_);
-    if (later.timer != 0) reactor_.cancel(later.timer);
     times.ran += static_cast<std::uint32_t>(std::min<std::int64_t>((monotonicNow() - later.started) / 1000, UINT32_MAX / 2));
     Message failed;
     Message* m = &pending.message;
@@ -533,12 +512,10 @@ bool Server::glance(const std::vector<void*>& waiting) {
     watched_ = true;
     for (auto& listener : listeners_) {
         if (std::find(waiting.begin(), waiting.end(), static_cast<Reactor::Watcher*>(listener.get())) == waiting.end()) continue;
-        sockaddr_storage from{};
-        socklen_t size = sizeof from;
         int fd = -1;
         while (peers_.size() < static_cast<std::size_t>(settings_.maxConnections) &&
-               (fd = accept4(listener->descriptor(), reinterpret_cast<sockaddr*>(&from), &size, SOCK_CLOEXEC | SOCK_NONBLOCK)) >= 0)
-            adopt(fd, listener->tcp(), &from);
+               (fd = accept4(listener->descriptor(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK)) >= 0)
+            adopt(fd, listener->tcp());
     }
     for (auto& [peer, owned] : peers_)
         if (peer->unserved() || std::find(waiting.begin(), waiting.end(), static_cast<Reactor::Watcher*>(peer)) != waiting.end()) peer->glance();

@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "bus/client.h"
-#include "bus/deadline.h"
+#include "bus/call.h"
 #include "bus/sorm.h"
 #include "comm/gate.h"
 #include "comm/reactor.h"
@@ -37,6 +37,7 @@ public:
         std::string host = "127.0.0.1";
         int port = -1;                  // -1: no TCP; 0: a free one
         bool rpcbind = false;
+        bool share = false;             // other users of this host may connect to the Unix-domain socket; a policy says what they may
         std::uint32_t program = 0;      // offset from 0x20000000; 0: the first free one
         // Descriptors of sockets that listen already (socket activation), in place of new ones: a Unix-domain one of
         // that at `socket`, a TCP one of that at `host` and `port`. They are closed when it serves; files of Unix-domain
@@ -82,26 +83,41 @@ private:
         Activity(Server& server, std::string_view name, Method method, const Caller& caller, std::int64_t since);
         ~Activity() { server.activity_ = outer; }
         Server& server;
-        std::string_view name;
+        std::string_view name;          // in the request's bytes, or in kept
+        std::string kept = {};
         Method method;
         const Caller& caller;
         std::int64_t since;
         Activity* outer;
     };
+    // Whose session it is, and the number that its client has chosen. By Unix socket it belongs to the user, by TCP the
+    // number is the secret; so neither can be taken over by the other kind.
+    struct SessionKey {
+        std::int64_t user = kByNumber;
+        std::uint64_t number = 0;
+        static constexpr std::int64_t kByNumber = -1;
+        bool operator==(const SessionKey&) const = default;
+    };
+    struct SessionHash {
+        std::size_t operator()(const SessionKey& k) const {
+            return std::hash<std::uint64_t>{}(k.number ^ std::uint64_t(k.user) * 0x9e3779b97f4a7c15u);
+        }
+    };
     // Whom a reply that comes later is for.
     struct Later {
         Peer* peer;
-        std::uint64_t peerNumber, session;
+        std::uint64_t peerNumber;
+        SessionKey session;
         std::uint32_t slot, sequence, xid;
         std::int64_t started;
-        std::uint64_t timer;
     };
 
     void listen(const Wanted& wanted);
     void accept(int listener, bool tcp);
     void adopt(const Inherited& connection);
-    void adopt(int fd, bool tcp, const void* address);
-    bool newcomer(XdrReader hello) const;
+    void adopt(int fd, bool tcp);
+    bool newcomer(const Peer& peer, XdrReader hello) const;
+    void link(Session& session, Peer* peer);
     Slot* findSlot(const Later& later);
     Peer* findPeer(const Later& later);
     void replyLater(Later later, wire::Times times, PendingPointer pending);
@@ -110,7 +126,7 @@ private:
     void replyAgain(const Later& later, Slot& slot, Peer* answered);
     void mark(Trail& trail, const std::string& request) const;
     void leave(Session& session);
-    void abandon(std::uint64_t session);
+    void abandon(const SessionKey& key);
     int share(const Peer* peer) const;
     void took(Peer* peer, int served, bool more);
     void sweep();
@@ -134,9 +150,9 @@ private:
     std::vector<std::unique_ptr<Listener>> listeners_;
     std::unordered_map<Peer*, std::unique_ptr<Peer>> peers_;
     std::vector<std::unique_ptr<Peer>> retired_;                // closed, but perhaps still on the stack
-    std::unordered_map<std::uint64_t, std::unique_ptr<Session>> sessions_;
+    std::unordered_map<SessionKey, std::unique_ptr<Session>, SessionHash> sessions_;
     std::set<Peer*> slow_;                                      // with half a request, or with replies not taken
-    std::uint64_t sweepTimer_ = 0;
+    Timer sweepTimer_, acceptTimer_;
     Frame* frames_ = nullptr;                                   // what is being served, innermost first
     std::vector<std::unique_ptr<Scratch>> scratch_;             // one for each depth
     std::size_t depth_ = 0;

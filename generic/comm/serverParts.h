@@ -51,7 +51,7 @@ struct Server::Slot {
     std::uint32_t askedXid = 0;
     std::size_t size = 0;
     Buffer reply;               // the record as it was sent
-    Call* call = nullptr;       // running, and on the stack
+    CallContext* call = nullptr;    // running, and on the stack
     PendingPointer pending;     // running, and taken over by the service
 };
 
@@ -59,7 +59,8 @@ struct Server::Slot {
 // connection is broken is counted.
 class Server::Subscription : public Subscriber {
 public:
-    Subscription(Server& server, Session& session, const wire::Subscription& wanted);
+    // author: who named the object.
+    Subscription(Server& server, Session& session, const wire::Subscription& wanted, const PrincipalPointer& author);
     ~Subscription() override;
     void event(const Event& event) override;
     void gone() override;
@@ -90,10 +91,10 @@ private:
 
 struct Server::Session {
     ClientPointer client;
-    std::uint64_t number = 0;               // chosen by the client
-    Peer* peer = nullptr;                   // null: the connection is gone, the client may come back
+    SessionKey key;
+    Peer* peer = nullptr;                   // null: the connection is gone, the client may come back. See Server::link
     std::int64_t lastSeen = 0;
-    std::uint64_t graceTimer = 0;
+    Timer graceTimer;
     std::vector<Slot> slots;
     std::map<std::uint32_t, std::unique_ptr<Subscription>> subscriptions;
 
@@ -118,7 +119,7 @@ private:
 
 class Server::Peer : public Reactor::Watcher {
 public:
-    Peer(Server& server, int fd, ClientPointer who);
+    Peer(Server& server, int fd, ClientPointer who, std::int64_t user);
     ~Peer() override { shut(); }
 
     void ready(std::uint32_t events) override;
@@ -153,11 +154,12 @@ private:
     void handle(std::string_view record, Scratch& scratch, Frame& frame);
     void hello(XdrReader& r, std::uint32_t xid, Buffer& out);
     void cancel(XdrReader& r);
-    void subscribe(XdrReader& r, std::uint32_t xid, Scratch& scratch);
+    void subscribe(XdrReader& r, const wire::CallHeader& header, Scratch& scratch);
+    const PrincipalPointer& authorOf(const wire::Behalf& behalf) const { return behalf.relayed ? Principal::nobody() : principal_; }
     void call(XdrReader& r, const wire::CallHeader& header, std::string_view record, Scratch& scratch, Frame& frame);
-    void oneway(XdrReader& r, Scratch& scratch, Frame& frame);
+    void oneway(XdrReader& r, const wire::CallHeader& header, Scratch& scratch, Frame& frame);
     // True: the service answers later, m.later says.
-    bool execute(const wire::Request& request, std::string_view record, Message& m, wire::Times& times, Slot* slot,
+    bool execute(const wire::Request& request, const wire::CallHeader& header, std::string_view record, Message& m, wire::Times& times, Slot* slot,
                  Scratch& scratch, Frame& frame);
     void reply(std::uint32_t xid, const wire::Times& times, Message& m, Slot* slot, Buffer& out);
     void flush(Scratch& scratch);
@@ -168,6 +170,9 @@ private:
 
     Server& server_;
     int fd_;
+    const PrincipalPointer principal_;  // who writes what comes here; null: the owner
+    const std::int64_t user_;           // by Unix socket: the user, else SessionKey::kByNumber
+    bool greeted_ = false;              // it has said HELLO, which may be said once
     Buffer in_;                         // the beginning of a request
     Buffer fragments_;                  // fragments of a record that came before its last one
     Buffer out_;                        // replies that the socket has not taken
@@ -184,7 +189,7 @@ private:
 
 public:
     ClientPointer client;
-    Session* session = nullptr;
+    Session* session = nullptr;         // see Server::link
     std::int64_t since;
     std::uint64_t calls = 0;
     const std::uint64_t number;         // never used again, as an address may be

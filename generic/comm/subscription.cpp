@@ -3,11 +3,13 @@
 
 namespace sorma {
 
-Server::Subscription::Subscription(Server& server, Session& session, const wire::Subscription& wanted)
+Server::Subscription::Subscription(Server& server, Session& session, const wire::Subscription& wanted, const PrincipalPointer& author)
     : id(wanted.id), server_(server), session_(session),
       keep_(std::clamp<std::size_t>(wanted.keep, 1, static_cast<std::size_t>(server.settings_.maxQueue))) {
     Gate::Outside outside(server_.gate_);               // the object may have to be made
-    object_ = server_.sorm_.get(wanted.name);
+    Sorm& sorm = server_.sorm_;
+    sorm.access.need(author, Right::inspect, wanted.name, wanted.name);
+    object_ = sorm.get(wanted.name, author);
     object_->subscribe(this, wanted.pattern);
 }
 

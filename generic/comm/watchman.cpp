@@ -57,7 +57,10 @@ void Watchman::watch() {
         epoll_event events[64];
         int n = epoll_wait(reactor_.descriptor(), events, 64, 0);
         std::vector<void*> waiting;
-        for (int i = 0; i < n; ++i) waiting.push_back(events[i].data.ptr);
+        for (int i = 0; i < n; ++i) {
+            void* watcher = events[i].data.ptr;     // epoll_event is packed: no reference to its parts
+            waiting.push_back(watcher);
+        }
         bool busy = true;
         if (gate_.tryWatch()) {
             busy = look_(waiting);

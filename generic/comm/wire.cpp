@@ -86,15 +86,37 @@ void writeAccepted(XdrWriter& w, std::uint32_t xid, std::uint32_t status) {
 
 }  // namespace
 
-void writeCallHeader(XdrWriter& w, const CallHeader& h) {
-    for (std::uint32_t word : {h.xid, kCallKind, h.rpcVersion, h.program, h.version, h.procedure, 0u, 0u, 0u, 0u}) w.u32(word);
+void writeCallHeader(XdrWriter& w, const CallHeader& h, const Behalf* behalf) {
+    for (std::uint32_t word : {h.xid, kCallKind, h.rpcVersion, h.program, h.version, h.procedure}) w.u32(word);
+    if (behalf) [[unlikely]] {
+        std::string_view callers = std::string_view(behalf->callers).substr(0, kMostCallers);
+        while (!callers.empty() && !isUtf8(callers)) callers.remove_suffix(1);
+        w.u32(kBehalfFlavor);
+        w.u32(static_cast<std::uint32_t>(16 + XdrWriter::padded(callers.size())));
+        w.u32(behalf->relayed);
+        w.u64(behalf->request);
+        w.text(callers);
+    } else {
+        w.u64(0);
+    }
+    w.u64(0);
+}
+
+bool readBehalf(std::string_view body, Behalf& behalf) {
+    XdrReader r(body);
+    behalf.relayed = r.u32() != 0;
+    behalf.request = r.u64();
+    auto callers = r.text();
+    if (!r.good() || callers.size() > kMostCallers || !isUtf8(callers)) return false;
+    behalf.callers = callers;
+    return true;
 }
 
 void writeCall(Buffer& out, std::uint32_t xid, std::uint32_t program, const Request& request, const Message& m,
-               std::uint32_t procedure) {
+               std::uint32_t procedure, const Behalf* behalf) {
     std::size_t start = openRecord(out);
     XdrWriter w(out);
-    writeCallHeader(w, {xid, 2, program, kVersion, procedure});
+    writeCallHeader(w, {xid, 2, program, kVersion, procedure}, behalf);
     w.u32(request.slot);
     w.u32(request.sequence);
     w.u32(request.timeleft);
@@ -147,10 +169,10 @@ void writeHealth(Buffer& out, std::uint32_t xid, const Health& h) {
     closeRecord(out, start);
 }
 
-void writeSubscribe(Buffer& out, std::uint32_t xid, std::uint32_t program, const Subscription& s) {
+void writeSubscribe(Buffer& out, std::uint32_t xid, std::uint32_t program, const Subscription& s, const Behalf* behalf) {
     std::size_t start = openRecord(out);
     XdrWriter w(out);
-    writeCallHeader(w, {xid, 2, program, kVersion, kSubscribe});
+    writeCallHeader(w, {xid, 2, program, kVersion, kSubscribe}, behalf);
     w.u32(s.id);
     w.text(s.name);
     w.text(s.pattern);
@@ -268,10 +290,12 @@ CallHeader readCallHeader(XdrReader& r, std::uint32_t xid) {
     h.program = r.u32();
     h.version = r.u32();
     h.procedure = r.u32();
-    for (int i = 0; i < 2; ++i) {       // credentials and verifier: the session says who calls, not these
-        r.u32();
-        if (r.text().size() > kMaxCredential) r.spoil();
-    }
+    // Credentials and verifier: the session says who calls, not these. Ours say on whose behalf.
+    std::uint32_t flavor = r.u32();
+    auto credentials = r.text();
+    r.u32();
+    if (credentials.size() > kMaxCredential || r.text().size() > kMaxCredential) r.spoil();
+    if (flavor == kBehalfFlavor) [[unlikely]] h.behalf = credentials;
     return h;
 }
 

@@ -20,8 +20,19 @@ inline constexpr std::uint32_t kNoSlot = 0xffffffff;
 inline constexpr std::uint32_t kLastFragment = 0x80000000;
 inline constexpr std::size_t kMarkSize = 4;
 
+// On whose behalf a call is made that is part of another one; in the credentials of its RPC header, where a call that
+// stands for itself has AUTH_NONE.
+struct Behalf {
+    bool relayed = false;           // its name was chosen by the caller's own caller: the caller does not vouch for it
+    std::uint64_t request = 0;      // number of the request that it is part of, at the caller
+    std::string callers;            // for whom, as text, nearest first
+};
+inline constexpr std::uint32_t kBehalfFlavor = kProgram;        // of the credentials
+inline constexpr std::size_t kMostCallers = 256;                // [bytes]; RFC 5531 allows 400 for all of it
+
 struct CallHeader {             // RPC header of a call
     std::uint32_t xid = 0, rpcVersion = 2, program = kProgram, version = kVersion, procedure = 0;
+    std::string_view behalf = {};   // its body, when there is one
 };
 
 struct Request {                // sorma_call without the message
@@ -89,13 +100,14 @@ inline void closeRecord(Buffer& out, std::size_t start) {
     XdrWriter::put(out.data() + start, kLastFragment | static_cast<std::uint32_t>(out.size() - start - kMarkSize));
 }
 
-void writeCallHeader(XdrWriter& w, const CallHeader& header);
+void writeCallHeader(XdrWriter& w, const CallHeader& header, const Behalf* behalf = nullptr);
 void writeCall(Buffer& out, std::uint32_t xid, std::uint32_t program, const Request& request, const Message& m,
-               std::uint32_t procedure = kCall);                        // kCall or kOneway
+               std::uint32_t procedure = kCall, const Behalf* behalf = nullptr);        // kCall or kOneway
 void writeCancel(Buffer& out, std::uint32_t program, const Cancel& cancel);
 void writeHealthRequest(Buffer& out, std::uint32_t xid, std::uint32_t program);
 void writeHealth(Buffer& out, std::uint32_t xid, const Health& health);
-void writeSubscribe(Buffer& out, std::uint32_t xid, std::uint32_t program, const Subscription& subscription);
+void writeSubscribe(Buffer& out, std::uint32_t xid, std::uint32_t program, const Subscription& subscription,
+                    const Behalf* behalf = nullptr);
 void writeUnsubscribe(Buffer& out, std::uint32_t program, std::uint32_t id);
 void writeEventBody(Buffer& out, const EventBody& body, const Message& content);        // no record: the end of one
 void writeEvent(Buffer& out, const EventHeader& header, const Buffer& body);
@@ -119,6 +131,7 @@ Envelope readEnvelope(XdrReader& r);
 CallHeader readCallHeader(XdrReader& r, std::uint32_t xid);             // after the envelope; skips credentials
 // After the envelope of a reply: empty when it was accepted and done, else what the peer objects to, in words.
 std::string readReplyHeader(XdrReader& r);
+bool readBehalf(std::string_view body, Behalf& behalf);
 bool readRequest(XdrReader& r, Request& request, Message& m);           // m is cleared first
 bool readReply(XdrReader& r, Times& times, Message& m);
 bool readCancel(XdrReader& r, Cancel& cancel);

@@ -36,7 +36,7 @@ Deadline deadlineOf(Tcl_Obj* o) {
 // Calls a command prefix with one more word at global level, as an event does.
 void callback(Interpreter& i, Tcl_Obj* prefix, Tcl_Obj* word) {
     if (i.closing()) return;
-    Interpreter::Entered entered(i);
+    Interpreter::Kept kept(i);
     Obj command(Tcl_DuplicateObj(prefix)), keep(word);
     if (Tcl_ListObjAppendElement(i.interp, command, word) != TCL_OK || Tcl_EvalObjEx(i.interp, command, TCL_EVAL_GLOBAL | TCL_EVAL_DIRECT) != TCL_OK)
         if (!i.closing()) Tcl_BackgroundException(i.interp, TCL_ERROR);

@@ -1,5 +1,7 @@
 #include "tcl/commCommands.h"
 
+#include <unistd.h>
+
 #include <climits>
 #include <cstring>
 #include <memory>
@@ -7,6 +9,7 @@
 
 #include "bus/requestText.h"
 #include "comm/comm.h"
+#include "comm/endpoint.h"
 #include "tcl/eventSource.h"
 
 namespace sorma {
@@ -14,7 +17,7 @@ namespace sorma {
 namespace {
 
 const Prototype kServeOption{Severity::error, "REQUEST SYNTAX", 0,
-    "bad option \"{}\": must be -connection, -host, -listen, -port, -program, -rpcbind, or -socket"};
+    "bad option \"{}\": must be -allow, -connection, -host, -listen, -policy, -port, -program, -rpcbind, -share, -socket, or -wait"};
 const Prototype kServeValue{Severity::error, "REQUEST SYNTAX", 0, "{} expects {}, got \"{}\""};
 const Prototype kServeConnection{Severity::error, "REQUEST SYNTAX", 0, "{} does not go with -connection: that is served, and nothing listened to"};
 const Prototype kServeMissing{Severity::error, "REQUEST SYNTAX", 0, "{} needs a value"};
@@ -23,7 +26,16 @@ constexpr char kKey[] = "sorma::comm";
 
 // What an interpreter has of COMM. The event source goes first: no request comes in while the rest is taken down.
 struct Network {
-    explicit Network(Interpreter& i) : comm(i.sorm), source(i, comm) {}
+    explicit Network(Interpreter& i) : comm(i.sorm), source(i, comm) { Tcl_CreateExitHandler(exits, this); }
+    ~Network() { Tcl_DeleteExitHandler(exits, this); }
+    // `exit`, and the end of a script, take no interpreter down: sockets and clients are told here. Not in a child that
+    // has forked from us.
+    static void exits(ClientData data) {
+        auto& network = *static_cast<Network*>(data);
+        if (getpid() != network.process) return;
+        while (!network.comm.servers().empty()) network.comm.unserve(network.comm.servers().begin()->first, "the program has ended");
+    }
+    const pid_t process = getpid();
     Comm comm;
     EventSource source;
 };
@@ -78,26 +90,40 @@ std::vector<int> descriptors(const std::string& option, Tcl_Obj* list) {
 }
 
 // sorma::serve name ?-port P? ?-host H? ?-socket PATH? ?-rpcbind bool? ?-program N? ?-listen FDS? ?-connection FD?
+// ?-allow LINE ...? ?-policy FILE? ?-share bool? ?-wait?
 int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     return guarded(i, objc, objv, [&] {
         if (objc < 2) {
             Tcl_WrongNumArgs(interp, 1, objv, "name ?-port number? ?-host name? ?-socket path? ?-rpcbind boolean? ?-program number? "
-                                              "?-listen descriptors? ?-connection descriptor?");
+                                              "?-listen descriptors? ?-connection descriptor? ?-allow line? ?-policy file? ?-share boolean? ?-wait?");
             return TCL_ERROR;
         }
         Server::Wanted wanted;
+        bool wait = false;
         wanted.name = toUtf8(objv[1]);
         std::string address;                            // an option that says where to listen
+        std::vector<std::string> lines;                 // of the policy
+        std::string policy;
         for (int at = 2; at < objc; at += 2) {
             std::string option = toUtf8(objv[at]);
+            if (option == "-wait") {
+                wait = true;
+                --at;                                   // it has no value
+                continue;
+            }
             bool known = option == "-port" || option == "-host" || option == "-socket" || option == "-rpcbind" ||
-                         option == "-program" || option == "-listen" || option == "-connection";
+                         option == "-program" || option == "-listen" || option == "-connection" || option == "-allow" ||
+                         option == "-policy" || option == "-share";
             if (!known) fail(kServeOption, option);
             if (at + 1 == objc) fail(kServeMissing, option);
             std::string value = toUtf8(objv[at + 1]);
-            if (option != "-connection") address = option;
-            if (option == "-port") wanted.port = value.empty() ? -1 : int(wholeNumber(option, value, 0, 65535));
+            const bool policyWord = option == "-allow" || option == "-policy";
+            if (option != "-connection" && !policyWord) address = option;
+            if (option == "-allow") lines.push_back(value);
+            else if (option == "-policy") policy = value;
+            else if (option == "-share") wanted.share = toBoolean(objv[at + 1]);
+            else if (option == "-port") wanted.port = value.empty() ? -1 : int(wholeNumber(option, value, 0, 65535));
             else if (option == "-host") wanted.host = value;
             else if (option == "-socket") wanted.socket = value;
             else if (option == "-listen") wanted.listen = descriptors(option, objv[at + 1]);
@@ -106,7 +132,20 @@ int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
             else wanted.program = std::uint32_t(wholeNumber(option, value, 1, 0x1fffffff));
         }
         if (wanted.connection >= 0 && !address.empty()) fail(kServeConnection, address);
-        Tcl_SetObjResult(interp, describe(networkOf(i).comm.serve(wanted)));
+        // The policy is the interpreter's: what one daemon of it is told holds for all.
+        auto& access = i.sorm.access;
+        if (policy.empty()) access.loadDefault();
+        else access.load(policy);
+        for (auto& line : lines) access.add(line, "-allow");
+        auto& comm = networkOf(i).comm;
+        Obj served(describe(comm.serve(wanted)));
+        // Where no event loop runs, as at tclsh's own prompt, this is one: until unserve, or the end of the interpreter.
+        while (wait && comm.findServer(wanted.name)) {
+            Tcl_DoOneEvent(TCL_ALL_EVENTS);
+            if (Tcl_InterpDeleted(interp)) return TCL_ERROR;        // and COMM with it
+            if (Tcl_Canceled(interp, TCL_LEAVE_ERR_MSG) != TCL_OK) return TCL_ERROR;
+        }
+        Tcl_SetObjResult(interp, served);
         return TCL_OK;
     });
 }
@@ -149,6 +188,19 @@ int DaemonsObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const 
     });
 }
 
+// sorma::RuntimeSocket name: where a daemon of that name listens on this host.
+int RuntimeSocketObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc != 2) {
+            Tcl_WrongNumArgs(interp, 1, objv, "name");
+            return TCL_ERROR;
+        }
+        Tcl_SetObjResult(interp, newText(runtimeSocket(toUtf8(objv[1]))));
+        return TCL_OK;
+    });
+}
+
 }  // namespace
 
 void initCommCommands(Interpreter& i) {
@@ -158,6 +210,7 @@ void initCommCommands(Interpreter& i) {
     i.define("serve", ServeObjCmd);
     i.define("unserve", UnserveObjCmd);
     i.define("daemons", DaemonsObjCmd);
+    Tcl_CreateObjCommand(i.interp, "::sorma::RuntimeSocket", RuntimeSocketObjCmd, &i, nullptr);
 
     Settings& s = network->comm.settings;
     auto add = [&](const char* name, const char* unit, const char* help, std::int64_t low, std::int64_t high, std::int64_t& value) {

@@ -13,7 +13,6 @@ namespace {
 
 const Prototype kSetting{Severity::error, "OPTION UNKNOWN", 1, "unknown setting \"{}\": must be {}"};
 const Prototype kMissing{Severity::error, "OPTION MISSING", 1, "{} needs a value"};
-const Prototype kGrant{Severity::error, "OPTION UNKNOWN", 1, "unknown permission \"{}\": must be -files or -network"};
 const Prototype kNotTrusted{Severity::error, "COMM DENIED", 0, "a safe interpreter grants nothing; only its trusted parent can"};
 const Prototype kNoChild{Severity::error, "REQUEST SYNTAX", 0, "no interpreter \"{}\""};
 const Prototype kNotLoaded{Severity::error, "REQUEST SYNTAX", 0, "interpreter \"{}\" has no sorma yet: load {{}} Sorma {}"};
@@ -186,8 +185,10 @@ int ConfigureObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* cons
     });
 }
 
+// sorma::grant interp ?allow|deny right ... ?on pattern ...??: what a safe interpreter may, in the words of a policy.
+// Returns all that has been said so, the latest first.
 int GrantObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
-    if (objc < 2 || objc % 2 != 0) return wrongArgs(interp, objv, "interp ?-network boolean? ?-files boolean?");
+    if (objc < 2) return wrongArgs(interp, objv, "interp ?allow|deny right ?right ...? ?on pattern ?pattern ...???");
     auto& i = of(data);
     return guarded(i, objc, objv, [&] {
         if (i.safe || Tcl_IsSafe(interp)) fail(kNotTrusted);
@@ -196,17 +197,12 @@ int GrantObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
         if (!child || child == interp) fail(kNoChild, path);
         Interpreter* theirs = Interpreter::of(child);
         if (!theirs) fail(kNotLoaded, path, path);
-        Permissions wanted = theirs->sorm.permissions;
-        for (int k = 2; k < objc; k += 2) {
-            std::string_view word = view(objv[k]);
-            if (word == "-network") wanted.network = toBoolean(objv[k + 1]);
-            else if (word == "-files") wanted.files = toBoolean(objv[k + 1]);
-            else fail(kGrant, toUtf8(objv[k]));
-        }
-        theirs->sorm.permissions = wanted;
-        Tcl_Obj* result[] = {Tcl_NewStringObj("-files", -1), Tcl_NewWideIntObj(wanted.files),
-                             Tcl_NewStringObj("-network", -1), Tcl_NewWideIntObj(wanted.network)};
-        Tcl_SetObjResult(interp, Tcl_NewListObj(4, result));
+        std::vector<std::string> words;
+        for (int k = 2; k < objc; ++k) words.push_back(toUtf8(objv[k]));
+        if (!words.empty()) theirs->sorm.access.grant(words);
+        Tcl_Obj* result = Tcl_NewListObj(0, nullptr);
+        for (auto& line : theirs->sorm.access.grants()) Tcl_ListObjAppendElement(nullptr, result, newText(line));
+        Tcl_SetObjResult(interp, result);
         return TCL_OK;
     });
 }

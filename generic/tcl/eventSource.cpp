@@ -26,7 +26,7 @@ void EventSource::readable(ClientData data, int) { static_cast<EventSource*>(dat
 
 void EventSource::serve() {
     Interpreter& interpreter = interpreter_;            // *this may end before this call does
-    Interpreter::Entered entered(interpreter);
+    Interpreter::Kept kept(interpreter);
     Reactor& reactor = comm_.reactor();
     // A service that runs the event loop waits for something of its own: serve what is there, and no more.
     bool nested = reactor.polling();

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "bus/deadline.h"
+#include "bus/call.h"
 #include "bus/requestText.h"
 #include "tcl/soCommand.h"
 #include "tcl/tclService.h"
@@ -16,8 +16,6 @@ constexpr const char* kKey = "sorma";
 const Prototype kInteger{Severity::error, "OPTION VALUE", 1, "{} expects a whole number{}, got \"{}\""};
 const Prototype kRange{Severity::error, "OPTION RANGE", 1, "{} {} is outside {} .. {}{}"};
 const Prototype kPackage{Severity::error, "SERVICE PACKAGE", 1, "service class \"{}\" cannot be loaded: {}"};
-const Prototype kSafe{Severity::error, "COMM DENIED", 1, "service class \"{}\" is not here, and this interpreter is safe "
-                      "and may not load packages; its parent can grant it: sorma::grant INTERP -files 1"};
 
 }  // namespace
 
@@ -43,7 +41,7 @@ private:
 };
 
 Interpreter::Interpreter(Tcl_Interp* i, bool isSafe) : interp(i), safe(isSafe), sorm(this) {
-    sorm.permissions = {!safe, !safe};
+    if (safe) sorm.access.restrict();
     sorm.bindTo(interp);
     Tcl_SetAssocData(interp, kKey, deleted, this);
     addInteger("-traillimit", "entries", "longest trail of a request; the oldest verbose entries go first (whole process)",
@@ -142,15 +140,16 @@ bool Interpreter::loadClass(const std::string& name) {
     KeepState keep(interp);
     KeepErrorVariables keepVariables(interp);
     if (registerTclClass(*this, name)) return true;
-    if (!sorm.permissions.files && safe) fail(kSafe, name);
-    Obj words[] = {Tcl_NewStringObj("::package", -1), Tcl_NewStringObj("require", -1), newText("sorma::service::" + name)};
+    std::string package = "sorma::service::" + name;
+    sorm.access.need(nullptr, Right::files, package, name);
+    Obj words[] = {Tcl_NewStringObj("::package", -1), Tcl_NewStringObj("require", -1), newText(package)};
     Tcl_Obj* objv[] = {words[0], words[1], words[2]};
     if (Tcl_EvalObjv(interp, 3, objv, TCL_EVAL_GLOBAL) == TCL_OK) {
         if (!sorm.findClass(name)) registerTclClass(*this, name);       // the package may define a TclOO class
         return true;
     }
     std::string message = toUtf8(Tcl_GetObjResult(interp));
-    if (message != "can't find package sorma::service::" + name) fail(kPackage, name, message);
+    if (message != "can't find package " + package) fail(kPackage, name, message);
     return false;
 }
 
@@ -173,6 +172,7 @@ bool Interpreter::turn(std::int64_t until) {
     std::int64_t left = std::max<std::int64_t>(until - monotonicNow(), 0) / 1'000'000 + 1;
     Tcl_TimerToken timer = Tcl_CreateTimerHandler(int(std::min<std::int64_t>(left, 3'600'000)), [](ClientData) {}, nullptr);
     KeepState keep(interp);
+    CallContext::Fresh fresh;
     Tcl_DoOneEvent(TCL_ALL_EVENTS);
     Tcl_DeleteTimerHandler(timer);
     return true;

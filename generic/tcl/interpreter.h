@@ -99,6 +99,21 @@ public:
         Interpreter& i_;
     };
 
+    // The same for what comes from the event loop or from another thread's answer. Tcl's own commands keep the interpreter
+    // that they evaluate in; here nobody below has done so, and a script that deletes its interpreter would end the process
+    // ("DeleteInterpProc called with active evals"). Not for each call: it takes a lock of the whole process.
+    class Kept {
+    public:
+        explicit Kept(Interpreter& i) : interp_(i.interp), entered_(i) { Tcl_Preserve(interp_); }
+        ~Kept() { Tcl_Release(interp_); }       // here it may end; then the Interpreter goes with entered_
+        Kept(const Kept&) = delete;
+        Kept& operator=(const Kept&) = delete;
+
+    private:
+        Tcl_Interp* interp_;
+        Entered entered_;
+    };
+
 private:
     static void deleted(ClientData, Tcl_Interp*);
     void idle();

@@ -53,9 +53,9 @@ int number(const char* what, Tcl_Obj* given) {
 }
 
 void evaluate(Interpreter& i, Tcl_Obj* script) {
-    Interpreter::Entered entered(i);
+    Interpreter::Kept kept(i);
     Obj keep(script);
-    if (Tcl_EvalObjEx(i.interp, keep, TCL_EVAL_GLOBAL) != TCL_OK) Tcl_BackgroundException(i.interp, TCL_ERROR);
+    if (Tcl_EvalObjEx(i.interp, keep, TCL_EVAL_GLOBAL) != TCL_OK && !i.closing()) Tcl_BackgroundException(i.interp, TCL_ERROR);
 }
 
 // ---- signals ----

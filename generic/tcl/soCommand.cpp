@@ -87,7 +87,7 @@ public:
                 delete m_;
                 return;
             }
-            if (!clear_) m_->clear();
+            if (!clear_) m_->reset();
             b_.messageBusy = false;
         }
         Borrowed(const Borrowed&) = delete;

@@ -2,6 +2,7 @@
 #include <string>
 
 #include "tcl/commands.h"
+#include "tcl/eventLoops.h"
 #include "tcl/interpreter.h"
 #include "tcl/processCommands.h"
 #include "tcl/soCommand.h"
@@ -33,6 +34,7 @@ int init(Tcl_Interp* interp, bool safe) {
             if (!initTclServices(*interpreter)) return TCL_ERROR;
             initCommands(*interpreter);
             initProcessCommands(*interpreter);
+            wrapEventLoops(*interpreter);
 #ifdef SORMA_COMM
             initCommCommands(*interpreter);
             initAsyncCommands(*interpreter);
@@ -55,5 +57,5 @@ int init(Tcl_Interp* interp, bool safe) {
 extern "C" DLLEXPORT int Sorma_Init(Tcl_Interp* interp) { return init(interp, false); }
 
 // A safe interpreter cannot load the package itself; its parent does, `load {} Sorma CHILD` once it has it, and may
-// grant network and files: `sorma::grant CHILD -network 1`.
+// grant it more: `sorma::grant CHILD allow reach on robot`.
 extern "C" DLLEXPORT int Sorma_SafeInit(Tcl_Interp* interp) { return init(interp, true); }

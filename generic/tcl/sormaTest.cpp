@@ -5,6 +5,11 @@
 //     sormatest::repeat n word...   evaluates a command n times from C, returns nanoseconds for each
 //     sormatest::allocations n word...   ... returns how often C++ allocated meanwhile. It counts when this library was
 //                                   there before libstdc++ (LD_PRELOAD); Tcl's own values come from malloc, uncounted
+//     sormatest::become user        from now on this process is another user's; only root may
+#include <grp.h>
+#include <pwd.h>
+#include <unistd.h>
+
 #include <chrono>
 #include <cstdlib>
 #include <new>
@@ -80,6 +85,17 @@ int AllocationsObjCmd(ClientData, Tcl_Interp* interp, int objc, Tcl_Obj* const o
     return TCL_OK;
 }
 
+int BecomeObjCmd(ClientData, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    if (objc != 2) {
+        Tcl_WrongNumArgs(interp, 1, objv, "user");
+        return TCL_ERROR;
+    }
+    const passwd* user = getpwnam(Tcl_GetString(objv[1]));
+    if (user && setgroups(1, &user->pw_gid) == 0 && setgid(user->pw_gid) == 0 && setuid(user->pw_uid) == 0) return TCL_OK;
+    Tcl_SetObjResult(interp, Tcl_NewStringObj(user ? "only root may become another user" : "there is no such user", -1));
+    return TCL_ERROR;
+}
+
 }  // namespace
 
 extern "C" DLLEXPORT int Sormatest_Init(Tcl_Interp* interp) {
@@ -89,5 +105,6 @@ extern "C" DLLEXPORT int Sormatest_Init(Tcl_Interp* interp) {
     Tcl_CreateObjCommand(interp, "::sormatest::ten", TenObjCmd, nullptr, nullptr);
     Tcl_CreateObjCommand(interp, "::sormatest::repeat", RepeatObjCmd, nullptr, nullptr);
     Tcl_CreateObjCommand(interp, "::sormatest::allocations", AllocationsObjCmd, nullptr, nullptr);
+    Tcl_CreateObjCommand(interp, "::sormatest::become", BecomeObjCmd, nullptr, nullptr);
     return Tcl_PkgProvideEx(interp, "sormatest", "1.0", nullptr);
 }

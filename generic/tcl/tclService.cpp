@@ -20,6 +20,8 @@ const Prototype kOutside{Severity::error, "CLASS TABLE", 0,
                          "{} declares a service class: use it in the body of a class, behind \"superclass sorma::Service\""};
 const Prototype kNoService{Severity::error, "SERVICE FAILED", 0,
                            "{} is a plain TclOO object without a service object; make it by name: sorma::create NAME"};
+const Prototype kElsewhere{Severity::error, "COMM DENIED", 2,
+                           "{}: {} {} is elsewhere; of a class in Tcl only the daemon's own user may choose such an object"};
 const Prototype kNotRunning{Severity::error, "SERVICE FAILED", 0, "{} belongs into a method of a service class"};
 const Prototype kSymbol{Severity::error, "REQUEST SYNTAX", 0, "bad code \"{}\": must be AREA SYMBOL ?detail ...?"};
 const Prototype kNoOption{Severity::error, "OPTION UNKNOWN", 2, "{}: unknown option \"{}\": must be {}"};
@@ -221,8 +223,7 @@ int CancelledObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* cons
     if (objc != 1) return Tcl_WrongNumArgs(interp, 1, objv, nullptr), TCL_ERROR;
     return guarded(i, objc, objv, [&] {
         auto run = currentRun(i);
-        bool cancelled = run && (run->cancelled || run->deadline.passed());
-        if (auto* call = Call::current()) cancelled = cancelled || call->cancelled.load(std::memory_order_relaxed) || call->deadline.passed();
+        bool cancelled = CallContext::currentCancelled() || (run && run->cancelled);
         Tcl_SetObjResult(interp, Tcl_NewWideIntObj(cancelled));
         return TCL_OK;
     });
@@ -252,11 +253,11 @@ InCoroutine::InCoroutine(Interpreter& i, Tcl_Obj* coroutine) {
     auto found = i.runs.empty() ? i.runs.end() : i.runs.find(std::string(view(coroutine)));
     if (found == i.runs.end()) return;
     run_ = found->second;
-    new (call_) Call(run_->client ? run_->client->caller : Caller::self(), run_->deadline, run_->client);
+    new (context_) CallContext(run_->context);
 }
 
 InCoroutine::~InCoroutine() {
-    if (run_) reinterpret_cast<Call*>(call_)->~Call();
+    if (run_) reinterpret_cast<CallContext*>(context_)->~CallContext();
 }
 
 TclService::~TclService() {
@@ -285,12 +286,16 @@ void TclService::objectDeleted() {
 }
 
 void TclService::setValue(std::size_t option, const Value& value) {
-    if (type().options()[option].type == Type::service) {
-        Reference r = subService(*this, std::get<std::string>(value));
-        services_.resize(values_.size());
-        services_[option] = std::move(r);
-    }
     values_[option] = value;
+}
+
+// Tcl code calls the object by its name, as the owner: so nobody else may name one that is elsewhere.
+void TclService::setService(std::size_t option, Reference r) {
+    if (r && r->isElsewhere() && sorm().find(r->name()) != r.get())
+        fail(kElsewhere, name(), type().options()[option].name, r->name());
+    services_.resize(values_.size());
+    values_[option] = r ? r->name() : std::string();
+    services_[option] = std::move(r);
 }
 
 Obj TclService::call(std::string_view method, std::span<Tcl_Obj* const> args, Message* message) const {
@@ -315,15 +320,10 @@ Obj TclService::call(std::string_view method, std::span<Tcl_Obj* const> args, Me
     struct Around {
         Interpreter& i;
         Interpreter::Running outer;
-        Interpreter::Entered entered;
+        Interpreter::Kept kept;
         Around(Interpreter& interpreter, Interpreter::Running running)
-            : i(interpreter), outer(std::exchange(i.running, running)), entered(i) {
-            Tcl_Preserve(i.interp);
-        }
-        ~Around() {
-            i.running = outer;
-            Tcl_Release(i.interp);
-        }
+            : i(interpreter), outer(std::exchange(i.running, running)), kept(i) {}
+        ~Around() { i.running = outer; }
     };
     Message unheard;
     if (!message) message = &unheard;
@@ -347,22 +347,16 @@ void TclService::exec(Message& m) {
     auto run = std::make_shared<TclRun>();
     run->service = this;
     run->keep = Reference(this);
-    run->deadline = Call::currentDeadline();
-    run->client = Call::currentClient();
+    run->context = CallContext::keep();
     std::string coroutine = "::sorma::co::" + std::to_string(++i.lastRun);
     i.runs.emplace(coroutine, run);
     struct Around {
         Interpreter& i;
         Interpreter::Running outer;
-        Interpreter::Entered entered;
+        Interpreter::Kept kept;
         Around(Interpreter& interpreter, Interpreter::Running running)
-            : i(interpreter), outer(std::exchange(i.running, running)), entered(i) {
-            Tcl_Preserve(i.interp);
-        }
-        ~Around() {
-            i.running = outer;
-            Tcl_Release(i.interp);
-        }
+            : i(interpreter), outer(std::exchange(i.running, running)), kept(i) {}
+        ~Around() { i.running = outer; }
     };
     int code;
     {
@@ -388,9 +382,9 @@ void TclService::exec(Message& m) {
         run->cancelled = true;
         if (!run->atCancel || !run->service || run->service->interpreter().closing()) return;
         Interpreter& i = run->service->interpreter();
-        Interpreter::Entered entered(i);
+        Interpreter::Kept kept(i);
         Obj script = std::exchange(run->atCancel, Obj());
-        if (Tcl_EvalObjEx(i.interp, script, TCL_EVAL_GLOBAL) != TCL_OK) Tcl_BackgroundException(i.interp, TCL_ERROR);
+        if (Tcl_EvalObjEx(i.interp, script, TCL_EVAL_GLOBAL) != TCL_OK && !i.closing()) Tcl_BackgroundException(i.interp, TCL_ERROR);
     });
 }
 
@@ -489,10 +483,12 @@ Class buildClass(Interpreter& i, const std::vector<TclClass*>& line, Tcl_Class t
             Option o = d.option;
             o.get = [index](const Service& s) { return static_cast<const TclService&>(s).value(index); };
             o.set = [index](Service& s, const Value& v) { static_cast<TclService&>(s).setValue(index, v); };
+            if (o.type == Type::service)
+                o.refer = [index](Service& s, Reference r) { static_cast<TclService&>(s).setService(index, std::move(r)); };
             made.option(std::move(o));
         }
         for (auto& a : c->actions) made.action(a);
-        for (auto& a : c->inspections) made.inspection(a);
+        for (auto& a : c->inspections) made.inspection(a, a.right);
         for (auto& p : c->reads) made.reads(p.field, p.count, p.unit, p.help, p.low, p.high);
         for (auto& p : c->writes) made.writes(p.field, p.count, p.unit, p.help);
     }
@@ -655,7 +651,7 @@ int OptionObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
 // sorma::action, sorma::inspection: the body becomes a private method of the class.
 int declareAction(Interpreter& i, int objc, Tcl_Obj* const objv[], bool ctrl) {
     return guarded(i, objc, objv, [&] {
-        if (objc != 5) return wrongArgs(i.interp, objv, "-name args help body");
+        if (objc != 5 && !(objc == 7 && view(objv[5]) == "-right")) return wrongArgs(i.interp, objv, "-name args help body ?-right right?");
         TclClass& c = target(i, objv[0]);
         Action a;
         a.name = toUtf8(objv[1]);
@@ -664,6 +660,16 @@ int declareAction(Interpreter& i, int objc, Tcl_Obj* const objv[], bool ctrl) {
         for (auto& known : list)
             if (known.name == a.name) bad(objv[0], a.name + " is declared twice");
         a.help = toUtf8(objv[3]);
+        a.right = ctrl ? Right::configure : Right::inspect;
+        if (objc == 7) {
+            std::string right = toUtf8(objv[6]), known;
+            bool found = false;
+            for (Right r : {Right::call, Right::inspect, Right::configure, Right::make, Right::program}) {
+                if (right == toText(r)) a.right = r, found = true;
+                known += (known.empty() ? "" : ", ") + std::string(toText(r));
+            }
+            if (!found) bad(objv[0], a.name + ": bad right \"" + right + "\": must be one of " + known);
+        }
         auto parameters = listElements(objv[2]);
         for (std::size_t k = 0; k < parameters.size(); ++k) {
             auto fields = listElements(parameters[k]);
@@ -792,9 +798,8 @@ Entry entryOf(Interpreter& i, Severity severity, Tcl_Obj* code, Tcl_Obj* text) {
     // `info frame` of 8.6 falls into freed frames in coroutines that have been resumed: there the class's place has to do.
     auto run = currentRun(i);
     bool resumed = run ? bool(run->reply) : !view(coroutineName(i)).empty();
-    if (!resumed) {
-        whereAmI(i, e.file, e.line);
-    } else if (run && run->service) {
+    if (!resumed) whereAmI(i, e.file, e.line);
+    if (e.file.empty() && run && run->service) {        // Tcl 9 knows no file either for a body that came in a variable
         e.file = run->service->type().file();
         e.line = run->service->type().line();
     }

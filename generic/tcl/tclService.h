@@ -20,7 +20,7 @@
 
 #include <memory>
 
-#include "bus/deadline.h"
+#include "bus/call.h"
 
 #include "tcl/interpreter.h"
 
@@ -52,6 +52,7 @@ public:
     void answer(TclRun& run, Message& m) const;     // of an EXEC that is done: the result into m, or a throw
     Value value(std::size_t option) const { return values_[option]; }
     void setValue(std::size_t option, const Value& value);
+    void setService(std::size_t option, Reference service);
     Interpreter& interpreter() const { return interpreter_; }
 
 private:
@@ -68,8 +69,7 @@ struct TclRun {
     TclService* service;                // null when its interpreter is gone
     Reference keep;
     Message said;                       // its warnings so far
-    Deadline deadline;
-    ClientPointer client;
+    KeptCallPointer context;                    // of the request; null: it came from no request
     Reply reply;                        // set when it has waited
     Obj atCancel;                       // script
     bool done = false, cancelled = false;
@@ -88,7 +88,7 @@ public:
 
 private:
     std::shared_ptr<TclRun> run_;
-    alignas(Call) unsigned char call_[sizeof(Call)];
+    alignas(CallContext) unsigned char context_[sizeof(CallContext)];
 };
 
 // Creates ::sorma::Service, the declaration commands and sorma::fail, sorma::warn. False: see the interpreter's result.

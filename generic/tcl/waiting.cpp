@@ -17,7 +17,7 @@ struct Waiter {
     Deadline deadline;
     std::function<int()> finish;
     Obj coroutine;
-    std::uint64_t timer = 0;
+    Timer timer = {};
     bool resuming = false;              // the loop is about to go on with the coroutine
     Tcl_Obj* words[1] = {};             // of yield: Tcl looks at them when we have returned
 };
@@ -39,7 +39,7 @@ void resume(const std::weak_ptr<Waiter>& weak) {
         if (!w || w->interpreter.closing()) return;
         w->resuming = false;
         Interpreter& i = w->interpreter;
-        Interpreter::Entered entered(i);
+        Interpreter::Kept kept(i);
         Tcl_Obj* name = w->coroutine;
         Obj keep(name);
         if (!Tcl_FindCommand(i.interp, Tcl_GetString(name), nullptr, TCL_GLOBAL_ONLY)) return;
@@ -113,7 +113,7 @@ int afterYield(ClientData data[], Tcl_Interp* interp, int code) {
         if (i.closing()) return TCL_ERROR;
         over = true;
     }
-    if (w->timer != 0) i.sorm.loop().cancel(w->timer);
+    w->timer.cancel();
     if (!over) {                                        // the coroutine is being deleted
         for (auto& f : w->futures) f.cancel();
         return code;
@@ -159,7 +159,6 @@ int waitThen(Interpreter& i, std::vector<Future> futures, bool all, Deadline dea
         });
     if (!deadline.none())
         w->timer = i.sorm.loop().after(deadline.when(), [weak] {
-            if (auto w = weak.lock()) w->timer = 0;
             resume(weak);
         });
     return yieldNow(w);

@@ -38,7 +38,8 @@ public:
             .text("-outputs", &Circuit::outputs_, {.help = "its own outputs, likewise"})
             .real("-period", &Circuit::period_, {.unit = "s", .low = 0, .high = 3600,
                                                  .help = "time step of its units when no cycle drives it; 0: they need their own"})
-            .action("-rewire", &Circuit::rewireAction, "", "find units and lengths anew, after units have been replaced or changed")
+            .action({"-rewire", "", "find units and lengths anew, after units have been replaced or changed", 0, 0,
+                     [](sorma::Service& s, sorma::Args, Message&) { static_cast<Circuit&>(s).rewire(); }, sorma::Right::configure, true})
             .action("-reset", &Circuit::resetAction, "", "-reset of all units of this process that have it, and time from 0 again")
             .inspection(list("-units", "name class location floats-in floats-out step|loop", &Network::listUnits))
             .inspection(list("-wires", "source -> sink length unit, as resolved", &Network::listWires))
@@ -53,12 +54,15 @@ public:
 
     void born() override { rewire(); }
 
-    void changed(std::span<const sorma::Option* const> options) override {
-        bool wired = true;
-        for (auto* o : options) wired = wired && o->name == "-period";
-        if (!wired) rewire();
-        anchor();
+    // All or nothing: what is there goes on when anything is wrong with what shall come, and until it is ready.
+    sorma::Commit prepare(const sorma::Change& change) override {
+        bool wired = change.concerns("-wires") || change.concerns("-inputs") || change.concerns("-outputs");
+        return wired ? wiredAnew(change.get<std::string>("-wires"), change.get<std::string>("-inputs"),
+                                 change.get<std::string>("-outputs"), change.author("-wires"))
+                     : nullptr;
     }
+
+    void changed(std::span<const sorma::Option* const>) override { anchor(); }
 
     void exec(Message& m) override {
         if (m.floats.size() != network_->inputs()) [[unlikely]] failFloats(m.floats.size());
@@ -119,19 +123,29 @@ private:
                 }};
     }
 
-    // All or nothing: what is there goes on when anything is wrong with what shall come.
-    void rewire() {
-        if (running_) fail(kBusy, name(), "be wired anew");
-        circuit::Description description{circuit::parseWires(name(), wires_), circuit::parsePins(name(), "-inputs", inputs_),
-                                         circuit::parsePins(name(), "-outputs", outputs_)};
-        auto fresh = std::make_unique<Network>(*this, description);
-        if (steering())
-            for (auto& unit : fresh->units())
-                if (unit->steering() != steering()) steering()->adopt(*unit);
-        network_ = std::move(fresh);
+    sorma::Commit wiredAnew(const std::string& wires, const std::string& inputs, const std::string& outputs,
+                            const sorma::PrincipalPointer& author) {
+        circuit::Description description{circuit::parseWires(name(), wires), circuit::parsePins(name(), "-inputs", inputs),
+                                         circuit::parsePins(name(), "-outputs", outputs), author};
+        return [this, fresh = std::make_shared<Network>(*this, description)]() mutable {
+            if (running_) fail(kBusy, name(), "be wired anew");
+            std::swap(network_, fresh);
+        };
     }
 
-    void rewireAction(sorma::Args, Message&) { rewire(); }
+    void rewire() {
+        auto* owner = realtimeOwner();
+        sorma::Commit commit;               // the old network ends after ticks go on
+        try {
+            commit = wiredAnew(wires_, inputs_, outputs_, author("-wires"));
+            sorma::BetweenTicks between(*this);
+            commit();
+            if (owner) owner->partsChanged();
+        } catch (...) {
+            if (owner) owner->partsChanged();
+            throw;
+        }
+    }
 
     void resetAction(sorma::Args, Message&) {
         if (running_) fail(kBusy, name(), "be reset");
@@ -166,7 +180,7 @@ private:
 
     std::string wires_, inputs_, outputs_;
     double period_ = 0;
-    std::unique_ptr<Network> network_;      // from birth on
+    std::shared_ptr<Network> network_;      // from birth on
     bool running_ = false;                  // a unit may come back to us, or let others do so while it waits
     sorma::Tick tick_;                      // when no cycle drives us: the next one, with the period of the last
     std::int64_t anchor_ = 0;               // [ns] time of tick anchorNumber_

@@ -17,7 +17,7 @@ const Prototype kWritten{Severity::error, "CIRCUIT LENGTH", 2,
 }  // namespace
 
 // What a unit will write in this tick, before anybody knows what it will read.
-inline void Network::ask(Step& step, sorma::Steering* here) const {
+inline void Network::ask(Step& step, sorma::RealtimeOwner* here) const {
     Message& m = step.message;
     m.floats.clear();
     step.unit.step(m, here);
@@ -27,7 +27,7 @@ inline void Network::ask(Step& step, sorma::Steering* here) const {
     std::swap(m.floats, step.held);
 }
 
-inline void Network::execute(Step& step, sorma::Steering* here) const {
+inline void Network::execute(Step& step, sorma::RealtimeOwner* here) const {
     Message& m = step.message;
     if (m.floats.size() != step.in) m.floats.resize(step.in);
     gather(step.firstCopy, step.lastCopy, m.floats.data());
@@ -57,12 +57,12 @@ void Network::failStep(Step& step, Message& m) const {
     sorma::Trail trail = m.trail;
     trail.append(sorma::trailOfCurrentException(step.unit->name()));
     trail.add(sorma::makeEntry(kStep, {sorma::MessageArg::of(owner_.name()), sorma::MessageArg::of(step.unit->name())}));
-    step.message.clear();
+    step.message.reset();
     throw sorma::Error(std::move(trail));
 }
 
 void Network::run(Message& m) {
-    sorma::Steering* here = sorma::Steering::current();
+    sorma::RealtimeOwner* here = sorma::RealtimeOwner::current();
     std::swap(m.floats, inputs_);
     try {
         for (Step* s : loops_) {

@@ -10,7 +10,7 @@
 // (Service::pins), until nothing new comes. A pin whose length is then still open has as many elements as the highest
 // index that is wired; a unit may write more than an output of that kind has.
 //
-// Threads:   made by the SORM's thread, or by one that has its loan; run by whom the circuit belongs to.
+// Threads:   made and let go by the SORM's thread, while another one runs the network before it; run by whom the circuit belongs to.
 // Allocates: run() does not once warmed up, when its units do not.
 #pragma once
 
@@ -28,6 +28,7 @@ namespace circuit {
 struct Description {
     std::vector<Wire> wires;
     std::vector<OwnPin> inputs, outputs;
+    sorma::PrincipalPointer author;     // who has written the wires
 };
 
 // A wire as it was resolved, for those who draw, print and record circuits.
@@ -39,7 +40,8 @@ struct ResolvedWire {
 
 class Network {
 public:
-    // Finds the units through the owner's SORM, and makes those that are not there yet.
+    // Finds the units through the owner's SORM, and makes those that are not there yet; when the circuit is executed in ticks,
+    // they come to its real-time owner. This may take long, and ticks go on.
     // Fails with what that fails with, or with CIRCUIT PIN, LENGTH, UNIT, DRIVEN, DANGLING, LOOP, OPEN; SERVICE CYCLE.
     Network(sorma::Service& owner, const Description& description);
     Network(const Network&) = delete;
@@ -90,8 +92,8 @@ private:
             std::memcpy(to + first->to, from, first->count * sizeof(double));
         }
     }
-    void ask(Step& step, sorma::Steering* here) const;
-    void execute(Step& step, sorma::Steering* here) const;
+    void ask(Step& step, sorma::RealtimeOwner* here) const;
+    void execute(Step& step, sorma::RealtimeOwner* here) const;
     void tidy(Step& step, sorma::Message& m) const;
     void handOn(sorma::Trail& from, sorma::Trail& to) const;
     [[noreturn]] void failStep(Step& step, sorma::Message& m) const;

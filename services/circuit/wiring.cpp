@@ -66,17 +66,33 @@ void Wiring::declare() {
     add(kOutputs, description_.outputs);
 }
 
+// A name as the author of the wires wrote it: he must be allowed to call it. One that the real-time owner of the circuit cannot have is refused before it is
+// asked for anything, which could take long.
+sorma::Reference Wiring::unitNamed(const std::string& object) {
+    auto& author = description_.author;
+    sorma::Reference unit = owner_.sorm().get(object, author);
+    if (!unit->isElsewhere()) owner_.sorm().access.need(author, sorma::Right::call, unit->name(), unit->name());
+    if (auto* owner = owner_.realtimeOwner()) owner->adopt(*unit);
+    return unit;
+}
+
+// A unit may take memory for a length that it is asked for.
+std::vector<Pin> Wiring::pinsOf(sorma::Service& unit, std::string_view pin, std::size_t length) {
+    sorma::BetweenTicks between(unit);
+    return unit.pins(pin, length);
+}
+
 int Wiring::nodeOf(const std::string& object) {
     auto [at, fresh] = byName_.try_emplace(object, int(nodes_.size()));
     if (!fresh) return at->second;
-    sorma::Reference unit = owner_.sorm().get(object);
+    sorma::Reference unit = unitNamed(object);
     // One object may have two names: it is one unit.
     auto [known, first] = byObject_.try_emplace(unit.get(), int(nodes_.size()));
     if (!first) return at->second = known->second;
     Node node;
     node.name = object;
     node.unit = unit;
-    node.pins = unit->pins();
+    node.pins = pinsOf(*unit);
     nodes_.push_back(std::move(node));
     return at->second;
 }
@@ -161,7 +177,7 @@ void Wiring::setLength(const Terminal& t, std::size_t length) {
     follow(t.pin);
     if (!node.unit) return;
     std::string from = node.name + "." + found.name;
-    for (auto& told : node.unit->pins(found.name, length))
+    for (auto& told : pinsOf(*node.unit, found.name, length))
         for (auto& known : node.pins) {
             if (known.name != told.name || known.input != told.input) continue;
             if (told.length == Pin::kOpen) continue;

@@ -53,6 +53,8 @@ private:
     void sort();
     void assemble();
 
+    sorma::Reference unitNamed(const std::string& object);
+    std::vector<sorma::Pin> pinsOf(sorma::Service& unit, std::string_view pin = {}, std::size_t length = sorma::Pin::kOpen);
     int nodeOf(const std::string& object);
     Terminal terminal(const Wire& wire, const End& end, bool sink);
     std::size_t ownPin(const Wire& wire, const End& end, bool sink);

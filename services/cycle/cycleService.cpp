@@ -4,8 +4,12 @@
 //     cycle.fast CTRL -start
 //
 // A step is the name of an object, or a whole EXEC request. Its class must say that it is real-time.
+//
+// What is set while the cycle runs is prepared here, on the SORM's thread, while ticks go on; then the runner takes the new plan
+// between two of them.
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include <sorma.h>
 
@@ -25,7 +29,11 @@ const sorma::Prototype kRunning{Severity::error, "CYCLE RUNNING", 1, "{}: it run
 const sorma::Prototype kNotRunning{Severity::error, "CYCLE STOPPED", 1, "{}: it does not run; CTRL -start starts it"};
 const sorma::Prototype kExecOnly{Severity::error, "OPTION VALUE", 2, "{}: -steps {}: a step is a name, or a request for EXEC without words"};
 const sorma::Prototype kWithin{Severity::error, "CYCLE STEP", 2, "{}: {} cannot be a step of itself"};
-const sorma::Prototype kHangs{Severity::error, "CYCLE HANGS", 1, "{}: it hangs in its step {}, and cannot be stopped"};
+const sorma::Prototype kHangs{Severity::error, "CYCLE HANGS", 1,
+                              "{}: it hangs in its step {}, and cannot be stopped; CTRL -abandon gives that step up"};
+const sorma::Prototype kNotHanging{Severity::error, "CYCLE RUNNING", 1, "{}: no step hangs: CTRL -stop ends it"};
+const sorma::Prototype kNoClock{Severity::error, "CYCLE CLOCK", 2, "{}: -clock {}: {}"};
+const sorma::Prototype kNotActed{Severity::error, "CYCLE ACTION", 1, "{}: the safe action {} has failed"};
 const sorma::Prototype kUsual{Severity::warning, "CYCLE REALTIME", 1, "{}: {}"};
 
 constexpr std::int64_t kLeastWatchdog = 50'000'000;     // [ns]
@@ -39,16 +47,18 @@ public:
             .real("-period", &Cycle::period_, {.unit = "s", .low = 250e-6, .high = 3600, .help = "from one tick to the next"})
             .choice("-overrun", &Cycle::overrun_, {"skip", "catchUp", "fault"},
                     {.help = "when a tick is not over before the next is due: leave out what was missed, run it at once, or fail"})
-            .text("-onfault", &Cycle::onFault_, {.help = "request for the next tick after a step has failed or hangs: the safe action"})
+            .text("-onfault", &Cycle::onFault_, {.help = "request that ends a tick in which a step has failed or hangs: the safe action"})
             .choice("-afterFault", &Cycle::afterFault_, {"stop", "continue"}, {.help = "what becomes of the steps then"})
             .real("-watchdog", &Cycle::watchdog_, {.unit = "s", .low = 0, .high = 3600,
                                                    .help = "a tick that takes longer hangs; 0: ten periods, at least 0.05 s"})
+            .text("-clock", &Cycle::clock_, {.help = "key of a snapshot buffer: ticks are due by its float 0 [s]; empty: by the machine's clock"})
             .integer("-priority", &Cycle::priority_, {.low = 0, .high = 99, .help = "of SCHED_FIFO; 0: an ordinary thread"})
             .integer("-cpu", &Cycle::cpu_, {.low = -1, .high = 1023, .help = "processor to run on; -1: those of the process"})
             .flag("-lockMemory", &Cycle::lockMemory_, {.help = "keep the process's memory from being paged out while it runs"})
             .flag("-autostart", &Cycle::autostart_, {.help = "start when made", .fixed = true})
             .action("-start", &Cycle::start, "", "begin; a warning tells what real-time help the system has refused")
-            .action("-stop", &Cycle::stopNow, "", "end after the present tick")
+            .action("-stop", &Cycle::stopNow, "", "end after the present tick", 0, 0, sorma::Right::call)
+            .action("-abandon", &Cycle::abandonNow, "", "give up a step that hangs for ever, with its objects; then it can be started without them")
             .action("-reset", &Cycle::reset, "", "begin the figures of DBX -stats anew")
             .inspection({"-stats", "", "ticks, jitter, time of each step", 0, 0,
                          [](Service& s, Args, Message& m) { m.text += static_cast<Cycle&>(s).figuresText(); }})
@@ -70,7 +80,7 @@ public:
         Plan next = plan();
         if (!runner_) return;
         for (auto* o : options)
-            for (auto* fixed : {"-priority", "-cpu", "-lockMemory"})
+            for (auto* fixed : {"-priority", "-cpu", "-lockMemory", "-clock"})
                 if (o->name == fixed) fail(kRunning, name(), std::string(fixed) + " can be changed after CTRL -stop");
         if (next.steps.empty()) fail(kNoSteps, name(), "-steps");
         runner_->change(std::move(next));
@@ -96,6 +106,7 @@ public:
             if (auto busy = runner_->busyWith(); !busy.empty()) out += "# busy with " + busy + "\n";
         }
         for (auto& line : refused_) out += "# refused " + line + "\n";
+        for (auto& line : givenUp_) out += "# given up " + line + "\n";
         if (!fault_.trail.empty())
             out += "# fault in tick " + std::to_string(fault_.tick) + (fault_.step.empty() ? "" : ", step " + fault_.step) + ": " +
                    sorma::Error(fault_.trail).what() + "\n";
@@ -104,7 +115,17 @@ public:
 private:
     // ---- what is to be run ----
 
-    Step step(const std::string& text, bool execOnly) {
+    // An object by the name that the author of an option has written there. He must be allowed to call it: when the option is set, and
+    // again when the cycle is started with it. Never inside a tick.
+    sorma::Reference named(const std::string& target, sorma::Method method, const sorma::PrincipalPointer& author) {
+        sorma::Reference object = sorm().get(target, author);
+        // Of a safe action for CTRL each word asks for its own right, when it is sent.
+        auto right = method == sorma::Method::exec ? object->type().execRight() : sorma::Right::call;
+        if (!object->isElsewhere()) sorm().access.need(author, right, object->name(), object->name());
+        return object;
+    }
+
+    Step step(const std::string& text, bool execOnly, const sorma::PrincipalPointer& author) {
         Step s;
         s.text = text;
         std::string target = text;
@@ -112,7 +133,8 @@ private:
             sorma::parseRequest(text, target, s.method, s.request);
             if (execOnly && (s.method != sorma::Method::exec || !s.request.words.empty())) fail(kExecOnly, name(), text);
         }
-        s.object = sorm().get(target);
+        s.object = named(target, s.method, author);
+        s.request.author = author;
         if (s.object.get() == this) fail(kWithin, name(), name());
         return s;
     }
@@ -123,8 +145,8 @@ private:
         p.overrun = overrun_ == "skip" ? cycle::Overrun::skip : overrun_ == "fault" ? cycle::Overrun::fault : cycle::Overrun::catchUp;
         p.goesOn = afterFault_ == "continue";
         p.watchdog = watchdog_ > 0 ? std::llround(watchdog_ * 1e9) : std::max(kWatchdogPeriods * p.period, kLeastWatchdog);
-        for (auto& word : sorma::splitWords(steps_)) p.steps.push_back(step(word, true));
-        if (!onFault_.empty()) p.onFault = step(onFault_, false);
+        for (auto& word : sorma::splitWords(steps_)) p.steps.push_back(step(word, true, author("-steps")));
+        if (!onFault_.empty()) p.onFault = std::make_shared<Step>(step(onFault_, false, author("-onfault")));
         return p;
     }
 
@@ -134,9 +156,15 @@ private:
         if (runner_) fail(kRunning, name(), "CTRL -stop stops it");
         Plan p = plan();
         if (p.steps.empty()) fail(kNoSteps, name(), "-steps");
+        std::unique_ptr<cycle::Clock> clock;
+        try {
+            clock = clock_.empty() ? cycle::machineClock() : cycle::snapshotClock(clock_);
+        } catch (const std::runtime_error& e) {
+            fail(kNoClock, name(), clock_, e.what());
+        }
         auto runner = std::make_unique<cycle::Runner>(name(), sorm().mailbox(), static_cast<cycle::Owner&>(*this));
         std::string memory = lockMemory_ ? memory_.acquire() : std::string();
-        refused_ = runner->start(std::move(p), {int(priority_), int(cpu_)});
+        refused_ = runner->start(std::move(p), {int(priority_), int(cpu_)}, std::move(clock));
         if (!memory.empty()) refused_.push_back(memory);
         runner_ = std::move(runner);
         fault_ = {};
@@ -154,6 +182,14 @@ private:
         runner_->resetFigures();
     }
 
+    void abandonNow(Args, Message&) {
+        if (!runner_) fail(kNotRunning, name());
+        std::string step = runner_->busyWith();
+        if (step.empty() || !leaveBehind()) fail(kNotHanging, name());
+        givenUp_.push_back(step);
+        publishText("abandoned", step);
+    }
+
     void halt() {
         if (!runner_->stop()) fail(kHangs, name(), runner_->busyWith());
         last_ = figuresText();
@@ -163,10 +199,21 @@ private:
     }
 
     // With a step that hangs, its thread and what it uses stay as they are: nobody can take them away from it.
+    bool leaveBehind() {
+        if (runner_->stop()) {
+            halt();
+            return false;
+        }
+        if (!runner_->abandon()) return false;
+        (void)runner_.release();
+        memory_.release();
+        return true;
+    }
+
     void end() {
-        if (!runner_) return;
-        if (runner_->stop()) runner_.reset();
-        else (void)runner_.release();
+        while (runner_ && !runner_->stop())
+            if (runner_->abandon()) (void)runner_.release();
+        runner_.reset();
         memory_.release();
     }
 
@@ -175,7 +222,7 @@ private:
         auto f = runner_->figures();
         std::string out = "ticks " + std::to_string(f.ticks) + " skipped " + std::to_string(f.skipped) + " overruns " +
                           std::to_string(f.overruns) + " faults " + std::to_string(f.faults) + " requests " +
-                          std::to_string(f.requests) + "\n";
+                          std::to_string(f.requests) + " delayed " + std::to_string(f.delayed) + "\n";
         auto times = [&](const std::string& what, const sorma::Histogram& h) {
             out += what + ": p50 <= " + sorma::durationText(double(h.quantile(0.5))) + ", p99 <= " +
                    sorma::durationText(double(h.quantile(0.99))) + ", longest " + sorma::durationText(double(h.quantile(1))) + "\n";
@@ -207,20 +254,28 @@ private:
         sorm().announce(fault.trail);
     }
 
-    void act(const Step& action) override { action.object->oneway(action.method, action.request); }
+    void act(const Step& action) override {
+        auto answer = action.object->async(action.method, action.request);
+        answer.then([self = sorma::Reference(this), text = action.text](sorma::Future f) {
+            if (!f.pending()->failed()) return;
+            sorma::Trail trail = f.pending()->failure;
+            trail.add(sorma::makeEntry(kNotActed, {sorma::MessageArg::of(self->name()), sorma::MessageArg::of(text)}));
+            static_cast<Cycle&>(*self).faulted({text, std::move(trail), 0});
+        });
+    }
 
     void ended() override {
         if (runner_) halt();
     }
 
-    std::string steps_, overrun_ = "skip", onFault_, afterFault_ = "stop";
+    std::string steps_, overrun_ = "skip", onFault_, afterFault_ = "stop", clock_;
     double period_ = 0.015, watchdog_ = 0;
     std::int64_t priority_ = 50, cpu_ = -1;
     bool lockMemory_ = true, autostart_ = false;
 
     std::unique_ptr<cycle::Runner> runner_;         // while it runs
     cycle::MemoryLock memory_;
-    std::vector<std::string> refused_;
+    std::vector<std::string> refused_, givenUp_;
     Fault fault_;                                   // the last one since it was started
     std::string last_;                              // figures when it was stopped
     std::uint64_t byHand_ = 0;

@@ -12,26 +12,34 @@
 
 namespace cycle {
 
+inline std::int64_t nanoseconds() {     // CLOCK_MONOTONIC
+    timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return std::int64_t(t.tv_sec) * 1'000'000'000 + t.tv_nsec;
+}
+
 class Futex {
 public:
     explicit Futex(std::uint32_t value = 0) : word_(value) {}
     std::uint32_t load() const { return word_.load(std::memory_order_acquire); }
+    std::uint32_t peek() const { return word_.load(std::memory_order_relaxed); }       // orders nothing
     bool exchange(std::uint32_t from, std::uint32_t to) {
         return word_.compare_exchange_strong(from, to, std::memory_order_acq_rel);
     }
     // Change it, and wake those who sleep.
     void set(std::uint32_t value) {
         word_.store(value, std::memory_order_release);
-        call(FUTEX_WAKE_PRIVATE, INT_MAX, nullptr);
+        wake();
     }
     void increase() {
         word_.fetch_add(1, std::memory_order_release);
-        call(FUTEX_WAKE_PRIVATE, INT_MAX, nullptr);
+        wake();
     }
-    // Sleep while it has this value, until a time on the monotonic clock [ns]. May return early.
+    void wake() { call(FUTEX_WAKE_PRIVATE, INT_MAX, nullptr); }
+    // Sleep while it has this value, until a time on the monotonic clock [ns]; INT64_MAX: for ever. May return early.
     void wait(std::uint32_t value, std::int64_t until) {
         timespec t{std::time_t(until / 1'000'000'000), long(until % 1'000'000'000)};
-        call(FUTEX_WAIT_BITSET_PRIVATE, value, &t);
+        call(FUTEX_WAIT_BITSET_PRIVATE, value, until == INT64_MAX ? nullptr : &t);
     }
 
 private:

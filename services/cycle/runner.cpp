@@ -2,35 +2,44 @@
 
 #include <algorithm>
 #include <cstring>
-#include <limits>
+#include <set>
 
 // Tests that watch what a tick does define it.
 extern "C" __attribute__((weak)) void sormaTickMark(bool inside);
 
 namespace cycle {
 
+using sorma::MessageArg;
+using sorma::Service;
 using sorma::Severity;
 
 namespace {
 
 const sorma::Prototype kStuck{Severity::error, "SERVICE STUCK", 1,
                               "{}: {} hangs in its step {}; what was asked has not been done"};
+const sorma::Prototype kGivenUp{Severity::error, "SERVICE STUCK", 1, "{}: {} has given up its step {}, which hangs with this object"};
 const sorma::Prototype kNotLocal{Severity::error, "CYCLE STEP", 2,
     "{}: {} is elsewhere, at {}: a step must answer without waiting; read it through a snapshot buffer (shmem_r)"};
 const sorma::Prototype kNotRealtime{Severity::error, "CYCLE STEP", 2,
     "{}: class {} of {} does not say that it is real-time: it may allocate, wait, or use the interpreter"};
-const sorma::Prototype kTaken{Severity::error, "CYCLE STEP", 2, "{}: {} is run by another cycle already"};
+const sorma::Prototype kTaken{Severity::error, "CYCLE STEP", 2, "{}: {} {}"};
 const sorma::Prototype kOverrun{Severity::error, "CYCLE OVERRUN", 1, "{}: tick {} took {}, with a period of {}"};
 const sorma::Prototype kHangs{Severity::error, "CYCLE HANGS", 1, "{}: tick {} has not ended after {}; it is in its step {}"};
+const sorma::Prototype kRequest{Severity::error, "CYCLE REQUEST", 1, "{}: no tick could begin after {}: a request to {} took {}"};
+const sorma::Prototype kStands{Severity::error, "CYCLE CLOCK", 1, "{}: its clock stands at {} s since {}"};
+const sorma::Prototype kLate{Severity::error, "CYCLE LATE", 1,
+    "{}: the change took {} and has been taken back: the next tick of {} would have been late by more than {}, a quarter of its "
+    "period; stop it for that, or change less at a time"};
 const sorma::Prototype kActionHangs{Severity::error, "CYCLE ACTION", 1,
                                     "{}: the safe action {} was not taken: its object is part of the step that hangs"};
 
 constexpr std::int64_t kPatience = 1'000'000'000;       // [ns] with a tick that does not end
 constexpr std::int64_t kLeastReserve = 30'000;          // [ns]
+constexpr std::int64_t kTolerance = 1'000;              // [ns] of a clock whose times are sums of floats
 constexpr int kMostPassed = 5;                          // gaps; then a request is done though the next tick may be late
 constexpr std::size_t kUsualLength = 64;                // of the parts of a message, when an object does not say
 constexpr std::size_t kStack = 128 * 1024;              // touched before the first tick
-constexpr std::size_t kNone = SIZE_MAX;
+constexpr std::size_t kInAction = SIZE_MAX;             // at_: in the safe action at the end of a tick
 
 void touchStack() {
     char stack[kStack];
@@ -42,11 +51,25 @@ void mark(bool inside) {
     if (sormaTickMark) sormaTickMark(inside);
 }
 
-bool contains(sorma::Service& object, const sorma::Service* wanted) {
-    if (&object == wanted) return true;
-    for (auto& part : object.parts())
-        if (contains(*part, wanted)) return true;
-    return false;
+void addTree(Service& object, std::unordered_set<const Service*>& tree) {
+    if (!tree.insert(&object).second) return;
+    for (auto& part : object.parts()) addTree(*part, tree);
+}
+
+template <class... Values> sorma::Entry entry(const sorma::Prototype& prototype, const Values&... values) {
+    return sorma::makeEntry(prototype, {MessageArg::of(values)...});
+}
+
+std::string duration(std::int64_t ns) { return sorma::durationText(double(ns)); }
+
+// Those that have been abandoned: their threads may need them for ever. Kept where one can find them.
+struct Abandoned {
+    std::mutex mutex;
+    std::set<Runner*> runners;
+};
+Abandoned& abandonedOnes() {
+    static auto* a = new Abandoned;     // threads may outlive all static objects
+    return *a;
 }
 
 }  // namespace
@@ -61,14 +84,19 @@ void Step::reserve() {
     message.any.reserve(std::max(request.any.size(), kUsualLength));
 }
 
-void Step::run(sorma::Steering* here) {
-    message.clear();
-    if (!request.floats.empty()) message.floats = request.floats;
-    if (!request.ints.empty()) message.ints = request.ints;
-    if (!request.text.empty()) message.text = request.text;
-    if (!request.any.empty()) message.any = request.any;
-    object.step(message, here);
-}
+// The turn, for something of the runner's own: the plan is not the safe action's meanwhile.
+struct Runner::Held {
+    explicit Held(Runner& r) : runner(r) {
+        if (r.holds_ > 0) {
+            if (r.holding_) r.turn_.upgrade();
+        } else {
+            r.take(r.name_, true);
+        }
+        ++r.holds_;
+    }
+    ~Held() { runner.release(); }
+    Runner& runner;
+};
 
 Runner::Runner(std::string name, std::shared_ptr<sorma::Mailbox> mailbox, Owner& owner)
     : name_(std::move(name)), mailbox_(std::move(mailbox)), owner_(std::make_shared<Owner*>(&owner)) {}
@@ -77,53 +105,111 @@ Runner::~Runner() = default;
 
 template <class Call> void Runner::tell(Call call) {
     mailbox_->post([owner = std::weak_ptr(owner_), call = std::move(call)] {
-        if (auto o = owner.lock()) call(**o);
+        if (auto o = owner.lock(); o && *o) call(**o);
     });
 }
 
-// ---- the SORM's thread ----
+// By any thread. step: empty for the tick as a whole.
+void Runner::report(const std::string& step, sorma::Trail trail) {
+    tell([fault = Fault{step, std::move(trail), ticks()}](Owner& owner) { owner.faulted(fault); });
+}
 
-void Runner::adopt(sorma::Service& service) {
-    if (service.steering() == this) return;
+void Runner::report(const std::string& step, sorma::Entry entry) {
+    sorma::Trail trail;
+    trail.add(std::move(entry));
+    report(step, std::move(trail));
+}
+
+// ---- the SORM's thread: which objects ----
+
+const char* Runner::claim() const {
+    return abandoned_.empty() ? "is run by another cycle already" : "hangs in a step that has been given up";
+}
+
+void Runner::adopt(Service& service) {
+    if (service.realtimeOwner() == this && abandoned_.empty()) return;
     if (service.location() != "self") fail(kNotLocal, name_, service.name(), service.location());
     if (!service.type().isRealtime()) fail(kNotRealtime, name_, service.type().name(), service.name());
-    if (service.steering()) fail(kTaken, name_, service.name());
+    if (auto* other = service.realtimeOwner()) fail(kTaken, name_, service.name(), other->claim());
     auto parts = service.parts();
-    service.steer(this);
-    steered_.emplace_back(&service);
+    service.setRealtimeOwner(this);
+    owned_.emplace_back(&service);
     for (auto& part : parts) adopt(*part);
 }
 
 void Runner::admit(Plan& plan) {
-    std::size_t before = steered_.size();
+    std::size_t before = owned_.size();
+    auto reserve = [](Step& step) {
+        sorma::BetweenTicks between(*step.object);
+        step.reserve();
+    };
     try {
         for (auto& step : plan.steps) {
             adopt(*step.object);
-            step.reserve();
+            reserve(step);
         }
     } catch (...) {
-        for (; steered_.size() > before; steered_.pop_back()) steered_.back()->steer(nullptr);
+        for (; owned_.size() > before; owned_.pop_back()) owned_.back()->setRealtimeOwner(nullptr);
         throw;
     }
-    if (!plan.onFault) return;
-    try {
-        if (plan.onFault->method == sorma::Method::exec) adopt(*plan.onFault->object);
-        plan.onFault->reserve();
-    } catch (const sorma::Error&) {     // it is reached as any request is: through the SORM
+    if (plan.onFault) {
+        try {
+            if (plan.onFault->method == sorma::Method::exec) adopt(*plan.onFault->object);
+            reserve(*plan.onFault);
+        } catch (const sorma::Error&) {     // it is reached as any request is: through the SORM
+        }
     }
-    for (auto& step : plan.steps) step.containsAction = contains(*step.object, plan.onFault->object.get());
+    findNearAction(plan);
 }
 
-void Runner::release() {
-    for (auto& object : steered_)
-        if (object->steering() == this) object->steer(nullptr);
-    steered_.clear();
+bool Runner::executes(const Step& action) const {
+    return action.method == sorma::Method::exec && action.object->realtimeOwner() == this;
 }
 
-std::vector<std::string> Runner::start(Plan plan, const Schedule& schedule) {
+void Runner::findNearAction(Plan& plan) const {
+    plan.nearAction.clear();
+    if (plan.onFault && executes(*plan.onFault)) addTree(*plan.onFault->object, plan.nearAction);
+    Objects far;
+    auto visit = [&](auto& self, Service& object) -> bool {
+        if (plan.nearAction.count(&object)) return true;
+        if (!far.insert(&object).second) return false;
+        bool near = false;
+        for (auto& part : object.parts()) near |= self(self, *part);
+        if (near) plan.nearAction.insert(&object);
+        return near;
+    };
+    for (auto& step : plan.steps) step.nearAction = !plan.nearAction.empty() && visit(visit, *step.object);
+}
+
+void Runner::keepOnly(const Objects& wanted) {
+    std::vector<sorma::Reference> kept;
+    for (auto& object : owned_) {
+        if (wanted.count(object.get())) kept.push_back(object);
+        else object->setRealtimeOwner(nullptr);
+    }
+    owned_ = std::move(kept);
+}
+
+void Runner::partsChanged() noexcept {
+    try {
+        Held held(*this);
+        findNearAction(plan_);
+    } catch (...) {                         // a step hangs, and will not run again
+    }
+    Objects wanted;
+    for (auto& step : plan_.steps) addTree(*step.object, wanted);
+    if (plan_.onFault) addTree(*plan_.onFault->object, wanted);
+    keepOnly(wanted);
+}
+
+// ---- the SORM's thread: begin and end ----
+
+std::vector<std::string> Runner::start(Plan plan, const Schedule& schedule, std::unique_ptr<Clock> clock) {
     admit(plan);
     plan_ = std::move(plan);
-    stop_ = false;
+    clock_ = std::move(clock);
+    limit_ = plan_.watchdog;
+    turn_.open();
     std::vector<std::string> refused;
     Futex started;
     thread_ = std::thread([this, schedule, &refused, &started] {
@@ -144,248 +230,324 @@ std::vector<std::string> Runner::start(Plan plan, const Schedule& schedule) {
 
 bool Runner::stop() {
     stop_ = true;
-    bell_.increase();
-    std::int64_t patience = sorma::monotonicNow() + kPatience;
-    for (std::uint32_t now; (now = phase_.load()) != kEnded && sorma::monotonicNow() < patience;) phase_.wait(now, patience);
-    if (phase_.load() != kEnded) return false;
+    clock_->ring();
+    if (std::exchange(holding_, false))     // by a request to one of its own objects: what is left of that finds no ticks
+        do turn_.settle();
+        while (!turn_.release(true));
+    if (!turn_.waitForEnd(nanoseconds() + kPatience)) return false;
     thread_.join();
     {
         std::lock_guard lock(mutex_);
         woken_.notify_all();
     }
     watchdog_.join();
-    release();
+    keepOnly({});
+    return true;
+}
+
+bool Runner::abandon() {
+    Turn::Word w = turn_.look();
+    if (Turn::holder(w) != Turn::tick) return false;
+    auto* own = std::exchange(current_, this);
+    declareLate(w, nanoseconds() - beat_.load(std::memory_order_relaxed));
+    current_ = own;
+    bool watcherHangs = !turn_.waitForWatcher(nanoseconds() + kPatience), withAction = false;
+    if (!turn_.abandon(withAction)) return false;
+    // From here on its thread touches nothing but what hangs.
+    std::size_t at = at_.load(std::memory_order_relaxed);
+    abandoned_ = at < plan_.steps.size() ? plan_.steps[at].text : plan_.onFault ? plan_.onFault->text : std::string();
+    Objects hanging;
+    if (at < plan_.steps.size()) addTree(*plan_.steps[at].object, hanging);
+    if (plan_.onFault && (withAction || watcherHangs)) addTree(*plan_.onFault->object, hanging);
+    keepOnly(hanging);
+    *owner_ = nullptr;
+    stop_ = true;
+    {
+        std::lock_guard lock(mutex_);
+        woken_.notify_all();
+    }
+    {
+        std::lock_guard lock(abandonedOnes().mutex);
+        abandonedOnes().runners.insert(this);
+    }
+    if (watcherHangs) watchdog_.detach();
+    else watchdog_.join();
+    thread_.detach();
     return true;
 }
 
 void Runner::change(Plan plan) {
-    // What leaves stays steered while the old plan may still be needed: an error keeps it.
-    auto before = steered_;
     admit(plan);
-    auto swap = [&] {
+    try {
+        Held held(*this);
         for (auto& step : plan.steps)
             for (auto& old : plan_.steps)
                 if (old.text == step.text) step.times = old.times;
         std::swap(plan_, plan);
-    };
-    borrow(name_, [&] {
-        std::lock_guard lock(mutex_);
-        swap();
-    });
-    std::vector<sorma::Reference> wanted;
-    auto collect = [&](auto& self, sorma::Service& object) -> void {
-        if (object.steering() != this) return;
-        wanted.emplace_back(&object);
-        for (auto& part : object.parts()) self(self, *part);
-    };
-    for (auto& step : plan_.steps) collect(collect, *step.object);
-    if (plan_.onFault) collect(collect, *plan_.onFault->object);
-    for (auto& object : steered_)
-        if (std::none_of(wanted.begin(), wanted.end(), [&](auto& w) { return w.get() == object.get(); })) object->steer(nullptr);
-    steered_ = std::move(wanted);
+        limit_ = plan_.watchdog;
+    } catch (...) {
+        partsChanged();
+        throw;
+    }
+    partsChanged();
 }
 
 Figures Runner::figures() {
     Figures copy;
-    borrow(name_, [&] {
+    {
+        Held held(*this);
         copy = figures_;
         for (auto& step : plan_.steps) copy.steps.emplace_back(step.text, step.times);
-    });
+    }
     copy.ticks = ticks();
     return copy;
 }
 
 void Runner::resetFigures() {
-    borrow(name_, [&] {
-        figures_ = {};
-        for (auto& step : plan_.steps) step.times = {};
-    });
+    Held held(*this);
+    figures_ = {};
+    for (auto& step : plan_.steps) step.times = {};
 }
 
 std::string Runner::busyWith() const {
     std::int64_t since = beat_.load(std::memory_order_relaxed);
     std::size_t at = at_.load(std::memory_order_relaxed);
-    if (since == 0 || at >= plan_.steps.size()) return {};
-    return plan_.steps[at].text + " since " + sorma::durationText(double(sorma::monotonicNow() - since));
+    if (since == 0 || (at >= plan_.steps.size() && !plan_.onFault)) return {};
+    return (at < plan_.steps.size() ? plan_.steps[at].text : plan_.onFault->text) + " since " + duration(nanoseconds() - since);
 }
 
-// Whoever calls owns the SORM: its thread, or another runner that has it on loan.
-void Runner::lend(sorma::Service& service, const std::function<void()>& work) { borrow(service.name(), work); }
+// ---- the SORM's thread: between two ticks ----
 
-void Runner::borrow(const std::string& who, const std::function<void()>& work) {
-    if (phase_.load() == kEnded || phase_.load() == kRunning) return inPlace(work);
-    std::int64_t patience = sorma::monotonicNow() + kPatience;
-    if (auto deadline = sorma::Call::currentDeadline(); !deadline.none()) patience = std::min(patience, deadline.when());
-    work_ = &work;
-    if (!phase_.exchange(kIdle, kAsked)) return inPlace(work);      // it has ended just now
-    bell_.increase();
-    for (std::uint32_t now; (now = phase_.load()) != kDone;) {
-        if (now == kEnded) return inPlace(work);
-        if (now == kAsked && sorma::monotonicNow() >= patience && phase_.exchange(kAsked, kIdle))
-            fail(kStuck, who, name_, busyWith());
-        phase_.wait(now, patience + (now == kRunning ? kPatience : 0));
+bool Runner::fits() const {
+    if (passed_.load(std::memory_order_relaxed) >= kMostPassed || !clock_->monotonic()) return true;
+    return due_.load(std::memory_order_relaxed) - nanoseconds() > reserve_.load(std::memory_order_relaxed) + kLeastReserve;
+}
+
+void Runner::take(const std::string& who, bool nearAction) {
+    if (!abandoned_.empty()) fail(kGivenUp, who, name_, abandoned_);
+    std::int64_t until = nanoseconds() + kPatience;
+    if (auto deadline = sorma::CallContext::currentDeadline(); !deadline.none()) until = std::min(until, deadline.when());
+    auto answer = turn_.ask([this] { return fits(); }, nearAction, until);
+    if (answer == Turn::Answer::refused) fail(kStuck, who, name_, busyWith());
+    holding_ = answer == Turn::Answer::granted;
+    heldFor_ = who;
+    heldSince_ = nanoseconds();
+}
+
+void Runner::hold(Service& service) {
+    bool near = plan_.nearAction.count(&service);
+    if (holds_ > 0) {
+        if (near && holding_) turn_.upgrade();
+    } else {
+        take(service.name(), near);
     }
-    phase_.exchange(kDone, kIdle);
+    ++holds_;
 }
 
-// On the calling thread, in the runner's name: it has ended, or is itself waiting for what it has borrowed.
-void Runner::inPlace(const std::function<void()>& work) {
-    auto* own = std::exchange(current_, this);
-    bool had = hasLoan_.exchange(true);
-    work();
-    hasLoan_ = had;
-    current_ = own;
+void Runner::release() noexcept {
+    if (--holds_ > 0 || !std::exchange(holding_, false)) return;
+    std::int64_t took = nanoseconds() - heldSince_;
+    figures_.longestRequest = std::max(figures_.longestRequest, took);
+    ++figures_.requests;
+    passed_.store(0, std::memory_order_relaxed);
+    // The longest of late: what was long once fades, so that one slow request does not keep all others waiting.
+    std::int64_t reserve = reserve_.load(std::memory_order_relaxed);
+    reserve_.store(std::min(std::max(took, reserve - reserve / 8), plan_.period / 2), std::memory_order_relaxed);
+    // Told before the turn goes back: the runner may end at once, and what comes after its end is not heard.
+    for (bool late = turn_.settle();; late = turn_.settle()) {
+        if (late && !std::exchange(requestLate_, true)) report({}, entry(kRequest, name_, ticks(), heldFor_, duration(took)));
+        if (turn_.release(late)) break;
+    }
+}
+
+void Runner::checkBudget(Service& service) const {
+    if (!holding_) return;
+    std::int64_t quarter = quarter_.load(std::memory_order_relaxed), now = nanoseconds(), limit = heldSince_ + quarter;
+    if (clock_->monotonic()) limit = std::max(due_.load(std::memory_order_relaxed), heldSince_) + quarter;
+    if (now > limit) fail(kLate, service.name(), duration(now - heldSince_), name_, duration(quarter));
 }
 
 // ---- the runner's thread ----
 
 void Runner::run() {
     current_ = this;
-    std::int64_t due = sorma::monotonicNow() + plan_.period;
-    while (!stop_) {
-        rest(due);
-        if (stop_) break;
-        if (faulty_) [[unlikely]] {
-            afterFault();
-            if (!plan_.goesOn) break;
-        }
-        tick(due);
-        due += plan_.period;
-        std::int64_t late = sorma::monotonicNow() - due;
-        if (late < 0) continue;
-        ++figures_.overruns;
-        if (plan_.overrun == Overrun::catchUp) continue;
-        if (plan_.overrun == Overrun::fault && !faulty_)
-            noteFault({{}, {}, number_.load(std::memory_order_relaxed)});
-        std::int64_t skipped = late / plan_.period + 1;
-        figures_.skipped += std::uint64_t(skipped);
-        due += skipped * plan_.period;
+    time_ = clock_->now();
+    next_ = {time_ + plan_.period, plan_.period, true};
+    due_.store(nanoseconds() + plan_.period, std::memory_order_relaxed);
+    quarter_.store(plan_.period / 4, std::memory_order_relaxed);
+    while (next_.goesOn) {
+        Rest why = rest();
+        if (why == Rest::stop) break;
+        if (tick(why)) continue;
+        // Given up. All others have taken leave of it; what it still has goes back when somebody takes it.
+        if (turn_.hasAction()) act();
+        auto mailbox = mailbox_;
+        mailbox->post([this] {
+            {
+                std::lock_guard lock(abandonedOnes().mutex);
+                abandonedOnes().runners.erase(this);
+            }
+            keepOnly({});
+            delete this;
+        });
+        return;
     }
     leave();
 }
 
-// Sleep until the tick is due, and do meanwhile what is asked.
-void Runner::rest(std::int64_t due) {
-    bool passed = false;
-    for (;;) {
-        std::uint32_t bell = bell_.load();
-        if (stop_) return;
-        if (phase_.load() == kAsked) {
-            if (mayBorrow(due)) {
-                serve();
-                continue;
-            }
-            passed = true;
-        }
-        if (sorma::monotonicNow() >= due) break;
-        bell_.wait(bell, due);
+// Sleep until the next tick is due, or the clock stands still.
+Runner::Rest Runner::rest() {
+    if (turn_.requestWaits()) {
+        bool urgent = passed_.fetch_add(1, std::memory_order_relaxed) >= kMostPassed;
+        if (urgent || fits()) turn_.offer(urgent ? nanoseconds() + quarter_.load(std::memory_order_relaxed) : 0);
     }
-    if (passed) ++passedOver_;
+    const bool machine = clock_->monotonic();
+    std::int64_t moved = machine ? 0 : nanoseconds();
+    for (;;) {
+        std::uint32_t bell = clock_->bell();
+        if (stop_) return Rest::stop;
+        std::int64_t now = clock_->now();
+        if (!machine) {
+            if (now < time_) next_.due = now + next_.period;        // it has begun anew
+            if (now != time_) {
+                moved = nanoseconds();
+                stands_ = false;
+                time_ = now;
+            } else if (!stands_ && nanoseconds() - moved >= limit_.load(std::memory_order_relaxed)) {
+                stands_ = true;
+                return Rest::still;
+            }
+            now += kTolerance;
+        }
+        if (now >= next_.due) return Rest::due;
+        clock_->sleep(bell, next_.due, machine ? INT64_MAX : moved + limit_.load(std::memory_order_relaxed));
+    }
 }
 
-bool Runner::mayBorrow(std::int64_t due) const {
-    return due - sorma::monotonicNow() > reserve_ + kLeastReserve || passedOver_ >= kMostPassed;
+// Take the turn. While a request has it the watchdog sees that the tick cannot begin.
+void Runner::begin() {
+    bool waited = false;
+    for (;; waited = true) {
+        start_ = nanoseconds();
+        beat_.store(start_, std::memory_order_relaxed);
+        if (turn_.begin()) break;
+        turn_.waitForRequest();
+    }
+    if (waited && clock_->monotonic() && start_ - next_.due > plan_.period / 4) ++figures_.delayed;
 }
 
-void Runner::serve() {
-    if (!phase_.exchange(kAsked, kRunning)) return;     // withdrawn
-    std::int64_t start = sorma::monotonicNow();
-    hasLoan_ = true;
-    (*work_)();
-    hasLoan_ = false;
-    phase_.set(kDone);
-    std::int64_t took = sorma::monotonicNow() - start;
-    figures_.longestRequest = std::max(figures_.longestRequest, took);
-    ++figures_.requests;
-    passedOver_ = 0;
-    // The longest of late: what was long once fades, so that one slow request does not keep all others waiting.
-    reserve_ = std::min(std::max(took, reserve_ - reserve_ / 8), plan_.period / 2);
-}
-
-void Runner::tick(std::int64_t due) {
-    std::int64_t start = sorma::monotonicNow();
+// A tick, or what is done instead of one. False: it has been given up.
+bool Runner::tick(Rest why) {
+    begin();
+    bool faulty = false;
     std::uint64_t number = number_.load(std::memory_order_relaxed) + 1;
-    number_.store(number, std::memory_order_relaxed);
-    beat_.store(start, std::memory_order_relaxed);
-    figures_.jitter.add(start - due);
-    sorma::Tick now{due, double(plan_.period) / 1e9, number};
+    sorma::Tick now{next_.due, double(plan_.period) / 1e9, number};
     sorma::Tick::Scope scope(now);
+    if (why == Rest::still) [[unlikely]] {
+        ++figures_.faults;
+        report({}, entry(kStands, name_, sorma::numberText(double(time_) / 1e9), duration(limit_.load(std::memory_order_relaxed))));
+        faulty = true;
+    } else if (std::exchange(requestLate_, false)) [[unlikely]] {
+        ++figures_.faults;                  // the SORM's thread has told of it
+        faulty = true;
+        schedule(start_, faulty);
+    } else {
+        number_.store(number, std::memory_order_relaxed);
+        figures_.jitter.add((clock_->monotonic() ? start_ : time_) - next_.due);
+        faulty = !runSteps(number);
+        std::int64_t end = nanoseconds();
+        figures_.busy.add(end - start_);
+        schedule(end, faulty);
+    }
+    return finish(faulty);
+}
+
+// False: one has failed.
+bool Runner::runSteps(std::uint64_t number) {
     bool timed = number % kSample == 1;
-    std::int64_t last = start;
+    std::int64_t last = start_;
+    std::size_t i = 0;
     mark(true);
     try {
-        std::size_t i = 0;
         for (auto& step : plan_.steps) {
             at_.store(i++, std::memory_order_relaxed);
+            const bool near = step.nearAction;
+            if (near && !turn_.enterAction()) [[unlikely]] break;
             step.run(this);
+            if (near ? !turn_.leaveAction() : turn_.late()) [[unlikely]] break;
             if (timed) {
-                std::int64_t end = sorma::monotonicNow();
+                std::int64_t end = nanoseconds();
                 step.times.add(end - last);
                 last = end;
             }
         }
         mark(false);
+        return true;
     } catch (...) {
         mark(false);
-        auto& step = plan_.steps[at_.load(std::memory_order_relaxed)];
-        noteFault({step.text, sorma::trailOfCurrentException(step.object->name()), number});
+        auto& step = plan_.steps[i - 1];
+        ++figures_.faults;
+        report(step.text, sorma::trailOfCurrentException(step.object->name()));
+        return false;
     }
-    took_ = sorma::monotonicNow() - start;
-    figures_.busy.add(took_);
-    beat_.store(0, std::memory_order_relaxed);
-    if (!hung_.load(std::memory_order_relaxed)) return;
-    hung_ = false;                      // the watchdog has told of it, and taken the safe action
-    faulty_ = true;
-    ++figures_.faults;
 }
 
-void Runner::noteFault(Fault fault) {
-    faulty_ = true;
-    ++figures_.faults;
-    if (fault.trail.empty())
-        fault.trail.add(sorma::makeEntry(kOverrun, {sorma::MessageArg::of(name_), sorma::MessageArg::of(fault.tick),
-                                                    sorma::MessageArg::of(sorma::durationText(double(took_))),
-                                                    sorma::MessageArg::of(sorma::durationText(double(plan_.period)))}));
-    tell([fault = std::move(fault)](Owner& owner) { owner.faulted(fault); });
+// When is the next one due? Whether it is late already is seen here.
+void Runner::schedule(std::int64_t end, bool& faulty) {
+    next_.period = plan_.period;
+    next_.due += plan_.period;
+    std::int64_t late = (clock_->monotonic() ? end : clock_->now()) - next_.due;
+    if (late >= 0) [[unlikely]] {
+        ++figures_.overruns;
+        if (plan_.overrun == Overrun::fault && !faulty) {
+            ++figures_.faults;
+            report({}, entry(kOverrun, name_, ticks(), duration(end - start_), duration(plan_.period)));
+            faulty = true;
+        }
+        std::int64_t skipped = plan_.overrun == Overrun::catchUp ? 0 : late / plan_.period + 1;
+        figures_.skipped += std::uint64_t(skipped);
+        next_.due += skipped * plan_.period;
+    }
+    due_.store(next_.due, std::memory_order_relaxed);
+    quarter_.store(plan_.period / 4, std::memory_order_relaxed);
 }
 
-void Runner::afterFault() {
-    act(kNone);
-    faulty_ = false;
-    acted_ = false;
+// The safe action is the last thing that happens in a tick in which something went wrong, also when the watchdog has taken it
+// before: the step that hung may have written since. False: the tick has been given up.
+bool Runner::finish(bool faulty) {
+    bool counted = false;
+    for (;;) {
+        bool late = turn_.settle();
+        if (late && !std::exchange(counted, true)) ++figures_.faults;
+        if (late || faulty) [[unlikely]] {
+            if (!turn_.enterEnd()) return false;
+            at_.store(kInAction, std::memory_order_relaxed);
+            act();
+        }
+        next_.goesOn = plan_.goesOn || !(late || faulty);
+        beat_.store(0, std::memory_order_relaxed);
+        if (turn_.end(late)) return true;
+        if (turn_.abandoned()) return false;
+    }
 }
 
-// The safe action, once for each fault. hanging: the step that does not return, when the watchdog asks.
-void Runner::act(std::size_t hanging) {
-    if (!plan_.onFault || acted_.exchange(true)) return;
+// The safe action, by the thread that has the right to it.
+void Runner::act() {
+    if (!plan_.onFault) return;
     Step& action = *plan_.onFault;
-    auto failed = [&](sorma::Trail trail) {
-        tell([fault = Fault{action.text, std::move(trail), ticks()}](Owner& owner) { owner.faulted(fault); });
-    };
-    if (action.object->steering() != this) return tell([&action](Owner& owner) { owner.act(action); });
-    if (hanging < plan_.steps.size() && plan_.steps[hanging].containsAction) {
-        sorma::Trail trail;
-        trail.add(sorma::makeEntry(kActionHangs, {sorma::MessageArg::of(name_), sorma::MessageArg::of(action.text)}));
-        return failed(std::move(trail));
-    }
+    if (!executes(action)) return tell([action = plan_.onFault](Owner& owner) { owner.act(*action); });
     try {
         action.run(this);
     } catch (...) {
-        failed(sorma::trailOfCurrentException(action.object->name()));
+        report(action.text, sorma::trailOfCurrentException(action.object->name()));
     }
 }
 
 // The objects belong to nobody when the thread has ended: whoever wants something of them helps himself.
 void Runner::leave() {
-    if (faulty_) afterFault();
     bool asked = stop_;
-    for (;;) {
-        std::uint32_t phase = phase_.load();
-        if (phase == kAsked) serve();
-        else if (phase == kIdle && phase_.exchange(kIdle, kEnded)) break;
-        else phase_.wait(phase, sorma::monotonicNow() + 1'000'000);
-    }
-    phase_.set(kEnded);
+    beat_.store(0, std::memory_order_relaxed);
+    while (!turn_.finish()) turn_.waitForRequest();
     if (!asked) tell([](Owner& owner) { owner.ended(); });
 }
 
@@ -394,19 +556,31 @@ void Runner::leave() {
 void Runner::watch() {
     current_ = this;
     std::unique_lock lock(mutex_);
-    while (!stop_ && phase_.load() != kEnded) {
-        std::int64_t limit = plan_.watchdog;
+    while (!stop_ && !ended()) {
+        std::int64_t limit = limit_.load(std::memory_order_relaxed);
         woken_.wait_for(lock, std::chrono::nanoseconds(limit / 4));
+        Turn::Word w = turn_.look();
         std::int64_t since = beat_.load(std::memory_order_relaxed);
-        if (since == 0 || sorma::monotonicNow() - since < limit || hung_.exchange(true)) continue;
-        std::size_t at = at_.load(std::memory_order_relaxed);
-        std::string step = at < plan_.steps.size() ? plan_.steps[at].text : std::string();
-        sorma::Trail trail;
-        trail.add(sorma::makeEntry(kHangs, {sorma::MessageArg::of(name_), sorma::MessageArg::of(ticks()),
-                                            sorma::MessageArg::of(sorma::durationText(double(limit))), sorma::MessageArg::of(step)}));
-        tell([fault = Fault{step, std::move(trail), ticks()}](Owner& owner) { owner.faulted(fault); });
-        act(at);
+        if (stop_ || since == 0 || nanoseconds() - since < limit) continue;
+        lock.unlock();
+        declareLate(w, nanoseconds() - since);
+        lock.lock();
     }
+}
+
+void Runner::declareLate(Turn::Word w, std::int64_t after) {
+    auto claim = turn_.declareLate(w);
+    if (claim == Turn::Claim::none) return;
+    if (Turn::holder(w) == Turn::request) {     // the SORM's thread tells of it; it may be changing the plan
+        if (claim == Turn::Claim::mayAct) act();
+        return turn_.acted();
+    }
+    std::size_t at = at_.load(std::memory_order_relaxed);
+    std::string step = at < plan_.steps.size() ? plan_.steps[at].text : plan_.onFault ? plan_.onFault->text : std::string();
+    report(step, entry(kHangs, name_, ticks(), duration(after), step));
+    if (claim == Turn::Claim::mayAct) act();
+    else if (plan_.onFault) report(plan_.onFault->text, entry(kActionHangs, name_, plan_.onFault->text));
+    turn_.acted();
 }
 
 }  // namespace cycle

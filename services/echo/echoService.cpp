@@ -20,9 +20,10 @@ public:
     void exec(sorma::Message& m) override {
         if (delay_ <= 0) return;
         sorma::Reply reply = later(m);
-        auto timer = sorm().loop().after(sorma::monotonicNow() + std::int64_t(delay_ * 1e9), [reply] { reply.complete(); });
-        reply.onCancel([this, timer, reply] {
-            sorm().loop().cancel(timer);
+        auto timer = std::make_shared<sorma::Timer>(
+            sorm().loop().after(sorma::monotonicNow() + std::int64_t(delay_ * 1e9), [reply] { reply.complete(); }));
+        reply.onCancel([timer, reply] {
+            timer->cancel();
             reply.complete();
         });
     }

@@ -25,6 +25,7 @@
 
 namespace {
 
+using sorma::Right;
 using sorma::Severity;
 
 const sorma::Prototype kStatus{Severity::error, "FORK STATUS", 2, "{0}: {2} ended with status {1}{3}"};
@@ -37,9 +38,7 @@ const sorma::Prototype kStart{Severity::error, "FORK START", 2, "{0}: {2} cannot
 const sorma::Prototype kLost{Severity::error, "FORK LOST", 1,
                              "{}: how {} ended is not known: this process ignores SIGCHLD, or waits for all children"};
 const sorma::Prototype kBusy{Severity::error, "FORK BUSY", 1,
-                             "{}: {} children run, {} requests wait: -max {} -queue {} allow no more; try again later"};
-const sorma::Prototype kDenied{sorma::Severity::error, "COMM DENIED", 1,
-    "{}: a caller from {} may not choose the program; give it as -command in a dictionary file of the daemon's host"};
+                             "{}: running: {}, waiting: {}; -max {} -queue {} allow no more; try again later"};
 const sorma::Prototype kNothing{Severity::error, "OPTION MISSING", 2,
                                 "{}: {} is empty and EXEC came without words: one of them must say what to run"};
 const sorma::Prototype kCommand{Severity::error, "OPTION VALUE", 2, "{}: {} {} is no list of words: {}"};
@@ -119,7 +118,7 @@ struct Job {
     std::size_t limit = 0;
     std::shared_ptr<child::Process> process;    // null while it waits
     std::int64_t since = 0;                     // [us] since 1970, when it was started
-    std::uint64_t timer = 0;
+    sorma::Timer timer;
     bool late = false, byOperator = false;      // why it was killed
     std::string output;
     std::int64_t dropped = 0;                   // [bytes] of output
@@ -150,8 +149,9 @@ public:
             .integer("-limit", &ForkService::limit_,
                      {.unit = "bytes", .low = 0, .high = 16 << 20,
                       .help = "of standard output kept for the answer; more is dropped, with a warning"})
-            .action("-kill", &ForkService::killAll, "", "kill all children now, and refuse the requests that wait")
-            .action("-list", &ForkService::list, "", "a line for each child: process number, since when, command")
+            .action("-kill", &ForkService::killAll, "", "kill all children now, and refuse the requests that wait", 0, 0, Right::call)
+            .action("-list", &ForkService::list, "", "a line for each child: process number, since when, command", 0, 0, Right::inspect)
+            .execRight(Right::program)
             .conduct(sorma::Conduct::concurrent)
             .words("?word ...?")
             .reads(text, {}, "", "standard input of the program")
@@ -166,12 +166,9 @@ public:
 
     void born() override {
         check();
-        if (fromNetwork() && !command_.empty() && !recipeOfFile()) deny();
     }
 
-    void changed(std::span<const sorma::Option* const> options) override {
-        for (auto* o : options)
-            if (o->name == "-command" && fromNetwork()) deny();
+    void changed(std::span<const sorma::Option* const>) override {
         check();
         startNext();                            // -max may have grown
     }
@@ -180,7 +177,8 @@ public:
         child::Command command{commandWords(), directory_, {}};
         command.words.insert(command.words.end(), m.words.begin(), m.words.end());
         if (command.words.empty()) fail(kNothing, name(), "-command");
-        if (command_.empty() && fromNetwork()) deny();
+        // The caller has been asked. What runs is chosen, too, by whoever wrote these, and by nobody else.
+        for (auto* option : {"-command", "-directory"}) sorm().access.need(author(option), Right::program, name(), name());
         for (std::size_t i = 0; i < command.words.size(); ++i)
             if (hasZero(command.words[i])) fail(kZero, name(), i + 1, sorma::shown(command.words[i]));
         bool waits = running_.size() >= std::size_t(max_);
@@ -225,20 +223,6 @@ private:
             fail(kCommand, name(), "-command", sorma::shown(command_), e.what());
         }
     }
-
-    // Whoever comes by the network may have run what this host's own files or users have chosen, with arguments of his,
-    // but choose no program himself: he would run any as the daemon's user.
-    static bool fromNetwork() {
-        auto& address = sorma::Call::currentCaller().address;
-        return address != "self" && address != "unix";
-    }
-    bool recipeOfFile() const {
-        bool ofFile = false;
-        for (auto& word : sorm().dictionary().expand(name()))
-            if (word.text == "-command") ofFile = !word.origin.file.empty();
-        return ofFile;
-    }
-    [[noreturn]] void deny() const { fail(kDenied, name(), sorma::Call::currentCaller().address); }
 
     static bool hasZero(const std::string& word) { return word.find('\0') != std::string::npos; }
 
@@ -317,7 +301,7 @@ private:
         auto found = std::find_if(running_.begin(), running_.end(), [&](auto& j) { return j.get() == &ending; });
         JobPointer job = std::move(*found);
         running_.erase(found);
-        sorm().loop().cancel(job->timer);
+        job->timer.cancel();
         job->outputLines.flush([&](std::string line) { tell("output", *job, std::move(line), {}); });
         job->errorLines.flush([&](std::string line) { takeError(*job, std::move(line)); });
         tell("ended", *job, job->shown, {end.status()});
@@ -390,7 +374,7 @@ private:
         for (auto& job : running) {
             job->process->abandon();
             try {
-                sorm().loop().cancel(job->timer);
+                job->timer.cancel();
             } catch (const sorma::Error&) {     // the loop has gone before us
             }
             tell("ended", *job, job->shown, {128 + SIGKILL});

@@ -268,29 +268,21 @@ void Process::drop(int& fd) {
     ::close(std::exchange(fd, -1));
 }
 
-void Process::later(std::uint64_t& timer, std::int64_t nanoseconds, void (Process::*callback)()) {
+void Process::later(sorma::Timer& timer, std::int64_t nanoseconds, void (Process::*callback)()) {
     timer = sorm_.loop().after(sorma::monotonicNow() + nanoseconds, [weak = weak_from_this(), callback] {
         if (auto self = weak.lock()) (self.get()->*callback)();
     });
 }
 
-void Process::cancel(std::uint64_t& timer) {
-    if (timer == 0) return;
-    try {
-        sorm_.loop().cancel(std::exchange(timer, 0));
-    } catch (const sorma::Error&) {
-    }
-}
-
 void Process::release() {
-    cancel(inputTimer_);
-    cancel(killTimer_);
+    inputTimer_.cancel();
+    killTimer_.cancel();
     for (int* fd : {&exit_, &report_, &input_, &output_, &errors_}) drop(*fd);
 }
 
 // As much as the pipe takes. The loop does not tell when a pipe can be written, so a full one is tried again.
 void Process::writeInput() {
-    inputTimer_ = 0;
+    inputTimer_.cancel();
     // A program that does not read to the end would end us with SIGPIPE, which embedding programs do not ignore.
     sigset_t pipe, before, waiting;
     sigemptyset(&pipe);

@@ -81,8 +81,7 @@ private:
     struct Fork;
     void watch(int fd, void (Process::*callback)());
     void drop(int& fd);                         // unwatch and close
-    void later(std::uint64_t& timer, std::int64_t nanoseconds, void (Process::*callback)());
-    void cancel(std::uint64_t& timer);
+    void later(sorma::Timer& timer, std::int64_t nanoseconds, void (Process::*callback)());
     void release();                             // of all descriptors and timers
     void writeInput();
     void readReport();
@@ -104,7 +103,7 @@ private:
     int input_ = -1, output_ = -1, errors_ = -1;
     std::string toWrite_;
     std::size_t written_ = 0;
-    std::uint64_t inputTimer_ = 0, killTimer_ = 0;
+    sorma::Timer inputTimer_, killTimer_;
     End failure_{End::Kind::exited};            // notStarted once the report has come
 };
 

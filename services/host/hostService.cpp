@@ -22,6 +22,9 @@ public:
             .example("host EXEC load");
     }
 
+    void born() override { askForPath(); }
+    void changed(std::span<const sorma::Option* const>) override { askForPath(); }
+
     void exec(sorma::Message& m) override {
         std::string what = m.words.empty() ? std::string() : m.words[0];
         m.clear();
@@ -41,6 +44,11 @@ public:
     }
 
 private:
+    // The figures of a disk tell whether there is such a path: whoever named it must have the right to see that.
+    void askForPath() {
+        if (auto& by = author("-path")) sorm().access.need(by, sorma::Right::files, sorma::realPath(path_), name());
+    }
+
     // A figure: the number for programs, the line for people.
     static void put(sorma::Message& m, const std::string& name, double value, const char* unit) {
         m.floats.push_back(value);

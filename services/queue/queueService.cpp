@@ -128,7 +128,7 @@ private:
             if (now) fail(kEmpty, name());
             return standIn(getters_, m);
         }
-        const ClientPointer client = sorma::Call::currentClient();
+        const ClientPointer client = sorma::CallContext::currentClient();
         if (client && client->ended()) fail(kEnded, name());
         lend(client, m);
     }
@@ -153,7 +153,7 @@ private:
 
     void loans(Message& m) {
         if (m.words.size() > 1) fail(kUsage, name(), "loans");
-        const ClientPointer client = sorma::Call::currentClient();
+        const ClientPointer client = sorma::CallContext::currentClient();
         m.clear();
         for (auto& [id, loan] : loans_)
             if (loan.client == client) m.ints.push_back(id);
@@ -263,7 +263,7 @@ private:
         auto [end, error] = std::from_chars(given.data(), given.data() + given.size(), id);
         if (error != std::errc() || end != given.data() + given.size()) fail(kNumber, name(), given);
         auto found = loans_.find(id);
-        if (found == loans_.end() || found->second.client != sorma::Call::currentClient()) fail(kUnknown, name(), id);
+        if (found == loans_.end() || found->second.client != sorma::CallContext::currentClient()) fail(kUnknown, name(), id);
         return found;
     }
 

@@ -51,13 +51,13 @@ protected:
 
     // What the client that asks holds.
     std::int64_t held() const {
-        auto found = holders_.find(sorma::Call::currentClient().get());
+        auto found = holders_.find(sorma::CallContext::currentClient().get());
         return found == holders_.end() ? 0 : found->second.count;
     }
 
     // For the client that asks: n of them at once, if there are as many and nobody was here before.
     bool acquire(std::int64_t n) {
-        const ClientPointer client = sorma::Call::currentClient();
+        const ClientPointer client = sorma::CallContext::currentClient();
         if (client && client->ended()) fail(kEnded, name());
         if (!waiters_.empty() || n > free()) return false;
         take(client, n);
@@ -81,7 +81,7 @@ protected:
     // The client that asks gives n back. False: it does not hold as many, and nothing has changed.
     bool release(std::int64_t n) {
         if (held() < n) return false;
-        giveBack(sorma::Call::currentClient().get(), n);
+        giveBack(sorma::CallContext::currentClient().get(), n);
         return true;
     }
 

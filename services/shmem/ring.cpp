@@ -94,10 +94,11 @@ Outcome Reader::nearestTo(std::int64_t time, bool wall, double* floats, void* an
 }
 
 void Reader::sleep(std::uint64_t n, std::uint32_t bell, std::int64_t until) const noexcept {
-    bool canBeWoken = segment_->writable();
+    Header* words = segment_->words();
+    bool canBeWoken = words != nullptr;
     if (canBeWoken) {
         // Reads and writes, so that of a writer and a sleeper that do it at the same time the second one sees the first.
-        header_->asleep.exchange(1, std::memory_order_seq_cst);
+        words->asleep.exchange(1, std::memory_order_seq_cst);
         canBeWoken = reachWriters();                                        // 6
     }
     if (count() > n || retired()) return;
@@ -110,7 +111,7 @@ void Reader::sleep(std::uint64_t n, std::uint32_t bell, std::int64_t until) cons
 }
 
 void Reader::poke() const noexcept {
-    if (segment_->writable()) segment_->ring();
+    if (segment_->words()) segment_->ring();
 }
 
 #if SHMEM_BY_THE_LETTER

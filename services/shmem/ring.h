@@ -95,7 +95,7 @@ public:
     void write(const double* floats, std::size_t floatBytes, const void* any, std::size_t anyBytes) noexcept {
         Block& b = begin();
         if (floatBytes) copyIn(b.floats(), floats, floatBytes);
-        if (anyBytes) copyIn(b.any(segment_->shape().floats), any, anyBytes);
+        if (any && anyBytes) copyIn(b.any(segment_->shape().floats), any, anyBytes);
         end(b);
     }
     // In place: fill what begin() returns, then end() it. Until then readers do not see it.
@@ -159,7 +159,7 @@ private:
 class Reader {
 public:
     // Look at the segment of that name, see Segment::forReading for what may fail.
-    explicit Reader(const std::string& key) : Reader(Segment::forReading(key)) {}
+    explicit Reader(const std::string& key, const std::string& trusted = {}) : Reader(Segment::forReading(key, trusted)) {}
     explicit Reader(std::shared_ptr<Segment> segment) : segment_(std::move(segment)), header_(&segment_->header()) {}
 
     const Shape& shape() const { return segment_->shape(); }

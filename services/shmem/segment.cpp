@@ -3,6 +3,7 @@
 #include <dirent.h>
 #include <fcntl.h>
 #include <linux/futex.h>
+#include <pwd.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
@@ -11,6 +12,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <charconv>
 #include <climits>
 #include <cstddef>
 #include <cstdio>
@@ -109,6 +111,35 @@ struct stat factsOf(int fd, const std::string& key) {
     struct stat s{};
     if (fstat(fd, &s) != 0) failSystem("look at", key, errno);
     return s;
+}
+
+std::string nameOf(uid_t user) {
+    passwd entry, *found = nullptr;
+    char space[1024];
+    if (getpwuid_r(user, &entry, space, sizeof space, &found) == 0 && found) return entry.pw_name;
+    return std::to_string(user);
+}
+
+uid_t userOf(const std::string& text, const std::string& key) {
+    passwd entry, *found = nullptr;
+    char space[1024];
+    if (getpwnam_r(text.c_str(), &entry, space, sizeof space, &found) == 0 && found) return entry.pw_uid;
+    uid_t number = 0;
+    auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+    if (error != std::errc() || end != text.data() + text.size())
+        throw Failure(Reason::denied, "segment " + key + " cannot be read: this machine knows no user \"" + text + "\" (-owner)");
+    return number;
+}
+
+// What another user has made under this name he can read, fill and cut short.
+void needOwner(int fd, const std::string& key, uid_t user) {
+    uid_t owner = factsOf(fd, key).st_uid;
+    if (owner != user)
+        throw Failure(Reason::foreign, "segment " + key + " belongs to " + nameOf(owner) + "; he can remove it, or choose another -key");
+}
+
+void setMode(int fd, mode_t mode, const std::string& key) {
+    if (fchmod(fd, mode) != 0) failSystem("set who may read", key, errno);
 }
 
 // Take all rights, for removing; false when anybody else has one, or its name has gone already. Always in this order:
@@ -273,8 +304,13 @@ std::shared_ptr<Segment> Segment::forWriting(const std::string& key, const Shape
     const mode_t mode = access == Access::owner ? 0600 : access == Access::group ? 0640 : 0644;
     int refused = 0;
     for (int attempt = 0; attempt < kAttempts; ++attempt) {
-        Descriptor fd(openShared(file, O_RDWR | O_CREAT, mode));
+        Descriptor fd(openShared(file, O_RDWR | O_CREAT | O_EXCL, mode));
+        if (fd.get() < 0 && errno == EEXIST) {
+            fd = Descriptor(openShared(file, O_RDWR));
+            if (fd.get() < 0 && errno == ENOENT) continue;      // removed meanwhile
+        }
         if (fd.get() < 0) failSystem("make", key, errno);
+        needOwner(fd.get(), key, geteuid());
         if (!lock(fd.get(), F_WRLCK, kWriterByte, key)) {
             // Whoever removes a segment has this lock for a moment; a writer has it for good.
             Found f = examine(fd.get(), key);
@@ -300,9 +336,9 @@ std::shared_ptr<Segment> Segment::forWriting(const std::string& key, const Shape
                 shm_unlink(file.c_str());
                 failSystem("make", key, error);
             }
-            fchmod(fd.get(), mode);                 // whatever the umask; fails only for what another user made
+            setMode(fd.get(), mode, key);           // whatever the umask
             std::shared_ptr<Segment> made(new Segment(key, fd.release(), true));
-            made->map(segmentBytes(shape));
+            made->map(segmentBytes(shape), true);
             Header& h = made->header();
             h.order = kOrder;
             h.layout = kLayout;
@@ -320,8 +356,9 @@ std::shared_ptr<Segment> Segment::forWriting(const std::string& key, const Shape
             return made;
         }
         if (!f.reason && !f.retired && f.shape == shape) {
+            setMode(fd.get(), mode, key);
             std::shared_ptr<Segment> taken(new Segment(key, fd.release(), true));
-            taken->map(f.size);
+            taken->map(f.size, true);
             taken->take(shape);
             taken->setKeep(keep);
             taken->sign(program);
@@ -336,8 +373,9 @@ std::shared_ptr<Segment> Segment::forWriting(const std::string& key, const Shape
     throw Failure(Reason::busy, "segment " + key + " is made and removed by others all the time");
 }
 
-std::shared_ptr<Segment> Segment::forReading(const std::string& key) {
+std::shared_ptr<Segment> Segment::forReading(const std::string& key, const std::string& trusted) {
     const std::string file = fileOf(key);
+    const uid_t also = trusted.empty() ? geteuid() : userOf(trusted, key);
     for (int attempt = 0; attempt < kAttempts; ++attempt) {
         bool writable = true;
         Descriptor fd(openShared(file, O_RDWR));
@@ -353,7 +391,12 @@ std::shared_ptr<Segment> Segment::forReading(const std::string& key) {
             pause();
             continue;
         }
-        if (factsOf(fd.get(), key).st_nlink == 0) continue;
+        struct stat s = factsOf(fd.get(), key);
+        if (s.st_nlink == 0) continue;
+        if (s.st_uid != geteuid() && s.st_uid != 0 && s.st_uid != also)
+            throw Failure(Reason::denied, "segment " + key + " belongs to " + nameOf(s.st_uid) +
+                                              ", who could end whoever reads it by cutting it short; if you trust him, say -owner " +
+                                              nameOf(s.st_uid));
         Found f = examine(fd.get(), key);
         if (f.reason) throw Failure(*f.reason, f.text);
         if (f.retired) {
@@ -361,7 +404,7 @@ std::shared_ptr<Segment> Segment::forReading(const std::string& key) {
             continue;
         }
         std::shared_ptr<Segment> found(new Segment(key, fd.release(), writable));
-        found->map(f.size);
+        found->map(f.size, false);
         found->take(f.shape);
         return found;
     }
@@ -371,13 +414,20 @@ std::shared_ptr<Segment> Segment::forReading(const std::string& key) {
 Segment::Segment(std::string key, int fd, bool writable)
     : key_(std::move(key)), fd_(fd), writable_(writable), owner_(getpid()) {}
 
-void Segment::map(std::uint64_t size) {
+void Segment::map(std::uint64_t size, bool writes) {
     // Populated, so that the first round through the blocks is as quick as all others.
-    void* p = mmap(nullptr, size, PROT_READ | (writable_ ? PROT_WRITE : 0), MAP_SHARED | MAP_POPULATE, fd_, 0);
+    void* p = mmap(nullptr, size, PROT_READ | (writes ? PROT_WRITE : 0), MAP_SHARED | MAP_POPULATE, fd_, 0);
     if (p == MAP_FAILED) failSystem("map", key_, errno);
     size_ = size;
     header_ = static_cast<Header*>(p);
     Leaving::add(this);
+    if (writes) {
+        words_ = header_;
+    } else if (writable_) {             // a page, whatever its size: mappings begin and end with pages
+        void* page = mmap(nullptr, sizeof(Header), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, fd_, 0);
+        if (page == MAP_FAILED) failSystem("map", key_, errno);
+        words_ = static_cast<Header*>(page);
+    }
 }
 
 void Segment::take(const Shape& shape) {
@@ -403,6 +453,7 @@ void Segment::sign(const std::string& program) {
 Segment::~Segment() {
     Leaving::remove(this);
     leave();
+    if (words_ && words_ != header_) munmap(words_, sizeof(Header));
     if (header_) munmap(header_, size_);
 }
 
@@ -433,8 +484,8 @@ bool Segment::unlinked() const {
 }
 
 void Segment::ring() const {
-    header_->bell.fetch_add(1, std::memory_order_seq_cst);
-    syscall(SYS_futex, reinterpret_cast<std::uint32_t*>(&header_->bell), FUTEX_WAKE, INT_MAX, nullptr, nullptr, 0);
+    words_->bell.fetch_add(1, std::memory_order_seq_cst);
+    syscall(SYS_futex, reinterpret_cast<std::uint32_t*>(&words_->bell), FUTEX_WAKE, INT_MAX, nullptr, nullptr, 0);
 }
 
 Writing Segment::writing() const {

@@ -9,6 +9,15 @@
 // So there is no list of users to go stale, and a process number that is used again deceives nobody. Descriptors are
 // closed by exec; a child that was forked without exec shares its parent's rights until it closes them or ends.
 //
+// Who owns it: only a segment of its own user is written, whoever has the name already (O_EXCL, then a look at the owner).
+// Whoever owns the file can truncate it at any time, and then the next access to a page that is gone is SIGBUS, in whatever
+// thread reads. There is no cheap guard: shared memory of this kind cannot be sealed (memfd alone can, and has no name),
+// a handler of SIGBUS belongs to the whole program, and pread() for each record costs several times the copy. So a reader
+// trusts owners instead: his own user and root, who can end him anyway, and the one he names.
+//
+// Who writes: the writer alone has the records mapped writable. Readers map them read-only, and once more the first page,
+// for the two words by which they say that they sleep.
+//
 // Who removes: the last user when he leaves or exits, unless `keep` is set; Segment::clean what the killed have left.
 // A segment without a writer is taken over by the next one when the shape is the same, counters go on; otherwise it is
 // retired, which its readers see, and a new one is made in its place.
@@ -26,7 +35,7 @@ namespace shmem {
 enum class Reason {
     key,            // no name for a segment
     absent,         // there is none of that name, or it is not complete yet
-    foreign,        // something else has that name
+    foreign,        // something else has that name, or another user's
     truncated,      // it is shorter than its header says
     older, newer,   // another layout than ours
     denied,         // no permission
@@ -51,11 +60,12 @@ struct Writing {        // who writes, or has been the last to write
 class Segment {
 public:
     // Make the segment, or take it over, and become its writer. Fails with key, busy (naming the writer), foreign, newer,
-    // denied, full, system. After full there is nothing left of the attempt, and later writes never hit a missing page.
+    // denied, full, system: foreign also for another user's. After full there is nothing left of the attempt, and later writes never hit a missing page.
     static std::shared_ptr<Segment> forWriting(const std::string& key, const Shape& shape, Access access, bool keep,
                                                const std::string& program);
-    // Look at one that is there. Fails with key, absent, foreign, truncated, older, newer, denied, system.
-    static std::shared_ptr<Segment> forReading(const std::string& key);
+    // Look at one that is there. trusted: another user who may own it, by name or number; empty: none but this one and root.
+    // Fails with key, absent, foreign, truncated, older, newer, denied (also an owner that is not trusted), system.
+    static std::shared_ptr<Segment> forReading(const std::string& key, const std::string& trusted = {});
     ~Segment();                             // leaves; the last one removes it
     Segment(const Segment&) = delete;
     Segment& operator=(const Segment&) = delete;
@@ -67,11 +77,12 @@ public:
     const Shape& shape() const { return shape_; }       // checked once; what others do to the header since does not count
     const std::string& key() const { return key_; }
     std::uint64_t blockBytes() const { return blockBytes_; }
-    bool writable() const { return writable_; }         // the mapping: readers without that cannot say that they sleep
+    // The header where it can be written. Null: this reader cannot say that it sleeps.
+    Header* words() const { return words_; }
     bool unlinked() const;                              // its name has been removed. A system call
     void ring() const;                                  // wake all who sleep
     Writing writing() const;
-    void setKeep(bool keep) { header_->keep.store(keep, std::memory_order_relaxed); }
+    void setKeep(bool keep) { words_->keep.store(keep, std::memory_order_relaxed); }
 
     // ---- all segments of this machine ----
 
@@ -92,7 +103,7 @@ public:
 
 private:
     Segment(std::string key, int fd, bool writable);
-    void map(std::uint64_t size);
+    void map(std::uint64_t size, bool writes);
     void take(const Shape& shape);
     void sign(const std::string& program);
     void leave() noexcept;
@@ -103,6 +114,7 @@ private:
     bool writable_;
     int owner_;                             // the process that opened it: a forked child must not remove it
     Header* header_ = nullptr;
+    Header* words_ = nullptr;               // the same page mapped writable; of a writer the same address
     char* first_ = nullptr;                 // block
     std::uint64_t blockBytes_ = 0, size_ = 0;
     Shape shape_;

@@ -39,8 +39,6 @@ const sorma::Prototype kNoKey{Severity::error, "OPTION MISSING", 2,
                               "{}: {} is empty and the name has no flavor: one of them must name the segment"};
 const sorma::Prototype kNothing{Severity::error, "OPTION MISSING", 2, "{}: {} 0 and -any 0: a record must have something"};
 const sorma::Prototype kSize{Severity::error, "SHMEM SIZE", 2, "{}: {} must be {}, as {} says, not {}"};
-const sorma::Prototype kNoWords{Severity::error, "SHMEM WORD", 2,
-                                "{}: bad word \"{}\": EXEC writes a record and takes no words"};
 const sorma::Prototype kWord{Severity::error, "SHMEM WORD", 2,
                              "{}: bad word \"{}\": must be history, latest, nearestTo, next, or since"};
 const sorma::Prototype kUsage{Severity::error, "SHMEM SYNTAX", 1, "{}: wrong words: should be \"{}\""};
@@ -78,9 +76,11 @@ protected:
             .conduct(sorma::Conduct::concurrent)
             .realtime()
             .action({"-list", "", "all segments of this machine: what they hold, who writes, whether anybody uses them", 0, 0,
-                     [](sorma::Service&, Args, Message& m) { m.text += shmem::listText(); }})
+                     [](sorma::Service&, Args, Message& m) { m.text += shmem::listText(); }, sorma::Right::inspect})
             .action({"-clean", "?key?", "remove segments that nobody uses, or the one of that key; returns their keys", 0, 1,
                      [](sorma::Service& s, Args args, Message& m) {
+                         // They may be anybody's of this user.
+                         s.sorm().access.need(m.author, sorma::Right::files, "/dev/shm/" + (args.empty() ? std::string("*") : args[0]), s.name());
                          try {
                              for (auto& key : shmem::Segment::clean(args.empty() ? std::string() : args[0]))
                                  m.text += (m.text.empty() ? "" : "\n") + key;
@@ -147,8 +147,7 @@ public:
                            std::min(m.any.size(), std::size_t(any_)));
             return;
         }
-        if (m.floats.size() != std::size_t(floats_) || m.any.size() != std::size_t(any_) || !m.words.empty()) [[unlikely]]
-            refuse(m);
+        if (m.floats.size() != std::size_t(floats_) || m.any.size() != std::size_t(any_)) [[unlikely]] refuse(m);
         writer_->write(m.floats.data(), m.any.data());
     }
 
@@ -186,7 +185,6 @@ private:
     }
 
     [[noreturn]] void refuse(const Message& m) const {
-        if (!m.words.empty()) fail(kNoWords, name(), m.words[0]);
         if (m.floats.size() != std::size_t(floats_)) fail(kSize, name(), "floats", floats_, "-floats", m.floats.size());
         fail(kSize, name(), "any", any_, "-any", m.any.size());
     }
@@ -205,6 +203,9 @@ public:
         using enum sorma::Field;
         auto c = sorma::Class::of<ShmemReader>("shmem_r", "reads records of a snapshot buffer in shared memory");
         Snapshot::describe<ShmemReader>(c);
+        c.text("-owner", &ShmemReader::owner_,
+               {.help = "another user whose segment may be read; trust him: who owns it can end this process by cutting it short",
+                .fixed = true});
         c.words("?latest | since ?counter? | nearestTo time ?wall? | history n | next ?timeout ?counter???")
             .writes(floats, {}, "", "the record's floats; of several records one after another, the oldest first")
             .writes(any, {}, "", "the record's bytes, likewise")
@@ -254,7 +255,7 @@ public:
     std::vector<sorma::Pin> pins(std::string_view, std::size_t) const override {
         std::size_t length = sorma::Pin::kOpen;
         try {
-            length = reader_ && !reader_->retired() ? reader_->shape().floats : shmem::Reader(key()).shape().floats;
+            length = reader_ && !reader_->retired() ? reader_->shape().floats : shmem::Reader(key(), owner_).shape().floats;
         } catch (const std::exception&) {       // nobody writes yet
         }
         return {{"out", false, 0, length, "", "the latest record's floats"}};
@@ -283,6 +284,8 @@ public:
 private:
     friend class Snapshot;
 
+    std::string owner_;
+
     struct Waiter {
         sorma::Reply reply;
         std::uint64_t after;                    // wants a record later than this
@@ -297,7 +300,7 @@ private:
 
     void attach() {
         try {
-            reader_.emplace(key());
+            reader_.emplace(key(), owner_);
         } catch (const shmem::Failure& f) {
             raise(*this, f);
         }
@@ -391,7 +394,7 @@ private:
             promised = after = counter(args[0]);
             if (after > newest) fail(kNumber, name(), args[0], "the counter of a record that has been written");
         } else {
-            last = &lastOf(sorma::Call::currentClient());
+            last = &lastOf(sorma::CallContext::currentClient());
             after = last->counter > newest ? 0 : last->counter;     // the buffer has begun anew
             promised = after > 0 ? after : r.oldest(newest) - 1;
         }

@@ -26,7 +26,7 @@ public:
     Pins pins(std::string_view pin, std::size_t length) const override {
         std::size_t width = pin == "in" ? length : sorma::Pin::kOpen;
         if (width <= highest_) fail(kBeyond, name(), highest_, width);
-        if (width != sorma::Pin::kOpen) prepare(width);
+        if (width != sorma::Pin::kOpen) expect(width);
         return {{"in", true, 0, width, unit_, {}}, {"out", false, 0, at_.size(), unit_, {}}};
     }
 

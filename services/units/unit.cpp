@@ -15,7 +15,7 @@ const Prototype kWidth{Severity::error, "UNIT WIDTH", 1, "{}: EXEC expects {} fl
 
 Unit::Pins Unit::through(std::size_t fixed, std::size_t asked, const std::string& inUnit, const std::string& outUnit) const {
     std::size_t width = fixed ? fixed : asked;
-    prepare(width);
+    expect(width);
     return {{"in", true, 0, width, inUnit, {}}, {"out", false, 0, width, outUnit, {}}};
 }
 

@@ -24,7 +24,7 @@ protected:
     // in and out of one width: `fixed` when the options say it, else what was asked for, else open.
     Pins through(std::size_t fixed, std::size_t asked, const std::string& inUnit, const std::string& outUnit) const;
     // Whoever wires a unit asks for its pins at a width: take the memory for that now, so that no tick has to.
-    void prepare(std::size_t width) const {
+    void expect(std::size_t width) const {
         if (width <= kMostWidth) const_cast<Unit*>(this)->reserve(width);
     }
     virtual void reserve(std::size_t width) { (void)width; }

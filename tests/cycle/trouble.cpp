@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <memory>
+#include <mutex>
 
 #include <sorma.h>
 
@@ -25,6 +26,8 @@ public:
             .integer("-allocateAt", &Trouble::allocateAt_, {.help = "call that takes memory; 0: none"})
             .integer("-lockAt", &Trouble::lockAt_, {.help = "call that locks a mutex; 0: none"})
             .integer("-value", &Trouble::value_, {.help = "any"})
+            .real("-slowChange", &Trouble::slowChange_, {.unit = "s", .low = 0, .help = "a change takes so long"})
+            .real("-slowPrepare", &Trouble::slowPrepare_, {.unit = "s", .low = 0, .help = "its preparation takes so long"})
             .action("-thread", &Trouble::thread, "", "name of the thread that executes this")
             .action("-wait", &Trouble::wait, "s", "take so long", 1, 1)
             .action("-actions", &Trouble::actions, "", "safe actions taken so far, by all objects of the class")
@@ -37,7 +40,7 @@ public:
         ++calls_;
         if (!m.ints.empty()) ++::actions;
         floats_ = m.floats.size();
-        if (const auto* tick = sorma::Tick::current()) period_ = tick->period;
+        if (const auto* tick = sorma::Tick::current()) period_ = tick->period, time_ = tick->time;
         if (calls_ == sleepAt_) doze(sleep_);
         if (calls_ == removeAt_) sorm().remove(name());
         if (calls_ == allocateAt_) allocated_ = std::make_unique<char[]>(100);
@@ -46,13 +49,20 @@ public:
         m.floats.assign(1, double(calls_));
     }
 
+    sorma::Commit prepare(const sorma::Change& change) override {
+        doze(change.get<double>("-slowPrepare"));
+        return nullptr;
+    }
+    void changed(std::span<const sorma::Option* const>) override { doze(slowChange_); }
+
     void dumpState(std::string& out) const override {
         out += "# calls " + std::to_string(calls_) + "\n# floats " + std::to_string(floats_) + "\n# period " +
-               std::to_string(period_) + "\n";
+               std::to_string(period_) + "\n# time " + std::to_string(time_) + "\n";
     }
 
 private:
     static void doze(double seconds) {
+        if (seconds == 0) return;
         asleep = true;
         timespec t{time_t(seconds), long((seconds - double(time_t(seconds))) * 1e9)};
         nanosleep(&t, nullptr);
@@ -68,8 +78,8 @@ private:
     void isAsleep(sorma::Args, sorma::Message& m) { m.text = std::to_string(int(asleep)); }
     void clear(sorma::Args, sorma::Message&) { ::actions = 0; }
 
-    std::int64_t failAt_ = 0, sleepAt_ = 0, removeAt_ = 0, allocateAt_ = 0, lockAt_ = 0, value_ = 0, calls_ = 0;
-    double sleep_ = 0, period_ = 0;
+    std::int64_t failAt_ = 0, sleepAt_ = 0, removeAt_ = 0, allocateAt_ = 0, lockAt_ = 0, value_ = 0, calls_ = 0, time_ = 0;
+    double sleep_ = 0, period_ = 0, slowChange_ = 0, slowPrepare_ = 0;
     std::size_t floats_ = 0;
     std::unique_ptr<char[]> allocated_;
     std::mutex mutex_;

@@ -21,8 +21,10 @@
 #include <sstream>
 
 #include "bus/catalogue.h"
-#include "bus/deadline.h"
+#include "bus/call.h"
+#include "bus/client.h"
 #include "bus/dictionary.h"
+#include "bus/loop.h"
 #include "bus/message.h"
 #include "bus/name.h"
 #include "bus/requestText.h"
@@ -573,6 +575,7 @@ void testTrail() {
 }
 
 const Prototype kRange{Severity::error, "TEST RANGE", 2, "{}: {} {} is outside {} .. {} {}"};
+const Prototype kNumbers{Severity::error, "TEST NUMBERS", 0, "{:.3f}, {:03}, {}, {}, {}"};
 const Prototype kBroken{Severity::warning, "TEST BROKEN", 1, "{} {} {"};
 
 void testCatalogue() {
@@ -593,6 +596,16 @@ void testCatalogue() {
     m.warn(kBroken, "a", true);
     EQUAL(m.trail.entries()[0].text, "{} {} { a true");
     EQUAL(brackets(m.trail.entries()[0].details), "[a]");
+
+    // Numbers may be formatted; without a format they are as people write them.
+    FAILS(fail(kNumbers, 2.0 / 3, 7, 1000.0, 1e6, 1e300), "TEST NUMBERS", "0.667, 007, 1000, 1000000, 1e+300");
+    // What was warned of before the result is made stays.
+    m.text = "old";
+    m.clear();
+    EQUAL(m.trail.entries().size(), 1u);
+    EQUAL(m.text, "");
+    m.reset();
+    CHECK(m.trail.empty());
 
     auto count = [](std::string_view symbol) {
         int n = 0;
@@ -636,25 +649,72 @@ void testDeadline() {
     EQUAL(late.earlier(soon).when(), soon.when());
     EQUAL(Deadline().earlier(soon).when(), soon.when());
     EQUAL(soon.earlier(Deadline()).when(), soon.when());
-    CHECK(Call::current() == nullptr && Call::currentDeadline().none());
-    CHECK(&Call::currentCaller() == &Caller::self());
-    Caller other{"joe", "lab", "tclsh", "unix", 77};
+    CHECK(CallContext::current() == nullptr && CallContext::currentDeadline().none());
+    CHECK(&CallContext::currentCaller() == &Caller::self());
+    Caller other{"joe", "lab", "tclsh", "unix", 77, {}};
     EQUAL(other.toText(), "joe@lab tclsh[77]");
+    Caller far{"joe", "lab", "tclsh", "10.0.0.7:4711", 77, "10.0.0.7"};
+    EQUAL(far.toText(), "10.0.0.7 (claims joe@lab tclsh[77])");
     EQUAL(Caller::self().process, static_cast<std::int64_t>(getpid()));
     CHECK(!Caller::self().user.empty() && !Caller::self().host.empty() && !Caller::self().program.empty());
+    auto client = std::make_shared<Client>(other);
+    const ClientPointer none;
+    const std::string nobody, joe = "joe@lab";
+    KeptCallPointer kept;
     {
-        Call outer(other, soon);
+        CallContext outer(client, soon, 7, nobody);
         {
-            Call inner(Caller::self(), late);
-            EQUAL(inner.deadline.when(), soon.when());      // inherited: it is the earlier one
+            // A request that comes in meanwhile inherits nothing, and bills nothing.
+            CallContext inner(none, late, 8, joe);
+            EQUAL(inner.deadline.when(), late.when());
             inner.subTime = 5;
-            CHECK(Call::current() == &inner);
+            CHECK(CallContext::current() == &inner);
+            EQUAL(CallContext::currentCallers(), Caller::self().toText() + " for joe@lab");
         }
-        EQUAL(outer.subTime, 5);
-        CHECK(&Call::currentCaller() == &other);
-        EQUAL(Call::currentDeadline().when(), soon.when());
+        EQUAL(outer.subTime, 0u);
+        CHECK(&CallContext::currentCaller() == &client->caller);
+        EQUAL(CallContext::currentDeadline().when(), soon.when());
+        kept = CallContext::keep();
+        CHECK(kept == CallContext::keep());
+        {
+            CallContext::Fresh fresh;           // an event loop
+            CHECK(CallContext::current() == nullptr && CallContext::currentDeadline().none() && !CallContext::keep());
+        }
     }
-    CHECK(Call::current() == nullptr);
+    CHECK(CallContext::current() == nullptr);
+    {
+        CallContext again(kept);                // work that waited
+        EQUAL(CallContext::currentRequest(), 7u);
+        CHECK(CallContext::currentClient() == client && !CallContext::currentCancelled());
+        kept->cancel();
+        CHECK(CallContext::currentCancelled());
+    }
+    {
+        CallContext fresh{KeptCallPointer()};
+        CHECK(CallContext::current() == nullptr);
+    }
+    // Work in a mailbox has the context that was kept for it, or none; what one item throws loses no other.
+    Mailbox box;
+    int done = 0;
+    box.post([&] { done += CallContext::current() == nullptr; });
+    box.post(kept, [&] { done += CallContext::currentRequest() == 7 ? 10 : 0; });
+    box.post([&] { throw std::runtime_error("no"); });
+    box.post([&] { done += 100; });
+    bool thrown = false;
+    try {
+        box.run();
+    } catch (const std::runtime_error&) {
+        thrown = true;
+    }
+    CHECK(thrown);
+    box.run();
+    EQUAL(done, 111);
+    // Who waits within an item sees what comes after it.
+    box.post([&] { box.run(); done += 1000; });
+    box.post([&] { done *= 2; });
+    box.run();
+    EQUAL(done, 1222);
+    CHECK(CallContext::current() == nullptr);
 }
 
 // ---- names and addresses ----
@@ -754,6 +814,26 @@ void testResolve() {
     EQUAL(at("ECHO"), "self");
     CHECK(resolve(Name::parse("carry@nowhere"), d).kind == Address::Kind::alias);
     EQUAL(at("FOO"), "unknown");
+    // What of the dictionary belongs to a name: where it is, and its recipe.
+    auto entries = [](const char* name) { return Name::parse(name).location() + " | " + Name::parse(name).recipeKey(); };
+    EQUAL(entries("carry.slow"), " | carry.slow");
+    EQUAL(entries("carry.slow@robot"), "@robot | carry.slow@robot");
+    EQUAL(entries("CARRY.slow"), "CARRY | CARRY.slow");
+    EQUAL(entries("CARRY"), "CARRY | ");
+    CHECK(Name::isElsewhere("carry@robot") && Name::isElsewhere("CARRY.slow") && !Name::isElsewhere("carry.Slow") && !Name::isElsewhere(""));
+    CHECK(Name::isLocation("@robot") && Name::isLocation("CARRY") && !Name::isLocation("CARRY.slow") && !Name::isLocation("carry@robot"));
+    // Which entry decides, when the connection is made anew.
+    auto rule = [&](const char* name) {
+        std::string out;
+        resolve(Name::parse(name), d, &out);
+        return out;
+    };
+    EQUAL(rule("carry@robot"), "@robot");
+    EQUAL(rule("carry@left"), "@robot");
+    EQUAL(rule("carry@h:1"), "@h:1");
+    EQUAL(rule("NOP"), "NOP");
+    EQUAL(rule("FOO"), "@unknown");
+    EQUAL(rule("x@nowhere"), "@nowhere");
     CHECK(resolve(Name::parse("FOO"), d).kind == Address::Kind::alias);
     FAILS(at("VISION.left"), "ADDRESS UNRESOLVED VISION.left",
           "VISION.left: class VISION has no default location; give it one: dict CTRL -add VISION @DAEMON");

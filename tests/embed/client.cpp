@@ -23,7 +23,7 @@ int main(int argc, char** argv) {
         auto& line = static_cast<sorma::Proxy&>(*echo).connection();
         std::vector<sorma::Connection::Ticket> tickets;
         for (int i = 0; i < 64; ++i) {
-            m.clear();
+            m.reset();
             m.ints = {i};
             tickets.push_back(line.submit("echo", sorma::Method::exec, m, sorma::Deadline::in(5000)));
         }

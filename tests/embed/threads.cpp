@@ -56,8 +56,9 @@ public:
         event.text = m.text;
         publish("asked", event);
         Reply reply = later(m);
-        auto timer = sorm().loop().after(monotonicNow() + std::int64_t(delay_ * 1e9), [reply] { reply.complete(); });
-        reply.onCancel([this, timer] { sorm().loop().cancel(timer); ++cancelled_; });
+        auto timer = std::make_shared<::sorma::Timer>(
+            sorm().loop().after(monotonicNow() + std::int64_t(delay_ * 1e9), [reply] { reply.complete(); }));
+        reply.onCancel([this, timer] { timer->cancel(); ++cancelled_; });
     }
     void dumpState(std::string& out) const override { out += "# cancelled " + std::to_string(cancelled_); }
 
@@ -71,7 +72,7 @@ class Busy : public Service {
 public:
     static Class describe() { return Class::of<Busy>("busy", "computes until it is cancelled"); }
     void exec(Message&) override {
-        while (!Call::current()->cancelled.load(std::memory_order_relaxed)) std::this_thread::yield();
+        while (!CallContext::current()->cancelled.load(std::memory_order_relaxed)) std::this_thread::yield();
     }
 };
 

@@ -23,7 +23,12 @@ proc child::start {} {
 
 proc child::ask {pipe script} {
     puts $pipe [list $script]
-    return [gets $pipe]
+    set answer {}
+    while {[gets $pipe line] >= 0} {
+        append answer $line \n
+        if {[info complete $answer]} break
+    }
+    return [string range $answer 0 end-1]
 }
 
 proc child::kill pipe {

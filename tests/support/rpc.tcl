@@ -33,6 +33,10 @@ proc rpc::hello {xid client} {
     return [record [header $xid 1][binary format W $client][text somebody][text somewhere][binary format W 77][text test][binary format I 1000000]]
 }
 
+proc rpc::subscribe {xid id name {pattern *} {keep 10}} {
+    return [record [header $xid 5][binary format I $id][text $name][text $pattern][binary format I $keep]]
+}
+
 # method: 0 EXEC, 1 CTRL, 2 DBX
 proc rpc::call {xid name method {message {}} {slot 0xffffffff} {sequence 0} {timeleft 0}} {
     if {$message eq {}} {

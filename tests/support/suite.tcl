@@ -8,6 +8,8 @@ if {![info exists env(SORMA_RUNTIME_DIR)]} {
     set env(SORMA_RUNTIME_DIR) [exec mktemp -d /tmp/sorma-run-XXXXXX]
     set ownRuntimeFolder $env(SORMA_RUNTIME_DIR)
 }
+# No policy but what a test writes there.
+set env(XDG_CONFIG_HOME) [file join $env(SORMA_RUNTIME_DIR) config]
 configure -verbose {body error} {*}$argv
 package require sorma
 source [file join $supportFolder wait.tcl]

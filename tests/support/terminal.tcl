@@ -1,4 +1,4 @@
-# terminal.tcl -- a program in a pseudo-terminal of its own, with a screen that can be looked at. Needs Expect.
+# terminal.tcl -- a program in a pseudo-terminal of its own, with a screen that can be looked at. Needs the program pty.
 #
 # terminal open ?-columns n? ?-rows n? ?-term name? command ...      a terminal at a time
 # terminal type TEXT                  as if typed; "\x03" is Ctrl-C
@@ -11,12 +11,15 @@
 # terminal settings WORD ...          what stty says, or does
 # terminal pid                        of the program
 # terminal end                        waits until the program ends; its exit code
-# terminal kill                       ends it
+# terminal hangup                     closes the terminal, as a window does
+# terminal kill                       ends the program
 #
 # The screen understands what libedit says to an xterm: what it does not know is an error, not guessed.
 
 namespace eval terminal {
-    variable Id {}          ;# spawn id
+    variable Pipe {}        ;# of pty
+    variable Pid            ;# of the program
+    variable Slave          ;# its device
     variable Rows           ;# list of rows: each a string of exactly Columns characters
     variable Columns
     variable Height
@@ -26,20 +29,18 @@ namespace eval terminal {
     variable Ended 0
     variable Bells 0
     variable Came 0         ;# has anything come since the last thing typed?
-    namespace export open type screen row until shows prompts resize settings pid end kill
+    namespace export open type screen row until shows prompts resize settings pid end hangup kill
     namespace ensemble create
 }
 
 proc terminal::available {} {
-    if {[catch {package require Expect}]} {
-        return 0
-    }
-    exp_log_user 0
-    return 1
+    return [expr {[::info exists ::env(SORMA_BUILD)] && [file executable [file join $::env(SORMA_BUILD) pty]]}]
 }
 
 proc terminal::open args {
-    variable Id
+    variable Pipe
+    variable Pid
+    variable Slave
     variable Rows
     variable Columns 80
     variable Height 24
@@ -60,20 +61,20 @@ proc terminal::open args {
     set Rows [lrepeat $Height [string repeat " " $Columns]]
     set before [array get ::env TERM]
     set ::env(TERM) $term
-    set ::stty_init "sane rows $Height columns $Columns"
-    ::spawn -noecho {*}$args
-    set Id $spawn_id
-    variable Slave $spawn_out(slave,name)
-    fconfigure $Id -encoding utf-8
+    set Pipe [::open [list | [file join $::env(SORMA_BUILD) pty] $Height $Columns {*}$args 2>@stderr] r+]
+    fconfigure $Pipe -encoding utf-8 -translation lf -buffering none
+    catch {fconfigure $Pipe -profile replace}       ;# Tcl 9 is strict otherwise
+    lassign [gets $Pipe] Pid Slave
+    fconfigure $Pipe -blocking 0
     unset ::env(TERM)
     array set ::env $before
     return
 }
 
 proc terminal::type text {
-    variable Id
+    variable Pipe
     variable Came 0
-    exp_send -i $Id -- $text
+    puts -nonewline $Pipe $text
 }
 
 proc terminal::screen {} {
@@ -128,12 +129,11 @@ proc terminal::settings args {
 }
 
 proc terminal::pid {} {
-    variable Id
-    return [exp_pid -i $Id]
+    variable Pid
+    return $Pid
 }
 
 proc terminal::end {} {
-    variable Id
     variable Ended
     set bound [expr {[clock seconds] + 60}]
     while {!$Ended && [clock seconds] < $bound} {
@@ -142,32 +142,45 @@ proc terminal::end {} {
     if {!$Ended} {
         return -code error "the program does not end\nscreen:\n[join [screen] \n]"
     }
-    set status [exp_wait -i $Id]
-    set Id {}
-    return [expr {[llength $status] > 4 ? [lrange $status 4 end] : [lindex $status 3]}]
+    return [hangup]
+}
+
+# How it ended: the exit code, or what Tcl says of a signal.
+proc terminal::hangup {} {
+    variable Pipe
+    fconfigure $Pipe -blocking 1
+    set failed [catch {close $Pipe} message options]
+    set Pipe {}
+    if {!$failed} {
+        return 0
+    }
+    lassign [dict get $options -errorcode] how - code
+    return [expr {$how eq "CHILDSTATUS" ? $code : $message}]
 }
 
 proc terminal::kill {} {
-    variable Id
-    if {$Id eq {}} {
-        return
+    variable Pipe
+    variable Pid
+    if {$Pipe ne {}} {
+        catch {exec sh -c {kill "$@"} kill -KILL $Pid}
+        hangup
     }
-    catch {exec sh -c {kill "$@"} kill -KILL [exp_pid -i $Id]}
-    catch {exp_close -i $Id}
-    catch {exp_wait -i $Id}
-    set Id {}
 }
 
 # Read what has come, waiting for it for so many seconds.
 proc terminal::Take seconds {
-    variable Id
+    variable Pipe
     variable Ended
-    set came {}
-    ::expect -i $Id -timeout $seconds -re {.+} {
-        set came $expect_out(0,string)
+    variable Waits 1
+    fileevent $Pipe readable {set ::terminal::Waits 0}
+    set timer [after [expr {1000 * $seconds}] {set ::terminal::Waits 0}]
+    vwait ::terminal::Waits
+    after cancel $timer
+    fileevent $Pipe readable {}
+    set came [read $Pipe]
+    if {$came ne {}} {
         variable Came 1
-    } timeout {
-    } eof {
+    } elseif {[eof $Pipe]} {
         set Ended 1
     }
     Show $came

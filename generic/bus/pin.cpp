@@ -1,27 +1,18 @@
-#include "bus/steering.h"
+#include "bus/pin.h"
 
 #include <algorithm>
 
 #include "bus/catalogue.h"
-#include "bus/pin.h"
 #include "bus/requestText.h"
 
 namespace sorma {
 
 namespace {
 
-thread_local const Tick* theTick = nullptr;
-
 const Prototype kPin{Severity::error, "REQUEST SYNTAX", 1,
                      "\"{}\" is no pin: must be \"name in|out at length unit help\", length a number or open"};
 
 }  // namespace
-
-thread_local Steering* Steering::current_ = nullptr;
-
-const Tick* Tick::current() { return theTick; }
-Tick::Scope::Scope(const Tick& tick) : outer_(theTick) { theTick = &tick; }
-Tick::Scope::~Scope() { theTick = outer_; }
 
 std::string Pin::toText() const {
     std::string out;

@@ -1,0 +1,120 @@
+#include "bus/call.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+
+#include "bus/client.h"
+#include "bus/reply.h"
+
+namespace sorma {
+
+namespace {
+
+thread_local CallContext* theContext = nullptr;
+
+}  // namespace
+
+std::string Caller::toText() const {
+    std::string claim = user.empty() && program.empty() ? std::string() : user + '@' + host + ' ' + program + '[' + std::to_string(process) + ']';
+    if (known.empty()) return claim;
+    return claim.empty() ? known : known + " (claims " + claim + ")";
+}
+
+const Caller& Caller::self() {
+    static const Caller caller = [] {
+        Caller c;
+        char host[256] = "";
+        if (gethostname(host, sizeof host - 1) != 0) host[0] = 0;
+        c.user = userName(geteuid());
+        c.host = host[0] ? host : "localhost";
+        c.program = program_invocation_short_name;
+        c.address = "self";
+        c.process = getpid();
+        return c;
+    }();
+    return caller;
+}
+
+// ---- contexts that are kept ----
+
+std::string KeptCall::callers() const {
+    std::string text = (client ? client->caller : Caller::self()).toText();
+    return behalf.empty() ? text : text + " for " + behalf;
+}
+
+void KeptCall::begun(const std::shared_ptr<Pending>& pending) {
+    constexpr std::size_t kFew = 8;
+    if (begun_.size() >= kFew && begun_.size() == begun_.capacity())
+        std::erase_if(begun_, [](auto& weak) {
+            auto p = weak.lock();
+            return !p || p->answered();
+        });
+    begun_.push_back(pending);
+}
+
+void KeptCall::cancel() {
+    if (cancelled_.exchange(true, std::memory_order_relaxed)) return;
+    for (auto& weak : std::exchange(begun_, {}))
+        if (auto p = weak.lock()) Future(std::move(p)).cancel();
+}
+
+// ---- contexts on the stack ----
+
+const ClientPointer CallContext::kThisProcess;
+const std::string CallContext::kNobody;
+
+CallContext::CallContext(const ClientPointer& client, Deadline deadline, std::uint64_t request, const std::string& behalf)
+    : client(client), deadline(deadline), request(request), behalf(behalf), outer_(theContext) {
+    theContext = this;
+}
+
+CallContext::CallContext(const KeptCallPointer& kept)
+    : client(kept ? kept->client : kThisProcess), deadline(kept ? kept->deadline : Deadline()),
+      request(kept ? kept->request : 0), behalf(kept ? kept->behalf : kNobody),
+      cancelled(kept && kept->cancelled()), kept_(kept), outer_(theContext) {
+    theContext = kept ? this : nullptr;
+}
+
+CallContext::~CallContext() { theContext = outer_; }
+
+CallContext::Fresh::Fresh() : outer_(theContext) { theContext = nullptr; }
+CallContext::Fresh::~Fresh() { theContext = outer_; }
+
+CallContext* CallContext::current() { return theContext; }
+Deadline CallContext::currentDeadline() { return theContext ? theContext->deadline : Deadline(); }
+const Caller& CallContext::currentCaller() {
+    return theContext && theContext->client ? theContext->client->caller : Caller::self();
+}
+ClientPointer CallContext::currentClient() { return theContext ? theContext->client : nullptr; }
+std::string CallContext::currentCallers() {
+    std::string text = currentCaller().toText();
+    if (theContext && !theContext->behalf.empty()) text += " for " + theContext->behalf;
+    return text;
+}
+PrincipalPointer CallContext::currentPrincipal() {
+    return theContext && theContext->client ? theContext->client->principal : nullptr;
+}
+std::uint64_t CallContext::currentRequest() { return theContext ? theContext->request : 0; }
+
+bool CallContext::currentCancelled() {
+    CallContext* c = theContext;
+    if (!c) return false;
+    return c->cancelled.load(std::memory_order_relaxed) || (c->kept_ && c->kept_->cancelled()) || c->deadline.passed();
+}
+
+KeptCallPointer CallContext::keep() {
+    CallContext* c = theContext;
+    if (!c) return nullptr;
+    if (!c->kept_)
+        c->kept_ = std::make_shared<KeptCall>(c->client, c->deadline, c->request, c->behalf);
+    return c->kept_;
+}
+
+std::uint64_t CallContext::newRequest() {
+    static std::atomic<std::uint64_t> last{0};
+    return last.fetch_add(1, std::memory_order_relaxed) + 1;
+}
+
+}  // namespace sorma
