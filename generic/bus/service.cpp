@@ -195,7 +195,10 @@ void Service::perform(const PendingPointer& pending, Method method) {
             return pending->answer();
         }
         auto inner = std::exchange(m.later, nullptr);
-        pending->onCancel([inner] { Future(inner).cancel(); });
+        // Not held: each would keep the other one, for ever when the SORM ends before the answer.
+        pending->onCancel([weak = std::weak_ptr(inner)] {
+            if (auto p = weak.lock()) Future(p).cancel();
+        });
         inner->whenAnswered([pending, from = inner.get()] {
             if (from->failed()) return pending->answer(from->failure);
             std::swap(pending->message, from->message);

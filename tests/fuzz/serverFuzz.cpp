@@ -11,6 +11,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -173,7 +174,10 @@ struct Socket {
     int copy() const { return dup(fd); }
     int connected() const {
         int c = socket(address.ss_family, SOCK_STREAM | SOCK_CLOEXEC, 0);
-        demand(c >= 0 && connect(c, reinterpret_cast<const sockaddr*>(&address), size) == 0, "cannot connect", errno);
+        demand(c >= 0, "cannot make a socket", errno);
+        // libFuzzer's own alarm interrupts now and then.
+        while (connect(c, reinterpret_cast<const sockaddr*>(&address), size) != 0 && errno != EISCONN)
+            demand(errno == EINTR || errno == EALREADY, "cannot connect", errno);
         linger now{1, 0};
         setsockopt(c, SOL_SOCKET, SO_LINGER, &now, sizeof now);         // no TIME_WAIT: there are many
         return c;
