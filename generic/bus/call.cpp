@@ -77,7 +77,17 @@ CallContext::CallContext(const KeptCallPointer& kept)
     theContext = kept ? this : nullptr;
 }
 
-CallContext::~CallContext() { theContext = outer_; }
+CallContext::~CallContext() {
+    theContext = outer_;
+    if (kept_) kept_->subTime += subTime;
+}
+
+std::uint32_t CallContext::waitedForOthers() const { return subTime + (kept_ ? kept_->subTime : 0); }
+
+void CallContext::cancel() {
+    cancelled.store(true, std::memory_order_relaxed);       // a hint, it orders nothing
+    if (auto kept = kept_) kept->cancel();
+}
 
 CallContext::Fresh::Fresh() : outer_(theContext) { theContext = nullptr; }
 CallContext::Fresh::~Fresh() { theContext = outer_; }
@@ -98,11 +108,12 @@ PrincipalPointer CallContext::currentPrincipal() {
 }
 std::uint64_t CallContext::currentRequest() { return theContext ? theContext->request : 0; }
 
-bool CallContext::currentCancelled() {
+bool CallContext::currentGivenUp() {
     CallContext* c = theContext;
-    if (!c) return false;
-    return c->cancelled.load(std::memory_order_relaxed) || (c->kept_ && c->kept_->cancelled()) || c->deadline.passed();
+    return c && (c->cancelled.load(std::memory_order_relaxed) || (c->kept_ && c->kept_->cancelled()));
 }
+
+bool CallContext::currentCancelled() { return currentGivenUp() || (theContext && theContext->deadline.passed()); }
 
 KeptCallPointer CallContext::keep() {
     CallContext* c = theContext;

@@ -50,6 +50,7 @@ public:
     void cancel();
     // A request that is made on behalf of this one.
     void begun(const std::shared_ptr<Pending>& pending);
+    std::uint32_t subTime = 0;                  // [us] in which it waited for other processes, each of its calls by itself
 
 private:
     std::atomic<bool> cancelled_{false};
@@ -87,6 +88,7 @@ public:
     static ClientPointer currentClient();       // null when the request comes from this process
     static std::uint64_t currentRequest();      // 0 outside of any request
     static bool currentCancelled();             // by its caller, or because the deadline has passed
+    static bool currentGivenUp();               // by its caller
     static KeptCallPointer keep();              // the present one, for work that waits; null outside of any request
     static std::uint64_t newRequest();          // a number that no other request of this process has
 
@@ -95,7 +97,9 @@ public:
     const std::uint64_t request;
     const std::string& behalf;
     std::atomic<bool> cancelled{false};         // the caller has given up: what takes long may look, and stop early
-    std::uint32_t subTime = 0;                  // [us] spent in calls to other processes
+    std::uint32_t subTime = 0;                  // [us] spent in calls to other processes since this began
+    std::uint32_t waitedForOthers() const;      // the same of all its parts
+    void cancel();                              // by the caller: what was begun on his behalf is cancelled, too. The SORM's thread
 
 private:
     static const ClientPointer kThisProcess;

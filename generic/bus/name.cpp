@@ -241,6 +241,7 @@ bool Name::isName(std::string_view text) { return !checkName(text, nullptr); }
 Address resolve(const Name& name, const Dictionary& dictionary, std::string* rule) {
     const std::string whole = name.toText();
     std::vector<std::string> chain;         // entries that were looked at
+    bool wait = false;
     // What an entry says; its word is in the chain.
     auto follow = [&](std::string key) {
         bool again = std::find(chain.begin(), chain.end(), key) != chain.end();
@@ -254,6 +255,7 @@ Address resolve(const Name& name, const Dictionary& dictionary, std::string* rul
         if (words.empty()) fail(kNoAddress, whole, chain.back());
         std::string_view text = words[0].text;
         if (text.starts_with('@')) text.remove_prefix(1);
+        wait = wait || std::any_of(words.begin() + 1, words.end(), [](auto& word) { return word.text == "-wait"; });
         try {
             return Address::parse(text);
         } catch (const Error& e) {
@@ -270,6 +272,7 @@ Address resolve(const Name& name, const Dictionary& dictionary, std::string* rul
     }
     while (address.kind == Address::Kind::alias && dictionary.has('@' + address.host)) address = follow('@' + address.host);
     if (rule) *rule = address.kind == Address::Kind::alias ? '@' + address.host : chain.empty() ? name.location() : chain.back();
+    address.wait = wait;
     return address;
 }
 

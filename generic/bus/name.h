@@ -25,6 +25,7 @@ struct Address {
     Kind kind = Kind::self;
     std::string host;           // tcp, program: host name;  path: of a Unix-domain socket;  alias: the alias
     std::uint32_t number = 0;   // tcp: port;  program: offset from 0x20000000
+    bool wait = false;          // calls wait for the daemon when nothing listens there: `@robot localhost:7014 -wait`
 
     std::string toText() const;                         // as written after @; "self" for self
     static Address parse(std::string_view text);        // what stands after @; fails with NAME SYNTAX

@@ -56,6 +56,7 @@ public:
     const KeptCallPointer asker;
     KeptCallPointer own;
     const ClientPointer& client() const;            // null: this process
+    std::int64_t sent = 0;              // [ns] when it went to another process, for the times of its asker; 0: it did not
     Timer timer;                        // of its deadline, for whoever keeps that; it ends with the answer
     const std::shared_ptr<Mailbox> mailbox;
     Carrier* carrier = nullptr;

@@ -10,6 +10,7 @@ namespace {
 const Prototype kRemoved{Severity::error, "SERVICE GONE", 1, "{}: the service object has been removed"};
 const Prototype kCode{Severity::error, "SERVICE FAILED", 1, "{}: EXEC returned code {}"};
 const Prototype kLater{Severity::error, "SERVICE FAILED", 1, "{}: it answers later, and so cannot be a step that others wait for"};
+const Prototype kTooLate{Severity::error, "COMM TIMEOUT", 1, "{}: the deadline had passed before the request was started; it was not executed"};
 const Prototype kNoWords{Severity::error, "REQUEST SYNTAX", 1, "{}: {} needs at least one word, try -help"};
 const Prototype kLockedBy{Severity::error, "SERVICE LOCKED", 1, "{}: locked by {} since {}; it is freed by CTRL -unlock there, or when that client ends"};
 
@@ -181,6 +182,11 @@ void Service::released() {
 // A request that stands for itself, with nobody on the stack who waits for it.
 void Service::perform(const PendingPointer& pending, Method method) {
     if (pending->answered()) return;
+    if (pending->deadline.passed()) {
+        Trail trail;
+        trail.add(makeEntry(kTooLate, {MessageArg::of(name_)}));
+        return pending->answer(std::move(trail));
+    }
     if (!pending->own) {
         auto& asker = pending->asker;
         pending->own = std::make_shared<KeptCall>(pending->client(), pending->deadline, asker ? asker->request : CallContext::newRequest(),

@@ -11,6 +11,7 @@
 
 #include "bus/requestText.h"
 #include "bus/statistics.h"
+#include "comm/clock.h"
 #include "comm/endpoint.h"
 #include "comm/errors.h"
 #include "comm/random.h"
@@ -22,6 +23,8 @@ namespace {
 constexpr std::size_t kReadSize = 64 * 1024;
 constexpr std::size_t kKeepBuffer = 4 << 20;            // a longer message's memory is given back
 constexpr std::size_t kBatchSize = 32 * 1024;           // of submitted requests, before they are sent unasked
+constexpr std::int64_t kClockTold = 1'000'000'000;      // [ns] a daemon with another clock hears that often what ours says
+constexpr std::int64_t kLook = 20'000'000;              // [ns] a request that waits for another looks whether it was cancelled
 constexpr std::int64_t kIdle = 1'000'000;               // [ns] silence after which a connection may have died unnoticed
 
 std::uint32_t xidOf(std::uint32_t slot, std::uint32_t sequence) { return sequence << kSlotBits | slot; }
@@ -91,9 +94,12 @@ void Connection::call(std::string_view name, Method method, Message& m, Deadline
     }
     slot.state = Slot::State::unsent;
     // Sent is what the kernel has taken to the last byte: of less than that the daemon can make nothing.
-    if (fd_ >= 0 && transmit(slot.request.data(), slot.request.size(), deadline)) {
+    std::size_t taken = 0;
+    if (fd_ >= 0 && transmit(slot.request.data(), slot.request.size(), deadline, &taken)) {
         slot.state = Slot::State::sent;
         ++inFlight_;
+    } else {
+        slot.cut = taken > 0;
     }
     std::int64_t outer = std::exchange(callTime_, now);
     struct Forget {
@@ -178,7 +184,7 @@ std::uint32_t Connection::acquire(std::string_view name, Deadline deadline) {
     slot.name = name;
     slot.deadline = deadline;
     slot.budget = fd_ < 0 ? deadline.left() : 0;        // otherwise write() takes the time anyway
-    slot.failed = slot.orphan = false;
+    slot.failed = slot.orphan = slot.cut = slot.unsure = false;
     slot.into = nullptr;
     slot.state = Slot::State::done;                     // in use, nothing sent yet
     return index;
@@ -198,8 +204,19 @@ void Connection::release(std::uint32_t index) {
         for (auto other : unsent_) batch_.append(slots_[other]->request.data(), slots_[other]->request.size());
         --slot.sequence;
     }
-    slot.state = Slot::State::free;
     slot.into = nullptr;
+    if (std::exchange(slot.unsure, false)) {
+        // Should the daemon come back, another request of the same number finds out what it knows: the answer of the first one,
+        // or nothing of it, and then it will never run. In either case the slot can be used again.
+        Message probe;
+        probe.words = {"-info", "name"};
+        slot.request.clear();
+        wire::writeCall(slot.request, xidOf(index, slot.sequence), program_, {index, slot.sequence, 0, Method::dbx, "sorm"}, probe);
+        slot.state = Slot::State::abandoned;
+        ++inFlight_;
+        return;
+    }
+    slot.state = Slot::State::free;
     if (slot.request.capacity() > kKeepBuffer) slot.request.release();
     free_.push_back(index);
 }
@@ -208,13 +225,19 @@ void Connection::write(std::uint32_t index, Method method, const Message& m, std
     Slot& slot = *slots_[index];
     wire::Request request{index, ++slot.sequence, 0, method, slot.name};
     ++calls_;
+    slot.request.clear();
     if (!slot.deadline.none()) {
         slot.budget = std::max<std::int64_t>(slot.deadline.when() - now, 0);
-        request.timeleft = static_cast<std::uint32_t>(std::min<std::int64_t>(slot.budget / 1'000'000 + 1, UINT32_MAX));
+        if (daemon_.clock.empty()) {
+            request.deadline = static_cast<std::uint32_t>(std::min<std::int64_t>(slot.budget / 1'000'000 + 1, UINT32_MAX));
+        } else {
+            request.deadline = deadlineMark(slot.deadline, now);
+            if (now - clockSaid_ > kClockTold && daemon_.clock != clockSeen()) wire::writeClock(slot.request, program_, clockSaid_ = now);
+        }
     }
-    slot.request.clear();
+    const std::size_t before = slot.request.size();
     wire::writeCall(slot.request, xidOf(index, slot.sequence), program_, request, m, wire::kCall, behalf);
-    std::size_t size = slot.request.size() - wire::kMarkSize;
+    std::size_t size = slot.request.size() - before - wire::kMarkSize;
     std::size_t most = std::min<std::size_t>(daemon_.maxMessage, static_cast<std::size_t>(settings_.maxMessage));
     if (size > most) {
         --slot.sequence;
@@ -232,6 +255,10 @@ void Connection::await(std::uint32_t index, std::int64_t left) {
             continue;
         }
         if (left < 0) left = slot.deadline.left();
+        if (CallContext::currentGivenUp()) [[unlikely]] {
+            tellCancel(index);
+            sorma::fail(errors::kGivenUp, fullName(slot), "daemon " + daemon_.name);
+        }
         if (!receive(slot.deadline, std::exchange(left, -1))) failTimeout(&slot, fullName(slot), {});
     }
 }
@@ -239,7 +266,11 @@ void Connection::await(std::uint32_t index, std::int64_t left) {
 void Connection::failTimeout(const Slot* waiting, const std::string& whom, const std::string& lastError) {
     std::int64_t budget = !waiting ? 0 : waiting->budget > 0 ? waiting->budget : settings_.timeout * 1'000'000;
     std::string patience = budget > 0 ? durationText(double(budget)) : std::string("time");
-    if (waiting && waiting->state == Slot::State::sent) sorma::fail(errors::kTimeoutSent, whom, patience, address_);
+    if (waiting && waiting->state == Slot::State::sent) {
+        if (fd_ >= 0) tellCancel(static_cast<std::uint32_t>(std::find_if(slots_.begin(), slots_.end(), [&](auto& s) { return s.get() == waiting; }) - slots_.begin()));
+        sorma::fail(errors::kTimeoutSent, whom, patience, address_);
+    }
+    if (waiting && waiting->cut) sorma::fail(errors::kTimeoutCut, whom, "the daemon", patience, lastError);
     sorma::fail(errors::kTimeoutUnsent, whom, "the daemon", patience, lastError);
 }
 
@@ -259,10 +290,19 @@ void Connection::checkIdle(std::int64_t now) {
     lost(n == 0 ? "the daemon closed it" : std::strerror(errno));
 }
 
-bool Connection::transmit(const char* data, std::size_t size, Deadline deadline) {
+// The caller gives up what was sent: the service may stop early.
+void Connection::tellCancel(std::uint32_t index) {
+    Buffer bytes;
+    wire::writeCancel(bytes, program_, {index, slots_[index]->sequence});
+    sendBytes(std::move(bytes));
+    if (!outgoing_.empty()) watch();
+}
+
+bool Connection::transmit(const char* data, std::size_t size, Deadline deadline, std::size_t* taken) {
     while (size > 0) {
         ssize_t n = send(fd_, data, size, MSG_NOSIGNAL | MSG_DONTWAIT);
         if (n > 0) {
+            if (taken) *taken += static_cast<std::size_t>(n);
             data += n;
             size -= static_cast<std::size_t>(n);
             continue;
@@ -289,6 +329,7 @@ bool Connection::receive(Deadline deadline, std::int64_t left) {
     if (left == 0) return false;
     // The socket's own timeout serves as the deadline, so that a call costs no poll; it is set anew only when it
     // would wait too long. A shorter one just makes us look again.
+    if (CallContext::current()) left = std::min(left, kLook);
     if (receiveTimeout_ == 0 || receiveTimeout_ > left) {
         if (left > 3'600'000'000'000) left = 3'600'000'000'000;
         if (left < 1'000'000) left = 1'000'000;
@@ -402,8 +443,10 @@ void Connection::open(const std::string& whom, Deadline deadline) {
     Address address = locate_();
     program_ = address.kind == Address::Kind::program ? wire::kProgramBase + address.number : wire::kProgram;
     address_ = address.kind == Address::Kind::alias ? runtimeSocket(address.host) : describe(address);
+    wait_ = address.wait;
     hungUp_ = false;
     fd_ = connectTo(address, whom, deadline);
+    absentSince_ = 0;
     receiveTimeout_ = 0;
     in_.clear();
     inAt_ = 0;
@@ -417,14 +460,20 @@ void Connection::open(const std::string& whom, Deadline deadline) {
     }
 }
 
-void Connection::greet(const std::string& whom, Deadline deadline) {
+wire::Hello Connection::hello() const {
     auto& self = Caller::self();
+    return {client_, self.user, self.host, self.program, self.process, static_cast<std::uint32_t>(settings_.maxMessage), clockSeen(), monotonicNow()};
+}
+
+bool Connection::sayHello(int fd) {
     Buffer out;
-    wire::writeHello(out, 0, program_, {client_, self.user, self.host, self.program, self.process,
-                                       static_cast<std::uint32_t>(settings_.maxMessage)});
-    ssize_t sent = send(fd_, out.data(), out.size(), MSG_NOSIGNAL);
+    wire::writeHello(out, 0, program_, hello());
+    return send(fd, out.data(), out.size(), MSG_NOSIGNAL | MSG_DONTWAIT) == static_cast<ssize_t>(out.size());
+}
+
+void Connection::greet(const std::string& whom, Deadline deadline) {
     std::string record, why;
-    hungUp_ = sent != static_cast<ssize_t>(out.size());
+    hungUp_ = !sayHello(fd_);
     if (!hungUp_) why = readWhole(deadline, record);
     else why = std::strerror(errno);
     if (!why.empty()) {
@@ -450,16 +499,24 @@ void Connection::welcomed(const std::string& whom, const std::string& record) {
     if (!objection.empty()) sorma::fail(errors::kProtocol, whom, address_, objection, "is the address right?");
     bool first = daemon_.boot == 0, sameDaemon = welcome.boot == daemon_.boot;
     if (!first && !sameDaemon)
-        failSent("another daemon answers there now: " + welcome.program + "[" + std::to_string(welcome.process) + "]");
+        failSent({"the daemon has ended", "another one answers there now: " + welcome.program + "[" + std::to_string(welcome.process) + "]"});
     else if (!first && !welcome.known)
-        failSent("the daemon has forgotten this client meanwhile");
+        failSent({"the daemon has forgotten this client meanwhile", "ask there what became of it"});
     daemon_ = welcome;
     since_ = lastHeard_ = monotonicNow();
     if (first || !sameDaemon) ++boots_;
     pause_ = 0;
     if (!first && !sameDaemon)
-        for (auto& [number, callback] : std::map(restarted_)) callback();
+        for (auto& [number, callback] : std::map(restarted_)) guarded(callback);
     resubscribe();
+}
+
+// What one of those who want to know of a new daemon fails with is his own: the others are told all the same.
+void Connection::guarded(const std::function<void()>& callback) {
+    try {
+        callback();
+    } catch (const std::exception&) {
+    }
 }
 
 // One whole record while nothing else is under way. Returns what went wrong, "deadline" for the deadline.
@@ -487,9 +544,9 @@ std::string Connection::readWhole(Deadline deadline, std::string& record) {
         std::size_t before = in.size();
         ssize_t got = recv(fd_, in.extend(4096), 4096, MSG_DONTWAIT);
         in.resize(before + (got > 0 ? static_cast<std::size_t>(got) : 0));
-        hungUp_ = in.empty() && (got == 0 || (got < 0 && errno == ECONNRESET));
-        if (hungUp_) return "it closed the connection without a word";
-        if (got == 0) return "it closed the connection after \"" + printable(std::string_view(in.data(), in.size())) + "\"";
+        hungUp_ = got == 0 || (got < 0 && errno == ECONNRESET);     // also in the middle of its welcome
+        if (hungUp_ && in.empty()) return "it closed the connection without a word";
+        if (hungUp_) return "it closed the connection after \"" + printable(std::string_view(in.data(), in.size())) + "\"";
         if (got < 0 && errno != EAGAIN && errno != EINTR) return std::strerror(errno);
     }
 }
@@ -505,12 +562,34 @@ void Connection::lost(const std::string& how) {
     if (wanted()) retry();
 }
 
-// Connect anew, within the deadline. A daemon that refuses connections has ended, and with it what was sent to it.
+// Does nothing listen there?
+bool Connection::absent(const Error& e) const { return (e.is("COMM REFUSED") || e.is("ADDRESS UNRESOLVED")) && !hungUp_; }
+
+// Who was there before may come back, unless he said that he goes; who never was, or will never do, is reported at once. An
+// address may say -wait.
+bool Connection::mayCome(const Error& e) const {
+    if (absent(e)) return wait_ || (daemon_.boot != 0 && lastWords_.empty());
+    return daemon_.boot != 0 && (hungUp_ || e.is("COMM LIMIT") || e.is("COMM TIMEOUT"));
+}
+
+// What was sent, when the connection cannot be made anew: that nothing listens for a moment proves nothing, since a tunnel or
+// a proxy may be between. That a daemon has ended is known when he has said so, or when his process is gone.
+void Connection::conclude(const Error& e) {
+    if (e.is("COMM PROTOCOL")) return failSent({"something else answers there now", e.what(), false});
+    if (!absent(e)) return;
+    std::int64_t now = monotonicNow();
+    if (absentSince_ == 0) absentSince_ = now;
+    if (!lastWords_.empty() || hasEnded(daemon_.process, daemon_.processes))
+        failSent({"the daemon has ended", "nothing listens there now: is it started again?"});
+    else if (now - absentSince_ > kAbsence)
+        failSent({"nothing has listened there for " + durationText(double(now - absentSince_)), "ask there what became of it", false});
+}
+
+// Connect anew, within the deadline.
 // waiting: the slot that waits for this, if any; it stops when that one has failed.
 void Connection::recover(Deadline deadline, const Slot* waiting) {
     std::int64_t pauseTime = kFirstPause;
     std::string whom = waiting ? fullName(*waiting) : who_;
-    bool first = daemon_.boot == 0;
     // What the reactor has begun goes on: a wait that is taken up again and again must not begin it anew each time.
     finishOpening(deadline);
     if (opening_) sorma::fail(errors::kConnectTimeout, whom, address_ + " (it is connected, but does not answer)");
@@ -520,12 +599,13 @@ void Connection::recover(Deadline deadline, const Slot* waiting) {
         try {
             open(whom, deadline);
         } catch (const Error& e) {
-            bool absent = (e.is("COMM REFUSED") || e.is("ADDRESS UNRESOLVED")) && !hungUp_;
-            if (absent || e.is("COMM PROTOCOL")) failSent(e.what());
+            conclude(e);
             if ((waiting && waiting->failed) || (driven_ && hasArrived(*driven_))) return;
-            // Who was there before may come back: wait. Who never was, or will never do, is reported at once.
-            bool hopeful = !first && (absent || hungUp_ || e.is("COMM LIMIT") || e.is("COMM TIMEOUT"));
-            if (!hopeful) throw;
+            if (!mayCome(e)) throw;
+            if (CallContext::currentGivenUp()) {
+                if (waiting && waiting->state == Slot::State::sent) sorma::fail(errors::kGivenUp, whom, "nobody");
+                sorma::fail(errors::kGivenUpUnsent, whom);
+            }
             problem = e.what();
         }
         if (fd_ >= 0) resend(deadline);
@@ -567,19 +647,20 @@ std::uint64_t Connection::onRestart(std::function<void()> callback) {
 
 void Connection::cancelRestart(std::uint64_t number) { restarted_.erase(number); }
 
-// What was sent to a daemon that has ended: nobody knows whether it ran.
-void Connection::failSent(const std::string& hint) {
+// What was sent, and will not be answered.
+void Connection::failSent(const Verdict& verdict) {
     for (std::uint32_t i = 0; i < slots_.size(); ++i) {
         Slot& slot = *slots_[i];
-        if (slot.state == Slot::State::abandoned) {
+        if (slot.state == Slot::State::abandoned && verdict.ended) {
             --inFlight_;
             slot.state = Slot::State::free;
             free_.push_back(i);
         } else if (slot.state == Slot::State::sent) {
             --inFlight_;
+            slot.unsure = !verdict.ended;
             Trail trail;
             trail.add(makeEntry(errors::kLost, {MessageArg::of(fullName(slot)), MessageArg::of(address_), MessageArg::of(daemon_.name),
-                                                MessageArg::of(age()), MessageArg::of(how_), MessageArg::of(hint)}));
+                                                MessageArg::of(age()), MessageArg::of(how_), MessageArg::of(verdict.why), MessageArg::of(verdict.hint)}));
             fail(i, std::move(trail));
             if (slot.pending) settle(i);
         }
@@ -596,7 +677,7 @@ void Connection::close(const std::string& reason) {
     if (fd_ < 0) return;
     how_ = reason;
     drop();
-    failSent("it was closed on this side");
+    failSent({"it was closed on this side", "ask there what became of it", false});
     if (!arrived_.empty()) deliverLater();
 }
 

@@ -103,6 +103,8 @@ private:
         Trail failure;                  // not empty: failed on our side of the wire
         bool failed = false;
         bool orphan = false;            // nobody wants its reply, though it is still to be sent
+        bool cut = false;               // a part of it was sent on a connection that is gone
+        bool unsure = false;            // given up, while its daemon may still be there: see failSent
         PendingPointer pending;         // whom the reply is for, when it was begun
     };
     // A call that waits for a slot, or for the connection.
@@ -127,10 +129,16 @@ private:
         bool operator>(const Due& o) const { return when > o.when; }
     };
     using Control = std::function<void(XdrReader& reply, const std::string& objection)>;
+    // What becomes of what was sent, when nobody can say whether it ran.
+    struct Verdict {
+        std::string why, hint;          // "the daemon has ended"; what to do
+        bool ended = true;              // it is known to be gone, and its slots with it
+    };
 
     std::uint32_t acquire(std::string_view name, Deadline deadline);
     void write(std::uint32_t slot, Method method, const Message& m, std::int64_t now, const wire::Behalf* behalf);
-    bool transmit(const char* data, std::size_t size, Deadline deadline);   // false: the connection is lost
+    bool transmit(const char* data, std::size_t size, Deadline deadline, std::size_t* taken = nullptr);   // false: the connection is lost
+    void tellCancel(std::uint32_t slot);
     // Until it is done, or throws on its deadline. left: what was left of it just now [ns]; < 0: to be found out
     void await(std::uint32_t slot, std::int64_t left = -1);
     bool receive(Deadline deadline) { return receive(deadline, deadline.left()); }
@@ -152,6 +160,7 @@ private:
     void watch();                                       // what the reactor is to tell us
     void sendWaiting();
     void sweepWaiting();
+    bool beingSent(std::uint32_t index) const;
     void sendSlot(std::uint32_t index);
     void sendBytes(Buffer bytes);
     void continueSending();
@@ -185,7 +194,13 @@ private:
     void lost(const std::string& how);                  // the connection is gone: sort out what was in flight
     void recover(Deadline deadline, const Slot* waiting);
     void resend(Deadline deadline);
-    void failSent(const std::string& hint);
+    wire::Hello hello() const;
+    bool sayHello(int fd);
+    bool absent(const Error& e) const;
+    bool mayCome(const Error& e) const;
+    void conclude(const Error& e);
+    void failSent(const Verdict& verdict);
+    void guarded(const std::function<void()>& callback);
     std::string fullName(const Slot& slot) const { return slot.name + "@" + who_; }
     [[noreturn]] void failTimeout(const Slot* waiting, const std::string& whom, const std::string& lastError);
     std::string age() const;
@@ -201,6 +216,9 @@ private:
     std::uint64_t boots_ = 0;
     std::string address_;                   // where it was last reached
     std::string lastWords_;                 // reason of a GOODBYE
+    bool wait_ = false;                     // as the address says
+    std::int64_t absentSince_ = 0;          // [ns] nothing has listened there since; 0: something does, or did a moment ago
+    std::int64_t clockSaid_ = 0;            // [ns] when the daemon was last told what our clock says
     std::string how_;                       // why the connection was lost
     std::int64_t since_ = 0, lastHeard_ = 0;
     std::int64_t callTime_ = 0;             // [ns] when the blocking call that is under way was made; 0: none is

@@ -251,6 +251,10 @@ void Connection::drive(Pending& pending, Deadline deadline) {
                 if (fd_ < 0) recover(deadline, nullptr);
                 if (fd_ >= 0 && !(waiting_.empty() && urgent_.empty())) sendWaiting();
                 if (fd_ >= 0 && !outgoing_.empty()) drain(deadline);
+                if (CallContext::currentGivenUp()) {
+                    pending.cancel(trailOf(makeEntry(errors::kGivenUp, {MessageArg::of(pending.who), MessageArg::of("daemon " + daemon_.name)})));
+                    return;
+                }
                 if (fd_ >= 0 && !hasArrived(pending) && !receive(deadline)) return;
             } catch (const Error& e) {
                 if (deadline.passed()) return;          // the caller has better words for it
@@ -277,12 +281,19 @@ void Connection::cancelled(Pending& pending) {
     Slot& slot = *slots_[index];
     auto mine = std::move(slot.pending);
     forget(1);
-    if (slot.state == Slot::State::unsent) slot.orphan = true;          // it stands in line, and so will this
+    if (slot.state == Slot::State::unsent && !beingSent(index)) {       // and never will be
+        std::erase_if(outgoing_, [&](auto& o) { return o.slot == index; });
+        return release(index);
+    }
+    if (slot.state == Slot::State::unsent) slot.orphan = true;          // the rest of it has to follow, and then this
     else slot.state = Slot::State::abandoned;
-    Buffer bytes;
-    wire::writeCancel(bytes, program_, {index, slot.sequence});
-    sendBytes(std::move(bytes));
+    tellCancel(index);
     watch();
+}
+
+// Has the socket taken a part of it?
+bool Connection::beingSent(std::uint32_t index) const {
+    return outgoingAt_ > 0 && !outgoing_.empty() && outgoing_.front().slot == index;
 }
 
 // Those that were cancelled while they waited go when they are the majority: cancelling stays cheap, memory bounded.
@@ -300,6 +311,8 @@ Trail Connection::overdue(Pending& pending) {
     std::string patience = settings_.timeout > 0 ? durationText(double(settings_.timeout) * 1e6) : std::string("its time");
     bool sent = pending.ticket != kNoTicket && slots_[pending.ticket]->state == Slot::State::sent;
     if (pending.ticket != kNoTicket && slots_[pending.ticket]->budget > 0) patience = durationText(double(slots_[pending.ticket]->budget));
+    if (pending.ticket != kNoTicket && beingSent(pending.ticket))
+        return trailOf(makeEntry(errors::kTimeoutPart, {MessageArg::of(pending.who), MessageArg::of(patience), MessageArg::of(address_)}));
     if (sent) return trailOf(makeEntry(errors::kTimeoutSent, {MessageArg::of(pending.who), MessageArg::of(patience), MessageArg::of(address_)}));
     return trailOf(makeEntry(errors::kTimeoutUnsent, {MessageArg::of(pending.who), MessageArg::of("the daemon"), MessageArg::of(patience),
                                                       MessageArg::of(fd_ < 0 ? how_ : "all its slots are taken")}));
@@ -392,6 +405,7 @@ void Connection::startOpening() {
         Address address = locate_();
         program_ = address.kind == Address::Kind::program ? wire::kProgramBase + address.number : wire::kProgram;
         address_ = address.kind == Address::Kind::alias ? runtimeSocket(address.host) : describe(address);
+        wait_ = address.wait;
         hungUp_ = false;
         int fd = beginConnect(address, whom());
         opening_ = std::make_unique<Opening>();
@@ -421,11 +435,8 @@ void Connection::advance(std::uint32_t) {
     try {
         if (!o.greeting) {
             endConnect(o.fd, o.address, whom());
-            auto& self = Caller::self();
-            Buffer out;
-            wire::writeHello(out, 0, program_, {client_, self.user, self.host, self.program, self.process,
-                                               static_cast<std::uint32_t>(settings_.maxMessage)});
-            hungUp_ = send(o.fd, out.data(), out.size(), MSG_NOSIGNAL | MSG_DONTWAIT) != static_cast<ssize_t>(out.size());
+            absentSince_ = 0;
+            hungUp_ = !sayHello(o.fd);
             if (hungUp_) sorma::fail(errors::kRefused, whom(), address_, std::strerror(errno), "it may be ending, or full");
             o.greeting = true;
             reactor_->change(o.fd, EPOLLIN, this);
@@ -435,9 +446,11 @@ void Connection::advance(std::uint32_t) {
         ssize_t n = recv(o.fd, o.in.extend(4096), 4096, MSG_DONTWAIT);
         o.in.resize(before + (n > 0 ? static_cast<std::size_t>(n) : 0));
         if (n < 0 && (errno == EAGAIN || errno == EINTR)) return;
-        hungUp_ = n <= 0 && o.in.empty();
-        if (hungUp_) sorma::fail(errors::kRefused, whom(), address_, "it closed the connection without a word", "it may be ending, or full");
-        if (n <= 0) sorma::fail(errors::kProtocol, whom(), address_, "it closed the connection in the middle of its welcome", "is the address right?");
+        hungUp_ = n <= 0;
+        if (hungUp_)
+            sorma::fail(errors::kRefused, whom(), address_,
+                        o.in.empty() ? "it closed the connection without a word" : "it closed the connection in the middle of its welcome",
+                        "it may be ending, or full");
         if (o.in.size() < wire::kMarkSize) return;
         XdrReader marks(o.in.data(), wire::kMarkSize);
         std::uint32_t mark = marks.u32();
@@ -479,14 +492,11 @@ void Connection::advance(std::uint32_t) {
     watch();
 }
 
-// As recover() has it: a daemon that refuses has ended, and with it what was sent to it; one that was there may come back.
+// As recover() has it.
 void Connection::openFailed(const Error& e) {
-    bool first = daemon_.boot == 0;
-    bool absent = (e.is("COMM REFUSED") || e.is("ADDRESS UNRESOLVED")) && !hungUp_;
-    if (absent || e.is("COMM PROTOCOL")) failSent(e.what());
-    bool hopeful = !first && (absent || hungUp_ || e.is("COMM LIMIT") || e.is("COMM TIMEOUT"));
+    conclude(e);
     how_ = e.what();
-    if (!hopeful) failWaiting(e.trail);
+    if (!mayCome(e)) failWaiting(e.trail);
     if (!arrived_.empty()) deliverLater();
     if (wanted()) retry();
 }
@@ -514,30 +524,32 @@ std::uint32_t Connection::control(Control handler) {
 }
 
 wire::Health Connection::health(Deadline deadline) {
+    const std::string patience = durationText(double(deadline.left()));
     if (fd_ >= 0) checkIdle(monotonicNow());
     if (fd_ < 0) recover(deadline, nullptr);
-    wire::Health health;
-    std::string wrong;
-    bool done = false;
+    // Shared with the answer, which may come when nobody is here any more.
+    struct Answer {
+        wire::Health health;
+        std::string wrong;
+        bool done = false;
+    };
+    auto answer = std::make_shared<Answer>();
     Buffer bytes;
-    wire::writeHealthRequest(bytes, control([&](XdrReader& r, const std::string& objection) {
-        wrong = objection;
-        if (wrong.empty() && !wire::readHealth(r, health)) wrong = "its answer could not be decoded";
-        done = true;
+    wire::writeHealthRequest(bytes, control([answer](XdrReader& r, const std::string& objection) {
+        answer->wrong = objection;
+        if (objection.empty() && !wire::readHealth(r, answer->health)) answer->wrong = "its answer could not be decoded";
+        answer->done = true;
     }), program_);
-    std::uint32_t xid = lastControl_ << kSlotBits | kControl;
     sendBytes(std::move(bytes));
-    while (!done) {
+    while (!answer->done) {
         if (fd_ < 0) sorma::fail(errors::kRefused, who_, address_, how_, "ask again");
         drain(deadline);
-        if (fd_ >= 0 && !receive(deadline)) {
-            controls_.erase(xid);
-            sorma::fail(errors::kConnectTimeout, who_, address_ + " (no answer about its health)");
-        }
+        if (fd_ >= 0 && !answer->done && !receive(deadline))
+            sorma::fail(errors::kUnanswered, who_, address_, patience, "say how it is");
     }
     if (!arrived_.empty()) deliverLater();
-    if (!wrong.empty()) sorma::fail(errors::kProtocol, who_, address_, wrong, "are both of the same version?");
-    return health;
+    if (!answer->wrong.empty()) sorma::fail(errors::kProtocol, who_, address_, answer->wrong, "are both of the same version?");
+    return answer->health;
 }
 
 class Connection::Remote : public Listening {
@@ -590,31 +602,39 @@ public:
 
 std::unique_ptr<Listening> Connection::listen(std::string name, std::string pattern, std::size_t keep, Listener listener,
                                               Deadline deadline, bool relayed) {
+    const std::string patience = durationText(double(deadline.left()));
     if (fd_ >= 0) checkIdle(monotonicNow());
     if (fd_ < 0) recover(deadline, nullptr);
     wire::Subscription wanted{++lastSubscription_, std::move(name), std::move(pattern), static_cast<std::uint32_t>(keep)};
     auto remote = std::make_unique<Remote>(shared_from_this(), wanted, std::make_shared<Inbox>(mailbox_, keep, std::move(listener)), relayed);
-    bool done = false;
-    Trail objection;
+    // Shared with the answer, which may come when nobody is here any more.
+    struct Answer {
+        Trail objection;
+        std::uint64_t last = 0;
+        bool done = false;
+    };
+    auto answer = std::make_shared<Answer>();
     auto ask = [&] {
         remote->boot = daemon_.boot;
-        remote->ask([&](Trail why, const Message& m) {
-            done = true;
-            objection = std::move(why);
-            if (objection.empty()) remote->last = std::uint64_t(m.ints[0]);
+        remote->ask([answer](Trail why, const Message& m) {
+            answer->done = true;
+            answer->objection = std::move(why);
+            if (answer->objection.empty()) answer->last = std::uint64_t(m.ints[0]);
         });
     };
     ask();
-    while (!done) {
+    while (!answer->done) {
         if (fd_ < 0) {
             recover(deadline, nullptr);                 // which subscribes again by itself, but tells nobody here
             ask();
         }
         drain(deadline);
-        if (fd_ >= 0 && !done && !receive(deadline)) sorma::fail(errors::kConnectTimeout, wanted.name + "@" + who_, address_);
+        if (fd_ >= 0 && !answer->done && !receive(deadline))
+            sorma::fail(errors::kUnanswered, remote->wanted.name + "@" + who_, address_, patience, "subscribe");
     }
     if (!arrived_.empty()) deliverLater();
-    if (!objection.empty()) throw Error(std::move(objection));
+    if (!answer->objection.empty()) throw Error(std::move(answer->objection));
+    remote->last = std::max(remote->last, answer->last);     // events may have come with the answer
     watch();
     return remote;
 }

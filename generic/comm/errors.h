@@ -17,8 +17,17 @@ inline const Prototype kTimeoutUnsent{Severity::error, "COMM TIMEOUT", 1,
 inline const Prototype kTimeoutLate{Severity::error, "COMM TIMEOUT", 1,
     "{}: the deadline had passed before the request was started; it was not executed"};
 inline const Prototype kLost{Severity::error, "COMM LOST", 1,
-    "{}: the connection to {} (daemon {}, {} old) was lost: {}; the request was sent and the daemon has ended, "
-    "so whether it ran is unknown; {}"};
+    "{}: the connection to {} (daemon {}, {} old) was lost: {}; the request was sent and {}, so whether it ran is unknown; {}"};
+inline const Prototype kTimeoutPart{Severity::error, "COMM TIMEOUT", 1,
+    "{}: no answer in {} from {}; the request was on its way, sent in part, and may still run"};
+inline const Prototype kTimeoutCut{Severity::error, "COMM TIMEOUT", 1,
+    "{}: {} did not come back in {} ({}); only a part of the request was sent, so it did not run"};
+inline const Prototype kGivenUp{Severity::error, "COMM CANCELLED", 1,
+    "{}: the request that it was part of has been cancelled; {} was told, and it may have run"};
+inline const Prototype kGivenUpUnsent{Severity::error, "COMM CANCELLED", 1,
+    "{}: the request that it was part of has been cancelled; it was never sent"};
+inline const Prototype kUnanswered{Severity::error, "COMM TIMEOUT", 1,
+    "{}: {} did not answer in {}; it was asked to {}, and that is taken back"};
 inline const Prototype kProtocol{Severity::error, "COMM PROTOCOL", 1, "{}: {} does not speak as a SORMA daemon does: {}; {}"};
 inline const Prototype kTooBig{Severity::error, "COMM TOO_BIG", 1,
     "{}: the {} has {} bytes, {} takes at most {}; raise it there: sorma::configure -maxmessage BYTES"};

@@ -1,4 +1,5 @@
 // A daemon's side of one connection.
+#include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -7,6 +8,7 @@
 #include <cstring>
 
 #include "bus/requestText.h"
+#include "bus/statistics.h"
 #include "comm/errors.h"
 #include "comm/serverParts.h"
 
@@ -15,11 +17,16 @@ namespace sorma {
 namespace {
 
 constexpr std::int64_t kQuick = 20'000;                 // [ns] a call this short does not hold up replies before it
+constexpr std::int64_t kLong = 1'000'000;               // [ns] in which callers may have given up
+constexpr std::int64_t kLookAgain = 10'000'000;         // [ns] between looks at what more than a turn's bytes says
+constexpr std::size_t kLookSize = 256 * 1024;
+constexpr std::uint32_t kReading = EPOLLIN | EPOLLRDHUP;
 
 const Prototype kHelloFirst{Severity::error, "COMM PROTOCOL", 0, "{} needs a session: say HELLO first"};
 const Prototype kSlots{Severity::error, "COMM LIMIT", 0,
     "slot {} is beyond the {} calls in flight that this daemon takes from one client; raise it there: sorma::configure -inflight N"};
 const Prototype kBehalf{Severity::error, "COMM PROTOCOL", 0, "the credentials do not say on whose behalf the call is made"};
+const Prototype kNotBegun{Severity::error, "COMM CANCELLED", 1, "{}: the call was cancelled by its caller before it was started; it was not executed"};
 const Prototype kStopped{Severity::error, "COMM CANCELLED", 1, "{}: the call was cancelled by its caller; it may have run"};
 
 std::uint32_t microseconds(std::int64_t nanoseconds) {
@@ -38,7 +45,7 @@ Trail trailOf(Entry entry) {
 Server::Peer::Peer(Server& server, int fd, ClientPointer who, std::int64_t user)
     : server_(server), fd_(fd), principal_(who->principal), user_(user), client(std::move(who)), since(monotonicNow()),
       number(++server.peersSeen_) {
-    server_.reactor_.add(fd_, EPOLLIN, this);
+    server_.reactor_.add(fd_, kReading, this);
 }
 
 void Server::Peer::shut() {
@@ -54,6 +61,7 @@ void Server::Peer::ready(std::uint32_t events) {
     Gate::Inside inside(server_.gate_);
     if (events & EPOLLOUT) drain();
     if (open() && !events_.empty()) pump();
+    if (events & (EPOLLRDHUP | EPOLLHUP)) gone_ = true;
     if (open() && (events & (EPOLLIN | EPOLLHUP | EPOLLERR) || (events == 0 && !in_.empty()))) receive();
 }
 
@@ -68,6 +76,7 @@ void Server::Peer::spill(Frame& frame) {
     } else {
         in_.append(frame.at, left);
     }
+    scanned_ = static_cast<std::size_t>(std::max<std::ptrdiff_t>(frame.scanned - frame.at, 0));
     if (left > 0) server_.reactor_.again(this);
 }
 
@@ -100,8 +109,11 @@ void Server::Peer::receive() {
     }
     arrived_ = monotonicNow();
     server_.reactor_.seen(arrived_);
-    Frame frame{this, inPeer ? in_.data() : scratch.in, nullptr, inPeer, false, server_.frames_};
-    frame.end = frame.at + (inPeer ? in_.size() : static_cast<std::size_t>(n));
+    const char* begin = inPeer ? in_.data() : scratch.in;
+    Frame frame{this, begin, begin + (inPeer ? in_.size() : static_cast<std::size_t>(n)), begin + (inPeer ? scanned_ : 0), inPeer, false,
+                server_.frames_};
+    const bool all = n < static_cast<ssize_t>(size);    // that the socket had
+    dwelt_ = !all && arrived_ - looked_ > kLookAgain;
     server_.frames_ = &frame;
     ++server_.depth_;
     struct Leave {
@@ -120,7 +132,9 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
     int served = 0;
     const int share = server_.share(this);
     bool more = false;
+    if (skip_ == 0 && frame.at < frame.end) frame.scanned += scan(frame.scanned, frame.end);
     while (open() && !frame.spilled) {
+        if (dwelt_) [[unlikely]] lookAhead(frame);
         std::size_t left = static_cast<std::size_t>(frame.end - frame.at);
         if (skip_ > 0) {
             std::size_t n = std::min(skip_, left);
@@ -161,6 +175,7 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
     std::size_t left = static_cast<std::size_t>(frame.end - frame.at);
     if (frame.inPeer) in_.drop(in_.size() - left);
     else in_.append(frame.at, left);
+    scanned_ = static_cast<std::size_t>(std::max<std::ptrdiff_t>(frame.scanned - frame.at, 0));
     if (in_.empty() && in_.capacity() > kKeepBuffer) server_.giveBack(in_);
     if (more) server_.reactor_.again(this);
     bool half = !more && (left > 0 || skip_ > 0 || fragments_.size() > 0) && queued() <= kQueueLimit;
@@ -168,6 +183,46 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
     else if (halfSince_ == 0 || served > 0) halfSince_ = arrived_;
     if (slow()) server_.watchSlow(this);
     interest();
+}
+
+// Which calls are cancelled by whole records that have come and wait for their turn. Returns the size of those.
+std::size_t Server::Peer::scan(const char* at, const char* end) {
+    const char* const begin = at;
+    while (end - at >= std::ptrdiff_t(wire::kMarkSize)) {
+        XdrReader marks(at, wire::kMarkSize);
+        std::uint32_t mark = marks.u32();
+        std::size_t length = mark & ~wire::kLastFragment;
+        if (static_cast<std::size_t>(end - at) - wire::kMarkSize < length) break;
+        std::string_view record(at + wire::kMarkSize, length);
+        at += wire::kMarkSize + length;
+        if (!wire::isCancel(record)) continue;
+        XdrReader r(record);
+        auto envelope = wire::readEnvelope(r);
+        wire::readCallHeader(r, envelope.xid);
+        wire::Cancel cancel;
+        if (session && wire::readCancel(r, cancel) && cancels_.size() < static_cast<std::size_t>(server_.settings_.inFlight)) cancels_.push_back(cancel);
+    }
+    return static_cast<std::size_t>(at - begin);
+}
+
+// Callers may have given up, or gone, while we were elsewhere: what the socket has says so.
+void Server::Peer::lookAhead(Frame& frame) {
+    dwelt_ = false;
+    looked_ = monotonicNow();
+    if (skip_ > 0) return;              // in the middle of a record
+    frame.scanned = std::max(frame.scanned, frame.at);
+    pollfd state{fd_, POLLRDHUP, 0};
+    if (poll(&state, 1, 0) > 0) gone_ = true;
+    Buffer& seen = server_.glance_;
+    seen.clear();
+    seen.append(frame.scanned, static_cast<std::size_t>(frame.end - frame.scanned));
+    ssize_t n = recv(fd_, seen.extend(kLookSize), kLookSize, MSG_PEEK | MSG_DONTWAIT);
+    if (n > 0) scan(seen.data(), seen.data() + seen.size() - kLookSize + n);
+}
+
+// Has its caller given it up already?
+bool Server::Peer::forgotten(std::uint32_t slot, std::uint32_t sequence) {
+    return !cancels_.empty() && std::erase_if(cancels_, [&](auto& c) { return c.slot == slot && c.sequence == sequence; }) > 0;
 }
 
 // A record that is too long. Its beginning says whether to refuse the call and skip it, or to end the connection.
@@ -209,9 +264,12 @@ void Server::Peer::handle(std::string_view record, Scratch& scratch, Frame& fram
     switch (header.procedure) {
         case wire::kNull: return wire::writeEmptyReply(scratch.out, header.xid);
         case wire::kCall: return call(r, header, record, scratch, frame);
-        case wire::kHello: return hello(r, header.xid, scratch.out);
+        case wire::kHello: return hello(r, header.xid, scratch.out, arrived_);
         case wire::kOneway: return oneway(r, header, scratch, frame);
         case wire::kCancel: return cancel(r);
+        case wire::kClock:
+            if (std::int64_t sent; wire::readClock(r, sent)) clock_.sample(sent, arrived_);
+            return;
         case wire::kHealth: return wire::writeHealth(scratch.out, header.xid, server_.health(false));
         case wire::kSubscribe: return subscribe(r, header, scratch);
         case wire::kUnsubscribe:
@@ -229,26 +287,38 @@ void Server::Peer::refuse(std::uint32_t xid, Buffer& out, const Error& error) {
     wire::writeReply(out, xid, {}, m);
 }
 
-void Server::Peer::hello(XdrReader& r, std::uint32_t xid, Buffer& out) {
+void Server::Peer::hello(XdrReader& r, std::uint32_t xid, Buffer& out, std::int64_t now) {
     wire::Hello hello;
     if (!wire::readHello(r, hello)) return wire::writeRefusal(out, xid, wire::Refusal::garbage);
     if (std::exchange(greeted_, true)) return server_.retire(this, "HELLO was said twice on one connection", true);
     bool known = false;
     session = &server_.session(*this, hello, known);
     maxReply_ = hello.maxMessage > 0 ? hello.maxMessage : UINT32_MAX;
+    ownClock_ = !hello.clock.empty();
+    if (ownClock_ && hello.clock == clockSeen()) clock_.same();
+    else if (ownClock_) clock_.sample(hello.sent, now);
     auto& self = Caller::self();
     wire::Welcome w{server_.boot_, server_.name_, self.user, self.host, self.program, self.process, server_.started_,
                     static_cast<std::uint32_t>(server_.settings_.maxMessage),
                     static_cast<std::uint32_t>(server_.settings_.inFlight), known};
+    if (ownClock_) {
+        w.clock = clockSeen().empty() ? "none" : clockSeen();
+        w.processes = processesSeen();
+    }
     wire::writeWelcome(out, xid, w);
 }
 
 void Server::Peer::cancel(XdrReader& r) {
     wire::Cancel wanted;
     if (!wire::readCancel(r, wanted) || !session || wanted.slot >= session->slots.size()) return;
+    forgotten(wanted.slot, wanted.sequence);
     Slot& slot = session->slots[wanted.slot];
     if (slot.state != Slot::State::running || slot.sequence != wanted.sequence) return;     // it is over
-    if (slot.call) slot.call->cancelled.store(true, std::memory_order_relaxed);             // a hint, it orders nothing
+    if (slot.call) {
+        CallContext& call = *slot.call;
+        Gate::Outside outside(server_.gate_);
+        call.cancel();
+    }
     if (auto pending = slot.pending) {
         Gate::Outside outside(server_.gate_);
         pending->cancel(trailOf(makeEntry(kStopped, {MessageArg::of(pending->who)})));
@@ -312,9 +382,12 @@ void Server::Peer::call(XdrReader& r, const wire::CallHeader& header, std::strin
             }
             return;
         }
-        if (slot->state == Slot::State::running || (slot->state != Slot::State::empty && request.sequence != slot->sequence + 1))
+        // A number may be missing: of a request that its client has given up, or that was refused before it had a slot.
+        bool follows = std::int32_t(request.sequence - slot->sequence) > 0;
+        if (slot->state == Slot::State::running || (slot->state != Slot::State::empty && !follows))
             return refuse(header.xid, scratch.out, Error(makeEntry(errors::kSequence, {MessageArg::of(request.name),
                           MessageArg::of(request.sequence), MessageArg::of(request.slot), MessageArg::of(slot->sequence)})));
+        if (gone_) return;              // nobody waits; should he come back, he sends it again
         slot->sequence = request.sequence;
         slot->state = Slot::State::running;
         slot->asked = false;
@@ -347,7 +420,8 @@ bool Server::Peer::execute(const wire::Request& request, const wire::CallHeader&
     std::int64_t waited = start - arrived_;
     times.waited = microseconds(waited);
     Deadline deadline;
-    if (request.timeleft > 0) deadline = Deadline::at(arrived_ + std::int64_t{request.timeleft} * 1'000'000);
+    if (ownClock_) deadline = clock_.deadline(request.deadline, arrived_);
+    else if (request.deadline > 0) deadline = Deadline::at(arrived_ + std::int64_t{request.deadline} * 1'000'000);
     ClientPointer who = client;                         // stays while the service runs, whatever becomes of this peer
     wire::Behalf behalf;
     const bool sound = header.behalf.empty() || wire::readBehalf(header.behalf, behalf);
@@ -357,7 +431,8 @@ bool Server::Peer::execute(const wire::Request& request, const wire::CallHeader&
     try {
         if (!sound) fail(kBehalf);
         const PrincipalPointer& author = authorOf(behalf);
-        if (request.timeleft > 0 && start >= deadline.when()) fail(errors::kTimeoutLate, request.name);
+        if (!deadline.none() && start >= deadline.when()) fail(errors::kTimeoutLate, request.name);
+        if (slot && forgotten(request.slot, request.sequence)) [[unlikely]] fail(kNotBegun, request.name);
         // Only objects of this process are served: whoever may call us may not call others in our name.
         if (Name::isElsewhere(request.name)) [[unlikely]] fail(errors::kRelay, request.name);
         Service* known = server_.sorm_.find(request.name);
@@ -374,6 +449,7 @@ bool Server::Peer::execute(const wire::Request& request, const wire::CallHeader&
         }
         std::int64_t ran = monotonicNow() - start;
         service->lastRun = ran;
+        dwelt_ = dwelt_ || ran > kLong;
         times.ran = microseconds(ran);
         if (later) return true;
     } catch (...) {
@@ -394,9 +470,12 @@ bool Server::Peer::execute(const wire::Request& request, const wire::CallHeader&
         m.code = -1;
         m.trail = std::move(trail);
         times.ran = microseconds(monotonicNow() - start);
+        dwelt_ = dwelt_ || times.ran > kLong / 1000;
+        times.sub = context.waitedForOthers();
+        if (times.sub > 0) server_.passOn(m.trail, request.name, times);
         server_.sorm_.setLastTrail(m.trail);
     }
-    times.sub = context.subTime;
+    times.sub = context.waitedForOthers();
     if (!m.trail.empty()) server_.mark(m.trail, {});
     return false;
 }
@@ -473,7 +552,7 @@ void Server::Peer::drain() {
 // Read while the peer takes its replies; ask to write while it has any to take.
 void Server::Peer::interest() {
     if (!open()) return;
-    std::uint32_t wanted = (queued() <= kQueueLimit ? std::uint32_t{EPOLLIN} : 0u) | (queued() > 0 ? std::uint32_t{EPOLLOUT} : 0u);
+    std::uint32_t wanted = (queued() <= kQueueLimit ? kReading : 0u) | (queued() > 0 ? std::uint32_t{EPOLLOUT} : 0u);
     if (wanted == interest_) return;
     interest_ = wanted;
     server_.reactor_.change(fd_, wanted, this);
@@ -516,18 +595,17 @@ void Server::Peer::pump() {
 
 // What has been read and not served, then what lies in the socket: records in the order in which they came.
 void Server::Peer::glance() {
-    constexpr std::size_t kLook = 256 * 1024;
     if (!open() || queued() > kQueueLimit) return;
     const char* begin = in_.data();
     const char* end = in_.data() + in_.size();
     for (Frame* f = server_.frames_; f; f = f->outer)
         if (f->peer == this && !f->spilled) begin = f->at, end = f->end;
     std::size_t unserved = static_cast<std::size_t>(end - begin);
-    if (unserved > kLook) return;
+    if (unserved > kLookSize) return;
     Buffer& seen = server_.glance_;
     seen.clear();
     seen.append(begin, unserved);
-    ssize_t n = recv(fd_, seen.extend(kLook), kLook, MSG_PEEK | MSG_DONTWAIT);
+    ssize_t n = recv(fd_, seen.extend(kLookSize), kLookSize, MSG_PEEK | MSG_DONTWAIT);
     std::size_t size = unserved + (n > 0 ? static_cast<std::size_t>(n) : 0), at = skip_;
     Buffer out;
     while (at < size && size - at >= wire::kMarkSize) {
@@ -547,7 +625,7 @@ void Server::Peer::glance() {
             case wire::kNull: wire::writeEmptyReply(out, header.xid); break;
             case wire::kHealth: wire::writeHealth(out, header.xid, server_.health(true)); break;
             case wire::kHello:
-                if (!greeted_ && server_.newcomer(*this, r)) hello(r, header.xid, out);
+                if (!greeted_ && server_.newcomer(*this, r)) hello(r, header.xid, out, monotonicNow());
                 break;
             case wire::kCancel: {
                 wire::Cancel wanted;

@@ -29,6 +29,7 @@ constexpr std::int64_t kSlowTurn = 1'000'000;           // [ns]
 constexpr std::uint64_t kCrowdedTurns = 8;              // or than so many turns: where requests take long, one turn takes longer
 
 const Prototype kOverdue{Severity::error, "COMM TIMEOUT", 1, "{}: no answer by the deadline; the service was told to stop"};
+const Prototype kPassedOn{Severity::error, "COMM PASSED", 1, "{}: passes on what failed; {} here, of which {} waiting for others"};
 const Prototype kClientGone{Severity::error, "COMM CANCELLED", 1, "{}: its client has ended, or stayed away for too long"};
 
 Trail trailOf(Entry entry) {
@@ -256,13 +257,15 @@ void Server::abandon(const SessionKey& key) {
     Session& s = *sessions_.find(key)->second;
     auto client = std::exchange(s.client, std::make_shared<Client>(s.client->caller, s.client->principal));
     std::vector<PendingPointer> pending;
+    std::vector<CallContext*> running;      // on the stack below, and so it stays
     for (auto& slot : s.slots) {
         if (slot.pending) pending.push_back(slot.pending);
-        if (slot.call) slot.call->cancelled.store(true, std::memory_order_relaxed);
+        if (slot.call) running.push_back(slot.call);
     }
     auto subscriptions = std::exchange(s.subscriptions, {});
     Gate::Outside outside(gate_);
     subscriptions.clear();
+    for (auto* call : running) call->cancel();
     for (auto& p : pending) p->cancel(trailOf(makeEntry(kClientGone, {MessageArg::of(p->who)})));
     client->end();
 }
@@ -415,11 +418,13 @@ void Server::replyLater(Later later, wire::Times times, PendingPointer pending) 
 void Server::answer(const Later& later, wire::Times times, Pending& pending) {
     Gate::Inside inside(gate_);
     times.ran += static_cast<std::uint32_t>(std::min<std::int64_t>((monotonicNow() - later.started) / 1000, UINT32_MAX / 2));
+    if (pending.own) times.sub = pending.own->subTime;
     Message failed;
     Message* m = &pending.message;
     if (pending.failed()) {
         failed.code = -1;
         failed.trail = pending.failure;
+        if (times.sub > 0) passOn(failed.trail, pending.who, times);
         m = &failed;
     }
     mark(m->trail, {});
@@ -445,6 +450,14 @@ void Server::mark(Trail& trail, const std::string& request) const {
         e.daemon = name_;
         if (e.request.empty()) e.request = request;
     }
+}
+
+// What failed did so while others were asked: a word of this hop, with its times.
+void Server::passOn(Trail& trail, std::string_view name, const wire::Times& times) const {
+    Entry entry = makeEntry(kPassedOn, {MessageArg::of(name), MessageArg::of(durationText(times.ran * 1e3)), MessageArg::of(durationText(times.sub * 1e3))});
+    entry.so = name;
+    entry.daemon = name_;
+    trail.add(std::move(entry));
 }
 
 // ---- fairness: who floods gets at most twice what the next one asks for, while there is a next one ----

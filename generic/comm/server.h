@@ -125,6 +125,7 @@ private:
     void keepReply(Slot& slot, const char* record, std::size_t size);
     void replyAgain(const Later& later, Slot& slot, Peer* answered);
     void mark(Trail& trail, const std::string& request) const;
+    void passOn(Trail& trail, std::string_view name, const wire::Times& times) const;
     void leave(Session& session);
     void abandon(const SessionKey& key);
     int share(const Peer* peer) const;

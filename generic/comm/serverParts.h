@@ -13,6 +13,7 @@
 
 #include "bus/client.h"
 #include "bus/stream.h"
+#include "comm/clock.h"
 #include "comm/server.h"
 
 namespace sorma {
@@ -37,6 +38,7 @@ struct Server::Frame {
     Peer* peer;
     const char* at;
     const char* end;
+    const char* scanned;        // up to here it is known what has been cancelled
     bool inPeer;                // at and end point into the peer's own buffer
     bool spilled = false;
     Frame* outer;
@@ -152,7 +154,10 @@ private:
     void serve(Frame& frame, Scratch& scratch);
     bool oversized(Frame& frame, Scratch& scratch, std::size_t length);
     void handle(std::string_view record, Scratch& scratch, Frame& frame);
-    void hello(XdrReader& r, std::uint32_t xid, Buffer& out);
+    void hello(XdrReader& r, std::uint32_t xid, Buffer& out, std::int64_t now);
+    std::size_t scan(const char* at, const char* end);
+    void lookAhead(Frame& frame);
+    bool forgotten(std::uint32_t slot, std::uint32_t sequence);
     void cancel(XdrReader& r);
     void subscribe(XdrReader& r, const wire::CallHeader& header, Scratch& scratch);
     const PrincipalPointer& authorOf(const wire::Behalf& behalf) const { return behalf.relayed ? Principal::nobody() : principal_; }
@@ -178,8 +183,15 @@ private:
     Buffer out_;                        // replies that the socket has not taken
     std::size_t sent_ = 0;              // of out_
     std::size_t skip_ = 0;              // bytes of an oversized record still to come
+    std::size_t scanned_ = 0;           // of in_: known what has been cancelled
+    std::vector<wire::Cancel> cancels_; // that have come, and whose turn has not: what they are for is not begun
+    PeerClock clock_;
+    bool ownClock_ = false;             // its deadlines are times of its own clock
+    bool gone_ = false;                 // it has closed the connection, though more of what it sent is there
+    bool dwelt_ = false;                // the last request took long: look what has come meanwhile
+    std::int64_t looked_ = 0;           // [ns] when we last did
     std::int64_t halfSince_ = 0, stuckSince_ = 0, arrived_ = 0;
-    std::uint32_t interest_ = EPOLLIN;
+    std::uint32_t interest_ = EPOLLIN | EPOLLRDHUP;
     std::uint32_t maxReply_ = UINT32_MAX;
     std::deque<Subscription*> events_;  // those with something for this peer
     std::vector<std::weak_ptr<Pending>> owed_;  // calls without a slot that are answered later: they end with the connection

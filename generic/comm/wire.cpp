@@ -119,7 +119,7 @@ void writeCall(Buffer& out, std::uint32_t xid, std::uint32_t program, const Requ
     writeCallHeader(w, {xid, 2, program, kVersion, procedure}, behalf);
     w.u32(request.slot);
     w.u32(request.sequence);
-    w.u32(request.timeleft);
+    w.u32(request.deadline);
     w.u32(static_cast<std::uint32_t>(request.method));
     w.text(request.name);
     writeMessage(w, m);
@@ -216,6 +216,8 @@ void writeHello(Buffer& out, std::uint32_t xid, std::uint32_t program, const Hel
     w.i64(h.process);
     w.text(h.program);
     w.u32(h.maxMessage);
+    w.text(h.clock);
+    w.i64(h.sent);
     closeRecord(out, start);
 }
 
@@ -233,6 +235,18 @@ void writeWelcome(Buffer& out, std::uint32_t xid, const Welcome& v) {
     w.u32(v.slots);
     w.i64(v.started);
     w.u32(v.known);
+    if (!v.clock.empty()) {
+        w.text(v.clock);
+        w.text(v.processes);
+    }
+    closeRecord(out, start);
+}
+
+void writeClock(Buffer& out, std::uint32_t program, std::int64_t sent) {
+    std::size_t start = openRecord(out);
+    XdrWriter w(out);
+    writeCallHeader(w, {0, 2, program, kVersion, kClock});
+    w.i64(sent);
     closeRecord(out, start);
 }
 
@@ -330,7 +344,7 @@ bool readRequest(XdrReader& r, Request& request, Message& m) {
     m.trail.clear();
     request.slot = r.u32();
     request.sequence = r.u32();
-    request.timeleft = r.u32();
+    request.deadline = r.u32();
     std::uint32_t method = r.u32();
     if (method > 2) r.spoil();
     request.method = static_cast<Method>(method);
@@ -345,6 +359,11 @@ bool readReply(XdrReader& r, Times& times, Message& m) {
     times.sub = r.u32();
     m.trail.clear();
     return readMessage(r, m) && readTrail(r, m.trail) && r.atEnd();
+}
+
+bool readClock(XdrReader& r, std::int64_t& sent) {
+    sent = r.i64();
+    return r.good() && r.atEnd();
 }
 
 bool readCancel(XdrReader& r, Cancel& c) {
@@ -390,6 +409,11 @@ bool readHello(XdrReader& r, Hello& h) {
     h.process = r.i64();
     h.program = clean(r.text());
     h.maxMessage = r.u32();
+    h.clock.clear();
+    if (!r.atEnd()) {
+        h.clock = clean(r.text());
+        h.sent = r.i64();
+    }
     return r.good() && r.atEnd();
 }
 
@@ -404,6 +428,12 @@ bool readWelcome(XdrReader& r, Welcome& v) {
     v.slots = r.u32();
     v.started = r.i64();
     v.known = r.u32() != 0;
+    v.clock.clear();
+    v.processes.clear();
+    if (!r.atEnd()) {
+        v.clock = clean(r.text());
+        v.processes = clean(r.text());
+    }
     return r.good() && r.atEnd();
 }
 

@@ -14,7 +14,7 @@
 namespace sorma::wire {
 
 inline constexpr std::uint32_t kProgram = 0x20534f52, kProgramBase = 0x20000000, kVersion = 1;
-inline constexpr std::uint32_t kNull = 0, kHello = 1, kCall = 2, kCancel = 3, kHealth = 4, kSubscribe = 5, kUnsubscribe = 6, kOneway = 7,
+inline constexpr std::uint32_t kNull = 0, kHello = 1, kCall = 2, kCancel = 3, kHealth = 4, kSubscribe = 5, kUnsubscribe = 6, kOneway = 7, kClock = 8,
                                kGoodbye = 16, kEvent = 17;
 inline constexpr std::uint32_t kNoSlot = 0xffffffff;
 inline constexpr std::uint32_t kLastFragment = 0x80000000;
@@ -36,7 +36,7 @@ struct CallHeader {             // RPC header of a call
 };
 
 struct Request {                // sorma_call without the message
-    std::uint32_t slot = kNoSlot, sequence = 0, timeleft = 0;
+    std::uint32_t slot = kNoSlot, sequence = 0, deadline = 0;  // deadline: see sorma.x
     Method method = Method::exec;
     std::string_view name;      // views into the record
 };
@@ -50,6 +50,8 @@ struct Hello {
     std::string user, host, program;
     std::int64_t process = 0;
     std::uint32_t maxMessage = 0;
+    std::string clock = {};         // as clockSeen(); empty: deadlines are said as time left
+    std::int64_t sent = 0;          // [ns] of that clock
 };
 
 struct Welcome {
@@ -58,6 +60,7 @@ struct Welcome {
     std::int64_t process = 0, started = 0;
     std::uint32_t maxMessage = 0, slots = 0;
     bool known = false;
+    std::string clock = {}, processes = {};     // as clockSeen(), processesSeen(): to a client that has said its own
 };
 
 struct Cancel {
@@ -114,6 +117,7 @@ void writeEvent(Buffer& out, const EventHeader& header, const Buffer& body);
 void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Message& m);
 void writeHello(Buffer& out, std::uint32_t xid, std::uint32_t program, const Hello& hello);
 void writeWelcome(Buffer& out, std::uint32_t xid, const Welcome& welcome);
+void writeClock(Buffer& out, std::uint32_t program, std::int64_t sent);
 void writeNull(Buffer& out, std::uint32_t xid, std::uint32_t program);
 void writeEmptyReply(Buffer& out, std::uint32_t xid);
 void writeGoodbye(Buffer& out, std::string_view reason);
@@ -128,12 +132,18 @@ struct Envelope {
     std::uint32_t xid, kind;
 };
 Envelope readEnvelope(XdrReader& r);
+// Is a record a CANCEL? A look at its words, for those who look at many.
+inline bool isCancel(std::string_view record) {
+    constexpr std::size_t kProcedure = 20;
+    return record.size() > kProcedure && XdrReader(record.substr(kProcedure)).u32() == kCancel && XdrReader(record.substr(4)).u32() == 0;
+}
 CallHeader readCallHeader(XdrReader& r, std::uint32_t xid);             // after the envelope; skips credentials
 // After the envelope of a reply: empty when it was accepted and done, else what the peer objects to, in words.
 std::string readReplyHeader(XdrReader& r);
 bool readBehalf(std::string_view body, Behalf& behalf);
 bool readRequest(XdrReader& r, Request& request, Message& m);           // m is cleared first
 bool readReply(XdrReader& r, Times& times, Message& m);
+bool readClock(XdrReader& r, std::int64_t& sent);
 bool readCancel(XdrReader& r, Cancel& cancel);
 bool readHealth(XdrReader& r, Health& health);
 bool readSubscription(XdrReader& r, Subscription& subscription);

@@ -313,7 +313,7 @@ private:
             request.slot = 1024;
         }
         request.name = name(in, 1);
-        request.timeleft = in.byte() & 1 ? 3'600'000 : 0;
+        request.deadline = in.byte() & 1 ? 3'600'000 : 0;
         Message m;
         m.ints = {token, in.below(kActs), in.byte()};
         wire::Behalf behalf{(in.byte() & 1) != 0, 7, "somebody"};
