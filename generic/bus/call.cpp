@@ -94,6 +94,12 @@ CallContext::Fresh::~Fresh() { theContext = outer_; }
 
 CallContext* CallContext::current() { return theContext; }
 Deadline CallContext::currentDeadline() { return theContext ? theContext->deadline : Deadline(); }
+Deadline CallContext::deadlineForCalls(std::int64_t now) {
+    constexpr std::int64_t kMost = 100'000'000;             // [ns]
+    Deadline mine = currentDeadline();
+    if (mine.none() || mine.when() - now <= 0) return mine;
+    return Deadline::at(mine.when() - std::min((mine.when() - now) / 10, kMost));
+}
 const Caller& CallContext::currentCaller() {
     return theContext && theContext->client ? theContext->client->caller : Caller::self();
 }

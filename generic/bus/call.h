@@ -82,6 +82,9 @@ public:
 
     static CallContext* current();              // null: outside of any request
     static Deadline currentDeadline();
+    // Until when a call to another process may take: of what is left something is kept for the way back, so that who asked
+    // hears which hop it was that did not answer.
+    static Deadline deadlineForCalls(std::int64_t now);
     static const Caller& currentCaller();       // Caller::self() outside of any request
     static std::string currentCallers();        // as text, with those on whose behalf he says that he asks
     static PrincipalPointer currentPrincipal(); // who is to be charged; null: the owner

@@ -217,7 +217,8 @@ void Service::perform(const PendingPointer& pending, Method method) {
 
 Future Service::async(Method method, Message request, Deadline deadline) {
     auto asker = CallContext::keep();
-    auto pending = std::make_shared<Pending>(*sorm_, (deadline.none() ? patience() : deadline).earlier(CallContext::currentDeadline()),
+    const Deadline most = CallContext::current() ? CallContext::deadlineForCalls(monotonicNow()) : Deadline();
+    auto pending = std::make_shared<Pending>(*sorm_, (deadline.none() ? patience() : deadline).earlier(most),
                                              asker, nullptr);
     if (asker) asker->begun(pending);
     pending->who = name_;

@@ -115,6 +115,8 @@ public:
     const PrincipalPointer& author(std::string_view option) const;
 
 protected:
+    void count() { calls_.store(calls() + 1, std::memory_order_relaxed); }      // a request
+    void review(Message& m);                // the trail of an answer
     // Take over the request that exec was called with: its content moves into the reply's message, exec returns, and
     // the answer is given through the reply, any time, by any thread.
     Reply later(Message& m);
@@ -145,7 +147,6 @@ private:
     bool proceed(Method method, Message& m);
     void enter(Method method, Message& m);
     void timed(Method method, Message& m);
-    void review(Message& m);                // the trail of an answer
     void noteFailure(const Trail& trail);
     void enqueue(Message& m);
     void perform(const PendingPointer& pending, Method method);
@@ -161,7 +162,6 @@ private:
     void setGuard(std::uint8_t bit, bool on) {
         guard_.store(std::uint8_t(on ? guard() | bit : guard() & ~bit), std::memory_order_relaxed);
     }
-    void count() { calls_.store(calls() + 1, std::memory_order_relaxed); }
     void invokeInPlace(Message& m);         // EXEC by reference, the long way
     void unusable(Message& m);
 

@@ -10,6 +10,7 @@ namespace sorma {
 namespace {
 
 const Prototype kGone{Severity::error, "SERVICE GONE", 1, "sorm: there is no service object \"{}\""};
+const Prototype kLook{Severity::error, "SERVICE GONE", 1, "sorm: there is no service object \"{}\", and looking makes none"};
 const Prototype kDepth{Severity::error, "SORM DEPTH", 0, "sorm: requests in requests are {} deep; that is enough"};
 const Prototype kElsewhere{Severity::error, "NAME UNKNOWN_CLASS", 1, "sorm: {} is served elsewhere: ask there"};
 const Prototype kInventory{Severity::error, "REQUEST SYNTAX", 1,
@@ -183,6 +184,29 @@ public:
         addLine(reply, out.text());
     }
 
+    // DBX of an object that is there, here or elsewhere: nothing is made for it, and no recipe is sent.
+    void look(Args args, Message& reply) {
+        Name name = Name::parse(args[0]);
+        Message m;
+        m.author = reply.author;
+        m.words.assign(args.begin() + 1, args.end());
+        if (name.local()) {
+            Service* s = sorm().find(args[0]);
+            if (!s) fail(kLook, args[0]);
+            s->invoke(Method::dbx, m);
+        } else {
+            std::string where = name.where;
+            if (name.byDefault) {
+                auto entry = sorm().dictionary().expand(name.location());
+                if (entry.empty()) fail(kLook, args[0]);
+                where = entry[0].text.starts_with('@') ? entry[0].text.substr(1) : entry[0].text;
+            }
+            m.words.insert(m.words.begin(), {"-look", name.service});
+            sorm().get("sorm@" + where, reply.author)->invoke(Method::dbx, m);
+        }
+        addLine(reply, m.text);
+    }
+
     void remove(Args args, Message& reply) {
         for (auto& each : args) sorm().access.need(reply.author, Right::make, each, each);
         for (auto& name : args)
@@ -262,6 +286,8 @@ Class describeSorm() {
                      0, Action::kRest, [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).inventory(a, m); }})
         .inspection({"-describe", "name", "dict of the table of an object's class, without making the object", 1, 1,
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).describe(a, m); }})
+        .inspection({"-look", "name word ?word ...?", "DBX of an object that is there; nothing is made, and no recipe sent", 2, Action::kRest,
+                     [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).look(a, m); }})
         .actsOnWords()
         .reads(Field::text, {}, "", "a request")
         .writes(Field::text, {}, "", "its reply")

@@ -41,6 +41,7 @@ void Connection::begin(const PendingPointer& pending, const std::string& name, M
     pending->who = name + "@" + who_;
     if (pendings_++ == 0) keep_ = shared_from_this();
     addDeadline(pending);
+    if (pending->asker) pending->sent = monotonicNow();
     if (fd_ >= 0) checkIdle(monotonicNow());
     (method == Method::exec ? waiting_ : urgent_).push_back({pending, name, method});
     if (fd_ >= 0) {

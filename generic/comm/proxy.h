@@ -2,6 +2,7 @@
 // comes back in the daemon's own words. DBX -connection adds what the proxy itself knows.
 #pragma once
 
+#include <deque>
 #include <functional>
 #include <memory>
 
@@ -31,6 +32,7 @@ public:
     std::string location() const override { return connection_->who(); }
     bool isElsewhere() const override { return true; }
 
+    // Values that CTRL has set are gone with their daemon. The next call says so; or, with restore, they are set again.
     // A client's own recipe for the remote object: sent now, and again to each daemon that takes the old one's place.
     // later: before the first call that is begun, rather than now.
     void setRecipe(std::vector<std::string> words, bool later);
@@ -45,7 +47,15 @@ protected:
 
 private:
     void forward(Method method, Message& m);
-    bool answers(Method method, Message& m);        // DBX -connection: without a word to the daemon
+    // What the proxy itself answers, without a word to the daemon: DBX -connection, CTRL -restore BOOLEAN.
+    bool answers(Method method, Message& m);
+    void remember(std::vector<std::string> words);  // of a CTRL that was done
+    void another();                                 // daemon than before has answered
+    void restore(const std::string& options);       // as DBX -info options says them
+    void send(Method method, std::vector<std::string> words, std::function<void(const std::string& text)> then, const char* why);
+    std::string forwardWords(Method method, std::vector<std::string> words);
+    void hear();
+    void sayNotice(Message& m);
     // Before each call: a location that has changed has moved all names that lead through it, and this object among them.
     Connection& line() {
         if (line_.changes != seen_) [[unlikely]] follow();
@@ -60,6 +70,9 @@ private:
     std::uint64_t seen_;                    // of line_.changes
     const PrincipalPointer relayFor_;
     std::uint64_t restart_ = 0;
+    bool restore_ = false;
+    std::deque<std::vector<std::string>> set_;      // CTRL requests that this daemon has done, the oldest first
+    std::string notice_;                            // to be said with the next answer
     std::vector<std::string> wish_;         // the recipe
     std::vector<std::string> recipe_;       // the same while it has not been sent
 };

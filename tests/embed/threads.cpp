@@ -56,15 +56,16 @@ public:
         event.text = m.text;
         publish("asked", event);
         Reply reply = later(m);
+        ++begun_;
         auto timer = std::make_shared<::sorma::Timer>(
             sorm().loop().after(monotonicNow() + std::int64_t(delay_ * 1e9), [reply] { reply.complete(); }));
         reply.onCancel([this, timer] { timer->cancel(); ++cancelled_; });
     }
-    void dumpState(std::string& out) const override { out += "# cancelled " + std::to_string(cancelled_); }
+    void dumpState(std::string& out) const override { out += "# begun " + std::to_string(begun_) + " cancelled " + std::to_string(cancelled_); }
 
 private:
     double delay_ = 0;
-    int cancelled_ = 0;
+    int begun_ = 0, cancelled_ = 0;
 };
 
 // Keeps the daemon's thread for itself until it is told to stop, by nobody but the watchman.
@@ -159,17 +160,25 @@ void givesUp(const std::string& where) {
     std::string name = "timer.late@" + where;
     sorm.create(name, {"-delay", "3600"});
     Reference late = sorm.get(name);
-    check(codeOf([&] { late->async(Method::exec, {}, Deadline::in(20)).wait(); }) == "COMM TIMEOUT", "a deadline ends a call");
-    Future f = late->async(Method::exec, {});
-    check(f.cancel() && !f.cancel() && codeOf([&] { f.wait(); }) == "COMM CANCELLED", "a cancelled call says so");
     Deadline enough = Deadline::in(30'000);
-    for (std::string dump; dump.find("cancelled 2") == std::string::npos && !enough.passed();) {
-        Message m;
-        m.words = {"-dump"};
-        late->invoke(Method::ctrl, m);
-        dump = m.text;
-    }
-    check(!enough.passed(), "the service has heard of both");
+    auto wait = [&](const char* what) {
+        for (std::string dump; dump.find(what) == std::string::npos && !enough.passed();) {
+            Message m;
+            m.words = {"-dump"};
+            late->invoke(Method::ctrl, m);
+            dump = m.text;
+        }
+        check(!enough.passed(), std::string("the service has heard: ") + what);
+    };
+    // What is given up before it has begun is not begun: so it is waited for.
+    Future timed = late->async(Method::exec, {}, Deadline::in(2000));
+    wait("begun 1 ");
+    check(codeOf([&] { timed.wait(); }) == "COMM TIMEOUT", "a deadline ends a call");
+    wait("cancelled 1");
+    Future f = late->async(Method::exec, {});
+    wait("begun 2 ");
+    check(f.cancel() && !f.cancel() && codeOf([&] { f.wait(); }) == "COMM CANCELLED", "a cancelled call says so");
+    wait("cancelled 2");
     late->oneway(Method::exec, {});
 }
 
