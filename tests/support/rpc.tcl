@@ -29,8 +29,10 @@ proc rpc::null {xid args} {
     return [record [header $xid 0 {*}$args]]
 }
 
-proc rpc::hello {xid client} {
-    return [record [header $xid 1][binary format W $client][text somebody][text somewhere][binary format W 77][text test][binary format I 1000000]]
+# clock, now: what the client says of its clock [ns]; none: an older client.
+proc rpc::hello {xid client {clock {}} {now 0}} {
+    set tail [expr {$clock eq {} ? {} : "[text $clock][binary format W $now]"}]
+    return [record [header $xid 1][binary format W $client][text somebody][text somewhere][binary format W 77][text test][binary format I 1000000]$tail]
 }
 
 proc rpc::subscribe {xid id name {pattern *} {keep 10}} {
