@@ -301,10 +301,9 @@ void Server::Peer::hello(XdrReader& r, std::uint32_t xid, Buffer& out, std::int6
     wire::Welcome w{server_.boot_, server_.name_, self.user, self.host, self.program, self.process, server_.started_,
                     static_cast<std::uint32_t>(server_.settings_.maxMessage),
                     static_cast<std::uint32_t>(server_.settings_.inFlight), known};
-    if (ownClock_) {
-        w.clock = clockSeen().empty() ? "none" : clockSeen();
-        w.processes = processesSeen();
-    }
+    w.clocks = hello.clocks;
+    w.clock = clockSeen().empty() ? "unknown" : clockSeen();
+    w.processes = processesSeen();
     wire::writeWelcome(out, xid, w);
 }
 

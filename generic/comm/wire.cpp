@@ -235,7 +235,7 @@ void writeWelcome(Buffer& out, std::uint32_t xid, const Welcome& v) {
     w.u32(v.slots);
     w.i64(v.started);
     w.u32(v.known);
-    if (!v.clock.empty()) {
+    if (v.clocks) {
         w.text(v.clock);
         w.text(v.processes);
     }
@@ -410,7 +410,8 @@ bool readHello(XdrReader& r, Hello& h) {
     h.program = clean(r.text());
     h.maxMessage = r.u32();
     h.clock.clear();
-    if (!r.atEnd()) {
+    h.clocks = !r.atEnd();
+    if (h.clocks) {
         h.clock = clean(r.text());
         h.sent = r.i64();
     }
@@ -430,7 +431,8 @@ bool readWelcome(XdrReader& r, Welcome& v) {
     v.known = r.u32() != 0;
     v.clock.clear();
     v.processes.clear();
-    if (!r.atEnd()) {
+    v.clocks = !r.atEnd();
+    if (v.clocks) {
         v.clock = clean(r.text());
         v.processes = clean(r.text());
     }

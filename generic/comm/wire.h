@@ -52,6 +52,7 @@ struct Hello {
     std::uint32_t maxMessage = 0;
     std::string clock = {};         // as clockSeen(); empty: deadlines are said as time left
     std::int64_t sent = 0;          // [ns] of that clock
+    bool clocks = true;             // it knows of clocks: the record does not end before them
 };
 
 struct Welcome {
@@ -60,7 +61,8 @@ struct Welcome {
     std::int64_t process = 0, started = 0;
     std::uint32_t maxMessage = 0, slots = 0;
     bool known = false;
-    std::string clock = {}, processes = {};     // as clockSeen(), processesSeen(): to a client that has said its own
+    std::string clock = {}, processes = {};     // as clockSeen(), processesSeen()
+    bool clocks = false;            // they are in the record
 };
 
 struct Cancel {

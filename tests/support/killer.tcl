@@ -1,8 +1,11 @@
-# killer.tcl NAME SCRIPT COUNT SEED -- starts a daemon again and again, and kills it at random moments with SIGKILL.
+# killer.tcl NAME SCRIPT COUNT SEED ?MOST? -- starts a daemon again and again, and kills it at random moments with SIGKILL.
 #
-# The last one is left alive until standard input ends. Prints "killed N" when it has killed COUNT daemons.
+# Each lives for up to MOST ms (25); when MOST is given, "ready MICROSECONDS" is printed for each. The last one is left alive
+# until standard input ends. Prints "killed N" when it has killed COUNT daemons.
 
-lassign $argv name script count seed
+lassign $argv name script count seed most
+set tells [expr {$most ne {}}]
+set most [expr {$tells ? $most : 25}]
 expr {srand($seed)}
 
 proc start {name script} {
@@ -11,12 +14,16 @@ proc start {name script} {
         puts "the daemon did not start"
         exit 1
     }
+    if {$::tells} {
+        puts "ready [clock microseconds]"
+        flush stdout
+    }
     return $pipe
 }
 
 for {set i 0} {$i < $count} {incr i} {
     set pipe [start $name $script]
-    after [expr {int(rand() * 25)}]
+    after [expr {int(rand() * $most)}]
     exec sh -c {kill "$@"} kill -KILL [pid $pipe]
     catch {close $pipe}
 }

@@ -1,0 +1,79 @@
+# restarts.tcl ?KILLS? ?SEED? ?MOST? -- a daemon that is killed at random, within MOST ms, and started again; a client that calls
+# it all the time, by Unix socket.
+#
+# Each call is answered or reported as LOST, and none executed twice; the books are in a file, so that they outlive daemons.
+# Prints: kills N calls N lost N other N twice N unexecuted N, and how long it took from the daemon's "ready" to the first good
+# call [ms]: p50 and p99.
+package require sorma
+set support [file join [file dirname [file normalize [info script]]] .. support]
+lassign [concat $argv [lrange {20 4711 400} [llength $argv] end]] kills seed most
+
+set folder [exec mktemp -d]
+set ledger [file join $folder ledger]
+set script [file join $folder ledger.tcl]
+set f [open $script w]
+puts $f [string map [list @FILE@ [list $ledger]] {
+    package require sorma
+    oo::class create ledger {
+        superclass sorma::Service
+        method exec message {
+            set f [open @FILE@ a]
+            puts $f [lindex [dict get $message ints] 0]
+            close $f
+            return [dict create ints [dict get $message ints]]
+        }
+    }
+}]
+close $f
+# Says "ready MICROSECONDS" for each daemon, and at the end "killed N".
+set name restarts[pid]
+set killer [open |[list [info nameofexecutable] [file join $support killer.tcl] $name $script $kills $seed $most 2>@stderr] r+]
+fconfigure $killer -blocking 0 -buffering line
+while {[catch {nop@$name EXEC}]} {after 10}
+set calls 0
+set lost 0
+set other 0
+set answered {}
+set good {}                     ;# [us] of each good call's end
+set ready {}
+while 1 {
+    if {[gets $killer line] >= 0} {
+        if {[lindex $line 0] eq "killed"} break
+        lappend ready [lindex $line 1]
+    } elseif {[eof $killer]} {
+        break
+    }
+    try {
+        set reply [ledger@$name EXEC IMSG 1 [incr calls]]
+        lappend answered $calls
+        lappend good [clock microseconds]
+    } trap {SORMA COMM LOST} {} {
+        incr lost
+    } on error message {
+        incr other
+        puts stderr $message
+    }
+}
+set f [open $ledger]
+set executed [split [string trim [read $f]] \n]
+close $f
+foreach id $executed {
+    incr times($id)
+}
+set twice [llength [lsearch -all -not -exact [lmap {- n} [array get times] {set n}] 1]]
+set unexecuted [llength [lmap id $answered {if {[info exists times($id)]} continue; set id}]]
+set waits {}
+set at 0
+foreach moment $ready {
+    while {$at < [llength $good] && [lindex $good $at] < $moment} {incr at}
+    if {$at < [llength $good]} {
+        lappend waits [expr {([lindex $good $at] - $moment) / 1000}]
+    }
+}
+set waits [lsort -integer $waits]
+puts "$line calls $calls lost $lost other $other twice $twice unexecuted $unexecuted"
+puts "ready to first good call p50 [lindex $waits [expr {[llength $waits] / 2}]] ms p99 [lindex $waits [expr {[llength $waits] * 99 / 100}]] ms"
+puts $killer end
+fconfigure $killer -blocking 1
+catch {close $killer}
+file delete -force $folder
