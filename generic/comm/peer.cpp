@@ -16,6 +16,8 @@ namespace sorma {
 
 namespace {
 
+constexpr int kPieces = 8;                              // fragments that cost as much as a request
+constexpr int kMostEmpty = 64;                          // empty fragments in one record
 constexpr std::int64_t kQuick = 20'000;                 // [ns] a call this short does not hold up replies before it
 constexpr std::int64_t kLong = 1'000'000;               // [ns] in which callers may have given up
 constexpr std::int64_t kLookAgain = 10'000'000;         // [ns] between looks at what more than a turn's bytes says
@@ -80,6 +82,16 @@ void Server::Peer::spill(Frame& frame) {
     if (left > 0) server_.reactor_.again(this);
 }
 
+// How much to read beyond what is here. A request that is not complete may grow with what really came; of those behind it
+// only so much is taken that a CANCEL among them is seen, and the rest waits at the client.
+std::size_t Server::Peer::appetite() const {
+    const std::size_t here = in_.size();
+    if (here < wire::kMarkSize) return kReadSize;
+    std::size_t first = wire::kMarkSize + (XdrReader(in_.data(), wire::kMarkSize).u32() & ~wire::kLastFragment);
+    if (here >= first) return here < kReadSize / 2 ? kReadSize - here : 0;
+    return std::min(first - here + kReadSize, std::clamp(here, kReadSize, kMostGrowth));
+}
+
 void Server::Peer::receive() {
     if (server_.depth_ == 0) server_.retired_.clear();
     else server_.handBack();
@@ -91,7 +103,7 @@ void Server::Peer::receive() {
     char* room = scratch.in;
     std::size_t before = in_.size(), size = kReadSize;
     if (inPeer) {
-        size = std::max(kReadSize, std::min(before, std::size_t{8} << 20));     // grows with what really came
+        size = appetite();
         if (in_.capacity() < before + size && server_.spare_.capacity() >= before + size) {
             server_.spare_.clear();
             server_.spare_.append(in_.data(), before);
@@ -99,7 +111,8 @@ void Server::Peer::receive() {
         }
         room = in_.extend(size);
     }
-    ssize_t n = recv(fd_, room, size, MSG_DONTWAIT);
+    errno = EAGAIN;
+    ssize_t n = size > 0 ? recv(fd_, room, size, MSG_DONTWAIT) : -1;
     if (inPeer) in_.resize(before + (n > 0 ? static_cast<std::size_t>(n) : 0));
     if (n < 0 && errno != EAGAIN && errno != EINTR) return server_.retire(this, {}, false);
     bool ended = n == 0;
@@ -129,7 +142,7 @@ void Server::Peer::receive() {
 }
 
 void Server::Peer::serve(Frame& frame, Scratch& scratch) {
-    int served = 0;
+    int served = 0, pieces = 0;
     const int share = server_.share(this);
     bool more = false;
     if (skip_ == 0 && frame.at < frame.end) frame.scanned += scan(frame.scanned, frame.end);
@@ -160,7 +173,16 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
         frame.at += wire::kMarkSize + length;
         if (!last || !fragments_.empty()) {
             fragments_.append(record.data(), record.size());
-            if (!last) continue;
+            if (!last) {
+                if (length == 0 && ++empties_ > kMostEmpty) {
+                    flush(scratch);
+                    server_.retire(this, "a request came in too many empty fragments", true);
+                    break;
+                }
+                if (++pieces % kPieces == 0) ++served;
+                continue;
+            }
+            empties_ = 0;
             Buffer whole;
             std::swap(whole, fragments_);
             handle({whole.data(), whole.size()}, scratch, frame);

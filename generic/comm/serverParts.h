@@ -19,6 +19,7 @@
 namespace sorma {
 
 inline constexpr std::size_t kReadSize = 64 * 1024;
+inline constexpr std::size_t kMostGrowth = 8 << 20;     // of a long request, in one turn
 inline constexpr int kBatch = 64;                       // requests of one peer in one turn, at most
 inline constexpr std::size_t kQueueLimit = 1 << 20;     // of replies not taken, before we stop reading a peer
 inline constexpr std::size_t kEventWindow = 64 * 1024;  // of events that wait in a peer's queue
@@ -151,6 +152,7 @@ public:
 
 private:
     void receive();
+    std::size_t appetite() const;
     void serve(Frame& frame, Scratch& scratch);
     bool oversized(Frame& frame, Scratch& scratch, std::size_t length);
     void handle(std::string_view record, Scratch& scratch, Frame& frame);
@@ -180,6 +182,7 @@ private:
     bool greeted_ = false;              // it has said HELLO, which may be said once
     Buffer in_;                         // the beginning of a request
     Buffer fragments_;                  // fragments of a record that came before its last one
+    int empties_ = 0;                   // of which so many were empty
     Buffer out_;                        // replies that the socket has not taken
     std::size_t sent_ = 0;              // of out_
     std::size_t skip_ = 0;              // bytes of an oversized record still to come
