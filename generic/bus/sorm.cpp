@@ -37,6 +37,8 @@ Bindings& bindings() {
     return b;
 }
 
+constexpr std::size_t kObjectSize = 4096;       // that an object is charged with
+
 // A thread that executes ticks has no business in the repository.
 bool onForeignThread() { return RealtimeOwner::current() != nullptr; }
 
@@ -61,6 +63,7 @@ Sorm::~Sorm() {
     self_ = nullptr;
     while (!repository_.empty()) {
         Reference r = std::move(repository_.begin()->second);
+        recent(repository_.begin()->first) = {};
         repository_.erase(repository_.begin());
         if (!r->gone()) r->left();
     }
@@ -209,6 +212,8 @@ Reference Sorm::makeLocal(const Name& which, const std::vector<std::string>* wor
         for (auto at = std::find(births_.begin(), births_.end(), name); at != births_.end(); ++at) chain += *at + " -> ";
         fail(kCycle, name, chain + name);
     }
+    Charge charge(budget.ofCaller(author), Account::Use::objects);
+    charge.need(name, kObjectSize + name.size());
     const Class& type = needClass(className);
     births_.push_back(name);
     struct Popper {
@@ -227,6 +232,7 @@ Reference Sorm::makeLocal(const Name& which, const std::vector<std::string>* wor
         fail(kFailed, name, className, "an exception of unknown type");
     }
     Reference made = adopt(std::move(fresh), name, type);
+    made->charge_ = std::move(charge);
     type.learnDefaults(*made);
     auto recipe = recipeOf(which);
     recipe.insert(recipe.end(), wish.begin(), wish.end());

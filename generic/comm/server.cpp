@@ -72,6 +72,7 @@ void Server::handBack() {
 
 Server::Server(Sorm& sorm, Reactor& reactor, Gate& gate, const Settings& settings, const Wanted& wanted)
     : sorm_(sorm), reactor_(reactor), gate_(gate), settings_(settings), name_(wanted.name), boot_(randomNumber()), started_(wallNow()) {
+    setLimits(sorm_, settings_);
     Gate::Inside inside(gate_);
     try {
         for (int fd : wanted.listen) {
@@ -209,6 +210,8 @@ Server::Session& Server::session(Peer& peer, const wire::Hello& hello, bool& kno
         mine = std::make_unique<Session>();
         mine->key = key;
         mine->client = peer.client;
+        mine->held = Charge(peer.account_, Account::Use::replies);
+        mine->held.force(sizeof(Session) + 1024);
     }
     Session& s = *mine;
     Peer* old = s.peer;
@@ -263,6 +266,15 @@ void Server::abandon(const SessionKey& key) {
         if (slot.call) running.push_back(slot.call);
     }
     auto subscriptions = std::exchange(s.subscriptions, {});
+    // What it may still ask for must not keep others of the same principal from their work.
+    const Account& account = *s.held.account();
+    for (auto& slot : s.slots) {
+        if (account.used() <= account.limit() / 2) break;
+        if (slot.state != Slot::State::done || slot.reply.capacity() <= kKeepBuffer) continue;
+        slot.state = Slot::State::tooLarge;
+        slot.size = slot.reply.size();
+        dropReply(slot);
+    }
     Gate::Outside outside(gate_);
     subscriptions.clear();
     for (auto* call : running) call->cancel();
@@ -348,7 +360,8 @@ std::string Server::connectionsText() const {
 std::string Server::statisticsText() const {
     Gate::Inside inside(gate_);
     return "daemon " + name_ + ": " + std::to_string(peers_.size()) + " connections, " + std::to_string(sessions_.size()) +
-           " sessions, " + std::to_string(served_) + " calls served, " + std::to_string(refused_) + " connections refused, since " +
+           " sessions, " + std::to_string(served_) + " calls served, " + std::to_string(refused_) + " connections refused, " +
+           std::to_string(dropped_) + " one-way requests dropped, since " +
            clockText(started_);
 }
 
@@ -368,16 +381,35 @@ Server::Slot* Server::findSlot(const Later& later) {
     return slot.state == Slot::State::running && slot.sequence == later.sequence ? &slot : nullptr;
 }
 
+void Server::setLimits(Sorm& sorm, const Settings& s) {
+    sorm.budget.setLimits(std::size_t(s.budget > 0 ? s.budget : 2 * s.maxMessage), std::size_t(s.totalBudget > 0 ? s.totalBudget : 8 * s.maxMessage));
+}
+
+// Charged is the memory, which stays from one reply to the next: a slot whose replies are of the same size costs nothing more.
 void Server::keepReply(Slot& slot, const char* record, std::size_t size) {
-    if (size > static_cast<std::size_t>(settings_.keepReply)) {
-        slot.state = Slot::State::tooLarge;
-        slot.size = size;
-        slot.reply.release();
-    } else {
-        slot.state = Slot::State::done;
-        slot.reply.resize(size);
-        std::memcpy(slot.reply.data(), record, size);
+    if (slot.reply.capacity() > kKeepBuffer && size <= kKeepBuffer) dropReply(slot);
+    if (size > slot.reply.capacity()) {
+        dropReply(slot);
+        // Some room stays for requests, without which kept replies are of no use.
+        Charge& held = slot.of->held;
+        const Account& account = *held.account();
+        bool fits = size <= Slot::kSmall ||
+                    (size <= static_cast<std::size_t>(settings_.keepReply) && account.used() + size <= account.limit() - account.limit() / 4 &&
+                     held.set(held.bytes() + size));
+        if (!fits) {
+            slot.state = Slot::State::tooLarge;
+            slot.size = size;
+            return;
+        }
     }
+    slot.state = Slot::State::done;
+    slot.reply.resize(size);                            // exactly, when it is new
+    std::memcpy(slot.reply.data(), record, size);
+}
+
+void Server::dropReply(Slot& slot) {
+    slot.of->held.force(slot.of->held.bytes() - slot.charged());
+    slot.reply.release();
 }
 
 // The client asked again while the call ran: the reply goes where it is now, unless it went there already.
@@ -394,6 +426,10 @@ void Server::replyLater(Later later, wire::Times times, PendingPointer pending) 
     if (pending->answered()) return answer(later, times, *pending);
     Slot* slot = findSlot(later);
     Peer* peer = findPeer(later);
+    if (peer) {
+        pending->charge = Charge(peer->account_, Account::Use::requests);
+        pending->charge.force(sizeof(Pending) + later.size);
+    }
     if (slot) {
         slot->pending = pending;
     } else if (peer) {
@@ -434,7 +470,7 @@ void Server::answer(const Later& later, wire::Times times, Pending& pending) {
     if (!slot && (!peer || later.slot != wire::kNoSlot)) return;        // nobody will ask for it
     Buffer out;
     if (peer) {
-        peer->reply(later.xid, times, *m, slot, out);
+        peer->reply(later.xid, times, pending.who, *m, slot, out);
         peer->push(out.data(), out.size());
     } else {
         wire::writeReply(out, later.xid, times, *m);

@@ -69,6 +69,7 @@ public:
     wire::Health health(bool busy) const;
     std::string connectionsText() const;                        // a line for each peer
     std::string statisticsText() const;
+    static void setLimits(Sorm& sorm, const Settings& settings);    // as the settings say now
 
 private:
     class Listener;
@@ -109,6 +110,7 @@ private:
         std::uint64_t peerNumber;
         SessionKey session;
         std::uint32_t slot, sequence, xid;
+        std::size_t size;                       // of the request
         std::int64_t started;
     };
 
@@ -123,6 +125,7 @@ private:
     void replyLater(Later later, wire::Times times, PendingPointer pending);
     void answer(const Later& later, wire::Times times, Pending& pending);
     void keepReply(Slot& slot, const char* record, std::size_t size);
+    void dropReply(Slot& slot);
     void replyAgain(const Later& later, Slot& slot, Peer* answered);
     void mark(Trail& trail, const std::string& request) const;
     void passOn(Trail& trail, std::string_view name, const wire::Times& times) const;
@@ -147,7 +150,7 @@ private:
     std::uint32_t program_ = 0;
     std::uint64_t boot_;
     std::int64_t started_;
-    std::uint64_t served_ = 0, refused_ = 0;
+    std::uint64_t served_ = 0, refused_ = 0, dropped_ = 0;
     std::vector<std::unique_ptr<Listener>> listeners_;
     std::unordered_map<Peer*, std::unique_ptr<Peer>> peers_;
     std::vector<std::unique_ptr<Peer>> retired_;                // closed, but perhaps still on the stack

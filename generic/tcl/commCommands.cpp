@@ -214,11 +214,16 @@ void initCommCommands(Interpreter& i) {
 
     Settings& s = network->comm.settings;
     auto add = [&](const char* name, const char* unit, const char* help, std::int64_t low, std::int64_t high, std::int64_t& value) {
-        i.addInteger(name, unit, help, low, high, [&value] { return value; }, [&value](std::int64_t v) { value = v; });
+        i.addInteger(name, unit, help, low, high, [&value] { return value; }, [&value, &s, &sorm = i.sorm](std::int64_t v) {
+            value = v;
+            Server::setLimits(sorm, s);
+        });
     };
-    constexpr std::int64_t kDay = 86'400'000, kGigabyte = 1 << 30, kMany = 1'000'000;
+    constexpr std::int64_t kDay = 86'400'000, kGigabyte = 1 << 30, kTerabyte = kGigabyte << 10, kMany = 1'000'000;
     add("-timeout", "ms", "deadline of a call to another process, 0 = none", 0, 30 * kDay, s.timeout);
     add("-maxmessage", "bytes", "longest message sent or taken", 1024, kGigabyte, s.maxMessage);
+    add("-budget", "bytes", "that each host or user may make a daemon of this interpreter keep, 0 = twice -maxmessage", 0, kTerabyte, s.budget);
+    add("-totalbudget", "bytes", "that all clients together may make it keep, 0 = eight times -maxmessage", 0, kTerabyte, s.totalBudget);
     add("-maxconnections", "1", "connections that a daemon of this interpreter takes", 1, kMany, s.maxConnections);
     add("-inflight", "1", "calls of one client that a daemon takes at a time", 1, 65536, s.inFlight);
     add("-grace", "ms", "time that a client which lost its connection has to come back before what it holds is freed", 0, kDay, s.grace);

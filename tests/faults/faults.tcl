@@ -34,6 +34,19 @@ proc attack script {
     exit [expr {$::failures > 0}]
 }
 
+# A daemon that begins with these scripts.
+proc serve args {
+    set file [file join $::env(SORMA_RUNTIME_DIR) attacked.tcl]
+    set f [open $file w]
+    puts $f [join $args \n]
+    close $f
+    try {
+        return [daemon start -tcp 1 -script $file]
+    } finally {
+        file delete $file
+    }
+}
+
 # A promise: what it says, and whether it was kept.
 proc promise {text kept} {
     puts "[expr {$kept ? "kept  " : "BROKEN"}] $text"
