@@ -77,6 +77,12 @@ Server::Peer::Peer(Server& server, int fd, ClientPointer who, std::int64_t user)
     ++account_->connections;
 }
 
+bool Server::Peer::onStack() const {
+    for (Frame* f = server_.frames_; f; f = f->outer)
+        if (f->peer == this) return true;
+    return false;
+}
+
 void Server::Peer::shut() {
     if (fd_ < 0) return;
     --account_->connections;
@@ -123,6 +129,7 @@ std::size_t Server::Peer::appetite() const {
 }
 
 void Server::Peer::receive() {
+    if (leaving_) return;
     if (server_.depth_ == 0) server_.retired_.clear();
     else server_.handBack();
     if (server_.scratch_.size() <= server_.depth_) server_.scratch_.push_back(std::make_unique<Scratch>());
@@ -177,7 +184,7 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
     const int share = server_.share(this);
     bool more = false;
     if (skip_ == 0 && frame.at < frame.end) frame.scanned += scan(frame.scanned, frame.end);
-    while (open() && !frame.spilled) {
+    while (open() && !frame.spilled && !leaving_) {
         if (dwelt_) [[unlikely]] lookAhead(frame);
         std::size_t left = static_cast<std::size_t>(frame.end - frame.at);
         if (skip_ > 0) {
@@ -237,6 +244,7 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
     }
     server_.took(this, served, more);
     flush(scratch);
+    if (open() && leaving_) return server_.retire(this, *leaving_, true);
     if (!open() || frame.spilled) return;
     std::size_t left = static_cast<std::size_t>(frame.end - frame.at);
     if (frame.inPeer) in_.drop(in_.size() - left);

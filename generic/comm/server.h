@@ -117,7 +117,10 @@ private:
     void listen(const Wanted& wanted);
     void accept(int listener, bool tcp);
     void adopt(const Inherited& connection);
-    void adopt(int fd, bool tcp);
+    void adopt(int fd, bool tcp, bool scarce = false);
+    std::size_t places() const;
+    bool makeRoom(const Account& newcomer);
+    void sayFull(int fd);
     bool newcomer(const Peer& peer, XdrReader hello) const;
     void link(Session& session, Peer* peer);
     Slot* findSlot(const Later& later);
@@ -164,6 +167,7 @@ private:
     Buffer events_, glance_;                                    // written by pump, read by the watchman
     Activity* activity_ = nullptr;
     std::uint64_t peersSeen_ = 0;
+    int spareDescriptor_ = -1;
     bool stopping_ = false;
     bool watched_ = false;                                      // it is the watchman who is inside
     std::shared_ptr<Server*> self_ = std::make_shared<Server*>(this);   // for callbacks that may outlive us

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <deque>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -139,6 +140,7 @@ public:
     void ready(std::uint32_t events) override;
     void push(const char* data, std::size_t size);      // send now, or queue what the socket does not take
     void shut();
+    bool onStack() const;               // is one of its requests executed?
     bool open() const { return fd_ >= 0; }
     std::size_t queued() const { return out_.size() - sent_; }
     void spill(Frame& frame);
@@ -155,6 +157,8 @@ public:
 
     // Why this peer has been slow for too long; empty when it has not.
     std::string tooSlow(std::int64_t now) const;
+    bool idle() const { return in_.empty() && fragments_.size() == 0 && queued() == 0 && owed_.empty() && !(session && session->running()); }
+    std::int64_t lastHeard() const { return arrived_ != 0 ? arrived_ : since; }
     bool slow() const { return halfSince_ != 0 || queued() > 0; }
 
     // What it got in the last turn of the reactor that served it: the server's, for everybody's share.
@@ -197,6 +201,7 @@ private:
     const AccountPointer account_;      // to which he is charged
     Charge request_, queue_;            // for what has come of a request, and for out_
     const std::int64_t user_;           // by Unix socket: the user, else SessionKey::kByNumber
+    std::optional<std::string> leaving_;    // why it goes, when its request that is executed has been answered
     bool greeted_ = false;              // it has said HELLO, which may be said once
     Buffer in_;                         // the beginning of a request
     Buffer fragments_;                  // fragments of a record that came before its last one

@@ -111,7 +111,7 @@ attack {
             put $c [string range $record 0 end-[expr {$most / 16}]]
             lappend cs $c
         }
-        waitFor {[llength [set refused [lmap c $cs {expr {$::Tally($c,refused) ? $c : [continue]}}]]] >= 10} 60000
+        waitFor {[llength [set refused [lmap c $cs {expr {$::Tally($c,refused) ? $c : [continue]}}]]] >= 5} 60000
         named [lindex $refused 0]
         leave {*}$cs
     }
@@ -132,7 +132,8 @@ attack {
             catch {put $c [string repeat $call 240]}        ;# more than the kernel takes; who is over his budget is let go
             lappend cs $c
         }
-        waitFor {[string match "* queues *" [sorm@$d DBX -budgets]]}
+        # They wait, or he has been let go.
+        waitFor {[string match "* queues *" [sorm@$d DBX -budgets]] || [dict get [sorma::health $d] connections] < 11}
         set named 1
         leave {*}$cs
     }
