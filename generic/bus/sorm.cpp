@@ -61,11 +61,22 @@ Sorm::~Sorm() {
     // Objects may refer to each other and look at the SORM in their destructors: let go of them one by one.
     recent_ = {};
     self_ = nullptr;
-    while (!repository_.empty()) {
-        Reference r = std::move(repository_.begin()->second);
-        recent(repository_.begin()->first) = {};
-        repository_.erase(repository_.begin());
-        if (!r->gone()) r->left();
+    // What stands for something elsewhere goes last: those who use it may have something to stop there.
+    for (bool elsewhere : {false, true}) {
+        std::vector<std::string> leaving;
+        do {                                            // objects may make others while they go
+            leaving.clear();
+            for (auto& [key, service] : repository_)
+                if (elsewhere || !service->isElsewhere()) leaving.push_back(key);
+            for (auto& key : leaving) {
+                auto found = repository_.find(key);
+                if (found == repository_.end()) continue;
+                Reference r = std::move(found->second);
+                recent(key) = {};                       // what goes may look for others, and find what still goes
+                repository_.erase(found);
+                if (!r->gone()) r->left();
+            }
+        } while (!leaving.empty());
     }
     mailbox_->close();
 }

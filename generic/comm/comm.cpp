@@ -58,12 +58,12 @@ std::shared_ptr<Connection> Comm::lineTo(const Name& name) {
         ruler.where = rule.substr(1);
         ruler.byDefault = false;
     }
-    auto locate = [this, ruler, address] {
-        Address now = resolve(ruler, sorm_.dictionary());
+    auto locate = [&sorm = sorm_, ruler, address] {
+        Address now = resolve(ruler, sorm.dictionary());
         return now.kind == Address::Kind::self ? address : now;     // who has the connection is no name any more: it stays
     };
     std::string who = !name.where.empty() ? name.where : rule[0] == '@' ? rule.substr(1) : address.toText();
-    auto connection = std::make_shared<Connection>(std::move(who), locate, settings, reactor_, sorm_.mailbox());
+    auto connection = std::make_shared<Connection>(std::move(who), locate, shared_, reactor_, sorm_.mailbox());
     known = connection;
     return connection;
 }
@@ -77,8 +77,11 @@ std::unique_ptr<Service> Comm::makeProxy(const Name& name, std::vector<std::stri
         m.words = {"-info", "class"};
         connection->call(name.service, Method::dbx, m, deadline, relayFor != nullptr);
     }
-    auto proxy = std::make_unique<Proxy>(name.service, std::move(connection), settings,
-                                         Proxy::Line{sorm_.locationChanges(), [this, name] { return lineTo(name); }}, relayFor);
+    auto proxy = std::make_unique<Proxy>(name.service, std::move(connection), shared_,
+                                         Proxy::Line{sorm_.locationChanges(), [comm = std::weak_ptr(self_), name] {
+                                             auto found = comm.lock();
+                                             return found ? (*found)->lineTo(name) : nullptr;
+                                         }}, relayFor);
     if (!recipe.empty()) proxy->setRecipe(std::move(recipe), sorm_.unhurried);
     return proxy;
 }
@@ -138,7 +141,7 @@ std::vector<Comm::Found> Comm::daemons() {
             d.identity = Caller::self().toText();
             continue;
         }
-        Connection probe(d.name, [&] { return Address{Address::Kind::path, d.socket, 0}; }, settings, reactor_, sorm_.mailbox());
+        Connection probe(d.name, [&] { return Address{Address::Kind::path, d.socket, 0}; }, shared_, reactor_, sorm_.mailbox());
         try {
             wire::Health h = probe.health(Deadline::in(kProbe));
             auto& w = probe.daemon();

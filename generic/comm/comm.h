@@ -29,7 +29,11 @@ public:
     Comm(const Comm&) = delete;
     Comm& operator=(const Comm&) = delete;
 
-    Settings settings;
+private:
+    const std::shared_ptr<Settings> shared_ = std::make_shared<Settings>();     // with connections and proxies, which may outlive us
+
+public:
+    Settings& settings = *shared_;
     Reactor& reactor() { return *reactor_; }
 
     // Fails with COMM REFUSED when the name is served already, COMM DENIED without permission.
@@ -62,6 +66,7 @@ private:
     std::vector<std::unique_ptr<Server>> ended_;        // unserved while one of their own requests was on the stack
     std::map<std::string, std::weak_ptr<Connection>> connections_;      // by "RULE ADDRESS", see resolve
     std::unique_ptr<Watchman> watchman_;                        // while there is a server
+    std::shared_ptr<Comm*> self_ = std::make_shared<Comm*>(this);       // for proxies, likewise
 };
 
 }  // namespace sorma

@@ -39,7 +39,7 @@ namespace sorma {
 class Connection : public Pending::Carrier, public Reactor::Watcher, public std::enable_shared_from_this<Connection> {
 public:
     // who: whom messages name, the text after @. locate: the address as the dictionary says now.
-    Connection(std::string who, std::function<Address()> locate, const Settings& settings, std::shared_ptr<Reactor> reactor,
+    Connection(std::string who, std::function<Address()> locate, std::shared_ptr<const Settings> settings, std::shared_ptr<Reactor> reactor,
                std::shared_ptr<Mailbox> mailbox);
     ~Connection() override;
     Connection(const Connection&) = delete;
@@ -208,7 +208,8 @@ private:
 
     std::string who_;
     std::function<Address()> locate_;
-    const Settings& settings_;
+    const std::shared_ptr<const Settings> shared_;
+    const Settings& settings_ = *shared_;
     int fd_ = -1;
     std::int64_t receiveTimeout_ = 0;       // [ns] as set on the socket
     std::uint64_t client_;

@@ -503,7 +503,8 @@ void Server::Peer::call(XdrReader& r, const wire::CallHeader& header, std::strin
     if (slot) slot = server_.findSlot(later);
     if (slot) slot->call = nullptr;
     if (pending) return server_.replyLater(later, times, std::exchange(m.later, nullptr));
-    reply(header.xid, times, request.name, m, slot, scratch.out);
+    // The name lies in the record, which is gone when the rest of the buffer was handed back meanwhile.
+    reply(header.xid, times, frame.inPeer && frame.spilled ? std::string_view(server_.name_) : request.name, m, slot, scratch.out);
     if (slot && slot->asked) server_.replyAgain(later, *slot, this);
 }
 
@@ -768,7 +769,8 @@ void Server::Peer::glance() {
             case wire::kNull: wire::writeEmptyReply(out, header.xid); break;
             case wire::kHealth: wire::writeHealth(out, header.xid, server_.health(true)); break;
             case wire::kHello:
-                if (!greeted_ && server_.newcomer(*this, r)) hello(r, header.xid, out, monotonicNow());
+                // HELLO changes who the client is, which a service may be looking at that executes a request of his.
+                if (!greeted_ && calls == 0 && server_.newcomer(*this, r)) hello(r, header.xid, out, monotonicNow());
                 break;
             case wire::kCancel: {
                 wire::Cancel wanted;
