@@ -3,6 +3,7 @@
 #include <dirent.h>
 
 #include <algorithm>
+#include <cstdio>
 
 #include "bus/listText.h"
 #include "comm/endpoint.h"
@@ -26,7 +27,9 @@ bool goodName(const std::string& name) {
 
 }  // namespace
 
-Comm::Comm(Sorm& sorm) : sorm_(sorm), reactor_(std::make_shared<Reactor>(sorm.mailbox())) {
+Comm::Comm(Sorm& sorm) : Comm(sorm, std::make_shared<Settings>()) {}
+
+Comm::Comm(Sorm& sorm, std::shared_ptr<Settings> own) : settings(*own), sorm_(sorm), shared_(std::move(own)), reactor_(std::make_shared<Reactor>(sorm.mailbox())) {
     sorm_.setLoop(reactor_.get());
     sorm_.add(Proxy::describe());
     sorm_.makeProxy = [this](const Name& name, std::vector<std::string> recipe, const PrincipalPointer& relayFor) {
@@ -39,11 +42,21 @@ Comm::~Comm() {
     watchman_.reset();
     servers_.clear();
     ended_.clear();
+    finish();
     for (auto& [key, weak] : connections_)
         if (auto connection = weak.lock()) connection->end();
     sorm_.setLoop(nullptr);
     sorm_.makeProxy = nullptr;
     sorm_.networkFacts = nullptr;
+}
+
+void Comm::finish() {
+    for (auto& [key, weak] : connections_) {
+        auto connection = weak.lock();
+        // On stderr, since nobody is left who could be told otherwise.
+        if (std::size_t left = connection ? connection->finish(Deadline::at(monotonicNow() + settings.onewayWait * 1'000'000)) : 0)
+            std::fprintf(stderr, "sorma: %zu one-way requests to %s were never sent: it does not take them\n", left, connection->who().c_str());
+    }
 }
 
 std::shared_ptr<Connection> Comm::lineTo(const Name& name) {

@@ -121,11 +121,15 @@ void Server::Peer::spill(Frame& frame) {
 // How much to read beyond what is here. A request that is not complete may grow with what really came; of those behind it
 // only so much is taken that a CANCEL among them is seen, and the rest waits at the client.
 std::size_t Server::Peer::appetite() const {
-    const std::size_t here = in_.size();
-    if (here < wire::kMarkSize) return kReadSize;
-    std::size_t first = wire::kMarkSize + (XdrReader(in_.data(), wire::kMarkSize).u32() & ~wire::kLastFragment);
+    const std::size_t here = in_.size(), first = firstSize();
     if (here >= first) return here < kReadSize / 2 ? kReadSize - here : 0;
     return std::min(first - here + kReadSize, std::clamp(here, kReadSize, kMostGrowth));
+}
+
+// Of the first record, or piece of one, with its mark.
+std::size_t Server::Peer::firstSize() const {
+    if (in_.size() < wire::kMarkSize) return wire::kMarkSize;
+    return wire::kMarkSize + (XdrReader(in_.data(), wire::kMarkSize).u32() & ~wire::kLastFragment);
 }
 
 void Server::Peer::receive() {
@@ -162,7 +166,7 @@ void Server::Peer::receive() {
     const char* begin = inPeer ? in_.data() : scratch.in;
     Frame frame{this, begin, begin + (inPeer ? in_.size() : static_cast<std::size_t>(n)), begin + (inPeer ? scanned_ : 0), inPeer, false,
                 server_.frames_};
-    const bool all = n < static_cast<ssize_t>(size);    // that the socket had
+    const bool all = size > 0 && n < static_cast<ssize_t>(size);     // that the socket had
     dwelt_ = !all && arrived_ - looked_ > kLookAgain;
     server_.frames_ = &frame;
     ++server_.depth_;
@@ -175,7 +179,8 @@ void Server::Peer::receive() {
         }
     } leave{server_, frame};
     serve(frame, scratch);
-    if (ended && open()) server_.retire(this, {}, false);
+    // One-way requests are executed though their sender has gone.
+    if (ended && open() && !complete()) server_.retire(this, {}, false);
 }
 
 void Server::Peer::serve(Frame& frame, Scratch& scratch) {

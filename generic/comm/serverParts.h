@@ -168,6 +168,8 @@ public:
 private:
     void receive();
     std::size_t appetite() const;
+    std::size_t firstSize() const;
+    bool complete() const { return in_.size() >= std::max(firstSize(), wire::kMarkSize + 1); }
     void charge(std::size_t request, bool half);
     void serve(Frame& frame, Scratch& scratch);
     bool skip(Frame& frame, Scratch& scratch, std::size_t length, const Error& why);

@@ -19,6 +19,8 @@ struct Settings {
     std::int64_t requestTime = 10'000;          // [ms] for a peer to send a request that it has begun
     std::int64_t replyTime = 30'000;            // [ms] for a peer to take a byte of what waits for it
     std::int64_t keepReply = 1 << 20;           // [bytes] longest reply kept for a client that lost its connection
+    std::int64_t onewayQueue = 1 << 20;         // [bytes] one-way requests that wait on a connection to be sent
+    std::int64_t onewayWait = 1'000;            // [ms] a one-way request waits for room there, 0: it fails at once; also at exit
     std::int64_t linger = 1'000;                // [us] a daemon waits for the next request before the event loop goes on
 };
 

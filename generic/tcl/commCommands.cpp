@@ -34,6 +34,7 @@ struct Network {
         auto& network = *static_cast<Network*>(data);
         if (getpid() != network.process) return;
         while (!network.comm.servers().empty()) network.comm.unserve(network.comm.servers().begin()->first, "the program has ended");
+        network.comm.finish();
     }
     const pid_t process = getpid();
     Comm comm;
@@ -231,6 +232,8 @@ void initCommCommands(Interpreter& i) {
     add("-requesttime", "ms", "time for a peer to send the rest of a request", 1, kDay, s.requestTime);
     add("-replytime", "ms", "time for a peer to take some of what waits for it", 1, kDay, s.replyTime);
     add("-keepreply", "bytes", "longest reply kept for a client that lost its connection", 0, kGigabyte, s.keepReply);
+    add("-onewayqueue", "bytes", "one-way requests that wait on a connection to be sent", 0, kGigabyte, s.onewayQueue);
+    add("-onewaywait", "ms", "time that a one-way request waits for room among them, 0 = it fails at once", 0, kDay, s.onewayWait);
     add("-linger", "us", "time that a daemon waits for the next request before the event loop goes on", 0, 100'000, s.linger);
 }
 
