@@ -27,6 +27,7 @@
 #pragma once
 
 #include "bus/access.h"
+#include "bus/budget.h"
 #include "bus/call.h"
 #include "bus/catalogue.h"
 #include "bus/deadline.h"

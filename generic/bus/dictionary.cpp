@@ -1,15 +1,19 @@
 #include "bus/dictionary.h"
 
+#include <dirent.h>
 #include <fcntl.h>
+#include <signal.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <charconv>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
 #include <set>
 #include <utility>
 
@@ -232,6 +236,30 @@ bool readFile(const std::string& file, bool mayLack, std::string& text) {
     }
 }
 
+// What processes have left that were killed while they saved: files FILE.new-PID-N that are not quite new, of a process that
+// is no more (here; on another host, which shares the folder, saving takes no minute either).
+void sweepLeftOvers(const std::string& folder, std::string_view file) {
+    constexpr std::time_t kAge = 60;        // [s]
+    DIR* dir = ::opendir(folder.c_str());
+    if (!dir) return;
+    const std::string begin = std::string(file) + ".new-";
+    while (dirent* e = ::readdir(dir)) {
+        std::string_view name = e->d_name;
+        if (!name.starts_with(begin)) continue;
+        name.remove_prefix(begin.size());
+        long process = 0;
+        auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), process);
+        std::string_view count(end, std::size_t(name.data() + name.size() - end));
+        if (error != std::errc() || process <= 0 || count.size() < 2 || count[0] != '-' ||
+            count.find_first_not_of("0123456789", 1) != count.npos) continue;
+        struct stat s {};
+        const std::string path = folder + e->d_name;
+        bool ours = ::lstat(path.c_str(), &s) == 0 && S_ISREG(s.st_mode) && s.st_uid == ::geteuid() && s.st_mtime + kAge < ::time(nullptr);
+        if (ours && ::kill(pid_t(process), 0) != 0 && errno == ESRCH) ::unlink(path.c_str());
+    }
+    ::closedir(dir);
+}
+
 void replaceFile(const std::string& file, std::string_view text) {
     std::string target = file;              // behind symbolic links: the link stays
     if (char* real = ::realpath(file.c_str(), nullptr)) {
@@ -271,7 +299,8 @@ void replaceFile(const std::string& file, std::string_view text) {
     if (::rename(temporary.c_str(), target.c_str()) != 0) giveUp(errno);
     // The new name is on disk when its folder is. Some file systems cannot sync folders; the content is safe anyway.
     auto slash = target.rfind('/');
-    std::string folder = slash == target.npos ? "." : target.substr(0, slash + 1);
+    std::string folder = slash == target.npos ? "./" : target.substr(0, slash + 1);
+    sweepLeftOvers(folder, slash == target.npos ? target : target.substr(slash + 1));
     Descriptor at(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
     if (at.get() >= 0) (void)!::fsync(at.get());
 }

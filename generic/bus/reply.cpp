@@ -68,6 +68,7 @@ void Pending::settle() {
     answered_ = true;
     timer.cancel();
     if (asker && sent != 0) asker->subTime += static_cast<std::uint32_t>((monotonicNow() - sent) / 1000);
+    charge.clear();
     onCancel_ = nullptr;
     auto callbacks = std::move(whenAnswered_);
     auto keep = shared_from_this();

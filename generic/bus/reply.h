@@ -22,6 +22,7 @@
 #include <memory>
 #include <vector>
 
+#include "bus/budget.h"
 #include "bus/client.h"
 #include "bus/call.h"
 #include "bus/loop.h"
@@ -57,6 +58,7 @@ public:
     KeptCallPointer own;
     const ClientPointer& client() const;            // null: this process
     std::int64_t sent = 0;              // [ns] when it went to another process, for the times of its asker; 0: it did not
+    Charge charge;                      // for what it makes a daemon keep; it ends with the answer
     Timer timer;                        // of its deadline, for whoever keeps that; it ends with the answer
     const std::shared_ptr<Mailbox> mailbox;
     Carrier* carrier = nullptr;

@@ -12,6 +12,7 @@
 #include <string_view>
 #include <vector>
 
+#include "bus/budget.h"
 #include "bus/change.h"
 #include "bus/dictionary.h"
 #include "bus/message.h"
@@ -165,6 +166,7 @@ private:
     void invokeInPlace(Message& m);         // EXEC by reference, the long way
     void unusable(Message& m);
 
+    Charge charge_;                         // for being there
     std::string name_;
     const Class* class_ = nullptr;
     Sorm* sorm_ = nullptr;

@@ -37,6 +37,8 @@ Bindings& bindings() {
     return b;
 }
 
+constexpr std::size_t kObjectSize = 4096;       // that an object is charged with
+
 // A thread that executes ticks has no business in the repository.
 bool onForeignThread() { return RealtimeOwner::current() != nullptr; }
 
@@ -59,10 +61,22 @@ Sorm::~Sorm() {
     // Objects may refer to each other and look at the SORM in their destructors: let go of them one by one.
     recent_ = {};
     self_ = nullptr;
-    while (!repository_.empty()) {
-        Reference r = std::move(repository_.begin()->second);
-        repository_.erase(repository_.begin());
-        if (!r->gone()) r->left();
+    // What stands for something elsewhere goes last: those who use it may have something to stop there.
+    for (bool elsewhere : {false, true}) {
+        std::vector<std::string> leaving;
+        do {                                            // objects may make others while they go
+            leaving.clear();
+            for (auto& [key, service] : repository_)
+                if (elsewhere || !service->isElsewhere()) leaving.push_back(key);
+            for (auto& key : leaving) {
+                auto found = repository_.find(key);
+                if (found == repository_.end()) continue;
+                Reference r = std::move(found->second);
+                recent(key) = {};                       // what goes may look for others, and find what still goes
+                repository_.erase(found);
+                if (!r->gone()) r->left();
+            }
+        } while (!leaving.empty());
     }
     mailbox_->close();
 }
@@ -209,6 +223,8 @@ Reference Sorm::makeLocal(const Name& which, const std::vector<std::string>* wor
         for (auto at = std::find(births_.begin(), births_.end(), name); at != births_.end(); ++at) chain += *at + " -> ";
         fail(kCycle, name, chain + name);
     }
+    Charge charge(budget.ofCaller(author), Account::Use::objects);
+    charge.need(name, kObjectSize + name.size());
     const Class& type = needClass(className);
     births_.push_back(name);
     struct Popper {
@@ -227,6 +243,7 @@ Reference Sorm::makeLocal(const Name& which, const std::vector<std::string>* wor
         fail(kFailed, name, className, "an exception of unknown type");
     }
     Reference made = adopt(std::move(fresh), name, type);
+    made->charge_ = std::move(charge);
     type.learnDefaults(*made);
     auto recipe = recipeOf(which);
     recipe.insert(recipe.end(), wish.begin(), wish.end());

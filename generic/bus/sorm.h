@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "bus/access.h"
+#include "bus/budget.h"
 #include "bus/dictionary.h"
 #include "bus/loop.h"
 #include "bus/message.h"
@@ -108,6 +109,7 @@ public:
 
     Host* host() const { return host_; }
     Access access;                                                  // who may do what
+    Budget budget;                                                  // and how much he may make this process keep
     std::string daemonName;                                         // as served; empty when not a daemon
 
     // While it is set, names of remote objects are taken on trust: nothing blocks to ask the daemon whether it has them.

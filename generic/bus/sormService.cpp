@@ -220,6 +220,7 @@ public:
     void policy(Args, Message& reply) { addLine(reply, sorm().access.text()); }
     void may(Args args, Message& reply) { addLine(reply, sorm().access.explain(args[0], args[1], args[2])); }
     void denied(Args, Message& reply) { addLine(reply, sorm().access.deniedText()); }
+    void budgets(Args, Message& reply) { addLine(reply, sorm().budget.text()); }
     void allow(Args args, Message& reply) {
         sorm().access.need(reply.author, Right::policy, "policy", name());
         sorm().access.add(args[0], "sorm CTRL -allow");
@@ -282,6 +283,8 @@ Class describeSorm() {
         .action("-reloadPolicy", &SormService::reloadPolicy, "", "read the file of the policy again", 0, 0, Right::inspect)
         .inspection({"-denied", "", "what was refused: how often, to whom", 0, 0,
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).denied(a, m); }})
+        .inspection({"-budgets", "", "what each client makes this daemon keep, in bytes, and how much it may", 0, 0,
+                     [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).budgets(a, m); }})
         .inspection({"-inventory", "?what ...?", "dict of classes, names, objects (name class calls underway), words, addresses, serves",
                      0, Action::kRest, [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).inventory(a, m); }})
         .inspection({"-describe", "name", "dict of the table of an object's class, without making the object", 1, 1,

@@ -3,6 +3,7 @@
 #include <dirent.h>
 
 #include <algorithm>
+#include <cstdio>
 
 #include "bus/listText.h"
 #include "comm/endpoint.h"
@@ -26,7 +27,9 @@ bool goodName(const std::string& name) {
 
 }  // namespace
 
-Comm::Comm(Sorm& sorm) : sorm_(sorm), reactor_(std::make_shared<Reactor>(sorm.mailbox())) {
+Comm::Comm(Sorm& sorm) : Comm(sorm, std::make_shared<Settings>()) {}
+
+Comm::Comm(Sorm& sorm, std::shared_ptr<Settings> own) : settings(*own), sorm_(sorm), shared_(std::move(own)), reactor_(std::make_shared<Reactor>(sorm.mailbox())) {
     sorm_.setLoop(reactor_.get());
     sorm_.add(Proxy::describe());
     sorm_.makeProxy = [this](const Name& name, std::vector<std::string> recipe, const PrincipalPointer& relayFor) {
@@ -39,11 +42,21 @@ Comm::~Comm() {
     watchman_.reset();
     servers_.clear();
     ended_.clear();
+    finish();
     for (auto& [key, weak] : connections_)
         if (auto connection = weak.lock()) connection->end();
     sorm_.setLoop(nullptr);
     sorm_.makeProxy = nullptr;
     sorm_.networkFacts = nullptr;
+}
+
+void Comm::finish() {
+    for (auto& [key, weak] : connections_) {
+        auto connection = weak.lock();
+        // On stderr, since nobody is left who could be told otherwise.
+        if (std::size_t left = connection ? connection->finish(Deadline::at(monotonicNow() + settings.onewayWait * 1'000'000)) : 0)
+            std::fprintf(stderr, "sorma: %zu one-way requests to %s were never sent: it does not take them\n", left, connection->who().c_str());
+    }
 }
 
 std::shared_ptr<Connection> Comm::lineTo(const Name& name) {
@@ -58,12 +71,12 @@ std::shared_ptr<Connection> Comm::lineTo(const Name& name) {
         ruler.where = rule.substr(1);
         ruler.byDefault = false;
     }
-    auto locate = [this, ruler, address] {
-        Address now = resolve(ruler, sorm_.dictionary());
+    auto locate = [&sorm = sorm_, ruler, address] {
+        Address now = resolve(ruler, sorm.dictionary());
         return now.kind == Address::Kind::self ? address : now;     // who has the connection is no name any more: it stays
     };
     std::string who = !name.where.empty() ? name.where : rule[0] == '@' ? rule.substr(1) : address.toText();
-    auto connection = std::make_shared<Connection>(std::move(who), locate, settings, reactor_, sorm_.mailbox());
+    auto connection = std::make_shared<Connection>(std::move(who), locate, shared_, reactor_, sorm_.mailbox());
     known = connection;
     return connection;
 }
@@ -77,8 +90,11 @@ std::unique_ptr<Service> Comm::makeProxy(const Name& name, std::vector<std::stri
         m.words = {"-info", "class"};
         connection->call(name.service, Method::dbx, m, deadline, relayFor != nullptr);
     }
-    auto proxy = std::make_unique<Proxy>(name.service, std::move(connection), settings,
-                                         Proxy::Line{sorm_.locationChanges(), [this, name] { return lineTo(name); }}, relayFor);
+    auto proxy = std::make_unique<Proxy>(name.service, std::move(connection), shared_,
+                                         Proxy::Line{sorm_.locationChanges(), [comm = std::weak_ptr(self_), name] {
+                                             auto found = comm.lock();
+                                             return found ? (*found)->lineTo(name) : nullptr;
+                                         }}, relayFor);
     if (!recipe.empty()) proxy->setRecipe(std::move(recipe), sorm_.unhurried);
     return proxy;
 }
@@ -138,7 +154,7 @@ std::vector<Comm::Found> Comm::daemons() {
             d.identity = Caller::self().toText();
             continue;
         }
-        Connection probe(d.name, [&] { return Address{Address::Kind::path, d.socket, 0}; }, settings, reactor_, sorm_.mailbox());
+        Connection probe(d.name, [&] { return Address{Address::Kind::path, d.socket, 0}; }, shared_, reactor_, sorm_.mailbox());
         try {
             wire::Health h = probe.health(Deadline::in(kProbe));
             auto& w = probe.daemon();

@@ -29,7 +29,7 @@ public:
     Comm(const Comm&) = delete;
     Comm& operator=(const Comm&) = delete;
 
-    Settings settings;
+    Settings& settings;
     Reactor& reactor() { return *reactor_; }
 
     // Fails with COMM REFUSED when the name is served already, COMM DENIED without permission.
@@ -42,6 +42,9 @@ public:
         for (auto& [name, server] : servers_) server->handBack();
     }
 
+    // The program ends: send the one-way requests that wait, for a second (Settings::onewayWait), and say what could not be sent.
+    void finish();
+
     // A daemon found in the runtime folder.
     struct Found {
         std::string name, socket, state;        // state: "alive", "busy", "dead" (its socket is left over), or what is wrong
@@ -51,17 +54,20 @@ public:
     std::vector<Found> daemons();
 
 private:
+    Comm(Sorm& sorm, std::shared_ptr<Settings> settings);
     std::unique_ptr<Service> makeProxy(const Name& name, std::vector<std::string> recipe, const PrincipalPointer& relayFor);
     std::shared_ptr<Connection> lineTo(const Name& name);       // as the dictionary says now; null when it says here
     std::string facts(std::string_view what);
 
     Sorm& sorm_;
+    const std::shared_ptr<Settings> shared_;    // with connections and proxies, which may outlive us
     std::shared_ptr<Reactor> reactor_;          // shared with connections, which their proxies keep
     Gate gate_;                     // to servers_ and ended_, and all that they have
     std::map<std::string, std::unique_ptr<Server>> servers_;
     std::vector<std::unique_ptr<Server>> ended_;        // unserved while one of their own requests was on the stack
     std::map<std::string, std::weak_ptr<Connection>> connections_;      // by "RULE ADDRESS", see resolve
     std::unique_ptr<Watchman> watchman_;                        // while there is a server
+    std::shared_ptr<Comm*> self_ = std::make_shared<Comm*>(this);       // for proxies, likewise
 };
 
 }  // namespace sorma

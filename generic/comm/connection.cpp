@@ -42,9 +42,9 @@ void pause(std::int64_t nanoseconds) {
 
 }  // namespace
 
-Connection::Connection(std::string who, std::function<Address()> locate, const Settings& settings, std::shared_ptr<Reactor> reactor,
+Connection::Connection(std::string who, std::function<Address()> locate, std::shared_ptr<const Settings> settings, std::shared_ptr<Reactor> reactor,
                        std::shared_ptr<Mailbox> mailbox)
-    : who_(std::move(who)), locate_(std::move(locate)), settings_(settings), client_(randomNumber()), reactor_(std::move(reactor)),
+    : who_(std::move(who)), locate_(std::move(locate)), shared_(std::move(settings)), client_(randomNumber()), reactor_(std::move(reactor)),
       mailbox_(std::move(mailbox)) {}
 
 Connection::~Connection() {

@@ -39,7 +39,7 @@ namespace sorma {
 class Connection : public Pending::Carrier, public Reactor::Watcher, public std::enable_shared_from_this<Connection> {
 public:
     // who: whom messages name, the text after @. locate: the address as the dictionary says now.
-    Connection(std::string who, std::function<Address()> locate, const Settings& settings, std::shared_ptr<Reactor> reactor,
+    Connection(std::string who, std::function<Address()> locate, std::shared_ptr<const Settings> settings, std::shared_ptr<Reactor> reactor,
                std::shared_ptr<Mailbox> mailbox);
     ~Connection() override;
     Connection(const Connection&) = delete;
@@ -63,8 +63,11 @@ public:
     // Begin a call: pending's message is the request, its answer the end. Never throws, never blocks but to look up a
     // host's name. The connection lives as long as there are such calls.
     void begin(const PendingPointer& pending, const std::string& name, Method method);
-    // Without a reply: sent when it can be, forgotten when not.
+    // Without a reply: sent when it can be, forgotten when the daemon cannot be reached. Waits for room when too many are still to
+    // be sent (Settings::onewayQueue), where it may block; fails with COMM LIMIT when there is none.
     void oneway(const std::string& name, Method method, const Message& m, bool relayed = false);
+    // Send what still waits, and block for that, at the end. Returns how many one-way requests could not be sent.
+    std::size_t finish(Deadline deadline);
     // Listen to an object of the daemon. Blocks until the daemon has agreed; throws what it objects to.
     std::unique_ptr<Listening> listen(std::string name, std::string pattern, std::size_t keep, Listener listener, Deadline deadline,
                                       bool relayed = false);
@@ -163,6 +166,8 @@ private:
     bool beingSent(std::uint32_t index) const;
     void sendSlot(std::uint32_t index);
     void sendBytes(Buffer bytes);
+    std::size_t backlog() const;                        // [bytes] that wait to be sent, and are no calls
+    void makeRoom(std::size_t most, Deadline deadline); // block until there is no more than that, or the deadline
     void continueSending();
     bool drain(Deadline deadline);                      // what is on its way, blocking; false: the connection is lost
     void sent(std::uint32_t index);
@@ -208,7 +213,8 @@ private:
 
     std::string who_;
     std::function<Address()> locate_;
-    const Settings& settings_;
+    const std::shared_ptr<const Settings> shared_;
+    const Settings& settings_ = *shared_;
     int fd_ = -1;
     std::int64_t receiveTimeout_ = 0;       // [ns] as set on the socket
     std::uint64_t client_;

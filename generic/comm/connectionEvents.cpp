@@ -20,6 +20,8 @@ namespace {
 
 constexpr std::int64_t kOpenTime = 5'000'000'000;       // [ns] for an address to be connected and the daemon to greet
 
+const Prototype kFull{Severity::error, "COMM LIMIT", 1,
+    "{}: {} bytes of one-way requests wait for {} already, which does not take them; never sent; see sorma::configure -onewayqueue and -onewaywait"};
 const Prototype kNotGreeted{Severity::error, "COMM TIMEOUT", 1, "{}: {} is connected, but does not answer; never sent"};
 
 Trail trailOf(Entry entry) {
@@ -83,12 +85,47 @@ void Connection::oneway(const std::string& name, Method method, const Message& m
     } catch (const Error&) {
         return;                         // nobody wants to know
     }
+    const std::size_t most = std::size_t(settings_.onewayQueue);
+    if (backlog() > most) {
+        if (!inEvents_) makeRoom(most, Deadline::at(monotonicNow() + settings_.onewayWait * 1'000'000));
+        if (backlog() > most) sorma::fail(kFull, name + "@" + who_, backlog(), who_);
+    }
     Buffer bytes;
     wire::Behalf behalf{relayed, CallContext::currentRequest(), CallContext::currentCallers()};
     wire::writeCall(bytes, 0, program_, {wire::kNoSlot, 0, 0, method, name}, m, wire::kOneway,
                     relayed || CallContext::current() ? &behalf : nullptr);
-    sendBytes(std::move(bytes));
+    // Those that wait are one piece.
+    if (!outgoing_.empty() && outgoing_.back().slot == kControl) outgoing_.back().bytes.append(bytes.data(), bytes.size());
+    else sendBytes(std::move(bytes));
     watch();
+}
+
+std::size_t Connection::backlog() const {
+    std::size_t bytes = 0;
+    for (auto& o : outgoing_) bytes += o.bytes.size();
+    return outgoing_.empty() || outgoing_.front().slot != kControl ? bytes : bytes - outgoingAt_;
+}
+
+void Connection::makeRoom(std::size_t most, Deadline deadline) {
+    auto keep = shared_from_this();
+    while (fd_ >= 0 && backlog() > most && !deadline.passed()) {
+        // As in transmit: the daemon may wait until we take its replies.
+        pollfd p{fd_, POLLIN | POLLOUT, 0};
+        if (poll(&p, 1, int(std::min<std::int64_t>(deadline.left() / 1'000'000 + 1, 1'000))) <= 0) continue;
+        if (p.revents & (POLLIN | POLLHUP | POLLERR)) receive(deadline);
+        if (fd_ >= 0) continueSending();
+    }
+    if (!arrived_.empty()) deliverLater();
+}
+
+std::size_t Connection::finish(Deadline deadline) {
+    makeRoom(0, deadline);
+    std::size_t left = 0;
+    for (auto& o : outgoing_) {
+        for (std::size_t at = 0; o.slot == kControl && at + wire::kMarkSize <= o.bytes.size(); ++left)
+            at += wire::kMarkSize + (XdrReader(o.bytes.data() + at, wire::kMarkSize).u32() & ~wire::kLastFragment);
+    }
+    return left;
 }
 
 // As many of those that wait as there are slots for. CTRL and DBX go first, and find some slots free.

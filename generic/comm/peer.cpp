@@ -16,6 +16,9 @@ namespace sorma {
 
 namespace {
 
+constexpr int kPieces = 8;                              // fragments that cost as much as a request
+constexpr std::size_t kManyWords = 4096;
+constexpr int kMostEmpty = 64;                          // empty fragments in one record
 constexpr std::int64_t kQuick = 20'000;                 // [ns] a call this short does not hold up replies before it
 constexpr std::int64_t kLong = 1'000'000;               // [ns] in which callers may have given up
 constexpr std::int64_t kLookAgain = 10'000'000;         // [ns] between looks at what more than a turn's bytes says
@@ -25,6 +28,12 @@ constexpr std::uint32_t kReading = EPOLLIN | EPOLLRDHUP;
 const Prototype kHelloFirst{Severity::error, "COMM PROTOCOL", 0, "{} needs a session: say HELLO first"};
 const Prototype kSlots{Severity::error, "COMM LIMIT", 0,
     "slot {} is beyond the {} calls in flight that this daemon takes from one client; raise it there: sorma::configure -inflight N"};
+const Prototype kCalls{Severity::error, "COMM LIMIT", 1,
+    "{}: {} calls of this connection are under way, as many as this daemon takes from one client; raise it there: sorma::configure -inflight N"};
+const Prototype kDropped{Severity::warning, "COMM LIMIT", 1, "{}: a one-way request of {} was dropped: {}"};
+const Prototype kNoRoom{Severity::error, "COMM TOO_BIG", 1,
+    "{}: the request was executed, but its reply of {} bytes cannot wait for the client: {} may make this daemon keep {} bytes and has {}; "
+    "raise it there: sorma::configure -budget BYTES"};
 const Prototype kBehalf{Severity::error, "COMM PROTOCOL", 0, "the credentials do not say on whose behalf the call is made"};
 const Prototype kNotBegun{Severity::error, "COMM CANCELLED", 1, "{}: the call was cancelled by its caller before it was started; it was not executed"};
 const Prototype kStopped{Severity::error, "COMM CANCELLED", 1, "{}: the call was cancelled by its caller; it may have run"};
@@ -42,14 +51,43 @@ Trail trailOf(Entry entry) {
 
 }  // namespace
 
+// What a request's words need in memory: millions of empty ones fit into a record. They are charged while it is executed.
+struct Server::Peer::Words {
+    std::size_t size = 0;
+    Charge charge;
+    bool fit = true;
+    Message& m;
+
+    Words(Peer& peer, Message& m, const XdrReader& r, std::size_t record) : m(m) {
+        if (record <= kReadSize) return;
+        size = wire::wordsSize(r);
+        charge = Charge(peer.account_, Account::Use::requests);
+        fit = charge.set(size);
+    }
+    ~Words() {
+        if (m.words.capacity() > kManyWords) [[unlikely]] std::vector<std::string>().swap(m.words);
+    }
+};
+
 Server::Peer::Peer(Server& server, int fd, ClientPointer who, std::int64_t user)
-    : server_(server), fd_(fd), principal_(who->principal), user_(user), client(std::move(who)), since(monotonicNow()),
+    : server_(server), fd_(fd), principal_(who->principal), account_(server.sorm_.budget.of(principal_)),
+      request_(account_, Account::Use::requests), queue_(account_, Account::Use::queues), user_(user), client(std::move(who)), since(monotonicNow()),
       number(++server.peersSeen_) {
     server_.reactor_.add(fd_, kReading, this);
+    ++account_->connections;
+}
+
+bool Server::Peer::onStack() const {
+    for (Frame* f = server_.frames_; f; f = f->outer)
+        if (f->peer == this) return true;
+    return false;
 }
 
 void Server::Peer::shut() {
     if (fd_ < 0) return;
+    --account_->connections;
+    request_.clear();
+    queue_.clear();
     server_.reactor_.remove(fd_, this);
     close(fd_);
     fd_ = -1;
@@ -80,7 +118,22 @@ void Server::Peer::spill(Frame& frame) {
     if (left > 0) server_.reactor_.again(this);
 }
 
+// How much to read beyond what is here. A request that is not complete may grow with what really came; of those behind it
+// only so much is taken that a CANCEL among them is seen, and the rest waits at the client.
+std::size_t Server::Peer::appetite() const {
+    const std::size_t here = in_.size(), first = firstSize();
+    if (here >= first) return here < kReadSize / 2 ? kReadSize - here : 0;
+    return std::min(first - here + kReadSize, std::clamp(here, kReadSize, kMostGrowth));
+}
+
+// Of the first record, or piece of one, with its mark.
+std::size_t Server::Peer::firstSize() const {
+    if (in_.size() < wire::kMarkSize) return wire::kMarkSize;
+    return wire::kMarkSize + (XdrReader(in_.data(), wire::kMarkSize).u32() & ~wire::kLastFragment);
+}
+
 void Server::Peer::receive() {
+    if (leaving_) return;
     if (server_.depth_ == 0) server_.retired_.clear();
     else server_.handBack();
     if (server_.scratch_.size() <= server_.depth_) server_.scratch_.push_back(std::make_unique<Scratch>());
@@ -91,7 +144,7 @@ void Server::Peer::receive() {
     char* room = scratch.in;
     std::size_t before = in_.size(), size = kReadSize;
     if (inPeer) {
-        size = std::max(kReadSize, std::min(before, std::size_t{8} << 20));     // grows with what really came
+        size = appetite();
         if (in_.capacity() < before + size && server_.spare_.capacity() >= before + size) {
             server_.spare_.clear();
             server_.spare_.append(in_.data(), before);
@@ -99,7 +152,8 @@ void Server::Peer::receive() {
         }
         room = in_.extend(size);
     }
-    ssize_t n = recv(fd_, room, size, MSG_DONTWAIT);
+    errno = EAGAIN;
+    ssize_t n = size > 0 ? recv(fd_, room, size, MSG_DONTWAIT) : -1;
     if (inPeer) in_.resize(before + (n > 0 ? static_cast<std::size_t>(n) : 0));
     if (n < 0 && errno != EAGAIN && errno != EINTR) return server_.retire(this, {}, false);
     bool ended = n == 0;
@@ -112,7 +166,7 @@ void Server::Peer::receive() {
     const char* begin = inPeer ? in_.data() : scratch.in;
     Frame frame{this, begin, begin + (inPeer ? in_.size() : static_cast<std::size_t>(n)), begin + (inPeer ? scanned_ : 0), inPeer, false,
                 server_.frames_};
-    const bool all = n < static_cast<ssize_t>(size);    // that the socket had
+    const bool all = size > 0 && n < static_cast<ssize_t>(size);     // that the socket had
     dwelt_ = !all && arrived_ - looked_ > kLookAgain;
     server_.frames_ = &frame;
     ++server_.depth_;
@@ -125,15 +179,17 @@ void Server::Peer::receive() {
         }
     } leave{server_, frame};
     serve(frame, scratch);
-    if (ended && open()) server_.retire(this, {}, false);
+    // One-way requests are executed though their sender has gone.
+    if (ended && open() && !complete()) server_.retire(this, {}, false);
 }
 
 void Server::Peer::serve(Frame& frame, Scratch& scratch) {
-    int served = 0;
+    int served = 0, pieces = 0;
+    std::size_t coming = 0;                 // length of the request of which only a part is here
     const int share = server_.share(this);
     bool more = false;
     if (skip_ == 0 && frame.at < frame.end) frame.scanned += scan(frame.scanned, frame.end);
-    while (open() && !frame.spilled) {
+    while (open() && !frame.spilled && !leaving_) {
         if (dwelt_) [[unlikely]] lookAhead(frame);
         std::size_t left = static_cast<std::size_t>(frame.end - frame.at);
         if (skip_ > 0) {
@@ -148,10 +204,17 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
         std::size_t length = mark & ~wire::kLastFragment;
         bool last = mark & wire::kLastFragment;
         if (length + fragments_.size() > static_cast<std::size_t>(server_.settings_.maxMessage)) {
-            if (!oversized(frame, scratch, length)) break;
+            if (!skip(frame, scratch, length, tooLong(length))) break;
             continue;
         }
-        if (left < wire::kMarkSize + length) break;
+        if (left < wire::kMarkSize + length) {
+            if (length > kReadSize && !request_.set(fragments_.size() + length)) [[unlikely]] {
+                if (!skip(frame, scratch, length, overBudget(server_.name_, Account::Use::requests, length))) break;
+                continue;
+            }
+            coming = length;
+            break;
+        }
         if (served >= share || queued() > kQueueLimit) {
             more = queued() <= kQueueLimit;
             break;
@@ -160,7 +223,21 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
         frame.at += wire::kMarkSize + length;
         if (!last || !fragments_.empty()) {
             fragments_.append(record.data(), record.size());
-            if (!last) continue;
+            if (fragments_.size() > kReadSize && !request_.set(fragments_.capacity())) {
+                flush(scratch);
+                server_.retire(this, overBudget(server_.name_, Account::Use::requests, fragments_.size()).what(), true);
+                break;
+            }
+            if (!last) {
+                if (length == 0 && ++empties_ > kMostEmpty) {
+                    flush(scratch);
+                    server_.retire(this, "a request came in too many empty fragments", true);
+                    break;
+                }
+                if (++pieces % kPieces == 0) ++served;
+                continue;
+            }
+            empties_ = 0;
             Buffer whole;
             std::swap(whole, fragments_);
             handle({whole.data(), whole.size()}, scratch, frame);
@@ -168,9 +245,11 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
             handle(record, scratch, frame);
         }
         ++served;
+        if (scratch.out.size() > kFlushAt) flush(scratch);
     }
     server_.took(this, served, more);
     flush(scratch);
+    if (open() && leaving_) return server_.retire(this, *leaving_, true);
     if (!open() || frame.spilled) return;
     std::size_t left = static_cast<std::size_t>(frame.end - frame.at);
     if (frame.inPeer) in_.drop(in_.size() - left);
@@ -182,6 +261,7 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
     if (!half) halfSince_ = 0;
     else if (halfSince_ == 0 || served > 0) halfSince_ = arrived_;
     if (slow()) server_.watchSlow(this);
+    if (std::size_t held = std::max(fragments_.size() + coming, fragments_.size() + in_.size()); held != request_.bytes()) charge(held, half);
     interest();
 }
 
@@ -225,9 +305,25 @@ bool Server::Peer::forgotten(std::uint32_t slot, std::uint32_t sequence) {
     return !cancels_.empty() && std::erase_if(cancels_, [&](auto& c) { return c.slot == slot && c.sequence == sequence; }) > 0;
 }
 
+// For what is here, and for the rest of a long request. What will soon be served is charged in any case.
+void Server::Peer::charge(std::size_t request, bool half) {
+    if (request_.set(request)) return;
+    if (!half) return request_.force(request);
+    server_.retire(this, overBudget(server_.name_, Account::Use::requests, request).what(), true);
+}
+
+Error Server::Peer::tooLong(std::size_t length) const {
+    return Error(makeEntry(errors::kTooBig, {MessageArg::of(server_.name_), MessageArg::of("request"), MessageArg::of(length),
+                                             MessageArg::of("daemon " + server_.name_), MessageArg::of(server_.settings_.maxMessage)}));
+}
+
+Error Server::Peer::overBudget(std::string_view object, Account::Use use, std::size_t bytes) const {
+    return Error(account_->refusal(std::string(object), use, bytes));
+}
+
 // A record that is too long. Its beginning says whether to refuse the call and skip it, or to end the connection.
 // False: wait for more of it.
-bool Server::Peer::oversized(Frame& frame, Scratch& scratch, std::size_t length) {
+bool Server::Peer::skip(Frame& frame, Scratch& scratch, std::size_t length, const Error& why) {
     constexpr std::size_t kNeeded = wire::kMarkSize + 24;           // up to the procedure
     if (static_cast<std::size_t>(frame.end - frame.at) < kNeeded) return false;
     XdrReader r(frame.at + wire::kMarkSize, kNeeded - wire::kMarkSize);
@@ -240,9 +336,7 @@ bool Server::Peer::oversized(Frame& frame, Scratch& scratch, std::size_t length)
                                  std::to_string(server_.settings_.maxMessage) + " bytes", true);
         return false;
     }
-    refuse(envelope.xid, scratch.out, Error(makeEntry(errors::kTooBig,
-        {MessageArg::of(server_.name_), MessageArg::of("request"), MessageArg::of(length), MessageArg::of("daemon " + server_.name_),
-         MessageArg::of(server_.settings_.maxMessage)})));
+    refuse(envelope.xid, scratch.out, why);
     frame.at += wire::kMarkSize;
     skip_ = length;
     return true;
@@ -357,6 +451,8 @@ void Server::Peer::call(XdrReader& r, const wire::CallHeader& header, std::strin
                         Frame& frame) {
     wire::Request request;
     Message& m = scratch.message;
+    Words words(*this, m, r, record.size());
+    if (!words.fit) [[unlikely]] return refuse(header.xid, scratch.out, overBudget(server_.name_, Account::Use::requests, words.size));
     if (!wire::readRequest(r, request, m)) return wire::writeRefusal(scratch.out, header.xid, wire::Refusal::garbage);
     Slot* slot = nullptr;
     Session* mine = session;
@@ -365,7 +461,12 @@ void Server::Peer::call(XdrReader& r, const wire::CallHeader& header, std::strin
         if (request.slot >= static_cast<std::uint64_t>(server_.settings_.inFlight))
             return refuse(header.xid, scratch.out,
                           Error(makeEntry(kSlots, {MessageArg::of(request.slot), MessageArg::of(server_.settings_.inFlight)})));
-        if (mine->slots.size() <= request.slot) mine->slots.resize(request.slot + 1);
+        if (mine->slots.size() <= request.slot) {
+            std::size_t more = (request.slot + 1 - mine->slots.size()) * (sizeof(Slot) + Slot::kSmall);
+            if (!mine->held.set(mine->held.bytes() + more))
+                return refuse(header.xid, scratch.out, overBudget(request.name, Account::Use::replies, more));
+            while (mine->slots.size() <= request.slot) mine->slots.emplace_back().of = mine;
+        }
         slot = &mine->slots[request.slot];
         if (slot->state != Slot::State::empty && request.sequence == slot->sequence) {      // it asks again
             if (slot->state == Slot::State::running) {
@@ -387,29 +488,68 @@ void Server::Peer::call(XdrReader& r, const wire::CallHeader& header, std::strin
             return refuse(header.xid, scratch.out, Error(makeEntry(errors::kSequence, {MessageArg::of(request.name),
                           MessageArg::of(request.sequence), MessageArg::of(request.slot), MessageArg::of(slot->sequence)})));
         if (gone_) return;              // nobody waits; should he come back, he sends it again
+        if (account_->over()) [[unlikely]]
+            return refuse(header.xid, scratch.out, overBudget(request.name, Account::Use::requests, record.size()));
         slot->sequence = request.sequence;
         slot->state = Slot::State::running;
         slot->asked = false;
+    } else if (account_->over()) [[unlikely]] {
+        return refuse(header.xid, scratch.out, overBudget(request.name, Account::Use::requests, record.size()));
+    } else if (crowded()) [[unlikely]] {
+        return refuse(header.xid, scratch.out,
+                      Error(makeEntry(kCalls, {MessageArg::of(request.name), MessageArg::of(server_.settings_.inFlight)})));
     }
     ++calls;
     wire::Times times;
-    Later later{this, number, mine ? mine->key : SessionKey(), request.slot, request.sequence, header.xid, 0};
+    Later later{this, number, mine ? mine->key : SessionKey(), request.slot, request.sequence, header.xid, record.size() + words.size, 0};
     bool pending = execute(request, header, record, m, times, slot, scratch, frame);
     // A service may have run the event loop: the session may have moved to another connection, or be gone.
     if (slot) slot = server_.findSlot(later);
     if (slot) slot->call = nullptr;
     if (pending) return server_.replyLater(later, times, std::exchange(m.later, nullptr));
-    reply(header.xid, times, m, slot, scratch.out);
+    // The name lies in the record, which is gone when the rest of the buffer was handed back meanwhile.
+    reply(header.xid, times, frame.inPeer && frame.spilled ? std::string_view(server_.name_) : request.name, m, slot, scratch.out);
     if (slot && slot->asked) server_.replyAgain(later, *slot, this);
 }
 
 void Server::Peer::oneway(XdrReader& r, const wire::CallHeader& header, Scratch& scratch, Frame& frame) {
     wire::Request request;
     Message& m = scratch.message;
-    if (!wire::readRequest(r, request, m)) return;
+    const std::size_t bytes = r.left();
+    Words words(*this, m, r, bytes);
+    if (words.fit && !wire::readRequest(r, request, m)) return;
+    if (!words.fit || account_->over() || crowded()) [[unlikely]] {
+        // Nobody waits for an answer: it is counted, and told to those who listen to the SORM.
+        ++server_.dropped_;
+        std::string_view name = words.fit ? request.name : std::string_view(server_.name_);
+        Error why = words.fit && !account_->over()
+                        ? Error(makeEntry(kCalls, {MessageArg::of(name), MessageArg::of(server_.settings_.inFlight)}))
+                        : overBudget(name, Account::Use::requests, bytes + words.size);
+        Trail trail = trailOf(makeEntry(kDropped, {MessageArg::of(name), MessageArg::of(client->caller.toText()), MessageArg::of(why.what())}));
+        server_.sorm_.mailbox()->post([&sorm = server_.sorm_, trail] { sorm.announce(trail); });
+        return;
+    }
     ++calls;
     wire::Times times;
-    if (execute(request, header, {}, m, times, nullptr, scratch, frame)) m.later.reset();
+    if (!execute(request, header, {}, m, times, nullptr, scratch, frame)) return;
+    auto pending = std::exchange(m.later, nullptr);
+    if (pending->answered()) return;
+    pending->charge = Charge(account_, Account::Use::requests);
+    pending->charge.force(sizeof(Pending) + bytes + words.size);
+    oneway_.push_back(pending);
+}
+
+// Are as many calls without a slot under way as there may be?
+bool Server::Peer::crowded() {
+    const std::size_t most = std::size_t(server_.settings_.inFlight);
+    if (owed_.size() + oneway_.size() < most) return false;
+    auto over = [](auto& weak) {
+        auto p = weak.lock();
+        return !p || p->answered();
+    };
+    std::erase_if(owed_, over);
+    std::erase_if(oneway_, over);
+    return owed_.size() + oneway_.size() >= most;
 }
 
 bool Server::Peer::execute(const wire::Request& request, const wire::CallHeader& header, std::string_view record, Message& m,
@@ -479,7 +619,8 @@ bool Server::Peer::execute(const wire::Request& request, const wire::CallHeader&
     return false;
 }
 
-void Server::Peer::reply(std::uint32_t xid, const wire::Times& times, Message& m, Slot* slot, Buffer& out) {
+void Server::Peer::reply(std::uint32_t xid, const wire::Times& times, std::string_view name, Message& m, Slot* slot, Buffer& out) {
+    if (request_.bytes() > 4 * kReadSize) request_.clear();     // it has been executed, and makes room for its reply
     std::size_t start = out.size();
     wire::writeReply(out, xid, times, m);
     std::size_t size = out.size() - start;
@@ -487,6 +628,11 @@ void Server::Peer::reply(std::uint32_t xid, const wire::Times& times, Message& m
         out.resize(start);
         refuse(xid, out, Error(makeEntry(errors::kTooBig, {MessageArg::of(server_.name_), MessageArg::of("reply"),
                MessageArg::of(size), MessageArg::of("the client"), MessageArg::of(maxReply_)})));
+        size = out.size() - start;
+    } else if (size > kReadSize && !account_->fits(out.size())) [[unlikely]] {
+        out.resize(start);
+        refuse(xid, out, Error(makeEntry(kNoRoom, {MessageArg::of(name), MessageArg::of(size), MessageArg::of(account_->name()),
+                                                   MessageArg::of(account_->limit()), MessageArg::of(account_->used())})));
         size = out.size() - start;
     }
     if (slot) server_.keepReply(*slot, out.data() + start, size);
@@ -516,6 +662,7 @@ void Server::Peer::push(const char* data, std::size_t size) {
         }
     }
     out_.append(data, size);
+    if (!queue_.set(out_.size())) return server_.retire(this, {}, false);
     server_.watchSlow(this);
     interest();
 }
@@ -538,10 +685,12 @@ void Server::Peer::drain() {
         out_.clear();
         if (!events_.empty()) server_.reactor_.again(this);
         if (out_.capacity() > kKeepBuffer) server_.giveBack(out_);
+        queue_.clear();
         sent_ = 0;
         stuckSince_ = 0;
     } else if (sent_ > kQueueLimit) {
         out_.drop(sent_);
+        queue_.force(out_.size());
         sent_ = 0;
     }
     if (queued() <= kQueueLimit && !in_.empty()) server_.reactor_.again(this);
@@ -624,7 +773,8 @@ void Server::Peer::glance() {
             case wire::kNull: wire::writeEmptyReply(out, header.xid); break;
             case wire::kHealth: wire::writeHealth(out, header.xid, server_.health(true)); break;
             case wire::kHello:
-                if (!greeted_ && server_.newcomer(*this, r)) hello(r, header.xid, out, monotonicNow());
+                // HELLO changes who the client is, which a service may be looking at that executes a request of his.
+                if (!greeted_ && calls == 0 && server_.newcomer(*this, r)) hello(r, header.xid, out, monotonicNow());
                 break;
             case wire::kCancel: {
                 wire::Cancel wanted;
@@ -643,6 +793,7 @@ void Server::Peer::glance() {
     if (sent == out.size()) return;
     if (queued() == 0) stuckSince_ = monotonicNow();
     out_.append(out.data() + sent, out.size() - sent);
+    queue_.force(out_.size());
     interest();
     // The timer of those who take nothing is the SORM's thread's.
     server_.sorm_.mailbox()->post([self = std::weak_ptr(server_.self_), peer = this, number = number] {

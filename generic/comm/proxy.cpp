@@ -19,8 +19,8 @@ bool parseBoolean(const std::string& name, const Words& words) {
 
 }  // namespace
 
-Proxy::Proxy(std::string target, std::shared_ptr<Connection> connection, const Settings& settings, Line line, PrincipalPointer relayFor)
-    : target_(std::move(target)), connection_(std::move(connection)), settings_(settings), line_(std::move(line)), seen_(line_.changes),
+Proxy::Proxy(std::string target, std::shared_ptr<Connection> connection, std::shared_ptr<const Settings> settings, Line line, PrincipalPointer relayFor)
+    : target_(std::move(target)), connection_(std::move(connection)), shared_(std::move(settings)), line_(std::move(line)), seen_(line_.changes),
       relayFor_(std::move(relayFor)) {}
 
 Proxy::~Proxy() {

@@ -20,7 +20,7 @@ public:
     };
     // target: the object's name at the daemon. settings: of the SORM, looked at for each call.
     // relayFor: whose wish it is, when it is not the owner's: then the daemon is told that these are not our own requests.
-    Proxy(std::string target, std::shared_ptr<Connection> connection, const Settings& settings, Line line, PrincipalPointer relayFor);
+    Proxy(std::string target, std::shared_ptr<Connection> connection, std::shared_ptr<const Settings> settings, Line line, PrincipalPointer relayFor);
     ~Proxy() override;
 
     void exec(Message& m) override;
@@ -65,7 +65,8 @@ private:
 
     std::string target_;
     std::shared_ptr<Connection> connection_;
-    const Settings& settings_;
+    const std::shared_ptr<const Settings> shared_;
+    const Settings& settings_ = *shared_;
     Line line_;
     std::uint64_t seen_;                    // of line_.changes
     const PrincipalPointer relayFor_;

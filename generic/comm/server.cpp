@@ -1,8 +1,10 @@
 #include "comm/server.h"
 
+#include <fcntl.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <sys/epoll.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -26,6 +28,8 @@ constexpr std::size_t kOrphans = 1000;                  // sessions without a co
 constexpr std::int64_t kOrphanAge = 600'000'000'000;    // [ns]
 constexpr std::int64_t kCrowd = 2'000'000;              // [ns] two peers had requests not longer ago than this
 constexpr std::int64_t kSlowTurn = 1'000'000;           // [ns]
+constexpr std::size_t kReserved = 32;                   // places for the owner, where nobody can be told to leave
+constexpr rlim_t kDescriptors = 256;                    // that connections do not take
 constexpr std::uint64_t kCrowdedTurns = 8;              // or than so many turns: where requests take long, one turn takes longer
 
 const Prototype kOverdue{Severity::error, "COMM TIMEOUT", 1, "{}: no answer by the deadline; the service was told to stop"};
@@ -72,6 +76,8 @@ void Server::handBack() {
 
 Server::Server(Sorm& sorm, Reactor& reactor, Gate& gate, const Settings& settings, const Wanted& wanted)
     : sorm_(sorm), reactor_(reactor), gate_(gate), settings_(settings), name_(wanted.name), boot_(randomNumber()), started_(wallNow()) {
+    setLimits(sorm_, settings_);
+    spareDescriptor_ = open("/dev/null", O_RDONLY | O_CLOEXEC);
     Gate::Inside inside(gate_);
     try {
         for (int fd : wanted.listen) {
@@ -104,7 +110,11 @@ void Server::listen(const Wanted& wanted) {
     if (wanted.rpcbind) program_ = rpcbindRegister(wanted.program, wanted.host, port_);
 }
 
-Server::~Server() { stop("the daemon ends"); }
+Server::~Server() {
+    stop("the daemon ends");
+    Gate::Inside inside(gate_);
+    while (!peers_.empty()) retire(peers_.begin()->first, "the daemon ends", true);
+}
 
 void Server::stop(const std::string& reason) {
     stopping_ = true;
@@ -132,9 +142,16 @@ void Server::stop(const std::string& reason) {
     socket_.clear();
     if (program_ != 0) rpcbindUnregister(program_);
     program_ = 0;
-    while (!peers_.empty()) retire(peers_.begin()->first, reason, true);
+    // A peer whose request is executed, and which has asked for this end perhaps, gets its reply first: see Peer::serve.
+    std::vector<Peer*> leaving;
+    for (auto& [peer, owned] : peers_) {
+        if (peer->onStack()) peer->leaving_ = reason;
+        else leaving.push_back(peer);
+    }
+    for (Peer* peer : leaving) retire(peer, reason, true);
     sweepTimer_.cancel();
     acceptTimer_.cancel();
+    if (spareDescriptor_ >= 0) close(std::exchange(spareDescriptor_, -1));
     if (depth_ == 0) retired_.clear();
 }
 
@@ -142,49 +159,90 @@ void Server::accept(int listener, bool tcp) {
     reactor_.seen(monotonicNow());
     for (int i = 0; i < kBatch; ++i) {
         int fd = accept4(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
-        if (fd < 0) {
-            // Without descriptors the newcomers wait in the backlog; look again later instead of spinning.
-            if (errno == EMFILE || errno == ENFILE) {
-                Listener* waiting = nullptr;
-                for (auto& l : listeners_)
-                    if (l->descriptor() == listener) waiting = l.get();
-                reactor_.change(listener, 0, waiting);
-                acceptTimer_ = reactor_.after(monotonicNow() + kSweep, [this, listener, waiting] {
-                    for (auto& l : listeners_)
-                        if (l.get() == waiting) reactor_.change(listener, EPOLLIN, waiting);
-                });
-            }
-            return;
-        }
-        if (peers_.size() >= static_cast<std::size_t>(settings_.maxConnections)) {
-            ++refused_;
-            Buffer out;
-            wire::writeGoodbye(out, "daemon " + name_ + " is full: it serves " + std::to_string(peers_.size()) +
-                                        " connections; raise it there: sorma::configure -maxconnections N");
-            ssize_t ignored = send(fd, out.data(), out.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
-            (void)ignored;
-            shutdown(fd, SHUT_WR);
-            close(fd);
+        if (fd >= 0) {
+            adopt(fd, tcp);
             continue;
         }
-        adopt(fd, tcp);
+        if (errno != EMFILE && errno != ENFILE) return;
+        // The last descriptor is for taking in a newcomer all the same: another one makes room for it, or it is told.
+        if (spareDescriptor_ >= 0) {
+            close(std::exchange(spareDescriptor_, -1));
+            fd = accept4(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
+            if (fd >= 0) adopt(fd, tcp, true);
+            spareDescriptor_ = open("/dev/null", O_RDONLY | O_CLOEXEC);
+            if (fd >= 0) continue;
+            if (errno != EMFILE && errno != ENFILE) return;
+        }
+        // Others of this process have taken that, too. The newcomers wait in the backlog; look again later instead of spinning.
+        Listener* waiting = nullptr;
+        for (auto& l : listeners_)
+            if (l->descriptor() == listener) waiting = l.get();
+        reactor_.change(listener, 0, waiting);
+        acceptTimer_ = reactor_.after(monotonicNow() + kSweep, [this, waiting] {
+            if (spareDescriptor_ < 0) spareDescriptor_ = open("/dev/null", O_RDONLY | O_CLOEXEC);
+            for (auto& l : listeners_)
+                if (l.get() == waiting) reactor_.change(l->descriptor(), EPOLLIN, waiting);
+        });
+        return;
     }
 }
 
 void Server::adopt(const Inherited& connection) { adopt(connection.fd, connection.tcp); }
 
-void Server::adopt(int fd, bool tcp) {
-    fd = raiseDescriptor(fd);
+// scarce: there is no other descriptor.
+void Server::adopt(int fd, bool tcp, bool scarce) {
+    if (!scarce) fd = raiseDescriptor(fd);
     if (tcp) {
         int on = 1;
         setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
         setsockopt(fd, SOL_SOCKET, SO_KEEPALIVE, &on, sizeof on);
     }
     Identity who = identify(fd, tcp);
+    if ((scarce || peers_.size() >= places()) && !makeRoom(*sorm_.budget.of(who.principal))) return sayFull(fd);
     std::int64_t user = SessionKey::kByNumber;
     if (!tcp) user = !who.principal ? std::int64_t(geteuid()) : std::int64_t(who.principal->uid());
     auto peer = std::make_unique<Peer>(*this, fd, std::make_shared<Client>(std::move(who.caller), std::move(who.principal)), user);
     peers_.emplace(peer.get(), std::move(peer));
+}
+
+// Connections that may be open at a time. Some descriptors stay for what services open.
+std::size_t Server::places() const {
+    std::size_t most = static_cast<std::size_t>(settings_.maxConnections);
+    rlimit limit{};
+    if (getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return most;
+    return std::min<std::size_t>(most, limit.rlim_cur - std::min<rlim_t>(limit.rlim_cur / 4, kDescriptors));
+}
+
+// It is full. Whoever has most connections loses one when the newcomer has fewer: of those that are idle the one that has been
+// so for longest. The owner's stay, and he is let in as long as others have any.
+bool Server::makeRoom(const Account& newcomer) {
+    if (watched_) return newcomer.owner() && peers_.size() < places() + kReserved;      // only the SORM's thread ends connections
+    const Account* most = nullptr;
+    for (auto& [peer, owned] : peers_) {
+        const Account* account = peer->account_.get();
+        if (!account->owner() && (!most || account->connections > most->connections)) most = account;
+    }
+    if (!most || (!newcomer.owner() && most->connections <= newcomer.connections + 1)) return false;
+    Peer* leaves = nullptr;
+    auto rank = [](const Peer& p) { return std::pair(!p.idle(), p.lastHeard()); };
+    for (auto& [peer, owned] : peers_)
+        if (peer->account_.get() == most && (!leaves || rank(*peer) < rank(*leaves))) leaves = peer;
+    ++refused_;
+    retire(leaves, "daemon " + name_ + " is full, and most of its connections are of " + most->name() + ": this one, which was silent for " +
+                       durationText(double(monotonicNow() - leaves->lastHeard())) + ", makes room for another client", true);
+    return true;
+}
+
+void Server::sayFull(int fd) {
+    ++refused_;
+    Buffer out;
+    const bool descriptors = places() < static_cast<std::size_t>(settings_.maxConnections);
+    wire::writeGoodbye(out, "daemon " + name_ + " is full: it serves " + std::to_string(peers_.size()) + " connections; raise it there: " +
+                                (descriptors ? "ulimit -n N" : "sorma::configure -maxconnections N"));
+    ssize_t ignored = send(fd, out.data(), out.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
+    (void)ignored;
+    shutdown(fd, SHUT_WR);
+    close(fd);
 }
 
 // The one place where a session and a peer come together, or part: peer null.
@@ -209,6 +267,8 @@ Server::Session& Server::session(Peer& peer, const wire::Hello& hello, bool& kno
         mine = std::make_unique<Session>();
         mine->key = key;
         mine->client = peer.client;
+        mine->held = Charge(peer.account_, Account::Use::replies);
+        mine->held.force(sizeof(Session) + 1024);
     }
     Session& s = *mine;
     Peer* old = s.peer;
@@ -241,7 +301,7 @@ void Server::leave(Session& s) {
     link(s, nullptr);
     s.lastSeen = monotonicNow();
     for (auto& [id, subscription] : s.subscriptions) subscription->stopKeeping();
-    if (!s.graceTimer)
+    if (!s.graceTimer && !stopping_)
         s.graceTimer = reactor_.after(s.lastSeen + settings_.grace * 1'000'000, [this, key = s.key] {
             Gate::Inside inside(gate_);
             auto found = sessions_.find(key);
@@ -263,6 +323,15 @@ void Server::abandon(const SessionKey& key) {
         if (slot.call) running.push_back(slot.call);
     }
     auto subscriptions = std::exchange(s.subscriptions, {});
+    // What it may still ask for must not keep others of the same principal from their work.
+    const Account& account = *s.held.account();
+    for (auto& slot : s.slots) {
+        if (account.used() <= account.limit() / 2) break;
+        if (slot.state != Slot::State::done || slot.reply.capacity() <= kKeepBuffer) continue;
+        slot.state = Slot::State::tooLarge;
+        slot.size = slot.reply.size();
+        dropReply(slot);
+    }
     Gate::Outside outside(gate_);
     subscriptions.clear();
     for (auto* call : running) call->cancel();
@@ -348,7 +417,8 @@ std::string Server::connectionsText() const {
 std::string Server::statisticsText() const {
     Gate::Inside inside(gate_);
     return "daemon " + name_ + ": " + std::to_string(peers_.size()) + " connections, " + std::to_string(sessions_.size()) +
-           " sessions, " + std::to_string(served_) + " calls served, " + std::to_string(refused_) + " connections refused, since " +
+           " sessions, " + std::to_string(served_) + " calls served, " + std::to_string(refused_) + " connections refused, " +
+           std::to_string(dropped_) + " one-way requests dropped, since " +
            clockText(started_);
 }
 
@@ -368,16 +438,35 @@ Server::Slot* Server::findSlot(const Later& later) {
     return slot.state == Slot::State::running && slot.sequence == later.sequence ? &slot : nullptr;
 }
 
+void Server::setLimits(Sorm& sorm, const Settings& s) {
+    sorm.budget.setLimits(std::size_t(s.budget > 0 ? s.budget : 2 * s.maxMessage), std::size_t(s.totalBudget > 0 ? s.totalBudget : 8 * s.maxMessage));
+}
+
+// Charged is the memory, which stays from one reply to the next: a slot whose replies are of the same size costs nothing more.
 void Server::keepReply(Slot& slot, const char* record, std::size_t size) {
-    if (size > static_cast<std::size_t>(settings_.keepReply)) {
-        slot.state = Slot::State::tooLarge;
-        slot.size = size;
-        slot.reply.release();
-    } else {
-        slot.state = Slot::State::done;
-        slot.reply.resize(size);
-        std::memcpy(slot.reply.data(), record, size);
+    if (slot.reply.capacity() > kKeepBuffer && size <= kKeepBuffer) dropReply(slot);
+    if (size > slot.reply.capacity()) {
+        dropReply(slot);
+        // Some room stays for requests, without which kept replies are of no use.
+        Charge& held = slot.of->held;
+        const Account& account = *held.account();
+        bool fits = size <= Slot::kSmall ||
+                    (size <= static_cast<std::size_t>(settings_.keepReply) && account.used() + size <= account.limit() - account.limit() / 4 &&
+                     held.set(held.bytes() + size));
+        if (!fits) {
+            slot.state = Slot::State::tooLarge;
+            slot.size = size;
+            return;
+        }
     }
+    slot.state = Slot::State::done;
+    slot.reply.resize(size);                            // exactly, when it is new
+    std::memcpy(slot.reply.data(), record, size);
+}
+
+void Server::dropReply(Slot& slot) {
+    slot.of->held.force(slot.of->held.bytes() - slot.charged());
+    slot.reply.release();
 }
 
 // The client asked again while the call ran: the reply goes where it is now, unless it went there already.
@@ -394,6 +483,10 @@ void Server::replyLater(Later later, wire::Times times, PendingPointer pending) 
     if (pending->answered()) return answer(later, times, *pending);
     Slot* slot = findSlot(later);
     Peer* peer = findPeer(later);
+    if (peer) {
+        pending->charge = Charge(peer->account_, Account::Use::requests);
+        pending->charge.force(sizeof(Pending) + later.size);
+    }
     if (slot) {
         slot->pending = pending;
     } else if (peer) {
@@ -434,7 +527,7 @@ void Server::answer(const Later& later, wire::Times times, Pending& pending) {
     if (!slot && (!peer || later.slot != wire::kNoSlot)) return;        // nobody will ask for it
     Buffer out;
     if (peer) {
-        peer->reply(later.xid, times, *m, slot, out);
+        peer->reply(later.xid, times, pending.who, *m, slot, out);
         peer->push(out.data(), out.size());
     } else {
         wire::writeReply(out, later.xid, times, *m);
@@ -526,7 +619,8 @@ bool Server::glance(const std::vector<void*>& waiting) {
     for (auto& listener : listeners_) {
         if (std::find(waiting.begin(), waiting.end(), static_cast<Reactor::Watcher*>(listener.get())) == waiting.end()) continue;
         int fd = -1;
-        while (peers_.size() < static_cast<std::size_t>(settings_.maxConnections) &&
+        // Who does not fit waits for the SORM's thread, which may make room.
+        while (peers_.size() < places() + (listener->tcp() ? 0 : kReserved) &&
                (fd = accept4(listener->descriptor(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK)) >= 0)
             adopt(fd, listener->tcp());
     }

@@ -69,6 +69,7 @@ public:
     wire::Health health(bool busy) const;
     std::string connectionsText() const;                        // a line for each peer
     std::string statisticsText() const;
+    static void setLimits(Sorm& sorm, const Settings& settings);    // as the settings say now
 
 private:
     class Listener;
@@ -109,13 +110,17 @@ private:
         std::uint64_t peerNumber;
         SessionKey session;
         std::uint32_t slot, sequence, xid;
+        std::size_t size;                       // of the request
         std::int64_t started;
     };
 
     void listen(const Wanted& wanted);
     void accept(int listener, bool tcp);
     void adopt(const Inherited& connection);
-    void adopt(int fd, bool tcp);
+    void adopt(int fd, bool tcp, bool scarce = false);
+    std::size_t places() const;
+    bool makeRoom(const Account& newcomer);
+    void sayFull(int fd);
     bool newcomer(const Peer& peer, XdrReader hello) const;
     void link(Session& session, Peer* peer);
     Slot* findSlot(const Later& later);
@@ -123,6 +128,7 @@ private:
     void replyLater(Later later, wire::Times times, PendingPointer pending);
     void answer(const Later& later, wire::Times times, Pending& pending);
     void keepReply(Slot& slot, const char* record, std::size_t size);
+    void dropReply(Slot& slot);
     void replyAgain(const Later& later, Slot& slot, Peer* answered);
     void mark(Trail& trail, const std::string& request) const;
     void passOn(Trail& trail, std::string_view name, const wire::Times& times) const;
@@ -147,7 +153,7 @@ private:
     std::uint32_t program_ = 0;
     std::uint64_t boot_;
     std::int64_t started_;
-    std::uint64_t served_ = 0, refused_ = 0;
+    std::uint64_t served_ = 0, refused_ = 0, dropped_ = 0;
     std::vector<std::unique_ptr<Listener>> listeners_;
     std::unordered_map<Peer*, std::unique_ptr<Peer>> peers_;
     std::vector<std::unique_ptr<Peer>> retired_;                // closed, but perhaps still on the stack
@@ -161,6 +167,7 @@ private:
     Buffer events_, glance_;                                    // written by pump, read by the watchman
     Activity* activity_ = nullptr;
     std::uint64_t peersSeen_ = 0;
+    int spareDescriptor_ = -1;
     bool stopping_ = false;
     bool watched_ = false;                                      // it is the watchman who is inside
     std::shared_ptr<Server*> self_ = std::make_shared<Server*>(this);   // for callbacks that may outlive us

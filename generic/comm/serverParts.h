@@ -7,10 +7,12 @@
 #include <algorithm>
 #include <deque>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "bus/budget.h"
 #include "bus/client.h"
 #include "bus/stream.h"
 #include "comm/clock.h"
@@ -19,9 +21,11 @@
 namespace sorma {
 
 inline constexpr std::size_t kReadSize = 64 * 1024;
+inline constexpr std::size_t kMostGrowth = 8 << 20;     // of a long request, in one turn
 inline constexpr int kBatch = 64;                       // requests of one peer in one turn, at most
 inline constexpr std::size_t kQueueLimit = 1 << 20;     // of replies not taken, before we stop reading a peer
 inline constexpr std::size_t kEventWindow = 64 * 1024;  // of events that wait in a peer's queue
+inline constexpr std::size_t kFlushAt = 256 * 1024;     // of replies written, before they are sent
 inline constexpr std::size_t kKeepBuffer = 4096;        // a peer's own buffers may stay this large when empty
 inline constexpr std::size_t kKeepSpare = 4 << 20;      // buffers that all peers share, kept for the next long message
 
@@ -46,13 +50,16 @@ struct Server::Frame {
 };
 
 struct Server::Slot {
+    static constexpr std::size_t kSmall = 256;              // reply that a slot is charged with from the beginning
     enum class State : std::uint8_t { empty, running, done, tooLarge };
     std::uint32_t sequence = 0;
     State state = State::empty;
+    Session* of = nullptr;
     bool asked = false;         // the client asks again while the call runs: send the reply where it is now
     std::uint32_t askedXid = 0;
     std::size_t size = 0;
     Buffer reply;               // the record as it was sent
+    std::size_t charged() const { return reply.capacity() > kSmall ? reply.capacity() : 0; }     // beyond that
     CallContext* call = nullptr;    // running, and on the stack
     PendingPointer pending;     // running, and taken over by the service
 };
@@ -82,9 +89,14 @@ private:
         std::uint64_t number, lost;
     };
     void push(std::shared_ptr<const Buffer> body);
+    static std::size_t sizeOf(const Item& item) { return sizeof(Item) + item.body->size(); }
+    bool charge();                          // for what waits; false: too much
+    void dropOldest();
 
     Server& server_;
     Session& session_;
+    std::size_t own_, waits_ = 0;           // [bytes] of itself, of items_
+    Charge charge_;
     Reference object_;
     std::size_t keep_;
     std::deque<Item> items_;
@@ -98,6 +110,7 @@ struct Server::Session {
     std::int64_t lastSeen = 0;
     Timer graceTimer;
     std::vector<Slot> slots;
+    Charge held;                            // for itself, the slots, and the replies kept in them
     std::map<std::uint32_t, std::unique_ptr<Subscription>> subscriptions;
 
     bool running() const {
@@ -127,6 +140,7 @@ public:
     void ready(std::uint32_t events) override;
     void push(const char* data, std::size_t size);      // send now, or queue what the socket does not take
     void shut();
+    bool onStack() const;               // is one of its requests executed?
     bool open() const { return fd_ >= 0; }
     std::size_t queued() const { return out_.size() - sent_; }
     void spill(Frame& frame);
@@ -143,6 +157,8 @@ public:
 
     // Why this peer has been slow for too long; empty when it has not.
     std::string tooSlow(std::int64_t now) const;
+    bool idle() const { return in_.empty() && fragments_.size() == 0 && queued() == 0 && owed_.empty() && !(session && session->running()); }
+    std::int64_t lastHeard() const { return arrived_ != 0 ? arrived_ : since; }
     bool slow() const { return halfSince_ != 0 || queued() > 0; }
 
     // What it got in the last turn of the reactor that served it: the server's, for everybody's share.
@@ -151,8 +167,15 @@ public:
 
 private:
     void receive();
+    std::size_t appetite() const;
+    std::size_t firstSize() const;
+    bool complete() const { return in_.size() >= std::max(firstSize(), wire::kMarkSize + 1); }
+    void charge(std::size_t request, bool half);
     void serve(Frame& frame, Scratch& scratch);
-    bool oversized(Frame& frame, Scratch& scratch, std::size_t length);
+    bool skip(Frame& frame, Scratch& scratch, std::size_t length, const Error& why);
+    Error tooLong(std::size_t length) const;
+    Error overBudget(std::string_view object, Account::Use use, std::size_t bytes) const;
+    bool crowded();
     void handle(std::string_view record, Scratch& scratch, Frame& frame);
     void hello(XdrReader& r, std::uint32_t xid, Buffer& out, std::int64_t now);
     std::size_t scan(const char* at, const char* end);
@@ -161,12 +184,13 @@ private:
     void cancel(XdrReader& r);
     void subscribe(XdrReader& r, const wire::CallHeader& header, Scratch& scratch);
     const PrincipalPointer& authorOf(const wire::Behalf& behalf) const { return behalf.relayed ? Principal::nobody() : principal_; }
+    struct Words;
     void call(XdrReader& r, const wire::CallHeader& header, std::string_view record, Scratch& scratch, Frame& frame);
     void oneway(XdrReader& r, const wire::CallHeader& header, Scratch& scratch, Frame& frame);
     // True: the service answers later, m.later says.
     bool execute(const wire::Request& request, const wire::CallHeader& header, std::string_view record, Message& m, wire::Times& times, Slot* slot,
                  Scratch& scratch, Frame& frame);
-    void reply(std::uint32_t xid, const wire::Times& times, Message& m, Slot* slot, Buffer& out);
+    void reply(std::uint32_t xid, const wire::Times& times, std::string_view name, Message& m, Slot* slot, Buffer& out);
     void flush(Scratch& scratch);
     void drain();
     void pump();
@@ -176,10 +200,14 @@ private:
     Server& server_;
     int fd_;
     const PrincipalPointer principal_;  // who writes what comes here; null: the owner
+    const AccountPointer account_;      // to which he is charged
+    Charge request_, queue_;            // for what has come of a request, and for out_
     const std::int64_t user_;           // by Unix socket: the user, else SessionKey::kByNumber
+    std::optional<std::string> leaving_;    // why it goes, when its request that is executed has been answered
     bool greeted_ = false;              // it has said HELLO, which may be said once
     Buffer in_;                         // the beginning of a request
     Buffer fragments_;                  // fragments of a record that came before its last one
+    int empties_ = 0;                   // of which so many were empty
     Buffer out_;                        // replies that the socket has not taken
     std::size_t sent_ = 0;              // of out_
     std::size_t skip_ = 0;              // bytes of an oversized record still to come
@@ -194,7 +222,8 @@ private:
     std::uint32_t interest_ = EPOLLIN | EPOLLRDHUP;
     std::uint32_t maxReply_ = UINT32_MAX;
     std::deque<Subscription*> events_;  // those with something for this peer
-    std::vector<std::weak_ptr<Pending>> owed_;  // calls without a slot that are answered later: they end with the connection
+    // Calls without a slot that are answered later: they end with the connection. And those that nobody waits for.
+    std::vector<std::weak_ptr<Pending>> owed_, oneway_;
     std::vector<std::uint32_t> answered_;       // by the watchman: xids that are not to be answered again
 
     friend class Server;

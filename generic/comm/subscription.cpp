@@ -3,9 +3,17 @@
 
 namespace sorma {
 
+namespace {
+
+constexpr std::size_t kUncharged = 1024;        // of events that wait
+
+}  // namespace
+
 Server::Subscription::Subscription(Server& server, Session& session, const wire::Subscription& wanted, const PrincipalPointer& author)
     : id(wanted.id), server_(server), session_(session),
+      own_(1024 + wanted.name.size() + wanted.pattern.size()), charge_(session.peer->account_, Account::Use::subscriptions),
       keep_(std::clamp<std::size_t>(wanted.keep, 1, static_cast<std::size_t>(server.settings_.maxQueue))) {
+    charge_.need(wanted.name, own_);
     Gate::Outside outside(server_.gate_);               // the object may have to be made
     Sorm& sorm = server_.sorm_;
     sorm.access.need(author, Right::inspect, wanted.name, wanted.name);
@@ -43,27 +51,43 @@ void Server::Subscription::push(std::shared_ptr<const Buffer> body) {
         ++lost_;
         return;
     }
-    if (items_.size() >= keep_) {                       // the oldest goes; the next one tells how many went before it
-        lost_ += 1 + items_.front().lost;
-        items_.pop_front();
-        if (!items_.empty()) items_.front().lost += std::exchange(lost_, 0);
-    }
+    if (items_.size() >= keep_) dropOldest();
     items_.push_back({std::move(body), number_, std::exchange(lost_, 0)});
+    waits_ += sizeOf(items_.back());
+    while (waits_ > kUncharged && !charge()) {
+        dropOldest();
+        if (items_.empty()) return;
+    }
     if (!scheduled) session_.peer->schedule(*this);
+}
+
+// One or two small ones are on their way in a moment.
+bool Server::Subscription::charge() { return charge_.set(own_ + (waits_ > kUncharged ? waits_ : 0)); }
+
+// The next one tells how many went before it.
+void Server::Subscription::dropOldest() {
+    lost_ += 1 + items_.front().lost;
+    waits_ -= sizeOf(items_.front());
+    items_.pop_front();
+    if (!items_.empty()) items_.front().lost += std::exchange(lost_, 0);
 }
 
 bool Server::Subscription::pump(Peer&, Buffer& out) {
     while (!items_.empty() && out.size() < kEventWindow) {
         auto& item = items_.front();
         wire::writeEvent(out, {id, item.number, item.lost}, *item.body);
+        waits_ -= sizeOf(item);
         items_.pop_front();
     }
+    if (charge_.bytes() != own_) charge();
     return !items_.empty();
 }
 
 void Server::Subscription::stopKeeping() {
     for (auto& item : items_) lost_ += 1 + item.lost;
     items_.clear();
+    waits_ = 0;
+    charge();
     scheduled = false;
 }
 

@@ -59,6 +59,12 @@ std::string clean(std::string_view text) {
 bool readTrail(XdrReader& r, Trail& trail) {
     std::size_t dropped = r.u32();
     std::size_t n = r.count(48);
+    // Trimmed once for as many entries as it may hold, so that a peer's trail of a million costs no more than reading it.
+    Trail read;
+    auto flush = [&] {
+        trail.append(read);
+        read.clear();
+    };
     for (std::size_t i = 0; i < n && r.good(); ++i) {
         Entry e;
         std::uint32_t severity = r.u32();
@@ -74,8 +80,11 @@ bool readTrail(XdrReader& r, Trail& trail) {
         e.line = r.i32();
         e.time = r.i64();
         e.request = clean(r.text());
-        if (r.good()) trail.add(std::move(e));
+        if (!r.good()) break;
+        read.add(std::move(e));
+        if (read.entries().size() >= Trail::limit()) flush();
     }
+    flush();
     trail.setDropped(trail.dropped() + dropped);
     return r.good();
 }
@@ -350,6 +359,19 @@ bool readRequest(XdrReader& r, Request& request, Message& m) {
     request.method = static_cast<Method>(method);
     request.name = r.text();
     return readMessage(r, m) && r.atEnd();
+}
+
+std::size_t wordsSize(XdrReader r) {
+    constexpr std::size_t kWord = sizeof(std::string) + 16;         // a word longer than a few bytes is a block of its own
+    r.skip(16);
+    for (int i = 0; i < 2; ++i) r.text();                           // name, text
+    for (int i = 0; i < 2; ++i) {                                   // floats, ints
+        std::size_t n = r.u32();
+        if (n > r.left() / 8) return 0;
+        r.skip(8 * n);
+    }
+    r.text();
+    return r.count(4) * kWord;
 }
 
 bool readReply(XdrReader& r, Times& times, Message& m) {

@@ -144,6 +144,8 @@ CallHeader readCallHeader(XdrReader& r, std::uint32_t xid);             // after
 std::string readReplyHeader(XdrReader& r);
 bool readBehalf(std::string_view body, Behalf& behalf);
 bool readRequest(XdrReader& r, Request& request, Message& m);           // m is cleared first
+// Memory that the words of a request take beyond its bytes. r: where readRequest would begin.
+std::size_t wordsSize(XdrReader r);
 bool readReply(XdrReader& r, Times& times, Message& m);
 bool readClock(XdrReader& r, std::int64_t& sent);
 bool readCancel(XdrReader& r, Cancel& cancel);

@@ -150,7 +150,7 @@ public:
     std::int64_t i64() { return static_cast<std::int64_t>(u64()); }
     std::string_view text() {                                       // views into the record
         std::size_t n = u32();
-        if (!has(XdrWriter::padded(n))) return {};
+        if (n > left() || !has(XdrWriter::padded(n))) return {};    // first: where size_t has 32 bits padding may overflow
         std::string_view v(at_, n);
         at_ += XdrWriter::padded(n);
         return v;
@@ -184,6 +184,10 @@ public:
         std::size_t n = count(4);
         out.resize(n);
         for (auto& s : out) s = text();
+    }
+
+    void skip(std::size_t n) {
+        if (has(n)) at_ += n;
     }
 
 private:

@@ -34,6 +34,7 @@ struct Network {
         auto& network = *static_cast<Network*>(data);
         if (getpid() != network.process) return;
         while (!network.comm.servers().empty()) network.comm.unserve(network.comm.servers().begin()->first, "the program has ended");
+        network.comm.finish();
     }
     const pid_t process = getpid();
     Comm comm;
@@ -214,11 +215,16 @@ void initCommCommands(Interpreter& i) {
 
     Settings& s = network->comm.settings;
     auto add = [&](const char* name, const char* unit, const char* help, std::int64_t low, std::int64_t high, std::int64_t& value) {
-        i.addInteger(name, unit, help, low, high, [&value] { return value; }, [&value](std::int64_t v) { value = v; });
+        i.addInteger(name, unit, help, low, high, [&value] { return value; }, [&value, &s, &sorm = i.sorm](std::int64_t v) {
+            value = v;
+            Server::setLimits(sorm, s);
+        });
     };
-    constexpr std::int64_t kDay = 86'400'000, kGigabyte = 1 << 30, kMany = 1'000'000;
+    constexpr std::int64_t kDay = 86'400'000, kGigabyte = 1 << 30, kTerabyte = kGigabyte << 10, kMany = 1'000'000;
     add("-timeout", "ms", "deadline of a call to another process, 0 = none", 0, 30 * kDay, s.timeout);
     add("-maxmessage", "bytes", "longest message sent or taken", 1024, kGigabyte, s.maxMessage);
+    add("-budget", "bytes", "that each host or user may make a daemon of this interpreter keep, 0 = twice -maxmessage", 0, kTerabyte, s.budget);
+    add("-totalbudget", "bytes", "that all clients together may make it keep, 0 = eight times -maxmessage", 0, kTerabyte, s.totalBudget);
     add("-maxconnections", "1", "connections that a daemon of this interpreter takes", 1, kMany, s.maxConnections);
     add("-inflight", "1", "calls of one client that a daemon takes at a time", 1, 65536, s.inFlight);
     add("-grace", "ms", "time that a client which lost its connection has to come back before what it holds is freed", 0, kDay, s.grace);
@@ -226,6 +232,8 @@ void initCommCommands(Interpreter& i) {
     add("-requesttime", "ms", "time for a peer to send the rest of a request", 1, kDay, s.requestTime);
     add("-replytime", "ms", "time for a peer to take some of what waits for it", 1, kDay, s.replyTime);
     add("-keepreply", "bytes", "longest reply kept for a client that lost its connection", 0, kGigabyte, s.keepReply);
+    add("-onewayqueue", "bytes", "one-way requests that wait on a connection to be sent", 0, kGigabyte, s.onewayQueue);
+    add("-onewaywait", "ms", "time that a one-way request waits for room among them, 0 = it fails at once", 0, kDay, s.onewayWait);
     add("-linger", "us", "time that a daemon waits for the next request before the event loop goes on", 0, 100'000, s.linger);
 }
 

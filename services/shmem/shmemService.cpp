@@ -137,7 +137,10 @@ public:
         if (writer_) writer_->segment()->setKeep(keep_);
     }
 
-    void leaving() override { writer_.reset(); }
+    void leaving() override {
+        writer_.reset();
+        charge_.clear();
+    }
 
     // The message stays as it came: a row of steps goes on with it.
     void exec(Message& m) override {
@@ -176,9 +179,12 @@ private:
         if (floats_ == 0 && any_ == 0) fail(kNothing, name(), "-floats");
         auto access = access_ == "owner" ? shmem::Access::owner : access_ == "group" ? shmem::Access::group : shmem::Access::all;
         std::string program = sorm().daemonName.empty() ? sorma::Caller::self().program : sorm().daemonName;
+        const shmem::Shape shape{std::uint64_t(blocks_), std::uint64_t(floats_), std::uint64_t(any_)};
+        sorma::Charge charge(sorm().budget.ofCaller(), sorma::Account::Use::segments);
+        charge.need(name(), shmem::segmentBytes(shape));
         try {
-            writer_.emplace(key(), shmem::Shape{std::uint64_t(blocks_), std::uint64_t(floats_), std::uint64_t(any_)}, program,
-                            access, keep_);
+            writer_.emplace(key(), shape, program, access, keep_);
+            charge_ = std::move(charge);
         } catch (const shmem::Failure& f) {
             raise(*this, f);
         }
@@ -192,6 +198,7 @@ private:
     std::int64_t blocks_ = 16, floats_ = 1, any_ = 0;
     std::string access_ = "owner";
     bool keep_ = false, unchecked_ = false;
+    sorma::Charge charge_;                  // to whoever was the first to want the segment
     std::optional<shmem::Writer> writer_;
 };
 
