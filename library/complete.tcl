@@ -40,7 +40,7 @@ namespace eval ::sorma::complete {
         sorma::inspect::top {{?-count n? ?@daemon? ?-data?} {-count -data} {at none}}
         sorma::inspect::find {{word ?@daemon? ?-data?} -data {none at}}
         package {} source {} cd {} open {} load {} glob {} exec {} file {}
-        trail {?name? {} {object none}}
+        trail {{?name? ?number? ?-stack?} {-stack} {object none}}
         record {{file ?-exact?} -exact {file none}}
         stop {{} {} none}
     }

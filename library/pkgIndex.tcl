@@ -15,7 +15,7 @@ package ifneeded sorma 1.0 [list apply {dir {
         discover discover
         complete complete
         manual {manual manual::pages manual::titles manual::fragment}
-        show {show showTrail showDefaults}
+        show {show showTrail showStack showDefaults}
         inspect {inspect inspect::ls inspect::tree inspect::daemons inspect::help inspect::dump inspect::watch inspect::unwatch
             inspect::top inspect::find}
     } {

@@ -592,7 +592,7 @@ proc ::sorma::scott::Help args {
     set text [::sorma::inspect::help {*}$args]
     if {[llength $args] == 0} {
         append text \n [::sorma::inspect::Table {} {
-            {{trail ?name?} {all messages of the last request, or of an object's last one that had any}}
+            {{trail ?name? ?number? ?-stack?} {all messages of the last request, or of an object's last one; one; its stack trace}}
             {{record file ?-exact?} {keeps what is typed as a script, and as a test suite}}
             {stop {ends the recording}}
             {{Tab, Ctrl-R, Ctrl-C, Ctrl-D} {complete; search what was typed; give up; leave. More: man scott}}
@@ -601,9 +601,36 @@ proc ::sorma::scott::Help args {
     return $text
 }
 
-# trail ?NAME?: the messages of the last request, or of the last one of an object that had any. In colours only when it
-# is shown at once.
+# trail ?NAME? ?NUMBER? ?-stack?: the messages of the last request, or of the last one of an object that had any; one of them; the
+# stack trace of one, or of the first that has one. In colours only when it is shown at once.
 proc ::sorma::scott::Trail args {
     variable Direct
-    return [::sorma::showTrail [::sorma::trail {*}$args] {*}[expr {$Direct ? [ShowSettings stdout] : {-width 0}}]]
+    set words $args
+    if {[set stack [expr {[lindex $words end] eq "-stack"}]]} {
+        set words [lrange $words 0 end-1]
+    }
+    set number {}
+    if {[string is integer -strict [lindex $words end]]} {
+        set number [lindex $words end]
+        set words [lrange $words 0 end-1]
+    }
+    if {[llength $words] > 1 || [string match -* [lindex $words 0]]} {
+        return -code error -errorcode {SORMA REQUEST SYNTAX} "wrong # args: should be \"trail ?name? ?number? ?-stack?\""
+    }
+    set trail [::sorma::trail {*}$words]
+    set settings [expr {$Direct ? [ShowSettings stdout] : {-width 0}}]
+    if {$number ne {} && ($number < 1 || $number > [llength $trail])} {
+        return -code error -errorcode {SORMA REQUEST SYNTAX} "there is no message $number: the trail has [llength $trail]"
+    }
+    if {$stack} {
+        auto_load ::sorma::show
+        if {$number eq {}} {
+            set number [expr {max(1, [lsearch -exact [lmap entry $trail {::sorma::show::IsStack $entry}] 1])}]
+        }
+        return [::sorma::showStack $trail $number {*}$settings]
+    }
+    if {$number ne {}} {
+        set trail [lrange $trail $number-1 $number-1]
+    }
+    return [::sorma::showTrail $trail {*}$settings]
 }

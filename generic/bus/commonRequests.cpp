@@ -260,7 +260,7 @@ const std::vector<Action>& CommonRequests::actions() {
              addLine(m, line + " " + s.recipe());
          }, Right::inspect},
         {"-selftest", "", "check itself", 0, 0,
-         [](Service& s, Args, Message& m) { addLine(m, s.selftest()); }, Right::call},
+         [](Service& s, Args, Message& m) { s.answerSelftest(m); }, Right::call},
         {"-undo", "", "take back the last CTRL that set options", 0, 0, undo, Right::configure, true},
     };
     return list;

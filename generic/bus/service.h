@@ -53,6 +53,8 @@ public:
 
     // Check yourself; throw what is wrong, or return a verdict in clear text.
     virtual std::string selftest() { return "ok"; }
+    // The same, answering by itself: one more line of m.text. A check that takes its time is taken over with later(m).
+    virtual void answerSelftest(Message& m);
 
     // The object has left the repository. End what is under way: replies that are still owed keep the object alive.
     virtual void leaving() {}

@@ -37,25 +37,31 @@ public:
     void exec(Message& m) override;
     void born() override;
     void changed(std::span<const Option* const> options) override;
-    std::string selftest() override;
+    void answerSelftest(Message& m) override;
     void dumpState(std::string& out) const override;
 
     // Call a method of the TclOO object, private ones too. Throws what it throws, behind what message has in its
     // trail already (message may be null: then warnings of the method go nowhere).
     Obj call(std::string_view method, std::span<Tcl_Obj* const> args, Message* message) const;
 
+    // An action, or what else answers CTRL and DBX: as an EXEC it may wait, and is answered later then. What the method
+    // returns becomes a line of m.text.
+    void act(const std::string& method, Args args, Message& m);
+
     void removed();             // the SO has left the repository: so does the TclOO object
     void objectDeleted();       // and the other way round
 
     void leaving() override;
     void tell(std::string_view event, const Message& m) const { publish(event, m); }
-    void answer(TclRun& run, Message& m) const;     // of an EXEC that is done: the result into m, or a throw
+    void answer(TclRun& run, Message& m) const;     // of one that is done: the result into m, or a throw
     Value value(std::size_t option) const { return values_[option]; }
     void setValue(std::size_t option, const Value& value);
     void setService(std::size_t option, Reference service);
     Interpreter& interpreter() const { return interpreter_; }
 
 private:
+    void begin(const std::shared_ptr<TclRun>& run, std::span<const Obj> command, Message& m);
+
     Interpreter& interpreter_;
     Tcl_Object object_ = nullptr;       // null when it has been destroyed
     Obj my_;                            // command that also calls its private methods
@@ -63,11 +69,12 @@ private:
     std::vector<Reference> services_;   // of the options of type service; as long as values_, or empty
 };
 
-// An EXEC of a service in Tcl. It runs in a coroutine of its own, so that it may wait: for time, for events, for other
+// An EXEC or an action of a service in Tcl. It runs in a coroutine of its own, so that it may wait: for time, for events, for other
 // services, which then suspend only it. What it still owes when it first waits is answered later.
 struct TclRun {
     TclService* service;                // null when its interpreter is gone
     Reference keep;
+    bool isExec = true;
     Message said;                       // its warnings so far
     KeptCallPointer context;                    // of the request; null: it came from no request
     Reply reply;                        // set when it has waited
