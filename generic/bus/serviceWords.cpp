@@ -111,7 +111,10 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, c
                                  origins[i]->author, by, request, now});
         a.birth = birth;
         apply(a);
-        if (!birth) r.undo = std::move(a.before);
+        if (!birth) {
+            if (r.undo.size() == Record::kUndoDepth) r.undo.pop_front();
+            r.undo.push_back(std::move(a.before));
+        }
     }
     for (auto& step : steps) {
         if (step.action->whileTicking) a.between.reset();

@@ -24,7 +24,7 @@ const Prototype kDeclaration{Severity::error, "CLASS TABLE", 0, "{}: {}"};
 const Prototype kOutside{Severity::error, "CLASS TABLE", 0,
                          "{} declares a service class: use it in the body of a class, behind \"superclass sorma::Service\""};
 const Prototype kNoService{Severity::error, "SERVICE FAILED", 0,
-                           "{} is a plain TclOO object without a service object; make it by name: sorma::create NAME"};
+                           "{} is no service object yet: its constructor has not ended; method born is for what needs one"};
 const Prototype kElsewhere{Severity::error, "COMM DENIED", 2,
                            "{}: {} {} is elsewhere; of a class in Tcl only the daemon's own user may choose such an object"};
 const Prototype kNotRunning{Severity::error, "SERVICE FAILED", 0, "{} belongs into a method of a service class"};
@@ -232,8 +232,16 @@ TclService::TclService(Interpreter& i, Tcl_Class type, std::vector<Value> initia
     : interpreter_(i), values_(std::move(initial)) {
     std::string className = objectName(i.interp, Tcl_GetClassAsObject(type));
     KeepState keep(i.interp);
+    ++i.constructing;
     object_ = Tcl_NewObjectInstance(i.interp, type, nullptr, nullptr, 0, nullptr, 0);
+    --i.constructing;
     if (!object_) fail(kStep, "the constructor of " + className, toUtf8(Tcl_GetObjResult(i.interp)));
+    Tcl_ObjectSetMetadata(object_, &kObjectData, this);
+    my_ = str(std::string(Tcl_GetObjectNamespace(object_)->fullName) + "::my");
+}
+
+TclService::TclService(Interpreter& i, Tcl_Object object, std::vector<Value> initial)
+    : interpreter_(i), object_(object), anonymous_(true), values_(std::move(initial)) {
     Tcl_ObjectSetMetadata(object_, &kObjectData, this);
     my_ = str(std::string(Tcl_GetObjectNamespace(object_)->fullName) + "::my");
 }
@@ -339,6 +347,11 @@ void TclService::objectDeleted() {
     if (!object_) return;
     object_ = nullptr;
     if (interpreter_.closing() || gone() || name().empty()) return;
+    if (anonymous_) {
+        Reference keep(this);
+        sorm().dismiss(keep);
+        return releaseAnonymous(interpreter_, name());
+    }
     try {
         if (sorm().find(name()) == this) sorm().remove(name());
     } catch (...) {     // it is not in the repository any more
@@ -531,6 +544,19 @@ void TclService::dumpState(std::string& out) const {
         if (line[0] != '#') out += "# ";
         out += line;
     }
+}
+
+namespace {
+TclService& serviceOf(Interpreter& i, Tcl_Object object);
+}  // namespace
+
+std::string labelOfObject(Interpreter& i, std::string_view command) {
+    KeepState keep(i.interp);
+    Obj word(str(command));
+    Tcl_Object object = Tcl_GetObjectFromObj(i.interp, word);
+    if (!object || !eval(i, {str("::info"), str("object"), str("isa"), str("typeof"), word, str("::sorma::Service")})) return {};
+    if (view(Tcl_GetObjResult(i.interp)) != "1") return {};
+    return serviceOf(i, object).name();
 }
 
 void tclServiceRemoved(Interpreter& interpreter, const std::string& name) {
@@ -910,12 +936,42 @@ int WarnObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const obj
     });
 }
 
-// The SO of the object whose method runs.
-TclService& self(Tcl_ObjectContext context, Tcl_Interp* interp) {
-    Tcl_Object object = Tcl_ObjectContextObject(context);
+// A TclOO object that somebody has made himself becomes a service object when it is first asked as one. It is called by its
+// command, as long as that lives; nobody else can name it.
+TclService& makeAnonymous(Interpreter& i, Tcl_Object object) {
+    std::string label = objectName(i.interp, object);
+    if (i.constructing > 0 || Tcl_ObjectDeleted(object)) fail(kNoService, label);
+    KeepState keep(i.interp);
+    if (!eval(i, {str("::info"), str("object"), str("class"), str(label)})) fail(kNoService, label);
+    std::string type = toUtf8(Tcl_GetObjResult(i.interp));
+    std::vector<Value> initial;
+    for (auto* c : lineage(i, type))
+        for (auto& d : c->options) initial.push_back(d.initial);
+    const std::string plain = label;
+    for (int n = 2; isBound(i, label); ++n) label = plain + "#" + std::to_string(n);     // the command was renamed, and made anew
+    auto fresh = std::make_unique<TclService>(i, object, std::move(initial));
+    TclService& service = *fresh;
+    bindAnonymous(i, label, i.sorm.makeAnonymous(std::move(fresh), label, serviceName(type)));
+    return service;
+}
+
+// The SO of a TclOO object.
+TclService& serviceOf(Interpreter& i, Tcl_Object object) {
     auto* service = static_cast<TclService*>(Tcl_ObjectGetMetadata(object, &kObjectData));
-    if (!service || service->name().empty()) fail(kNoService, objectName(interp, object));
+    if (!service) return makeAnonymous(i, object);
+    if (service->name().empty()) fail(kNoService, objectName(i.interp, object));
     return *service;
+}
+
+// The SO of the object whose method runs.
+TclService& self(Tcl_ObjectContext context, Interpreter& i) { return serviceOf(i, Tcl_ObjectContextObject(context)); }
+
+// A word that an object of a service class does not know: requests are for its service object.
+int UnknownOfObject(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    int skip = int(Tcl_ObjectContextSkippedArgs(context));
+    if (objc <= skip || !isSoMethod(objv[skip])) return Tcl_ObjectContextInvokeNext(interp, context, objc, objv, skip);
+    return guarded(i, objc, objv, [&] { return callByName(i, self(context, i).name(), objc - skip + 1, objv + skip - 1); });
 }
 
 int CgetMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, int objc, Tcl_Obj* const objv[]) {
@@ -923,7 +979,7 @@ int CgetMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, i
     return guarded(i, objc, objv, [&] {
         int skip = int(Tcl_ObjectContextSkippedArgs(context));
         if (objc != skip + 1) return Tcl_WrongNumArgs(interp, skip, objv, "-option"), TCL_ERROR;
-        TclService& s = self(context, interp);
+        TclService& s = self(context, i);
         int index = s.type().findOption(view(objv[skip]));
         if (index < 0) {
             std::string known;
@@ -946,7 +1002,7 @@ int ConfigureMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext conte
     return guarded(i, objc, objv, [&] {
         int skip = int(Tcl_ObjectContextSkippedArgs(context));
         if (objc < skip + 2) return Tcl_WrongNumArgs(interp, skip, objv, "-option value ?-option value ...?"), TCL_ERROR;
-        Reference s(&self(context, interp));
+        Reference s(&self(context, i));
         Message m;
         for (int k = skip; k < objc; ++k) m.words.push_back(toUtf8(objv[k]));
         s->invoke(Method::ctrl, m);
@@ -962,7 +1018,7 @@ int PublishMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context
             return Tcl_WrongNumArgs(interp, skip, objv, "event ?-text text? ?-floats list? ?-ints list? ?-any bytes? ?word ...?"), TCL_ERROR;
         Message m;
         readOptions({objv + skip + 1, std::size_t(objc - skip - 1)}, m);
-        self(context, interp).tell(toUtf8(objv[skip]), m);
+        self(context, i).tell(toUtf8(objv[skip]), m);
         return TCL_OK;
     });
 }
@@ -972,7 +1028,7 @@ int NameMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, i
     return guarded(i, objc, objv, [&] {
         int skip = int(Tcl_ObjectContextSkippedArgs(context));
         if (objc != skip) return Tcl_WrongNumArgs(interp, skip, objv, nullptr), TCL_ERROR;
-        Tcl_SetObjResult(interp, newText(self(context, interp).name()));
+        Tcl_SetObjResult(interp, newText(self(context, i).name()));
         return TCL_OK;
     });
 }
@@ -1005,6 +1061,7 @@ constexpr Tcl_MethodType kCget = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::cget", 
 constexpr Tcl_MethodType kConfigure = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::configure", ConfigureMethod, nullptr, nullptr};
 constexpr Tcl_MethodType kName = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::name", NameMethod, nullptr, nullptr};
 constexpr Tcl_MethodType kPublish = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::publish", PublishMethod, nullptr, nullptr};
+constexpr Tcl_MethodType kUnknownOfObject = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::unknown", UnknownOfObject, nullptr, nullptr};
 constexpr Tcl_MethodType kUnknown = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::unknown", UnknownMethod, nullptr, nullptr};
 
 // What does not need C++. It is here and not in a file because a safe interpreter can read none.
@@ -1101,6 +1158,7 @@ bool initTclServices(Interpreter& i) {
     addMethod(service, "configure", true, &kConfigure);
     addMethod(service, "name", true, &kName);
     addMethod(service, "publish", false, &kPublish);
+    addMethod(service, "unknown", false, &kUnknownOfObject);
     if (Tcl_EvalEx(interp, "::expr {{unknown} ni [::info class methods ::oo::class -private]}", -1, TCL_EVAL_GLOBAL) == TCL_OK &&
         view(Tcl_GetObjResult(interp)) == "1")
         addMethod(all, "unknown", false, &kUnknown);

@@ -32,6 +32,8 @@ class TclService final : public Service {
 public:
     // type: the class of the object, still without SO. Fails with SERVICE FAILED when the Tcl constructor does.
     TclService(Interpreter& interpreter, Tcl_Class type, std::vector<Value> initial);
+    // For a TclOO object that somebody has made himself (carry create x): it is his, and no name leads to it.
+    TclService(Interpreter& interpreter, Tcl_Object object, std::vector<Value> initial);
     ~TclService() override;
 
     void exec(Message& m) override;
@@ -52,7 +54,7 @@ public:
     void objectDeleted();       // and the other way round
 
     void leaving() override;
-    void tell(std::string_view event, const Message& m) const { publish(event, m); }
+    void tell(std::string_view event, const Message& m) { publishState(event, m); }
     void answer(TclRun& run, Message& m) const;     // of one that is done: the result into m, or a throw
     Value value(std::size_t option) const { return values_[option]; }
     void setValue(std::size_t option, const Value& value);
@@ -64,6 +66,7 @@ private:
 
     Interpreter& interpreter_;
     Tcl_Object object_ = nullptr;       // null when it has been destroyed
+    bool anonymous_ = false;
     Obj my_;                            // command that also calls its private methods
     std::vector<Value> values_;         // one for each option
     std::vector<Reference> services_;   // of the options of type service; as long as values_, or empty
@@ -104,6 +107,10 @@ bool initTclServices(Interpreter& interpreter);
 // Look for a TclOO class of that service class name and add it to the SORM.
 bool registerTclClass(Interpreter& interpreter, const std::string& name);
 std::vector<std::string> tclClassNames(Interpreter& interpreter);
+
+// The label by which callByName and its like know a TclOO object of a service class that somebody has made himself; from now on it
+// has a service object. Empty: the command is no such object.
+std::string labelOfObject(Interpreter& interpreter, std::string_view command);
 
 void tclServiceRemoved(Interpreter& interpreter, const std::string& name);
 
