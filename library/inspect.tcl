@@ -38,11 +38,11 @@ namespace eval ::sorma::inspect {
 # ---- lists ----
 
 # ::sorma::inspect::ls ?pattern? ?@daemon? ?-data? --
-#       Objects: here and at each daemon; at one with @daemon, which may be a pattern; here only with @.
+#       Objects: here and at each daemon; at one with @daemon, which may be a pattern; here only with @. pattern@daemon is both.
 # Results:
 #       With -data a list of dicts: where (empty: here), name, class, calls, underway; or where and error.
 proc ::sorma::inspect::ls args {
-    lassign [Parse $args {pattern *}] pattern wheres data
+    lassign [Parse $args {pattern *} 1] pattern wheres data
     set items {}
     foreach {where census error} [Censuses $wheres] {
         if {$error ne {}} {
@@ -78,7 +78,7 @@ proc ::sorma::inspect::ls args {
 #       With -data a list of dicts: where, name, class and uses (dict: option -> name of an object); or where and error.
 proc ::sorma::inspect::tree args {
     variable Wait
-    lassign [Parse $args {pattern *}] pattern wheres data
+    lassign [Parse $args {pattern *} 1] pattern wheres data
     set items {}
     foreach {where census error} [Censuses $wheres] {
         if {$error ne {}} {
@@ -740,7 +740,8 @@ proc ::sorma::inspect::InTable {table pattern} {
 # ---- what these have in common ----
 
 # Words of a command: {VALUE-of-each-name ... WHERES DATA}. wheres: patterns after @; a lone @ is here.
-proc ::sorma::inspect::Parse {words names} {
+# located: the first of them may have its place with it, kin*@robot.
+proc ::sorma::inspect::Parse {words names {located 0}} {
     set values [dict values $names]
     set wheres {}
     set data 0
@@ -751,6 +752,9 @@ proc ::sorma::inspect::Parse {words names} {
         } elseif {[string match @* $word]} {
             lappend wheres [string range $word 1 end]
         } elseif {$at < [llength $values]} {
+            if {$located && $at == 0 && [regexp {^([^@]+)@(.*)$} $word -> word where]} {
+                lappend wheres $where
+            }
             lset values $at $word
             incr at
         } else {

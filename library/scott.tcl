@@ -296,6 +296,10 @@ proc ::sorma::scott::CompleteAt {line point} {
     variable Pending
     set before [string length $Pending]
     set found [::sorma::complete $Pending$line [expr {$before + $point}]]
+    # What is known of a daemon has to be asked for first: who types Tab waits a moment for that.
+    if {[llength [dict get $found words]] == 0 && [::sorma::discover::settle 300]} {
+        set found [::sorma::complete $Pending$line [expr {$before + $point}]]
+    }
     dict set found from [expr {max([dict get $found from] - $before, 0)}]
     return $found
 }
