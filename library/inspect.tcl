@@ -9,7 +9,7 @@ apply {{} {
     }
 }}
 namespace eval ::sorma::inspect {
-    namespace export ls tree daemons help dump watch unwatch top find
+    namespace export ls tree daemons help dump watch unwatch top find monitor rate doctor
     namespace ensemble create
 
     variable Wait 400           ;# ms for daemons to answer
@@ -32,6 +32,9 @@ namespace eval ::sorma::inspect {
         unwatch {ends a watch, or all}
         top {the busiest objects: requests per second and their times}
         find {a word in names, purposes, options and help, of all that there is}
+        monitor {shows requests, replies and events of a daemon as they pass, until unwatch}
+        rate {how often an object publishes: mean, shortest, longest time between two events, jitter}
+        doctor {what is wrong on this machine, and how to mend it}
     }
 }
 
@@ -878,3 +881,10 @@ proc ::sorma::inspect::Section {where heads rows right errors} {
     }
     return $out
 }
+
+# Its larger parts.
+apply {{} {
+    foreach file {observe doctor} {
+        uplevel #0 [list source -encoding utf-8 [file join $::sorma::library $file.tcl]]
+    }
+}}
