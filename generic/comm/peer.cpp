@@ -446,7 +446,7 @@ bool Server::Peer::execute(const wire::Request& request, const wire::CallHeader&
             Activity activity(server_, request.name, method, who->caller, start);
             Gate::Outside outside(server_.gate_);
             service = known && !author ? Reference(known) : server_.sorm_.get(request.name, author);
-            if (author) m.author = author;
+            if (author || m.author) m.author = author;      // the one before may have left its own
             later = service->start(method, m);
         }
         std::int64_t ran = monotonicNow() - start;
