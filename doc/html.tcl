@@ -15,7 +15,7 @@ code, pre, .cmd, .const, .option, .package { font-family: monospace }
 dt { margin-top: .8em } dd > p:first-child { margin-top: 0 } .doctools_requirements { display: none }
 table { border-collapse: collapse } td, th { padding: .2em .8em .2em 0; text-align: left; vertical-align: top }
 nav { font-size: 14px; margin-bottom: 1.5em } a[href] { color: #05a } a { color: inherit }
-.option, .opt { white-space: nowrap }
+.option, .opt, p code, li code, td code { white-space: nowrap }
 .index { columns: 3 14em } .index p { margin: 0 }
 }
     variable Tutorials {first-tcl first-cpp two-hosts embedding moving testing}
