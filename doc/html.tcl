@@ -8,13 +8,14 @@ package require doctools
 
 namespace eval html {
     variable Style {
-body { max-width: 52em; margin: 2em auto; padding: 0 1em; font: 16px/1.5 sans-serif; color: #222; background: #fff }
+body { max-width: 58em; margin: 2em auto; padding: 0 1em; font: 16px/1.5 sans-serif; color: #222; background: #fff }
 h1, h2, h3 { line-height: 1.2 } h1 { font-size: 1.6em } h2 { font-size: 1.2em; margin-top: 1.6em }
-pre { background: #f4f4f2; padding: .6em .8em; overflow-x: auto; font-size: 14px; line-height: 1.4 }
+pre { background: #f4f4f2; padding: .6em .8em; overflow-x: auto; font-size: 13px; line-height: 1.4 }
 code, pre, .cmd, .const, .option, .package { font-family: monospace }
 dt { margin-top: .8em } dd > p:first-child { margin-top: 0 } .doctools_requirements { display: none }
 table { border-collapse: collapse } td, th { padding: .2em .8em .2em 0; text-align: left; vertical-align: top }
-nav { font-size: 14px; margin-bottom: 1.5em } a { color: #05a }
+nav { font-size: 14px; margin-bottom: 1.5em } a[href] { color: #05a } a { color: inherit }
+.option, .opt, p code, li code, td code { white-space: nowrap }
 .index { columns: 3 14em } .index p { margin: 0 }
 }
     variable Tutorials {first-tcl first-cpp two-hosts embedding moving testing}
@@ -98,10 +99,20 @@ proc html::manual {name text} {
     regsub {^.*?<h1} $body {<h1} body
     regsub {</body>.*$} $body {} body
     regsub {<h1[^>]*>[^<]*</h1>} $body "<h1>[Escape [lindex [dict get $Pages $name.html] 1]]</h1>" body
+    # The contents need not name themselves, and nothing is said by a synopsis without a command.
+    regsub {<li class="doctools_section"><a href="#toc">[^<]*</a></li>\n} $body {} body
+    if {[regsub {<div id="synopsis" class="doctools_section"><h2>[^\n]*</h2>\s*(<div class="doctools_synopsis">\s*<ul class="doctools_requirements">(\s*<li>[^\n]*</li>)*\s*</ul>\s*</div>\s*)?</div>\n} $body {} body]} {
+        regsub {<li class="doctools_section"><a href="#synopsis">[^<]*</a></li>\n} $body {} body
+    }
     # Commands, and sections of the page, are words of the index; so are its keywords.
     foreach {- anchor head} [regexp -all -inline {<dt><a name="([^"]+?)">(.*?)</a></dt>} $body] {
+        # Of a command its name, with the word of an ensemble, and not its arguments.
+        set command {}
+        regexp {^<b class="cmd">([^<]*)</b>(.*)$} $head - command rest
         set head [string map {&quot; \" &gt; > &lt; < &amp; &} [regsub -all {<[^>]*>} $head {}]]
-        if {[regexp {^(sorma::\S+|[a-z_]\w*(?: EXEC| CTRL| DBX)?(?: -?\w+)?)} $head word]} {
+        if {$command ne {} && ![regexp {^ <b class="const">(EXEC|CTRL|DBX)} $rest]} {
+            lappend Words [list [string map {&gt; > &lt; < &amp; &} $command] $name.html $anchor]
+        } elseif {[regexp {^(sorma::\S+|[a-z_]\w*(?: EXEC| CTRL| DBX)?(?: -?\w+)?)} $head word]} {
             lappend Words [list $word $name.html $anchor]
         }
     }
@@ -172,8 +183,16 @@ proc html::make {folder manual source} {
 
     set index "<h1>Index</h1>\n<div class=\"index\">"
     set last {}
-    foreach entry [lsort -dictionary -unique $Words] {
+    set places {}               ;# a word leads to a page once
+    foreach entry $Words {
         lassign $entry word file anchor
+        if {![dict exists $places [list $word $file]]} {
+            dict set places [list $word $file] $anchor
+        }
+    }
+    foreach entry [lsort -dictionary -index 0 [lsort -dictionary -index 1 [dict keys $places]]] {
+        lassign $entry word file
+        set anchor [dict get $places $entry]
         set label [if {$word eq $last} {string cat "&nbsp;&nbsp;" [Escape [lindex [dict get $Pages $file] 1]]} else {Escape $word}]
         append index "\n<p><a href=\"$file[if {$anchor ne {}} {string cat # $anchor}]\">$label</a></p>"
         set last $word

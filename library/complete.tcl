@@ -25,8 +25,8 @@ namespace eval ::sorma::complete {
         sorma::manual {{?name? ?-width n?} -width {topic none}}
         sorma::health {{daemon ?-timeout ms?} -timeout {daemon none}}
         sorma::subscribe {{name ?-event pattern? ?-latest? ?-queue n? -command prefix} {-event -latest -queue -command} {so none}}
-        sorma::serve {{name ?-port number? ?-host name? ?-socket path? ?-rpcbind boolean? ?-program number? ?-allow line? ?-policy file?}
-            {-allow -host -policy -port -program -rpcbind -share -socket} none}
+        sorma::serve {{name ?-port number? ?-host name? ?-socket path? ?-rpcbind boolean? ?-program number? ?-allow line? ?-policy file? ?-wait?}
+            {-allow -host -policy -port -program -rpcbind -share -socket -wait} none}
         sorma::configure {{?-setting? ?value ...?} {} setting}
         sorma::show {{value ?-as kind? ?-colour boolean? ?-width n? ?-json boolean? ?-so name? ?-error options? ?-trail list? ?-whole boolean?}
             {-as -colour -width -json -so -error -trail -whole} none}
@@ -35,12 +35,15 @@ namespace eval ::sorma::complete {
         sorma::inspect::daemons {?-data? -data none}
         sorma::inspect::help {{?name? ?-data?} -data {topic none}}
         sorma::inspect::dump {{name ?-data?} -data {object none}}
-        sorma::inspect::watch {{?name? ?-every ms? ?-command prefix?} {-every -command} {object none}}
+        sorma::inspect::watch {{?name? ?-event e? ?-every ms? ?-command c?} {-event -every -command} {object none}}
         sorma::inspect::unwatch {{?id?} {} none}
         sorma::inspect::top {{?-count n? ?@daemon? ?-data?} {-count -data} {at none}}
         sorma::inspect::find {{word ?@daemon? ?-data?} -data {none at}}
+        sorma::inspect::monitor {{?pattern? ?@daemon? ?-only kinds?} {-only -command} {object at none}}
+        sorma::inspect::rate {{name ?-event pattern? ?-for seconds? ?-data?} {-data -event -for} {object none}}
+        sorma::inspect::doctor {?-data? -data none}
         package {} source {} cd {} open {} load {} glob {} exec {} file {}
-        trail {?name? {} {object none}}
+        trail {{?name? ?number? ?-stack?} {-stack} {object none}}
         record {{file ?-exact?} -exact {file none}}
         stop {{} {} none}
     }
@@ -382,7 +385,7 @@ proc ::sorma::complete::Expected words {
         for {set i 0} {$i < [llength $rest]} {incr i} {
             set word [lindex $rest $i]
             if {$word in $options} {
-                if {$word in {-data -latest -oneway}} continue
+                if {$word in {-data -latest -oneway -stack -wait}} continue
                 if {[incr i] == [llength $rest]} {
                     switch -- $word {
                         -so { return [list so $hint] }

@@ -17,6 +17,7 @@ namespace eval ::sorma {
   -package NAME ...   Tcl packages to load, such as sorma::service::echo
   -script FILE        Tcl script to run before the daemon is ready
   -log FILE           where background errors are noted                     (default: standard error)
+  -interactive        serve, and give scott's prompt on this terminal; the daemon ends with it
   -until-eof          end when standard input ends: with whoever has started it, also over ssh
   -inetd              serve the socket that is standard input: one connection, or a listener (inetd's "wait")
   -idle SECONDS       end when there has been no connection for so long     (default: 0, never)
@@ -58,16 +59,38 @@ proc ::sorma::daemonMain words {
         puts stderr "sormad: $message"
         return 1
     }
-    if {![info exists DaemonEnd]} {
+    set name [dict get $settings -name]
+    if {![info exists DaemonEnd] && [dict get $settings -interactive]} {
+        Prompt $name
+    } elseif {![info exists DaemonEnd]} {
         vwait ::sorma::DaemonEnd
     }
-    set name [dict get $settings -name]
+    StopServing $name
+    return 0
+}
+
+proc ::sorma::StopServing name {
     try {
         unserve $name "daemon $name was told to end"
     } trap {SORMA SERVICE GONE} {} {
         # a service of ours has ended the serving before
     }
-    return 0
+}
+
+# scott's prompt, inside the daemon: until Ctrl-D there, or until the daemon is told to end.
+proc ::sorma::Prompt name {
+    variable library
+    source -encoding utf-8 [file join $library scott.tcl]
+    # Who waits for a line hears of nothing else; the exit puts the terminal's settings back.
+    trace add variable ::sorma::DaemonEnd write [list apply {{name args} {
+        after 0 [list apply {name {
+            ::sorma::StopServing $name
+            puts {}
+            exit 0
+        }} $name]
+    }} $name]
+    scott::interact
+    trace remove variable ::sorma::DaemonEnd write [lindex [trace info variable ::sorma::DaemonEnd] 0 1]
 }
 
 # A service that waits in an event loop of its own keeps the daemon from ending: it gets a while, no more.
@@ -88,11 +111,11 @@ proc ::sorma::EndDaemon {} {
 # Read the command line into a dict: option -> value, or list of values for -dict and -package.
 proc ::sorma::ParseDaemonWords words {
     set settings [dict create -name {} -dict {} -package {} -script {} -log {} -until-eof 0 -inetd 0 -idle 0 \
-        -serve {}]
+        -interactive 0 -serve {}]
     while {[llength $words] > 0} {
         set words [lassign $words option]
         switch -- $option {
-            -until-eof - -inetd {
+            -until-eof - -inetd - -interactive {
                 dict set settings $option 1
             }
             -name - -script - -log - -idle - -port - -host - -socket - -rpcbind - -program - -allow - -policy - -share {
@@ -126,6 +149,16 @@ proc ::sorma::ParseDaemonWords words {
     }
     if {[dict get $settings -name] eq {}} {
         return -code error "-name is missing"
+    }
+    if {[dict get $settings -interactive]} {
+        foreach option {-until-eof -inetd} {
+            if {[dict get $settings $option]} {
+                return -code error "either -interactive or $option, not both: standard input is one thing"
+            }
+        }
+        if {[catch {fconfigure stdin -mode}]} {
+            return -code error "-interactive needs a terminal as standard input"
+        }
     }
     return $settings
 }

@@ -8,7 +8,7 @@
 # Answers come from strangers: they are data, checked before they are believed, and never evaluated.
 
 namespace eval ::sorma::discover {
-    namespace export daemons names objects classes words inventory census describe guess locate ask fetch await renew address state trouble
+    namespace export settle daemons names objects classes words inventory census describe guess locate ask fetch await renew address state trouble
     namespace ensemble create
 
     variable Fresh 1000         ;# ms for which an answer is not asked for again
@@ -215,7 +215,14 @@ proc ::sorma::discover::trouble {where {request {}}} {
         asking - away {}
         refused {
             if {[string match /* $address]} {
-                return [if {[file exists $address]} {string cat "dead: its socket is all that is left"} else {string cat "no daemon listens on $address"}]
+                if {![file exists $address]} {
+                    return "no daemon listens on $address"
+                }
+                # Whoever sees it removes it, so that it is said once.
+                if {[file dirname $address] eq [RuntimeFolder] && ![catch {::sorma::SweepSocket [file rootname [file tail $address]]} swept] && $swept} {
+                    return "dead: its socket was all that was left, and has been removed"
+                }
+                return "dead: its socket is all that is left"
             }
             return [dict get $found error]
         }
@@ -546,6 +553,20 @@ proc ::sorma::discover::await {ms wheres args} {
         }
     }
     AwaitKeys $ms $keys
+}
+
+# ::sorma::discover::settle MS --
+#       Wait for what has just been asked for the first time, in the way of await. Returns whether there was anything.
+proc ::sorma::discover::settle ms {
+    variable Asked
+    set keys {}
+    foreach {key entry} [array get Asked] {
+        if {[dict get $entry future] ne {} && [dict get $entry came] == 0} {
+            lappend keys $key
+        }
+    }
+    AwaitKeys $ms $keys
+    return [expr {[llength $keys] > 0}]
 }
 
 proc ::sorma::discover::AwaitKeys {ms keys} {

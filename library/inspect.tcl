@@ -9,7 +9,7 @@ apply {{} {
     }
 }}
 namespace eval ::sorma::inspect {
-    namespace export ls tree daemons help dump watch unwatch top find
+    namespace export ls tree daemons help dump watch unwatch top find monitor rate doctor
     namespace ensemble create
 
     variable Wait 400           ;# ms for daemons to answer
@@ -32,17 +32,20 @@ namespace eval ::sorma::inspect {
         unwatch {ends a watch, or all}
         top {the busiest objects: requests per second and their times}
         find {a word in names, purposes, options and help, of all that there is}
+        monitor {shows requests, replies and events of a daemon as they pass, until unwatch}
+        rate {how often an object publishes: mean, shortest, longest time between two events, jitter}
+        doctor {what is wrong on this machine, and how to mend it}
     }
 }
 
 # ---- lists ----
 
 # ::sorma::inspect::ls ?pattern? ?@daemon? ?-data? --
-#       Objects: here and at each daemon; at one with @daemon, which may be a pattern; here only with @.
+#       Objects: here and at each daemon; at one with @daemon, which may be a pattern; here only with @. pattern@daemon is both.
 # Results:
 #       With -data a list of dicts: where (empty: here), name, class, calls, underway; or where and error.
 proc ::sorma::inspect::ls args {
-    lassign [Parse $args {pattern *}] pattern wheres data
+    lassign [Parse $args {pattern *} 1] pattern wheres data
     set items {}
     foreach {where census error} [Censuses $wheres] {
         if {$error ne {}} {
@@ -78,7 +81,7 @@ proc ::sorma::inspect::ls args {
 #       With -data a list of dicts: where, name, class and uses (dict: option -> name of an object); or where and error.
 proc ::sorma::inspect::tree args {
     variable Wait
-    lassign [Parse $args {pattern *}] pattern wheres data
+    lassign [Parse $args {pattern *} 1] pattern wheres data
     set items {}
     foreach {where census error} [Censuses $wheres] {
         if {$error ne {}} {
@@ -740,7 +743,8 @@ proc ::sorma::inspect::InTable {table pattern} {
 # ---- what these have in common ----
 
 # Words of a command: {VALUE-of-each-name ... WHERES DATA}. wheres: patterns after @; a lone @ is here.
-proc ::sorma::inspect::Parse {words names} {
+# located: the first of them may have its place with it, kin*@robot.
+proc ::sorma::inspect::Parse {words names {located 0}} {
     set values [dict values $names]
     set wheres {}
     set data 0
@@ -751,6 +755,9 @@ proc ::sorma::inspect::Parse {words names} {
         } elseif {[string match @* $word]} {
             lappend wheres [string range $word 1 end]
         } elseif {$at < [llength $values]} {
+            if {$located && $at == 0 && [regexp {^([^@]+)@(.*)$} $word -> word where]} {
+                lappend wheres $where
+            }
             lset values $at $word
             incr at
         } else {
@@ -874,3 +881,10 @@ proc ::sorma::inspect::Section {where heads rows right errors} {
     }
     return $out
 }
+
+# Its larger parts.
+apply {{} {
+    foreach file {observe doctor} {
+        uplevel #0 [list source -encoding utf-8 [file join $::sorma::library $file.tcl]]
+    }
+}}

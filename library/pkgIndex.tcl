@@ -15,9 +15,9 @@ package ifneeded sorma 1.0 [list apply {dir {
         discover discover
         complete complete
         manual {manual manual::pages manual::titles manual::fragment}
-        show {show showTrail showDefaults}
+        show {show showTrail showStack showDefaults}
         inspect {inspect inspect::ls inspect::tree inspect::daemons inspect::help inspect::dump inspect::watch inspect::unwatch
-            inspect::top inspect::find}
+            inspect::top inspect::find inspect::monitor inspect::rate inspect::doctor}
     } {
         foreach command $commands {
             set ::auto_index(::sorma::$command) [list source -encoding utf-8 [file join $dir $file.tcl]]

@@ -9,17 +9,18 @@
 
 namespace eval ::sorma::scott {
     variable Usage {usage: scott ?--json? ?-c REQUEST ...?
+       scott ?--json? COMMAND ?ARG ...?
        scott ?--json? FILE ?ARG ...?
        scott ?--json? < REQUESTS
 Without words, on a terminal, requests and any Tcl are typed at a prompt.
   -c REQUEST    do this; any number of them, one after another, until one fails
+  COMMAND ...   one of the inspector's: ls, daemons, watch, monitor, rate, doctor ... (scott help lists them)
   FILE ARG ...  do what stands in a Tcl script, which finds its words in argv
   --json        print replies and errors as JSON, one line each
   -h, --help    this text
   --version     the version of SORMA
 Exit code: 0, 1 after an error, 2 for a bad command line.}
     variable Json 0
-    variable Ready {ls tree daemons help dump watch unwatch top find trail record stop}     ;# commands whose text is as it is to be shown
     variable Direct 0       ;# one of these is what was typed, not a part of it
     variable Outcome        ;# of the command that was typed last, once it is there: list of catch's code, result, options
     variable HistoryFile {} ;# where what is typed is noted; empty: nowhere
@@ -49,6 +50,10 @@ proc ::sorma::scott::main words {
                 return 0
             }
             --json { set Json 1 }
+            --complete {
+                ShellWords $words       ;# for the shells: see library/scott.bash
+                return 0
+            }
             -c {
                 if {[llength $words] == 0} {
                     return [Misused "-c needs a request"]
@@ -66,6 +71,9 @@ proc ::sorma::scott::main words {
     if {[llength $requests] > 0} {
         return [Batch $requests]
     }
+    if {[llength $words] > 0 && [lindex $words 0] in [Commands] && ![file exists [lindex $words 0]]} {
+        return [Batch [list [list {*}$words]]]
+    }
     if {[llength $words] > 0} {
         return [Script {*}$words]
     }
@@ -73,6 +81,47 @@ proc ::sorma::scott::main words {
         return [interact]
     }
     return [Piped]
+}
+
+# ::sorma::scott::ShellWords --
+#       Print what can stand for the last word of a command line of scott, a line each. They come from where those of the prompt come
+#       from; nothing is listed twice. Names of files are the shell's.
+proc ::sorma::scott::ShellWords words {
+    auto_load ::sorma::complete
+    set partial [lindex $words end]
+    set words [lrange $words 0 end-1]
+    while {[string match -* [lindex $words 0]]} {
+        set words [lassign $words option]
+        if {$option eq "-c" && [llength $words] == 0} {
+            return [PutWords $partial]                  ;# one word holds the whole request
+        } elseif {$option eq "-c"} {
+            set words [lrange $words 1 end]
+        }
+    }
+    if {[llength $words] > 0} {
+        if {[lindex $words 0] in [Commands]} {
+            PutWords $partial [list {*}$words]\ 
+        }
+        return
+    }
+    Put [lsearch -all -inline -glob [concat [Commands] {-c --json --help --version}] [::sorma::complete::Escape $partial]*]
+}
+
+# The words that can end a line of the prompt, each with what of its last word stands before it.
+proc ::sorma::scott::PutWords {line {before {}}} {
+    Prepare
+    set text $before$line
+    ::sorma::complete $text [string length $text]           ;# asks the daemons
+    ::sorma::discover::settle 300
+    set found [::sorma::complete $text [string length $text]]
+    set head [string range $text [string length $before] [dict get $found from]-1]
+    Put [lmap word [dict get $found words] {string cat $head $word}]
+}
+
+proc ::sorma::scott::Put words {
+    if {[llength $words] > 0} {
+        puts [join [lsort -unique $words] \n]
+    }
 }
 
 proc ::sorma::scott::Misused message {
@@ -93,8 +142,8 @@ proc ::sorma::scott::Prepare {} {
             catch {fconfigure $channel -encoding utf-8}
         }
     }
-    foreach name {daemons dump find ls top tree unwatch watch} {
-        if {[info commands ::$name] eq {}} {
+    foreach name [InspectorCommands] {
+        if {$name ne "help" && [info commands ::$name] eq {}} {
             interp alias {} ::$name {} ::sorma::scott::Look $name
         }
     }
@@ -106,6 +155,16 @@ proc ::sorma::scott::Prepare {} {
     foreach command {start stop} {
         set ::auto_index(::sorma::record::$command) [list source -encoding utf-8 [file join $::sorma::library record.tcl]]
     }
+}
+
+# Names of the inspector's commands, and of all commands whose text is as it is to be shown. The one list of them is that of
+# the package, pkgIndex.tcl.
+proc ::sorma::scott::InspectorCommands {} {
+    return [lsort [lmap command [array names ::auto_index ::sorma::inspect::*] {namespace tail $command}]]
+}
+
+proc ::sorma::scott::Commands {} {
+    return [concat [InspectorCommands] {trail record stop}]
 }
 
 # Only a terminal has a line speed.
@@ -145,9 +204,8 @@ proc ::sorma::scott::Do line {
 }
 
 proc ::sorma::scott::Run script {
-    variable Ready
     variable Direct
-    set Direct [expr {[regexp {^\s*(\w+)} $script -> command] && $command in $Ready}]
+    set Direct [expr {[regexp {^\s*(\w+)} $script -> command] && $command in [Commands]}]
     if {$Direct && $command ni {trail record stop}} {       ;# what these return fits where it is shown
         ::sorma::showDefaults {*}[dict filter [ShowSettings stdout] key -width -colour]
     }
@@ -296,6 +354,10 @@ proc ::sorma::scott::CompleteAt {line point} {
     variable Pending
     set before [string length $Pending]
     set found [::sorma::complete $Pending$line [expr {$before + $point}]]
+    # What is known of a daemon has to be asked for first: who types Tab waits a moment for that.
+    if {[llength [dict get $found words]] == 0 && [::sorma::discover::settle 300]} {
+        set found [::sorma::complete $Pending$line [expr {$before + $point}]]
+    }
     dict set found from [expr {max([dict get $found from] - $before, 0)}]
     return $found
 }
@@ -524,7 +586,7 @@ proc ::sorma::scott::Print {line code result options} {
     if {$code != 1 && $result eq {} && !$Json} {
         return
     }
-    if {$code != 1 && $Direct && (!$Json || [regexp {^\s*(ls|tree|daemons|dump|top|find|trail)\M} $line])} {
+    if {$code != 1 && $Direct && (!$Json || [regexp {^\s*(ls|tree|daemons|dump|top|find|rate|doctor|trail)\M} $line])} {
         puts $result
         return
     }
@@ -567,7 +629,7 @@ proc ::sorma::scott::Width {} {
 proc ::sorma::scott::Look {name args} {
     variable Json
     variable Direct
-    if {!$Json || !$Direct || $name in {watch unwatch}} {
+    if {!$Json || !$Direct || $name in {watch unwatch monitor}} {
         return [::sorma::inspect::$name {*}$args]
     }
     set data [::sorma::inspect::$name {*}$args -data]
@@ -592,7 +654,7 @@ proc ::sorma::scott::Help args {
     set text [::sorma::inspect::help {*}$args]
     if {[llength $args] == 0} {
         append text \n [::sorma::inspect::Table {} {
-            {{trail ?name?} {all messages of the last request, or of an object's last one that had any}}
+            {{trail ?name? ?number? ?-stack?} {all messages of the last request, or of an object's last one; one; its stack trace}}
             {{record file ?-exact?} {keeps what is typed as a script, and as a test suite}}
             {stop {ends the recording}}
             {{Tab, Ctrl-R, Ctrl-C, Ctrl-D} {complete; search what was typed; give up; leave. More: man scott}}
@@ -601,9 +663,36 @@ proc ::sorma::scott::Help args {
     return $text
 }
 
-# trail ?NAME?: the messages of the last request, or of the last one of an object that had any. In colours only when it
-# is shown at once.
+# trail ?NAME? ?NUMBER? ?-stack?: the messages of the last request, or of the last one of an object that had any; one of them; the
+# stack trace of one, or of the first that has one. In colours only when it is shown at once.
 proc ::sorma::scott::Trail args {
     variable Direct
-    return [::sorma::showTrail [::sorma::trail {*}$args] {*}[expr {$Direct ? [ShowSettings stdout] : {-width 0}}]]
+    set words $args
+    if {[set stack [expr {[lindex $words end] eq "-stack"}]]} {
+        set words [lrange $words 0 end-1]
+    }
+    set number {}
+    if {[string is integer -strict [lindex $words end]]} {
+        set number [lindex $words end]
+        set words [lrange $words 0 end-1]
+    }
+    if {[llength $words] > 1 || [string match -* [lindex $words 0]]} {
+        return -code error -errorcode {SORMA REQUEST SYNTAX} "wrong # args: should be \"trail ?name? ?number? ?-stack?\""
+    }
+    set trail [::sorma::trail {*}$words]
+    set settings [expr {$Direct ? [ShowSettings stdout] : {-width 0}}]
+    if {$number ne {} && ($number < 1 || $number > [llength $trail])} {
+        return -code error -errorcode {SORMA REQUEST SYNTAX} "there is no message $number: the trail has [llength $trail]"
+    }
+    if {$stack} {
+        auto_load ::sorma::show
+        if {$number eq {}} {
+            set number [expr {max(1, [lsearch -exact [lmap entry $trail {::sorma::show::IsStack $entry}] 1])}]
+        }
+        return [::sorma::showStack $trail $number {*}$settings]
+    }
+    if {$number ne {}} {
+        set trail [lrange $trail $number-1 $number-1]
+    }
+    return [::sorma::showTrail $trail {*}$settings]
 }

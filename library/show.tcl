@@ -56,7 +56,8 @@ proc ::sorma::show {value args} {
 }
 
 # ::sorma::showTrail --
-#       A trail, whole: each message with its code, where it came from and when, and the request that shows it again.
+#       A trail, whole: each message with its code, where it came from and when, and the request that shows it again. A stack
+#       trace of Tcl (a message SERVICE STACK) is left to showStack.
 # Arguments:
 #       args    ?trail? -colour bool -width n -json bool; default: the trail of the last request, sorma::trail
 proc ::sorma::showTrail args {
@@ -73,7 +74,10 @@ proc ::sorma::showTrail args {
         return [show::Paint "the last request had no messages" dim $settings]
     }
     set out {}
+    set number 0
     foreach entry $trail {
+        incr number
+        if {[show::IsStack $entry]} continue
         set entry [dict merge {severity error code {} text {} so {} daemon {} file {} line {} time 0 request {}} $entry]
         dict with entry {}
         lappend out [show::Hang [show::Paint [format %-7s $severity] $severity $settings] 7 $text $settings]
@@ -95,8 +99,39 @@ proc ::sorma::showTrail args {
         if {$request ne {}} {
             lappend out [show::Block "        " "again: $request" dim $settings]
         }
+        if {[show::IsStack [lindex $trail $number]]} {
+            lappend out [show::Block "        " "stack: trail $number -stack" dim $settings]
+        }
     }
     return [join $out \n]
+}
+
+# ::sorma::showStack --
+#       The stack trace of Tcl that came with a message of a trail.
+# Arguments:
+#       trail   as sorma::trail gives it
+#       number  of the message, counted from 1
+#       args    as of showTrail
+# Results:
+#       Its text. Error TRAIL STACK: there is none.
+proc ::sorma::showStack {trail number args} {
+    set settings [show::Parse $args]
+    foreach at [list $number [expr {$number - 1}]] {        ;# that of the message, or itself one
+        set entry [lindex $trail $at]
+        if {![show::IsStack $entry]} continue
+        set text [dict get $entry text]
+        set so [dict get $entry so]
+        if {[string match "$so: *" $text]} {
+            set text [string range $text [string length $so]+2 end]
+        }
+        return [show::Block {} $text {} $settings]
+    }
+    return -code error -errorcode {SORMA TRAIL STACK} \
+        "message $number of the trail has no stack trace: only plain Tcl errors of services written in Tcl have one"
+}
+
+proc ::sorma::show::IsStack entry {
+    return [expr {[dict exists $entry code] && [lrange [dict get $entry code] 1 2] eq {SERVICE STACK}}]
 }
 
 # ::sorma::showDefaults --
@@ -353,7 +388,7 @@ proc ::sorma::show::Error {message code settings} {
             dict set froms $so 1
         }
     }
-    set n [llength $trail]
+    set n [llength [lsearch -all -not -exact [lmap entry $trail {IsStack $entry}] 1]]
     if {$n > 1 || $n == 1 && [dict get [lindex $trail 0] daemon] ne {}} {
         set text "$n message[expr {$n == 1 ? {} : "s"}] from [join [lsearch -all -inline -not -exact [dict keys $froms] {}] {, }], see trail"
         lappend out [Block "  " $text dim $settings]

@@ -53,6 +53,22 @@ AC_DEFUN([SORMA_TCL], [
     AC_SUBST([TCL_LIB_SPEC])
     AC_SUBST([TCL_INCLUDE_SPEC])
     AC_SUBST([TCL_VERSION])
+    dnl Tcl's private header, where it is installed: see generic/tcl/commandFrame.c.
+    AC_MSG_CHECKING([for tclInt.h])
+    TCL_PRIVATE_SPEC=
+    sorma_saved=$CPPFLAGS
+    for sorma_dir in `echo "$TCL_INCLUDE_SPEC" | sed 's/-I//'`/tcl-private "$TCL_SRC_DIR"; do
+        sorma_spec="-DSORMA_TCL_PRIVATE -idirafter $sorma_dir/generic -idirafter $sorma_dir/unix"
+        AC_LANG_PUSH([C])
+        CPPFLAGS="$sorma_saved $TCL_INCLUDE_SPEC $sorma_spec"
+        AC_COMPILE_IFELSE([AC_LANG_PROGRAM([[#include <tcl.h>
+#include <tclInt.h>]], [[static Interp *i; return i->cmdFramePtr->framePtr != 0;]])], [TCL_PRIVATE_SPEC=$sorma_spec])
+        AC_LANG_POP([C])
+        test -z "$TCL_PRIVATE_SPEC" || break
+    done
+    CPPFLAGS=$sorma_saved
+    AC_MSG_RESULT([${TCL_PRIVATE_SPEC:-no}])
+    AC_SUBST([TCL_PRIVATE_SPEC])
     AM_CONDITIONAL([TCL9], [test "$TCL_MAJOR_VERSION" -ge 9])
     AC_PATH_PROGS([TCLSH], [tclsh$TCL_VERSION tclsh], [], [$TCL_EXEC_PREFIX/bin:$PATH])
     if test -z "$TCLSH"; then

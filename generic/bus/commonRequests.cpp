@@ -1,4 +1,5 @@
 #include <cmath>
+#include <functional>
 
 #include "bus/listText.h"
 #include "bus/serviceParts.h"
@@ -153,19 +154,98 @@ void CommonRequests::undo(Service& s, Args, Message& reply) {
     if (r.undo.empty()) fail(kNothingToUndo, s.name());
     // The first value of each is what it had; an option that was set twice is put back once.
     Service::Applying a;
-    for (auto& u : r.undo) {
+    for (auto& u : r.undo.back()) {
         if (std::any_of(a.values.begin(), a.values.end(), [&](auto& v) { return v.option == u.option; })) continue;
         a.values.push_back({u.option, u.value, u.source.author});
         a.sources.push_back(u.source);
     }
     s.apply(a);
-    r.undo.clear();
+    r.undo.pop_back();
     std::string line;
     for (auto& v : a.values) {
         appendWord(line, s.type().options()[v.option].name);
         appendWord(line, toText(s.type().options()[v.option].get(s)));
     }
     addLine(reply, line);
+}
+
+// The recipe that makes an object as this one is: what the present recipe splices in, and says beside options, stays; behind it
+// stands what differs from that.
+static std::string recipeOf(const Service& s, const std::vector<std::string>& words, const std::function<std::vector<DictionaryWord>(const std::string&)>& spliced) {
+    const Class& type = s.type();
+    auto isAction = [&](const std::string& word) {
+        if (type.findAction(word)) return true;
+        return std::any_of(CommonRequests::actions().begin(), CommonRequests::actions().end(), [&](auto& a) { return a.name == word; });
+    };
+    // The value of an option that stands at words[i], which moves to its last word.
+    auto valueAt = [](const Option& o, auto& words, std::size_t& i, auto text) {
+        if (i + 1 >= words.size() || (o.type == Type::flag && text(words[i + 1]).starts_with('-'))) return std::string("1");
+        return std::string(text(words[++i]));
+    };
+    std::vector<std::string> base;
+    for (std::size_t i = 0; i < type.options().size(); ++i) base.push_back(i < type.defaults().size() ? toText(type.defaults()[i]) : "");
+    std::string out;
+    for (std::size_t i = 0; i < words.size(); ++i) {
+        if (int index = type.findOption(words[i]); index >= 0) {
+            valueAt(type.options()[std::size_t(index)], words, i, [](const std::string& w) -> const std::string& { return w; });
+            continue;
+        }
+        appendWord(out, words[i]);
+        if (isAction(words[i]) || words[i] != "-SUBST" || i + 1 == words.size()) continue;
+        appendWord(out, words[++i]);
+        auto inner = spliced(words[i]);
+        for (std::size_t k = 0; k < inner.size(); ++k) {
+            int index = type.findOption(inner[k].text);
+            if (index < 0) continue;
+            auto& o = type.options()[std::size_t(index)];
+            std::string value = valueAt(o, inner, k, [](const DictionaryWord& w) -> const std::string& { return w.text; });
+            try {
+                base[std::size_t(index)] = toText(o.parse(s.name(), value));
+            } catch (const Error&) {
+                base[std::size_t(index)] = value;       // it has become wrong: whatever the object has differs from it
+            }
+        }
+    }
+    for (std::size_t i = 0; i < type.options().size(); ++i) {
+        std::string now = toText(type.options()[i].get(s));
+        if (now == base[i]) continue;
+        appendWord(out, type.options()[i].name);
+        appendWord(out, now);
+    }
+    return out;
+}
+
+void CommonRequests::save(Service& s, Args args, Message& m) {
+    static const Prototype kFlavor{Severity::error, "NAME SYNTAX", 1, "{}: -save {}: must be a flavor, or {} with a flavor"};
+    std::string target = args.empty() ? s.name() : args[0];
+    const std::string& className = s.type().name();
+    if (!args.empty() && target != className && !target.starts_with(className + ".")) target = className + "." + target;
+    if (!Name::isName(target) || Name::isElsewhere(target))
+        fail(kFlavor, s.name(), args.empty() ? s.name() : args[0], className);
+    Dictionary& dictionary = s.sorm().dictionary();
+    s.sorm().access.need(m.author, Right::dictionary, target, s.name());
+    // Saving launders nothing: the entry is written by all who have written its words.
+    PrincipalPointer author = m.author;
+    if (s.record_)
+        for (auto& source : s.record_->sources) author = Principal::both(author, source.author);
+    std::vector<std::string> words;
+    if (auto* known = dictionary.get(s.name())) {
+        words = *known;
+        for (auto& w : dictionary.expand(s.name())) author = Principal::both(author, w.origin.author);
+    }
+    auto spliced = [&](const std::string& word) { return dictionary.expand(word); };
+    std::string recipe = recipeOf(s, words, spliced);
+    std::string by = CallContext::currentCallers();
+    try {
+        dictionary.add(target, splitWords(recipe), by, author);
+    } catch (const Error& e) {
+        if (!e.is("DICT LOOP")) throw;
+        recipe = s.recipe();            // what it splices is made of the entry that is written: it stands for itself then
+        dictionary.add(target, splitWords(recipe), by, author);
+    }
+    std::string line;
+    appendWord(line, target);
+    addLine(m, line + " " + recipe);
 }
 
 std::string CommonRequests::optionsList(Service& s, std::string_view only) {
@@ -247,21 +327,10 @@ const std::vector<Action>& CommonRequests::actions() {
          [](Service& s, Args, Message& m) { addLine(m, s.type().helpText(s.name())); }, Right::inspect, true},
         {"-dump", "", "all state inside, as CTRL would read it again", 0, 0,
          [](Service& s, Args, Message& m) { addLine(m, s.dump()); }, Right::inspect},
-        {"-save", "", "write the options as this name's recipe into the dictionary", 0, 0,
-         [](Service& s, Args, Message& m) {
-             s.sorm().access.need(m.author, Right::dictionary, s.name(), s.name());
-             // Saving launders nothing: the entry is written by all who have written its words.
-             PrincipalPointer author = m.author;
-             if (s.record_)
-                 for (auto& source : s.record_->sources) author = Principal::both(author, source.author);
-             s.sorm().dictionary().add(s.name(), splitWords(s.recipe()), CallContext::currentCallers(), author);
-             std::string line;
-             appendWord(line, s.name());
-             addLine(m, line + " " + s.recipe());
-         }, Right::inspect},
+        {"-save", "?flavor?", "write the options as this name's recipe, or that of another flavor, into the dictionary", 0, 1, save, Right::inspect},
         {"-selftest", "", "check itself", 0, 0,
-         [](Service& s, Args, Message& m) { addLine(m, s.selftest()); }, Right::call},
-        {"-undo", "", "take back the last CTRL that set options", 0, 0, undo, Right::configure, true},
+         [](Service& s, Args, Message& m) { s.answerSelftest(m); }, Right::call},
+        {"-undo", "", "take back the last CTRL that set options; again: the one before, up to 10", 0, 0, undo, Right::configure, true},
     };
     return list;
 }

@@ -287,6 +287,15 @@ void Service::subscribe(Subscriber* subscriber, std::string pattern) {
     stream_->add(subscriber, std::move(pattern));
 }
 
+void Service::replay(Subscriber* subscriber, std::string_view pattern) const {
+    if (stream_) stream_->replay(*this, subscriber, pattern);
+}
+
+void Service::publishState(std::string_view event, const Message& m) {
+    if (!stream_) stream_ = std::make_unique<Stream>();
+    stream_->publish(*this, event, m);
+}
+
 void Service::unsubscribe(Subscriber* subscriber) {
     if (stream_) stream_->remove(subscriber);
 }
@@ -295,9 +304,11 @@ namespace {
 
 class LocalListening : public Listening, public Subscriber {
 public:
-    LocalListening(Reference object, std::string pattern, std::shared_ptr<Inbox> inbox)
+    // latest: it begins with the last one of those that have been published before.
+    LocalListening(Reference object, const std::string& pattern, std::shared_ptr<Inbox> inbox, bool latest)
         : object_(std::move(object)), inbox_(std::move(inbox)) {
-        object_->subscribe(this, std::move(pattern));
+        object_->subscribe(this, pattern);
+        if (latest) object_->replay(this, pattern);
     }
     ~LocalListening() override {
         inbox_->close();
@@ -320,8 +331,8 @@ private:
 }  // namespace
 
 std::unique_ptr<Listening> Service::listen(std::string pattern, std::size_t keep, Listener listener) {
-    return std::make_unique<LocalListening>(Reference(this), std::move(pattern),
-                                            std::make_shared<Inbox>(sorm_->mailbox(), keep, std::move(listener)));
+    auto inbox = std::make_shared<Inbox>(sorm_->mailbox(), keep, std::move(listener));
+    return std::make_unique<LocalListening>(Reference(this), pattern, std::move(inbox), keep == 1);
 }
 
 // ---- locks: a client keeps others from EXEC and from setting options; what stops or inspects stays open to all ----

@@ -54,6 +54,8 @@ public:
 
     // Check yourself; throw what is wrong, or return a verdict in clear text.
     virtual std::string selftest() { return "ok"; }
+    // The same, answering by itself: one more line of m.text. A check that takes its time is taken over with later(m).
+    virtual void answerSelftest(Message& m);
 
     // The object has left the repository. End what is under way: replies that are still owed keep the object alive.
     virtual void leaving() {}
@@ -106,6 +108,9 @@ public:
     // The same, closer: the subscriber is called in the middle of whatever publishes, and hears gone() when the object goes.
     void subscribe(Subscriber* subscriber, std::string pattern);
     void unsubscribe(Subscriber* subscriber);
+    // Hand the last events that match to a new subscriber: of what was published since somebody first listened, and of states.
+    void replay(Subscriber* subscriber, std::string_view pattern) const;
+    bool isMonitored() const { return stream_ && stream_->monitored(); }     // of the SO `sorm`: bus/monitor.h
     // Requests that it has taken over, and those that wait for them.
     std::size_t underWay() const;
     std::string dump() const;               // settable part: "-option value" lines; then state lines "# ..."
@@ -125,6 +130,9 @@ protected:
     void publish(std::string_view event, const Message& m) const {
         if (stream_) [[unlikely]] stream_->publish(*this, event, m);
     }
+    // The same of a state, or of anything that is rare: it is kept from the first on, for those who subscribe later and want the
+    // last value (sorma::subscribe -latest).
+    void publishState(std::string_view event, const Message& m);
     // Bring a request forward; a proxy gives it to its connection.
     virtual void carry(const PendingPointer& pending, Method method);
     virtual Deadline patience() const { return {}; }        // of async, unless its caller says another one

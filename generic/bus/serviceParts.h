@@ -40,7 +40,8 @@ struct Service::Record {
     };
 
     std::vector<Source> sources;        // one for each option
-    std::vector<Undo> undo;             // what the last CTRL changed; empty when there is nothing to take back
+    static constexpr std::size_t kUndoDepth = 10;
+    std::deque<std::vector<Undo>> undo; // what each of the last CTRLs changed, the latest last
     std::deque<Audit> audit;
     Histogram times;                    // of EXEC, one call in 64
     std::uint64_t errors = 0, ctrls = 0, dbxs = 0;
@@ -77,6 +78,7 @@ struct CommonRequests {
     static void info(Service& s, Args args, Message& reply);
     static void verbosity(Service& s, Args args, Message& reply);
     static void undo(Service& s, Args args, Message& reply);
+    static void save(Service& s, Args args, Message& reply);
     static void lock(Service& s, Args args, Message& reply);
     static void unlock(Service& s, Args args, Message& reply);
     static void freeLock(Service& s);

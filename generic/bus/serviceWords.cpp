@@ -111,7 +111,10 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, c
                                  origins[i]->author, by, request, now});
         a.birth = birth;
         apply(a);
-        if (!birth) r.undo = std::move(a.before);
+        if (!birth) {
+            if (r.undo.size() == Record::kUndoDepth) r.undo.pop_front();
+            r.undo.push_back(std::move(a.before));
+        }
     }
     for (auto& step : steps) {
         if (step.action->whileTicking) a.between.reset();
@@ -120,6 +123,8 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, c
         Message& into = reply ? *reply : none;
         into.author = step.origin->author;
         step.action->body(*this, step.args, into);
+        // The last one may answer later; the others are waited for here.
+        if (into.later && (!reply || &step != &steps.back())) [[unlikely]] awaitLater(into);
     }
 }
 
@@ -213,8 +218,14 @@ void Service::dbx(Message& m) {
         i += 1 + args.size();
         steps.push_back({action, args});
     }
-    for (auto& step : steps) step.action->body(*this, step.args, m);
+    for (auto& step : steps) {
+        step.action->body(*this, step.args, m);
+        if (m.later && &step != &steps.back()) [[unlikely]] awaitLater(m);
+    }
 }
+
+void Service::answerSelftest(Message& m) { addLine(m, selftest()); }
+
 
 std::string Service::dump() const {
     std::string out;

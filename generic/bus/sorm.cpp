@@ -261,6 +261,22 @@ Reference Sorm::makeLocal(const Name& which, const std::vector<std::string>* wor
     return made;
 }
 
+Reference Sorm::makeAnonymous(std::unique_ptr<Service> service, const std::string& label, const std::string& className) {
+    const Class& type = needClass(className);
+    Reference made = adopt(std::move(service), label, type);
+    type.learnDefaults(*made);
+    try {
+        made->born();
+    } catch (...) {
+        throw Error(trailOfCurrentException(label));
+    }
+    return made;
+}
+
+void Sorm::dismiss(const Reference& anonymous) {
+    if (!anonymous->gone()) anonymous->left();
+}
+
 void Sorm::keep(const std::string& key, const Reference& service) {
     drop(key);
     repository_.emplace(key, service);
@@ -363,6 +379,10 @@ void Sorm::announce(const Trail& trail) {
     for (auto& e : trail.entries())
         if (e.daemon.empty() || e.daemon == daemonName)
             announce(std::string("trail.") + toText(e.severity), e.text, {e.so, "SORMA " + e.symbol, e.request});
+}
+
+void Sorm::monitor(std::string_view event, const Message& m) {
+    if (monitored() && !onForeignThread()) self_->stream_->publish(*self_, event, m, true);
 }
 
 // ---- dispatch ----

@@ -72,6 +72,10 @@ public:
     Reference create(std::string_view name, const std::vector<std::string>& words, const PrincipalPointer& author = nullptr);
     void remove(std::string_view name);                             // fails with SERVICE GONE when there is none
     void alias(std::string_view name, std::string_view target, const PrincipalPointer& author = nullptr);   // a second name
+    // An object that is in no repository: nobody can name it, and it lives as long as whoever made it wants. label: what messages
+    // call it. It has its defaults, and has been born.
+    Reference makeAnonymous(std::unique_ptr<Service> service, const std::string& label, const std::string& className);
+    void dismiss(const Reference& anonymous);                       // its end: no more requests
     std::vector<std::string> names(std::string_view pattern = "*") const;
     std::size_t size() const { return repository_.size(); }
 
@@ -106,6 +110,9 @@ public:
     // connection.closed, and trail.error, trail.warning, trail.verbose as entries occur.
     void announce(std::string_view event, std::string_view text, std::vector<std::string> words = {});
     void announce(const Trail& trail);
+    // Does anybody listen to what passes? And tell him: bus/monitor.h.
+    bool monitored() const { return self_ && self_->isMonitored(); }
+    void monitor(std::string_view event, const Message& m);
 
     Host* host() const { return host_; }
     Access access;                                                  // who may do what

@@ -1,10 +1,13 @@
 #include "bus/stream.h"
 
+#include <algorithm>
 #include <atomic>
 
 #include "bus/deadline.h"
 #include "bus/glob.h"
+#include "bus/monitor.h"
 #include "bus/service.h"
+#include "bus/sorm.h"
 
 namespace sorma {
 
@@ -13,23 +16,66 @@ Stream::~Stream() {
         if (entry.subscriber) entry.subscriber->gone();
 }
 
-void Stream::add(Subscriber* subscriber, std::string pattern) { subscribers_.push_back({subscriber, std::move(pattern)}); }
+void Stream::add(Subscriber* subscriber, std::string pattern) {
+    monitors_ += pattern.starts_with("monitor");
+    subscribers_.push_back({subscriber, std::move(pattern)});
+}
 
 void Stream::remove(Subscriber* subscriber) {
-    for (auto& entry : subscribers_)
-        if (entry.subscriber == subscriber) entry.subscriber = nullptr;
+    for (auto& entry : subscribers_) {
+        if (entry.subscriber != subscriber) continue;
+        entry.subscriber = nullptr;
+        monitors_ -= entry.pattern.starts_with("monitor");
+    }
+    settle();
+}
+
+void Stream::settle() {
     if (handing_ == 0) std::erase_if(subscribers_, [](auto& entry) { return !entry.subscriber; });
 }
 
-void Stream::publish(const Service& from, std::string_view name, const Message& m) {
+void Stream::publish(const Service& from, std::string_view name, const Message& m, bool monitor) {
     static std::atomic<std::uint64_t> serial{0};        // interpreters in several threads publish, too
     Event event{from.name(), name, m, wallNow(), serial.fetch_add(1, std::memory_order_relaxed) + 1};
+    if (!monitor) {
+        keep(event);
+        if (from.sorm().monitored() && from.name() != "sorm") [[unlikely]] tellPassing(from, name, m);
+    }
     ++handing_;
     for (std::size_t i = 0; i < subscribers_.size(); ++i) {     // a listener may come or go meanwhile
         auto& entry = subscribers_[i];
-        if (entry.subscriber && (entry.pattern == "*" || globMatch(entry.pattern, name))) entry.subscriber->event(event);
+        if (!entry.subscriber || (monitor && !entry.pattern.starts_with("monitor"))) continue;
+        if (entry.pattern == "*" || globMatch(entry.pattern, name)) entry.subscriber->event(event);
     }
-    if (--handing_ == 0) std::erase_if(subscribers_, [](auto& entry) { return !entry.subscriber; });
+    --handing_;
+    settle();
+}
+
+void Stream::keep(const Event& event) {
+    constexpr std::size_t kNames = 32, kBytes = 1 << 16;
+    const Message& m = event.message;
+    auto at = std::find_if(last_.begin(), last_.end(), [&](auto& l) { return l.name == event.name; });
+    std::size_t bytes = m.text.size() + m.any.size() + 8 * (m.floats.size() + m.ints.size());
+    if (bytes > kBytes) {               // what was there before is not the last one any more
+        if (at != last_.end()) last_.erase(at);
+        return;
+    }
+    if (at == last_.end()) {
+        if (last_.size() >= kNames)
+            last_.erase(std::min_element(last_.begin(), last_.end(), [](auto& a, auto& b) { return a.serial < b.serial; }));
+        at = last_.insert(last_.end(), {std::string(event.name), {}, 0, 0});
+    }
+    at->message = m;
+    at->time = event.time;
+    at->serial = event.serial;
+}
+
+void Stream::replay(const Service& from, Subscriber* subscriber, std::string_view pattern) const {
+    std::vector<const Last*> found;
+    for (auto& l : last_)
+        if (pattern == "*" || globMatch(pattern, l.name)) found.push_back(&l);
+    std::sort(found.begin(), found.end(), [](auto* a, auto* b) { return a->serial < b->serial; });
+    for (auto* l : found) subscriber->event({from.name(), l->name, l->message, l->time, l->serial});
 }
 
 void Inbox::push(Received event) {

@@ -41,15 +41,29 @@ public:
     void add(Subscriber* subscriber, std::string pattern);      // pattern: as Tcl's string match
     void remove(Subscriber* subscriber);
     bool empty() const { return subscribers_.empty(); }
-    void publish(const Service& from, std::string_view event, const Message& m);
+    // monitor: it tells of what passes, and is for those alone who have asked for that (bus/monitor.h).
+    void publish(const Service& from, std::string_view event, const Message& m, bool monitor = false);
+    // The last event of each name (of up to 32, and not beyond 64 kB each) is kept: hand those that match to a new subscriber,
+    // the oldest first.
+    void replay(const Service& from, Subscriber* subscriber, std::string_view pattern) const;
+    bool monitored() const { return monitors_ > 0; }
 
 private:
     struct Entry {
         Subscriber* subscriber;         // null: it left while events were handed out
         std::string pattern;
     };
+    struct Last {
+        std::string name;
+        Message message;
+        std::int64_t time;
+        std::uint64_t serial;
+    };
+    void keep(const Event& event);
+    void settle();
     std::vector<Entry> subscribers_;
-    int handing_ = 0;
+    std::vector<Last> last_;
+    int handing_ = 0, monitors_ = 0;
 };
 
 // ---- what a listener gets, from here or from another process: Service::listen ----

@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "bus/monitor.h"
 #include "bus/requestText.h"
 #include "bus/statistics.h"
 #include "comm/errors.h"
@@ -441,6 +442,7 @@ void Server::Peer::subscribe(XdrReader& r, const wire::CallHeader& header, Scrat
         }
         m.ints = {std::int64_t(known->second->number()), std::int64_t(known->second->takeLost()), goesOn};
         wire::writeReply(scratch.out, xid, {}, m);
+        if (!goesOn) known->second->replay();
     } catch (...) {
         Trail trail = trailOfCurrentException(wanted.name);
         refuse(xid, scratch.out, Error(std::move(trail)));
@@ -567,6 +569,7 @@ bool Server::Peer::execute(const wire::Request& request, const wire::CallHeader&
     CallContext context(who, deadline, ++server_.served_, behalf.callers);
     if (slot) slot->call = &context;
     Method method = request.method;
+    Passing passing(server_.sorm_, context.request, request.name, method, m);
     try {
         if (!sound) fail(kBehalf);
         const PrincipalPointer& author = authorOf(behalf);
@@ -583,14 +586,14 @@ bool Server::Peer::execute(const wire::Request& request, const wire::CallHeader&
             Activity activity(server_, request.name, method, who->caller, start);
             Gate::Outside outside(server_.gate_);
             service = known && !author ? Reference(known) : server_.sorm_.get(request.name, author);
-            if (author) m.author = author;
+            if (author || m.author) m.author = author;      // the one before may have left its own
             later = service->start(method, m);
         }
         std::int64_t ran = monotonicNow() - start;
         service->lastRun = ran;
         dwelt_ = dwelt_ || ran > kLong;
         times.ran = microseconds(ran);
-        if (later) return true;
+        if (later) return passing.later(m.later), true;
     } catch (...) {
         Trail trail = trailOfCurrentException({});
         // The request is shown from its bytes, since EXEC may have changed the message; they are gone when the rest
@@ -616,6 +619,7 @@ bool Server::Peer::execute(const wire::Request& request, const wire::CallHeader&
     }
     times.sub = context.waitedForOthers();
     if (!m.trail.empty()) server_.mark(m.trail, {});
+    passing.done(m, times.ran);
     return false;
 }
 

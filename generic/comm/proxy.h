@@ -39,6 +39,7 @@ public:
 
     Connection& connection() { return *connection_; }
     const std::string& target() const { return target_; }
+    bool hasWish() const { return !wish_.empty(); }     // it has a recipe of ours
     static Class describe();
 
 protected:

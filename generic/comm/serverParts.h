@@ -73,6 +73,7 @@ public:
     ~Subscription() override;
     void event(const Event& event) override;
     void gone() override;
+    void replay();                          // who wants the latest alone gets what has been published before
 
     // Write what waits, as far as the peer has room. True when something is left.
     bool pump(Peer& peer, Buffer& out);
@@ -97,6 +98,8 @@ private:
     Session& session_;
     std::size_t own_, waits_ = 0;           // [bytes] of itself, of items_
     Charge charge_;
+    const PrincipalPointer author_;
+    const std::string pattern_;
     Reference object_;
     std::size_t keep_;
     std::deque<Item> items_;

@@ -1,4 +1,5 @@
 // What one client has subscribed to.
+#include "bus/monitor.h"
 #include "comm/serverParts.h"
 
 namespace sorma {
@@ -12,6 +13,7 @@ constexpr std::size_t kUncharged = 1024;        // of events that wait
 Server::Subscription::Subscription(Server& server, Session& session, const wire::Subscription& wanted, const PrincipalPointer& author)
     : id(wanted.id), server_(server), session_(session),
       own_(1024 + wanted.name.size() + wanted.pattern.size()), charge_(session.peer->account_, Account::Use::subscriptions),
+      author_(author), pattern_(wanted.pattern),
       keep_(std::clamp<std::size_t>(wanted.keep, 1, static_cast<std::size_t>(server.settings_.maxQueue))) {
     charge_.need(wanted.name, own_);
     Gate::Outside outside(server_.gate_);               // the object may have to be made
@@ -28,6 +30,13 @@ Server::Subscription::~Subscription() {
 
 void Server::Subscription::event(const Event& event) {
     Gate::Inside inside(server_.gate_);
+    if (concealed(event, server_.sorm_.access, author_)) [[unlikely]] {
+        Message bare;
+        bare.words = event.message.words;
+        auto body = std::make_shared<Buffer>();
+        wire::writeEventBody(*body, {event.time, std::string(event.name)}, bare);
+        return push(std::move(body));
+    }
     if (server_.encoded_ != event.serial) {             // the first of this server's listeners
         auto body = std::make_shared<Buffer>();
         wire::writeEventBody(*body, {event.time, std::string(event.name)}, event.message);
@@ -35,6 +44,10 @@ void Server::Subscription::event(const Event& event) {
         server_.encoded_ = event.serial;
     }
     push(server_.encodedBody_);
+}
+
+void Server::Subscription::replay() {
+    if (keep_ == 1 && object_) object_->replay(this, pattern_);
 }
 
 void Server::Subscription::gone() {

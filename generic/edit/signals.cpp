@@ -36,6 +36,13 @@ void ring() {
 void onSignal(int number) {
     int saved = errno;
     if (number == SIGTERM || number == SIGHUP) {
+        // A daemon with a prompt has a handler of its own, which ends it in order.
+        for (std::size_t k = 0; k < kNumbers.size(); ++k)
+            if (kNumbers[k] == number && before[k].sa_handler != SIG_DFL && before[k].sa_handler != SIG_IGN) {
+                before[k].sa_handler(number);
+                errno = saved;
+                return;
+            }
         if (terminalKept) tcsetattr(0, TCSANOW, &terminal);
         signal(number, SIG_DFL);
         raise(number);

@@ -202,6 +202,17 @@ int RuntimeSocketObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* 
     });
 }
 
+// sorma::SweepSocket name: remove the socket of a daemon of that name that has died. Was there one?
+int SweepSocketObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc != 2) return Tcl_WrongNumArgs(interp, 1, objv, "name"), TCL_ERROR;
+        i.sorm.access.need(nullptr, Right::reach, "*", "daemons");
+        Tcl_SetObjResult(interp, Tcl_NewWideIntObj(sweepSocket(runtimeSocket(toUtf8(objv[1])))));
+        return TCL_OK;
+    });
+}
+
 }  // namespace
 
 void initCommCommands(Interpreter& i) {
@@ -211,6 +222,7 @@ void initCommCommands(Interpreter& i) {
     i.define("serve", ServeObjCmd);
     i.define("unserve", UnserveObjCmd);
     i.define("daemons", DaemonsObjCmd);
+    Tcl_CreateObjCommand(i.interp, "::sorma::SweepSocket", SweepSocketObjCmd, &i, nullptr);
     Tcl_CreateObjCommand(i.interp, "::sorma::RuntimeSocket", RuntimeSocketObjCmd, &i, nullptr);
 
     Settings& s = network->comm.settings;

@@ -84,6 +84,7 @@ public:
     Running running{nullptr, nullptr};
     std::unordered_map<std::string, std::shared_ptr<TclRun>> runs;  // EXECs of Tcl services, by their coroutine
     std::uint64_t lastRun = 0;
+    int constructing = 0;                                           // TclOO objects whose service object is being made
 
     // Marks a call in progress.
     class Entered {

@@ -3,6 +3,7 @@
 #include <cstring>
 
 #include "bus/requestText.h"
+#include "comm/proxy.h"
 #include "tcl/pendingCommand.h"
 #include "tcl/tclService.h"
 #include "tcl/waiting.h"
@@ -268,8 +269,23 @@ int ownMethod(SoBinding& b, Word method, int objc, Objects objv) {
     }
 }
 
+// A name that leads nowhere, mistyped perhaps, is forgotten again when nobody but the repository and its command has it.
+void forgetNowhere(Interpreter& i, const std::string& name, const Trail& trail) {
+    auto* cause = trail.cause();
+    if (!cause || cause->symbol != "ADDRESS UNRESOLVED" || !cause->daemon.empty()) return;
+    i.whenIdle([&i, name] {
+        if (i.closing()) return;
+        auto* proxy = dynamic_cast<Proxy*>(i.sorm.find(name));
+        if (!proxy || proxy->references() > 2 || proxy->hasWish()) return;
+        i.sorm.remove(name);
+        deleteCommands(i, name);
+    });
+}
+
 [[gnu::noinline, gnu::cold]] int failed(SoBinding& b, int objc, Objects objv) noexcept {
-    return b.interpreter.raise(trailOfCurrentException(b.name), requestText(b.name, objc, objv));
+    Trail trail = trailOfCurrentException(b.name);
+    if (b.remote) forgetNowhere(b.interpreter, b.name, trail);
+    return b.interpreter.raise(std::move(trail), requestText(b.name, objc, objv));
 }
 
 // ---- answers that come later ----
@@ -372,6 +388,8 @@ SoBinding& bindingFor(Interpreter& i, std::string_view name) {
         makeCommands(*known->second);
         return *known->second;
     }
+    if (key.starts_with("::"))          // no name, but perhaps somebody's own object
+        if (std::string label = labelOfObject(i, key); !label.empty()) return *i.bindings.at(label);
     Reference so = i.sorm.get(name);
     known = i.bindings.find(key);       // making it may have bound it
     SoBinding* b;
@@ -547,7 +565,9 @@ int PendingCommand::finish() const {
         if (!m.trail.empty() || !i.sorm.lastTrail().empty()) keepTrail(b, m, int(objc), objv);
         return answer(b, resultOf(b, request_, m, objc > 2 ? objv[2] : nullptr));
     } catch (...) {
-        return i.raise(trailOfCurrentException(name_), requestText(name_, int(objc), objv));
+        Trail trail = trailOfCurrentException(name_);
+        forgetNowhere(i, name_, trail);
+        return i.raise(std::move(trail), requestText(name_, int(objc), objv));
     }
 }
 
@@ -587,6 +607,19 @@ std::string commandOf(Interpreter& interpreter, std::string_view name) {
     if (b.commands[1].token || !b.commands[0].token) return b.name;
     return std::string(kNamespace) + b.name;
 }
+
+void bindAnonymous(Interpreter& i, const std::string& label, Reference so) {
+    auto* b = new SoBinding(i, label, std::move(so));
+    b->registered = true;
+    i.bindings.emplace(label, b);
+}
+
+void releaseAnonymous(Interpreter& i, const std::string& label) {
+    auto found = i.bindings.find(label);
+    if (found != i.bindings.end()) found->second->release();
+}
+
+bool isBound(Interpreter& i, const std::string& label) { return i.bindings.contains(label); }
 
 void deleteCommands(Interpreter& interpreter, const std::string& name) {
     auto found = interpreter.bindings.find(name);

@@ -22,6 +22,11 @@ int callByName(Interpreter& interpreter, std::string_view name, int objc, Tcl_Ob
 // Is the word one of the methods of a service object's command?
 bool isSoMethod(Tcl_Obj* word);
 
+// An object that no name leads to: from now on `label`, which is no name, means it for callByName, until it is released.
+void bindAnonymous(Interpreter& interpreter, const std::string& label, Reference so);
+void releaseAnonymous(Interpreter& interpreter, const std::string& label);
+bool isBound(Interpreter& interpreter, const std::string& label);
+
 void deleteCommands(Interpreter& interpreter, const std::string& name);
 void releaseBindings(Interpreter& interpreter);     // the interpreter ends: let go of the objects
 

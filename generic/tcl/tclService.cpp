@@ -2,8 +2,12 @@
 
 #include <algorithm>
 #include <cctype>
+#include <fstream>
+#include <iterator>
 
 #include "bus/requestText.h"
+#include "tcl/commandFrame.h"
+#include "tcl/errorPlace.h"
 #include "tcl/soCommand.h"
 #include "tcl/waiting.h"
 
@@ -12,6 +16,7 @@ namespace sorma {
 namespace {
 
 const Prototype kTcl{Severity::error, "SERVICE FAILED", 1, "{}: {}"};
+const Prototype kStack{Severity::verbose, "SERVICE STACK", 1, "{}: {}"};
 const Prototype kStep{Severity::error, "SERVICE FAILED", 0, "{} failed: {}"};
 const Prototype kObjectGone{Severity::error, "SERVICE GONE", 1, "{}: its TclOO object has been destroyed"};
 const Prototype kInterpGone{Severity::error, "SERVICE GONE", 1, "{}: its interpreter was deleted while it was executing"};
@@ -19,10 +24,13 @@ const Prototype kDeclaration{Severity::error, "CLASS TABLE", 0, "{}: {}"};
 const Prototype kOutside{Severity::error, "CLASS TABLE", 0,
                          "{} declares a service class: use it in the body of a class, behind \"superclass sorma::Service\""};
 const Prototype kNoService{Severity::error, "SERVICE FAILED", 0,
-                           "{} is a plain TclOO object without a service object; make it by name: sorma::create NAME"};
+                           "{} is no service object yet: its constructor has not ended; method born is for what needs one"};
 const Prototype kElsewhere{Severity::error, "COMM DENIED", 2,
                            "{}: {} {} is elsewhere; of a class in Tcl only the daemon's own user may choose such an object"};
 const Prototype kNotRunning{Severity::error, "SERVICE FAILED", 0, "{} belongs into a method of a service class"};
+const Prototype kNothingToCancel{Severity::error, "SERVICE FAILED", 0,
+    "sorma::atCancel: no request runs here that its caller could cancel; it belongs into exec, selftest, an action or an inspection of a "
+    "service class, outside of coroutines of your own"};
 const Prototype kSymbol{Severity::error, "REQUEST SYNTAX", 0, "bad code \"{}\": must be AREA SYMBOL ?detail ...?"};
 const Prototype kNoOption{Severity::error, "OPTION UNKNOWN", 2, "{}: unknown option \"{}\": must be {}"};
 
@@ -44,6 +52,7 @@ struct TclClass {
     std::vector<Part> reads, writes;
     std::string file;                   // of its first declaration
     int line = 0;
+    std::string path;                   // of that file, with its folders
 };
 
 namespace {
@@ -96,18 +105,28 @@ bool eval(Interpreter& i, std::initializer_list<Tcl_Obj*> words, int flags = TCL
 
 Tcl_Obj* str(std::string_view text) { return newText(text); }
 
-// File and line of the command that is being evaluated, as far as Tcl knows.
-void whereAmI(Interpreter& i, std::string& file, int& line) {
+std::string tailOf(const std::string& path) {
+    auto slash = path.rfind('/');
+    return slash == std::string::npos ? path : path.substr(slash + 1);
+}
+
+// File and line of the command that is being evaluated, as far as Tcl knows. resumed: of a coroutine that has waited.
+// Returns the file with its folders.
+std::string whereAmI(Interpreter& i, std::string& file, int& line, bool resumed = false) {
     KeepState keep(i.interp);
-    if (Tcl_EvalEx(i.interp, "::info frame -1", -1, 0) != TCL_OK) return;
+    SormaFrame saved{};
+    if (!sormaDetachFrame(i.interp, &saved) && resumed) return {};
+    int code = Tcl_EvalEx(i.interp, "::info frame -1", -1, 0);
+    sormaAttachFrame(&saved);
+    if (code != TCL_OK) return {};
     Obj frame(Tcl_GetObjResult(i.interp));
     Obj fileKey(str("file")), lineKey(str("line"));
     Tcl_Obj* value = nullptr;
-    if (Tcl_DictObjGet(nullptr, frame, fileKey, &value) != TCL_OK || !value) return;
+    if (Tcl_DictObjGet(nullptr, frame, fileKey, &value) != TCL_OK || !value) return {};
     std::string path = toUtf8(value);
-    auto slash = path.rfind('/');
-    file = slash == std::string::npos ? path : path.substr(slash + 1);
+    file = tailOf(path);
     if (Tcl_DictObjGet(nullptr, frame, lineKey, &value) == TCL_OK && value) Tcl_GetIntFromObj(nullptr, value, &line);
+    return path;
 }
 
 // Classes from the root of the services down to this one, without the root.
@@ -124,6 +143,32 @@ std::vector<TclClass*> lineage(Interpreter& i, const std::string& tclClass) {
 }
 
 // ---- errors from Tcl ----
+
+std::string errorInfoOf(Tcl_Obj* options) {
+    Obj key(str("-errorinfo"));
+    Tcl_Obj* value = nullptr;
+    return Tcl_DictObjGet(nullptr, options, key, &value) == TCL_OK && value ? toUtf8(value) : std::string();
+}
+
+// The line of a class's file that a plain Tcl error comes from. Where that cannot be told the entry keeps the class's place.
+void findPlace(Interpreter& i, const std::string& info, Entry& e) {
+    TclClass* type = nullptr;
+    auto place = innermostMethod(info, [&](const std::string& name) {
+        Tcl_Object object = Tcl_GetObjectFromObj(i.interp, Obj(str(name)));
+        Tcl_Class tcl = object ? Tcl_GetObjectAsClass(object) : nullptr;
+        auto* known = tcl ? static_cast<ClassHandle*>(Tcl_ClassGetMetadata(tcl, &kClassData)) : nullptr;
+        if (!known || (*known)->path.empty()) return false;
+        type = known->get();
+        return true;
+    });
+    if (!type || !eval(i, {str("::info"), str("class"), str("definition"), str(place.className), str(place.method)})) return;
+    Obj definition(Tcl_GetObjResult(i.interp));
+    auto words = listStrings(definition);
+    std::ifstream file(type->path, std::ios::binary);
+    std::string source{std::istreambuf_iterator<char>(file), {}};
+    if (words.size() != 2) return;
+    if (int line = lineOfBody(source, words[1], place.line)) e.file = tailOf(type->path), e.line = line;
+}
 
 // What went wrong in a method, from the interpreter's result and error options, as a trail.
 Trail trailOfTclError(Interpreter& i, int code, const std::string& so, const Class& type) {
@@ -160,7 +205,22 @@ Trail trailOfTclError(Interpreter& i, int code, const std::string& so, const Cla
     e.file = type.file();
     e.line = type.line();
     Trail trail;
+    std::string info = ours ? std::string() : errorInfoOf(options);
+    if (info.empty()) {
+        trail.add(std::move(e));
+        return trail;
+    }
+    // The stack trace follows the error, so that it reaches the caller wherever he is.
+    constexpr std::size_t kMost = 4096;
+    KeepState keep(interp);
+    findPlace(i, info, e);
+    if (info.size() > kMost) info.erase(std::min(info.rfind('\n', kMost), kMost)), info += "\n    ...";
+    Entry stack = makeEntry(kStack, {MessageArg::of(so), MessageArg::of(info)});
+    stack.so = so;
+    stack.file = e.file;
+    stack.line = e.line;
     trail.add(std::move(e));
+    trail.add(std::move(stack));
     return trail;
 }
 
@@ -172,8 +232,16 @@ TclService::TclService(Interpreter& i, Tcl_Class type, std::vector<Value> initia
     : interpreter_(i), values_(std::move(initial)) {
     std::string className = objectName(i.interp, Tcl_GetClassAsObject(type));
     KeepState keep(i.interp);
+    ++i.constructing;
     object_ = Tcl_NewObjectInstance(i.interp, type, nullptr, nullptr, 0, nullptr, 0);
+    --i.constructing;
     if (!object_) fail(kStep, "the constructor of " + className, toUtf8(Tcl_GetObjResult(i.interp)));
+    Tcl_ObjectSetMetadata(object_, &kObjectData, this);
+    my_ = str(std::string(Tcl_GetObjectNamespace(object_)->fullName) + "::my");
+}
+
+TclService::TclService(Interpreter& i, Tcl_Object object, std::vector<Value> initial)
+    : interpreter_(i), object_(object), anonymous_(true), values_(std::move(initial)) {
     Tcl_ObjectSetMetadata(object_, &kObjectData, this);
     my_ = str(std::string(Tcl_GetObjectNamespace(object_)->fullName) + "::my");
 }
@@ -234,7 +302,7 @@ int AtCancelObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const
     if (objc != 2) return Tcl_WrongNumArgs(interp, 1, objv, "script"), TCL_ERROR;
     return guarded(i, objc, objv, [&] {
         auto run = currentRun(i);
-        if (!run) fail(kNotRunning, "sorma::atCancel");
+        if (!run) fail(kNothingToCancel);
         run->atCancel = Obj(objv[1]);
         Tcl_ResetResult(interp);
         return TCL_OK;
@@ -279,6 +347,11 @@ void TclService::objectDeleted() {
     if (!object_) return;
     object_ = nullptr;
     if (interpreter_.closing() || gone() || name().empty()) return;
+    if (anonymous_) {
+        Reference keep(this);
+        sorm().dismiss(keep);
+        return releaseAnonymous(interpreter_, name());
+    }
     try {
         if (sorm().find(name()) == this) sorm().remove(name());
     } catch (...) {     // it is not in the repository any more
@@ -342,9 +415,25 @@ Obj TclService::call(std::string_view method, std::span<Tcl_Obj* const> args, Me
 
 void TclService::exec(Message& m) {
     Interpreter& i = interpreter_;
+    auto run = std::make_shared<TclRun>();
+    Obj command[] = {i.constants.runExec, my_, messageDict(i.constants, m)};
+    begin(run, command, m);
+}
+
+void TclService::act(const std::string& method, Args args, Message& m) {
+    static constexpr const char* kRun = "::sorma::tcloo::RunMethod";
+    auto run = std::make_shared<TclRun>();
+    run->isExec = false;
+    std::vector<Obj> command{str(kRun), my_, str(method)};
+    for (auto& word : args) command.emplace_back(str(word));
+    begin(run, command, m);
+}
+
+// In a coroutine of its own. When it has not come to its end, the answer is given later, by Done.
+void TclService::begin(const std::shared_ptr<TclRun>& run, std::span<const Obj> command, Message& m) {
+    Interpreter& i = interpreter_;
     if (i.closing()) fail(kInterpGone, name());
     if (!object_) fail(kObjectGone, name());
-    auto run = std::make_shared<TclRun>();
     run->service = this;
     run->keep = Reference(this);
     run->context = CallContext::keep();
@@ -361,10 +450,17 @@ void TclService::exec(Message& m) {
     int code;
     {
         Around around(i, {this, &run->said});
-        Obj words[] = {i.constants.coroutine, str(coroutine), i.constants.runExec, my_, messageDict(i.constants, m)};
-        Tcl_Obj* objv[] = {words[0], words[1], words[2], words[3], words[4]};
-        code = Tcl_EvalObjv(i.interp, 5, objv, TCL_EVAL_GLOBAL);
-        if (i.closing()) fail(kInterpGone, name());
+        constexpr std::size_t kOnStack = 8;
+        Obj name = str(coroutine);
+        Tcl_Obj* few[kOnStack];
+        std::vector<Tcl_Obj*> many;
+        Tcl_Obj** objv = few;
+        if (command.size() + 2 > kOnStack) many.resize(command.size() + 2), objv = many.data();
+        objv[0] = i.constants.coroutine;
+        objv[1] = name;
+        std::copy(command.begin(), command.end(), objv + 2);
+        code = Tcl_EvalObjv(i.interp, int(command.size() + 2), objv, TCL_EVAL_GLOBAL);
+        if (i.closing()) fail(kInterpGone, this->name());
     }
     if (run->done) {
         Tcl_ResetResult(i.interp);
@@ -390,10 +486,17 @@ void TclService::exec(Message& m) {
 
 void TclService::answer(TclRun& run, Message& m) const {
     Interpreter& i = interpreter_;
-    if (run.code == TCL_OK) {
+    if (run.code == TCL_OK && run.isExec) {
         m.clear();
         m.trail = std::move(run.said.trail);
         return readResult(run.result, m);
+    }
+    if (run.code == TCL_OK) {
+        m.trail.append(run.said.trail);
+        std::string said = toUtf8(run.result);
+        if (!said.empty() && !m.text.empty()) m.text += '\n';
+        m.text += said;
+        return;
     }
     Trail trail = std::move(run.said.trail);
     Tcl_SetObjResult(i.interp, run.result);
@@ -428,7 +531,7 @@ void TclService::changed(std::span<const Option* const> options) {
     call("changed", args, nullptr);
 }
 
-std::string TclService::selftest() { return toUtf8(call("selftest", {}, nullptr)); }
+void TclService::answerSelftest(Message& m) { act("selftest", {}, m); }
 
 void TclService::dumpState(std::string& out) const {
     std::string lines = toUtf8(call("dump", {}, nullptr));
@@ -441,6 +544,19 @@ void TclService::dumpState(std::string& out) const {
         if (line[0] != '#') out += "# ";
         out += line;
     }
+}
+
+namespace {
+TclService& serviceOf(Interpreter& i, Tcl_Object object);
+}  // namespace
+
+std::string labelOfObject(Interpreter& i, std::string_view command) {
+    KeepState keep(i.interp);
+    Obj word(str(command));
+    Tcl_Object object = Tcl_GetObjectFromObj(i.interp, word);
+    if (!object || !eval(i, {str("::info"), str("object"), str("isa"), str("typeof"), word, str("::sorma::Service")})) return {};
+    if (view(Tcl_GetObjResult(i.interp)) != "1") return {};
+    return serviceOf(i, object).name();
 }
 
 void tclServiceRemoved(Interpreter& interpreter, const std::string& name) {
@@ -524,7 +640,7 @@ TclClass& target(Interpreter& i, Tcl_Obj* command) {
     Tcl_Class type = object ? Tcl_GetObjectAsClass(object) : nullptr;
     if (!type || lineage(i, name).empty()) fail(kOutside, outside);
     TclClass& c = declarationsOf(i, type);
-    if (c.file.empty()) whereAmI(i, c.file, c.line);
+    if (c.file.empty()) c.path = whereAmI(i, c.file, c.line);
     return c;
 }
 
@@ -690,16 +806,7 @@ int declareAction(Interpreter& i, int objc, Tcl_Obj* const objv[], bool ctrl) {
         std::string method = (ctrl ? "CTRL" : "DBX") + a.name;
         std::string type = objectName(i.interp, Tcl_GetClassAsObject(c.tcl));
         if (!eval(i, {str("::oo::define"), str(type), str("method"), str(method), objv[2], objv[4]})) return TCL_ERROR;
-        a.body = [method](Service& s, Args args, Message& reply) {
-            auto& self = static_cast<TclService&>(s);
-            std::vector<Obj> words;
-            for (auto& word : args) words.emplace_back(str(word));
-            std::vector<Tcl_Obj*> objv(words.begin(), words.end());
-            std::string said = toUtf8(self.call(method, objv, &reply));
-            if (said.empty()) return;
-            if (!reply.text.empty()) reply.text += '\n';
-            reply.text += said;
-        };
+        a.body = [method](Service& s, Args args, Message& reply) { static_cast<TclService&>(s).act(method, args, reply); };
         list.push_back(std::move(a));
         declared(i, c);
         Tcl_ResetResult(i.interp);
@@ -795,10 +902,8 @@ Entry entryOf(Interpreter& i, Severity severity, Tcl_Obj* code, Tcl_Obj* text) {
     e.file.clear();
     e.line = 0;
     if (auto running = runningNow(i); running.service) e.so = running.service->name();
-    // `info frame` of 8.6 falls into freed frames in coroutines that have been resumed: there the class's place has to do.
     auto run = currentRun(i);
-    bool resumed = run ? bool(run->reply) : !view(coroutineName(i)).empty();
-    if (!resumed) whereAmI(i, e.file, e.line);
+    whereAmI(i, e.file, e.line, run ? bool(run->reply) : !view(coroutineName(i)).empty());
     if (e.file.empty() && run && run->service) {        // Tcl 9 knows no file either for a body that came in a variable
         e.file = run->service->type().file();
         e.line = run->service->type().line();
@@ -831,12 +936,42 @@ int WarnObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const obj
     });
 }
 
-// The SO of the object whose method runs.
-TclService& self(Tcl_ObjectContext context, Tcl_Interp* interp) {
-    Tcl_Object object = Tcl_ObjectContextObject(context);
+// A TclOO object that somebody has made himself becomes a service object when it is first asked as one. It is called by its
+// command, as long as that lives; nobody else can name it.
+TclService& makeAnonymous(Interpreter& i, Tcl_Object object) {
+    std::string label = objectName(i.interp, object);
+    if (i.constructing > 0 || Tcl_ObjectDeleted(object)) fail(kNoService, label);
+    KeepState keep(i.interp);
+    if (!eval(i, {str("::info"), str("object"), str("class"), str(label)})) fail(kNoService, label);
+    std::string type = toUtf8(Tcl_GetObjResult(i.interp));
+    std::vector<Value> initial;
+    for (auto* c : lineage(i, type))
+        for (auto& d : c->options) initial.push_back(d.initial);
+    const std::string plain = label;
+    for (int n = 2; isBound(i, label); ++n) label = plain + "#" + std::to_string(n);     // the command was renamed, and made anew
+    auto fresh = std::make_unique<TclService>(i, object, std::move(initial));
+    TclService& service = *fresh;
+    bindAnonymous(i, label, i.sorm.makeAnonymous(std::move(fresh), label, serviceName(type)));
+    return service;
+}
+
+// The SO of a TclOO object.
+TclService& serviceOf(Interpreter& i, Tcl_Object object) {
     auto* service = static_cast<TclService*>(Tcl_ObjectGetMetadata(object, &kObjectData));
-    if (!service || service->name().empty()) fail(kNoService, objectName(interp, object));
+    if (!service) return makeAnonymous(i, object);
+    if (service->name().empty()) fail(kNoService, objectName(i.interp, object));
     return *service;
+}
+
+// The SO of the object whose method runs.
+TclService& self(Tcl_ObjectContext context, Interpreter& i) { return serviceOf(i, Tcl_ObjectContextObject(context)); }
+
+// A word that an object of a service class does not know: requests are for its service object.
+int UnknownOfObject(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    int skip = int(Tcl_ObjectContextSkippedArgs(context));
+    if (objc <= skip || !isSoMethod(objv[skip])) return Tcl_ObjectContextInvokeNext(interp, context, objc, objv, skip);
+    return guarded(i, objc, objv, [&] { return callByName(i, self(context, i).name(), objc - skip + 1, objv + skip - 1); });
 }
 
 int CgetMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, int objc, Tcl_Obj* const objv[]) {
@@ -844,7 +979,7 @@ int CgetMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, i
     return guarded(i, objc, objv, [&] {
         int skip = int(Tcl_ObjectContextSkippedArgs(context));
         if (objc != skip + 1) return Tcl_WrongNumArgs(interp, skip, objv, "-option"), TCL_ERROR;
-        TclService& s = self(context, interp);
+        TclService& s = self(context, i);
         int index = s.type().findOption(view(objv[skip]));
         if (index < 0) {
             std::string known;
@@ -867,7 +1002,7 @@ int ConfigureMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext conte
     return guarded(i, objc, objv, [&] {
         int skip = int(Tcl_ObjectContextSkippedArgs(context));
         if (objc < skip + 2) return Tcl_WrongNumArgs(interp, skip, objv, "-option value ?-option value ...?"), TCL_ERROR;
-        Reference s(&self(context, interp));
+        Reference s(&self(context, i));
         Message m;
         for (int k = skip; k < objc; ++k) m.words.push_back(toUtf8(objv[k]));
         s->invoke(Method::ctrl, m);
@@ -883,7 +1018,7 @@ int PublishMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context
             return Tcl_WrongNumArgs(interp, skip, objv, "event ?-text text? ?-floats list? ?-ints list? ?-any bytes? ?word ...?"), TCL_ERROR;
         Message m;
         readOptions({objv + skip + 1, std::size_t(objc - skip - 1)}, m);
-        self(context, interp).tell(toUtf8(objv[skip]), m);
+        self(context, i).tell(toUtf8(objv[skip]), m);
         return TCL_OK;
     });
 }
@@ -893,7 +1028,7 @@ int NameMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, i
     return guarded(i, objc, objv, [&] {
         int skip = int(Tcl_ObjectContextSkippedArgs(context));
         if (objc != skip) return Tcl_WrongNumArgs(interp, skip, objv, nullptr), TCL_ERROR;
-        Tcl_SetObjResult(interp, newText(self(context, interp).name()));
+        Tcl_SetObjResult(interp, newText(self(context, i).name()));
         return TCL_OK;
     });
 }
@@ -926,6 +1061,7 @@ constexpr Tcl_MethodType kCget = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::cget", 
 constexpr Tcl_MethodType kConfigure = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::configure", ConfigureMethod, nullptr, nullptr};
 constexpr Tcl_MethodType kName = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::name", NameMethod, nullptr, nullptr};
 constexpr Tcl_MethodType kPublish = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::publish", PublishMethod, nullptr, nullptr};
+constexpr Tcl_MethodType kUnknownOfObject = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::unknown", UnknownOfObject, nullptr, nullptr};
 constexpr Tcl_MethodType kUnknown = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::unknown", UnknownMethod, nullptr, nullptr};
 
 // What does not need C++. It is here and not in a file because a safe interpreter can read none.
@@ -961,6 +1097,13 @@ proc ::sorma::tcloo::Classes {{from ::sorma::Service}} {
 proc ::sorma::tcloo::Run {my message} {
     ::set coroutine [::info coroutine]
     ::catch {$my exec $message} result options
+    Done $coroutine $result $options
+}
+
+# The same of an action.
+proc ::sorma::tcloo::RunMethod {args} {
+    ::set coroutine [::info coroutine]
+    ::catch $args result options
     Done $coroutine $result $options
 }
 
@@ -1015,6 +1158,7 @@ bool initTclServices(Interpreter& i) {
     addMethod(service, "configure", true, &kConfigure);
     addMethod(service, "name", true, &kName);
     addMethod(service, "publish", false, &kPublish);
+    addMethod(service, "unknown", false, &kUnknownOfObject);
     if (Tcl_EvalEx(interp, "::expr {{unknown} ni [::info class methods ::oo::class -private]}", -1, TCL_EVAL_GLOBAL) == TCL_OK &&
         view(Tcl_GetObjResult(interp)) == "1")
         addMethod(all, "unknown", false, &kUnknown);

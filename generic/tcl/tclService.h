@@ -32,42 +32,52 @@ class TclService final : public Service {
 public:
     // type: the class of the object, still without SO. Fails with SERVICE FAILED when the Tcl constructor does.
     TclService(Interpreter& interpreter, Tcl_Class type, std::vector<Value> initial);
+    // For a TclOO object that somebody has made himself (carry create x): it is his, and no name leads to it.
+    TclService(Interpreter& interpreter, Tcl_Object object, std::vector<Value> initial);
     ~TclService() override;
 
     void exec(Message& m) override;
     void born() override;
     void changed(std::span<const Option* const> options) override;
-    std::string selftest() override;
+    void answerSelftest(Message& m) override;
     void dumpState(std::string& out) const override;
 
     // Call a method of the TclOO object, private ones too. Throws what it throws, behind what message has in its
     // trail already (message may be null: then warnings of the method go nowhere).
     Obj call(std::string_view method, std::span<Tcl_Obj* const> args, Message* message) const;
 
+    // An action, or what else answers CTRL and DBX: as an EXEC it may wait, and is answered later then. What the method
+    // returns becomes a line of m.text.
+    void act(const std::string& method, Args args, Message& m);
+
     void removed();             // the SO has left the repository: so does the TclOO object
     void objectDeleted();       // and the other way round
 
     void leaving() override;
-    void tell(std::string_view event, const Message& m) const { publish(event, m); }
-    void answer(TclRun& run, Message& m) const;     // of an EXEC that is done: the result into m, or a throw
+    void tell(std::string_view event, const Message& m) { publishState(event, m); }
+    void answer(TclRun& run, Message& m) const;     // of one that is done: the result into m, or a throw
     Value value(std::size_t option) const { return values_[option]; }
     void setValue(std::size_t option, const Value& value);
     void setService(std::size_t option, Reference service);
     Interpreter& interpreter() const { return interpreter_; }
 
 private:
+    void begin(const std::shared_ptr<TclRun>& run, std::span<const Obj> command, Message& m);
+
     Interpreter& interpreter_;
     Tcl_Object object_ = nullptr;       // null when it has been destroyed
+    bool anonymous_ = false;
     Obj my_;                            // command that also calls its private methods
     std::vector<Value> values_;         // one for each option
     std::vector<Reference> services_;   // of the options of type service; as long as values_, or empty
 };
 
-// An EXEC of a service in Tcl. It runs in a coroutine of its own, so that it may wait: for time, for events, for other
+// An EXEC or an action of a service in Tcl. It runs in a coroutine of its own, so that it may wait: for time, for events, for other
 // services, which then suspend only it. What it still owes when it first waits is answered later.
 struct TclRun {
     TclService* service;                // null when its interpreter is gone
     Reference keep;
+    bool isExec = true;
     Message said;                       // its warnings so far
     KeptCallPointer context;                    // of the request; null: it came from no request
     Reply reply;                        // set when it has waited
@@ -97,6 +107,10 @@ bool initTclServices(Interpreter& interpreter);
 // Look for a TclOO class of that service class name and add it to the SORM.
 bool registerTclClass(Interpreter& interpreter, const std::string& name);
 std::vector<std::string> tclClassNames(Interpreter& interpreter);
+
+// The label by which callByName and its like know a TclOO object of a service class that somebody has made himself; from now on it
+// has a service object. Empty: the command is no such object.
+std::string labelOfObject(Interpreter& interpreter, std::string_view command);
 
 void tclServiceRemoved(Interpreter& interpreter, const std::string& name);
 

@@ -1,0 +1,289 @@
+# doctor.tcl -- what could keep SORMA from working on this machine, and how to mend it.
+#
+# Part of sorma::inspect, which reads it. Each proc of the namespace that begins with Check adds findings by Note; it changes
+# nothing but the sockets of daemons that have died, which it removes as all that look around do.
+
+namespace eval ::sorma::inspect::doctor {
+    variable Findings       ;# list of dicts: what state text mend
+    # What is looked at, in this order.
+    variable Checks {Package Folder Sockets Daemons Dictionary Policy SharedMemory Limits Rpcbind}
+}
+
+# ::sorma::inspect::doctor ?-data? --
+#       Look at what SORMA needs of this machine: a line for each thing, and below what is wrong how to mend it.
+# Results:
+#       With -data a list of dicts: what, state (ok; note: it matters to some; wrong), text, mend.
+proc ::sorma::inspect::doctor args {
+    lassign [Parse $args {}] - data
+    set doctor::Findings {}
+    ::sorma::discover::LookAgain
+    foreach check $doctor::Checks {
+        if {[catch {doctor::Check$check} message]} {
+            doctor::Note [string tolower $check] wrong "cannot be looked at: $message" {}
+        }
+    }
+    if {$data} {
+        return $doctor::Findings
+    }
+    set rows {}
+    set out {}
+    set wrong 0
+    foreach finding $doctor::Findings {
+        dict with finding {}
+        set head [format "%-5s %-14s" $state $what]
+        set colour [dict get {ok {} note dim wrong error} $state]
+        incr wrong [expr {$state eq "wrong"}]
+        lappend out [::sorma::show::Hang [::sorma::show::Paint $head $colour [Style]] 20 $text [Style]]
+        if {$mend ne {}} {
+            lappend out [::sorma::show::Block [string repeat { } 21] "mend: $mend" {} [Style]]
+        }
+    }
+    lappend out [expr {$wrong == 0 ? "nothing is wrong" : $wrong == 1 ? "1 thing is wrong" : "$wrong things are wrong"}]
+    return [join $out \n]
+}
+
+proc ::sorma::inspect::doctor::Note {what state text {mend {}}} {
+    variable Findings
+    lappend Findings [dict create what $what state $state text $text mend $mend]
+}
+
+# ---- the package ----
+
+proc ::sorma::inspect::doctor::CheckPackage {} {
+    Note package ok "SORMA [package present sorma] in $::sorma::library, Tcl [info patchlevel], [info nameofexecutable]"
+    set others [lsearch -all -inline -not -exact [package versions sorma] [package present sorma]]
+    if {[llength $others] > 0} {
+        Note package note "other versions are installed as well: [join $others {, }]; a script gets the newest" \
+            "say package require -exact sorma VERSION, or take their folder out of TCLLIBPATH"
+    }
+    set found {}
+    foreach folder $::auto_path {
+        foreach file [glob -nocomplain [file join $folder sorma*/pkgIndex.tcl]] {
+            dict set found [file normalize [file dirname $file]] 1
+        }
+    }
+    dict unset found [file normalize $::sorma::library]
+    if {[dict size $found] > 0} {
+        Note package note "there is another copy in [join [dict keys $found] {, }]; which one a tclsh takes depends on its auto_path" \
+            "remove the one that is not wanted"
+    }
+}
+
+# ---- where daemons listen ----
+
+# The folder, and which variable says so.
+proc ::sorma::inspect::doctor::Folder {} {
+    global env
+    foreach {variable tail} {SORMA_RUNTIME_DIR {} XDG_RUNTIME_DIR /sorma} {
+        if {[info exists env($variable)] && $env($variable) ne {}} {
+            return [list $env($variable)$tail $variable]
+        }
+    }
+    file stat /proc/self own
+    return [list /tmp/sorma-$own(uid) {}]
+}
+
+proc ::sorma::inspect::doctor::CheckFolder {} {
+    lassign [Folder] folder variable
+    set from [expr {$variable ne {} ? " ($variable)" : " (neither SORMA_RUNTIME_DIR nor XDG_RUNTIME_DIR is set)"}]
+    file stat /proc/self own
+    if {[catch {file lstat $folder found}]} {
+        set above [file dirname $folder]
+        if {![file isdirectory $above] || ![file writable $above]} {
+            return [Note {runtime folder} wrong "$folder$from is not there, and cannot be made in $above" \
+                "make $above, or set SORMA_RUNTIME_DIR to a folder of yours"]
+        }
+        return [Note {runtime folder} ok "$folder$from is not there yet; the first daemon makes it"]
+    }
+    if {$found(type) ne "directory"} {
+        return [Note {runtime folder} wrong "$folder$from is a $found(type), not a folder" "remove it"]
+    }
+    if {$found(uid) != $own(uid)} {
+        return [Note {runtime folder} wrong "$folder$from belongs to user $found(uid), you are $own(uid); nothing in it is believed" \
+            "set SORMA_RUNTIME_DIR to a folder of yours"]
+    }
+    if {$found(mode) & 0o066} {
+        return [Note {runtime folder} wrong "$folder$from may be read or written by others (mode [format %o [expr {$found(mode) & 0o777}]]); nothing in it is believed" \
+            "chmod 700 $folder"]
+    }
+    if {[string length [encoding convertto utf-8 $folder]] > 90} {
+        return [Note {runtime folder} wrong "$folder$from is too long: the path of a socket has at most 107 bytes" "set SORMA_RUNTIME_DIR to a shorter one"]
+    }
+    if {![file writable $folder]} {
+        return [Note {runtime folder} wrong "nothing can be written to $folder$from" "chmod u+wx $folder, or see whether its file system is full"]
+    }
+    Note {runtime folder} ok $folder$from
+}
+
+proc ::sorma::inspect::doctor::CheckSockets {} {
+    lassign [Folder] folder
+    set dead {}
+    foreach file [lsort [glob -nocomplain -tails -directory $folder *.sock]] {
+        set name [string range $file 0 end-5]
+        if {![catch {::sorma::SweepSocket $name} swept] && $swept} {
+            lappend dead $name
+        }
+    }
+    if {[llength $dead] > 0} {
+        Note sockets note "of daemons that have died, and are removed now: [join $dead {, }]" "look into their logs (sormad -log FILE)"
+    }
+}
+
+proc ::sorma::inspect::doctor::CheckDaemons {} {
+    set own [lindex [split [lindex [::sorma::Aside {::sorma::so::sorm DBX -version}] 3] ,] 1]
+    set daemons [::sorma::discover::daemons 400]
+    set well {}
+    foreach daemon $daemons {
+        set name [dict get $daemon name]
+        set trouble [::sorma::discover::trouble $name]
+        if {$trouble ne {}} {
+            Note daemon [expr {[string match busy* $trouble] ? "note" : "wrong"}] "$name at [dict get $daemon address]: $trouble" \
+                [switch -glob -- $trouble {
+                    busy* { string cat "wait, or see what it does: sorma::health $name" }
+                    "no answer*" { string cat "see whether it is stopped (kill -CONT), or end it" }
+                    default { string cat "start it, or take its address out of the dictionary" }
+                }]
+            continue
+        }
+        if {[dict get $daemon state] eq "self"} {
+            continue
+        }
+        if {[catch {::sorma::discover::fetch $name {sorm DBX -version} 1000} version]} {
+            Note daemon wrong "$name does not say its version: $version" "see sorma::trail"
+        } elseif {[lindex [split $version ,] 1] ne $own} {
+            Note daemon note "$name has[lindex [split $version ,] 1], here is$own" "restart it with the same version, when calls are refused"
+        } else {
+            lappend well $name
+        }
+    }
+    if {[llength $well] > 0} {
+        Note daemons ok "[join $well {, }]"
+    } elseif {[llength $daemons] == 0} {
+        Note daemons ok "none runs"
+    }
+}
+
+# ---- what it reads ----
+
+proc ::sorma::inspect::doctor::CheckDictionary {} {
+    global env
+    set files {}
+    if {[info exists env(SORMA_DICT)]} {
+        set files [lsearch -all -inline -not -exact [split $env(SORMA_DICT) :] {}]
+    }
+    foreach file $files {
+        # An interpreter reads them when it gets the package.
+        if {[catch {
+            set child [interp create]
+            try {
+                set kept $env(SORMA_DICT)
+                set env(SORMA_DICT) $file
+                load [lindex [lsearch -inline -index 1 -exact [info loaded {}] Sorma] 0] Sorma $child
+            } finally {
+                set env(SORMA_DICT) $kept
+                interp delete $child
+            }
+        } message]} {
+            Note dictionary wrong "SORMA_DICT: $message" "correct that line"
+        } else {
+            Note dictionary ok $file
+        }
+    }
+    if {[llength $files] == 0} {
+        Note dictionary ok "SORMA_DICT names no file"
+    }
+}
+
+proc ::sorma::inspect::doctor::CheckPolicy {} {
+    global env
+    set folder [if {[info exists env(XDG_CONFIG_HOME)] && $env(XDG_CONFIG_HOME) ne {}} {
+        set env(XDG_CONFIG_HOME)
+    } elseif {[info exists env(HOME)]} {
+        file join $env(HOME) .config
+    }]
+    set file [file join $folder sorma policy]
+    if {![file exists $file]} {
+        return [Note policy ok "no file $file: you may do everything by Unix-domain socket, others may call and look"]
+    }
+    # A daemon reads it when it is made: so make one, where nobody sees it.
+    set temporary /tmp/sorma-doctor-[pid]
+    set child [::sorma::discover::NewInterpreter]
+    try {
+        file mkdir $temporary
+        file attributes $temporary -permissions 0700
+        interp eval $child [list sorma::serve doctor[pid] -policy $file -socket $temporary/s]
+        interp eval $child [list sorma::unserve doctor[pid]]
+        Note policy ok $file
+    } on error message {
+        Note policy wrong [regsub {^sorma::serve: } $message {}] "correct it; until then no daemon starts. See sorma::manual security"
+    } finally {
+        interp delete $child
+        file delete -force $temporary
+    }
+}
+
+# ---- the machine ----
+
+proc ::sorma::inspect::doctor::CheckSharedMemory {} {
+    set folder /dev/shm
+    if {![file isdirectory $folder] || ![file writable $folder]} {
+        return [Note {shared memory} wrong "$folder is not there or cannot be written to: shmem_w and shmem_r do not work" \
+            "mount -t tmpfs -o mode=1777 tmpfs $folder"]
+    }
+    set segments [llength [glob -nocomplain -directory $folder sorma.*]]
+    set state ok
+    set mend {}
+    set room {}
+    if {![catch {exec df -Pk $folder 2>/dev/null} table]} {
+        lassign [lindex [split $table \n] end] - total used free
+        set room ", [expr {$free / 1024}] of [expr {$total / 1024}] MB are free"
+        if {$free < 4096} {
+            set state wrong
+            set mend "see what is there (ls -l $folder), remove what nobody uses (shmem_w CTRL -clean), or give it more room"
+        }
+    }
+    Note {shared memory} $state "$segments snapshot buffer[expr {$segments == 1 ? {} : "s"}] in $folder$room" $mend
+}
+
+proc ::sorma::inspect::doctor::CheckLimits {} {
+    set in [open /proc/self/limits]
+    set limits [read $in]
+    close $in
+    foreach {what pattern} {files {Max open files +(\S+)} memory {Max locked memory +(\S+)} priority {Max realtime priority +(\S+)}} {
+        set found($what) 0
+        regexp $pattern $limits -> found($what)
+    }
+    if {$found(files) ne "unlimited" && $found(files) < 2048} {
+        Note limits wrong "at most $found(files) open files: connections need numbers above 1024" "ulimit -n 65536, or LimitNOFILE= in its unit"
+    } else {
+        Note limits ok "open files: $found(files)"
+    }
+    if {$found(priority) eq "0" && [exec id -u] != 0} {
+        Note real-time note "this user may not give a cycle a real-time priority; without one it runs, but late when the machine is busy" \
+            "@GROUP - rtprio 90 and @GROUP - memlock unlimited in /etc/security/limits.d/, see sorma::manual cycle"
+    } elseif {[exec id -u] == 0 || $found(memory) eq "unlimited"} {
+        Note real-time ok "cycles may have a priority and lock their memory"
+    } else {
+        Note real-time note "at most [expr {$found(memory) / 1024}] kB may be locked in memory: -lockMemory of a cycle needs more" \
+            "@GROUP - memlock unlimited in /etc/security/limits.d/"
+    }
+}
+
+# Needed by -rpcbind, and by addresses that are program numbers.
+proc ::sorma::inspect::doctor::CheckRpcbind {} {
+    set programs {}
+    dict for {word address} [lindex [::sorma::discover::OwnFacts] 1] {
+        if {[regexp {:0x[[:xdigit:]]+$} $address]} {
+            lappend programs $word
+        }
+    }
+    if {[catch {socket 127.0.0.1 111} channel] && ![file exists /run/rpcbind.sock]} {
+        set text "none answers on this host; it is needed by sormad -rpcbind and by addresses like host:0x14"
+        if {[llength $programs] > 0} {
+            append text ", as of [join $programs {, }]"
+        }
+        return [Note rpcbind note $text "apt-get install rpcbind, and start it: systemctl start rpcbind, or rpcbind -w"]
+    }
+    catch {close $channel}
+    Note rpcbind ok "it answers"
+}
