@@ -2,7 +2,8 @@
 # it all the time, by Unix socket.
 #
 # Each call is answered or reported as LOST, and none executed twice; the books are in a file, so that they outlive daemons.
-# Prints: kills N calls N lost N other N twice N unexecuted N, and how long it took from the daemon's "ready" to the first good
+# An object with a recipe of the client's own must look the same at each daemon (CTRL -dump).
+# Prints: killed N calls N lost N other N twice N unexecuted N differs N, and how long it took from the daemon's "ready" to the first good
 # call [ms]: p50 and p99.
 package require sorma
 set support [file join [file dirname [file normalize [info script]]] .. support]
@@ -30,6 +31,9 @@ set name restarts[pid]
 set killer [open |[list [info nameofexecutable] [file join $support killer.tcl] $name $script $kills $seed $most 2>@stderr] r+]
 fconfigure $killer -blocking 0 -buffering line
 while {[catch {nop@$name EXEC}]} {after 10}
+sorma::so::dict CTRL -add foo.kept@$name -breakfast -tempo presto
+set dump [foo.kept@$name CTRL -dump]
+set differs 0
 set calls 0
 set lost 0
 set other 0
@@ -47,6 +51,7 @@ while 1 {
         set reply [ledger@$name EXEC IMSG 1 [incr calls]]
         lappend answered $calls
         lappend good [clock microseconds]
+        incr differs [expr {[foo.kept@$name CTRL -dump] ne $dump}]
     } trap {SORMA COMM LOST} {} {
         incr lost
     } on error message {
@@ -71,7 +76,7 @@ foreach moment $ready {
     }
 }
 set waits [lsort -integer $waits]
-puts "$line calls $calls lost $lost other $other twice $twice unexecuted $unexecuted"
+puts "$line calls $calls lost $lost other $other twice $twice unexecuted $unexecuted differs $differs"
 puts "ready to first good call p50 [lindex $waits [expr {[llength $waits] / 2}]] ms p99 [lindex $waits [expr {[llength $waits] * 99 / 100}]] ms"
 puts $killer end
 fconfigure $killer -blocking 1
