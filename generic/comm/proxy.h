@@ -39,7 +39,8 @@ public:
 
     Connection& connection() { return *connection_; }
     const std::string& target() const { return target_; }
-    bool hasWish() const { return !wish_.empty(); }     // it has a recipe of ours
+    // Its daemon has never answered, and nobody has given it anything to keep: a name that was mistyped, perhaps.
+    bool isNowhere() const { return connection_->boots() == 0 && wish_.empty() && !restore_; }
     static Class describe();
 
 protected:

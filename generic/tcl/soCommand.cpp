@@ -276,7 +276,7 @@ void forgetNowhere(Interpreter& i, const std::string& name, const Trail& trail) 
     i.whenIdle([&i, name] {
         if (i.closing()) return;
         auto* proxy = dynamic_cast<Proxy*>(i.sorm.find(name));
-        if (!proxy || proxy->references() > 2 || proxy->hasWish()) return;
+        if (!proxy || proxy->references() > 2 || !proxy->isNowhere()) return;
         i.sorm.remove(name);
         deleteCommands(i, name);
     });
