@@ -1,5 +1,4 @@
 #include <cmath>
-#include <functional>
 
 #include "bus/listText.h"
 #include "bus/serviceParts.h"
@@ -171,11 +170,12 @@ void CommonRequests::undo(Service& s, Args, Message& reply) {
 
 // The recipe that makes an object as this one is: what the present recipe splices in, and says beside options, stays; behind it
 // stands what differs from that.
-static std::string recipeOf(const Service& s, const std::vector<std::string>& words, const std::function<std::vector<DictionaryWord>(const std::string&)>& spliced) {
+static std::string recipeOf(const Service& s, const std::vector<std::string>& words, const Dictionary& dictionary) {
     const Class& type = s.type();
     auto isAction = [&](const std::string& word) {
         if (type.findAction(word)) return true;
-        return std::any_of(CommonRequests::actions().begin(), CommonRequests::actions().end(), [&](auto& a) { return a.name == word; });
+        auto& common = CommonRequests::actions();
+        return std::any_of(common.begin(), common.end(), [&](auto& a) { return a.name == word; });
     };
     // The value of an option that stands at words[i], which moves to its last word.
     auto valueAt = [](const Option& o, auto& words, std::size_t& i, auto text) {
@@ -183,7 +183,8 @@ static std::string recipeOf(const Service& s, const std::vector<std::string>& wo
         return std::string(text(words[++i]));
     };
     std::vector<std::string> base;
-    for (std::size_t i = 0; i < type.options().size(); ++i) base.push_back(i < type.defaults().size() ? toText(type.defaults()[i]) : "");
+    for (std::size_t i = 0; i < type.options().size(); ++i)
+        base.push_back(i < type.defaults().size() ? toText(type.defaults()[i]) : std::string());
     std::string out;
     for (std::size_t i = 0; i < words.size(); ++i) {
         if (int index = type.findOption(words[i]); index >= 0) {
@@ -193,7 +194,7 @@ static std::string recipeOf(const Service& s, const std::vector<std::string>& wo
         appendWord(out, words[i]);
         if (isAction(words[i]) || words[i] != "-SUBST" || i + 1 == words.size()) continue;
         appendWord(out, words[++i]);
-        auto inner = spliced(words[i]);
+        auto inner = dictionary.expand(words[i]);
         for (std::size_t k = 0; k < inner.size(); ++k) {
             int index = type.findOption(inner[k].text);
             if (index < 0) continue;
@@ -233,8 +234,7 @@ void CommonRequests::save(Service& s, Args args, Message& m) {
         words = *known;
         for (auto& w : dictionary.expand(s.name())) author = Principal::both(author, w.origin.author);
     }
-    auto spliced = [&](const std::string& word) { return dictionary.expand(word); };
-    std::string recipe = recipeOf(s, words, spliced);
+    std::string recipe = recipeOf(s, words, dictionary);
     std::string by = CallContext::currentCallers();
     try {
         dictionary.add(target, splitWords(recipe), by, author);
@@ -327,7 +327,8 @@ const std::vector<Action>& CommonRequests::actions() {
          [](Service& s, Args, Message& m) { addLine(m, s.type().helpText(s.name())); }, Right::inspect, true},
         {"-dump", "", "all state inside, as CTRL would read it again", 0, 0,
          [](Service& s, Args, Message& m) { addLine(m, s.dump()); }, Right::inspect},
-        {"-save", "?flavor?", "write the options as this name's recipe, or that of another flavor, into the dictionary", 0, 1, save, Right::inspect},
+        {"-save", "?flavor?", "write the options as this name's recipe, or that of another flavor, into the dictionary", 0, 1,
+         save, Right::inspect},
         {"-selftest", "", "check itself", 0, 0,
          [](Service& s, Args, Message& m) { s.answerSelftest(m); }, Right::call},
         {"-undo", "", "take back the last CTRL that set options; again: the one before, up to 10", 0, 0, undo, Right::configure, true},

@@ -29,8 +29,8 @@ const Prototype kElsewhere{Severity::error, "COMM DENIED", 2,
                            "{}: {} {} is elsewhere; of a class in Tcl only the daemon's own user may choose such an object"};
 const Prototype kNotRunning{Severity::error, "SERVICE FAILED", 0, "{} belongs into a method of a service class"};
 const Prototype kNothingToCancel{Severity::error, "SERVICE FAILED", 0,
-    "sorma::atCancel: no request runs here that its caller could cancel; it belongs into exec, selftest, an action or an inspection of a "
-    "service class, outside of coroutines of your own"};
+    "sorma::atCancel: no request runs here that its caller could cancel; it belongs into exec, selftest, an action or an "
+    "inspection of a service class, outside of coroutines of your own"};
 const Prototype kSymbol{Severity::error, "REQUEST SYNTAX", 0, "bad code \"{}\": must be AREA SYMBOL ?detail ...?"};
 const Prototype kNoOption{Severity::error, "OPTION UNKNOWN", 2, "{}: unknown option \"{}\": must be {}"};
 
