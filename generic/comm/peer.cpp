@@ -704,7 +704,7 @@ void Server::Peer::drain() {
 // Read while the peer takes its replies; ask to write while it has any to take.
 void Server::Peer::interest() {
     if (!open()) return;
-    std::uint32_t wanted = (queued() <= kQueueLimit ? kReading : 0u) | (queued() > 0 ? std::uint32_t{EPOLLOUT} : 0u);
+    std::uint32_t wanted = (queued() <= kQueueLimit && !leaving_ ? kReading : 0u) | (queued() > 0 ? std::uint32_t{EPOLLOUT} : 0u);
     if (wanted == interest_) return;
     interest_ = wanted;
     server_.reactor_.change(fd_, wanted, this);
