@@ -44,6 +44,15 @@ std::uint32_t microseconds(std::int64_t nanoseconds) {
     return us > UINT32_MAX ? UINT32_MAX : static_cast<std::uint32_t>(us);
 }
 
+// For what is there already: the limit gives by a quarter, so that who only begins to be over it is refused, not cut off.
+bool stretch(Charge& charge, std::size_t bytes) {
+    if (charge.set(bytes)) return true;
+    const Account& account = *charge.account();
+    if (account.used() + bytes > account.limit() + account.limit() / 4 + charge.bytes()) return false;
+    charge.force(bytes);
+    return true;
+}
+
 Trail trailOf(Entry entry) {
     Trail trail;
     trail.add(std::move(entry));
@@ -308,8 +317,8 @@ bool Server::Peer::forgotten(std::uint32_t slot, std::uint32_t sequence) {
 
 // For what is here, and for the rest of a long request. What will soon be served is charged in any case.
 void Server::Peer::charge(std::size_t request, bool half) {
-    if (request_.set(request)) return;
     if (!half) return request_.force(request);
+    if (stretch(request_, request)) return;
     server_.retire(this, overBudget(server_.name_, Account::Use::requests, request).what(), true);
 }
 
@@ -666,7 +675,7 @@ void Server::Peer::push(const char* data, std::size_t size) {
         }
     }
     out_.append(data, size);
-    if (!queue_.set(out_.size())) return server_.retire(this, {}, false);
+    if (!stretch(queue_, out_.size())) return server_.retire(this, {}, false);
     server_.watchSlow(this);
     interest();
 }
@@ -704,7 +713,7 @@ void Server::Peer::drain() {
 // Read while the peer takes its replies; ask to write while it has any to take.
 void Server::Peer::interest() {
     if (!open()) return;
-    std::uint32_t wanted = (queued() <= kQueueLimit ? kReading : 0u) | (queued() > 0 ? std::uint32_t{EPOLLOUT} : 0u);
+    std::uint32_t wanted = (queued() <= kQueueLimit && !leaving_ ? kReading : 0u) | (queued() > 0 ? std::uint32_t{EPOLLOUT} : 0u);
     if (wanted == interest_) return;
     interest_ = wanted;
     server_.reactor_.change(fd_, wanted, this);

@@ -145,7 +145,7 @@ void Server::stop(const std::string& reason) {
     // A peer whose request is executed, and which has asked for this end perhaps, gets its reply first: see Peer::serve.
     std::vector<Peer*> leaving;
     for (auto& [peer, owned] : peers_) {
-        if (peer->onStack()) peer->leaving_ = reason;
+        if (peer->onStack()) peer->leave(reason);
         else leaving.push_back(peer);
     }
     for (Peer* peer : leaving) retire(peer, reason, true);

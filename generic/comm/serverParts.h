@@ -144,6 +144,7 @@ public:
     void push(const char* data, std::size_t size);      // send now, or queue what the socket does not take
     void shut();
     bool onStack() const;               // is one of its requests executed?
+    void leave(const std::string& reason) { leaving_ = reason, interest(); }    // when that has been answered
     bool open() const { return fd_ >= 0; }
     std::size_t queued() const { return out_.size() - sent_; }
     void spill(Frame& frame);

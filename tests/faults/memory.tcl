@@ -139,8 +139,8 @@ attack {
     }
     claim "calls that are never answered" {
         set c [attacker $port]
-        put $c [string repeat [rpc::call 7 never 0 [rpc::message [string repeat x 1000]]] 3000]
-        waitFor {$::Tally($c,refused) >= 3000 - 1024} 60000
+        put $c [string repeat [rpc::call 7 never 0 [rpc::message [string repeat x 1000]]] 1100]
+        waitFor {$::Tally($c,refused) >= 1100 - 1024} 60000
         set named [regexp -- {-inflight|-budget} $::Tally($c,last)]
         leave $c
     }
