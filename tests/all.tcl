@@ -94,6 +94,11 @@ proc finish pipe {
     if {$crash && $failed == 0} {
         lappend problems "it ended with an error: $message"
     }
+    # One that is just ending is none that was left behind.
+    set end [expr {[clock milliseconds] + 2000}]
+    while {[llength [marked [dict get $suite mark]]] > 0 && [clock milliseconds] < $end} {
+        after 10
+    }
     set left {}
     foreach pid [marked [dict get $suite mark]] {
         catch {lappend left "$pid [string map [list \0 { }] [exec cat /proc/$pid/cmdline]]"}

@@ -2,6 +2,11 @@
 
 namespace sorma {
 
+void Message::forget() {
+    author.reset();
+    later.reset();
+}
+
 const char* toText(Method method) {
     switch (method) {
         case Method::exec: return "EXEC";

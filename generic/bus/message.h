@@ -44,14 +44,15 @@ public:
         any.clear();
         words.clear();
         code = 0;
-        if (author) [[unlikely]] author.reset();
-        if (later) [[unlikely]] later.reset();
+        if (author || later) [[unlikely]] forget();
     }
     // For another request: the trail as well.
     void reset() {
         clear();
         trail.clear();
     }
+
+    void forget();                      // author and later. Not inline: what few messages have must not cost all of them
 
     // Add to the trail; the call goes on.
     template <class... Args> void warn(Raised raised, const Args&... args) {

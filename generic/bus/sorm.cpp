@@ -393,14 +393,17 @@ void Sorm::call(std::string_view name, Method method, Message& m) {
 }
 
 void Sorm::dispatch(std::string_view request, std::string& reply, const PrincipalPointer& author) noexcept {
-    if (scratchBusy_) {                     // from inside a service that was called by dispatch
-        Message m;
-        std::string name;
-        return dispatchWith(m, name, request, reply, author);
-    }
+    if (scratchBusy_) [[unlikely]] return dispatchInside(request, reply, author);
     scratchBusy_ = true;
     dispatchWith(scratch_, scratchName_, request, reply, author);
     scratchBusy_ = false;
+}
+
+// From inside a service that was called by dispatch.
+void Sorm::dispatchInside(std::string_view request, std::string& reply, const PrincipalPointer& author) noexcept {
+    Message m;
+    std::string name;
+    dispatchWith(m, name, request, reply, author);
 }
 
 void Sorm::dispatchWith(Message& m, std::string& name, std::string_view request, std::string& reply, const PrincipalPointer& author) noexcept {
@@ -432,7 +435,7 @@ void Sorm::dispatchWith(Message& m, std::string& name, std::string_view request,
         m.trail = std::move(trail);
         if (who.empty()) who = name.empty() ? std::string_view("sorm") : name;
     }
-    if (m.author) [[unlikely]] m.author.reset();
+    if (m.author) [[unlikely]] m.forget();
     if (!m.trail.empty() || !lastTrail_.empty()) lastTrail_ = m.trail;
     appendReply(reply, who, m);
 }

@@ -141,6 +141,7 @@ private:
     using Repository = std::unordered_map<std::string, Reference, Hash, std::equal_to<>>;
 
     void dispatchWith(Message& m, std::string& name, std::string_view request, std::string& reply, const PrincipalPointer& author) noexcept;
+    void dispatchInside(std::string_view request, std::string& reply, const PrincipalPointer& author) noexcept;
     // What find() found last: a name that is used again needs no hash and no walk along a chain.
     // Invariant: name points to a key of repository_, service is what it holds there.
     struct Recent {
