@@ -201,7 +201,7 @@ inline Reference::Reference(Service* service) : service_(service) {
     if (service_) ++service_->references_;
 }
 
-inline Reference::~Reference() {
+[[gnu::always_inline]] inline Reference::~Reference() {
     if (service_ && --service_->references_ == 0) delete service_;
 }
 
