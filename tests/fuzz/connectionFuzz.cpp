@@ -102,9 +102,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     Sorm sorm;
     auto reactor = std::make_shared<Reactor>(sorm.mailbox());
     sorm.setLoop(reactor.get());
-    Settings settings;
-    settings.maxMessage = 8192;
-    settings.timeout = 1;               // [ms] a one-way request waits for the connection
+    auto settings = std::make_shared<Settings>();
+    settings->maxMessage = 8192;
+    settings->timeout = 1;               // [ms] a one-way request waits for the connection
     std::vector<int> answers;
     std::vector<std::unique_ptr<Listening>> listenings;
     {
