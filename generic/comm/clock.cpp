@@ -13,7 +13,7 @@ namespace sorma {
 
 namespace {
 
-constexpr std::int64_t kWindow = 10'000'000'000;        // [ns] two of them see clocks drift, by 10 us at 500 ppm
+constexpr std::int64_t kWindow = 10'000'000'000;        // [ns] in two of them clocks drift by 10 ms at 500 ppm
 constexpr std::int64_t kMillisecond = 1'000'000;
 constexpr std::int64_t kFarthest = 20 * 86'400'000 * kMillisecond;
 

@@ -259,17 +259,16 @@ void Connection::await(std::uint32_t index, std::int64_t left) {
             tellCancel(index);
             sorma::fail(errors::kGivenUp, fullName(slot), "daemon " + daemon_.name);
         }
-        if (!receive(slot.deadline, std::exchange(left, -1))) failTimeout(&slot, fullName(slot), {});
+        if (receive(slot.deadline, std::exchange(left, -1))) continue;
+        if (slot.state == Slot::State::sent) tellCancel(index);
+        failTimeout(&slot, fullName(slot), {});
     }
 }
 
 void Connection::failTimeout(const Slot* waiting, const std::string& whom, const std::string& lastError) {
     std::int64_t budget = !waiting ? 0 : waiting->budget > 0 ? waiting->budget : settings_.timeout * 1'000'000;
     std::string patience = budget > 0 ? durationText(double(budget)) : std::string("time");
-    if (waiting && waiting->state == Slot::State::sent) {
-        if (fd_ >= 0) tellCancel(static_cast<std::uint32_t>(std::find_if(slots_.begin(), slots_.end(), [&](auto& s) { return s.get() == waiting; }) - slots_.begin()));
-        sorma::fail(errors::kTimeoutSent, whom, patience, address_);
-    }
+    if (waiting && waiting->state == Slot::State::sent) sorma::fail(errors::kTimeoutSent, whom, patience, address_);
     if (waiting && waiting->cut) sorma::fail(errors::kTimeoutCut, whom, "the daemon", patience, lastError);
     sorma::fail(errors::kTimeoutUnsent, whom, "the daemon", patience, lastError);
 }
@@ -460,14 +459,11 @@ void Connection::open(const std::string& whom, Deadline deadline) {
     }
 }
 
-wire::Hello Connection::hello() const {
-    auto& self = Caller::self();
-    return {client_, self.user, self.host, self.program, self.process, static_cast<std::uint32_t>(settings_.maxMessage), clockSeen(), monotonicNow()};
-}
-
 bool Connection::sayHello(int fd) {
+    auto& self = Caller::self();
     Buffer out;
-    wire::writeHello(out, 0, program_, hello());
+    wire::writeHello(out, 0, program_, {client_, self.user, self.host, self.program, self.process,
+                                       static_cast<std::uint32_t>(settings_.maxMessage), clockSeen(), monotonicNow()});
     return send(fd, out.data(), out.size(), MSG_NOSIGNAL | MSG_DONTWAIT) == static_cast<ssize_t>(out.size());
 }
 
@@ -507,16 +503,13 @@ void Connection::welcomed(const std::string& whom, const std::string& record) {
     if (first || !sameDaemon) ++boots_;
     pause_ = 0;
     if (!first && !sameDaemon)
-        for (auto& [number, callback] : std::map(restarted_)) guarded(callback);
+        for (auto& [number, callback] : std::map(restarted_)) {
+            try {
+                callback();
+            } catch (const std::exception&) {           // his own affair: the others are told all the same
+            }
+        }
     resubscribe();
-}
-
-// What one of those who want to know of a new daemon fails with is his own: the others are told all the same.
-void Connection::guarded(const std::function<void()>& callback) {
-    try {
-        callback();
-    } catch (const std::exception&) {
-    }
 }
 
 // One whole record while nothing else is under way. Returns what went wrong, "deadline" for the deadline.

@@ -199,13 +199,11 @@ private:
     void lost(const std::string& how);                  // the connection is gone: sort out what was in flight
     void recover(Deadline deadline, const Slot* waiting);
     void resend(Deadline deadline);
-    wire::Hello hello() const;
     bool sayHello(int fd);
     bool absent(const Error& e) const;
     bool mayCome(const Error& e) const;
     void conclude(const Error& e);
     void failSent(const Verdict& verdict);
-    void guarded(const std::function<void()>& callback);
     std::string fullName(const Slot& slot) const { return slot.name + "@" + who_; }
     [[noreturn]] void failTimeout(const Slot* waiting, const std::string& whom, const std::string& lastError);
     std::string age() const;

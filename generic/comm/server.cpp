@@ -32,7 +32,6 @@ constexpr std::size_t kReserved = 32;                   // places for the owner,
 constexpr rlim_t kDescriptors = 256;                    // that connections do not take
 constexpr std::uint64_t kCrowdedTurns = 8;              // or than so many turns: where requests take long, one turn takes longer
 
-const Prototype kOverdue{Severity::error, "COMM TIMEOUT", 1, "{}: no answer by the deadline; the service was told to stop"};
 const Prototype kPassedOn{Severity::error, "COMM PASSED", 1, "{}: passes on what failed; {} here, of which {} waiting for others"};
 const Prototype kClientGone{Severity::error, "COMM CANCELLED", 1, "{}: its client has ended, or stayed away for too long"};
 
@@ -364,7 +363,6 @@ void Server::retire(Peer* peer, const std::string& reason, bool tell) {
     }
     if (Session* mine = peer->session) {
         leave(*mine);
-        peer->session = nullptr;
     } else if (!peer->greeted_) {                       // of no session: it will not come back
         sorm_.mailbox()->post([client = peer->client] { client->end(); });
     }
@@ -496,7 +494,7 @@ void Server::replyLater(Later later, wire::Times times, PendingPointer pending) 
     std::weak_ptr<Server*> self = self_;
     if (!pending->deadline.none())
         pending->timer = reactor_.after(pending->deadline.when(), [weak = std::weak_ptr(pending)] {
-            if (auto p = weak.lock()) p->cancel(trailOf(makeEntry(kOverdue, {MessageArg::of(p->who)})));
+            if (auto p = weak.lock()) p->expire();
         });
     pending->whenAnswered([self, later, times, p = pending.get()] {
         if (auto server = self.lock()) (*server)->answer(later, times, *p);
