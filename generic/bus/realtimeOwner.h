@@ -12,6 +12,14 @@ namespace sorma {
 
 class Service;
 
+// What a thread has spent so far. It tells a change that is slow from one during which the machine took the processor away.
+struct ThreadEffort {
+    std::int64_t busy = 0;          // [ns] on a processor
+    long waits = 0;                 // times that it waited of its own accord: for a lock, for a file
+
+    static ThreadEffort now();
+};
+
 class RealtimeOwner {
 public:
     virtual ~RealtimeOwner() = default;
@@ -21,8 +29,9 @@ public:
     // nothing is held.
     virtual void hold(Service& service) = 0;
     virtual void release() noexcept = 0;
-    // Fails with CYCLE LATE when the present hold makes a tick late by more than a quarter of the period.
-    virtual void checkBudget(Service& service) const = 0;
+    // Fails with CYCLE LATE when the present hold makes a tick late by more than a quarter of the period, and what was done
+    // in it since then is what took so long.
+    virtual void checkBudget(Service& service, const ThreadEffort& since) const = 0;
     // Take an object in, and its parts, to execute them in ticks. The SORM's thread, while ticks go on.
     // Fails with CYCLE STEP when it cannot be executed so; it says why.
     virtual void adopt(Service& service) = 0;

@@ -145,6 +145,7 @@ void Service::apply(Applying& a) {
         }
         if (!a.birth) a.commit = prepare(Change(*this, a.values));
         a.between.emplace(*this);
+        const ThreadEffort effort = owner ? ThreadEffort::now() : ThreadEffort();
         for (std::size_t i = 0; i < a.values.size(); ++i) {
             auto& v = a.values[i];
             const Option& o = class_->options()[v.option];
@@ -158,7 +159,7 @@ void Service::apply(Applying& a) {
         told = true;
         if (owner) {
             if (a.commit || !planted.empty()) owner->partsChanged();
-            owner->checkBudget(*this);
+            owner->checkBudget(*this, effort);
         }
     } catch (...) {
         for (auto u = a.before.rbegin(); u != a.before.rend(); ++u) {

@@ -118,7 +118,7 @@ public:
 
     void hold(sorma::Service& service) override;
     void release() noexcept override;
-    void checkBudget(sorma::Service& service) const override;
+    void checkBudget(sorma::Service& service, const sorma::ThreadEffort& since) const override;
     void adopt(sorma::Service& service) override;
     void partsChanged() noexcept override;
     const char* claim() const override;

@@ -1,10 +1,13 @@
 // trouble -- a step for the tests of the cycle: does what a step should not, when it is told to.
 #include <pthread.h>
+#include <sched.h>
 #include <time.h>
 
 #include <atomic>
+#include <chrono>
 #include <memory>
 #include <mutex>
+#include <thread>
 
 #include <sorma.h>
 
@@ -27,6 +30,7 @@ public:
             .integer("-lockAt", &Trouble::lockAt_, {.help = "call that locks a mutex; 0: none"})
             .integer("-value", &Trouble::value_, {.help = "any"})
             .real("-slowChange", &Trouble::slowChange_, {.unit = "s", .low = 0, .help = "a change takes so long"})
+            .real("-heldUp", &Trouble::heldUp_, {.unit = "s", .low = 0, .help = "a change is quick, but has no processor for so long"})
             .real("-slowPrepare", &Trouble::slowPrepare_, {.unit = "s", .low = 0, .help = "its preparation takes so long"})
             .action("-thread", &Trouble::thread, "", "name of the thread that executes this")
             .action("-wait", &Trouble::wait, "s", "take so long", 1, 1)
@@ -51,9 +55,13 @@ public:
 
     sorma::Commit prepare(const sorma::Change& change) override {
         doze(change.get<double>("-slowPrepare"));
+        if (double seconds = change.get<double>("-heldUp"); seconds > 0) rival_ = std::make_unique<Rival>(seconds);
         return nullptr;
     }
-    void changed(std::span<const sorma::Option* const>) override { doze(slowChange_); }
+    void changed(std::span<const sorma::Option* const>) override {
+        doze(slowChange_);
+        if (rival_) rival_->takeProcessor();
+    }
 
     void dumpState(std::string& out) const override {
         out += "# calls " + std::to_string(calls_) + "\n# floats " + std::to_string(floats_) + "\n# period " +
@@ -61,6 +69,39 @@ public:
     }
 
 private:
+    // A thread that takes the processor from the one which asks for it, for so long.
+    class Rival {
+    public:
+        explicit Rival(double seconds) : thread_([this, seconds] {
+            state_.wait(kReady);
+            auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+            while (std::chrono::steady_clock::now() < end) {}
+            state_ = kDone;
+        }) {}
+        ~Rival() {
+            state_ = kGo;
+            state_.notify_one();
+            thread_.join();
+        }
+        void takeProcessor() {
+            if (state_ != kReady) return;
+            cpu_set_t all, here;
+            CPU_ZERO(&here);
+            CPU_SET(sched_getcpu(), &here);
+            sched_getaffinity(0, sizeof all, &all);
+            sched_setaffinity(0, sizeof here, &here);
+            pthread_setaffinity_np(thread_.native_handle(), sizeof here, &here);
+            state_ = kGo;
+            state_.notify_one();
+            while (state_ != kDone) sched_yield();
+            sched_setaffinity(0, sizeof all, &all);
+        }
+    private:
+        enum { kReady, kGo, kDone };
+        std::atomic<int> state_ = kReady;
+        std::thread thread_;
+    };
+
     static void doze(double seconds) {
         if (seconds == 0) return;
         asleep = true;
@@ -79,7 +120,8 @@ private:
     void clear(sorma::Args, sorma::Message&) { ::actions = 0; }
 
     std::int64_t failAt_ = 0, sleepAt_ = 0, removeAt_ = 0, allocateAt_ = 0, lockAt_ = 0, value_ = 0, calls_ = 0, time_ = 0;
-    double sleep_ = 0, period_ = 0, slowChange_ = 0, slowPrepare_ = 0;
+    double sleep_ = 0, period_ = 0, slowChange_ = 0, slowPrepare_ = 0, heldUp_ = 0;
+    std::unique_ptr<Rival> rival_;
     std::size_t floats_ = 0;
     std::unique_ptr<char[]> allocated_;
     std::mutex mutex_;
