@@ -276,7 +276,12 @@ void Access::add(std::string_view text, std::string source) {
     auto words = wordsOf(text);
     if (!words.empty() && words[0] != "allow" && words[0] != "deny") whole = "allow " + whole;
     given_.push_back(parse(whole, std::move(source)));
+    anotherHolds();
+}
+
+void Access::anotherHolds() {
     ++epoch_;
+    if (changed) changed();
 }
 
 void Access::load(const std::string& file) {
@@ -309,7 +314,7 @@ void Access::load(const std::string& file) {
     }
     ofFile_ = std::move(lines);
     file_ = file;
-    ++epoch_;
+    anotherHolds();
 }
 
 void Access::loadDefault() {
@@ -376,7 +381,7 @@ void Access::grant(const std::vector<std::string>& words) {
     parseRights(line, words, 1);
     for (auto& w : words) line.text += (line.text.empty() ? "" : " ") + w;
     granted_.insert(granted_.begin(), std::move(line));
-    ++epoch_;
+    anotherHolds();
 }
 
 std::vector<std::string> Access::grants() const {

@@ -20,6 +20,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -56,6 +57,7 @@ public:
     // All the rights that a principal has on one subject. Good as long as epoch() stays.
     Rights rights(const PrincipalPointer& author, std::string_view subject) const;
     std::uint32_t epoch() const { return epoch_; }
+    std::function<void()> changed;                      // called when another policy holds
     // Raises COMM DENIED and counts it, whatever the policy says.
     [[noreturn]] void refuse(const PrincipalPointer& author, Right right, std::string_view subject, std::string_view object);
 
@@ -107,6 +109,7 @@ private:
     static const std::vector<Line>& builtIn();
     const Line* decide(const Principal* who, Right right, std::string_view subject) const;
     template <class F> void eachLine(F body) const;
+    void anotherHolds();
     void ask(const PrincipalPointer& author, Right right, std::string_view subject, std::string_view object);
     std::string remedy(const PrincipalPointer& author, Right right, std::string_view subject) const;
 

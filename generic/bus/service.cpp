@@ -45,6 +45,7 @@ void Service::setRealtimeOwner(RealtimeOwner* owner) {
     record();
     realtimeOwner_ = owner;
     setGuard(kOwnedBit, owner != nullptr);
+    judgeParts();
 }
 
 // A step that cannot be taken as it is.
@@ -89,6 +90,30 @@ void Service::need(const PrincipalPointer& author, Right right) {
     if (!(known_.rights & Rights(right))) access.refuse(author, right, name_, name_);
 }
 
+std::vector<Service::NamedPart> Service::namedParts() const {
+    std::vector<NamedPart> out;
+    for (auto& o : class_->options())
+        if (o.type == Type::service)
+            if (auto name = std::get<std::string>(o.get(*this)); !name.empty()) out.push_back({std::move(name), author(o.name)});
+    return out;
+}
+
+void Service::needParts() const {
+    for (auto& part : namedParts()) sorm_->needUse(part.author, part.name, name_);
+}
+
+// Nothing is asked within a tick: while a cycle runs the object, it keeps what it has.
+void Service::judgeParts() {
+    bool denied = false;
+    try {
+        if (!realtimeOwner_ && record_)
+            for (auto& part : namedParts()) denied |= !sorm_->mayUse(part.author, part.name);
+    } catch (const Error&) {                // no such place any more: EXEC will say so
+        denied = true;
+    }
+    setGuard(kPartsBit, denied);
+}
+
 const PrincipalPointer& Service::author(std::string_view option) const {
     static const PrincipalPointer owner;
     int index = class_->findOption(option);
@@ -127,6 +152,7 @@ bool Service::startGuarded(Method method, Message& m) {
     // CTRL prepares while ticks go on, see configure().
     std::optional<BetweenTicks> between;
     if (realtimeOwner_ && method != Method::ctrl) between.emplace(*this);
+    if (method == Method::exec && (guard() & kPartsBit)) needParts();
     if (method == Method::exec && (guard() & kLockedBit)) checkLock();
     if (method == Method::exec && (guard() & kBusyBit)) return enqueue(m), true;
     return proceed(method, m);

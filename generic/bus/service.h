@@ -71,6 +71,14 @@ public:
     // better.
     virtual std::vector<Reference> parts() const;
 
+    // Objects that it uses by a name, and who wrote it. When a change of the policy takes the right from him, EXEC is refused
+    // until he has it again, or somebody sets another name. Those of its options, unless it knows better.
+    struct NamedPart {
+        std::string name;
+        PrincipalPointer author;            // null: the owner
+    };
+    virtual std::vector<NamedPart> namedParts() const;
+
     // ---- requests with words; a proxy forwards them, others leave them as they are ----
     virtual void ctrl(Message& m);
     virtual void dbx(Message& m);
@@ -86,6 +94,8 @@ public:
     RealtimeOwner* realtimeOwner() const { return realtimeOwner_; }     // null: it belongs to the SORM's thread
     // Hand the object over to a thread, or with null back. By the SORM's thread, while the other one does not run it.
     void setRealtimeOwner(RealtimeOwner* owner);
+    // Fails with COMM DENIED when somebody has named a part of it (namedParts) that he may not use, by the present policy.
+    void needParts() const;
 
     // A request of any method, as the dispatcher, the Tcl command and the server make it: checks, counts, times one
     // call in 64, keeps the trail within the object's verbosity, and names this object in what is thrown. True: the
@@ -152,6 +162,7 @@ private:
     void admit(Method method, Message& m);
     void need(const PrincipalPointer& author, Right right);
     void assign(const Option& option, const Value& value, const PrincipalPointer& author);
+    void judgeParts();                      // by the present policy
     bool startGuarded(Method method, Message& m);
     bool proceed(Method method, Message& m);
     void enter(Method method, Message& m);
@@ -186,6 +197,7 @@ private:
     std::unique_ptr<Stream> stream_;        // while somebody listens
     static constexpr std::uint8_t kGoneBit = 1, kBusyBit = 2, kLockedBit = 4, kOwnedBit = 8;
     static constexpr std::uint8_t kAskBit = 16;     // the SORM is a safe interpreter's: its own requests are asked, too
+    static constexpr std::uint8_t kPartsBit = 32;   // a part of it was named by somebody who may not use it any more
     std::atomic<std::uint8_t> guard_{0};    // what stands in the way of a request
     std::uint8_t checks_ = 0;               // class_->checks()
     std::uint8_t verbosity_ = 1;            // 0 errors, 1 and warnings, 2 and verbose

@@ -157,6 +157,7 @@ void Service::apply(Applying& a) {
         if (a.commit) a.commit(), committed = true;
         changed(options);
         told = true;
+        if (guard() & kPartsBit) judgeParts();
         if (owner) {
             if (a.commit || !planted.empty()) owner->partsChanged();
             owner->checkBudget(*this, effort);

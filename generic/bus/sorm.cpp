@@ -48,6 +48,9 @@ Sorm::Sorm(Host* host) : host_(host) {
     add(describeDict());
     add(describeSorm());
     mailbox_->owner = this;
+    access.changed = [this] {
+        for (auto& [key, service] : repository_) service->judgeParts();
+    };
     makeLocal(Name::parse("sorm"), nullptr, nullptr);
     self_ = find("sorm");
     makeLocal(Name::parse("dict"), nullptr, nullptr);
@@ -156,19 +159,42 @@ Reference Sorm::make(const Name& name, const std::vector<std::string>* words, co
         if (!here->gone()) keep(key, here);     // the name with its address is a second name
         return here;
     }
-    access.need(author, Right::reach, name.where.empty() ? address.toText() : name.where, key);
+    access.need(author, Right::reach, placeOf(name, address), key);
     if (!makeProxy) fail(kNoNetwork, key);
     if (author) return adopt(makeProxy(name, words ? *words : std::vector<std::string>(), author), key, *findClass("proxy"));
     if (auto* known = find(key)) return Reference(known);
     std::vector<std::string> recipe;
     for (auto& w : recipeOf(name)) {
-        access.need(w.origin.author, Right::reach, name.where.empty() ? address.toText() : name.where, key);    // it goes there as ours
+        access.need(w.origin.author, Right::reach, placeOf(name, address), key);    // it goes there as ours
         recipe.push_back(w.text);
     }
     if (words) recipe.insert(recipe.end(), words->begin(), words->end());
     Reference made = adopt(makeProxy(name, std::move(recipe), nullptr), key, *findClass("proxy"));
     keep(key, made);
     return made;
+}
+
+std::string Sorm::placeOf(const Name& name, const Address& address) const { return name.where.empty() ? address.toText() : name.where; }
+
+Sorm::Use Sorm::useOf(const std::string& text) const {
+    Service* known = find(text);
+    if (known && !known->isElsewhere()) return {Right::call, known->name()};
+    Name name = Name::parse(text);
+    if (!name.local())
+        if (Address address = resolve(name, dictionary_); address.kind != Address::Kind::self) return {Right::reach, placeOf(name, address)};
+    return {Right::call, name.service};
+}
+
+bool Sorm::mayUse(const PrincipalPointer& author, const std::string& name) const {
+    if (!author && !access.restricted()) return true;
+    auto use = useOf(name);
+    return access.rights(author, use.subject) & Rights(use.right);
+}
+
+void Sorm::needUse(const PrincipalPointer& author, const std::string& name, const std::string& user) {
+    if (!author && !access.restricted()) return;
+    auto use = useOf(name);
+    access.need(author, use.right, use.subject, user);
 }
 
 std::vector<DictionaryWord> Sorm::recipeOf(const Name& name) const {

@@ -116,6 +116,10 @@ public:
 
     Host* host() const { return host_; }
     Access access;                                                  // who may do what
+    // May he use the object of that name through one that acts on his words: call it, or reach its place when it is elsewhere?
+    bool mayUse(const PrincipalPointer& author, const std::string& name) const;
+    // Else fails with COMM DENIED, which names the object that was to use it.
+    void needUse(const PrincipalPointer& author, const std::string& name, const std::string& user);
     Budget budget;                                                  // and how much he may make this process keep
     std::string daemonName;                                         // as served; empty when not a daemon
 
@@ -160,6 +164,12 @@ private:
     Reference makeLocal(const Name& name, const std::vector<std::string>* words, const PrincipalPointer& author,
                         const std::vector<DictionaryWord>& wish = {});
     std::vector<DictionaryWord> recipeOf(const Name& name) const;
+    std::string placeOf(const Name& name, const Address& address) const;        // as patterns of `reach` see it
+    struct Use {
+        Right right;
+        std::string subject;
+    };
+    Use useOf(const std::string& name) const;
     void keep(const std::string& key, const Reference& service);
     void drop(const std::string& key);
     Reference adopt(std::unique_ptr<Service> service, const std::string& name, const Class& type);

@@ -76,7 +76,8 @@ struct Received {
     std::int64_t time = 0;              // microseconds since 1970
 };
 // Beside the object's own events there are: sorma.gone (it has been removed, no more will come), sorma.reconnected (after
-// a broken connection; lost tells what was missed), sorma.refused (it could not be resumed; text says why).
+// a broken connection; lost tells what was missed), sorma.refused (no more will come: it could not be resumed, or the policy
+// does not allow it any more; text says why).
 using Listener = std::function<void(Received& event)>;
 
 // A subscription: it lasts as long as this.

@@ -707,7 +707,7 @@ void Connection::takeEvent(XdrReader& r) {
     if (found == subscriptions_.end()) return;          // it has just ended
     Remote& remote = *found->second;
     remote.last = header.number;
-    if (body.name == "sorma.gone") remote.boot = 0;     // it has ended: not to be resumed
+    if (body.name == "sorma.gone" || body.name == "sorma.refused") remote.boot = 0;     // it has ended: not to be resumed
     remote.inbox->push({remote.wanted.name + "@" + who_, std::move(body.name), std::move(content), header.number,
                         std::int64_t(header.lost), body.time});
 }

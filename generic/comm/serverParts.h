@@ -90,6 +90,8 @@ private:
         std::uint64_t number, lost;
     };
     void push(std::shared_ptr<const Buffer> body);
+    void end(const char* event, std::string why);
+    bool mayListen();
     static std::size_t sizeOf(const Item& item) { return sizeof(Item) + item.body->size(); }
     bool charge();                          // for what waits; false: too much
     void dropOldest();
@@ -99,6 +101,7 @@ private:
     std::size_t own_, waits_ = 0;           // [bytes] of itself, of items_
     Charge charge_;
     const PrincipalPointer author_;
+    std::uint32_t epoch_ = 0;               // of the policy that allows it
     const std::string pattern_;
     Reference object_;
     std::size_t keep_;

@@ -30,6 +30,7 @@ Server::Subscription::~Subscription() {
 
 void Server::Subscription::event(const Event& event) {
     Gate::Inside inside(server_.gate_);
+    if (author_ && epoch_ != server_.sorm_.access.epoch() && !mayListen()) [[unlikely]] return;
     if (concealed(event, server_.sorm_.access, author_)) [[unlikely]] {
         Message bare;
         bare.words = event.message.words;
@@ -52,10 +53,30 @@ void Server::Subscription::replay() {
 
 void Server::Subscription::gone() {
     Gate::Inside inside(server_.gate_);
+    end("sorma.gone", {});
+}
+
+// The last that it hears.
+void Server::Subscription::end(const char* event, std::string why) {
     object_ = Reference();
+    Message m;
+    m.text = std::move(why);
     auto body = std::make_shared<Buffer>();
-    wire::writeEventBody(*body, {wallNow(), "sorma.gone"}, Message());
+    wire::writeEventBody(*body, {wallNow(), event}, m);
     push(std::move(body));
+}
+
+// Another policy may hold than when it subscribed.
+bool Server::Subscription::mayListen() {
+    epoch_ = server_.sorm_.access.epoch();
+    try {
+        server_.sorm_.access.need(author_, Right::inspect, object_->name(), object_->name());
+        return true;
+    } catch (const Error& e) {
+        object_->unsubscribe(this);
+        end("sorma.refused", e.what());
+        return false;
+    }
 }
 
 void Server::Subscription::push(std::shared_ptr<const Buffer> body) {

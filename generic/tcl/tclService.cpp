@@ -989,6 +989,7 @@ int CgetMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, i
         Value value = s.value(std::size_t(index));
         if (s.type().options()[std::size_t(index)].type == Type::service) {
             auto& name = std::get<std::string>(value);
+            if (!name.empty()) i.sorm.needUse(s.author(s.type().options()[std::size_t(index)].name), name, s.name());
             Tcl_SetObjResult(interp, newText(name.empty() ? name : commandOf(i, name)));
         } else {
             Tcl_SetObjResult(interp, newValue(value));

@@ -84,6 +84,14 @@ public:
         return network_ ? network_->units() : std::vector<sorma::Reference>();
     }
 
+    // Its wires name them, all in one author's words.
+    std::vector<NamedPart> namedParts() const override {
+        std::vector<NamedPart> out;
+        if (auto& by = author("-wires"); by && network_)
+            for (auto& unit : network_->units()) out.push_back({unit->name(), by});
+        return out;
+    }
+
     std::string selftest() override {
         for (auto& unit : network_->units())
             if (unit->gone()) return "unit " + unit->name() + " has been removed: CTRL -rewire";

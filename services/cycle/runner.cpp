@@ -131,6 +131,7 @@ void Runner::adopt(Service& service) {
     if (service.location() != "self") fail(kNotLocal, name_, service.name(), service.location());
     if (!service.type().isRealtime()) fail(kNotRealtime, name_, service.type().name(), service.name());
     if (auto* other = service.realtimeOwner()) fail(kTaken, name_, service.name(), other->claim());
+    service.needParts();
     auto parts = service.parts();
     service.setRealtimeOwner(this);
     owned_.emplace_back(&service);
