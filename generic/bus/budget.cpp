@@ -44,9 +44,9 @@ bool Account::fits(std::size_t bytes) const {
     return mine <= limit && bytes <= limit - mine && all <= most && bytes <= most - all;
 }
 
-bool Account::over() const {
+bool Account::exceeded() const {
     const std::size_t mine = used(), limit = this->limit();
-    if (owner_ || mine <= limit / 16) return false;
+    if (mine <= limit / 16) return false;
     const std::size_t total = books_->total.load(std::memory_order_relaxed);
     return mine > limit || books_->used.load(std::memory_order_relaxed) > total - total / 4;
 }

@@ -38,7 +38,7 @@ public:
     bool fits(std::size_t bytes) const;                         // could so much be charged now?
     // Some things are charged whatever the limit, since they are small and there already: then he gets nothing new. Where all
     // together have too much, that is for those who have more than a little.
-    bool over() const;
+    bool over() const { return !owner_ && exceeded(); }
     // What to tell who cannot have so much: COMM LIMIT, with the limit's name. The refusal is counted.
     Entry refusal(const std::string& object, Use use, std::size_t bytes);
 
@@ -52,6 +52,7 @@ private:
         std::atomic<std::size_t> used{0}, principal{SIZE_MAX}, total{SIZE_MAX};
     };
     Account(std::shared_ptr<Books> books, std::string name, bool owner) : books_(std::move(books)), name_(std::move(name)), owner_(owner) {}
+    bool exceeded() const;
     void add(Use use, std::size_t bytes);
     void subtract(Use use, std::size_t bytes);
 

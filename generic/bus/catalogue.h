@@ -78,7 +78,7 @@ Entry makeEntry(const Raised& raised, std::initializer_list<MessageArg> args);
 // What C++ code throws: a trail whose cause() is the error.
 class Error : public std::exception {
 public:
-    explicit Error(Entry entry) { trail.add(std::move(entry)); }
+    explicit Error(Entry entry) : trail(std::move(entry)) {}
     explicit Error(Trail t) : trail(std::move(t)) {}
     const char* what() const noexcept override;
     // The words after SORMA of the error code: {"OPTION", "RANGE", "carry.slow", "-transferSpeed"}.

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bus/catalogue.h"
@@ -50,6 +51,18 @@ public:
     void reset() {
         clear();
         trail.clear();
+    }
+
+    void swap(Message& other) noexcept {        // without the third message that std::swap needs
+        text.swap(other.text);
+        floats.swap(other.floats);
+        ints.swap(other.ints);
+        any.swap(other.any);
+        words.swap(other.words);
+        std::swap(code, other.code);
+        trail.swap(other.trail);
+        author.swap(other.author);
+        later.swap(other.later);
     }
 
     void forget();                      // author and later. Not inline: what few messages have must not cost all of them

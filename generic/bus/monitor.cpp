@@ -4,7 +4,6 @@
 
 #include "bus/requestText.h"
 #include "bus/service.h"
-#include "bus/sorm.h"
 
 namespace sorma {
 
@@ -48,8 +47,6 @@ std::string partsText(const Message& m) {
 }
 
 }  // namespace
-
-bool Passing::isMonitored(const Sorm& sorm) { return sorm.monitored(); }
 
 void Passing::begin(std::uint64_t number, std::string_view service, Method method, const Message& m) {
     started_ = monotonicNow();

@@ -13,20 +13,20 @@
 #include "bus/call.h"
 #include "bus/message.h"
 #include "bus/reply.h"
+#include "bus/sorm.h"
 #include "bus/stream.h"
 
 namespace sorma {
 
 class Access;
 class Service;
-class Sorm;
 
 // A request on its way. Made before it is executed; done() or later() afterwards.
 class Passing {
 public:
     // caller, service: borrowed for the length of the constructor.
     Passing(Sorm& sorm, std::uint64_t number, std::string_view service, Method method, const Message& m) : sorm_(sorm) {
-        if (isMonitored(sorm)) [[unlikely]] begin(number, service, method, m);
+        if (sorm.monitored()) [[unlikely]] begin(number, service, method, m);
     }
     // ran: microseconds.
     void done(const Message& m, std::int64_t ran) {
@@ -35,7 +35,6 @@ public:
     void later(const PendingPointer& pending);
 
 private:
-    static bool isMonitored(const Sorm& sorm);
     void begin(std::uint64_t number, std::string_view service, Method method, const Message& m);
     void end(const Message& m, std::int64_t ran);
 

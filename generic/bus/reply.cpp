@@ -18,12 +18,6 @@ const Prototype kEnded{Severity::error, "SERVICE GONE", 1, "{}: the SORM has end
 const Prototype kNotYet{Severity::error, "FUTURE PENDING", 1, "{}: the answer is not there yet; use wait, or then"};
 const Prototype kCode{Severity::error, "SERVICE FAILED", 1, "{}: EXEC returned code {}"};
 
-Trail trailOf(Entry entry) {
-    Trail trail;
-    trail.add(std::move(entry));
-    return trail;
-}
-
 }  // namespace
 
 Pending::Pending(Sorm& sorm, Deadline deadline, KeptCallPointer asker, KeptCallPointer own)
@@ -92,7 +86,7 @@ bool Pending::cancel(Trail why) {
     return true;
 }
 
-void Pending::expire() { cancel(carrier ? carrier->overdue(*this) : trailOf(makeEntry(kOverdue, {MessageArg::of(who)}))); }
+void Pending::expire() { cancel(carrier ? carrier->overdue(*this) : Trail(makeEntry(kOverdue, {MessageArg::of(who)}))); }
 
 void Pending::onCancel(std::function<void()> callback) {
     if (cancelled()) return callback();
@@ -112,7 +106,7 @@ struct Reply::Promise {
     std::atomic<bool> kept{false};
     explicit Promise(PendingPointer p) : pending(std::move(p)) {}
     ~Promise() {
-        if (!kept) keep(trailOf(makeEntry(kDropped, {MessageArg::of(pending->who)})));
+        if (!kept) keep(Trail(makeEntry(kDropped, {MessageArg::of(pending->who)})));
     }
     // Hand the result over to the SORM's thread. The mailbox's lock orders it.
     void keep(Trail failure) {
@@ -133,7 +127,7 @@ void Reply::complete() const { promise_->keep({}); }
 void Reply::fail(const std::exception& error) const {
     if (auto* ours = dynamic_cast<const Error*>(&error)) return promise_->keep(ours->trail);
     std::string what = error.what();
-    promise_->keep(trailOf(makeEntry(kOther, {MessageArg::of(promise_->pending->who), MessageArg::of(what)})));
+    promise_->keep(Trail(makeEntry(kOther, {MessageArg::of(promise_->pending->who), MessageArg::of(what)})));
 }
 bool Reply::cancelled() const { return promise_->pending->cancelled(); }
 void Reply::onCancel(std::function<void()> callback) const { promise_->pending->onCancel(std::move(callback)); }
@@ -169,7 +163,7 @@ Message& Future::result() const {
     return p.message;
 }
 
-bool Future::cancel() const { return pending_->cancel(trailOf(makeEntry(kCancelled, {MessageArg::of(pending_->who)}))); }
+bool Future::cancel() const { return pending_->cancel(Trail(makeEntry(kCancelled, {MessageArg::of(pending_->who)}))); }
 
 void Future::then(std::function<void(Future)> callback) const {
     pending_->whenAnswered([callback = std::move(callback), p = pending_.get()] {

@@ -170,7 +170,7 @@ void Service::invokeInPlace(Message& m) {
 
 void Service::awaitLater(Message& m) {
     Future future(std::exchange(m.later, nullptr));
-    std::swap(m, future.wait());
+    m.swap(future.wait());
 }
 
 // ---- requests that take their time ----
@@ -179,7 +179,7 @@ Reply Service::later(Message& m) {
     auto pending = std::make_shared<Pending>(*sorm_, CallContext::currentDeadline(), nullptr, CallContext::keep());
     pending->who = name_;
     pending->service = Reference(this);
-    std::swap(pending->message, m);
+    pending->message.swap(m);
     m.later = pending;
     ++record().underWay;
     if (class_->conduct() != Conduct::concurrent) setGuard(kBusyBit, true);
@@ -189,7 +189,7 @@ Reply Service::later(Message& m) {
 void Service::enqueue(Message& m) {
     auto pending = std::make_shared<Pending>(*sorm_, CallContext::currentDeadline(), nullptr, CallContext::keep());
     pending->who = name_;
-    std::swap(pending->message, m);
+    pending->message.swap(m);
     m.later = pending;
     record().waiting.push_back(std::move(pending));
 }
@@ -209,11 +209,7 @@ void Service::released() {
 // A request that stands for itself, with nobody on the stack who waits for it.
 void Service::perform(const PendingPointer& pending, Method method) {
     if (pending->answered()) return;
-    if (pending->deadline.passed()) {
-        Trail trail;
-        trail.add(makeEntry(kTooLate, {MessageArg::of(name_)}));
-        return pending->answer(std::move(trail));
-    }
+    if (pending->deadline.passed()) return pending->answer(Trail(makeEntry(kTooLate, {MessageArg::of(name_)})));
     if (!pending->own) {
         auto& asker = pending->asker;
         pending->own = std::make_shared<KeptCall>(pending->client(), pending->deadline, asker ? asker->request : CallContext::newRequest(),
@@ -221,10 +217,10 @@ void Service::perform(const PendingPointer& pending, Method method) {
     }
     CallContext context(pending->own);
     Message m;
-    std::swap(m, pending->message);
+    m.swap(pending->message);
     try {
         if (!start(method, m)) {
-            std::swap(pending->message, m);
+            pending->message.swap(m);
             return pending->answer();
         }
         auto inner = std::exchange(m.later, nullptr);
@@ -234,7 +230,7 @@ void Service::perform(const PendingPointer& pending, Method method) {
         });
         inner->whenAnswered([pending, from = inner.get()] {
             if (from->failed()) return pending->answer(from->failure);
-            std::swap(pending->message, from->message);
+            pending->message.swap(from->message);
             pending->answer();
         });
     } catch (...) {
@@ -292,11 +288,7 @@ void Service::leave(bool hangs) {
         setGuard(kLockedBit, false);
     }
     if (record_) {
-        for (auto& pending : std::exchange(record_->waiting, {})) {
-            Trail trail;
-            trail.add(makeEntry(kRemoved, {MessageArg::of(name_)}));
-            pending->answer(std::move(trail));
-        }
+        for (auto& pending : std::exchange(record_->waiting, {})) pending->answer(Trail(makeEntry(kRemoved, {MessageArg::of(name_)})));
     }
     if (hangs) return;
     try {

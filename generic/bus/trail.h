@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace sorma {
@@ -36,9 +37,13 @@ class Trail {
 public:
     static constexpr std::size_t kDefaultLimit = 200;
 
+    Trail() = default;
+    explicit Trail(Entry entry) { add(std::move(entry)); }
+
     void add(Entry entry);
     void append(const Trail& other);
     void clear() { entries_.clear(); dropped_ = 0; }                        // keeps the memory
+    void swap(Trail& other) noexcept { entries_.swap(other.entries_), std::swap(dropped_, other.dropped_); }
     bool empty() const { return entries_.empty() && dropped_ == 0; }
     const std::vector<Entry>& entries() const { return entries_; }
     std::vector<Entry>& entries() { return entries_; }

@@ -15,7 +15,6 @@ namespace {
 
 constexpr std::int64_t kWindow = 10'000'000'000;        // [ns] in two of them clocks drift by 10 ms at 500 ppm
 constexpr std::int64_t kMillisecond = 1'000'000;
-constexpr std::int64_t kFarthest = 20 * 86'400'000 * kMillisecond;
 
 // "BOOT NAMESPACE"; empty when the kernel does not say: then no two are the same.
 std::string seen(const char* link) {
@@ -46,12 +45,6 @@ bool hasEnded(std::int64_t process, std::string_view processes) {
     std::getline(std::ifstream("/proc/" + std::to_string(process) + "/stat"), stat);
     auto name = stat.rfind(')');
     return name != stat.npos && name + 2 < stat.size() && (stat[name + 2] == 'Z' || stat[name + 2] == 'X');    // nobody has fetched its code yet
-}
-
-std::uint32_t deadlineMark(Deadline deadline, std::int64_t now) {
-    if (deadline.none() || deadline.when() - now > kFarthest) return 0;
-    auto mark = static_cast<std::uint32_t>((deadline.when() + kMillisecond - 1) / kMillisecond);
-    return mark == 0 ? 1 : mark;
 }
 
 void PeerClock::sample(std::int64_t sent, std::int64_t arrived) {

@@ -20,7 +20,12 @@ bool hasEnded(std::int64_t process, std::string_view processes);     // no doubt
 
 // A deadline as it crosses the wire: milliseconds of the caller's clock, rounded up, the low 32 bits; 0: none,
 // or none that is near enough to be told from the past. now: [ns]
-std::uint32_t deadlineMark(Deadline deadline, std::int64_t now);
+inline std::uint32_t deadlineMark(Deadline deadline, std::int64_t now) {
+    constexpr std::int64_t kMillisecond = 1'000'000, kFarthest = 20 * 86'400'000 * kMillisecond;
+    if (deadline.none() || deadline.when() - now > kFarthest) return 0;
+    auto mark = static_cast<std::uint32_t>((deadline.when() + kMillisecond - 1) / kMillisecond);
+    return mark == 0 ? 1 : mark;
+}
 
 class PeerClock {
 public:

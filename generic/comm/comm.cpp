@@ -54,8 +54,8 @@ void Comm::finish() {
     for (auto& [key, weak] : connections_) {
         auto connection = weak.lock();
         // On stderr, since nobody is left who could be told otherwise.
-        if (std::size_t left = connection ? connection->finish(Deadline::at(monotonicNow() + settings.onewayWait * 1'000'000)) : 0)
-            std::fprintf(stderr, "sorma: %zu one-way requests to %s were never sent: it does not take them\n", left, connection->who().c_str());
+        auto left = connection ? connection->finish(Deadline::at(monotonicNow() + settings.onewayWait * 1'000'000)) : std::string();
+        if (!left.empty()) std::fprintf(stderr, "sorma: %s\n", left.c_str());
     }
 }
 
@@ -77,6 +77,9 @@ std::shared_ptr<Connection> Comm::lineTo(const Name& name) {
     };
     std::string who = !name.where.empty() ? name.where : rule[0] == '@' ? rule.substr(1) : address.toText();
     auto connection = std::make_shared<Connection>(std::move(who), locate, shared_, reactor_, sorm_.mailbox());
+    connection->whenDropped = [&sorm = sorm_](Trail trail) {
+        sorm.mailbox()->post([&sorm, trail = std::move(trail)] { sorm.announce(trail); });
+    };
     known = connection;
     return connection;
 }

@@ -58,6 +58,7 @@ void Connection::drop() {
     interest_ = 0;
     if (fd_ >= 0) ::close(fd_);
     fd_ = -1;
+    keepOneways();
     outgoing_.clear();
     outgoingAt_ = 0;
     controls_.clear();
@@ -165,18 +166,22 @@ void Connection::collect(Ticket ticket, Message& m) {
     if (!unsent_.empty()) flush(slot.deadline);
     await(ticket);
     if (slot.failed) throw Error(std::move(slot.failure));
-    std::swap(m, slot.result);
+    m.swap(slot.result);
     if (m.code < 0) throw Error(m.trail);
 }
 
 std::uint32_t Connection::acquire(std::string_view name, Deadline deadline) {
     if (free_.empty()) {
         std::size_t most = daemon_.slots != 0 ? std::min<std::size_t>(daemon_.slots, kControl) : 1;
-        if (slots_.size() >= std::max<std::size_t>(most, 1))
+        const bool full = slots_.size() >= std::max<std::size_t>(most, 1);
+        if (full) renewSlots(deadline);
+        if (full && free_.empty())
             sorma::fail(errors::kLimit, who_, std::to_string(slots_.size()) + " calls are in flight already, the daemon takes at most " +
                                                   std::to_string(most) + "; raise it there: sorma::configure -inflight N");
-        free_.push_back(static_cast<std::uint32_t>(slots_.size()));
-        slots_.push_back(std::make_unique<Slot>());
+        if (free_.empty()) {
+            free_.push_back(static_cast<std::uint32_t>(slots_.size()));
+            slots_.push_back(std::make_unique<Slot>());
+        }
     }
     std::uint32_t index = free_.back();
     free_.pop_back();
@@ -206,19 +211,47 @@ void Connection::release(std::uint32_t index) {
     }
     slot.into = nullptr;
     if (std::exchange(slot.unsure, false)) {
-        // Should the daemon come back, another request of the same number finds out what it knows: the answer of the first one,
-        // or nothing of it, and then it will never run. In either case the slot can be used again.
-        Message probe;
-        probe.words = {"-info", "name"};
-        slot.request.clear();
-        wire::writeCall(slot.request, xidOf(index, slot.sequence), program_, {index, slot.sequence, 0, Method::dbx, "sorm"}, probe);
-        slot.state = Slot::State::abandoned;
+        slot.state = Slot::State::abandoned;            // should the daemon come back, see probe()
         ++inFlight_;
         return;
     }
     slot.state = Slot::State::free;
     if (slot.request.capacity() > kKeepBuffer) slot.request.release();
     free_.push_back(index);
+}
+
+// Instead of a request that was given up: another one of the same number. It finds out what the daemon knows, the answer of the
+// first one, or nothing of it, and then that will never run. In either case the slot can be used again.
+void Connection::probe(std::uint32_t index) {
+    Slot& slot = *slots_[index];
+    Message m;
+    m.words = {"-info", "name"};
+    slot.request.release();
+    wire::writeCall(slot.request, xidOf(index, slot.sequence), program_, {index, slot.sequence, 0, Method::dbx, "sorm"}, m);
+}
+
+// On a new connection: is there something to send again?
+bool Connection::toResend(std::uint32_t index) {
+    Slot& slot = *slots_[index];
+    if (slot.state == Slot::State::abandoned) return probe(index), true;
+    if (slot.state == Slot::State::unsent && slot.orphan) return release(index), false;
+    return slot.state == Slot::State::sent || slot.state == Slot::State::unsent;
+}
+
+// Are all slots that are taken those of calls that were given up? A daemon that is only slow answers them in the end; but where
+// what came or went was damaged it never will, or we do not understand it.
+bool Connection::exhausted() const {
+    constexpr std::int64_t kPatience = 5'000'000'000;       // [ns] with a new connection that has not answered any
+    if (fd_ >= 0 && !answered_ && monotonicNow() - since_ < kPatience) return false;
+    return std::all_of(slots_.begin(), slots_.end(), [](auto& s) { return s->state == Slot::State::abandoned || s->state == Slot::State::free; });
+}
+
+// A new connection finds out which of them can be used again, see toResend().
+void Connection::renewSlots(Deadline deadline) {
+    if (!exhausted()) return;
+    if (fd_ >= 0) lost("no reply came to any of " + std::to_string(inFlight_) + " calls");
+    recover(deadline, nullptr);
+    while (fd_ >= 0 && free_.empty() && !CallContext::currentGivenUp() && receive(deadline)) {}
 }
 
 void Connection::write(std::uint32_t index, Method method, const Message& m, std::int64_t now, const wire::Behalf* behalf) {
@@ -232,7 +265,7 @@ void Connection::write(std::uint32_t index, Method method, const Message& m, std
             request.deadline = static_cast<std::uint32_t>(std::min<std::int64_t>(slot.budget / 1'000'000 + 1, UINT32_MAX));
         } else {
             request.deadline = deadlineMark(slot.deadline, now);
-            if (now - clockSaid_ > kClockTold && daemon_.clock != clockSeen()) wire::writeClock(slot.request, program_, clockSaid_ = now);
+            if (otherClock_ && now - clockSaid_ > kClockTold) wire::writeClock(slot.request, program_, clockSaid_ = now);
         }
     }
     const std::size_t before = slot.request.size();
@@ -409,6 +442,7 @@ void Connection::take(std::string_view record) {
                 envelope.xid == xidOf(index, slot.sequence);
     if (!ours) return;                                  // late, and nobody waits
     --inFlight_;
+    answered_ = true;
     if (slot.state == Slot::State::abandoned) {
         slot.state = Slot::State::free;
         free_.push_back(index);
@@ -419,8 +453,8 @@ void Connection::take(std::string_view record) {
     if (objection.empty() && !wire::readReply(r, times_, m)) objection = "its reply could not be decoded";
     slot.state = Slot::State::done;
     if (!objection.empty())
-        fail(index, Trail{}), slot.failure.add(makeEntry(errors::kProtocol, {MessageArg::of(fullName(slot)),
-             MessageArg::of(address_), MessageArg::of(objection), MessageArg::of("are both of the same version?")}));
+        fail(index, Trail(makeEntry(errors::kProtocol, {MessageArg::of(fullName(slot)), MessageArg::of(address_), MessageArg::of(objection),
+                                                        MessageArg::of("are both of the same version?")})));
     if (slot.pending) settle(index);
 }
 
@@ -499,9 +533,11 @@ void Connection::welcomed(const std::string& whom, const std::string& record) {
     else if (!first && !welcome.known)
         failSent({"the daemon has forgotten this client meanwhile", "ask there what became of it"});
     daemon_ = welcome;
+    otherClock_ = daemon_.clock != clockSeen();
     since_ = lastHeard_ = monotonicNow();
     if (first || !sameDaemon) ++boots_;
     pause_ = 0;
+    answered_ = false;
     if (!first && !sameDaemon)
         for (auto& [number, callback] : std::map(restarted_)) {
             try {
@@ -509,6 +545,7 @@ void Connection::welcomed(const std::string& whom, const std::string& record) {
             } catch (const std::exception&) {           // his own affair: the others are told all the same
             }
         }
+    if (!oneways_.empty()) sendBytes(std::exchange(oneways_, {}), true);
     resubscribe();
 }
 
@@ -553,6 +590,7 @@ void Connection::lost(const std::string& how) {
     drop();
     ++reconnects_;
     if (wanted()) retry();
+    else letGo();
 }
 
 // Does nothing listen there?
@@ -621,12 +659,8 @@ void Connection::resend(Deadline deadline) {
     if (!outgoing_.empty() && !drain(deadline)) return;
     for (std::size_t i = 0; i < slots_.size() && fd_ >= 0; ++i) {
         Slot& slot = *slots_[i];
-        bool again = slot.state == Slot::State::sent || slot.state == Slot::State::abandoned;
-        if (!again && slot.state != Slot::State::unsent) continue;
-        if (transmit(slot.request.data(), slot.request.size(), deadline) && !again) {
-            slot.state = Slot::State::sent;
-            ++inFlight_;
-        }
+        if (!toResend(i)) continue;
+        if (transmit(slot.request.data(), slot.request.size(), deadline)) sent(i);
     }
     if (fd_ >= 0) return;
     for (std::uint32_t i = 0; i < slots_.size(); ++i)           // those that did not get their turn wait for the next
@@ -651,10 +685,8 @@ void Connection::failSent(const Verdict& verdict) {
         } else if (slot.state == Slot::State::sent) {
             --inFlight_;
             slot.unsure = !verdict.ended;
-            Trail trail;
-            trail.add(makeEntry(errors::kLost, {MessageArg::of(fullName(slot)), MessageArg::of(address_), MessageArg::of(daemon_.name),
-                                                MessageArg::of(age()), MessageArg::of(how_), MessageArg::of(verdict.why), MessageArg::of(verdict.hint)}));
-            fail(i, std::move(trail));
+            fail(i, Trail(makeEntry(errors::kLost, {MessageArg::of(fullName(slot)), MessageArg::of(address_), MessageArg::of(daemon_.name),
+                                                    MessageArg::of(age()), MessageArg::of(how_), MessageArg::of(verdict.why), MessageArg::of(verdict.hint)})));
             if (slot.pending) settle(i);
         }
     }
@@ -683,6 +715,7 @@ std::string Connection::facts() const {
            "] since " + clockText(daemon_.started);
     out += "\ncalls " + std::to_string(calls_) + ", in flight " + std::to_string(inFlight_) + ", connections lost " +
            std::to_string(reconnects_) + ", daemons seen " + std::to_string(boots_);
+    if (dropped_ > 0) out += "\none-way requests never sent " + std::to_string(dropped_);
     out += "\nlast reply: waited " + std::to_string(times_.waited) + " us, ran " + std::to_string(times_.ran) + " us, of which sub-calls " +
            std::to_string(times_.sub) + " us";
     return out;

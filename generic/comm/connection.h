@@ -63,11 +63,11 @@ public:
     // Begin a call: pending's message is the request, its answer the end. Never throws, never blocks but to look up a
     // host's name. The connection lives as long as there are such calls.
     void begin(const PendingPointer& pending, const std::string& name, Method method);
-    // Without a reply: sent when it can be, forgotten when the daemon cannot be reached. Waits for room when too many are still to
-    // be sent (Settings::onewayQueue), where it may block; fails with COMM LIMIT when there is none.
+    // Without a reply: sent when it can be, on the next connection if need be; what cannot be sent is told (whenDropped). Waits for
+    // room when too many are still to be sent (Settings::onewayQueue), where it may block; fails with COMM LIMIT when there is none.
     void oneway(const std::string& name, Method method, const Message& m, bool relayed = false);
-    // Send what still waits, and block for that, at the end. Returns how many one-way requests could not be sent.
-    std::size_t finish(Deadline deadline);
+    // Send what still waits, and block for that, at the end. Returns what could not be sent, in words; empty: nothing is left.
+    std::string finish(Deadline deadline);
     // Listen to an object of the daemon. Blocks until the daemon has agreed; throws what it objects to.
     std::unique_ptr<Listening> listen(std::string name, std::string pattern, std::size_t keep, Listener listener, Deadline deadline,
                                       bool relayed = false);
@@ -80,6 +80,9 @@ public:
     void ping(Deadline deadline);
     void close(const std::string& reason);              // calls in flight fail with LOST
     void end();                                         // for good, with everything: nobody hears of it
+
+    // Called for one-way requests that will never be sent, or null.
+    std::function<void(Trail)> whenDropped;
 
     // Called after another daemon than before has answered, before anything else is sent to it.
     std::uint64_t onRestart(std::function<void()> callback);
@@ -119,6 +122,7 @@ private:
     struct Outgoing {                   // on its way, taken by the socket in part or not at all
         std::uint32_t slot;             // kControl: no call, but bytes
         Buffer bytes;
+        bool oneway = false;            // records of one-way requests
     };
     struct Arrived {
         PendingPointer pending;
@@ -139,6 +143,8 @@ private:
     };
 
     std::uint32_t acquire(std::string_view name, Deadline deadline);
+    bool exhausted() const;
+    void renewSlots(Deadline deadline);
     void write(std::uint32_t slot, Method method, const Message& m, std::int64_t now, const wire::Behalf* behalf);
     bool transmit(const char* data, std::size_t size, Deadline deadline, std::size_t* taken = nullptr);   // false: the connection is lost
     void tellCancel(std::uint32_t slot);
@@ -151,6 +157,8 @@ private:
     void take(std::string_view record);
     void fail(std::uint32_t slot, Trail trail);
     void release(std::uint32_t slot);
+    void probe(std::uint32_t slot);
+    bool toResend(std::uint32_t slot);
     void checkIdle(std::int64_t now);
 
     // ---- connectionEvents.cpp ----
@@ -159,16 +167,21 @@ private:
     void cancelled(Pending& pending) override;
     int descriptor() const override { return fd_; }
     Trail overdue(Pending& pending) override;
-    bool wanted() const { return pendings_ > 0 || !subscriptions_.empty(); }
+    bool wanted() const { return pendings_ > 0 || !subscriptions_.empty() || !oneways_.empty(); }
     void watch();                                       // what the reactor is to tell us
     void sendWaiting();
     void sweepWaiting();
     bool beingSent(std::uint32_t index) const;
     void sendSlot(std::uint32_t index);
-    void sendBytes(Buffer bytes);
+    void sendBytes(Buffer bytes, bool oneway = false);
     std::size_t backlog() const;                        // [bytes] that wait to be sent, and are no calls
     void makeRoom(std::size_t most, Deadline deadline); // block until there is no more than that, or the deadline
+    void keepOneways();
+    void keepOneway(const char* records, std::size_t size);
+    void dropped(std::size_t count, const std::string& why);
+    void dropOneways(const std::string& why);
     void continueSending();
+    template <class Enough> void sendUntil(Deadline deadline, Enough enough);
     bool drain(Deadline deadline);                      // what is on its way, blocking; false: the connection is lost
     void sent(std::uint32_t index);
     void settle(std::uint32_t index);
@@ -177,7 +190,8 @@ private:
     void deliver();
     void deliverOne(Pending& pending);
     void deliverLater();
-    void forget(std::size_t calls);                     // so many are answered; the last one lets go of the connection
+    void forget(std::size_t calls);                     // so many are answered
+    void letGo();                                       // of the connection, when nobody needs it any more
     void addDeadline(const PendingPointer& pending);
     void passDeadlines();
     std::string whom() const;
@@ -222,8 +236,10 @@ private:
     std::string lastWords_;                 // reason of a GOODBYE
     bool wait_ = false;                     // as the address says
     std::int64_t absentSince_ = 0;          // [ns] nothing has listened there since; 0: something does, or did a moment ago
+    bool otherClock_ = false;               // it does not see our clock
     std::int64_t clockSaid_ = 0;            // [ns] when the daemon was last told what our clock says
     std::string how_;                       // why the connection was lost
+    bool answered_ = false;                 // a call, on this connection
     std::int64_t since_ = 0, lastHeard_ = 0;
     std::int64_t callTime_ = 0;             // [ns] when the blocking call that is under way was made; 0: none is
     std::uint64_t calls_ = 0, reconnects_ = 0;
@@ -249,6 +265,10 @@ private:
     std::deque<Waiting> waiting_, urgent_;  // EXEC; CTRL and DBX, which go first
     std::deque<Outgoing> outgoing_;
     std::size_t outgoingAt_ = 0;            // of the first: what the socket has taken
+    Buffer oneways_;                        // requests that wait for the next connection
+    std::int64_t onewaysSince_ = 0;         // [ns] the first of them
+    std::uint64_t dropped_ = 0;             // one-way requests that were never sent
+    std::string whyDropped_;
     std::vector<Arrived> arrived_;          // answered by the daemon, their owners not told yet
     bool delivering_ = false;               // ... but soon
     const Pending* driven_ = nullptr;       // whom drive is for

@@ -22,12 +22,17 @@ constexpr std::int64_t kOpenTime = 5'000'000'000;       // [ns] for an address t
 
 const Prototype kFull{Severity::error, "COMM LIMIT", 1,
     "{}: {} bytes of one-way requests wait for {} already, which does not take them; never sent; see sorma::configure -onewayqueue and -onewaywait"};
+const Prototype kDropped{Severity::warning, "COMM LOST", 1, "{}: {} one-way requests were never sent: {}"};
 const Prototype kNotGreeted{Severity::error, "COMM TIMEOUT", 1, "{}: {} is connected, but does not answer; never sent"};
 
-Trail trailOf(Entry entry) {
-    Trail trail;
-    trail.add(std::move(entry));
-    return trail;
+std::size_t recordSize(const Buffer& bytes, std::size_t at) {
+    return wire::kMarkSize + (XdrReader(bytes.data() + at, wire::kMarkSize).u32() & ~wire::kLastFragment);
+}
+
+std::size_t recordsIn(const Buffer& bytes) {
+    std::size_t n = 0;
+    for (std::size_t at = 0; at < bytes.size(); at += recordSize(bytes, at)) ++n;
+    return n;
 }
 
 // A daemon that is there answers in a moment: then a request is on its way though nobody enters the event loop.
@@ -76,14 +81,17 @@ void Connection::end() {
     urgent_.clear();
     arrived_.clear();
     for (auto& slot : slots_) slot->pending.reset();
+    oneways_.release();
+    whenDropped = nullptr;
     keep_.reset();
 }
 
 void Connection::oneway(const std::string& name, Method method, const Message& m, bool relayed) {
+    if (fd_ >= 0) checkIdle(monotonicNow());
     try {
-        if (fd_ < 0) recover(Deadline::in(settings_.timeout), nullptr);
-    } catch (const Error&) {
-        return;                         // nobody wants to know
+        if (fd_ < 0 && daemon_.boot == 0) recover(Deadline::in(settings_.timeout), nullptr);
+    } catch (const Error& e) {
+        return dropped(1, e.what());
     }
     const std::size_t most = std::size_t(settings_.onewayQueue);
     if (backlog() > most) {
@@ -95,42 +103,77 @@ void Connection::oneway(const std::string& name, Method method, const Message& m
     wire::writeCall(bytes, 0, program_, {wire::kNoSlot, 0, 0, method, name}, m, wire::kOneway,
                     relayed || CallContext::current() ? &behalf : nullptr);
     // Those that wait are one piece.
-    if (!outgoing_.empty() && outgoing_.back().slot == kControl) outgoing_.back().bytes.append(bytes.data(), bytes.size());
-    else sendBytes(std::move(bytes));
+    if (!outgoing_.empty() && outgoing_.back().oneway) outgoing_.back().bytes.append(bytes.data(), bytes.size());
+    else sendBytes(std::move(bytes), true);
+    if (!keep_ && (!outgoing_.empty() || !oneways_.empty())) keep_ = shared_from_this();
+    if (fd_ < 0 && !opening_ && !retryTimer_) {
+        startOpening();
+        finishOpening(Deadline::in(kMoment));
+    }
     watch();
 }
 
 std::size_t Connection::backlog() const {
-    std::size_t bytes = 0;
+    std::size_t bytes = oneways_.size();
     for (auto& o : outgoing_) bytes += o.bytes.size();
     return outgoing_.empty() || outgoing_.front().slot != kControl ? bytes : bytes - outgoingAt_;
 }
 
 void Connection::makeRoom(std::size_t most, Deadline deadline) {
     auto keep = shared_from_this();
-    while (fd_ >= 0 && backlog() > most && !deadline.passed()) {
-        // As in transmit: the daemon may wait until we take its replies.
-        pollfd p{fd_, POLLIN | POLLOUT, 0};
-        if (poll(&p, 1, int(std::min<std::int64_t>(deadline.left() / 1'000'000 + 1, 1'000))) <= 0) continue;
-        if (p.revents & (POLLIN | POLLHUP | POLLERR)) receive(deadline);
-        if (fd_ >= 0) continueSending();
-    }
+    sendUntil(deadline, [&] { return backlog() <= most; });
     if (!arrived_.empty()) deliverLater();
 }
 
-std::size_t Connection::finish(Deadline deadline) {
-    makeRoom(0, deadline);
-    std::size_t left = 0;
+// The connection is gone: of one-way requests those remain that the socket has not taken to the last byte.
+void Connection::keepOneways() {
+    std::size_t taken = outgoingAt_;
     for (auto& o : outgoing_) {
-        for (std::size_t at = 0; o.slot == kControl && at + wire::kMarkSize <= o.bytes.size(); ++left)
-            at += wire::kMarkSize + (XdrReader(o.bytes.data() + at, wire::kMarkSize).u32() & ~wire::kLastFragment);
+        std::size_t at = 0;
+        while (o.oneway && at < taken && at + recordSize(o.bytes, at) <= taken) at += recordSize(o.bytes, at);
+        if (o.oneway) keepOneway(o.bytes.data() + at, o.bytes.size() - at);
+        taken = 0;
     }
-    return left;
+}
+
+void Connection::keepOneway(const char* records, std::size_t size) {
+    if (oneways_.empty()) onewaysSince_ = monotonicNow();
+    oneways_.append(records, size);
+}
+
+// One-way requests will never be sent.
+void Connection::dropped(std::size_t count, const std::string& why) {
+    dropped_ += count;
+    whyDropped_ = why;
+    if (whenDropped) whenDropped(Trail(makeEntry(kDropped, {MessageArg::of(who_), MessageArg::of(count), MessageArg::of(why)})));
+}
+
+void Connection::dropOneways(const std::string& why) {
+    const std::size_t count = recordsIn(oneways_);
+    oneways_.release();
+    if (count > 0) dropped(count, why);
+    letGo();
+}
+
+std::string Connection::finish(Deadline deadline) {
+    auto keep = shared_from_this();
+    try {
+        if (fd_ < 0 && !oneways_.empty()) recover(deadline, nullptr);
+    } catch (const Error& e) {
+        dropOneways(e.what());
+    }
+    makeRoom(0, deadline);
+    std::size_t left = recordsIn(oneways_);
+    for (auto& o : outgoing_)
+        if (o.oneway) left += recordsIn(o.bytes);
+    if (left + dropped_ == 0) return {};
+    return std::to_string(left + dropped_) + " one-way requests to " + who_ + " were never sent: " + (left > 0 ? "it does not take them" : whyDropped_);
 }
 
 // As many of those that wait as there are slots for. CTRL and DBX go first, and find some slots free.
 void Connection::sendWaiting() {
     std::size_t most = std::min<std::size_t>(daemon_.slots, kControl), reserved = most > 4 * kReserved ? kReserved : 0;
+    auto taken = [&] { return slots_.size() - free_.size(); };
     for (auto* queue : {&urgent_, &waiting_}) {
         std::size_t limit = queue == &urgent_ ? most : most - reserved;
         while (fd_ >= 0 && !queue->empty()) {
@@ -140,7 +183,10 @@ void Connection::sendWaiting() {
                 forget(1);
                 continue;
             }
-            if (slots_.size() - free_.size() >= limit) break;
+            if (taken() >= limit) {
+                if (exhausted()) lost("no reply came to any of " + std::to_string(taken()) + " calls");
+                break;
+            }
             Waiting call = std::move(next);
             queue->pop_front();
             std::uint32_t index = acquire(call.name, call.pending->deadline);
@@ -180,15 +226,14 @@ void Connection::sendSlot(std::uint32_t index) {
     outgoing_.push_back({index, {}});
 }
 
-void Connection::sendBytes(Buffer bytes) {
-    if (fd_ < 0) return;
-    if (outgoing_.empty() && unsent_.empty()) {
-        ssize_t n = send(fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
-        if (n == static_cast<ssize_t>(bytes.size())) return;
-        if (n < 0 && errno != EAGAIN && errno != EINTR) return lost(std::strerror(errno));
-        outgoingAt_ = n > 0 ? static_cast<std::size_t>(n) : 0;
+void Connection::sendBytes(Buffer bytes, bool oneway) {
+    if (fd_ < 0) {
+        if (oneway) keepOneway(bytes.data(), bytes.size());
+        return;
     }
-    outgoing_.push_back({kControl, std::move(bytes)});
+    const bool first = outgoing_.empty() && unsent_.empty();
+    outgoing_.push_back({kControl, std::move(bytes), oneway});
+    if (first) continueSending();
 }
 
 void Connection::continueSending() {
@@ -205,17 +250,23 @@ void Connection::continueSending() {
         outgoingAt_ = 0;
         if (index != kControl) sent(index);
     }
+    letGo();
+}
+
+// What is on its way, blocking, until it is enough.
+template <class Enough> void Connection::sendUntil(Deadline deadline, Enough enough) {
+    while (fd_ >= 0 && !enough()) {
+        continueSending();
+        if (fd_ < 0 || enough() || deadline.passed()) return;
+        // As in transmit: the daemon may wait until we take its replies.
+        pollfd p{fd_, POLLIN | POLLOUT, 0};
+        if (poll(&p, 1, int(std::min<std::int64_t>(deadline.left() / 1'000'000 + 1, 1'000))) > 0 && (p.revents & POLLIN)) receive(deadline);
+    }
 }
 
 bool Connection::drain(Deadline deadline) {
-    while (fd_ >= 0 && !outgoing_.empty()) {
-        Outgoing first = std::move(outgoing_.front());
-        std::size_t at = std::exchange(outgoingAt_, 0);
-        outgoing_.pop_front();
-        const Buffer& bytes = first.slot == kControl ? first.bytes : slots_[first.slot]->request;
-        if (!transmit(bytes.data() + at, bytes.size() - at, deadline)) return false;
-        if (first.slot != kControl) sent(first.slot);
-    }
+    sendUntil(deadline, [&] { return outgoing_.empty(); });
+    if (fd_ >= 0 && !outgoing_.empty()) lost("the daemon did not take in time what was sent");
     return fd_ >= 0;
 }
 
@@ -267,7 +318,11 @@ void Connection::deliverLater() {
 
 void Connection::forget(std::size_t calls) {
     pendings_ -= calls;
-    if (pendings_ == 0 && calls > 0 && keep_) mailbox_->post([keep = std::move(keep_)] {});
+    letGo();
+}
+
+void Connection::letGo() {
+    if (keep_ && pendings_ == 0 && outgoing_.empty() && oneways_.empty()) mailbox_->post([keep = std::move(keep_)] {});
 }
 
 // Block until a call that was begun is answered. Others that are answered meanwhile are told by the loop.
@@ -290,7 +345,7 @@ void Connection::drive(Pending& pending, Deadline deadline) {
                 if (fd_ >= 0 && !(waiting_.empty() && urgent_.empty())) sendWaiting();
                 if (fd_ >= 0 && !outgoing_.empty()) drain(deadline);
                 if (CallContext::currentGivenUp()) {
-                    pending.cancel(trailOf(makeEntry(errors::kGivenUp, {MessageArg::of(pending.who), MessageArg::of("daemon " + daemon_.name)})));
+                    pending.cancel(Trail(makeEntry(errors::kGivenUp, {MessageArg::of(pending.who), MessageArg::of("daemon " + daemon_.name)})));
                     return;
                 }
                 if (fd_ >= 0 && !hasArrived(pending) && !receive(deadline)) return;
@@ -350,9 +405,9 @@ Trail Connection::overdue(Pending& pending) {
     bool sent = pending.ticket != kNoTicket && slots_[pending.ticket]->state == Slot::State::sent;
     if (pending.ticket != kNoTicket && slots_[pending.ticket]->budget > 0) patience = durationText(double(slots_[pending.ticket]->budget));
     if (pending.ticket != kNoTicket && beingSent(pending.ticket))
-        return trailOf(makeEntry(errors::kTimeoutPart, {MessageArg::of(pending.who), MessageArg::of(patience), MessageArg::of(address_)}));
-    if (sent) return trailOf(makeEntry(errors::kTimeoutSent, {MessageArg::of(pending.who), MessageArg::of(patience), MessageArg::of(address_)}));
-    return trailOf(makeEntry(errors::kTimeoutUnsent, {MessageArg::of(pending.who), MessageArg::of("the daemon"), MessageArg::of(patience),
+        return Trail(makeEntry(errors::kTimeoutPart, {MessageArg::of(pending.who), MessageArg::of(patience), MessageArg::of(address_)}));
+    if (sent) return Trail(makeEntry(errors::kTimeoutSent, {MessageArg::of(pending.who), MessageArg::of(patience), MessageArg::of(address_)}));
+    return Trail(makeEntry(errors::kTimeoutUnsent, {MessageArg::of(pending.who), MessageArg::of("the daemon"), MessageArg::of(patience),
                                                       MessageArg::of(fd_ < 0 ? how_ : "all its slots are taken")}));
 }
 
@@ -520,8 +575,7 @@ void Connection::advance(std::uint32_t) {
     }
     // What was sent to the same daemon, and what was not sent at all: now, in order, as the socket takes it.
     for (std::uint32_t i = 0; i < slots_.size() && fd_ >= 0; ++i) {
-        Slot::State state = slots_[i]->state;
-        if (state == Slot::State::sent || state == Slot::State::abandoned || state == Slot::State::unsent) sendSlot(i);
+        if (toResend(i)) sendSlot(i);
     }
     unsent_.clear();
     batch_.clear();
@@ -534,6 +588,8 @@ void Connection::advance(std::uint32_t) {
 void Connection::openFailed(const Error& e) {
     conclude(e);
     how_ = e.what();
+    const bool given = settings_.timeout > 0 && monotonicNow() - onewaysSince_ > settings_.timeout * 1'000'000;
+    if (!oneways_.empty() && (given || !mayCome(e))) dropOneways(e.what());
     if (!mayCome(e)) failWaiting(e.trail);
     if (!arrived_.empty()) deliverLater();
     if (wanted()) retry();
@@ -615,7 +671,7 @@ public:
             if (wrong.empty() && (!wire::readReply(r, times, m) || (m.code >= 0 && m.ints.size() != 3))) wrong = "its answer could not be decoded";
             if (!wrong.empty()) {
                 m.code = -1;
-                m.trail = trailOf(makeEntry(errors::kProtocol, {MessageArg::of(c.who_), MessageArg::of(c.address_), MessageArg::of(wrong),
+                m.trail = Trail(makeEntry(errors::kProtocol, {MessageArg::of(c.who_), MessageArg::of(c.address_), MessageArg::of(wrong),
                                             MessageArg::of("are both of the same version?")}));
             }
             answered(m.code < 0 ? m.trail : Trail(), m);

@@ -53,30 +53,28 @@ bool stretch(Charge& charge, std::size_t bytes) {
     return true;
 }
 
-Trail trailOf(Entry entry) {
-    Trail trail;
-    trail.add(std::move(entry));
-    return trail;
-}
-
 }  // namespace
 
-// What a request's words need in memory: millions of empty ones fit into a record. They are charged while it is executed.
+// What the words of a long request need in memory: millions of empty ones fit into a record. They are charged while it is
+// executed.
 struct Server::Peer::Words {
     std::size_t size = 0;
-    Charge charge;
     bool fit = true;
-    Message& m;
 
-    Words(Peer& peer, Message& m, const XdrReader& r, std::size_t record) : m(m) {
-        if (record <= kReadSize) return;
-        size = wire::wordsSize(r);
-        charge = Charge(peer.account_, Account::Use::requests);
-        fit = charge.set(size);
+    Words(Peer& peer, Message& m, const XdrReader& r, std::size_t record) {
+        if (record > 4 * kManyWords) [[unlikely]] long_.emplace(peer, m), fit = long_->charge.set(size = wire::wordsSize(r));
     }
-    ~Words() {
-        if (m.words.capacity() > kManyWords) [[unlikely]] std::vector<std::string>().swap(m.words);
-    }
+
+private:
+    struct Long {
+        Message& m;
+        Charge charge;
+        Long(Peer& peer, Message& m) : m(m), charge(peer.account_, Account::Use::requests) {}
+        ~Long() {
+            if (m.words.capacity() > kManyWords) std::vector<std::string>().swap(m.words);
+        }
+    };
+    std::optional<Long> long_;
 };
 
 Server::Peer::Peer(Server& server, int fd, ClientPointer who, std::int64_t user)
@@ -121,6 +119,7 @@ void Server::Peer::spill(Frame& frame) {
         for (auto* a = server_.activity_; a; a = a->outer)          // its request goes, and it is still under way
             if (a->kept.empty() && a->name.data() >= in_.data() && a->name.data() < frame.end) a->name = a->kept = a->name;
         in_.drop(in_.size() - left);
+        taken_ = 0;
     } else {
         in_.append(frame.at, left);
     }
@@ -131,15 +130,15 @@ void Server::Peer::spill(Frame& frame) {
 // How much to read beyond what is here. A request that is not complete may grow with what really came; of those behind it
 // only so much is taken that a CANCEL among them is seen, and the rest waits at the client.
 std::size_t Server::Peer::appetite() const {
-    const std::size_t here = in_.size(), first = firstSize();
+    const std::size_t here = unread(), first = firstSize();
     if (here >= first) return here < kReadSize / 2 ? kReadSize - here : 0;
     return std::min(first - here + kReadSize, std::clamp(here, kReadSize, kMostGrowth));
 }
 
 // Of the first record, or piece of one, with its mark.
 std::size_t Server::Peer::firstSize() const {
-    if (in_.size() < wire::kMarkSize) return wire::kMarkSize;
-    return wire::kMarkSize + (XdrReader(in_.data(), wire::kMarkSize).u32() & ~wire::kLastFragment);
+    if (unread() < wire::kMarkSize) return wire::kMarkSize;
+    return wire::kMarkSize + (XdrReader(in_.data() + taken_, wire::kMarkSize).u32() & ~wire::kLastFragment);
 }
 
 void Server::Peer::receive() {
@@ -155,6 +154,10 @@ void Server::Peer::receive() {
     std::size_t before = in_.size(), size = kReadSize;
     if (inPeer) {
         size = appetite();
+        if (size > 0 && taken_ > 0) {
+            in_.drop(std::exchange(taken_, 0));
+            before = in_.size();
+        }
         if (in_.capacity() < before + size && server_.spare_.capacity() >= before + size) {
             server_.spare_.clear();
             server_.spare_.append(in_.data(), before);
@@ -173,8 +176,8 @@ void Server::Peer::receive() {
     }
     arrived_ = monotonicNow();
     server_.reactor_.seen(arrived_);
-    const char* begin = inPeer ? in_.data() : scratch.in;
-    Frame frame{this, begin, begin + (inPeer ? in_.size() : static_cast<std::size_t>(n)), begin + (inPeer ? scanned_ : 0), inPeer, false,
+    const char* begin = inPeer ? in_.data() + taken_ : scratch.in;
+    Frame frame{this, begin, begin + (inPeer ? unread() : static_cast<std::size_t>(n)), begin + (inPeer ? scanned_ : 0), inPeer, false,
                 server_.frames_};
     const bool all = size > 0 && n < static_cast<ssize_t>(size);     // that the socket had
     dwelt_ = !all && arrived_ - looked_ > kLookAgain;
@@ -262,8 +265,9 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
     if (open() && leaving_) return server_.retire(this, *leaving_, true);
     if (!open() || frame.spilled) return;
     std::size_t left = static_cast<std::size_t>(frame.end - frame.at);
-    if (frame.inPeer) in_.drop(in_.size() - left);
-    else in_.append(frame.at, left);
+    if (!frame.inPeer) in_.append(frame.at, left);
+    else if (left > 0) taken_ = in_.size() - left;
+    else in_.clear(), taken_ = 0;
     scanned_ = static_cast<std::size_t>(std::max<std::ptrdiff_t>(frame.scanned - frame.at, 0));
     if (in_.empty() && in_.capacity() > kKeepBuffer) server_.giveBack(in_);
     if (more) server_.reactor_.again(this);
@@ -271,7 +275,7 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
     if (!half) halfSince_ = 0;
     else if (halfSince_ == 0 || served > 0) halfSince_ = arrived_;
     if (slow()) server_.watchSlow(this);
-    if (std::size_t held = std::max(fragments_.size() + coming, fragments_.size() + in_.size()); held != request_.bytes()) charge(held, half);
+    if (std::size_t held = std::max(fragments_.size() + coming, fragments_.size() + unread()); held != request_.bytes()) charge(held, half);
     interest();
 }
 
@@ -310,9 +314,8 @@ void Server::Peer::lookAhead(Frame& frame) {
     if (n > 0) scan(seen.data(), seen.data() + seen.size() - kLookSize + n);
 }
 
-// Has its caller given it up already?
-bool Server::Peer::forgotten(std::uint32_t slot, std::uint32_t sequence) {
-    return !cancels_.empty() && std::erase_if(cancels_, [&](auto& c) { return c.slot == slot && c.sequence == sequence; }) > 0;
+bool Server::Peer::takeCancel(std::uint32_t slot, std::uint32_t sequence) {
+    return std::erase_if(cancels_, [&](auto& c) { return c.slot == slot && c.sequence == sequence; }) > 0;
 }
 
 // For what is here, and for the rest of a long request. What will soon be served is charged in any case.
@@ -424,7 +427,7 @@ void Server::Peer::cancel(XdrReader& r) {
     }
     if (auto pending = slot.pending) {
         Gate::Outside outside(server_.gate_);
-        pending->cancel(trailOf(makeEntry(kStopped, {MessageArg::of(pending->who)})));
+        pending->cancel(Trail(makeEntry(kStopped, {MessageArg::of(pending->who)})));
     }
 }
 
@@ -512,15 +515,16 @@ void Server::Peer::call(XdrReader& r, const wire::CallHeader& header, std::strin
     }
     ++calls;
     wire::Times times;
-    Later later{this, number, mine ? mine->key : SessionKey(), request.slot, request.sequence, header.xid, record.size() + words.size, 0};
+    const SessionKey key = mine ? mine->key : SessionKey();
+    auto later = [&] { return Later{this, number, key, request.slot, request.sequence, header.xid, record.size() + words.size, 0}; };
     bool pending = execute(request, header, record, m, times, slot, scratch, frame);
     // A service may have run the event loop: the session may have moved to another connection, or be gone.
-    if (slot) slot = server_.findSlot(later);
+    if (slot && frame.spilled) [[unlikely]] slot = server_.findSlot(later());
     if (slot) slot->call = nullptr;
-    if (pending) return server_.replyLater(later, times, std::exchange(m.later, nullptr));
+    if (pending) return server_.replyLater(later(), times, std::exchange(m.later, nullptr));
     // The name lies in the record, which is gone when the rest of the buffer was handed back meanwhile.
     reply(header.xid, times, frame.inPeer && frame.spilled ? std::string_view(server_.name_) : request.name, m, slot, scratch.out);
-    if (slot && slot->asked) server_.replyAgain(later, *slot, this);
+    if (slot && slot->asked) server_.replyAgain(later(), *slot, this);
 }
 
 void Server::Peer::oneway(XdrReader& r, const wire::CallHeader& header, Scratch& scratch, Frame& frame) {
@@ -536,7 +540,7 @@ void Server::Peer::oneway(XdrReader& r, const wire::CallHeader& header, Scratch&
         Error why = words.fit && !account_->over()
                         ? Error(makeEntry(kCalls, {MessageArg::of(name), MessageArg::of(server_.settings_.inFlight)}))
                         : overBudget(name, Account::Use::requests, bytes + words.size);
-        Trail trail = trailOf(makeEntry(kDropped, {MessageArg::of(name), MessageArg::of(client->caller.toText()), MessageArg::of(why.what())}));
+        Trail trail = Trail(makeEntry(kDropped, {MessageArg::of(name), MessageArg::of(client->caller.toText()), MessageArg::of(why.what())}));
         server_.sorm_.mailbox()->post([&sorm = server_.sorm_, trail] { sorm.announce(trail); });
         return;
     }
@@ -757,7 +761,7 @@ void Server::Peer::pump() {
 // What has been read and not served, then what lies in the socket: records in the order in which they came.
 void Server::Peer::glance() {
     if (!open() || queued() > kQueueLimit) return;
-    const char* begin = in_.data();
+    const char* begin = in_.data() + taken_;
     const char* end = in_.data() + in_.size();
     for (Frame* f = server_.frames_; f; f = f->outer)
         if (f->peer == this && !f->spilled) begin = f->at, end = f->end;

@@ -35,12 +35,6 @@ constexpr std::uint64_t kCrowdedTurns = 8;              // or than so many turns
 const Prototype kPassedOn{Severity::error, "COMM PASSED", 1, "{}: passes on what failed; {} here, of which {} waiting for others"};
 const Prototype kClientGone{Severity::error, "COMM CANCELLED", 1, "{}: its client has ended, or stayed away for too long"};
 
-Trail trailOf(Entry entry) {
-    Trail trail;
-    trail.add(std::move(entry));
-    return trail;
-}
-
 }  // namespace
 
 Server::Listener::Listener(Server& server, int fd, bool tcp) : server_(server), fd_(fd), tcp_(tcp) {
@@ -125,7 +119,7 @@ void Server::stop(const std::string& reason) {
             for (auto& slot : session->slots)
                 if (slot.pending) pending.push_back(std::move(slot.pending));
     }
-    for (auto& p : pending) p->cancel(trailOf(makeEntry(kClientGone, {MessageArg::of(p->who)})));
+    for (auto& p : pending) p->cancel(Trail(makeEntry(kClientGone, {MessageArg::of(p->who)})));
     std::vector<ClientPointer> clients;
     {
         Gate::Inside inside(gate_);
@@ -334,7 +328,7 @@ void Server::abandon(const SessionKey& key) {
     Gate::Outside outside(gate_);
     subscriptions.clear();
     for (auto* call : running) call->cancel();
-    for (auto& p : pending) p->cancel(trailOf(makeEntry(kClientGone, {MessageArg::of(p->who)})));
+    for (auto& p : pending) p->cancel(Trail(makeEntry(kClientGone, {MessageArg::of(p->who)})));
     client->end();
 }
 
@@ -369,7 +363,7 @@ void Server::retire(Peer* peer, const std::string& reason, bool tell) {
     peer->events_.clear();
     for (auto& owed : std::exchange(peer->owed_, {}))
         sorm_.mailbox()->post([owed] {
-            if (auto p = owed.lock()) p->cancel(trailOf(makeEntry(kClientGone, {MessageArg::of(p->who)})));
+            if (auto p = owed.lock()) p->cancel(Trail(makeEntry(kClientGone, {MessageArg::of(p->who)})));
         });
     if (!stopping_) sorm_.mailbox()->post([&sorm = sorm_, who = peer->client->caller.toText()] { sorm.announce("connection.closed", who); });
     slow_.erase(peer);
@@ -503,7 +497,7 @@ void Server::replyLater(Later later, wire::Times times, PendingPointer pending) 
     const ClientPointer client = pending->client();
     if ((slot || peer) && !(client && client->ended())) return;
     Gate::Outside outside(gate_);
-    pending->cancel(trailOf(makeEntry(kClientGone, {MessageArg::of(pending->who)})));
+    pending->cancel(Trail(makeEntry(kClientGone, {MessageArg::of(pending->who)})));
 }
 
 void Server::answer(const Later& later, wire::Times times, Pending& pending) {

@@ -176,7 +176,8 @@ private:
     void receive();
     std::size_t appetite() const;
     std::size_t firstSize() const;
-    bool complete() const { return in_.size() >= std::max(firstSize(), wire::kMarkSize + 1); }
+    std::size_t unread() const { return in_.size() - taken_; }
+    bool complete() const { return unread() >= std::max(firstSize(), wire::kMarkSize + 1); }
     void charge(std::size_t request, bool half);
     void serve(Frame& frame, Scratch& scratch);
     bool skip(Frame& frame, Scratch& scratch, std::size_t length, const Error& why);
@@ -187,7 +188,9 @@ private:
     void hello(XdrReader& r, std::uint32_t xid, Buffer& out, std::int64_t now);
     std::size_t scan(const char* at, const char* end);
     void lookAhead(Frame& frame);
-    bool forgotten(std::uint32_t slot, std::uint32_t sequence);
+    // Has its caller given it up already?
+    bool forgotten(std::uint32_t slot, std::uint32_t sequence) { return !cancels_.empty() && takeCancel(slot, sequence); }
+    bool takeCancel(std::uint32_t slot, std::uint32_t sequence);
     void cancel(XdrReader& r);
     void subscribe(XdrReader& r, const wire::CallHeader& header, Scratch& scratch);
     const PrincipalPointer& authorOf(const wire::Behalf& behalf) const { return behalf.relayed ? Principal::nobody() : principal_; }
@@ -212,13 +215,14 @@ private:
     const std::int64_t user_;           // by Unix socket: the user, else SessionKey::kByNumber
     std::optional<std::string> leaving_;    // why it goes, when its request that is executed has been answered
     bool greeted_ = false;              // it has said HELLO, which may be said once
-    Buffer in_;                         // the beginning of a request
+    Buffer in_;                         // what has come and waits for its turn: requests, the last one perhaps in part
+    std::size_t taken_ = 0;             // of in_: served. Moved out of the way when more is read, not in each turn
     Buffer fragments_;                  // fragments of a record that came before its last one
     int empties_ = 0;                   // of which so many were empty
     Buffer out_;                        // replies that the socket has not taken
     std::size_t sent_ = 0;              // of out_
     std::size_t skip_ = 0;              // bytes of an oversized record still to come
-    std::size_t scanned_ = 0;           // of in_: known what has been cancelled
+    std::size_t scanned_ = 0;           // of in_, beyond taken_: known what has been cancelled
     std::vector<wire::Cancel> cancels_; // that have come, and whose turn has not: what they are for is not begun
     PeerClock clock_;
     bool ownClock_ = false;             // its deadlines are times of its own clock

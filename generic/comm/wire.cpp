@@ -18,20 +18,19 @@ void writeMessage(XdrWriter& w, const Message& m) {
 }
 
 bool readMessage(XdrReader& r, Message& m) {
-    m.text = r.text();
+    r.text(m.text);
     r.array64(m.floats);
     r.array64(m.ints);
     r.bytes(m.any);
     r.texts(m.words);
-    if (!isUtf8(m.text)) r.spoil();
+    if (!m.text.empty() && !isUtf8(m.text)) r.spoil();
     for (auto& word : m.words)
         if (!isUtf8(word)) r.spoil();
     return r.good();
 }
 
 void writeTrail(XdrWriter& w, const Trail& trail) {
-    w.u32(static_cast<std::uint32_t>(trail.dropped()));
-    w.u32(static_cast<std::uint32_t>(trail.entries().size()));
+    w.words(trail.dropped(), trail.entries().size());
     for (auto& e : trail.entries()) {
         w.u32(static_cast<std::uint32_t>(e.severity));
         w.text(e.symbol);
@@ -59,6 +58,7 @@ std::string clean(std::string_view text) {
 bool readTrail(XdrReader& r, Trail& trail) {
     std::size_t dropped = r.u32();
     std::size_t n = r.count(48);
+    if (n == 0 && dropped == 0) [[likely]] return r.good();
     // Trimmed once for as many entries as it may hold, so that a peer's trail of a million costs no more than reading it.
     Trail read;
     auto flush = [&] {
@@ -90,13 +90,13 @@ bool readTrail(XdrReader& r, Trail& trail) {
 }
 
 void writeAccepted(XdrWriter& w, std::uint32_t xid, std::uint32_t status) {
-    for (std::uint32_t word : {xid, kReplyKind, 0u, 0u, 0u, status}) w.u32(word);    // accepted, no verifier
+    w.words(xid, kReplyKind, 0, 0, 0, status);                      // accepted, no verifier
 }
 
 }  // namespace
 
 void writeCallHeader(XdrWriter& w, const CallHeader& h, const Behalf* behalf) {
-    for (std::uint32_t word : {h.xid, kCallKind, h.rpcVersion, h.program, h.version, h.procedure}) w.u32(word);
+    w.words(h.xid, kCallKind, h.rpcVersion, h.program, h.version, h.procedure);
     if (behalf) [[unlikely]] {
         std::string_view callers = std::string_view(behalf->callers).substr(0, kMostCallers);
         while (!callers.empty() && !isUtf8(callers)) callers.remove_suffix(1);
@@ -105,10 +105,10 @@ void writeCallHeader(XdrWriter& w, const CallHeader& h, const Behalf* behalf) {
         w.u32(behalf->relayed);
         w.u64(behalf->request);
         w.text(callers);
+        w.words(0, 0);
     } else {
-        w.u64(0);
+        w.words(0, 0, 0, 0);
     }
-    w.u64(0);
 }
 
 bool readBehalf(std::string_view body, Behalf& behalf) {
@@ -126,10 +126,7 @@ void writeCall(Buffer& out, std::uint32_t xid, std::uint32_t program, const Requ
     std::size_t start = openRecord(out);
     XdrWriter w(out);
     writeCallHeader(w, {xid, 2, program, kVersion, procedure}, behalf);
-    w.u32(request.slot);
-    w.u32(request.sequence);
-    w.u32(request.deadline);
-    w.u32(static_cast<std::uint32_t>(request.method));
+    w.words(request.slot, request.sequence, request.deadline, request.method);
     w.text(request.name);
     writeMessage(w, m);
     closeRecord(out, start);
@@ -139,10 +136,7 @@ void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Messag
     std::size_t start = openRecord(out);
     XdrWriter w(out);
     writeAccepted(w, xid, 0);
-    w.i32(m.code);
-    w.u32(times.waited);
-    w.u32(times.ran);
-    w.u32(times.sub);
+    w.words(m.code, times.waited, times.ran, times.sub);
     writeMessage(w, m);
     writeTrail(w, m.trail);
     closeRecord(out, start);
@@ -300,8 +294,8 @@ void writeRpcMismatch(Buffer& out, std::uint32_t xid) {
 }
 
 Envelope readEnvelope(XdrReader& r) {
-    std::uint32_t xid = r.u32();
-    std::uint32_t kind = r.u32();
+    std::uint32_t xid, kind;
+    r.words(xid, kind);
     if (kind > kReplyKind) r.spoil();
     return {xid, kind};
 }
@@ -309,12 +303,9 @@ Envelope readEnvelope(XdrReader& r) {
 CallHeader readCallHeader(XdrReader& r, std::uint32_t xid) {
     CallHeader h;
     h.xid = xid;
-    h.rpcVersion = r.u32();
-    h.program = r.u32();
-    h.version = r.u32();
-    h.procedure = r.u32();
+    std::uint32_t flavor;
+    r.words(h.rpcVersion, h.program, h.version, h.procedure, flavor);
     // Credentials and verifier: the session says who calls, not these. Ours say on whose behalf.
-    std::uint32_t flavor = r.u32();
     auto credentials = r.text();
     r.u32();
     if (credentials.size() > kMaxCredential || r.text().size() > kMaxCredential) r.spoil();
@@ -351,10 +342,8 @@ std::string readReplyHeader(XdrReader& r) {
 bool readRequest(XdrReader& r, Request& request, Message& m) {
     m.code = 0;
     m.trail.clear();
-    request.slot = r.u32();
-    request.sequence = r.u32();
-    request.deadline = r.u32();
-    std::uint32_t method = r.u32();
+    std::uint32_t method;
+    r.words(request.slot, request.sequence, request.deadline, method);
     if (method > 2) r.spoil();
     request.method = static_cast<Method>(method);
     request.name = r.text();
@@ -375,10 +364,9 @@ std::size_t wordsSize(XdrReader r) {
 }
 
 bool readReply(XdrReader& r, Times& times, Message& m) {
-    m.code = r.i32();
-    times.waited = r.u32();
-    times.ran = r.u32();
-    times.sub = r.u32();
+    std::uint32_t code;
+    r.words(code, times.waited, times.ran, times.sub);
+    m.code = static_cast<std::int32_t>(code);
     m.trail.clear();
     return readMessage(r, m) && readTrail(r, m.trail) && r.atEnd();
 }

@@ -87,6 +87,10 @@ public:
     void i32(std::int32_t v) { u32(static_cast<std::uint32_t>(v)); }
     void u64(std::uint64_t v) { put(out_.extend(8), v); }
     void i64(std::int64_t v) { u64(static_cast<std::uint64_t>(v)); }
+    template <class... Words> void words(Words... v) {              // several of u32, with one look for room
+        char* at = out_.extend(4 * sizeof...(v));
+        ((put(at, static_cast<std::uint32_t>(v)), at += 4), ...);
+    }
     void bytes(const void* data, std::size_t n) {                   // counted, padded to a multiple of 4
         char* at = out_.extend(4 + padded(n));
         put(at, static_cast<std::uint32_t>(n));
@@ -148,6 +152,17 @@ public:
         return swapped(v);
     }
     std::int64_t i64() { return static_cast<std::int64_t>(u64()); }
+    template <class... Words> void words(Words&... v) {             // several of u32; all zeros when there are too few
+        const char* at = at_;
+        if (!has(4 * sizeof...(v))) return ((v = 0), ...), void();
+        at_ += 4 * sizeof...(v);
+        auto next = [&](std::uint32_t& word) {
+            std::memcpy(&word, at, 4);
+            word = swapped(word);
+            at += 4;
+        };
+        (next(v), ...);
+    }
     std::string_view text() {                                       // views into the record
         std::size_t n = u32();
         if (n > left() || !has(XdrWriter::padded(n))) return {};    // first: where size_t has 32 bits padding may overflow
@@ -184,6 +199,11 @@ public:
         std::size_t n = count(4);
         out.resize(n);
         for (auto& s : out) s = text();
+    }
+    void text(std::string& out) {
+        auto v = text();
+        if (v.empty()) out.clear();                                 // which is inline
+        else out = v;
     }
 
     void skip(std::size_t n) {

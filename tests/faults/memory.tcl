@@ -71,12 +71,20 @@ proc named c {
     set ::named [expr {[string first -budget $::Tally($c,last)] > 0}]
 }
 
+# The daemon that is attacked from here on.
+proc begin args {
+    set ::d [serve {*}$args]
+    set ::port [daemon info $::d port]
+    echo@$::d EXEC
+    set ::base [memoryOf $::d]
+}
+
 attack {
     set megabytes [expr {$argc > 0 ? [lindex $argv 0] : 64}]
     set most [expr {$megabytes << 20}]
     set budget [expr {2 * $most}]
     set script "sorma::configure -maxmessage $most\nsorma::configure -replytime 500\n"
-    set d [serve $script {
+    begin $script {
         oo::class create never {
             superclass sorma::Service
             sorma::conduct concurrent
@@ -84,10 +92,7 @@ attack {
                 yield
             }
         }
-    }]
-    set port [daemon info $d port]
-    echo@$d EXEC
-    set base [memoryOf $d]
+    }
 
     claim "kept replies" {
         set c [attacker $port]
@@ -160,10 +165,7 @@ attack {
         leave $c
     }
     daemon stop $d
-    set d [serve $script]
-    set port [daemon info $d port]
-    echo@$d EXEC
-    set base [memoryOf $d]
+    begin $script
     claim "subscriptions" {
         set c [attacker $port]
         put $c [rpc::hello 0 4712]

@@ -9,37 +9,19 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstdio>
-#include <cstdlib>
 #include <vector>
 
 #include "bus/sorm.h"
 #include "comm/connection.h"
 #include "comm/reactor.h"
 #include "comm/wire.h"
+#include "fuzz.h"
 
 using namespace sorma;
 
 namespace {
 
 constexpr int kOperations = 60;
-
-void demand(bool condition, const char* what) {
-    if (condition) return;
-    std::fprintf(stderr, "%s\n", what);
-    std::abort();
-}
-
-class Input {
-public:
-    Input(const std::uint8_t* data, std::size_t size) : at_(data), end_(data + size) {}
-    bool done() const { return at_ == end_; }
-    unsigned byte() { return done() ? 0 : *at_++; }
-
-private:
-    const std::uint8_t* at_;
-    const std::uint8_t* end_;
-};
 
 // Listens for all inputs at a name of the kernel's choice, which is no file: connections come by a socket pair of our own.
 class Daemon {

@@ -12,8 +12,6 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <map>
 #include <set>
@@ -22,6 +20,7 @@
 #include "comm/reactor.h"
 #include "comm/server.h"
 #include "comm/wire.h"
+#include "fuzz.h"
 
 using namespace sorma;
 
@@ -31,24 +30,6 @@ constexpr int kOperations = 100;        // of one input
 constexpr int kLines = 4;               // connections at a time
 constexpr std::int64_t kOwn = std::int64_t{1} << 40;     // tokens from here on: calls without numbers
 constexpr int kDepth = 3;               // of event loops in each other
-
-void demand(bool condition, const char* what, std::int64_t value = 0) {
-    if (condition) return;
-    std::fprintf(stderr, "%s: %lld\n", what, static_cast<long long>(value));
-    std::abort();
-}
-
-class Input {
-public:
-    Input(const std::uint8_t* data, std::size_t size) : at_(data), end_(data + size) {}
-    bool done() const { return at_ == end_; }
-    unsigned byte() { return done() ? 0 : *at_++; }
-    int below(int n) { return int(byte() % unsigned(n)); }
-
-private:
-    const std::uint8_t* at_;
-    const std::uint8_t* end_;
-};
 
 // ---- the daemon ----
 

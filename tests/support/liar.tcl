@@ -1,5 +1,5 @@
-# liar.tcl TEXT -- listens on a TCP port like a daemon, greets its clients as one, and answers every call with TEXT. Prints
-# its port. Ends with its standard input.
+# liar.tcl TEXT ?N? -- listens on a TCP port like a daemon, greets its clients as one, and answers every call with TEXT and a
+# trail of N warnings. Prints its port. Ends with its standard input.
 
 source [file join [file dirname [file normalize [info script]]] rpc.tcl]
 
@@ -28,8 +28,15 @@ proc answer {channel record} {
     append welcome [binary format IIWI 1000000 64 0 0]
     switch $procedure {
         1 { rpc::send $channel [rpc::record $head$welcome] }
-        2 { rpc::send $channel [rpc::record $head[binary format IIII 0 0 0 0][rpc::message [lindex $::argv 0]][binary format II 0 0]] }
+        2 { rpc::send $channel [rpc::record $head[binary format IIII 0 0 0 0][rpc::message [lindex $::argv 0]][trail]] }
     }
+}
+
+proc trail {} {
+    set n [expr {[llength $::argv] > 1 ? [lindex $::argv 1] : 0}]
+    set entry [binary format I 1][rpc::text {LIAR SAYS}][binary format I 0][rpc::text "a lie"][rpc::text {}][rpc::text {}][rpc::text {}]
+    append entry [binary format IW 0 0][rpc::text {}]
+    return [binary format II 0 $n][string repeat $entry $n]
 }
 
 set listener [socket -server accept -myaddr 127.0.0.1 0]

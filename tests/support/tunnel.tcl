@@ -2,12 +2,14 @@
 #
 # Each connection is cut when so many bytes have gone through it, LEAST to MOST of them, in both directions together; so cuts
 # fall at any byte, also in the first ones. REFUSE: after every so many cuts nothing listens for up to half a second (0: never).
-# Says "port N"; for a line "count" on its input the number of cuts; "whole": no more cuts; it ends with its input.
+# Says "port N"; for each line on its input the number of cuts: "whole" means no more cuts, "deaf" that nothing comes back through
+# the connections that there are now. It ends with its input.
 
 lassign $argv target seed least most refuse
 expr {srand($seed)}
 set cuts 0
 set whole 0
+set deaf {}
 set port 0
 
 proc listen {} {
@@ -33,7 +35,7 @@ proc accept {near args} {
 }
 
 proc carry {from line} {
-    global other left whole
+    global other left whole deaf
     if {[catch {read $from 65536} bytes] || $bytes eq {}} {
         if {[catch {eof $from} ended] || $ended} {
             cut $line 0
@@ -41,7 +43,9 @@ proc carry {from line} {
         return
     }
     set some [expr {$whole ? $bytes : [string range $bytes 0 $left($line)-1]}]
-    catch {puts -nonewline $other($from) $some}
+    if {$from eq $line || $line ni $deaf} {
+        catch {puts -nonewline $other($from) $some}
+    }
     incr left($line) [expr {-[string length $bytes]}]
     if {$left($line) <= 0 && !$whole} {
         cut $line 1
@@ -66,13 +70,15 @@ proc cut {near counts} {
 }
 
 proc obey {} {
-    global cuts whole
+    global cuts whole deaf left
     if {[gets stdin line] < 0} {
         if {[eof stdin]} exit
         return
     }
     if {$line eq "whole"} {
         set whole 1
+    } elseif {$line eq "deaf"} {
+        set deaf [array names left]
     }
     puts $cuts
     flush stdout
