@@ -330,21 +330,19 @@ bool Runner::fits() const {
     return due_.load(std::memory_order_relaxed) - nanoseconds() > reserve_.load(std::memory_order_relaxed) + kLeastReserve;
 }
 
-void Runner::lookAtEffort() {
+void Runner::lookAtEffort(bool anew) {
     std::int64_t now = nanoseconds();
-    std::uint64_t tick = ticks();
-    if (effortTick_ == tick && now - effortSince_ < quarter_.load(std::memory_order_relaxed) / 4) return;
+    if (!anew && now - effortSince_ < quarter_.load(std::memory_order_relaxed) / 4) return;
     effort_ = sorma::ThreadEffort::now();
     effortSince_ = now;
-    effortTick_ = tick;
 }
 
 void Runner::take(const std::string& who, bool nearAction) {
     if (!abandoned_.empty()) fail(kGivenUp, who, name_, abandoned_);
     std::int64_t until = nanoseconds() + kPatience;
     if (auto deadline = sorma::CallContext::currentDeadline(); !deadline.none()) until = std::min(until, deadline.when());
-    auto ready = [this] {
-        lookAtEffort();
+    auto ready = [this](bool waited) {
+        lookAtEffort(waited);
         return fits();
     };
     auto answer = turn_.ask(ready, nearAction, until);

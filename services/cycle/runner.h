@@ -135,7 +135,7 @@ private:
     void keepOnly(const Objects& wanted);
     void take(const std::string& who, bool nearAction);
     bool fits() const;
-    void lookAtEffort();
+    void lookAtEffort(bool anew);
     bool executes(const Step& action) const;
     template <class Call> void tell(Call call);
     void report(const std::string& step, sorma::Trail trail);
@@ -168,11 +168,10 @@ private:
     std::string heldFor_;
     std::int64_t heldSince_ = 0;
     // What this thread had spent shortly before it got the turn: it tells whether a request that ends late was slow. To read it
-    // takes as long as a request, so it is read anew only when it is older than a sixteenth of a period, or than the last tick,
-    // for which a request may have waited.
+    // takes as long as a request, so it is read anew only when it is older than a sixteenth of a period, or when the request has
+    // waited for its turn.
     sorma::ThreadEffort effort_;
     std::int64_t effortSince_ = 0;      // [ns]
-    std::uint64_t effortTick_ = 0;
     std::string abandoned_;             // the step that hangs
 
     // By who has the turn:
