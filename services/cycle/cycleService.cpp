@@ -222,7 +222,7 @@ private:
         auto f = runner_->figures();
         std::string out = "ticks " + std::to_string(f.ticks) + " skipped " + std::to_string(f.skipped) + " overruns " +
                           std::to_string(f.overruns) + " faults " + std::to_string(f.faults) + " requests " +
-                          std::to_string(f.requests) + " delayed " + std::to_string(f.delayed) + "\n";
+                          std::to_string(f.requests) + " delayed " + std::to_string(f.delayed) + " heldUp " + std::to_string(f.heldUp) + "\n";
         auto times = [&](const std::string& what, const sorma::Histogram& h) {
             out += what + ": p50 <= " + sorma::durationText(double(h.quantile(0.5))) + ", p99 <= " +
                    sorma::durationText(double(h.quantile(0.99))) + ", longest " + sorma::durationText(double(h.quantile(1))) + "\n";

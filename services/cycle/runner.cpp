@@ -60,6 +60,13 @@ template <class... Values> sorma::Entry entry(const sorma::Prototype& prototype,
     return sorma::makeEntry(prototype, {MessageArg::of(values)...});
 }
 
+// Has this thread done or waited for something longer than that? If not, what took so long was the machine, which took the processor
+// away from it.
+bool wasSlow(const sorma::ThreadEffort& since, std::int64_t limit) {
+    auto now = sorma::ThreadEffort::now();
+    return now.busy - since.busy > limit || now.waits != since.waits;
+}
+
 std::string duration(std::int64_t ns) { return sorma::durationText(double(ns)); }
 
 // Those that have been abandoned: their threads may need them for ever. Kept where one can find them.
@@ -324,11 +331,22 @@ bool Runner::fits() const {
     return due_.load(std::memory_order_relaxed) - nanoseconds() > reserve_.load(std::memory_order_relaxed) + kLeastReserve;
 }
 
+void Runner::lookAtEffort(bool anew) {
+    std::int64_t now = nanoseconds();
+    if (!anew && now - effortSince_ < quarter_.load(std::memory_order_relaxed) / 4) return;
+    effort_ = sorma::ThreadEffort::now();
+    effortSince_ = now;
+}
+
 void Runner::take(const std::string& who, bool nearAction) {
     if (!abandoned_.empty()) fail(kGivenUp, who, name_, abandoned_);
     std::int64_t until = nanoseconds() + kPatience;
     if (auto deadline = sorma::CallContext::currentDeadline(); !deadline.none()) until = std::min(until, deadline.when());
-    auto answer = turn_.ask([this] { return fits(); }, nearAction, until);
+    auto ready = [this](bool waited) {
+        lookAtEffort(waited);
+        return fits();
+    };
+    auto answer = turn_.ask(ready, nearAction, until);
     if (answer == Turn::Answer::refused) fail(kStuck, who, name_, busyWith());
     holding_ = answer == Turn::Answer::granted;
     heldFor_ = who;
@@ -347,7 +365,8 @@ void Runner::hold(Service& service) {
 
 void Runner::release() noexcept {
     if (--holds_ > 0 || !std::exchange(holding_, false)) return;
-    std::int64_t took = nanoseconds() - heldSince_;
+    std::int64_t now = nanoseconds(), took = now - heldSince_, quarter = quarter_.load(std::memory_order_relaxed);
+    if (now > due_.load(std::memory_order_relaxed) + quarter) [[unlikely]] requestSlow_ |= wasSlow(effort_, quarter);
     figures_.longestRequest = std::max(figures_.longestRequest, took);
     ++figures_.requests;
     passed_.store(0, std::memory_order_relaxed);
@@ -366,9 +385,7 @@ void Runner::checkBudget(Service& service, const sorma::ThreadEffort& since) con
     std::int64_t quarter = quarter_.load(std::memory_order_relaxed), now = nanoseconds(), limit = heldSince_ + quarter;
     if (clock_->monotonic()) limit = std::max(due_.load(std::memory_order_relaxed), heldSince_) + quarter;
     if (now <= limit) return;
-    // When the machine took the processor away, the tick is late anyway, and the change is not to blame.
-    auto effort = sorma::ThreadEffort::now();
-    if (effort.busy - since.busy <= quarter && effort.waits == since.waits) return;
+    if (!wasSlow(since, quarter)) return;
     fail(kLate, service.name(), duration(now - heldSince_), name_, duration(quarter));
 }
 
@@ -438,7 +455,8 @@ void Runner::begin() {
         if (turn_.begin()) break;
         turn_.waitForRequest();
     }
-    if (waited && clock_->monotonic() && start_ - next_.due > plan_.period / 4) ++figures_.delayed;
+    bool slow = std::exchange(requestSlow_, false);
+    if (waited && clock_->monotonic() && start_ - next_.due > plan_.period / 4) ++(slow ? figures_.delayed : figures_.heldUp);
 }
 
 // A tick, or what is done instead of one. False: it has been given up.

@@ -74,7 +74,9 @@ struct Fault {
 
 struct Figures {
     std::uint64_t ticks = 0, skipped = 0, overruns = 0, faults = 0, requests = 0;
-    std::uint64_t delayed = 0;          // ticks that a request has made late by more than a quarter of the period
+    // Ticks that have waited for a request, and were late by more than a quarter of the period: because the request took so long,
+    // or because the machine took the processor away meanwhile.
+    std::uint64_t delayed = 0, heldUp = 0;
     sorma::Histogram jitter;            // [ns] from when a tick was due to when it began
     sorma::Histogram busy;              // [ns] length of a tick
     std::int64_t longestRequest = 0;    // [ns]
@@ -133,6 +135,7 @@ private:
     void keepOnly(const Objects& wanted);
     void take(const std::string& who, bool nearAction);
     bool fits() const;
+    void lookAtEffort(bool anew);
     bool executes(const Step& action) const;
     template <class Call> void tell(Call call);
     void report(const std::string& step, sorma::Trail trail);
@@ -164,11 +167,17 @@ private:
     bool holding_ = false;              // the outermost of them has the turn: ticks have not ended
     std::string heldFor_;
     std::int64_t heldSince_ = 0;
+    // What this thread had spent shortly before it got the turn: it tells whether a request that ends late was slow. To read it
+    // takes as long as a request, so it is read anew only when it is older than a sixteenth of a period, or when the request has
+    // waited for its turn.
+    sorma::ThreadEffort effort_;
+    std::int64_t effortSince_ = 0;      // [ns]
     std::string abandoned_;             // the step that hangs
 
     // By who has the turn:
     Figures figures_;                   // ticks apart: number_
     bool requestLate_ = false;          // a request has kept a tick from beginning: a fault
+    bool requestSlow_ = false;          // one has made the next tick late, and it was not the machine
 
     // The runner's thread; what it needs of the plan between two ticks:
     struct Next {

@@ -65,7 +65,7 @@ public:
     // ---- the SORM's thread ----
 
     // Ask for the turn, before a time on the monotonic clock [ns]. fits: is there time now, between two ticks? If not, the runner
-    // says when by offer(). action: the request may touch the safe action's object.
+    // says when by offer(). It is told whether this thread has waited in here. action: the request may touch the safe action's object.
     // Refused: time is up, and nothing has happened. Free: there are no ticks any more, and nothing to release.
     enum class Answer { granted, refused, free };
     template <class Fits> Answer ask(Fits fits, bool action, std::int64_t until);
@@ -104,10 +104,13 @@ private:
 };
 
 template <class Fits> Turn::Answer Turn::ask(Fits fits, bool action, std::int64_t until) {
-    for (;;) {
-        pthread_mutex_lock(&lender_);
+    for (bool waited = false;;) {
+        if (pthread_mutex_trylock(&lender_) != 0) {
+            waited = true;
+            pthread_mutex_lock(&lender_);
+        }
         Word w = word_.load();
-        if (holder(w) == nobody && fits() && word_.exchange(w, (w & kNumber) | request | (action ? kAction : 0)))
+        if (holder(w) == nobody && fits(waited) && word_.exchange(w, (w & kNumber) | request | (action ? kAction : 0)))
             return Answer::granted;
         pthread_mutex_unlock(&lender_);     // who has not got the turn must not be waited for
         w = word_.load();
@@ -116,8 +119,9 @@ template <class Fits> Turn::Answer Turn::ask(Fits fits, bool action, std::int64_
         Word next = up ? w & ~kWaiting : w | kWaiting;
         if (w != next && !word_.exchange(w, next)) continue;
         if (up) return Answer::refused;
-        if (holder(w) == nobody && fits()) continue;
+        if (holder(w) == nobody && fits(waited)) continue;
         word_.wait(next, until);
+        waited = true;
     }
 }
 

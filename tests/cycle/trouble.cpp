@@ -30,10 +30,12 @@ public:
             .integer("-lockAt", &Trouble::lockAt_, {.help = "call that locks a mutex; 0: none"})
             .integer("-value", &Trouble::value_, {.help = "any"})
             .real("-slowChange", &Trouble::slowChange_, {.unit = "s", .low = 0, .help = "a change takes so long"})
-            .real("-heldUp", &Trouble::heldUp_, {.unit = "s", .low = 0, .help = "a change is quick, but has no processor for so long"})
+            .real("-rival", &Trouble::rivalFor_, {.unit = "s", .low = 0, .help = "another thread can take the processor for so long, once"})
+            .flag("-heldUp", &Trouble::heldUp_, {.help = "a change is quick, but the rival takes the processor"})
             .real("-slowPrepare", &Trouble::slowPrepare_, {.unit = "s", .low = 0, .help = "its preparation takes so long"})
             .action("-thread", &Trouble::thread, "", "name of the thread that executes this")
             .action("-wait", &Trouble::wait, "s", "take so long", 1, 1)
+            .action("-lose", &Trouble::lose, "", "be quick, but lose the processor to the rival")
             .action("-actions", &Trouble::actions, "", "safe actions taken so far, by all objects of the class")
             .action("-asleep", &Trouble::isAsleep, "", "does any of them sleep?")
             .action("-clear", &Trouble::clear, "", "no safe action has been taken")
@@ -55,12 +57,12 @@ public:
 
     sorma::Commit prepare(const sorma::Change& change) override {
         doze(change.get<double>("-slowPrepare"));
-        if (double seconds = change.get<double>("-heldUp"); seconds > 0) rival_ = std::make_unique<Rival>(seconds);
+        if (double seconds = change.get<double>("-rival"); seconds > 0) rival_ = std::make_unique<Rival>(seconds);
         return nullptr;
     }
     void changed(std::span<const sorma::Option* const>) override {
         doze(slowChange_);
-        if (rival_) rival_->takeProcessor();
+        if (heldUp_) rival_->takeProcessor();
     }
 
     void dumpState(std::string& out) const override {
@@ -69,10 +71,14 @@ public:
     }
 
 private:
-    // A thread that takes the processor from the one which asks for it, for so long.
+    // A thread that takes the processor from the one which asks for it, for so long. It comes before that one also when a tick,
+    // which waits for it, has lent it its priority.
     class Rival {
     public:
         explicit Rival(double seconds) : thread_([this, seconds] {
+            sched_param first{};
+            first.sched_priority = sched_get_priority_max(SCHED_FIFO);
+            pthread_setschedparam(pthread_self(), SCHED_FIFO, &first);
             state_.wait(kReady);
             auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
             while (std::chrono::steady_clock::now() < end) {}
@@ -115,12 +121,14 @@ private:
         m.text = name;
     }
     void wait(sorma::Args args, sorma::Message&) { doze(std::stod(args[0])); }
+    void lose(sorma::Args, sorma::Message&) { rival_->takeProcessor(); }
     void actions(sorma::Args, sorma::Message& m) { m.text = std::to_string(::actions); }
     void isAsleep(sorma::Args, sorma::Message& m) { m.text = std::to_string(int(asleep)); }
     void clear(sorma::Args, sorma::Message&) { ::actions = 0; }
 
     std::int64_t failAt_ = 0, sleepAt_ = 0, removeAt_ = 0, allocateAt_ = 0, lockAt_ = 0, value_ = 0, calls_ = 0, time_ = 0;
-    double sleep_ = 0, period_ = 0, slowChange_ = 0, slowPrepare_ = 0, heldUp_ = 0;
+    double sleep_ = 0, period_ = 0, slowChange_ = 0, slowPrepare_ = 0, rivalFor_ = 0;
+    bool heldUp_ = false;
     std::unique_ptr<Rival> rival_;
     std::size_t floats_ = 0;
     std::unique_ptr<char[]> allocated_;
