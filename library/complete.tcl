@@ -3,11 +3,9 @@
 # A line is read as Tcl reads it, up to the point; what the point is in decides: a command's name, a word of a request, a
 # value, a recipe in quotes. Tables come from discover.tcl: nothing is made, nothing is called, nobody is waited for.
 
-apply {{} {
-    foreach command {::sorma::discover ::sorma::show} {
-        if {[namespace which -command $command] eq {}} {auto_load $command}
-    }
-}}
+package require sorma::discover
+package require sorma::show
+package provide sorma::complete 1.0
 namespace eval ::sorma::complete {
     variable Methods {CTRL DBX EXEC cget configure destroy exec info}
     variable Infos {actions class dump example help inspections location methods name options purpose signature trail version}
@@ -44,8 +42,7 @@ namespace eval ::sorma::complete {
         sorma::inspect::doctor {?-data? -data none}
         package {} source {} cd {} open {} load {} glob {} exec {} file {}
         trail {{?name? ?number? ?-stack?} {-stack} {object none}}
-        record {{file ?-exact?} -exact {file none}}
-        stop {{} {} none}
+        record {{stop | file ?-exact?} -exact {file none}}
     }
     # Commands whose words are names of files.
     variable FileCommands {source cd open load glob exec file record}
@@ -350,7 +347,7 @@ proc ::sorma::complete::Expected words {
         lset words 0 $command
     }
     set full $command
-    if {![dict exists $Commands $full] && [dict exists $Commands sorma::inspect::$command] && [namespace which -command ::$command] ne {}} {
+    if {![dict exists $Commands $full] && [dict exists $Commands sorma::inspect::$command] && [Known $command] ne {}} {
         set full sorma::inspect::$command
     }
     if {$command eq "sorma" && [llength $rest] > 0 && [dict exists $Commands sorma::[lindex $rest 0]]} {
@@ -405,7 +402,7 @@ proc ::sorma::complete::Expected words {
             return [list list $hint [SettingValue [lindex $plain end]]]
         }
         if {$kind eq "none" && [llength $options] > 0} {
-            return [list option $hint [lsearch -all -inline -not -regexp $options "^([join $rest |])\$"]]
+            return [list option $hint [Without $options $rest]]
         }
         return [list $kind $hint]
     }
@@ -427,9 +424,14 @@ proc ::sorma::complete::SettingValue name {
     return [if {[dict exists $settings $name]} {list [dict get $settings $name]}]
 }
 
+# A command of the global namespace, or of what it looks into. Empty: there is none.
+proc ::sorma::complete::Known name {
+    return [uplevel #0 [list namespace which -command $name]]
+}
+
 # Is a command of that name something else than a service object? A class in Tcl is both.
 proc ::sorma::complete::Occupied name {
-    if {[namespace which -command ::$name] eq {}} {
+    if {[Known $name] eq {}} {
         return 0
     }
     if {[string match *::* $name]} {
@@ -460,9 +462,6 @@ proc ::sorma::complete::ForCommand partial {
     set found [uplevel #0 [list info commands $pattern]]
     if {[string match *::* $partial] && ![string match ::* $partial]} {
         set found [lmap name $found {string trimleft $name :}]
-    }
-    foreach name [array names ::auto_index ::sorma::*] {        ;# not loaded yet
-        lappend found [if {[string match ::* $partial]} {set name} else {string range $name 2 end}]
     }
     set tail [string range $partial [expr {[string last : $partial] + 1}] end]
     if {[string match *::* $partial] && ![string is upper -strict [string index $tail 0]]} {

@@ -7,6 +7,8 @@
 #
 # Answers come from strangers: they are data, checked before they are believed, and never evaluated.
 
+package require sorma
+package provide sorma::discover 1.0
 namespace eval ::sorma::discover {
     namespace export settle daemons names objects classes words inventory census describe guess locate ask fetch await renew address state trouble
     namespace ensemble create

@@ -3,11 +3,9 @@
 # Each command returns text for people, or with -data lists and dicts for programs. They ask all daemons at once and come
 # back within half a second or so; daemons that do not answer have a line of their own. Nothing is made by looking.
 
-apply {{} {
-    foreach command {::sorma::discover ::sorma::show ::sorma::complete} {
-        if {[namespace which -command $command] eq {}} {auto_load $command}
-    }
-}}
+package require sorma::complete
+package require sorma::show
+package provide sorma::inspect 1.0
 namespace eval ::sorma::inspect {
     namespace export ls tree daemons help dump watch unwatch top find monitor rate doctor
     namespace ensemble create

@@ -4,7 +4,8 @@
 # [include fork.options]. The build puts it in, and installs the pages beside the package; nroff and HTML are made of the
 # same ones. No tcllib is needed to read them here.
 
-auto_load ::sorma::show
+package require sorma::show
+package provide sorma::manual 1.0
 namespace eval ::sorma::manual {
     variable Pages {}           ;# dict: page -> its blocks, as far as they have been read
     variable Marks              ;# of the page that is being read: list of {kind word ...}, in the order of its commands

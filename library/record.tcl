@@ -12,12 +12,14 @@
 #
 # A recording made with -exact compares everything but DBX and what looks around.
 
+package require sorma
+package provide sorma::record 1.0
 namespace eval ::sorma::record {
     # dict while something is recorded: script and suite (files), exact, and steps: list of dicts with
     #   line (as typed), script (the Tcl of it), code, result, errorcode, before (list of NAME and its options and values)
     variable Recording {}
     variable Before {}      ;# NAME option value ...: of the command that is about to be executed
-    variable Unrecorded {record stop trail source history exit}
+    variable Unrecorded {record trail source history exit}
     variable Looking {ls tree daemons help dump watch top find clock pid}
 }
 
@@ -31,7 +33,7 @@ namespace eval ::sorma::record {
 proc ::sorma::record::start {file args} {
     variable Recording
     if {$Recording ne {}} {
-        return -code error -errorcode {SORMA RECORD BUSY} "[dict get $Recording script] is being recorded; stop ends that"
+        return -code error -errorcode {SORMA RECORD BUSY} "[dict get $Recording script] is being recorded; record stop ends that"
     }
     foreach option $args {
         if {$option ne "-exact"} {
@@ -152,10 +154,10 @@ proc ::sorma::record::WriteFile {name text} {
 proc ::sorma::record::Script recording {
     set out "# [file tail [dict get $recording script]] -- recorded by scott, [clock format [clock seconds] -format {%Y-%m-%d %H:%M}].\n"
     append out "# To do it again: scott [file tail [dict get $recording script]]\n\n"
-    append out "package require sorma\nsource -encoding utf-8 \[file join \$sorma::library record.tcl\]\nsorma::record::prepare\n\n"
+    append out "package require sorma::record\nsorma::record::prepare\n\n"
     foreach step [dict get $recording steps] {
         if {[dict get $step code] == 1} {
-            append out "catch [Braced [dict get $step script]]    ;# [lindex [split [dict get $step result] \n] 0]\n"
+            append out "catch [Braced [dict get $step script]]    ;# [Comment [dict get $step result]]\n"
         } else {
             append out [dict get $step script] \n
         }
@@ -168,8 +170,8 @@ proc ::sorma::record::Suite recording {
     set out "# [file tail [dict get $recording suite]] -- recorded by scott, [clock format [clock seconds] -format {%Y-%m-%d %H:%M}].\n"
     append out "# To check that all is as it was then: scott [file tail [dict get $recording suite]]\n"
     append out "# -match says what is compared: exact, same (but for the trail), numbers (all but the numbers),\n# reply (code, parts, counts and text, not the numbers).\n\n"
-    append out "package require tcltest 2.3\nnamespace import -force ::tcltest::*\npackage require sorma\n"
-    append out "source -encoding utf-8 \[file join \$sorma::library record.tcl\]\nsorma::record::prepare\nsorma::record::matches\n"
+    append out "package require tcltest 2.3\nnamespace import -force ::tcltest::*\npackage require sorma::record\n"
+    append out "sorma::record::prepare\nsorma::record::matches\n"
     set n 0
     foreach step [dict get $recording steps] {
         dict with step {
@@ -227,6 +229,11 @@ proc ::sorma::record::WithoutTrail result {
 
 proc ::sorma::record::GlobQuote text {
     return [string map {* \\* ? \\? \[ \\\[ \] \\\] \\ \\\\} $text]
+}
+
+# The first line of a text, for a comment. It may come from anywhere, and must not swallow the next line with a backslash.
+proc ::sorma::record::Comment text {
+    return [string map {\\ /} [regsub -all {[[:cntrl:]]} [lindex [split $text \n] 0] { }]]
 }
 
 # As one word, as readable as it can be.

@@ -87,7 +87,7 @@ proc ::sorma::scott::main words {
 #       Print what can stand for the last word of a command line of scott, a line each. They come from where those of the prompt come
 #       from; nothing is listed twice. Names of files are the shell's.
 proc ::sorma::scott::ShellWords words {
-    auto_load ::sorma::complete
+    package require sorma::complete
     set partial [lindex $words end]
     set words [lrange $words 0 end-1]
     while {[string match -* [lindex $words 0]]} {
@@ -133,7 +133,8 @@ proc ::sorma::scott::Misused message {
 
 # ::sorma::scott::Prepare --
 #       What all that is typed to scott may rely on, and so does a recording: dict answers CTRL, EXEC and DBX, and the
-#       inspector's commands are there. A command of the same name that is there already stays.
+#       inspector's commands are there. These live in ::sorma::words, which the global namespace looks into last: they give way to
+#       every command of the same name that somebody has, or makes later.
 proc ::sorma::scott::Prepare {} {
     ::sorma::JoinDict
     # Where nothing says which characters the terminal speaks it is UTF-8 today, not what Tcl makes of it.
@@ -142,29 +143,26 @@ proc ::sorma::scott::Prepare {} {
             catch {fconfigure $channel -encoding utf-8}
         }
     }
+    namespace eval ::sorma::words {}
     foreach name [InspectorCommands] {
-        if {$name ne "help" && [info commands ::$name] eq {}} {
-            interp alias {} ::$name {} ::sorma::scott::Look $name
-        }
+        interp alias {} ::sorma::words::$name {} ::sorma::scott::Look $name
     }
-    foreach {name command} {help scott::Help trail scott::Trail record record::start stop record::stop} {
-        if {[info commands ::$name] eq {}} {
-            interp alias {} ::$name {} ::sorma::$command
-        }
+    foreach {name command} {help scott::Help trail scott::Trail record scott::Record} {
+        interp alias {} ::sorma::words::$name {} ::sorma::$command
     }
-    foreach command {start stop} {
-        set ::auto_index(::sorma::record::$command) [list source -encoding utf-8 [file join $::sorma::library record.tcl]]
+    if {"::sorma::words" ni [namespace eval :: {namespace path}]} {
+        namespace eval :: {namespace path [list {*}[namespace path] ::sorma::words]}
     }
 }
 
 # Names of the inspector's commands, and of all commands whose text is as it is to be shown. The one list of them is that of
-# the package, pkgIndex.tcl.
+# the package.
 proc ::sorma::scott::InspectorCommands {} {
-    return [lsort [lmap command [array names ::auto_index ::sorma::inspect::*] {namespace tail $command}]]
+    return [lsort [lmap command [info commands {::sorma::inspect::[a-z]*}] {namespace tail $command}]]
 }
 
 proc ::sorma::scott::Commands {} {
-    return [concat [InspectorCommands] {trail record stop}]
+    return [concat [InspectorCommands] {trail record}]
 }
 
 # Only a terminal has a line speed.
@@ -206,7 +204,7 @@ proc ::sorma::scott::Do line {
 proc ::sorma::scott::Run script {
     variable Direct
     set Direct [expr {[regexp {^\s*(\w+)} $script -> command] && $command in [Commands]}]
-    if {$Direct && $command ni {trail record stop}} {       ;# what these return fits where it is shown
+    if {$Direct && $command ni {trail record}} {       ;# what these return fits where it is shown
         ::sorma::showDefaults {*}[dict filter [ShowSettings stdout] key -width -colour]
     }
     return [uplevel #0 $script]
@@ -633,7 +631,7 @@ proc ::sorma::scott::Look {name args} {
         return [::sorma::inspect::$name {*}$args]
     }
     set data [::sorma::inspect::$name {*}$args -data]
-    auto_load ::sorma::show
+    package require sorma::show
     if {$name eq "dump"} {
         return [JsonObject $data]
     }
@@ -656,11 +654,22 @@ proc ::sorma::scott::Help args {
         append text \n [::sorma::inspect::Table {} {
             {{trail ?name? ?number? ?-stack?} {all messages of the last request, or of an object's last one; one; its stack trace}}
             {{record file ?-exact?} {keeps what is typed as a script, and as a test suite}}
-            {stop {ends the recording}}
+            {{record stop} {ends the recording}}
             {{Tab, Ctrl-R, Ctrl-C, Ctrl-D} {complete; search what was typed; give up; leave. More: man scott}}
         } {} 1]
     }
     return $text
+}
+
+# record FILE ?-exact?; record stop.
+proc ::sorma::scott::Record args {
+    if {$args eq "stop"} {
+        return [::sorma::record::stop]
+    }
+    if {[llength $args] == 0} {
+        return -code error -errorcode {SORMA REQUEST SYNTAX} "wrong # args: should be \"record file ?-exact?\" or \"record stop\""
+    }
+    return [::sorma::record::start {*}$args]
 }
 
 # trail ?NAME? ?NUMBER? ?-stack?: the messages of the last request, or of the last one of an object that had any; one of them; the
@@ -685,7 +694,7 @@ proc ::sorma::scott::Trail args {
         return -code error -errorcode {SORMA REQUEST SYNTAX} "there is no message $number: the trail has [llength $trail]"
     }
     if {$stack} {
-        auto_load ::sorma::show
+        package require sorma::show
         if {$number eq {}} {
             set number [expr {max(1, [lsearch -exact [lmap entry $trail {::sorma::show::IsStack $entry}] 1])}]
         }

@@ -3,7 +3,8 @@
 # What is shown may come from anywhere: nothing in it moves a cursor, rings a bell or turns the writing round. Widths are
 # those of a terminal: wide characters take two columns, combining ones none.
 
-if {[namespace which -command ::sorma::discover] eq {}} {auto_load ::sorma::discover}
+package require sorma::discover
+package provide sorma::show 1.0
 namespace eval ::sorma::show {
     variable Settings           ;# defaults
     if {![info exists Settings]} {

@@ -40,7 +40,7 @@ private:
     Obj before_[2];
 };
 
-Interpreter::Interpreter(Tcl_Interp* i, bool isSafe) : interp(i), safe(isSafe), sorm(this) {
+Interpreter::Interpreter(Tcl_Interp* i, bool isSafe) : interp(i), safe(isSafe), sorm(this), missing_(i) {
     if (safe) sorm.access.restrict();
     sorm.bindTo(interp);
     Tcl_SetAssocData(interp, kKey, deleted, this);
@@ -141,6 +141,7 @@ bool Interpreter::loadClass(const std::string& name) {
     KeepErrorVariables keepVariables(interp);
     if (registerTclClass(*this, name)) return true;
     std::string package = "sorma::service::" + name;
+    if (missing_.has(package)) return false;
     sorm.access.need(nullptr, Right::files, package, name);
     Obj words[] = {Tcl_NewStringObj("::package", -1), Tcl_NewStringObj("require", -1), newText(package)};
     Tcl_Obj* objv[] = {words[0], words[1], words[2]};
@@ -150,6 +151,7 @@ bool Interpreter::loadClass(const std::string& name) {
     }
     std::string message = toUtf8(Tcl_GetObjResult(interp));
     if (message != "can't find package " + package) fail(kPackage, name, message);
+    missing_.add(package);
     return false;
 }
 

@@ -15,6 +15,7 @@
 
 #include "bus/sorm.h"
 #include "tcl/convert.h"
+#include "tcl/missingPackages.h"
 #include "tcl/tclShim.h"
 
 namespace sorma {
@@ -119,6 +120,7 @@ private:
     static void deleted(ClientData, Tcl_Interp*);
     void idle();
 
+    MissingPackages missing_;
     std::vector<Setting> settings_;
     std::vector<std::function<void()>> endings_;
     int depth_ = 0;

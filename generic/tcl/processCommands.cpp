@@ -17,6 +17,8 @@
 #include <cstring>
 #include <memory>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "bus/requestText.h"
 
@@ -75,8 +77,9 @@ struct SignalScript {
     Obj script;
     std::vector<int> signals;
     ~SignalScript() {
-        Tcl_DeleteFileHandler(signalBell);
         for (int number : signals) signal(number, SIG_DFL);
+        Tcl_DeleteFileHandler(signalBell);
+        close(std::exchange(signalBell, -1));
     }
 };
 
@@ -84,7 +87,7 @@ void signalReadable(ClientData data, int) {
     auto& s = *static_cast<SignalScript*>(data);
     std::uint64_t count;
     if (read(signalBell, &count, sizeof count) < 0) return;
-    evaluate(s.interpreter, s.script);
+    evaluate(s.interpreter, s.script);      // which may end the interpreter, and s with it
 }
 
 int AtSignalObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
@@ -127,17 +130,35 @@ int SignalObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
 
 // ---- the end of a child ----
 
+struct EndScript;
+using EndScripts = std::vector<std::unique_ptr<EndScript>>;     // of one interpreter, with which they end
+
 struct EndScript {
     Interpreter& interpreter;
+    EndScripts& all;
     Obj script;
     int fd;
+    ~EndScript() {
+        Tcl_DeleteFileHandler(fd);
+        close(fd);
+    }
 };
 
+EndScripts& endScriptsOf(Interpreter& i) {
+    constexpr const char* kKey = "sorma::atEnd";
+    if (auto* known = static_cast<EndScripts*>(Tcl_GetAssocData(i.interp, kKey, nullptr))) return *known;
+    auto made = std::make_shared<EndScripts>();
+    Tcl_SetAssocData(i.interp, kKey, nullptr, made.get());
+    i.atEnd([made]() mutable { made.reset(); });
+    return *made;
+}
+
 void childEnded(ClientData data, int) {
-    std::unique_ptr<EndScript> own(static_cast<EndScript*>(data));
-    Tcl_DeleteFileHandler(own->fd);
-    close(own->fd);
-    evaluate(own->interpreter, own->script);
+    auto* ended = static_cast<EndScript*>(data);
+    Interpreter& i = ended->interpreter;
+    Obj script = ended->script;
+    std::erase_if(ended->all, [&](auto& s) { return s.get() == ended; });
+    evaluate(i, script);
 }
 
 int AtEndObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
@@ -150,7 +171,9 @@ int AtEndObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
         int pid = number("pid", objv[1]);
         int fd = int(syscall(SYS_pidfd_open, pid, 0));          // close-on-exec
         if (fd < 0) fail(kNoProcess, pid, std::strerror(errno));
-        Tcl_CreateFileHandler(fd, TCL_READABLE, childEnded, new EndScript{i, Obj(objv[2]), fd});
+        auto& all = endScriptsOf(i);
+        auto& mine = all.emplace_back(new EndScript{i, all, Obj(objv[2]), fd});
+        Tcl_CreateFileHandler(fd, TCL_READABLE, childEnded, mine.get());
         return TCL_OK;
     });
 }

@@ -14,6 +14,7 @@ namespace {
 
 constexpr std::string_view kNamespace = "::sorma::so::";
 
+const Prototype kNoOption{Severity::error, "OPTION UNKNOWN", 2, "{}: unknown option \"{}\""};
 const Prototype kBadMethod{Severity::error, "REQUEST SYNTAX", 0,
                            "bad method \"{}\": must be CTRL, DBX, EXEC, cget, configure, destroy, exec, or info"};
 const Prototype kNotAsync{Severity::error, "REQUEST SYNTAX", 0, "{} cannot be asked for later: must be CTRL, DBX, EXEC, cget, configure, exec, or info"};
@@ -142,10 +143,9 @@ std::string requestText(const std::string& name, int objc, Objects objv) {
 }
 
 // After a request that succeeded with something to say.
-[[gnu::noinline]] void keepTrail(SoBinding& b, Message& m, int objc, Objects objv) {
-    auto& interpreter = b.interpreter;
+[[gnu::noinline]] void keepTrail(Interpreter& interpreter, const std::string& name, Message& m, int objc, Objects objv) {
     if (!m.trail.empty()) {
-        std::string request = requestText(b.name, objc, objv);
+        std::string request = requestText(name, objc, objv);
         for (auto& e : m.trail.entries())
             if (e.request.empty()) e.request = request;
         // Inside a TclOO service this was a call to a sub-service: its messages travel on with the reply.
@@ -156,15 +156,16 @@ std::string requestText(const std::string& name, int objc, Objects objv) {
 
 inline void invoke(SoBinding& b, Method method, Message& m, int objc, Objects objv) {
     b.so->invoke(method, m);    // the call may remove the object, but not before it returns: see renew, release
-    if (!m.trail.empty() || !b.interpreter.sorm.lastTrail().empty()) [[unlikely]] keepTrail(b, m, objc, objv);
+    if (!m.trail.empty() || !b.interpreter.sorm.lastTrail().empty()) [[unlikely]] keepTrail(b.interpreter, b.name, m, objc, objv);
 }
 
-int answer(SoBinding& b, Tcl_Obj* result) {
+int answer(Interpreter& i, Tcl_Obj* result) {
     Obj keep(result);
-    if (b.interpreter.closing()) return TCL_ERROR;
-    Tcl_SetObjResult(b.interpreter.interp, result);
+    if (i.closing()) return TCL_ERROR;
+    Tcl_SetObjResult(i.interp, result);
     return TCL_OK;
 }
+int answer(SoBinding& b, Tcl_Obj* result) { return answer(b.interpreter, result); }
 
 // ---- from words to a request, and from its message to a result ----
 
@@ -223,8 +224,8 @@ int readRequest(SoBinding& b, Word word, int objc, Objects objv, Request& reques
     }
 }
 
-Tcl_Obj* resultOf(SoBinding& b, const Request& request, const Message& m, Tcl_Obj* option) {
-    const Constants& constants = b.interpreter.constants;
+// so: whose answer it is; null: it is gone meanwhile.
+Tcl_Obj* resultOf(const Constants& constants, const std::string& name, Service* so, const Request& request, const Message& m, Tcl_Obj* option) {
     switch (request.answer) {
         case Request::Answer::flat: return flatReply(constants, m);
         case Request::Answer::dict: return dictReply(constants, m);
@@ -233,14 +234,18 @@ Tcl_Obj* resultOf(SoBinding& b, const Request& request, const Message& m, Tcl_Ob
             Obj list(newText(m.text));
             auto entries = listElements(list);
             if (entries.size() == 1) return Obj(entries[0]), Tcl_DuplicateObj(entries[0]);
+            if (!so) fail(kNoOption, name, toUtf8(option));
             Message again;                                      // fails, and says which options there are
             again.words = {"-get", toUtf8(option)};
-            b.so->invoke(Method::dbx, again);
+            so->invoke(Method::dbx, again);
             return newText(again.text);
         }
         case Request::Answer::text: break;
     }
     return newText(m.text);
+}
+Tcl_Obj* resultOf(SoBinding& b, const Request& request, const Message& m, Tcl_Obj* option) {
+    return resultOf(b.interpreter.constants, b.name, &*b.so, request, m, option);
 }
 
 // With ::sorma::so in its namespace path a script finds our dict before Tcl's: what is no request goes on to that.
@@ -316,7 +321,7 @@ int answerLater(SoBinding& b, Future future, Request request, int objc, Objects 
     if (code != TCL_OK) return code;
     if (b.remote) return callRemote(b, request, m, objc, objv);
     if (b.so->start(request.method, m)) return answerLater(b, Future(std::exchange(m.later, nullptr)), request, objc, objv);
-    if (!m.trail.empty() || !b.interpreter.sorm.lastTrail().empty()) keepTrail(b, m, objc, objv);
+    if (!m.trail.empty() || !b.interpreter.sorm.lastTrail().empty()) keepTrail(b.interpreter, b.name, m, objc, objv);
     return answer(b, resultOf(b, request, m, objc > 2 ? objv[2] : nullptr));
 }
 
@@ -338,7 +343,7 @@ int call(SoBinding& b, int objc, Objects objv) noexcept {
         // The call may remove the object, but not before it returns: see renew, release.
         if (b.so->start(Method::exec, m)) [[unlikely]]
             return answerLater(b, Future(std::exchange(m.later, nullptr)), {Method::exec, Request::Answer::flat}, objc, objv);
-        if (!m.trail.empty() || !interpreter.sorm.lastTrail().empty()) [[unlikely]] keepTrail(b, m, objc, objv);
+        if (!m.trail.empty() || !interpreter.sorm.lastTrail().empty()) [[unlikely]] keepTrail(b.interpreter, b.name, m, objc, objv);
         if (interpreter.ended()) [[unlikely]] return TCL_ERROR;
         if (m.code == 0 && m.floats.empty() && m.text.empty() && m.ints.empty() && m.any.empty() && m.trail.empty()) {
             borrowed.stillClear();
@@ -561,9 +566,11 @@ int PendingCommand::finish() const {
     Tcl_ListObjGetElements(nullptr, words_, &objc, &objv);
     try {
         Message& m = future_.result();
-        SoBinding& b = bindingFor(i, name_);
-        if (!m.trail.empty() || !i.sorm.lastTrail().empty()) keepTrail(b, m, int(objc), objv);
-        return answer(b, resultOf(b, request_, m, objc > 2 ? objv[2] : nullptr));
+        if (!m.trail.empty() || !i.sorm.lastTrail().empty()) keepTrail(i, name_, m, int(objc), objv);
+        // The object may be gone; it is not made anew for this.
+        auto found = i.bindings.find(name_);
+        Service* so = found != i.bindings.end() && found->second->so && !found->second->so->gone() ? &*found->second->so : nullptr;
+        return answer(i, resultOf(i.constants, name_, so, request_, m, objc > 2 ? objv[2] : nullptr));
     } catch (...) {
         Trail trail = trailOfCurrentException(name_);
         forgetNowhere(i, name_, trail);

@@ -78,12 +78,18 @@ std::string lower(std::string text) {
     return text;
 }
 
+// A class of Tcl may be called anything; what no name of SORMA may hold becomes a _.
 std::string serviceName(std::string_view tclClass) {
     auto at = tclClass.rfind("::");
-    return lower(std::string(at == std::string_view::npos ? tclClass : tclClass.substr(at + 2)));
+    std::string name = lower(std::string(at == std::string_view::npos ? tclClass : tclClass.substr(at + 2)));
+    for (char& c : name)
+        if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
+    return name;
 }
 
 std::string objectName(Tcl_Interp* interp, Tcl_Object object) { return toUtf8(Tcl_GetObjectName(interp, object)); }
+
+void answerRequests(Interpreter& i, Tcl_Object object);
 
 TclClass& declarationsOf(Interpreter& i, Tcl_Class type) {
     if (auto* known = static_cast<ClassHandle*>(Tcl_ClassGetMetadata(type, &kClassData))) return **known;
@@ -92,6 +98,7 @@ TclClass& declarationsOf(Interpreter& i, Tcl_Class type) {
     made->tcl = type;
     made->service = serviceName(objectName(i.interp, Tcl_GetClassAsObject(type)));
     Tcl_ClassSetMetadata(type, &kClassData, new ClassHandle(made));
+    answerRequests(i, Tcl_GetClassAsObject(type));
     return *made;
 }
 
@@ -632,8 +639,9 @@ TclClass& target(Interpreter& i, Tcl_Obj* command) {
         auto words = listElements(frame);
         if (words.size() >= 3 && view(words[0]).ends_with("oo::define")) name = toUtf8(words[1]);
         if (!name.empty() && !name.starts_with("::")) {
-            Obj script(str("::uplevel 1 [::list ::namespace which {" + name + "}]"));
-            if (Tcl_EvalObjEx(i.interp, script, 0) == TCL_OK) name = toUtf8(Tcl_GetObjResult(i.interp));
+            Tcl_Obj* which[] = {str("::namespace"), str("which"), words[1]};
+            Obj call(Tcl_NewListObj(3, which));
+            if (eval(i, {str("::uplevel"), str("1"), call}, 0)) name = toUtf8(Tcl_GetObjResult(i.interp));
         }
     }
     Tcl_Object object = name.empty() ? nullptr : Tcl_GetObjectFromObj(i.interp, Obj(str(name)));
@@ -1035,27 +1043,15 @@ int NameMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, i
 }
 
 // The command of a service class is also its first service object: `carry EXEC ...` where ::carry is the TclOO class.
-// Words that a class does not know come here; whatever is no request of ours goes on to the handler of all objects.
-int UnknownMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, int objc, Tcl_Obj* const objv[]) {
+// Words that it does not know come here; whatever is no request of ours goes on to the handler of all objects.
+int UnknownOfClass(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     int skip = int(Tcl_ObjectContextSkippedArgs(context));
-    if (objc > skip && isSoMethod(objv[skip])) {
-        bool mine = false;
-        std::string name;
-        int code = guarded(i, objc, objv, [&] {
-            Tcl_Object object = Tcl_ObjectContextObject(context);
-            name = objectName(interp, object);
-            Tcl_Class type = Tcl_GetObjectAsClass(object);
-            mine = type && Tcl_ClassGetMetadata(type, &kClassData);     // it has been a service class before
-            if (mine) return TCL_OK;
-            KeepState keep(interp);
-            mine = !lineage(i, name).empty();
-            return TCL_OK;
-        });
-        if (code != TCL_OK) return code;
-        if (mine) return guarded(i, objc, objv, [&] { return callByName(i, serviceName(name), objc - skip + 1, objv + skip - 1); });
-    }
-    return Tcl_ObjectContextInvokeNext(interp, context, objc, objv, skip);
+    if (objc <= skip || !isSoMethod(objv[skip])) return Tcl_ObjectContextInvokeNext(interp, context, objc, objv, skip);
+    return guarded(i, objc, objv, [&] {
+        std::string name = serviceName(objectName(interp, Tcl_ObjectContextObject(context)));
+        return callByName(i, name, objc - skip + 1, objv + skip - 1);
+    });
 }
 
 constexpr Tcl_MethodType kCget = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::cget", CgetMethod, nullptr, nullptr};
@@ -1063,7 +1059,18 @@ constexpr Tcl_MethodType kConfigure = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::co
 constexpr Tcl_MethodType kName = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::name", NameMethod, nullptr, nullptr};
 constexpr Tcl_MethodType kPublish = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::publish", PublishMethod, nullptr, nullptr};
 constexpr Tcl_MethodType kUnknownOfObject = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::unknown", UnknownOfObject, nullptr, nullptr};
-constexpr Tcl_MethodType kUnknown = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::unknown", UnknownMethod, nullptr, nullptr};
+constexpr Tcl_MethodType kUnknownOfClass = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::unknown", UnknownOfClass, nullptr, nullptr};
+
+int AdoptObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    Tcl_Object object = objc == 2 ? Tcl_GetObjectFromObj(interp, objv[1]) : nullptr;
+    if (Tcl_Class type = object ? Tcl_GetObjectAsClass(object) : nullptr) declarationsOf(*static_cast<Interpreter*>(data), type);
+    return TCL_OK;
+}
+
+// A class learns it when it becomes a service class: other classes of the program stay as they are.
+void answerRequests(Interpreter& i, Tcl_Object object) {
+    Tcl_NewInstanceMethod(i.interp, object, Obj(str("unknown")), 0, &kUnknownOfClass, &i);
+}
 
 // What does not need C++. It is here and not in a file because a safe interpreter can read none.
 constexpr const char* kScript = R"tcl(
@@ -1084,6 +1091,13 @@ namespace eval ::sorma::co {}
     method selftest {} {return ok}
     method dump {} {}
 }
+
+# A class that declares nothing becomes a service class when it has been made; others do with their first declaration. Nothing
+# tells of a new subclass, so the maker of classes is watched: what it makes stays as it was made.
+proc ::sorma::tcloo::Made {command code class op} {
+    if {$code == 0 && [::llength [Lineage $class]]} {Adopt $class}
+}
+::trace add execution ::oo::class leave ::sorma::tcloo::Made
 
 # All service classes, as commands.
 proc ::sorma::tcloo::Classes {{from ::sorma::Service}} {
@@ -1153,29 +1167,27 @@ bool initTclServices(Interpreter& i) {
     auto addMethod = [&](Tcl_Class type, const char* name, bool exported, const Tcl_MethodType* method) {
         Tcl_NewMethod(interp, type, Obj(str(name)), exported, method, &i);
     };
-    Tcl_Class service = classOf("::sorma::Service"), all = classOf("::oo::class");
-    if (!service || !all) return false;
+    Tcl_Class service = classOf("::sorma::Service");
+    if (!service) return false;
     addMethod(service, "cget", true, &kCget);
     addMethod(service, "configure", true, &kConfigure);
     addMethod(service, "name", true, &kName);
     addMethod(service, "publish", false, &kPublish);
     addMethod(service, "unknown", false, &kUnknownOfObject);
-    if (Tcl_EvalEx(interp, "::expr {{unknown} ni [::info class methods ::oo::class -private]}", -1, TCL_EVAL_GLOBAL) == TCL_OK &&
-        view(Tcl_GetObjResult(interp)) == "1")
-        addMethod(all, "unknown", false, &kUnknown);
 
     struct Command {
         const char* name;
         Tcl_ObjCmdProc* proc;
     };
     for (auto& c : std::initializer_list<Command>{
-             {"option", OptionObjCmd}, {"action", ActionObjCmd}, {"inspection", InspectionObjCmd},
-             {"tcloo::Done", DoneObjCmd}, {"cancelled", CancelledObjCmd}, {"atCancel", AtCancelObjCmd},
+             {"option", OptionObjCmd}, {"action", ActionObjCmd}, {"inspection", InspectionObjCmd}, {"cancelled", CancelledObjCmd}, {"atCancel", AtCancelObjCmd},
              {"conduct", ConductObjCmd}, {"reads", ReadsObjCmd}, {"writes", WritesObjCmd}, {"fail", FailObjCmd}, {"warn", WarnObjCmd},
              {"purpose", TextObjCmd<&TclClass::purpose, kTextUsage>}, {"words", TextObjCmd<&TclClass::words, kUsageUsage>},
              {"example", TextObjCmd<&TclClass::example, kRequestUsage>},
              {"version", TextObjCmd<&TclClass::version, kVersionUsage>}})
-        Tcl_CreateObjCommand(interp, (std::string("::sorma::") + c.name).c_str(), c.proc, &i, nullptr);
+        i.define(c.name, c.proc);
+    Tcl_CreateObjCommand(interp, "::sorma::tcloo::Done", DoneObjCmd, &i, nullptr);
+    Tcl_CreateObjCommand(interp, "::sorma::tcloo::Adopt", AdoptObjCmd, &i, nullptr);
     Tcl_ResetResult(interp);
     return true;
 }

@@ -14,7 +14,7 @@
 //     }
 //
 // The declarations become a sorma::Class; everything after that is the same as for C++. The service class's name is
-// the last part of the TclOO class's name, in lower case. A class derived from another service class has its table too.
+// the last part of the TclOO class's name, in lower case, with _ for what is neither letter nor digit. A class derived from another service class has its table too.
 // A declaration for a class that has objects already concerns those made afterwards.
 #pragma once
 

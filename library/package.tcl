@@ -1,0 +1,22 @@
+# package.tcl -- the commands of the package that are written in Tcl, from the moment it is there.
+#
+# Read by `package require sorma`. The file of a command is read when one of its commands is first called; until then each is
+# a proc that does just that.
+
+apply {{} {
+    foreach {package commands} {
+        discover discover
+        complete complete
+        manual {manual manual::pages manual::titles manual::fragment}
+        show {show showTrail showStack showDefaults}
+        inspect {inspect inspect::ls inspect::tree inspect::daemons inspect::help inspect::dump inspect::watch inspect::unwatch
+            inspect::top inspect::find inspect::monitor inspect::rate inspect::doctor}
+        record {record::start record::stop}
+    } {
+        foreach command $commands {
+            namespace eval ::sorma::[namespace qualifiers $command] {}
+            proc ::sorma::$command args "package require sorma::$package\ntailcall ::sorma::$command {*}\$args"
+            namespace eval ::sorma::[namespace qualifiers $command] [list namespace export [namespace tail $command]]
+        }
+    }
+}}
