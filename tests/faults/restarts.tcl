@@ -77,6 +77,7 @@ attack {
     puts $killer end
     fconfigure $killer -blocking 1
     catch {close $killer}
+    file delete $ledger $script
     puts "$line calls $calls lost $lost other $other twice $twice unexecuted $unexecuted differs $differs"
     puts "ready to first good call p50 [quantile $waits 0.5] ms p99 [quantile $waits 0.99] ms"
     promise "$kills were killed" [expr {$line eq "killed $kills"}]
