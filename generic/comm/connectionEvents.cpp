@@ -668,7 +668,8 @@ public:
             Message m;
             wire::Times times;
             std::string wrong = objection;
-            if (wrong.empty() && (!wire::readReply(r, times, m) || (m.code >= 0 && m.ints.size() != 3))) wrong = "its answer could not be decoded";
+            if (wrong.empty() && (!wire::readReply(r, times, m) || (m.code >= 0 ? m.ints.size() != 3 : m.trail.empty())))
+                wrong = "its answer could not be decoded";
             if (!wrong.empty()) {
                 m.code = -1;
                 m.trail = Trail(makeEntry(errors::kProtocol, {MessageArg::of(c.who_), MessageArg::of(c.address_), MessageArg::of(wrong),

@@ -3,7 +3,7 @@
 // garbage PORT COUNT SEED: sends so many by TCP to a daemon, of every procedure; connects anew when the daemon has had enough, and
 // takes what comes without looking at it.
 // garbage -serve COUNT SEED: is a daemon; says "port N", greets who connects, answers most calls, and sends such records with each
-// answer until it has sent so many.
+// answer until it has sent so many, or its standard input ends.
 // Both print "records N connections N" at the end.
 #include <arpa/inet.h>
 #include <netinet/in.h>
@@ -168,6 +168,8 @@ int serve(long count, Dice dice) {
     std::fflush(stdout);
     long sent = 0, connections = 0;
     while (sent < count) {
+        pollfd wanted[] = {{listener, POLLIN, 0}, {STDIN_FILENO, POLLIN, 0}};
+        if (poll(wanted, 2, -1) < 0 || wanted[1].revents != 0) return 1;
         int fd = accept4(listener, nullptr, nullptr, SOCK_CLOEXEC);
         if (fd < 0) return std::perror("garbage: cannot accept"), 1;
         ++connections;

@@ -1,5 +1,5 @@
 # liar.tcl TEXT ?N? -- listens on a TCP port like a daemon, greets its clients as one, and answers every call with TEXT and a
-# trail of N warnings. Prints its port. Ends with its standard input.
+# trail of N warnings; who subscribes is refused without a reason. Prints its port. Ends with its standard input.
 
 source [file join [file dirname [file normalize [info script]]] rpc.tcl]
 
@@ -29,6 +29,7 @@ proc answer {channel record} {
     switch $procedure {
         1 { rpc::send $channel [rpc::record $head$welcome] }
         2 { rpc::send $channel [rpc::record $head[binary format IIII 0 0 0 0][rpc::message [lindex $::argv 0]][trail]] }
+        5 { rpc::send $channel [rpc::record $head[binary format IIII -1 0 0 0][rpc::message][binary format II 0 0]] }
     }
 }
 
