@@ -261,7 +261,8 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
         if (scratch.out.size() > kFlushAt) flush(scratch);
     }
     server_.took(this, served, more);
-    flush(scratch);
+    if (more && held_.size() + scratch.out.size() < kHold) hold(scratch);
+    else flush(scratch);
     if (open() && leaving_) return server_.retire(this, *leaving_, true);
     if (!open() || frame.spilled) return;
     std::size_t left = static_cast<std::size_t>(frame.end - frame.at);
@@ -592,7 +593,7 @@ bool Server::Peer::execute(const wire::Request& request, const wire::CallHeader&
         if (Name::isElsewhere(request.name)) [[unlikely]] fail(errors::kRelay, request.name);
         Service* known = server_.sorm_.find(request.name);
         // Replies to the requests before this one must not wait for it, unless it is known to be quick.
-        if (!scratch.out.empty() && (!known || known->lastRun > kQuick)) flush(scratch);
+        if (!(scratch.out.empty() && held_.empty()) && (!known || known->lastRun > kQuick)) flush(scratch);
         Reference service;
         bool later;
         {
@@ -656,12 +657,26 @@ void Server::Peer::reply(std::uint32_t xid, const wire::Times& times, std::strin
 }
 
 void Server::Peer::flush(Scratch& scratch) {
-    if (!scratch.out.empty() && open()) push(scratch.out.data(), scratch.out.size());
+    if (!(scratch.out.empty() && held_.empty()) && open()) push(scratch.out.data(), scratch.out.size());
     scratch.out.clear();
     if (scratch.out.capacity() > kKeepSpare) scratch.out.release();
 }
 
+// Who floods has few requests served in a turn. Were each turn a send, the others would pay for it.
+void Server::Peer::hold(Scratch& scratch) {
+    held_.append(scratch.out.data(), scratch.out.size());
+    scratch.out.clear();
+}
+
 void Server::Peer::push(const char* data, std::size_t size) {
+    if (!held_.empty()) {
+        Buffer all = std::move(held_);
+        all.append(data, size);
+        push(all.data(), all.size());
+        all.clear();
+        held_ = std::move(all);
+        return;
+    }
     if (queued() == 0) {
         while (size > 0) {
             ssize_t n = send(fd_, data, size, MSG_DONTWAIT | MSG_NOSIGNAL);

@@ -25,6 +25,7 @@ inline constexpr std::size_t kMostGrowth = 8 << 20;     // of a long request, in
 inline constexpr int kBatch = 64;                       // requests of one peer in one turn, at most
 inline constexpr std::size_t kQueueLimit = 1 << 20;     // of replies not taken, before we stop reading a peer
 inline constexpr std::size_t kEventWindow = 64 * 1024;  // of events that wait in a peer's queue
+inline constexpr std::size_t kHold = 4096;              // of replies that wait for the next turn of a peer who has asked for more
 inline constexpr std::size_t kFlushAt = 256 * 1024;     // of replies written, before they are sent
 inline constexpr std::size_t kKeepBuffer = 4096;        // a peer's own buffers may stay this large when empty
 inline constexpr std::size_t kKeepSpare = 4 << 20;      // buffers that all peers share, kept for the next long message
@@ -202,6 +203,7 @@ private:
                  Scratch& scratch, Frame& frame);
     void reply(std::uint32_t xid, const wire::Times& times, std::string_view name, Message& m, Slot* slot, Buffer& out);
     void flush(Scratch& scratch);
+    void hold(Scratch& scratch);
     void drain();
     void pump();
     void interest();
@@ -221,6 +223,7 @@ private:
     int empties_ = 0;                   // of which so many were empty
     Buffer out_;                        // replies that the socket has not taken
     std::size_t sent_ = 0;              // of out_
+    Buffer held_;                       // replies that go with those of its next turn
     std::size_t skip_ = 0;              // bytes of an oversized record still to come
     std::size_t scanned_ = 0;           // of in_, beyond taken_: known what has been cancelled
     std::vector<wire::Cancel> cancels_; // that have come, and whose turn has not: what they are for is not begun

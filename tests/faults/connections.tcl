@@ -45,7 +45,8 @@ attack {
     lassign [opened $idler] open words
     set lost [expr {$count - 10 - $open + 10 - [lindex [opened $more] 0]}]
     puts "$lost idle connections made room: $words"
-    promise "no more of them made room than was needed" [expr {$lost == 20}]
+    # Fewer, where the daemon was so busy that the owner was taken in beyond the limit.
+    promise "no more of them made room than was needed" [expr {$lost <= 20}]
     promise "they were told why" [string match "daemon * is full, and most of its connections are of local *: this one, which was silent for *" $words]
     close $idler
     close $more
