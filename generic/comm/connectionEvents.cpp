@@ -36,7 +36,10 @@ std::size_t recordsIn(const Buffer& bytes) {
 }
 
 // A daemon that is there answers in a moment: then a request is on its way though nobody enters the event loop.
-constexpr int kMoment = 10;             // [ms]
+std::int64_t moment(const Settings& settings) {         // [ms]
+    constexpr std::int64_t kMoment = 10;
+    return settings.timeout > 0 ? std::min(settings.timeout, kMoment) : kMoment;
+}
 
 }  // namespace
 
@@ -55,7 +58,7 @@ void Connection::begin(const PendingPointer& pending, const std::string& name, M
         sendWaiting();
     } else if (!opening_ && !retryTimer_) {
         startOpening();
-        finishOpening(Deadline::in(kMoment));
+        finishOpening(Deadline::in(moment(settings_)));
     }
     watch();
     if (!arrived_.empty()) deliverLater();
@@ -108,7 +111,7 @@ void Connection::oneway(const std::string& name, Method method, const Message& m
     if (!keep_ && (!outgoing_.empty() || !oneways_.empty())) keep_ = shared_from_this();
     if (fd_ < 0 && !opening_ && !retryTimer_) {
         startOpening();
-        finishOpening(Deadline::in(kMoment));
+        finishOpening(Deadline::in(moment(settings_)));
     }
     watch();
 }
