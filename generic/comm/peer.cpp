@@ -124,7 +124,7 @@ void Server::Peer::spill(Frame& frame) {
         in_.append(frame.at, left);
     }
     scanned_ = static_cast<std::size_t>(std::max<std::ptrdiff_t>(frame.scanned - frame.at, 0));
-    if (left > 0) server_.reactor_.again(this);
+    if (left > 0 && open()) server_.reactor_.again(this);      // it may have been retired while its request was executed
 }
 
 // How much to read beyond what is here. A request that is not complete may grow with what really came; of those behind it
