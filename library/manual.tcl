@@ -91,9 +91,9 @@ proc ::sorma::manual::Find name {
     if {$plain in [pages]} {
         return [Page $plain]
     }
-    # A page bears a name of its own, too: man sorma-cpp.
+    # A page bears a name of its own, too: man sorma-cpp. Another one that man knows: sorma::serviceClass.
     foreach page [pages] {
-        if {[lindex [Page $page] 0 1] eq $plain} {
+        if {$plain in [list [lindex [Page $page] 0 1] sorma::$page]} {
             return [Page $page]
         }
     }

@@ -2,6 +2,7 @@
 # scott.zsh -- completion of scott's command line in zsh, as file _scott in its function path. What there is scott says itself:
 # commands, and the objects of all daemons.
 
+# The word at the cursor as far as it goes, perhaps an empty one; all of them as scott would get them, without their quotes.
 local -a found
-found=(${(f)"$(${words[1]} --complete ${(@)words[2,CURRENT]} 2>/dev/null)"})
+found=(${(f)"$("${words[1]}" --complete "${(@Q)words[2,CURRENT-1]}" "${(Q)PREFIX}" 2>/dev/null)"})
 (( ${#found} )) && compadd -a found || _files

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <random>
 
 #include "bus/client.h"
 #include "bus/reply.h"
@@ -66,14 +67,14 @@ const ClientPointer CallContext::kThisProcess;
 const std::string CallContext::kNobody;
 
 CallContext::CallContext(const ClientPointer& client, Deadline deadline, std::uint64_t request, const std::string& behalf)
-    : client(client), deadline(deadline), request(request), behalf(behalf), outer_(theContext) {
+    : client(client), deadline(deadline), behalf(behalf), request_(request), outer_(theContext) {
     theContext = this;
 }
 
 CallContext::CallContext(const KeptCallPointer& kept)
     : client(kept ? kept->client : kThisProcess), deadline(kept ? kept->deadline : Deadline()),
-      request(kept ? kept->request : 0), behalf(kept ? kept->behalf : kNobody),
-      cancelled(kept && kept->cancelled()), kept_(kept), outer_(theContext) {
+      behalf(kept ? kept->behalf : kNobody), cancelled(kept && kept->cancelled()), request_(kept ? kept->request : 0), kept_(kept),
+      outer_(theContext) {
     theContext = kept ? this : nullptr;
 }
 
@@ -112,7 +113,11 @@ std::string CallContext::currentCallers() {
 PrincipalPointer CallContext::currentPrincipal() {
     return theContext && theContext->client ? theContext->client->principal : nullptr;
 }
-std::uint64_t CallContext::currentRequest() { return theContext ? theContext->request : 0; }
+std::uint64_t CallContext::currentRequest() {
+    CallContext* c = theContext;
+    if (c && c->request_ == 0) c->request_ = newRequest();
+    return c ? c->request_ : 0;
+}
 
 bool CallContext::currentGivenUp() {
     CallContext* c = theContext;
@@ -125,12 +130,16 @@ KeptCallPointer CallContext::keep() {
     CallContext* c = theContext;
     if (!c) return nullptr;
     if (!c->kept_)
-        c->kept_ = std::make_shared<KeptCall>(c->client, c->deadline, c->request, c->behalf);
+        c->kept_ = std::make_shared<KeptCall>(c->client, c->deadline, currentRequest(), c->behalf);
     return c->kept_;
 }
 
 std::uint64_t CallContext::newRequest() {
-    static std::atomic<std::uint64_t> last{0};
+    // From a random number on, so that those of many processes do not meet; below 2^62: it is a signed number in Tcl.
+    static std::atomic<std::uint64_t> last = [] {
+        std::random_device random;
+        return (std::uint64_t(random()) << 32 | random()) >> 2;
+    }();
     return last.fetch_add(1, std::memory_order_relaxed) + 1;
 }
 

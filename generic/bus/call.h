@@ -61,7 +61,7 @@ using KeptCallPointer = std::shared_ptr<KeptCall>;
 class CallContext {
 public:
     // A request begins. Nothing is inherited from what runs below on the stack, and that is billed no time.
-    // client, null for this process, and behalf are borrowed.
+    // client, null for this process, and behalf are borrowed. request: its number, 0 when it has none yet.
     CallContext(const ClientPointer& client, Deadline deadline, std::uint64_t request, const std::string& behalf);
     // Work that waited goes on. null: fresh.
     explicit CallContext(const KeptCallPointer& kept);
@@ -89,15 +89,16 @@ public:
     static std::string currentCallers();        // as text, with those on whose behalf he says that he asks
     static PrincipalPointer currentPrincipal(); // who is to be charged; null: the owner
     static ClientPointer currentClient();       // null when the request comes from this process
-    static std::uint64_t currentRequest();      // 0 outside of any request
+    // Its number: the one that its caller has given it, which is also that of the request on whose behalf he made it; else one
+    // that is given to it now. 0 outside of any request.
+    static std::uint64_t currentRequest();
     static bool currentCancelled();             // by its caller, or because the deadline has passed
     static bool currentGivenUp();               // by its caller
     static KeptCallPointer keep();              // the present one, for work that waits; null outside of any request
-    static std::uint64_t newRequest();          // a number that no other request of this process has
+    static std::uint64_t newRequest();          // a number that no other request has, here or elsewhere, by all odds
 
     const ClientPointer& client;
     const Deadline deadline;
-    const std::uint64_t request;
     const std::string& behalf;
     std::atomic<bool> cancelled{false};         // the caller has given up: what takes long may look, and stop early
     std::uint32_t subTime = 0;                  // [us] spent in calls to other processes since this began
@@ -107,6 +108,7 @@ public:
 private:
     static const ClientPointer kThisProcess;
     static const std::string kNobody;
+    std::uint64_t request_;                     // 0: nobody has asked for its number yet
     KeptCallPointer kept_;
     CallContext* outer_;
 };

@@ -28,6 +28,13 @@ const ClientPointer& Pending::client() const {
     return own ? own->client : asker ? asker->client : thisProcess;
 }
 
+std::uint64_t Pending::number() {
+    if (own) return own->request;
+    if (asker) return asker->request;
+    if (number_ == 0) number_ = CallContext::newRequest();
+    return number_;
+}
+
 Pending::~Pending() = default;
 
 void Pending::answer() {

@@ -57,6 +57,9 @@ public:
     const KeptCallPointer asker;
     KeptCallPointer own;
     const ClientPointer& client() const;            // null: this process
+    // Of the request: what its service publishes meanwhile carries it, in other processes as well when somebody in this one
+    // listened when it was begun. A request on behalf of another one has that one's.
+    std::uint64_t number();
     std::int64_t sent = 0;              // [ns] when it went to another process, for the times of its asker; 0: it did not
     Charge charge;                      // for what it makes a daemon keep; it ends with the answer
     Timer timer;                        // of its deadline, for whoever keeps that; it ends with the answer
@@ -87,6 +90,7 @@ private:
     void settle();
     std::atomic<bool> cancelled_{false};
     bool answered_ = false;
+    std::uint64_t number_ = 0;
     std::vector<std::function<void()>> whenAnswered_;
     std::function<void()> onCancel_;
 };

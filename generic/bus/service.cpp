@@ -212,7 +212,7 @@ void Service::perform(const PendingPointer& pending, Method method) {
     if (pending->deadline.passed()) return pending->answer(Trail(makeEntry(kTooLate, {MessageArg::of(name_)})));
     if (!pending->own) {
         auto& asker = pending->asker;
-        pending->own = std::make_shared<KeptCall>(pending->client(), pending->deadline, asker ? asker->request : CallContext::newRequest(),
+        pending->own = std::make_shared<KeptCall>(pending->client(), pending->deadline, pending->number(),
                                                   asker ? asker->behalf : std::string());
     }
     CallContext context(pending->own);
@@ -334,7 +334,7 @@ public:
         if (object_) object_->unsubscribe(this);
     }
     void event(const Event& e) override {
-        inbox_->push({std::string(e.object), std::string(e.name), e.message, ++number_, 0, e.time});
+        inbox_->push({std::string(e.object), std::string(e.name), e.message, ++number_, 0, e.time, e.request});
     }
     void gone() override {
         Reference was = std::exchange(object_, Reference());

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 
+#include "bus/call.h"
 #include "bus/deadline.h"
 #include "bus/glob.h"
 #include "bus/monitor.h"
@@ -36,7 +37,7 @@ void Stream::settle() {
 
 void Stream::publish(const Service& from, std::string_view name, const Message& m, bool monitor) {
     static std::atomic<std::uint64_t> serial{0};        // interpreters in several threads publish, too
-    Event event{from.name(), name, m, wallNow(), serial.fetch_add(1, std::memory_order_relaxed) + 1};
+    Event event{from.name(), name, m, wallNow(), serial.fetch_add(1, std::memory_order_relaxed) + 1, CallContext::currentRequest()};
     if (!monitor) {
         keep(event);
         if (from.sorm().monitored() && from.name() != "sorm") [[unlikely]] tellPassing(from, name, m);
@@ -63,11 +64,12 @@ void Stream::keep(const Event& event) {
     if (at == last_.end()) {
         if (last_.size() >= kNames)
             last_.erase(std::min_element(last_.begin(), last_.end(), [](auto& a, auto& b) { return a.serial < b.serial; }));
-        at = last_.insert(last_.end(), {std::string(event.name), {}, 0, 0});
+        at = last_.insert(last_.end(), {std::string(event.name), {}, 0, 0, 0});
     }
     at->message = m;
     at->time = event.time;
     at->serial = event.serial;
+    at->request = event.request;
 }
 
 void Stream::replay(const Service& from, Subscriber* subscriber, std::string_view pattern) const {
@@ -75,7 +77,7 @@ void Stream::replay(const Service& from, Subscriber* subscriber, std::string_vie
     for (auto& l : last_)
         if (pattern == "*" || globMatch(pattern, l.name)) found.push_back(&l);
     std::sort(found.begin(), found.end(), [](auto* a, auto* b) { return a->serial < b->serial; });
-    for (auto* l : found) subscriber->event({from.name(), l->name, l->message, l->time, l->serial});
+    for (auto* l : found) subscriber->event({from.name(), l->name, l->message, l->time, l->serial, l->request});
 }
 
 void Inbox::push(Received event) {

@@ -4,6 +4,7 @@
 // listener has its own place to keep what it has not taken yet, bounded by itself: publishing never waits for anybody.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -25,6 +26,7 @@ struct Event {
     const Message& message;
     std::int64_t time;                  // microseconds since 1970
     std::uint64_t serial;               // differs from that of every other event of the process
+    std::uint64_t request;              // in which it was published: CallContext::currentRequest()
 };
 
 // Someone who listens to one object. It says unsubscribe before it goes, unless gone() was called.
@@ -57,7 +59,7 @@ private:
         std::string name;
         Message message;
         std::int64_t time;
-        std::uint64_t serial;
+        std::uint64_t serial, request;
     };
     void keep(const Event& event);
     void settle();
@@ -74,6 +76,7 @@ struct Received {
     std::uint64_t number = 0;           // counts the events of this subscription from 1, lost ones included
     std::int64_t lost = 0;              // events between the one before and this; -1: some, nobody knows how many
     std::int64_t time = 0;              // microseconds since 1970
+    std::uint64_t request = 0;          // in which it was published, see Pending::number; 0: outside of any
 };
 // Beside the object's own events there are: sorma.gone (it has been removed, no more will come), sorma.reconnected (after
 // a broken connection; lost tells what was missed), sorma.refused (no more will come: it could not be resumed, or the policy
@@ -83,7 +86,13 @@ using Listener = std::function<void(Received& event)>;
 // A subscription: it lasts as long as this.
 class Listening {
 public:
-    virtual ~Listening() = default;
+    Listening() { count_.fetch_add(1, std::memory_order_relaxed); }
+    virtual ~Listening() { count_.fetch_sub(1, std::memory_order_relaxed); }
+    Listening(const Listening&) = delete;
+    Listening& operator=(const Listening&) = delete;
+    static bool any() { return count_.load(std::memory_order_relaxed) > 0; }     // in this process; a hint, it orders nothing
+private:
+    static inline std::atomic<int> count_{0};
 };
 
 // Events on their way to a listener, called from the loop. Holds at most `keep`; the oldest go, and are counted.

@@ -196,9 +196,10 @@ void Connection::sendWaiting() {
             Slot& slot = *slots_[index];
             try {
                 auto& asker = call.pending->asker;
+                const bool tell = asker || call.pending->relayed || Listening::any();       // who listens wants to know his own
                 wire::Behalf behalf;
-                if (asker || call.pending->relayed) behalf = {call.pending->relayed, asker ? asker->request : 0, asker ? asker->callers() : std::string()};
-                write(index, call.method, call.pending->message, monotonicNow(), asker || behalf.relayed ? &behalf : nullptr);
+                if (tell) behalf = {call.pending->relayed, call.pending->number(), asker ? asker->callers() : std::string()};
+                write(index, call.method, call.pending->message, monotonicNow(), tell ? &behalf : nullptr);
             } catch (const Error& e) {
                 release(index);
                 arrived(call.pending, e.trail);
@@ -769,7 +770,7 @@ void Connection::takeEvent(XdrReader& r) {
     remote.last = header.number;
     if (body.name == "sorma.gone" || body.name == "sorma.refused") remote.boot = 0;     // it has ended: not to be resumed
     remote.inbox->push({remote.wanted.name + "@" + who_, std::move(body.name), std::move(content), header.number,
-                        std::int64_t(header.lost), body.time});
+                        std::int64_t(header.lost), body.time, body.request});
 }
 
 }  // namespace sorma

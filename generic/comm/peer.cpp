@@ -446,7 +446,7 @@ void Server::Peer::subscribe(XdrReader& r, const wire::CallHeader& header, Scrat
         if (!goesOn) {
             if (Name::isElsewhere(wanted.name)) fail(errors::kRelay, wanted.name);
             ClientPointer who = client;
-            CallContext context(who, {}, ++server_.served_, behalf.callers);
+            CallContext context(who, {}, behalf.request, behalf.callers);
             const SessionKey mine = session->key;
             auto fresh = std::make_unique<Subscription>(server_, *session, wanted, authorOf(behalf));
             // The object may have been made, and have run the event loop: the session may be gone.
@@ -580,10 +580,10 @@ bool Server::Peer::execute(const wire::Request& request, const wire::CallHeader&
     ClientPointer who = client;                         // stays while the service runs, whatever becomes of this peer
     wire::Behalf behalf;
     const bool sound = header.behalf.empty() || wire::readBehalf(header.behalf, behalf);
-    CallContext context(who, deadline, ++server_.served_, behalf.callers);
+    CallContext context(who, deadline, behalf.request, behalf.callers);
     if (slot) slot->call = &context;
     Method method = request.method;
-    Passing passing(server_.sorm_, context.request, request.name, method, m);
+    Passing passing(server_.sorm_, ++server_.served_, request.name, method, m);
     try {
         if (!sound) fail(kBehalf);
         const PrincipalPointer& author = authorOf(behalf);

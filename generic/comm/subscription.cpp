@@ -35,12 +35,12 @@ void Server::Subscription::event(const Event& event) {
         Message bare;
         bare.words = event.message.words;
         auto body = std::make_shared<Buffer>();
-        wire::writeEventBody(*body, {event.time, std::string(event.name)}, bare);
+        wire::writeEventBody(*body, {event.time, std::string(event.name), event.request}, bare);
         return push(std::move(body));
     }
     if (server_.encoded_ != event.serial) {             // the first of this server's listeners
         auto body = std::make_shared<Buffer>();
-        wire::writeEventBody(*body, {event.time, std::string(event.name)}, event.message);
+        wire::writeEventBody(*body, {event.time, std::string(event.name), event.request}, event.message);
         server_.encodedBody_ = std::move(body);
         server_.encoded_ = event.serial;
     }
@@ -62,7 +62,7 @@ void Server::Subscription::end(const char* event, std::string why) {
     Message m;
     m.text = std::move(why);
     auto body = std::make_shared<Buffer>();
-    wire::writeEventBody(*body, {wallNow(), event}, m);
+    wire::writeEventBody(*body, {wallNow(), event, 0}, m);
     push(std::move(body));
 }
 

@@ -196,6 +196,7 @@ void writeEventBody(Buffer& out, const EventBody& body, const Message& content) 
     w.i64(body.time);
     w.text(body.name);
     writeMessage(w, content);
+    w.u64(body.request);
 }
 
 void writeEvent(Buffer& out, const EventHeader& h, const Buffer& body) {
@@ -409,7 +410,9 @@ bool readEvent(XdrReader& r, EventHeader& h, EventBody& body, Message& content) 
     body.name = clean(r.text());
     content.code = 0;
     content.trail.clear();
-    return readMessage(r, content) && r.atEnd();
+    if (!readMessage(r, content)) return false;
+    body.request = r.atEnd() ? 0 : r.u64();
+    return r.atEnd();
 }
 
 bool readHello(XdrReader& r, Hello& h) {

@@ -91,6 +91,7 @@ struct EventHeader {
 struct EventBody {              // the same for all subscribers
     std::int64_t time = 0;
     std::string name;
+    std::uint64_t request = 0;
 };
 
 // ---- writing: each appends one whole record to out ----

@@ -20,7 +20,7 @@ const Prototype kValue{Severity::error, "REQUEST SYNTAX", 0, "{} needs a value"}
 const Prototype kMilliseconds{Severity::error, "REQUEST SYNTAX", 0, "-timeout expects a number of ms, 0 for none, got \"{}\""};
 const Prototype kQueue{Severity::error, "REQUEST SYNTAX", 0, "-queue expects a whole number from 1 to 1000000, got \"{}\""};
 const Prototype kCommand{Severity::error, "REQUEST SYNTAX", 0, "-command is missing: what is to be called with each event?"};
-const Prototype kBadMethod{Severity::error, "REQUEST SYNTAX", 0, "bad method \"{}\": must be cancel, destroy, done, result, or wait"};
+const Prototype kBadMethod{Severity::error, "REQUEST SYNTAX", 0, "bad method \"{}\": must be cancel, destroy, done, request, result, or wait"};
 const Prototype kNoFuture{Severity::error, "REQUEST SYNTAX", 0, "\"{}\" is no future of this interpreter"};
 const Prototype kNoSubscription{Severity::error, "REQUEST SYNTAX", 0, "\"{}\" is no subscription of this interpreter"};
 const Prototype kLocalDaemon{Severity::error, "REQUEST SYNTAX", 0, "\"{}\" is no daemon elsewhere: it means this interpreter"};
@@ -76,6 +76,8 @@ int FutureNRCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
         }
         if (method == "done") return Tcl_SetObjResult(interp, i.constants.integer(pending->future().done())), TCL_OK;
         if (method == "result") return pending->finish();
+        if (method == "request")
+            return Tcl_SetObjResult(interp, Tcl_NewWideIntObj(Tcl_WideInt(pending->future().pending()->number()))), TCL_OK;
         if (method == "cancel") return Tcl_SetObjResult(interp, i.constants.integer(pending->future().cancel())), TCL_OK;
         if (method == "destroy") return Tcl_DeleteCommandFromToken(interp, f->token), TCL_OK;
         fail(kBadMethod, std::string(method));
@@ -227,6 +229,7 @@ Tcl_Obj* eventDict(const Constants& c, const Received& e) {
     put("number", Tcl_NewWideIntObj(Tcl_WideInt(e.number)));
     put("lost", Tcl_NewWideIntObj(e.lost));
     put("time", Tcl_NewWideIntObj(e.time));
+    put("request", Tcl_NewWideIntObj(Tcl_WideInt(e.request)));
     Obj content(messageDict(c, e.message));
     Tcl_DictSearch search;
     Tcl_Obj *key, *value;

@@ -331,19 +331,15 @@ bool Runner::fits() const {
     return due_.load(std::memory_order_relaxed) - nanoseconds() > reserve_.load(std::memory_order_relaxed) + kLeastReserve;
 }
 
-void Runner::lookAtEffort(bool anew) {
-    std::int64_t now = nanoseconds();
-    if (!anew && now - effortSince_ < quarter_.load(std::memory_order_relaxed) / 4) return;
-    effort_ = sorma::ThreadEffort::now();
-    effortSince_ = now;
-}
-
 void Runner::take(const std::string& who, bool nearAction) {
     if (!abandoned_.empty()) fail(kGivenUp, who, name_, abandoned_);
-    std::int64_t until = nanoseconds() + kPatience;
+    std::int64_t now = nanoseconds(), until = now + kPatience;
     if (auto deadline = sorma::CallContext::currentDeadline(); !deadline.none()) until = std::min(until, deadline.when());
-    auto ready = [this](bool waited) {
-        lookAtEffort(waited);
+    auto ready = [this, now](bool waited) {
+        if (waited || now - effortSince_ >= quarter_.load(std::memory_order_relaxed) / 4) [[unlikely]] {
+            effort_ = sorma::ThreadEffort::now();
+            effortSince_ = now;
+        }
         return fits();
     };
     auto answer = turn_.ask(ready, nearAction, until);

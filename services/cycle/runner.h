@@ -135,7 +135,6 @@ private:
     void keepOnly(const Objects& wanted);
     void take(const std::string& who, bool nearAction);
     bool fits() const;
-    void lookAtEffort(bool anew);
     bool executes(const Step& action) const;
     template <class Call> void tell(Call call);
     void report(const std::string& step, sorma::Trail trail);

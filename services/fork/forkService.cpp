@@ -112,6 +112,7 @@ private:
 // A request, from EXEC to its answer. Its options are those of the moment it came.
 struct Job {
     sorma::Reply reply;
+    sorma::KeptCallPointer call;                // on whose behalf
     child::Command command;
     std::string shown;                          // the command as a message tells it
     double timeout = 0, grace = 0;
@@ -189,6 +190,7 @@ public:
         command.input = std::move(m.text);
         command.input.append(m.any.begin(), m.any.end());
         m.clear();
+        job->call = sorma::CallContext::keep();
         job->reply = later(m);
         job->shown = sorma::shown(sorma::joinWords(command.words));
         job->command = std::move(command);
@@ -422,6 +424,7 @@ private:
         m.text = std::move(text);
         m.ints = {job.process->pid()};
         m.ints.insert(m.ints.end(), more.begin(), more.end());
+        sorma::CallContext context(job.call);
         publish(event, m);
     }
 

@@ -130,7 +130,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                 case 5: wire::writeGoodbye(out, "as asked"), daemon.say(out, in, how); break;
                 case 6: {
                     Buffer body;
-                    wire::writeEventBody(body, {0, how & 8 ? "sorma.gone" : "e"}, {});
+                    wire::writeEventBody(body, {0, how & 8 ? "sorma.gone" : "e", 0}, {});
                     wire::writeEvent(out, {in.byte() % 3u, how, 0}, body);
                     daemon.say(out, in, how);
                     break;
