@@ -24,17 +24,15 @@ namespace eval ::sorma::discover {
     #   error, code   of the last attempt when that failed          failed  ms, when; 0: it did not
     variable Asked
     variable Parsed             ;# array: {address request} -> {came, dict}: an answer, checked and taken apart
-    variable Hosts              ;# array: host name -> numeric address, "?" while it is being looked up, "" unknown
     variable Inventory {sorm DBX -inventory names classes words}
     variable Waits              ;# array: token -> coroutine that waits for answers, empty: somebody who blocks
     variable LastWait
-    variable Nowhere /dev/null  ;# stands for a runtime folder that cannot be trusted: nothing is in it
-    variable Own                ;# {ms, addresses of the dictionary, names that this process serves}
+    variable Own                ;# {ms, addresses of the dictionary}
     if {![info exists Peer]} {  ;# when this file is read again, what is known stays
         set Peer {}
         set LastWait 0
-        set Own {0 {} {}}
-        foreach name {Asked Parsed Hosts Waits} {
+        set Own {0 {}}
+        foreach name {Asked Parsed Waits} {
             array set $name {}
         }
     }
@@ -45,105 +43,38 @@ namespace eval ::sorma::discover {
 # ::sorma::discover::locate NAME --
 #       {SERVICE WHERE}: the name as its process knows it, and what stands after @ (empty: here).
 proc ::sorma::discover::locate name {
-    set at [string first @ $name]
-    if {$at >= 0} {
-        set service [string range $name 0 $at-1]
-        set where [string range $name $at+1 end]
-    } elseif {[regexp {^([A-Z])[A-Z0-9_]*} $name class first]} {
-        set service [string tolower $class][string range $name [string length $class] end]
-        set where [DictionaryAddress $class]
-    } else {
+    if {[catch {::sorma::resolve $name} place]} {
         return [list $name {}]
     }
-    if {$where eq "self" || [lindex [address $where] 0] eq "self"} {
-        return [list $service {}]
-    }
-    return [list $service $where]
+    return [list [dict get $place service] [if {[dict get $place state] ne "here"} {dict get $place where}]]
 }
 
 # ::sorma::discover::address WHERE --
-#       What an address means now: a path, host:number, or `self` for this process.
+#       What an address means now: a path, host:number, or `self` for this process. What leads nowhere is what it was.
 proc ::sorma::discover::address where {
-    set seen {}
-    while 1 {
-        if {$where eq "self"} {
-            return self
-        }
-        if {[string match /* $where]} {
-            if {[file dirname $where] eq [RuntimeFolder] && [Serves [file rootname [file tail $where]]]} {
-                return self
-            }
-            return $where
-        }
-        if {[string match *:* $where]} {
-            return $where
-        }
-        set next [DictionaryAddress @$where]
-        if {$next eq {} || $where in $seen} {
-            if {[Serves $where]} {
-                return self
-            }
-            return [file join [RuntimeFolder] $where.sock]
-        }
-        lappend seen $where
-        set where $next
+    if {[catch {::sorma::resolve @$where} place]} {
+        return $where
     }
+    if {[dict get $place state] eq "here"} {
+        return self
+    }
+    return [expr {[dict get $place socket] ne {} ? [dict get $place socket] : [dict get $place address]}]
 }
 
-# Where daemons of this user listen. A folder that others may read or write, or that is another user's, is as good as none,
-# as it is to the package itself: who knows whose sockets are in there? It is looked at each time, since it may change.
-proc ::sorma::discover::RuntimeFolder {} {
-    global env
-    variable Nowhere
-    if {[catch {file stat /proc/self own}]} {
-        return $Nowhere
-    }
-    if {[info exists env(SORMA_RUNTIME_DIR)] && $env(SORMA_RUNTIME_DIR) ne {}} {
-        set folder $env(SORMA_RUNTIME_DIR)
-    } elseif {[info exists env(XDG_RUNTIME_DIR)] && $env(XDG_RUNTIME_DIR) ne {}} {
-        set folder $env(XDG_RUNTIME_DIR)/sorma
-    } else {
-        set folder /tmp/sorma-$own(uid)
-    }
-    if {![catch {file lstat $folder found}]
-            && ($found(type) ne "directory" || $found(uid) != $own(uid) || ($found(mode) & 0o066))} {
-        return $Nowhere
-    }
-    return $folder
-}
-
-# Addresses of the dictionary and names served here, at most Fresh ms old.
-proc ::sorma::discover::OwnFacts {} {
+# Words of the dictionary that are addresses, and what they mean: a dict, at most Fresh ms old.
+proc ::sorma::discover::Addresses {} {
     variable Own
     variable Fresh
     set now [clock milliseconds]
     if {$now - [lindex $Own 0] >= $Fresh} {
-        set facts [LocalText {sorm DBX -inventory addresses serves}]
-        set addresses {}
-        foreach pair [dict get $facts addresses] {
-            dict set addresses [lindex $pair 0] [lindex $pair 1]
-        }
-        set Own [list $now $addresses [dict get $facts serves]]
+        set Own [list $now [concat {*}[dict get [LocalText {sorm DBX -inventory addresses}] addresses]]]
     }
-    return $Own
-}
-
-# What the dictionary says about @alias or CLASS, without the @ before an alias; empty when it says nothing.
-proc ::sorma::discover::DictionaryAddress word {
-    set addresses [lindex [OwnFacts] 1]
-    if {![dict exists $addresses $word]} {
-        return {}
-    }
-    return [string trimleft [dict get $addresses $word] @]
-}
-
-proc ::sorma::discover::Serves name {
-    return [expr {$name in [lindex [OwnFacts] 2]}]
+    return [lindex $Own 1]
 }
 
 # Forget what is known of here: the next question sees what the dictionary says now.
 proc ::sorma::discover::LookAgain {} {
-    variable Own {0 {} {}}
+    variable Own {0 {}}
 }
 
 # The text of a reply of an object of this interpreter. The user's trail stays what it was.
@@ -160,10 +91,12 @@ proc ::sorma::discover::LocalText request {
 #       dictionary, and the addresses of proxies.
 proc ::sorma::discover::names {} {
     set found {}
-    foreach file [glob -nocomplain -tails -directory [RuntimeFolder] *.sock] {
-        dict set found [string range $file 0 end-5] 1
+    catch {                             ;# a folder that others may write to is as good as none
+        foreach name [::sorma::peer names] {
+            dict set found $name 1
+        }
     }
-    foreach word [dict keys [lindex [OwnFacts] 1] @*] {
+    foreach word [dict keys [Addresses] @*] {
         dict set found [string range $word 1 end] 1
     }
     foreach name [::sorma::names *@*] {
@@ -221,7 +154,8 @@ proc ::sorma::discover::trouble {where {request {}}} {
                     return "no daemon listens on $address"
                 }
                 # Whoever sees it removes it, so that it is said once.
-                if {[file dirname $address] eq [RuntimeFolder] && ![catch {::sorma::SweepSocket [file rootname [file tail $address]]} swept] && $swept} {
+                if {![catch {::sorma::RuntimeSocket [file rootname [file tail $address]]} own] && $own eq $address
+                        && ![catch {::sorma::SweepSocket [file rootname [file tail $address]]} swept] && $swept} {
                     return "dead: its socket was all that was left, and has been removed"
                 }
                 return "dead: its socket is all that is left"
@@ -696,66 +630,17 @@ proc ::sorma::discover::Peer {} {
     return $Peer
 }
 
-# An address that can be asked without looking up a host's name, which may take seconds: that is done by another
-# process. Empty: not known, or not yet.
+# An address that can be asked without looking up a host's name, which may take seconds. Empty: not known, or not yet.
 proc ::sorma::discover::Numeric address {
-    variable Hosts
-    if {[string match /* $address] || ![regexp {^(.*):(0x)?[[:xdigit:]]+$} $address -> host program]} {
-        return $address
-    }
-    if {$host eq "localhost" || [regexp {^\d+\.\d+\.\d+\.\d+$} $host]} {
-        if {$program ne {} && $host ne "localhost" && ![string match 127.* $host]} {
-            return {}           ;# another host's rpcbind would have to be asked, and that blocks
-        }
-        return $address
-    }
-    if {[string match {\[*\]} $host]} {
-        return $address
-    }
-    if {![info exists Hosts($host)]} {
-        set Hosts($host) ?
-        if {[catch {open |[list getent ahosts $host 2>@1] r} pipe]} {
-            set Hosts($host) {}
-        } else {
-            fconfigure $pipe -blocking 0
-            fileevent $pipe readable [list ::sorma::discover::LookedUp $host $pipe]
-        }
-    }
-    if {$Hosts($host) in {? {}} || $program ne {}} {
+    if {[catch {::sorma::resolve @$address} place] || [dict get $place state] ni {known here}} {
         return {}
     }
-    set number $Hosts($host)
-    if {[string match *:* $number]} {
-        set number \[$number\]
-    }
-    return $number[string range $address [string length $host] end]
+    return [dict get $place address]
 }
 
 # Why there is no such address.
 proc ::sorma::discover::WhyNot address {
-    variable Hosts
-    regexp {^(.*):(0x)?[[:xdigit:]]+$} $address -> host program
-    if {$program ne {}} {
-        return "not asked: that needs the rpcbind of $host"
-    }
-    if {[info exists Hosts($host)] && $Hosts($host) eq {}} {
-        return "host $host is not known"
-    }
-    return "host $host is being looked up"
-}
-
-proc ::sorma::discover::LookedUp {host pipe} {
-    variable Hosts
-    if {[gets $pipe line] < 0 && ![eof $pipe]} {
-        return
-    }
-    set number [lindex [split $line] 0]
-    set Hosts($host) [if {[regexp {^[[:xdigit:].:]+$} $number]} {set number}]
-    fileevent $pipe readable {}
-    catch {close $pipe}
-    if {$Hosts($host) eq {}} {
-        after 10000 [list unset -nocomplain ::sorma::discover::Hosts($host)]
-    }
+    return [if {[catch {::sorma::resolve @$address} place]} {set place} else {dict get $place why}]
 }
 
 # ---- answers of strangers ----

@@ -272,7 +272,7 @@ proc ::sorma::inspect::doctor::CheckLimits {} {
 # Needed by -rpcbind, and by addresses that are program numbers.
 proc ::sorma::inspect::doctor::CheckRpcbind {} {
     set programs {}
-    dict for {word address} [lindex [::sorma::discover::OwnFacts] 1] {
+    dict for {word address} [::sorma::discover::Addresses] {
         if {[regexp {:0x[[:xdigit:]]+$} $address]} {
             lappend programs $word
         }
