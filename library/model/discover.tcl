@@ -10,7 +10,7 @@
 package require sorma
 package provide sorma::discover 1.0
 namespace eval ::sorma::discover {
-    namespace export settle daemons names objects classes words inventory census describe guess locate ask fetch await renew address state trouble
+    namespace export settle daemons names objects classes words inventory census describe guess locate ask fetch await renew address state trouble consult
     namespace ensemble create
 
     variable Fresh 1000         ;# ms for which an answer is not asked for again
@@ -24,7 +24,7 @@ namespace eval ::sorma::discover {
     #   error, code   of the last attempt when that failed          failed  ms, when; 0: it did not
     variable Asked
     variable Parsed             ;# array: {address request} -> {came, dict}: an answer, checked and taken apart
-    variable Inventory {sorm DBX -inventory names classes words}
+    variable inventoryRequest {sorm DBX -inventory names classes words}
     variable Waits              ;# array: token -> coroutine that waits for answers, empty: somebody who blocks
     variable LastWait
     variable Own                ;# {ms, addresses of the dictionary}
@@ -62,23 +62,23 @@ proc ::sorma::discover::address where {
 }
 
 # Words of the dictionary that are addresses, and what they mean: a dict, at most Fresh ms old.
-proc ::sorma::discover::Addresses {} {
+proc ::sorma::discover::addresses {} {
     variable Own
     variable Fresh
     set now [clock milliseconds]
     if {$now - [lindex $Own 0] >= $Fresh} {
-        set Own [list $now [concat {*}[dict get [LocalText {sorm DBX -inventory addresses}] addresses]]]
+        set Own [list $now [concat {*}[dict get [localText {sorm DBX -inventory addresses}] addresses]]]
     }
     return [lindex $Own 1]
 }
 
 # Forget what is known of here: the next question sees what the dictionary says now.
-proc ::sorma::discover::LookAgain {} {
+proc ::sorma::discover::lookAgain {} {
     variable Own {0 {}}
 }
 
 # The text of a reply of an object of this interpreter. The user's trail stays what it was.
-proc ::sorma::discover::LocalText request {
+proc ::sorma::discover::localText request {
     set words [lassign $request so]
     set reply [::sorma::Aside [list ::sorma::so::$so {*}$words]]
     return [lindex $reply 3]
@@ -96,7 +96,7 @@ proc ::sorma::discover::names {} {
             dict set found $name 1
         }
     }
-    foreach word [dict keys [Addresses] @*] {
+    foreach word [dict keys [addresses] @*] {
         dict set found [string range $word 1 end] 1
     }
     foreach name [::sorma::names *@*] {
@@ -110,13 +110,13 @@ proc ::sorma::discover::names {} {
 #       answer yet), away (no answer within Patience), refused, or failed; error says what is wrong.
 proc ::sorma::discover::state {where {request {}}} {
     variable Asked
-    variable Inventory
+    variable inventoryRequest
     set address [address $where]
     if {$address eq "self"} {
         return {state self error {}}
     }
     if {$request eq {}} {
-        set request $Inventory
+        set request $inventoryRequest
     }
     set key [list $address $request]
     if {![info exists Asked($key)]} {
@@ -140,7 +140,7 @@ proc ::sorma::discover::state {where {request {}}} {
 
 # ::sorma::discover::trouble WHERE ?REQUEST? --
 #       Why a daemon gives no answer, in one line for people; empty when it does. Whether it is busy or does not live is
-#       asked for at most 300 ms, and not again for 3 s.
+#       asked as consult does.
 proc ::sorma::discover::trouble {where {request {}}} {
     variable Health
     set found [state $where $request]
@@ -164,27 +164,63 @@ proc ::sorma::discover::trouble {where {request {}}} {
         }
         default { return [dict get $found error] }
     }
-    set numeric [Numeric $address]
-    if {$numeric eq {}} {
-        return [WhyNot $address]
+    if {[numeric $address] eq {}} {
+        return [whyNot $address]
     }
-    set address $numeric
-    set now [clock milliseconds]
-    if {![info exists Health($address)] || $now - [lindex $Health($address) 0] > 3000} {
-        set text "no answer: it may be stopped"
-        # A client of its own: Peer may be making a connection, and a busy daemon greets each client just once.
-        set stranger [NewInterpreter]
-        if {![catch {interp eval $stranger [list ::sorma::health $address -timeout 300]} health]} {
-            set text {}
-            if {[dict get $health state] eq "busy"} {
-                set text "busy with [dict get $health what], for [dict get $health since] ms"
-            }
-        }
-        interp delete $stranger
-        set Health($address) [list $now $text]
-    }
+    consult [list $where] $request
     set text [lindex $Health($address) 1]
     return [if {$text eq {}} {string cat "no answer yet"} else {set text}]
+}
+
+# ::sorma::discover::consult WHERES ?REQUEST? --
+#       Find out whether those that do not answer a request are busy or do not live: all at once, in at most 300 ms, and not again
+#       for 3 s. Waits as await does; trouble says what came of it.
+proc ::sorma::discover::consult {wheres {request {}}} {
+    variable Health
+    variable Consulted
+    set now [clock milliseconds]
+    set peers {}
+    foreach where $wheres {
+        set address [address $where]
+        if {[dict get [state $where $request] state] ni {asking away} || [numeric $address] eq {} || [dict exists $peers $address]
+                || ([info exists Health($address)] && $now - [lindex $Health($address) 0] <= 3000)} continue
+        set Health($address) [list $now "no answer: it may be stopped"]
+        # A client of its own: Peer may be making a connection, and a busy daemon greets each client just once.
+        if {[catch {::sorma::peer open $where -command [list ::sorma::discover::Greeted $address]} peer]} continue
+        dict set peers $address $peer
+        set Consulted($address) $peer
+        $peer ask -timeout 1000 sorm DBX -info class
+    }
+    set token [NewWait]
+    try {
+        while {[llength [lsearch -all -inline -exact [lmap address [dict keys $peers] {info exists Consulted($address)}] 1]] > 0
+            && [Suspended $token [expr {$now + 300 - [clock milliseconds]}]]} {}
+    } finally {
+        EndWait $token
+        dict for {address peer} $peers {
+            unset -nocomplain Consulted($address)
+            $peer destroy
+        }
+    }
+}
+
+proc ::sorma::discover::Greeted address {
+    variable Consulted
+    if {[info exists Consulted($address)]} {
+        $Consulted($address) health [list ::sorma::discover::Healthy $address]
+    }
+}
+
+proc ::sorma::discover::Healthy {address health} {
+    variable Health
+    variable Consulted
+    set text {}
+    if {[dict get $health state] eq "busy"} {
+        set text "busy with [dict get $health what], for [dict get $health since] ms"
+    }
+    set Health($address) [list [clock milliseconds] $text]
+    unset -nocomplain Consulted($address)
+    WakeAll
 }
 
 # ::sorma::discover::daemons --
@@ -192,10 +228,10 @@ proc ::sorma::discover::trouble {where {request {}}} {
 # Arguments:
 #       wait    ms to wait for those that have not answered yet
 proc ::sorma::discover::daemons {{wait 0}} {
-    variable Inventory
+    variable inventoryRequest
     set names [names]
     if {$wait > 0} {
-        await $wait $names $Inventory
+        await $wait $names $inventoryRequest
     }
     return [lmap name $names {
         set known [inventory $name]
@@ -209,8 +245,8 @@ proc ::sorma::discover::daemons {{wait 0}} {
 #       What there is at a daemon (empty: here): a dict of names (of its objects, sorted), classes (dict: name ->
 #       {version purpose}), words (of the dictionary). Empty as long as nothing is known.
 proc ::sorma::discover::inventory {where {now 0}} {
-    variable Inventory
-    return [Known $where $Inventory ParseInventory $now]
+    variable inventoryRequest
+    return [Known $where $inventoryRequest ParseInventory $now]
 }
 
 # ::sorma::discover::census WHERE --
@@ -249,7 +285,7 @@ proc ::sorma::discover::classes where {
 # Words of the dictionary of a daemon.
 proc ::sorma::discover::words where {
     if {$where eq {} || [address $where] eq "self"} {
-        return [dict get [LocalText {sorm DBX -inventory words}] words]
+        return [dict get [localText {sorm DBX -inventory words}] words]
     }
     set known [inventory $where]
     return [if {$known ne {}} {dict get $known words}]
@@ -262,19 +298,19 @@ proc ::sorma::discover::words where {
 proc ::sorma::discover::describe name {
     lassign [locate $name] service where
     if {$where ne {}} {
-        return [Known $where [list sorm DBX -describe $service] ParseDescription 1]
+        return [Known $where [list sorm DBX -describe $service] parseDescription 1]
     }
     if {![::sorma::exists $service]} {
         set class [lindex [split $service .] 0]
-        if {$class ni [::sorma::classes] && ![HasPackage sorma::service::$class]} {
+        if {$class ni [::sorma::classes] && ![hasPackage sorma::service::$class]} {
             return {}
         }
-    } elseif {[catch {LocalText [list sorm DBX -describe $service]} text]} {
+    } elseif {[catch {localText [list sorm DBX -describe $service]} text]} {
         return {}
     } else {
         return $text
     }
-    if {[catch {LocalText [list sorm DBX -describe $service]} text]} {
+    if {[catch {localText [list sorm DBX -describe $service]} text]} {
         return {}
     }
     return $text
@@ -290,17 +326,17 @@ proc ::sorma::discover::guess name {
     return $table
 }
 
-proc ::sorma::discover::HasPackage package {
+proc ::sorma::discover::hasPackage package {
     return [expr {[llength [package versions $package]] > 0 || [package provide $package] ne {}}]
 }
 
 # Actions and inspections that every class has: {actions inspections}, elements as in describe.
-proc ::sorma::discover::Common {} {
+proc ::sorma::discover::common {} {
     variable CommonRequests
     if {![info exists CommonRequests]} {
-        set own [LocalText {sorm DBX -describe sorm}]
+        set own [localText {sorm DBX -describe sorm}]
         set CommonRequests [lmap {what key} {actions actions inspections inspections} {
-            lmap action [lrange [LocalText [list sorm DBX -info $what]] [llength [dict get $own $key]] end] {
+            lmap action [lrange [localText [list sorm DBX -info $what]] [llength [dict get $own $key]] end] {
                 lassign $action name usage help
                 set least [llength [lsearch -all -not -glob $usage {[?]*}]]
                 list $name $usage $help $least [llength $usage]
@@ -319,7 +355,7 @@ proc ::sorma::discover::ask {where request} {
     variable Asked
     set address [address $where]
     if {$address eq "self"} {
-        return [LocalText $request]
+        return [localText $request]
     }
     set key [list $address $request]
     Ask $key
@@ -333,7 +369,7 @@ proc ::sorma::discover::Known {where request parseCmd {now 0}} {
     variable Parsed
     set address [if {$where eq {}} {string cat self} else {address $where}]
     if {$address eq "self"} {
-        return [$parseCmd [LocalText $request]]
+        return [$parseCmd [localText $request]]
     }
     set key [list $address $request]
     Ask $key
@@ -363,21 +399,21 @@ proc ::sorma::discover::Known {where request parseCmd {now 0}} {
 proc ::sorma::discover::fetch {where request ms} {
     set address [address $where]
     if {$address eq "self"} {
-        return [LocalText $request]
+        return [localText $request]
     }
     set words [lassign $request so]
     set token [NewWait]
-    set future [interp eval [Peer] [list ::sorma::async -timeout $ms -command [list ::sorma::discover::Wake $token] $so@$address {*}$words]]
+    set future [interp eval [asker] [list ::sorma::async -timeout $ms -command [list ::sorma::discover::Wake $token] $so@$address {*}$words]]
     try {
         set end [expr {[clock milliseconds] + $ms + 1000}]
-        while {![interp eval [Peer] [list $future done]] && [Suspended $token [expr {$end - [clock milliseconds]}]]} {}
-        return [lindex [interp eval [Peer] [list $future result]] 3]
+        while {![interp eval [asker] [list $future done]] && [Suspended $token [expr {$end - [clock milliseconds]}]]} {}
+        return [lindex [interp eval [asker] [list $future result]] 3]
     } on error {message options} {
         dict unset options -errorinfo
         return -options $options "daemon $where: [regsub {^sorm@\S+: } $message {}]"
     } finally {
         EndWait $token
-        interp eval [Peer] [list $future destroy]
+        interp eval [asker] [list $future destroy]
     }
 }
 
@@ -393,7 +429,7 @@ proc ::sorma::discover::renew {wheres request} {
 }
 
 # When an answer came [ms]; 0: never.
-proc ::sorma::discover::Came {where request} {
+proc ::sorma::discover::came {where request} {
     variable Asked
     set key [list [address $where] $request]
     return [if {[info exists Asked($key)]} {dict get $Asked($key) came} else {string cat 0}]
@@ -415,14 +451,14 @@ proc ::sorma::discover::Ask key {
     }
     lassign $key address request
     dict set Asked($key) asked $now
-    set target [Numeric $address]
+    set target [numeric $address]
     if {$target eq {}} {
         dict set Asked($key) asked 0
         return
     }
     set words [lassign $request so]
     set begin [list ::sorma::async -timeout $Patience -command [list ::sorma::discover::Answered $key] $so@$target {*}$words]
-    if {[catch {interp eval [Peer] $begin} future options]} {
+    if {[catch {interp eval [asker] $begin} future options]} {
         Failed $key $future [dict get $options -errorcode]
     } else {
         dict set Asked($key) future $future
@@ -488,7 +524,7 @@ proc ::sorma::discover::await {ms wheres args} {
             lappend keys [list [address $where] $request]
         }
     }
-    AwaitKeys $ms $keys
+    awaitKeys $ms $keys
 }
 
 # ::sorma::discover::settle MS --
@@ -501,11 +537,11 @@ proc ::sorma::discover::settle ms {
             lappend keys $key
         }
     }
-    AwaitKeys $ms $keys
+    awaitKeys $ms $keys
     return [expr {[llength $keys] > 0}]
 }
 
-proc ::sorma::discover::AwaitKeys {ms keys} {
+proc ::sorma::discover::awaitKeys {ms keys} {
     variable Asked
     set end [expr {[clock milliseconds] + $ms}]
     set open {}
@@ -582,7 +618,7 @@ proc ::sorma::discover::Suspended {token ms} {
 }
 
 # Let time pass.
-proc ::sorma::discover::Sleep ms {
+proc ::sorma::discover::sleep ms {
     set token [NewWait]
     set end [expr {[clock milliseconds] + $ms}]
     try {
@@ -612,17 +648,17 @@ proc ::sorma::discover::WakeAll {} {
 }
 
 # An interpreter with nothing but the bus. The module is there already, so this takes about a millisecond.
-proc ::sorma::discover::NewInterpreter {} {
+proc ::sorma::discover::newInterpreter {} {
     set interpreter [interp create]
     load [lindex [lsearch -inline -index 1 -exact [info loaded {}] Sorma] 0] Sorma $interpreter
     return $interpreter
 }
 
 # The interpreter that asks, made at first use.
-proc ::sorma::discover::Peer {} {
+proc ::sorma::discover::asker {} {
     variable Peer
     if {$Peer eq {} || ![interp exists $Peer]} {
-        set Peer [NewInterpreter]
+        set Peer [newInterpreter]
         interp eval $Peer {sorma::configure -timeout 1000}
         interp alias $Peer ::sorma::discover::Answered {} ::sorma::discover::Answered
         interp alias $Peer ::sorma::discover::Wake {} ::sorma::discover::Wake
@@ -631,7 +667,7 @@ proc ::sorma::discover::Peer {} {
 }
 
 # An address that can be asked without looking up a host's name, which may take seconds. Empty: not known, or not yet.
-proc ::sorma::discover::Numeric address {
+proc ::sorma::discover::numeric address {
     if {[catch {::sorma::resolve @$address} place] || [dict get $place state] ni {known here}} {
         return {}
     }
@@ -639,7 +675,7 @@ proc ::sorma::discover::Numeric address {
 }
 
 # Why there is no such address.
-proc ::sorma::discover::WhyNot address {
+proc ::sorma::discover::whyNot address {
     return [if {[catch {::sorma::resolve @$address} place]} {set place} else {dict get $place why}]
 }
 
@@ -677,7 +713,7 @@ proc ::sorma::discover::ParseCensus text {
     return $out
 }
 
-proc ::sorma::discover::ParseDescription text {
+proc ::sorma::discover::parseDescription text {
     foreach key {name exists class purpose version words signature example help} {
         dict set out $key [dict get $text $key]
     }
