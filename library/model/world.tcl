@@ -44,6 +44,7 @@ namespace eval ::sorma::world {
     variable Lost               ;# array: token -> messages of a trail that were dropped
     variable Last 0             ;# token, or serial
     variable Running 0          ;# is the model at work
+    variable Work {}            ;# list of {daemon serial objects at seen}: answers that are to be taken in
     variable Telling 0          ;# is a callback on the stack
     variable Timers             ;# array: what -> id of after
     variable Local {}           ;# subscription to what happens in this process
@@ -72,9 +73,9 @@ proc ::sorma::world::watch {pattern args} {
     if {[dict get $options -command] eq {}} {
         Misused "-command is missing: what is to be called with each event?"
     }
+    set token [NewToken watch]
     Start
     Look
-    set token [NewToken watch]
     dict set Watches $token [dict create pattern $pattern events [dict get $options -events] command [dict get $options -command] ready 0]
     set ::sorma::world::Out($token) {}
     set ::sorma::world::Late($token) {}
@@ -105,6 +106,7 @@ proc ::sorma::world::unwatch token {
         ::sorma::value forget $token
     }
     EndLater
+    return
 }
 
 # ::sorma::world::get KEY -- what is known of a daemon or an object: a dict; empty when nothing is.
@@ -140,6 +142,8 @@ proc ::sorma::world::forget address {
     variable Added
     dict unset Added $address
     Soon
+    EndLater
+    return
 }
 
 # ::sorma::world::value NAME *|-option|{EXEC ...} ?-every ms? -command PREFIX -- see value.tcl.
@@ -399,7 +403,7 @@ proc ::sorma::world::Start {} {
     set Running 1
     set Local [::sorma::subscribe sorm -event {[dot][bir][cja]*} -queue 100000 -command ::sorma::world::HappenedHere]
     NewDaemon self {} self
-    TakeObjects self 0 [HereObjects]
+    TakeObjects self {} [HereObjects]
     Look
     Beat
 }
@@ -428,6 +432,7 @@ proc ::sorma::world::End {} {
         Close $key
     }
     set ::sorma::world::Daemons {}
+    set ::sorma::world::Work {}
     foreach name {Objects Names Lines Timers} {
         array unset ::sorma::world::$name
     }
@@ -717,35 +722,59 @@ proc ::sorma::world::Counted {key serial status value} {
     if {![Current $key $serial]} {
         return
     }
-    dict unset Lines($key) asking
     if {$status eq "error"} {
+        dict unset Lines($key) asking
         if {![string match "SORMA COMM TIMEOUT*" [lindex $value 1]]} {      ;# then HEALTH says how it is
             Failed $key {*}$value
         }
         return
     }
     if {[catch {dict get [dict get $value text] objects} items] || [catch {llength $items}]} {
+        dict unset Lines($key) asking
         return [State $key refused "its answer makes no sense"]
     }
     TakeObjects $key $serial $items
 }
 
-# All objects of a daemon, {name class calls underway} each: tell the differences. Many are taken in a slice at a time.
-proc ::sorma::world::TakeObjects {key serial items {at 0} {seen {}}} {
-    variable Lines
-    variable Names
+# All objects of a daemon, {name class calls underway} each: tell the differences, when it is their turn.
+proc ::sorma::world::TakeObjects {key serial items} {
+    variable Work
+    lappend Work [list $key $serial $items]
+    Later work 0 DoWork
+}
+
+# Take in what daemons have answered, for a while: many answers at once must not hold up the event loop.
+proc ::sorma::world::DoWork {} {
+    variable Work
     variable Slice
-    if {$key ne "self" && ![Current $key $serial]} {
-        return
-    }
     set end [expr {[clock milliseconds] + $Slice}]
-    set n [llength $items]
-    set log [if {$key ne "self"} {dict get $Lines($key) log}]
-    for {} {$at < $n} {incr at} {
-        if {$at % 50 == 0 && [clock milliseconds] >= $end} {
-            after 1 [list ::sorma::world::TakeObjects $key $serial $items $at $seen]
+    while {[llength $Work] > 0} {
+        lassign [lindex $Work 0] key serial items at seen
+        set Work [lreplace $Work 0 0]
+        if {$at eq {}} {
+            set at 0
+        }
+        if {$key ne "self" && ![Current $key $serial]} continue
+        set at [TakeSome $key $items $at seen $end]
+        if {$at < [llength $items]} {
+            set Work [linsert $Work 0 [list $key $serial $items $at $seen]]
+        } else {
+            TookAll $key $seen
+        }
+        if {[clock milliseconds] >= $end && [llength $Work] > 0} {
+            Later work 1 DoWork
             return
         }
+    }
+}
+
+# From one of them on, until a time. Returns how far it came.
+proc ::sorma::world::TakeSome {key items at seenVar end} {
+    upvar 1 $seenVar seen
+    set log [LogOf $key]
+    set n [llength $items]
+    for {} {$at < $n} {incr at} {
+        if {$at % 20 == 0 && [clock milliseconds] >= $end} break
         if {[catch {lassign [lindex $items $at] name class calls underway}]
                 || ![regexp {^[[:alpha:]][^\s@\[\]{}$"\\;[:cntrl:]]*$} $name] || ![regexp {^\w+$} $class]
                 || ![string is wideinteger -strict $calls] || ![string is wideinteger -strict $underway]} continue
@@ -754,6 +783,13 @@ proc ::sorma::world::TakeObjects {key serial items {at 0} {seen {}}} {
             Made $key $name $class $calls $underway
         }
     }
+    return $at
+}
+
+proc ::sorma::world::TookAll {key seen} {
+    variable Lines
+    variable Names
+    set log [LogOf $key]
     foreach name [dict keys $Names($key)] {
         if {![dict exists $seen $name] && !([dict exists $log $name] && [dict get $log $name] eq "made")} {
             Removed $key $name
@@ -762,9 +798,16 @@ proc ::sorma::world::TakeObjects {key serial items {at 0} {seen {}}} {
     if {$key ne "self"} {
         dict set Lines($key) known 1
         dict set Lines($key) log {}
+        dict unset Lines($key) asking
     }
     Counts $key
     CheckReady
+}
+
+# What has come and gone since its objects were asked for: newer than the answer.
+proc ::sorma::world::LogOf key {
+    variable Lines
+    return [if {$key ne "self"} {dict get $Lines($key) log}]
 }
 
 proc ::sorma::world::Made {key name class calls underway} {
@@ -822,7 +865,7 @@ proc ::sorma::world::HappenedHere event {
         return [Soon]
     }
     if {[dict get $event lost] != 0} {
-        TakeObjects self 0 [HereObjects]
+        TakeObjects self {} [HereObjects]
     }
     Take self $event
 }

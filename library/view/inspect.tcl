@@ -194,7 +194,7 @@ proc ::sorma::inspect::daemons args {
     set rows [lmap item $items {
         list [dict get $item name] [dict get $item state] [dict get $item objects] [dict get $item address]
     }]
-    set out [list [table {daemon state objects address} $rows {2}]]
+    set out [list [Table {daemon state objects address} $rows {2}]]
     foreach item $items {
         if {[dict get $item error] ne {}} {
             lappend out [Trouble "[dict get $item name]: [dict get $item error]"]
@@ -217,7 +217,7 @@ proc ::sorma::inspect::help args {
         set rows [lmap {command purpose} $Topics {list [::sorma::complete::usage sorma::inspect::$command] $purpose}]
         set rows [lmap row $rows {lreplace $row 0 0 [string map {sorma::inspect:: {}} [lindex $row 0]]}]
         lappend rows [list "NAME CTRL -help" "what an object can do; help NAME makes none, and takes a class, or NAME@DAEMON, too"]
-        return [table {} $rows {} 1]
+        return [Table {} $rows {} 1]
     }
     set command [string trimleft $name :]
     if {!$data && ![::sorma::complete::isName $command]} {
@@ -562,7 +562,7 @@ proc ::sorma::inspect::top args {
         }
         list $name [Short [dict get $item rate]] [dict get $item p50] [dict get $item p99] [dict get $item calls] [dict get $item underway]
     }]
-    set out [list [table {object EXEC/s p50 p99 calls waiting} $rows {1 2 3 4 5}]]
+    set out [list [Table {object EXEC/s p50 p99 calls waiting} $rows {1 2 3 4 5}]]
     foreach error $errors {
         lappend out [Trouble "[dict get $error where]: [dict get $error error]"]
     }
@@ -857,7 +857,7 @@ proc ::sorma::inspect::Trouble text {
     return [::sorma::text::block "  " $text warning [Style]]
 }
 
-proc ::sorma::inspect::table {heads rows right {wrap 0}} {
+proc ::sorma::inspect::Table {heads rows right {wrap 0}} {
     set style [dict filter [Style] key -colour -width]
     return [::sorma::text::table $heads $rows {*}$style -right $right -wrap $wrap]
 }

@@ -215,7 +215,7 @@ proc ::sorma::inspect::rate args {
             if {$value ne {}} {Microseconds [expr {1e6 * $value}]}
         }] [if {$lost != 0} {set lost}]
     }]
-    return [table {event count rate mean min max jitter lost} $rows {1 2 3 4 5 6 7}]
+    return [Table {event count rate mean min max jitter lost} $rows {1 2 3 4 5 6 7}]
 }
 
 # times: of the events [us], as they came; lost: how many.
