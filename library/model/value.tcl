@@ -15,6 +15,7 @@ namespace eval ::sorma::value {
     namespace ensemble create
     # dict: {object@daemon what} -> {tokens {token {command every options}} every values timer asking fresh}. what: options, or a request
     variable Sources {}
+    variable Telling 0          ;# is a callback on the stack
     variable Tokens {}          ;# dict: token -> {source option command}; option empty: all
 }
 
@@ -218,9 +219,13 @@ proc ::sorma::value::Soon {} {
 
 proc ::sorma::value::Tell {} {
     variable Timer
+    variable Telling
     variable Sources
     variable Tokens
     unset -nocomplain Timer
+    if {$Telling} {
+        return [Soon]                   ;# a callback runs the event loop
+    }
     set calls {}
     dict for {source facts} $Sources {
         set fresh [dict keys [dict get $facts fresh]]
@@ -242,11 +247,13 @@ proc ::sorma::value::Tell {} {
             }
         }
     }
+    set Telling 1
     foreach {token told} $calls {
         if {[dict exists $Tokens $token]} {
             ::sorma::world::deliver [dict get $Tokens $token command] [list value [dict get $Tokens $token name] $told]
         }
     }
+    set Telling 0
 }
 
 ::sorma::world::hook ::sorma::value::Happened

@@ -167,7 +167,9 @@ proc ::sorma::world::ask {daemon request args} {
     set options [Options {-timeout 5000 -command {}} $args]
     set command [dict get $options -command]
     if {$daemon eq "self"} {
-        set future [::sorma::async -timeout [dict get $options -timeout] -command [list ::sorma::world::AnswerHere $command] {*}$request]
+        if {[catch {::sorma::async -timeout [dict get $options -timeout] -command [list ::sorma::world::AnswerHere $command] {*}$request} message failure]} {
+            after 0 [list ::sorma::world::deliver $command [list error [list $message [dict get $failure -errorcode]]]]
+        }
         return
     }
     if {![info exists Lines($daemon)] || [dict get $Lines($daemon) peer] eq {}} {
@@ -184,9 +186,9 @@ proc ::sorma::world::AnswerHere {command future} {
     set failed [catch {::sorma::Aside [list $future result]} result options]
     $future destroy
     if {$failed} {
-        return [{*}$command error [list $result [dict get $options -errorcode]]]
+        return [deliver $command [list error [list $result [dict get $options -errorcode]]]]
     }
-    {*}$command ok [Reply $result]
+    deliver $command [list ok [Reply $result]]
 }
 
 # RET code TMSG text ... as a dict of what a model needs: code and text; a dict stays.
@@ -699,9 +701,10 @@ proc ::sorma::world::Healthy {key serial health} {
         return
     }
     dict set Lines($key) asked 0
-    if {[dict get $Daemons $key state] ne "denied"} {
-        State $key [dict get $health state] {} [dict get $health what]
+    if {[dict get $Daemons $key state] eq "denied"} {
+        return
     }
+    State $key [dict get $health state] {} [dict get $health what]
     if {![dict get $Lines($key) known] && [dict get $Lines($key) told] && [dict get $health state] eq "alive" && ![dict exists $Lines($key) asking]} {
         AskObjects $key
     }
