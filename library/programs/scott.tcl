@@ -631,12 +631,27 @@ proc ::sorma::scott::Look {name args} {
     if {!$Json || !$Direct || $name in {watch unwatch monitor}} {
         return [::sorma::inspect::$name {*}$args]
     }
-    set data [::sorma::inspect::$name {*}$args -data]
-    package require sorma::show
+    package require sorma::json
     if {$name eq "dump"} {
-        return [JsonObject $data]
+        ::sorma::inspect::dump {*}$args -data           ;# fails when there is no such object
+        return [JsonOptions [dict get [::sorma::inspect::help {*}$args -data] options]]
     }
+    set data [::sorma::inspect::$name {*}$args -data]
     return \[[join [lmap item $data {JsonObject $item}] ,]\]
+}
+
+# Options as a table has them: what each value is, is said there, and not by how it looks.
+proc ::sorma::scott::JsonOptions options {
+    set fields [lmap option $options {
+        lassign $option name type unit range default value
+        switch -- $type {
+            flag - int - double { set text [::sorma::json::number $value] }
+            vector { set text \[[join [lmap x $value {::sorma::json::number $x}] ,]\] }
+            default { set text [::sorma::json::text $value] }
+        }
+        string cat [::sorma::json::text $name] : $text
+    }]
+    return "{[join $fields ,]}"
 }
 
 proc ::sorma::scott::JsonObject dict {
