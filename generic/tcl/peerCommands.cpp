@@ -207,8 +207,10 @@ struct Peers {
     ~Peers() { stopWatching(); }
 
     void watchFolder(const std::string& folder, Obj command) {
-        stopWatching();
         changedCmd = command;
+        if (fd >= 0 && folder == watched) return;
+        stopWatching();
+        watched = folder;
         fd = inotify_init1(IN_NONBLOCK | IN_CLOEXEC);
         if (fd < 0) return;             // then who asks again now and then sees it
         fd = raiseDescriptor(fd);
@@ -221,9 +223,12 @@ struct Peers {
         close(std::exchange(fd, -1));
     }
     void folderChanged() {
-        char events[4096];
-        while (read(fd, events, sizeof events) > 0) {
-        }
+        alignas(inotify_event) char events[4096];
+        bool gone = false;              // the folder itself: who asks again watches the one that is there then
+        for (ssize_t n; (n = read(fd, events, sizeof events)) > 0;)
+            for (char* at = events; at < events + n; at += sizeof(inotify_event) + reinterpret_cast<inotify_event*>(at)->len)
+                gone = gone || (reinterpret_cast<inotify_event*>(at)->mask & IN_IGNORED);
+        if (gone) stopWatching();
         Obj command = changedCmd;
         call(interpreter, command, {});
     }
@@ -232,6 +237,7 @@ struct Peers {
     Comm& comm;
     std::uint64_t last = 0;
     int fd = -1;                        // inotify
+    std::string watched;                // folder
     Obj changedCmd;
 };
 

@@ -45,6 +45,7 @@ namespace eval ::sorma::world {
     variable Last 0             ;# token, or serial
     variable Running 0          ;# is the model at work
     variable Work {}            ;# list of {daemon serial objects at seen}: answers that are to be taken in
+    variable Opening {}         ;# daemons to which a line is to be made
     variable Telling 0          ;# is a callback on the stack
     variable Timers             ;# array: what -> id of after
     variable Local {}           ;# subscription to what happens in this process
@@ -75,7 +76,9 @@ proc ::sorma::world::watch {pattern args} {
     }
     set token [NewToken watch]
     Start
-    Look
+    if {![info exists ::sorma::world::Timers(looked)]} {
+        Look
+    }
     dict set Watches $token [dict create pattern $pattern events [dict get $options -events] command [dict get $options -command] ready 0]
     set ::sorma::world::Out($token) {}
     set ::sorma::world::Late($token) {}
@@ -406,7 +409,6 @@ proc ::sorma::world::Start {} {
     set Local [::sorma::subscribe sorm -event {[dot][bir][cja]*} -queue 100000 -command ::sorma::world::HappenedHere]
     NewDaemon self {} self
     TakeObjects self {} [HereObjects]
-    Look
     Beat
 }
 
@@ -435,6 +437,7 @@ proc ::sorma::world::End {} {
     }
     set ::sorma::world::Daemons {}
     set ::sorma::world::Work {}
+    set ::sorma::world::Opening {}
     foreach name {Objects Names Lines Timers} {
         array unset ::sorma::world::$name
     }
@@ -464,6 +467,7 @@ proc ::sorma::world::Look {} {
     if {!$Running} {
         return
     }
+    Later looked 0 list                 ;# once in a turn of the event loop is enough
     set how {}
     catch {
         foreach name [::sorma::peer names -command ::sorma::world::FolderChanged] {
@@ -578,13 +582,39 @@ proc ::sorma::world::Resolved {key place} {
     switch -- [dict get $place state] {
         known {
             if {[dict get $Lines($key) peer] eq {} && [clock milliseconds] - [dict get $Lines($key) opened] > 900} {
-                Open $key
+                OpenLater $key
             }
         }
         asking { State $key asking [dict get $place why] }
         default {
             Close $key
             State $key unresolved [dict get $place why]
+        }
+    }
+}
+
+# Lines are made a slice at a time, like all that may be much.
+proc ::sorma::world::OpenLater key {
+    variable Opening
+    if {$key ni $Opening} {
+        lappend Opening $key
+        Later open 0 OpenSome
+    }
+}
+
+proc ::sorma::world::OpenSome {} {
+    variable Opening
+    variable Lines
+    variable Slice
+    set end [expr {[clock milliseconds] + $Slice}]
+    while {[llength $Opening] > 0} {
+        set Opening [lassign $Opening key]
+        if {[info exists Lines($key)] && [dict get $Lines($key) peer] eq {}} {
+            Open $key
+        }
+        if {[clock milliseconds] >= $end && [llength $Opening] > 0} {
+            Later open 1 OpenSome
+            return
         }
     }
 }
