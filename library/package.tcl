@@ -5,6 +5,7 @@
 
 apply {{} {
     foreach {package commands} {
+        world world
         discover discover
         complete complete
         manual {manual manual::pages manual::titles manual::fragment}

@@ -175,6 +175,7 @@ void Service::apply(Applying& a) {
         if (owner) owner->partsChanged();
         throw;
     }
+    if (sorm_ && sorm_->announces()) sorm_->announceChange(*this, options);
 }
 
 void Service::ctrl(Message& m) {

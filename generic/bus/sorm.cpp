@@ -362,6 +362,7 @@ std::vector<std::string> Sorm::names(std::string_view pattern) const {
 }
 
 void Sorm::dictionaryChanged(std::string_view word) {
+    announce("dictionary.changed", word);
     bool everything = word.empty();
     if (!everything && !Name::isLocation(word)) return;
     ++locationChanges_;
@@ -405,6 +406,14 @@ void Sorm::announce(const Trail& trail) {
     for (auto& e : trail.entries())
         if (e.daemon.empty() || e.daemon == daemonName)
             announce(std::string("trail.") + toText(e.severity), e.text, {e.so, "SORMA " + e.symbol, e.request});
+}
+
+void Sorm::announceChange(const Service& service, std::span<const Option* const> options) {
+    std::vector<std::string> words{service.name()};
+    for (auto* o : options) words.insert(words.end(), {o->name, toText(o->get(service))});
+    words.push_back(CallContext::currentCallers());
+    if (!onForeignThread()) return announce("object.changed", service.name(), std::move(words));
+    mailbox_->post([this, name = service.name(), words] { announce("object.changed", name, words); });
 }
 
 void Sorm::monitor(std::string_view event, const Message& m) {

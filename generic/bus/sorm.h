@@ -106,10 +106,13 @@ public:
     // Wait for anything to happen, and let it: for those who block until an object of this process answers.
     void turn(Deadline deadline);
 
-    // What happens in the SORM is published by the SO `sorm`: object.made, object.removed, connection.opened,
-    // connection.closed, and trail.error, trail.warning, trail.verbose as entries occur.
+    // What happens in the SORM is published by the SO `sorm`: object.made, object.removed, object.changed, dictionary.changed,
+    // connection.opened, connection.closed, and trail.error, trail.warning, trail.verbose as entries occur.
     void announce(std::string_view event, std::string_view text, std::vector<std::string> words = {});
     void announce(const Trail& trail);
+    bool announces() const { return self_ && self_->stream_; }      // does anybody listen, or has listened?
+    // object.changed: text: its name; words: name -opt value ... by
+    void announceChange(const Service& service, std::span<const Option* const> options);
     // Does anybody listen to what passes? And tell him: bus/monitor.h.
     bool monitored() const { return self_ && self_->isMonitored(); }
     void monitor(std::string_view event, const Message& m);

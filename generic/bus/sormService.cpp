@@ -1,4 +1,6 @@
 // The SO `sorm`: looks into its SORM, and works on it: classes, objects, references, connections, daemons.
+#include <algorithm>
+
 #include "bus/call.h"
 #include "bus/glob.h"
 #include "bus/listText.h"
@@ -14,7 +16,8 @@ const Prototype kLook{Severity::error, "SERVICE GONE", 1, "sorm: there is no ser
 const Prototype kDepth{Severity::error, "SORM DEPTH", 0, "sorm: requests in requests are {} deep; that is enough"};
 const Prototype kElsewhere{Severity::error, "NAME UNKNOWN_CLASS", 1, "sorm: {} is served elsewhere: ask there"};
 const Prototype kInventory{Severity::error, "REQUEST SYNTAX", 1,
-    "sorm: bad word \"{}\" of -inventory: must be addresses, classes, names, objects, serves, or words"};
+    "sorm: bad word \"{}\" of -inventory: must be addresses, busiest, classes, names, objects, serves, or words"};
+const Prototype kBusiest{Severity::error, "REQUEST SYNTAX", 1, "sorm: busiest expects how many objects, got \"{}\""};
 constexpr std::size_t kMostLines = 1000;
 constexpr int kMostDepth = 16;
 
@@ -120,9 +123,15 @@ public:
     void inventory(Args args, Message& reply) {
         static const std::vector<std::string> all = {"classes", "names", "objects", "words", "addresses", "serves"};
         DictText out;
-        for (auto& what : args.empty() ? Args(all) : args) {
+        const Args wanted = args.empty() ? Args(all) : args;
+        for (std::size_t k = 0; k < wanted.size(); ++k) {
+            auto& what = wanted[k];
             std::string list;
-            if (what == "classes") {
+            if (what == "busiest") {
+                std::int64_t most = 0;
+                if (++k == wanted.size() || !parseNumber(wanted[k], most) || most < 0) fail(kBusiest, k < wanted.size() ? wanted[k] : std::string());
+                list = busiest(std::size_t(most));
+            } else if (what == "classes") {
                 for (auto* type : sorm().classes()) appendListElement(list, listOf({type->name(), type->version(), type->purpose()}));
             } else if (what == "names") {
                 for (auto& name : sorm().names()) appendListElement(list, name);
@@ -147,6 +156,21 @@ public:
             out.put(what, list);
         }
         addLine(reply, out.text());
+    }
+
+    // The objects whose EXEC was called most, the busiest first: {name class calls underway} ...
+    std::string busiest(std::size_t most) {
+        std::vector<std::pair<std::uint64_t, Service*>> called;
+        for (auto& name : sorm().names())
+            if (Service* s = sorm().find(name); s->name() == name && s->calls() + s->underWay() > 0) called.emplace_back(s->calls(), s);
+        most = std::min(most, called.size());
+        std::partial_sort(called.begin(), called.begin() + std::ptrdiff_t(most), called.end(), [](auto& a, auto& b) { return a.first > b.first; });
+        std::string list;
+        for (std::size_t k = 0; k < most; ++k) {
+            Service& s = *called[k].second;
+            appendListElement(list, listOf({s.name(), s.type().name(), std::to_string(s.calls()), std::to_string(s.underWay())}));
+        }
+        return list;
     }
 
     // The table of a class, by the name of an object that need not be there; it is not made. Values: of one that is.
@@ -285,7 +309,7 @@ Class describeSorm() {
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).denied(a, m); }})
         .inspection({"-budgets", "", "what each client makes this daemon keep, in bytes, and how much it may", 0, 0,
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).budgets(a, m); }})
-        .inspection({"-inventory", "?what ...?", "dict of classes, names, objects (name class calls underway), words, addresses, serves",
+        .inspection({"-inventory", "?what ...?", "dict of classes, names, objects (name class calls underway), words, addresses, serves; or busiest N",
                      0, Action::kRest, [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).inventory(a, m); }})
         .inspection({"-describe", "name", "dict of the table of an object's class, without making the object", 1, 1,
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).describe(a, m); }})

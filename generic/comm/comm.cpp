@@ -17,6 +17,8 @@ const Prototype kServed{Severity::error, "COMM REFUSED", 1, "this process serves
 const Prototype kNotServed{Severity::error, "SERVICE GONE", 1, "this process does not serve the name \"{}\""};
 const Prototype kName{Severity::error, "NAME SYNTAX", 1, "bad daemon name \"{}\": letters, digits, _ - and . only"};
 
+const Prototype kUnresolved{Severity::error, "ADDRESS UNRESOLVED", 1, "{}: {}"};
+
 constexpr std::int64_t kProbe = 500;    // [ms] for a daemon to say who it is
 
 bool goodName(const std::string& name) {
@@ -29,7 +31,8 @@ bool goodName(const std::string& name) {
 
 Comm::Comm(Sorm& sorm) : Comm(sorm, std::make_shared<Settings>()) {}
 
-Comm::Comm(Sorm& sorm, std::shared_ptr<Settings> own) : settings(*own), sorm_(sorm), shared_(std::move(own)), reactor_(std::make_shared<Reactor>(sorm.mailbox())) {
+Comm::Comm(Sorm& sorm, std::shared_ptr<Settings> own) : settings(*own), sorm_(sorm), shared_(std::move(own)), reactor_(std::make_shared<Reactor>(sorm.mailbox())),
+      resolver_(sorm.dictionary(), [this](const Address& a) { return servesAt(a); }, sorm.mailbox()) {
     sorm_.setLoop(reactor_.get());
     sorm_.add(Proxy::describe());
     sorm_.makeProxy = [this](const Name& name, std::vector<std::string> recipe, const PrincipalPointer& relayFor) {
@@ -82,6 +85,29 @@ std::shared_ptr<Connection> Comm::lineTo(const Name& name) {
     };
     known = connection;
     return connection;
+}
+
+std::shared_ptr<Connection> Comm::privateLine(const std::string& where) {
+    auto locate = [self = std::weak_ptr(self_), where]() -> Address {
+        auto comm = self.lock();
+        if (!comm) fail(kUnresolved, where, "the program ends");
+        Place place = (*comm)->resolver_.find("@" + where);
+        if (place.state == Place::State::known) return place.target;
+        fail(kUnresolved, where, place.state == Place::State::here ? "it is this process" : place.why);
+    };
+    auto line = std::make_shared<Connection>(where, locate, shared_, reactor_, sorm_.mailbox());
+    line->inBackground();
+    return line;
+}
+
+bool Comm::servesAt(const Address& a) const {
+    for (auto& [name, server] : servers_) {
+        if (a.kind == Address::Kind::path && a.host == server->socket()) return true;
+        if (a.kind == Address::Kind::tcp && server->port() > 0 && int(a.number) == server->port() &&
+            (a.host == "localhost" || a.host == "[::1]" || a.host.starts_with("127.")))
+            return true;
+    }
+    return false;
 }
 
 std::unique_ptr<Service> Comm::makeProxy(const Name& name, std::vector<std::string> recipe, const PrincipalPointer& relayFor) {

@@ -16,6 +16,7 @@
 #include "comm/gate.h"
 #include "comm/proxy.h"
 #include "comm/reactor.h"
+#include "comm/resolver.h"
 #include "comm/server.h"
 #include "comm/settings.h"
 #include "comm/watchman.h"
@@ -53,11 +54,18 @@ public:
     };
     std::vector<Found> daemons();
 
+    // Where a name leads; never waits.
+    Resolver& resolver() { return resolver_; }
+    // A line of its own to one daemon, for those who look on: it is shared with no proxy, and never waits for a moment
+    // (Connection::inBackground). where: what stands after @.
+    std::shared_ptr<Connection> privateLine(const std::string& where);
+
 private:
     Comm(Sorm& sorm, std::shared_ptr<Settings> settings);
     std::unique_ptr<Service> makeProxy(const Name& name, std::vector<std::string> recipe, const PrincipalPointer& relayFor);
     std::shared_ptr<Connection> lineTo(const Name& name);       // as the dictionary says now; null when it says here
     std::string facts(std::string_view what);
+    bool servesAt(const Address& address) const;
 
     Sorm& sorm_;
     const std::shared_ptr<Settings> shared_;    // with connections and proxies, which may outlive us
@@ -66,6 +74,7 @@ private:
     std::map<std::string, std::unique_ptr<Server>> servers_;
     std::vector<std::unique_ptr<Server>> ended_;        // unserved while one of their own requests was on the stack
     std::map<std::string, std::weak_ptr<Connection>> connections_;      // by "RULE ADDRESS", see resolve
+    Resolver resolver_;
     std::unique_ptr<Watchman> watchman_;                        // while there is a server
     std::shared_ptr<Comm*> self_ = std::make_shared<Comm*>(this);       // for proxies, likewise
 };

@@ -538,6 +538,7 @@ void Connection::welcomed(const std::string& whom, const std::string& record) {
     if (first || !sameDaemon) ++boots_;
     pause_ = 0;
     answered_ = false;
+    tellChange();
     if (!first && !sameDaemon)
         for (auto& [number, callback] : std::map(restarted_)) {
             try {
@@ -589,6 +590,7 @@ void Connection::lost(const std::string& how) {
     if (!unread_.empty()) how_ += " (\"" + unread_ + "\")";
     drop();
     ++reconnects_;
+    tellChange();
     if (wanted()) retry();
     else letGo();
 }

@@ -73,6 +73,12 @@ public:
                                       bool relayed = false);
     // How the daemon is; also while it is busy. Throws as call does.
     wire::Health health(Deadline deadline);
+    // For those who only look on: begin() never waits for a moment, and what has to be known comes as a call from the loop.
+    void inBackground() { background_ = true; }
+    std::function<void()> changed;                      // it is connected, or lost
+    void askHealth(std::function<void(const wire::Health&)> told);      // never told when there is no connection, or it breaks
+    // Listen while connected. An objection comes as the event sorma.refused.
+    std::unique_ptr<Listening> listenLater(std::string name, std::string pattern, std::size_t keep, Listener listener);
     // Is the reactor at work, so that nothing may block?
     bool inEvents() const { return inEvents_; }
 
@@ -190,6 +196,7 @@ private:
     void deliver();
     void deliverOne(Pending& pending);
     void deliverLater();
+    void tellChange();
     void forget(std::size_t calls);                     // so many are answered
     void letGo();                                       // of the connection, when nobody needs it any more
     void addDeadline(const PendingPointer& pending);
@@ -277,7 +284,7 @@ private:
     Timer retryTimer_, deadlineTimer_;
     std::int64_t deadlineAt_ = 0;
     std::priority_queue<Due, std::vector<Due>, std::greater<>> due_;
-    bool watched_ = false, inEvents_ = false;
+    bool watched_ = false, inEvents_ = false, background_ = false;
     std::uint32_t interest_ = 0;
     std::map<std::uint32_t, Control> controls_;         // by xid
     std::uint32_t lastControl_ = 0, lastSubscription_ = 0;

@@ -58,7 +58,7 @@ void Connection::begin(const PendingPointer& pending, const std::string& name, M
         sendWaiting();
     } else if (!opening_ && !retryTimer_) {
         startOpening();
-        finishOpening(Deadline::in(moment(settings_)));
+        if (!background_) finishOpening(Deadline::in(moment(settings_)));
     }
     watch();
     if (!arrived_.empty()) deliverLater();
@@ -317,6 +317,13 @@ void Connection::deliverLater() {
     mailbox_->post([self = shared_from_this()] {
         self->delivering_ = false;
         self->deliver();
+    });
+}
+
+void Connection::tellChange() {
+    if (!changed) return;
+    mailbox_->post([weak = weak_from_this()] {
+        if (auto self = weak.lock(); self && self->changed) self->changed();
     });
 }
 
@@ -650,6 +657,18 @@ wire::Health Connection::health(Deadline deadline) {
     return answer->health;
 }
 
+void Connection::askHealth(std::function<void(const wire::Health&)> told) {
+    if (fd_ < 0) return;
+    Buffer bytes;
+    auto answered = [mailbox = mailbox_, told = std::move(told)](XdrReader& r, const std::string& objection) {
+        wire::Health health;
+        if (objection.empty() && wire::readHealth(r, health)) mailbox->post([told, health] { told(health); });
+    };
+    wire::writeHealthRequest(bytes, control(std::move(answered)), program_);
+    sendBytes(std::move(bytes));
+    watch();
+}
+
 class Connection::Remote : public Listening {
 public:
     Remote(std::shared_ptr<Connection> c, wire::Subscription w, std::shared_ptr<Inbox> i, bool r)
@@ -734,6 +753,21 @@ std::unique_ptr<Listening> Connection::listen(std::string name, std::string patt
     if (!arrived_.empty()) deliverLater();
     if (!answer->objection.empty()) throw Error(std::move(answer->objection));
     remote->last = std::max(remote->last, answer->last);     // events may have come with the answer
+    watch();
+    return remote;
+}
+
+std::unique_ptr<Listening> Connection::listenLater(std::string name, std::string pattern, std::size_t keep, Listener listener) {
+    wire::Subscription wanted{++lastSubscription_, std::move(name), std::move(pattern), static_cast<std::uint32_t>(keep)};
+    auto remote = std::make_unique<Remote>(shared_from_this(), wanted, std::make_shared<Inbox>(mailbox_, keep, std::move(listener)), false);
+    remote->boot = daemon_.boot;
+    if (fd_ >= 0)
+        remote->ask([this, id = wanted.id](Trail objection, const Message& m) {
+            auto found = subscriptions_.find(id);
+            if (found == subscriptions_.end()) return;
+            if (objection.empty()) found->second->last = std::max(found->second->last, std::uint64_t(m.ints[0]));
+            else found->second->tell("sorma.refused", -1, objection.cause() ? objection.cause()->text : "");
+        });
     watch();
     return remote;
 }

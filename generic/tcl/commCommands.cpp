@@ -11,6 +11,7 @@
 #include "comm/comm.h"
 #include "comm/endpoint.h"
 #include "tcl/eventSource.h"
+#include "tcl/peerCommands.h"
 
 namespace sorma {
 
@@ -219,6 +220,7 @@ void initCommCommands(Interpreter& i) {
     auto network = std::make_shared<Network>(i);
     Tcl_SetAssocData(i.interp, kKey, nullptr, network.get());
     i.atEnd([network]() mutable { network.reset(); });
+    initPeerCommands(i, network->comm);
     i.define("serve", ServeObjCmd);
     i.define("unserve", UnserveObjCmd);
     i.define("daemons", DaemonsObjCmd);

@@ -67,7 +67,7 @@ proc ::sorma::scott::main words {
     if {[llength $requests] > 0 && [llength $words] > 0} {
         return [Misused "either -c or a file, not both: \"[lindex $words 0]\""]
     }
-    Prepare
+    prepare
     if {[llength $requests] > 0} {
         return [Batch $requests]
     }
@@ -104,12 +104,12 @@ proc ::sorma::scott::ShellWords words {
         }
         return
     }
-    Put [lsearch -all -inline -glob [concat [Commands] {-c --json --help --version}] [::sorma::complete::Escape $partial]*]
+    Put [lsearch -all -inline -glob [concat [Commands] {-c --json --help --version}] [::sorma::text::escape $partial]*]
 }
 
 # The words that can end a line of the prompt, each with what of its last word stands before it.
 proc ::sorma::scott::PutWords {line {before {}}} {
-    Prepare
+    prepare
     set text $before$line
     ::sorma::complete $text [string length $text]           ;# asks the daemons
     ::sorma::discover::settle 300
@@ -131,11 +131,11 @@ proc ::sorma::scott::Misused message {
     return 2
 }
 
-# ::sorma::scott::Prepare --
+# ::sorma::scott::prepare --
 #       What all that is typed to scott may rely on, and so does a recording: dict answers CTRL, EXEC and DBX, and the
 #       inspector's commands are there. These live in ::sorma::words, which the global namespace looks into last: they give way to
 #       every command of the same name that somebody has, or makes later.
-proc ::sorma::scott::Prepare {} {
+proc ::sorma::scott::prepare {} {
     ::sorma::JoinDict
     # Where nothing says which characters the terminal speaks it is UTF-8 today, not what Tcl makes of it.
     if {[encoding system] in {iso8859-1 ascii}} {
@@ -184,8 +184,9 @@ proc ::sorma::scott::Batch requests {
 
 # Who has asked for a watch wants to see it: it ends by Ctrl-C, by unwatch, or when nobody reads it any more.
 proc ::sorma::scott::Watches {} {
-    while {[info exists ::sorma::inspect::Watches] && [dict size $::sorma::inspect::Watches] > 0} {
-        vwait ::sorma::inspect::Watches
+    while {[package provide sorma::inspect] ne {} && [llength [::sorma::inspect::watch]] > 0} {
+        after 200 {set ::sorma::scott::Waited 1}
+        vwait ::sorma::scott::Waited
     }
 }
 
@@ -261,7 +262,7 @@ proc ::sorma::scott::Piped {} {
 proc ::sorma::scott::interact {} {
     variable Pending
     variable Editing
-    Prepare
+    prepare
     package require sorma::edit
     ::sorma::edit attach
     set Editing [expr {[::sorma::edit usable] eq {}}]
@@ -630,19 +631,34 @@ proc ::sorma::scott::Look {name args} {
     if {!$Json || !$Direct || $name in {watch unwatch monitor}} {
         return [::sorma::inspect::$name {*}$args]
     }
-    set data [::sorma::inspect::$name {*}$args -data]
-    package require sorma::show
+    package require sorma::json
     if {$name eq "dump"} {
-        return [JsonObject $data]
+        ::sorma::inspect::dump {*}$args -data           ;# fails when there is no such object
+        return [JsonOptions [dict get [::sorma::inspect::help {*}$args -data] options]]
     }
+    set data [::sorma::inspect::$name {*}$args -data]
     return \[[join [lmap item $data {JsonObject $item}] ,]\]
+}
+
+# Options as a table has them: what each value is, is said there, and not by how it looks.
+proc ::sorma::scott::JsonOptions options {
+    set fields [lmap option $options {
+        lassign $option name type unit range default value
+        switch -- $type {
+            flag - int - double { set text [::sorma::json::number $value] }
+            vector { set text \[[join [lmap x $value {::sorma::json::number $x}] ,]\] }
+            default { set text [::sorma::json::text $value] }
+        }
+        string cat [::sorma::json::text $name] : $text
+    }]
+    return "{[join $fields ,]}"
 }
 
 proc ::sorma::scott::JsonObject dict {
     set fields {}
     dict for {key value} $dict {
-        set value [expr {$key eq "uses" ? [JsonObject $value] : [::sorma::show::JsonValue $value]}]
-        lappend fields "[::sorma::show::JsonText $key]:$value"
+        set value [expr {$key eq "uses" ? [JsonObject $value] : [::sorma::json::value $value]}]
+        lappend fields "[::sorma::json::text $key]:$value"
     }
     return "{[join $fields ,]}"
 }
@@ -651,12 +667,12 @@ proc ::sorma::scott::JsonObject dict {
 proc ::sorma::scott::Help args {
     set text [::sorma::inspect::help {*}$args]
     if {[llength $args] == 0} {
-        append text \n [::sorma::inspect::Table {} {
+        append text \n [::sorma::text::table {} {
             {{trail ?name? ?number? ?-stack?} {all messages of the last request, or of an object's last one; one; its stack trace}}
             {{record file ?-exact?} {keeps what is typed as a script, and as a test suite}}
             {{record stop} {ends the recording}}
             {{Tab, Ctrl-R, Ctrl-C, Ctrl-D} {complete; search what was typed; give up; leave. More: man scott}}
-        } {} 1]
+        } {*}[dict filter [::sorma::showDefaults] key -colour -width] -wrap 1]
     }
     return $text
 }
@@ -696,7 +712,7 @@ proc ::sorma::scott::Trail args {
     if {$stack} {
         package require sorma::show
         if {$number eq {}} {
-            set number [expr {max(1, [lsearch -exact [lmap entry $trail {::sorma::show::IsStack $entry}] 1])}]
+            set number [expr {max(1, [lsearch -exact [lmap entry $trail {::sorma::show::isStack $entry}] 1])}]
         }
         return [::sorma::showStack $trail $number {*}$settings]
     }

@@ -82,7 +82,7 @@ proc ::sorma::manual::Contents width {
     dict for {page title} [titles] {
         lappend rows [list $page $title]
     }
-    return [::sorma::show::Table {} $rows -width $width -wrap 1]
+    return [::sorma::text::table {} $rows -width $width -wrap 1]
 }
 
 # The blocks that tell about a name; none: nothing does.
@@ -250,7 +250,7 @@ proc ::sorma::manual::Render {blocks width} {
         lassign $block kind text title section
         set margin [string repeat { } [expr {4 + 4 * $depth}]]
         switch -- $kind {
-            page { lappend out {*}[::sorma::show::Wrap "$text ($section) -- $title" $width 4] }
+            page { lappend out {*}[::sorma::text::wrap "$text ($section) -- $title" $width 4] }
             section { lappend out {} [string toupper $text] }
             begin {
                 incr depth
@@ -269,7 +269,7 @@ proc ::sorma::manual::Render {blocks width} {
                 if {$last ne "item"} {
                     lappend out {}
                 }
-                lappend out {*}[::sorma::show::Wrap $margin$text $width [expr {[string length $margin] + 8}]]
+                lappend out {*}[::sorma::text::wrap $margin$text $width [expr {[string length $margin] + 8}]]
             }
             para {
                 if {$last ni {item section page}} {
@@ -279,7 +279,7 @@ proc ::sorma::manual::Render {blocks width} {
                     unset bullet
                     set margin [string replace $margin end-1 end-1 *]
                 }
-                lappend out {*}[::sorma::show::Wrap $margin$text $width [string length $margin]]
+                lappend out {*}[::sorma::text::wrap $margin$text $width [string length $margin]]
             }
             example {
                 lappend out {}

@@ -24,7 +24,7 @@ proc ::sorma::inspect::monitor args {
         if {![dict exists $settings $word]} {
             lappend words $word
         } elseif {[llength $args] == 0} {
-            return -code error -errorcode {SORMA REQUEST SYNTAX} "$word needs a value; should be [::sorma::complete::Usage sorma::inspect::monitor]"
+            return -code error -errorcode {SORMA REQUEST SYNTAX} "$word needs a value; should be [::sorma::complete::usage sorma::inspect::monitor]"
         } else {
             set args [lassign $args value]
             dict set settings $word $value
@@ -40,7 +40,7 @@ proc ::sorma::inspect::monitor args {
     if {[llength $places] == 0} {
         return -code error -errorcode {SORMA ADDRESS UNRESOLVED} "no daemon is called [join $wheres]: sorma::inspect daemons lists them"
     }
-    ::sorma::discover::await $Wait $places $::sorma::discover::Inventory
+    ::sorma::discover::await $Wait $places $::sorma::discover::inventoryRequest
     set ids {}
     foreach where $places {
         set trouble [::sorma::discover::trouble $where]
@@ -64,11 +64,11 @@ proc ::sorma::inspect::Listen {service where pattern queue command} {
     if {$where eq {}} {
         return [::sorma::subscribe $service -event $pattern -queue $queue -command $command]
     }
-    set peer [::sorma::discover::Peer]
+    set peer [::sorma::discover::asker]
     interp alias $peer [lindex $command 0] {} [lindex $command 0]
-    set target [::sorma::discover::Numeric [::sorma::discover::address $where]]
+    set target [::sorma::discover::numeric [::sorma::discover::address $where]]
     if {$target eq {}} {
-        return -code error -errorcode [list SORMA ADDRESS UNRESOLVED $where] [::sorma::discover::WhyNot [::sorma::discover::address $where]]
+        return -code error -errorcode [list SORMA ADDRESS UNRESOLVED $where] [::sorma::discover::whyNot [::sorma::discover::address $where]]
     }
     return [interp eval $peer [list ::sorma::subscribe $service@$target -event $pattern -queue $queue -command $command]]
 }
@@ -119,7 +119,7 @@ proc ::sorma::inspect::PrintPassing news {
 proc ::sorma::inspect::PassingText news {
     dict with news {}
     set head "[clock format [expr {$time / 1000000}] -format %H:%M:%S].[format %03d [expr {$time / 1000 % 1000}]] $where"
-    set text [::sorma::show::Clean [string map {\n { }} $text]]
+    set text [::sorma::text::clean [string map {\n { }} $text]]
     set colour {}
     switch -- $kind {
         request { set line "> [string trimright "$object $method $text"]  ($caller, $number)" }
@@ -133,7 +133,7 @@ proc ::sorma::inspect::PassingText news {
     if {$lost != 0} {
         append line "  ([if {$lost > 0} {set lost} else {string cat some}] lost before)"
     }
-    return [::sorma::show::Paint [::sorma::show::Cut "$head $line" [Width]] $colour [Style]]
+    return [::sorma::text::paint [::sorma::text::cut "$head $line" [Width]] $colour [Style]]
 }
 
 proc ::sorma::inspect::Microseconds us {
@@ -174,13 +174,13 @@ proc ::sorma::inspect::rate args {
         }
     }
     if {[llength $names] != 1} {
-        return -code error -errorcode {SORMA REQUEST SYNTAX} "wrong # args: should be \"[::sorma::complete::Usage sorma::inspect::rate]\""
+        return -code error -errorcode {SORMA REQUEST SYNTAX} "wrong # args: should be \"[::sorma::complete::usage sorma::inspect::rate]\""
     }
     set seconds [dict get $settings -for]
     if {![string is double -strict $seconds] || !($seconds > 0 && $seconds <= 86400)} {
         return -code error -errorcode {SORMA REQUEST SYNTAX} "-for expects seconds, more than 0, got \"$seconds\""
     }
-    ::sorma::discover::LookAgain
+    ::sorma::discover::lookAgain
     set name [lindex $names 0]
     lassign [::sorma::discover::locate $name] service where
     set table [Describe $name]
@@ -192,14 +192,14 @@ proc ::sorma::inspect::rate args {
     set Heard($id) {}
     set token [Listen $service $where [dict get $settings -event] 100000 [list ::sorma::inspect::Hear $id]]
     try {
-        ::sorma::discover::Sleep [expr {round(1000 * $seconds)}]
+        ::sorma::discover::sleep [expr {round(1000 * $seconds)}]
         set heard $Heard($id)
     } finally {
         unset Heard($id)
         if {$where eq {}} {
             catch {::sorma::unsubscribe $token}
         } else {
-            catch {interp eval [::sorma::discover::Peer] [list ::sorma::unsubscribe $token]}
+            catch {interp eval [::sorma::discover::asker] [list ::sorma::unsubscribe $token]}
         }
     }
     set items [lmap event [lsort [dict keys $heard]] {Rated $event [dict get $heard $event]}]

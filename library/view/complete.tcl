@@ -23,8 +23,19 @@ namespace eval ::sorma::complete {
         sorma::manual {{?name? ?-width n?} -width {topic none}}
         sorma::health {{daemon ?-timeout ms?} -timeout {daemon none}}
         sorma::subscribe {{name ?-event pattern? ?-latest? ?-queue n? -command prefix} {-event -latest -queue -command} {so none}}
-        sorma::serve {{name ?-port number? ?-host name? ?-socket path? ?-rpcbind boolean? ?-program number? ?-allow line? ?-policy file? ?-wait?}
-            {-allow -host -policy -port -program -rpcbind -share -socket -wait} none}
+        sorma::serve {{name ?-port number? ?-host name? ?-socket path? ?-rpcbind boolean? ?-program number? ?-listen descriptors? ?-connection descriptor?
+            ?-allow line? ?-policy file? ?-share boolean? ?-wait?}
+            {-allow -connection -host -listen -policy -port -program -rpcbind -share -socket -wait} none}
+        sorma::unserve {{name ?reason?} {} none}
+        sorma::daemons {{} {} none}
+        sorma::all {{?-timeout ms? future ?future ...?} -timeout none}
+        sorma::any {{?-timeout ms? future ?future ...?} -timeout none}
+        sorma::grant {{interp allow|deny right ... ?on pattern ...?} {} none}
+        sorma::unsubscribe {{subscription} {} none}
+        sorma::subscriptions {{} {} none}
+        sorma::catalogue {{?pattern?} {} none}
+        sorma::resolve {{name} {} {so none}}
+        sorma::world {{watch|unwatch|get|keys|add|forget|value|ask ...} {-events -every -timeout -command} none}
         sorma::configure {{?-setting? ?value ...?} {} setting}
         sorma::show {{value ?-as kind? ?-colour boolean? ?-width n? ?-json boolean? ?-so name? ?-error options? ?-trail list? ?-whole boolean?}
             {-as -colour -width -json -so -error -trail -whole} none}
@@ -63,7 +74,7 @@ proc ::sorma::complete {line point} {
 proc ::sorma::complete::Complete {line point} {
     set point [expr {max(0, min($point, [string length $line]))}]
     set context [Scan [string range $line 0 $point-1] 0 script {}]
-    ::sorma::discover::LookAgain
+    ::sorma::discover::lookAgain
     # Braces may hold a script or a text: the command around them knows.
     if {[dict exists $context outer words] && [WantsText [dict get $context outer words]]} {
         set context [dict get $context outer]
@@ -83,7 +94,7 @@ proc ::sorma::complete::Complete {line point} {
         incr from $skip         ;# what is completed begins inside of the word
         set partial [string range $partial $skip end]
     }
-    set found [lsort -unique [lsearch -all -inline -glob $candidates [Escape $partial]*]]
+    set found [lsort -unique [lsearch -all -inline -glob $candidates [::sorma::text::escape $partial]*]]
     # Names come from anywhere. None may do anything to a terminal, some have to be quoted, most are harmless.
     set all [join $found {}]
     if {[regexp {[[:cntrl:]]} $all]} {
@@ -94,7 +105,7 @@ proc ::sorma::complete::Complete {line point} {
     }
     set hint [string map {\n { }} $hint]
     if {[regexp {[^\x20-\x7e]} $hint]} {
-        set hint [::sorma::show::Clean $hint]
+        set hint [::sorma::text::clean $hint]
     }
     return [dict create from $from words $found hint $hint]
 }
@@ -229,16 +240,12 @@ proc ::sorma::complete::Quoted {word quote} {
     return $word
 }
 
-proc ::sorma::complete::Escape text {
-    return [string map {\\ \\\\ * \\* ? \\? \[ \\\[ \] \\\]} $text]
-}
-
 # ---- contexts ----
 
 # Does a command take its next word as text, not as a script?
 proc ::sorma::complete::WantsText words {
     set kind [lindex [Expected $words] 0]
-    return [expr {$kind in {recipe text} || ([lindex $words 1] in {CTRL DBX EXEC exec configure} && [IsName [lindex $words 0]])}]
+    return [expr {$kind in {recipe text} || ([lindex $words 1] in {CTRL DBX EXEC exec configure} && [isName [lindex $words 0]])}]
 }
 
 # Variables of the global level, elements of arrays included.
@@ -247,9 +254,9 @@ proc ::sorma::complete::Variables name {
         if {![uplevel #0 [list array exists $array]]} {
             return {}
         }
-        return [lmap key [uplevel #0 [list array names $array [Escape $element]*]] {string cat $array ( $key )}]
+        return [lmap key [uplevel #0 [list array names $array [::sorma::text::escape $element]*]] {string cat $array ( $key )}]
     }
-    set found [uplevel #0 [list info vars [Escape $name]*]]
+    set found [uplevel #0 [list info vars [::sorma::text::escape $name]*]]
     foreach child [Children $name] {
         lappend found $child
     }
@@ -316,7 +323,7 @@ proc ::sorma::complete::ForWord {words partial} {
         none { return [list {} $one] }
     }
     set found [Names $partial]
-    if {$partial ne {} && [lsearch -glob $found [Escape $partial]*] < 0} {
+    if {$partial ne {} && [lsearch -glob $found [::sorma::text::escape $partial]*] < 0} {
         set found [Files $partial]
     }
     return [list $found $one]
@@ -354,7 +361,7 @@ proc ::sorma::complete::Expected words {
         return [Expected [list sorma::[lindex $rest 0] {*}[lrange $rest 1 end]]]
     }
     if {$full in $FileCommands} {
-        return [list file [Usage $full]]
+        return [list file [usage $full]]
     }
     if {$full eq "package" && [lindex $rest 0] in {require present versions names}} {
         return [list list {} [package names]]
@@ -406,17 +413,17 @@ proc ::sorma::complete::Expected words {
         }
         return [list $kind $hint]
     }
-    if {[llength $rest] > 0 && [lindex $rest 0] in $Methods && [IsName $command] && !($command ne "dict" && [Occupied $command])} {
+    if {[llength $rest] > 0 && [lindex $rest 0] in $Methods && [isName $command] && !($command ne "dict" && [Occupied $command])} {
         return [list request $words]
     }
-    if {$command eq "dict" && [llength $rest] == 0 || [llength $rest] == 0 && [IsName $command] && ![Occupied $command]} {
+    if {$command eq "dict" && [llength $rest] == 0 || [llength $rest] == 0 && [isName $command] && ![Occupied $command]} {
         return [list methods $command]
     }
     set subcommands [Subcommands $command]
     if {[llength $rest] == 0 && [llength $subcommands] > 0} {
         return [list list {} $subcommands]
     }
-    return [list any [Usage $command]]
+    return [list any [usage $command]]
 }
 
 proc ::sorma::complete::SettingValue name {
@@ -438,11 +445,11 @@ proc ::sorma::complete::Occupied name {
         return 1
     }
     return [expr {[namespace which -command ::sorma::so::$name] eq {} && !([info object isa object ::$name] && [info object isa class ::$name]
-        && [llength [::sorma::classes [Escape $name]]] > 0)}]
+        && [llength [::sorma::classes [::sorma::text::escape $name]]] > 0)}]
 }
 
 # Can it be a service object? Cheap: nothing is looked up elsewhere.
-proc ::sorma::complete::IsName name {
+proc ::sorma::complete::isName name {
     if {![regexp {^([[:alpha:]]\w*)(\.[^\s@\[\]{}$"\\;]*)?(@.+)?$} $name -> class flavor where]} {
         return 0
     }
@@ -452,13 +459,13 @@ proc ::sorma::complete::IsName name {
     if {[string is upper -strict [string index $class 0]]} {
         return [expr {[lindex [::sorma::discover::locate $name] 1] ne {}}]
     }
-    return [expr {[::sorma::exists $name] || [llength [::sorma::classes $class]] > 0 || [::sorma::discover::HasPackage sorma::service::$class]}]
+    return [expr {[::sorma::exists $name] || [llength [::sorma::classes $class]] > 0 || [::sorma::discover::hasPackage sorma::service::$class]}]
 }
 
 # ---- commands of Tcl ----
 
 proc ::sorma::complete::ForCommand partial {
-    set pattern [Escape $partial]*
+    set pattern [::sorma::text::escape $partial]*
     set found [uplevel #0 [list info commands $pattern]]
     if {[string match *::* $partial] && ![string match ::* $partial]} {
         set found [lmap name $found {string trimleft $name :}]
@@ -480,8 +487,8 @@ proc ::sorma::complete::ForCommand partial {
         }
     }
     if {$exact ne {}} {
-        set hint [Usage $exact]
-        if {$hint eq {} && [IsName $exact] && ![Occupied $exact]} {
+        set hint [usage $exact]
+        if {$hint eq {} && [isName $exact] && ![Occupied $exact]} {
             set table [::sorma::discover::guess $exact]
             if {$table ne {}} {
                 set hint "[dict get $table class]: [dict get $table purpose]"
@@ -492,7 +499,7 @@ proc ::sorma::complete::ForCommand partial {
 }
 
 # How a command is called, where that is known: a proc's arguments, or the table above.
-proc ::sorma::complete::Usage command {
+proc ::sorma::complete::usage command {
     variable Commands
     set command [string trimleft $command :]
     foreach name [list $command sorma::inspect::$command] {
@@ -500,7 +507,7 @@ proc ::sorma::complete::Usage command {
             return "$command [lindex [dict get $Commands $name] 0]"
         }
     }
-    if {[llength [info procs [Escape ::$command]]] == 0} {
+    if {[llength [info procs [::sorma::text::escape ::$command]]] == 0} {
         return {}
     }
     set words [list $command]
@@ -565,7 +572,7 @@ proc ::sorma::complete::Names {partial {made 0}} {
         }
         return $found
     }
-    set pattern [Escape $partial]*
+    set pattern [::sorma::text::escape $partial]*
     set found [::sorma::names $pattern]
     if {!$made} {
         set words [lsearch -all -inline -glob [::sorma::discover::words {}] $pattern]
@@ -674,7 +681,7 @@ proc ::sorma::complete::KnownItems {table ctrl} {
         }
     }
     set own [dict get $table [expr {$ctrl ? "actions" : "inspections"}]]
-    foreach item [concat [lindex [::sorma::discover::Common] [expr {!$ctrl}]] $own] {
+    foreach item [concat [lindex [::sorma::discover::common] [expr {!$ctrl}]] $own] {
         dict set known [lindex $item 0] [list action $item]
     }
     return $known
@@ -741,11 +748,11 @@ proc ::sorma::complete::Value {table name partial} {
             }
         }
     }
-    return [list $candidates [OptionHint $table $option]]
+    return [list $candidates [optionHint $table $option]]
 }
 
 # An option in one line: -transferSpeed double [m/s] 0.01 .. 1.5, default 0.5, now 0.2: speed while loaded
-proc ::sorma::complete::OptionHint {table option} {
+proc ::sorma::complete::optionHint {table option} {
     lassign $option name type unit range default value help
     set text "$name $type"
     if {$unit ne {}} {
@@ -780,13 +787,13 @@ proc ::sorma::complete::NameHint {table partial ctrl} {
     if {[dict exists $known $partial]} {
         set found [list $partial]
     } else {
-        set found [dict keys $known [Escape $partial]*]
+        set found [dict keys $known [::sorma::text::escape $partial]*]
     }
     if {$partial eq {} || [llength $found] != 1} {
         return {}
     }
     lassign [dict get $known [lindex $found 0]] kind item
-    return [if {$kind eq "option"} {OptionHint $table $item} else {ActionHint $item}]
+    return [if {$kind eq "option"} {optionHint $table $item} else {ActionHint $item}]
 }
 
 # {candidates hint ?skip?} for an argument of an action; before: its arguments so far. What it means is told by its

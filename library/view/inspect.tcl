@@ -68,7 +68,7 @@ proc ::sorma::inspect::ls args {
         lappend out {*}[Section $where {object class calls} $rows {2} $errors]
     }
     if {[llength $out] == 0} {
-        return "no object is called [::sorma::show::Clean $pattern]"
+        return "no object is called [::sorma::text::clean $pattern]"
     }
     return [join $out \n]
 }
@@ -154,7 +154,7 @@ proc ::sorma::inspect::Branch {byName name option depth above} {
     set label [if {$option ne {}} {string cat "[string range $option 1 end]: "}]
     set class [if {[dict exists $byName $name]} {dict get $byName $name class}]
     set line [string repeat "  " $depth]$label$name[if {$class ne {} && ![string match $class* $name]} {string cat "  ($class)"}]
-    set out [list [::sorma::show::Cut [::sorma::show::Clean $line] [Width]]]
+    set out [list [::sorma::text::cut [::sorma::text::clean $line] [Width]]]
     if {$name in $above} {
         return [list "[lindex $out 0] ..."]
     }
@@ -173,8 +173,10 @@ proc ::sorma::inspect::Branch {byName name option depth above} {
 proc ::sorma::inspect::daemons args {
     variable Wait
     lassign [Parse $args {}] - data
-    ::sorma::discover::LookAgain
-    set items [lmap daemon [::sorma::discover::daemons $Wait] {
+    ::sorma::discover::lookAgain
+    set found [::sorma::discover::daemons $Wait]
+    ::sorma::discover::consult [lmap daemon $found {dict get $daemon name}]
+    set items [lmap daemon $found {
         set trouble [::sorma::discover::trouble [dict get $daemon name]]
         switch -glob -- "[dict get $daemon state] $trouble" {
             "asking busy*" - "away busy*" { dict set daemon state busy }
@@ -212,13 +214,13 @@ proc ::sorma::inspect::help args {
     variable Topics
     lassign [Parse $args {name {}}] name wheres data
     if {$name eq {}} {
-        set rows [lmap {command purpose} $Topics {list [::sorma::complete::Usage sorma::inspect::$command] $purpose}]
+        set rows [lmap {command purpose} $Topics {list [::sorma::complete::usage sorma::inspect::$command] $purpose}]
         set rows [lmap row $rows {lreplace $row 0 0 [string map {sorma::inspect:: {}} [lindex $row 0]]}]
         lappend rows [list "NAME CTRL -help" "what an object can do; help NAME makes none, and takes a class, or NAME@DAEMON, too"]
         return [Table {} $rows {} 1]
     }
     set command [string trimleft $name :]
-    if {!$data && ![::sorma::complete::IsName $command]} {
+    if {!$data && ![::sorma::complete::isName $command]} {
         foreach known [list sorma::inspect::$command $name] {
             try {
                 return [::sorma::manual $known -width [Width]]
@@ -231,7 +233,7 @@ proc ::sorma::inspect::help args {
     if {$data} {
         return $table
     }
-    return [::sorma::show::Text [dict get $table help] [Style]]
+    return [::sorma::text::paragraphs [dict get $table help] [Style]]
 }
 
 # ::sorma::inspect::dump NAME ?-data? --
@@ -252,7 +254,7 @@ proc ::sorma::inspect::dump args {
         }
         return $values
     }
-    return [::sorma::show::Text [dict get $table dump] [Style]]
+    return [::sorma::text::paragraphs [dict get $table dump] [Style]]
 }
 
 # Table of an object's class, as it is now. Fails as a request to the object would.
@@ -260,13 +262,13 @@ proc ::sorma::inspect::Describe name {
     if {$name eq {}} {
         return -code error -errorcode {SORMA REQUEST SYNTAX} "a name is missing"
     }
-    ::sorma::discover::LookAgain
+    ::sorma::discover::lookAgain
     lassign [::sorma::discover::locate $name] service where
     if {$where eq {}} {
-        return [::sorma::discover::LocalText [list sorm DBX -describe $service]]
+        return [::sorma::discover::localText [list sorm DBX -describe $service]]
     }
     set text [::sorma::discover::fetch $where [list sorm DBX -describe $service] 2000]
-    if {[catch {::sorma::discover::ParseDescription $text} table]} {
+    if {[catch {::sorma::discover::parseDescription $text} table]} {
         return -code error -errorcode [list SORMA COMM PROTOCOL $name] "$name: the daemon's answer makes no sense: $table"
     }
     return $table
@@ -300,7 +302,7 @@ proc ::sorma::inspect::watch args {
     if {![string is integer -strict $every] || $every < 1} {
         return -code error -errorcode {SORMA REQUEST SYNTAX} "-every expects a number of ms, got \"$every\""
     }
-    ::sorma::discover::LookAgain
+    ::sorma::discover::lookAgain
     lassign [::sorma::discover::locate $name] service where
     set id watch[incr LastWatch]
     dict set Watches $id [dict create name $name service $service where $where every $every \
@@ -325,11 +327,11 @@ proc ::sorma::inspect::unwatch {{only {}}} {
             if {[dict get $watch where] eq {}} {
                 catch {::sorma::unsubscribe $subscription}
             } else {
-                catch {interp eval [::sorma::discover::Peer] [list ::sorma::unsubscribe $subscription]}
+                catch {interp eval [::sorma::discover::asker] [list ::sorma::unsubscribe $subscription]}
             }
         }
         if {[dict get $watch future] ne {}} {
-            catch {interp eval [::sorma::discover::Peer] [list [dict get $watch future] destroy]}
+            catch {interp eval [::sorma::discover::asker] [list [dict get $watch future] destroy]}
         }
     }
 }
@@ -342,16 +344,16 @@ proc ::sorma::inspect::Look id {
     dict with Watches $id {}
     if {$where eq {}} {
         if {[::sorma::exists $service]} {
-            Seen $id [::sorma::discover::LocalText [list sorm DBX -describe $service]]
+            Seen $id [::sorma::discover::localText [list sorm DBX -describe $service]]
         } else {
             Unseen $id "there is no such object"
         }
         return
     }
-    set peer [::sorma::discover::Peer]
-    set target [::sorma::discover::Numeric [::sorma::discover::address $where]]
+    set peer [::sorma::discover::asker]
+    set target [::sorma::discover::numeric [::sorma::discover::address $where]]
     if {$target eq {}} {
-        return [Unseen $id [::sorma::discover::WhyNot [::sorma::discover::address $where]]]
+        return [Unseen $id [::sorma::discover::whyNot [::sorma::discover::address $where]]]
     }
     interp alias $peer ::sorma::inspect::Answered {} ::sorma::inspect::Answered
     set patience [expr {max(2000, 2 * $every)}]
@@ -364,7 +366,7 @@ proc ::sorma::inspect::Look id {
 
 proc ::sorma::inspect::Answered {id future} {
     variable Watches
-    set peer [::sorma::discover::Peer]
+    set peer [::sorma::discover::asker]
     set failed [catch {interp eval $peer [list $future result]} reply]
     interp eval $peer [list $future destroy]
     if {![dict exists $Watches $id]} {
@@ -396,7 +398,7 @@ proc ::sorma::inspect::Unseen {id message} {
 
 proc ::sorma::inspect::Seen {id text} {
     variable Watches
-    if {[catch {::sorma::discover::ParseDescription $text} table]} {
+    if {[catch {::sorma::discover::parseDescription $text} table]} {
         return [Unseen $id "its daemon's answer makes no sense"]
     }
     if {![dict get $table exists]} {
@@ -444,9 +446,9 @@ proc ::sorma::inspect::Subscribe id {
     if {$where eq {}} {
         set failed [catch {::sorma::subscribe $service -command $command} token]
     } else {
-        set peer [::sorma::discover::Peer]
+        set peer [::sorma::discover::asker]
         interp alias $peer ::sorma::inspect::Happened {} ::sorma::inspect::Happened
-        set target [::sorma::discover::Numeric [::sorma::discover::address $where]]
+        set target [::sorma::discover::numeric [::sorma::discover::address $where]]
         set failed [catch {interp eval $peer [list ::sorma::subscribe $service@$target -command $command]} token]
     }
     if {!$failed} {
@@ -488,26 +490,26 @@ proc ::sorma::inspect::WatchText news {
     set time [dict get $news time]
     set head "[clock format [expr {$time / 1000}] -format %H:%M:%S].[format %03d [expr {$time % 1000}]] [dict get $news name]"
     if {[dict exists $news error]} {
-        return [::sorma::show::Paint "$head  [::sorma::show::Clean [dict get $news error]]" error [Style]]
+        return [::sorma::text::paint "$head  [::sorma::text::clean [dict get $news error]]" error [Style]]
     }
     if {[dict exists $news event]} {
         set event [dict get $news event]
         set text "[dict get $event event] "
         foreach key {text words floats ints} {
             if {[dict exists $event $key] && [dict get $event $key] ne {}} {
-                append text " " [if {$key in {floats ints}} {::sorma::show::Numbers [dict get $event $key] [Style]} else {dict get $event $key}]
+                append text " " [if {$key in {floats ints}} {::sorma::show::numbers [dict get $event $key] [Style]} else {dict get $event $key}]
             }
         }
         if {[dict exists $event lost] && [dict get $event lost] != 0} {
             append text "  (some were lost before)"
         }
-        return [::sorma::show::Cut [::sorma::show::Clean "$head  [string map {\n { }} $text]"] [Width]]
+        return [::sorma::text::cut [::sorma::text::clean "$head  [string map {\n { }} $text]"] [Width]]
     }
     set lines {}
     foreach change [dict get $news changes] {
         lassign $change key old new
         set was [if {$old ne {}} {string cat "  (was $old)"}]
-        lappend lines [::sorma::show::Cut [::sorma::show::Clean [string map {\n { }} "$head  $key $new$was"]] [Width]]
+        lappend lines [::sorma::text::cut [::sorma::text::clean [string map {\n { }} "$head  $key $new$was"]] [Width]]
     }
     return [join $lines \n]
 }
@@ -536,13 +538,13 @@ proc ::sorma::inspect::top args {
     }
     if {[$Sampler age] > 60000} {
         $Sampler take $wheres
-        ::sorma::discover::Sleep 300
+        ::sorma::discover::sleep 300
     }
     $Sampler take $wheres
     set items [lrange [$Sampler busiest] 0 $count-1]
-    ::sorma::discover::AwaitKeys $::sorma::inspect::Wait [lmap item $items {
+    ::sorma::discover::awaitKeys $::sorma::inspect::Wait [lmap item $items {
         if {[dict get $item where] eq {}} continue
-        list [::sorma::discover::address [dict get $item where]] [list [dict get $item name] DBX -stats]
+        list [::sorma::discover::address [dict get $item where]] [list sorm DBX -look [dict get $item name] -stats]
     }]
     set items [lmap item $items {
         lassign [Times [dict get $item where] [dict get $item name]] p50 p99
@@ -577,9 +579,9 @@ proc ::sorma::inspect::Times {where name} {
         if {![::sorma::exists $name]} {
             return {}
         }
-        set text [::sorma::discover::LocalText [list $name DBX -stats]]
+        set text [::sorma::discover::localText [list $name DBX -stats]]
     } else {
-        set text [::sorma::discover::ask $where [list $name DBX -stats]]
+        set text [::sorma::discover::ask $where [list sorm DBX -look $name -stats]]
     }
     if {[regexp {p50 <= ([^,\n]+), p99 <= ([^\n]+)} $text -> p50 p99]} {
         return [list $p50 $p99]
@@ -616,7 +618,7 @@ oo::define ::sorma::inspect::Samples {
             }
             set time [clock milliseconds]
             if {$where ne {}} {
-                set time [::sorma::discover::Came $where {sorm DBX -inventory objects}]
+                set time [::sorma::discover::came $where {sorm DBX -inventory objects}]
             }
             dict set times $where $time
             dict for {name facts} $census {
@@ -667,10 +669,10 @@ proc ::sorma::inspect::find args {
     if {$word eq {}} {
         return -code error -errorcode {SORMA REQUEST SYNTAX} {wrong # args: should be "find word ?@daemon? ?-data?"}
     }
-    set pattern *[::sorma::complete::Escape $word]*
+    set pattern *[::sorma::text::escape $word]*
     set items {}
     set places [Places $wheres]
-    ::sorma::discover::await $Wait [lsearch -all -inline -not -exact $places {}] $::sorma::discover::Inventory
+    ::sorma::discover::await $Wait [lsearch -all -inline -not -exact $places {}] $::sorma::discover::inventoryRequest
     foreach where $places {
         if {$where ne {} && [::sorma::discover::inventory $where 1] eq {}} {
             lappend items [dict create where $where error [::sorma::discover::trouble $where]]
@@ -702,7 +704,7 @@ proc ::sorma::inspect::find args {
         lappend out {*}[Section $where {} $rows {} $errors]
     }
     if {[llength $out] == 0} {
-        return "\"[::sorma::show::Clean $word]\" is nowhere"
+        return "\"[::sorma::text::clean $word]\" is nowhere"
     }
     return [join $out \n]
 }
@@ -721,7 +723,7 @@ proc ::sorma::inspect::InTable {table pattern} {
     foreach option [dict get $table options] {
         lassign $option name type unit range default value help
         if {[string match -nocase $pattern "$name $help $range"]} {
-            apply $add option $name [string trim [::sorma::complete::OptionHint [dict replace $table exists 0] [lreplace $option 0 0 {}]]]
+            apply $add option $name [string trim [::sorma::complete::optionHint [dict replace $table exists 0] [lreplace $option 0 0 {}]]]
         }
     }
     foreach {key kind} {actions action inspections inspection} {
@@ -759,7 +761,7 @@ proc ::sorma::inspect::Parse {words names {located 0}} {
             lset values $at $word
             incr at
         } else {
-            set usage [::sorma::complete::Usage [lindex [info level -1] 0]]
+            set usage [::sorma::complete::usage [lindex [info level -1] 0]]
             return -code error -level 2 -errorcode {SORMA REQUEST SYNTAX} "too many words: \"$word\"[if {$usage ne {}} {string cat "; should be $usage"}]"
         }
     }
@@ -768,7 +770,7 @@ proc ::sorma::inspect::Parse {words names {located 0}} {
 
 # Places that are meant; empty: here. Without patterns: here, and all daemons but ourselves, each once.
 proc ::sorma::inspect::Places patterns {
-    ::sorma::discover::LookAgain
+    ::sorma::discover::lookAgain
     set seen {}
     set places {}
     if {[llength $patterns] == 0} {
@@ -803,6 +805,7 @@ proc ::sorma::inspect::Censuses patterns {
     set elsewhere [lsearch -all -inline -not -exact $places {}]
     ::sorma::discover::renew $elsewhere $request
     ::sorma::discover::await $Wait $elsewhere $request
+    ::sorma::discover::consult $elsewhere $request
     set out {}
     foreach where $places {
         set census [::sorma::discover::census $where]
@@ -839,24 +842,24 @@ proc ::sorma::inspect::ByPlace items {
 }
 
 proc ::sorma::inspect::Style {} {
-    return $::sorma::show::Settings
+    return [::sorma::showDefaults]
 }
 
 proc ::sorma::inspect::Width {} {
-    return [dict get $::sorma::show::Settings -width]
+    return [dict get [::sorma::showDefaults] -width]
 }
 
 proc ::sorma::inspect::Heading where {
-    return [::sorma::show::Paint [if {$where eq {}} {string cat here} else {string cat @$where}] strong [Style]]
+    return [::sorma::text::paint [if {$where eq {}} {string cat here} else {string cat @$where}] strong [Style]]
 }
 
 proc ::sorma::inspect::Trouble text {
-    return [::sorma::show::Block "  " $text warning [Style]]
+    return [::sorma::text::block "  " $text warning [Style]]
 }
 
 proc ::sorma::inspect::Table {heads rows right {wrap 0}} {
     set style [dict filter [Style] key -colour -width]
-    return [::sorma::show::Table $heads $rows {*}$style -right $right -wrap $wrap]
+    return [::sorma::text::table $heads $rows {*}$style -right $right -wrap $wrap]
 }
 
 # A place with its table, and what is wrong there.
@@ -867,7 +870,7 @@ proc ::sorma::inspect::Section {where heads rows right errors} {
     if {[llength $rows] > 0} {
         set style [Style]
         set width [dict get $style -width]
-        set text [::sorma::show::Table $heads [lrange $rows 0 $MostRows-1] -colour [dict get $style -colour] \
+        set text [::sorma::text::table $heads [lrange $rows 0 $MostRows-1] -colour [dict get $style -colour] \
             -width [expr {$width > 0 ? max(10, $width - 2) : 0}] -right $right -wrap [expr {$heads eq {}}]]
         lappend out {*}[lmap line [split $text \n] {string cat "  " $line}]
     }

@@ -16,7 +16,7 @@ namespace eval ::sorma::inspect::doctor {
 proc ::sorma::inspect::doctor args {
     lassign [Parse $args {}] - data
     set doctor::Findings {}
-    ::sorma::discover::LookAgain
+    ::sorma::discover::lookAgain
     foreach check $doctor::Checks {
         if {[catch {doctor::Check$check} message]} {
             doctor::Note [string tolower $check] wrong "cannot be looked at: $message" {}
@@ -33,9 +33,9 @@ proc ::sorma::inspect::doctor args {
         set head [format "%-5s %-14s" $state $what]
         set colour [dict get {ok {} note dim wrong error} $state]
         incr wrong [expr {$state eq "wrong"}]
-        lappend out [::sorma::show::Hang [::sorma::show::Paint $head $colour [Style]] 20 $text [Style]]
+        lappend out [::sorma::text::hang [::sorma::text::paint $head $colour [Style]] 20 $text [Style]]
         if {$mend ne {}} {
-            lappend out [::sorma::show::Block [string repeat { } 21] "mend: $mend" {} [Style]]
+            lappend out [::sorma::text::block [string repeat { } 21] "mend: $mend" {} [Style]]
         }
     }
     lappend out [expr {$wrong == 0 ? "nothing is wrong" : $wrong == 1 ? "1 thing is wrong" : "$wrong things are wrong"}]
@@ -207,7 +207,7 @@ proc ::sorma::inspect::doctor::CheckPolicy {} {
     }
     # A daemon reads it when it is made: so make one, where nobody sees it.
     set temporary /tmp/sorma-doctor-[pid]
-    set child [::sorma::discover::NewInterpreter]
+    set child [::sorma::discover::newInterpreter]
     try {
         file mkdir $temporary
         file attributes $temporary -permissions 0700
@@ -272,7 +272,7 @@ proc ::sorma::inspect::doctor::CheckLimits {} {
 # Needed by -rpcbind, and by addresses that are program numbers.
 proc ::sorma::inspect::doctor::CheckRpcbind {} {
     set programs {}
-    dict for {word address} [lindex [::sorma::discover::OwnFacts] 1] {
+    dict for {word address} [::sorma::discover::addresses] {
         if {[regexp {:0x[[:xdigit:]]+$} $address]} {
             lappend programs $word
         }

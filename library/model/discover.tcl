@@ -10,7 +10,7 @@
 package require sorma
 package provide sorma::discover 1.0
 namespace eval ::sorma::discover {
-    namespace export settle daemons names objects classes words inventory census describe guess locate ask fetch await renew address state trouble
+    namespace export settle daemons names objects classes words inventory census describe guess locate ask fetch await renew address state trouble consult
     namespace ensemble create
 
     variable Fresh 1000         ;# ms for which an answer is not asked for again
@@ -24,17 +24,15 @@ namespace eval ::sorma::discover {
     #   error, code   of the last attempt when that failed          failed  ms, when; 0: it did not
     variable Asked
     variable Parsed             ;# array: {address request} -> {came, dict}: an answer, checked and taken apart
-    variable Hosts              ;# array: host name -> numeric address, "?" while it is being looked up, "" unknown
-    variable Inventory {sorm DBX -inventory names classes words}
+    variable inventoryRequest {sorm DBX -inventory names classes words}
     variable Waits              ;# array: token -> coroutine that waits for answers, empty: somebody who blocks
     variable LastWait
-    variable Nowhere /dev/null  ;# stands for a runtime folder that cannot be trusted: nothing is in it
-    variable Own                ;# {ms, addresses of the dictionary, names that this process serves}
+    variable Own                ;# {ms, addresses of the dictionary}
     if {![info exists Peer]} {  ;# when this file is read again, what is known stays
         set Peer {}
         set LastWait 0
-        set Own {0 {} {}}
-        foreach name {Asked Parsed Hosts Waits} {
+        set Own {0 {}}
+        foreach name {Asked Parsed Waits} {
             array set $name {}
         }
     }
@@ -45,109 +43,42 @@ namespace eval ::sorma::discover {
 # ::sorma::discover::locate NAME --
 #       {SERVICE WHERE}: the name as its process knows it, and what stands after @ (empty: here).
 proc ::sorma::discover::locate name {
-    set at [string first @ $name]
-    if {$at >= 0} {
-        set service [string range $name 0 $at-1]
-        set where [string range $name $at+1 end]
-    } elseif {[regexp {^([A-Z])[A-Z0-9_]*} $name class first]} {
-        set service [string tolower $class][string range $name [string length $class] end]
-        set where [DictionaryAddress $class]
-    } else {
+    if {[catch {::sorma::resolve $name} place]} {
         return [list $name {}]
     }
-    if {$where eq "self" || [lindex [address $where] 0] eq "self"} {
-        return [list $service {}]
-    }
-    return [list $service $where]
+    return [list [dict get $place service] [if {[dict get $place state] ne "here"} {dict get $place where}]]
 }
 
 # ::sorma::discover::address WHERE --
-#       What an address means now: a path, host:number, or `self` for this process.
+#       What an address means now: a path, host:number, or `self` for this process. What leads nowhere is what it was.
 proc ::sorma::discover::address where {
-    set seen {}
-    while 1 {
-        if {$where eq "self"} {
-            return self
-        }
-        if {[string match /* $where]} {
-            if {[file dirname $where] eq [RuntimeFolder] && [Serves [file rootname [file tail $where]]]} {
-                return self
-            }
-            return $where
-        }
-        if {[string match *:* $where]} {
-            return $where
-        }
-        set next [DictionaryAddress @$where]
-        if {$next eq {} || $where in $seen} {
-            if {[Serves $where]} {
-                return self
-            }
-            return [file join [RuntimeFolder] $where.sock]
-        }
-        lappend seen $where
-        set where $next
+    if {[catch {::sorma::resolve @$where} place]} {
+        return $where
     }
+    if {[dict get $place state] eq "here"} {
+        return self
+    }
+    return [expr {[dict get $place socket] ne {} ? [dict get $place socket] : [dict get $place address]}]
 }
 
-# Where daemons of this user listen. A folder that others may read or write, or that is another user's, is as good as none,
-# as it is to the package itself: who knows whose sockets are in there? It is looked at each time, since it may change.
-proc ::sorma::discover::RuntimeFolder {} {
-    global env
-    variable Nowhere
-    if {[catch {file stat /proc/self own}]} {
-        return $Nowhere
-    }
-    if {[info exists env(SORMA_RUNTIME_DIR)] && $env(SORMA_RUNTIME_DIR) ne {}} {
-        set folder $env(SORMA_RUNTIME_DIR)
-    } elseif {[info exists env(XDG_RUNTIME_DIR)] && $env(XDG_RUNTIME_DIR) ne {}} {
-        set folder $env(XDG_RUNTIME_DIR)/sorma
-    } else {
-        set folder /tmp/sorma-$own(uid)
-    }
-    if {![catch {file lstat $folder found}]
-            && ($found(type) ne "directory" || $found(uid) != $own(uid) || ($found(mode) & 0o066))} {
-        return $Nowhere
-    }
-    return $folder
-}
-
-# Addresses of the dictionary and names served here, at most Fresh ms old.
-proc ::sorma::discover::OwnFacts {} {
+# Words of the dictionary that are addresses, and what they mean: a dict, at most Fresh ms old.
+proc ::sorma::discover::addresses {} {
     variable Own
     variable Fresh
     set now [clock milliseconds]
     if {$now - [lindex $Own 0] >= $Fresh} {
-        set facts [LocalText {sorm DBX -inventory addresses serves}]
-        set addresses {}
-        foreach pair [dict get $facts addresses] {
-            dict set addresses [lindex $pair 0] [lindex $pair 1]
-        }
-        set Own [list $now $addresses [dict get $facts serves]]
+        set Own [list $now [concat {*}[dict get [localText {sorm DBX -inventory addresses}] addresses]]]
     }
-    return $Own
-}
-
-# What the dictionary says about @alias or CLASS, without the @ before an alias; empty when it says nothing.
-proc ::sorma::discover::DictionaryAddress word {
-    set addresses [lindex [OwnFacts] 1]
-    if {![dict exists $addresses $word]} {
-        return {}
-    }
-    return [string trimleft [dict get $addresses $word] @]
-}
-
-proc ::sorma::discover::Serves name {
-    return [expr {$name in [lindex [OwnFacts] 2]}]
+    return [lindex $Own 1]
 }
 
 # Forget what is known of here: the next question sees what the dictionary says now.
-proc ::sorma::discover::LookAgain {} {
-    variable Own {0 {} {}}
+proc ::sorma::discover::lookAgain {} {
+    variable Own {0 {}}
 }
 
 # The text of a reply of an object of this interpreter. The user's trail stays what it was.
-proc ::sorma::discover::LocalText request {
+proc ::sorma::discover::localText request {
     set words [lassign $request so]
     set reply [::sorma::Aside [list ::sorma::so::$so {*}$words]]
     return [lindex $reply 3]
@@ -160,10 +91,12 @@ proc ::sorma::discover::LocalText request {
 #       dictionary, and the addresses of proxies.
 proc ::sorma::discover::names {} {
     set found {}
-    foreach file [glob -nocomplain -tails -directory [RuntimeFolder] *.sock] {
-        dict set found [string range $file 0 end-5] 1
+    catch {                             ;# a folder that others may write to is as good as none
+        foreach name [::sorma::peer names] {
+            dict set found $name 1
+        }
     }
-    foreach word [dict keys [lindex [OwnFacts] 1] @*] {
+    foreach word [dict keys [addresses] @*] {
         dict set found [string range $word 1 end] 1
     }
     foreach name [::sorma::names *@*] {
@@ -177,13 +110,13 @@ proc ::sorma::discover::names {} {
 #       answer yet), away (no answer within Patience), refused, or failed; error says what is wrong.
 proc ::sorma::discover::state {where {request {}}} {
     variable Asked
-    variable Inventory
+    variable inventoryRequest
     set address [address $where]
     if {$address eq "self"} {
         return {state self error {}}
     }
     if {$request eq {}} {
-        set request $Inventory
+        set request $inventoryRequest
     }
     set key [list $address $request]
     if {![info exists Asked($key)]} {
@@ -207,7 +140,7 @@ proc ::sorma::discover::state {where {request {}}} {
 
 # ::sorma::discover::trouble WHERE ?REQUEST? --
 #       Why a daemon gives no answer, in one line for people; empty when it does. Whether it is busy or does not live is
-#       asked for at most 300 ms, and not again for 3 s.
+#       asked as consult does.
 proc ::sorma::discover::trouble {where {request {}}} {
     variable Health
     set found [state $where $request]
@@ -221,7 +154,8 @@ proc ::sorma::discover::trouble {where {request {}}} {
                     return "no daemon listens on $address"
                 }
                 # Whoever sees it removes it, so that it is said once.
-                if {[file dirname $address] eq [RuntimeFolder] && ![catch {::sorma::SweepSocket [file rootname [file tail $address]]} swept] && $swept} {
+                if {![catch {::sorma::RuntimeSocket [file rootname [file tail $address]]} own] && $own eq $address
+                        && ![catch {::sorma::SweepSocket [file rootname [file tail $address]]} swept] && $swept} {
                     return "dead: its socket was all that was left, and has been removed"
                 }
                 return "dead: its socket is all that is left"
@@ -230,27 +164,63 @@ proc ::sorma::discover::trouble {where {request {}}} {
         }
         default { return [dict get $found error] }
     }
-    set numeric [Numeric $address]
-    if {$numeric eq {}} {
-        return [WhyNot $address]
+    if {[numeric $address] eq {}} {
+        return [whyNot $address]
     }
-    set address $numeric
-    set now [clock milliseconds]
-    if {![info exists Health($address)] || $now - [lindex $Health($address) 0] > 3000} {
-        set text "no answer: it may be stopped"
-        # A client of its own: Peer may be making a connection, and a busy daemon greets each client just once.
-        set stranger [NewInterpreter]
-        if {![catch {interp eval $stranger [list ::sorma::health $address -timeout 300]} health]} {
-            set text {}
-            if {[dict get $health state] eq "busy"} {
-                set text "busy with [dict get $health what], for [dict get $health since] ms"
-            }
-        }
-        interp delete $stranger
-        set Health($address) [list $now $text]
-    }
+    consult [list $where] $request
     set text [lindex $Health($address) 1]
     return [if {$text eq {}} {string cat "no answer yet"} else {set text}]
+}
+
+# ::sorma::discover::consult WHERES ?REQUEST? --
+#       Find out whether those that do not answer a request are busy or do not live: all at once, in at most 300 ms, and not again
+#       for 3 s. Waits as await does; trouble says what came of it.
+proc ::sorma::discover::consult {wheres {request {}}} {
+    variable Health
+    variable Consulted
+    set now [clock milliseconds]
+    set peers {}
+    foreach where $wheres {
+        set address [address $where]
+        if {[dict get [state $where $request] state] ni {asking away} || [numeric $address] eq {} || [dict exists $peers $address]
+                || ([info exists Health($address)] && $now - [lindex $Health($address) 0] <= 3000)} continue
+        set Health($address) [list $now "no answer: it may be stopped"]
+        # A client of its own: Peer may be making a connection, and a busy daemon greets each client just once.
+        if {[catch {::sorma::peer open $where -command [list ::sorma::discover::Greeted $address]} peer]} continue
+        dict set peers $address $peer
+        set Consulted($address) $peer
+        $peer ask -timeout 1000 sorm DBX -info class
+    }
+    set token [NewWait]
+    try {
+        while {[llength [lsearch -all -inline -exact [lmap address [dict keys $peers] {info exists Consulted($address)}] 1]] > 0
+            && [Suspended $token [expr {$now + 300 - [clock milliseconds]}]]} {}
+    } finally {
+        EndWait $token
+        dict for {address peer} $peers {
+            unset -nocomplain Consulted($address)
+            $peer destroy
+        }
+    }
+}
+
+proc ::sorma::discover::Greeted address {
+    variable Consulted
+    if {[info exists Consulted($address)]} {
+        $Consulted($address) health [list ::sorma::discover::Healthy $address]
+    }
+}
+
+proc ::sorma::discover::Healthy {address health} {
+    variable Health
+    variable Consulted
+    set text {}
+    if {[dict get $health state] eq "busy"} {
+        set text "busy with [dict get $health what], for [dict get $health since] ms"
+    }
+    set Health($address) [list [clock milliseconds] $text]
+    unset -nocomplain Consulted($address)
+    WakeAll
 }
 
 # ::sorma::discover::daemons --
@@ -258,10 +228,10 @@ proc ::sorma::discover::trouble {where {request {}}} {
 # Arguments:
 #       wait    ms to wait for those that have not answered yet
 proc ::sorma::discover::daemons {{wait 0}} {
-    variable Inventory
+    variable inventoryRequest
     set names [names]
     if {$wait > 0} {
-        await $wait $names $Inventory
+        await $wait $names $inventoryRequest
     }
     return [lmap name $names {
         set known [inventory $name]
@@ -275,8 +245,8 @@ proc ::sorma::discover::daemons {{wait 0}} {
 #       What there is at a daemon (empty: here): a dict of names (of its objects, sorted), classes (dict: name ->
 #       {version purpose}), words (of the dictionary). Empty as long as nothing is known.
 proc ::sorma::discover::inventory {where {now 0}} {
-    variable Inventory
-    return [Known $where $Inventory ParseInventory $now]
+    variable inventoryRequest
+    return [Known $where $inventoryRequest ParseInventory $now]
 }
 
 # ::sorma::discover::census WHERE --
@@ -315,7 +285,7 @@ proc ::sorma::discover::classes where {
 # Words of the dictionary of a daemon.
 proc ::sorma::discover::words where {
     if {$where eq {} || [address $where] eq "self"} {
-        return [dict get [LocalText {sorm DBX -inventory words}] words]
+        return [dict get [localText {sorm DBX -inventory words}] words]
     }
     set known [inventory $where]
     return [if {$known ne {}} {dict get $known words}]
@@ -328,19 +298,19 @@ proc ::sorma::discover::words where {
 proc ::sorma::discover::describe name {
     lassign [locate $name] service where
     if {$where ne {}} {
-        return [Known $where [list sorm DBX -describe $service] ParseDescription 1]
+        return [Known $where [list sorm DBX -describe $service] parseDescription 1]
     }
     if {![::sorma::exists $service]} {
         set class [lindex [split $service .] 0]
-        if {$class ni [::sorma::classes] && ![HasPackage sorma::service::$class]} {
+        if {$class ni [::sorma::classes] && ![hasPackage sorma::service::$class]} {
             return {}
         }
-    } elseif {[catch {LocalText [list sorm DBX -describe $service]} text]} {
+    } elseif {[catch {localText [list sorm DBX -describe $service]} text]} {
         return {}
     } else {
         return $text
     }
-    if {[catch {LocalText [list sorm DBX -describe $service]} text]} {
+    if {[catch {localText [list sorm DBX -describe $service]} text]} {
         return {}
     }
     return $text
@@ -356,17 +326,17 @@ proc ::sorma::discover::guess name {
     return $table
 }
 
-proc ::sorma::discover::HasPackage package {
+proc ::sorma::discover::hasPackage package {
     return [expr {[llength [package versions $package]] > 0 || [package provide $package] ne {}}]
 }
 
 # Actions and inspections that every class has: {actions inspections}, elements as in describe.
-proc ::sorma::discover::Common {} {
+proc ::sorma::discover::common {} {
     variable CommonRequests
     if {![info exists CommonRequests]} {
-        set own [LocalText {sorm DBX -describe sorm}]
+        set own [localText {sorm DBX -describe sorm}]
         set CommonRequests [lmap {what key} {actions actions inspections inspections} {
-            lmap action [lrange [LocalText [list sorm DBX -info $what]] [llength [dict get $own $key]] end] {
+            lmap action [lrange [localText [list sorm DBX -info $what]] [llength [dict get $own $key]] end] {
                 lassign $action name usage help
                 set least [llength [lsearch -all -not -glob $usage {[?]*}]]
                 list $name $usage $help $least [llength $usage]
@@ -385,7 +355,7 @@ proc ::sorma::discover::ask {where request} {
     variable Asked
     set address [address $where]
     if {$address eq "self"} {
-        return [LocalText $request]
+        return [localText $request]
     }
     set key [list $address $request]
     Ask $key
@@ -399,7 +369,7 @@ proc ::sorma::discover::Known {where request parseCmd {now 0}} {
     variable Parsed
     set address [if {$where eq {}} {string cat self} else {address $where}]
     if {$address eq "self"} {
-        return [$parseCmd [LocalText $request]]
+        return [$parseCmd [localText $request]]
     }
     set key [list $address $request]
     Ask $key
@@ -429,21 +399,21 @@ proc ::sorma::discover::Known {where request parseCmd {now 0}} {
 proc ::sorma::discover::fetch {where request ms} {
     set address [address $where]
     if {$address eq "self"} {
-        return [LocalText $request]
+        return [localText $request]
     }
     set words [lassign $request so]
     set token [NewWait]
-    set future [interp eval [Peer] [list ::sorma::async -timeout $ms -command [list ::sorma::discover::Wake $token] $so@$address {*}$words]]
+    set future [interp eval [asker] [list ::sorma::async -timeout $ms -command [list ::sorma::discover::Wake $token] $so@$address {*}$words]]
     try {
         set end [expr {[clock milliseconds] + $ms + 1000}]
-        while {![interp eval [Peer] [list $future done]] && [Suspended $token [expr {$end - [clock milliseconds]}]]} {}
-        return [lindex [interp eval [Peer] [list $future result]] 3]
+        while {![interp eval [asker] [list $future done]] && [Suspended $token [expr {$end - [clock milliseconds]}]]} {}
+        return [lindex [interp eval [asker] [list $future result]] 3]
     } on error {message options} {
         dict unset options -errorinfo
         return -options $options "daemon $where: [regsub {^sorm@\S+: } $message {}]"
     } finally {
         EndWait $token
-        interp eval [Peer] [list $future destroy]
+        interp eval [asker] [list $future destroy]
     }
 }
 
@@ -459,7 +429,7 @@ proc ::sorma::discover::renew {wheres request} {
 }
 
 # When an answer came [ms]; 0: never.
-proc ::sorma::discover::Came {where request} {
+proc ::sorma::discover::came {where request} {
     variable Asked
     set key [list [address $where] $request]
     return [if {[info exists Asked($key)]} {dict get $Asked($key) came} else {string cat 0}]
@@ -481,14 +451,14 @@ proc ::sorma::discover::Ask key {
     }
     lassign $key address request
     dict set Asked($key) asked $now
-    set target [Numeric $address]
+    set target [numeric $address]
     if {$target eq {}} {
         dict set Asked($key) asked 0
         return
     }
     set words [lassign $request so]
     set begin [list ::sorma::async -timeout $Patience -command [list ::sorma::discover::Answered $key] $so@$target {*}$words]
-    if {[catch {interp eval [Peer] $begin} future options]} {
+    if {[catch {interp eval [asker] $begin} future options]} {
         Failed $key $future [dict get $options -errorcode]
     } else {
         dict set Asked($key) future $future
@@ -554,7 +524,7 @@ proc ::sorma::discover::await {ms wheres args} {
             lappend keys [list [address $where] $request]
         }
     }
-    AwaitKeys $ms $keys
+    awaitKeys $ms $keys
 }
 
 # ::sorma::discover::settle MS --
@@ -567,11 +537,11 @@ proc ::sorma::discover::settle ms {
             lappend keys $key
         }
     }
-    AwaitKeys $ms $keys
+    awaitKeys $ms $keys
     return [expr {[llength $keys] > 0}]
 }
 
-proc ::sorma::discover::AwaitKeys {ms keys} {
+proc ::sorma::discover::awaitKeys {ms keys} {
     variable Asked
     set end [expr {[clock milliseconds] + $ms}]
     set open {}
@@ -648,7 +618,7 @@ proc ::sorma::discover::Suspended {token ms} {
 }
 
 # Let time pass.
-proc ::sorma::discover::Sleep ms {
+proc ::sorma::discover::sleep ms {
     set token [NewWait]
     set end [expr {[clock milliseconds] + $ms}]
     try {
@@ -678,17 +648,17 @@ proc ::sorma::discover::WakeAll {} {
 }
 
 # An interpreter with nothing but the bus. The module is there already, so this takes about a millisecond.
-proc ::sorma::discover::NewInterpreter {} {
+proc ::sorma::discover::newInterpreter {} {
     set interpreter [interp create]
     load [lindex [lsearch -inline -index 1 -exact [info loaded {}] Sorma] 0] Sorma $interpreter
     return $interpreter
 }
 
 # The interpreter that asks, made at first use.
-proc ::sorma::discover::Peer {} {
+proc ::sorma::discover::asker {} {
     variable Peer
     if {$Peer eq {} || ![interp exists $Peer]} {
-        set Peer [NewInterpreter]
+        set Peer [newInterpreter]
         interp eval $Peer {sorma::configure -timeout 1000}
         interp alias $Peer ::sorma::discover::Answered {} ::sorma::discover::Answered
         interp alias $Peer ::sorma::discover::Wake {} ::sorma::discover::Wake
@@ -696,66 +666,17 @@ proc ::sorma::discover::Peer {} {
     return $Peer
 }
 
-# An address that can be asked without looking up a host's name, which may take seconds: that is done by another
-# process. Empty: not known, or not yet.
-proc ::sorma::discover::Numeric address {
-    variable Hosts
-    if {[string match /* $address] || ![regexp {^(.*):(0x)?[[:xdigit:]]+$} $address -> host program]} {
-        return $address
-    }
-    if {$host eq "localhost" || [regexp {^\d+\.\d+\.\d+\.\d+$} $host]} {
-        if {$program ne {} && $host ne "localhost" && ![string match 127.* $host]} {
-            return {}           ;# another host's rpcbind would have to be asked, and that blocks
-        }
-        return $address
-    }
-    if {[string match {\[*\]} $host]} {
-        return $address
-    }
-    if {![info exists Hosts($host)]} {
-        set Hosts($host) ?
-        if {[catch {open |[list getent ahosts $host 2>@1] r} pipe]} {
-            set Hosts($host) {}
-        } else {
-            fconfigure $pipe -blocking 0
-            fileevent $pipe readable [list ::sorma::discover::LookedUp $host $pipe]
-        }
-    }
-    if {$Hosts($host) in {? {}} || $program ne {}} {
+# An address that can be asked without looking up a host's name, which may take seconds. Empty: not known, or not yet.
+proc ::sorma::discover::numeric address {
+    if {[catch {::sorma::resolve @$address} place] || [dict get $place state] ni {known here}} {
         return {}
     }
-    set number $Hosts($host)
-    if {[string match *:* $number]} {
-        set number \[$number\]
-    }
-    return $number[string range $address [string length $host] end]
+    return [dict get $place address]
 }
 
 # Why there is no such address.
-proc ::sorma::discover::WhyNot address {
-    variable Hosts
-    regexp {^(.*):(0x)?[[:xdigit:]]+$} $address -> host program
-    if {$program ne {}} {
-        return "not asked: that needs the rpcbind of $host"
-    }
-    if {[info exists Hosts($host)] && $Hosts($host) eq {}} {
-        return "host $host is not known"
-    }
-    return "host $host is being looked up"
-}
-
-proc ::sorma::discover::LookedUp {host pipe} {
-    variable Hosts
-    if {[gets $pipe line] < 0 && ![eof $pipe]} {
-        return
-    }
-    set number [lindex [split $line] 0]
-    set Hosts($host) [if {[regexp {^[[:xdigit:].:]+$} $number]} {set number}]
-    fileevent $pipe readable {}
-    catch {close $pipe}
-    if {$Hosts($host) eq {}} {
-        after 10000 [list unset -nocomplain ::sorma::discover::Hosts($host)]
-    }
+proc ::sorma::discover::whyNot address {
+    return [if {[catch {::sorma::resolve @$address} place]} {set place} else {dict get $place why}]
 }
 
 # ---- answers of strangers ----
@@ -792,7 +713,7 @@ proc ::sorma::discover::ParseCensus text {
     return $out
 }
 
-proc ::sorma::discover::ParseDescription text {
+proc ::sorma::discover::parseDescription text {
     foreach key {name exists class purpose version words signature example help} {
         dict set out $key [dict get $text $key]
     }

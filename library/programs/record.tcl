@@ -249,10 +249,10 @@ proc ::sorma::record::Braced text {
 
 # What stands in a recording may rely on the commands of scott.
 proc ::sorma::record::prepare {} {
-    if {[info commands ::sorma::scott::Prepare] eq {}} {
+    if {[info commands ::sorma::scott::prepare] eq {}} {
         uplevel #0 [list source -encoding utf-8 [file join $::sorma::library scott.tcl]]
     }
-    ::sorma::scott::Prepare
+    ::sorma::scott::prepare
 }
 
 proc ::sorma::record::matches {} {

@@ -1,0 +1,322 @@
+#include "tcl/peerCommands.h"
+
+#include <dirent.h>
+#include <sys/inotify.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <map>
+#include <memory>
+
+#include "bus/requestText.h"
+#include "comm/comm.h"
+#include "comm/endpoint.h"
+
+namespace sorma {
+
+namespace {
+
+const Prototype kMethod{Severity::error, "REQUEST SYNTAX", 0, "bad method \"{}\": must be ask, destroy, facts, health, subscribe, or unsubscribe"};
+const Prototype kRequest{Severity::error, "REQUEST SYNTAX", 0, "bad request \"{}\": must be CTRL, DBX, or EXEC"};
+const Prototype kOption{Severity::error, "REQUEST SYNTAX", 0, "bad option \"{}\": must be {}"};
+const Prototype kNumber{Severity::error, "REQUEST SYNTAX", 0, "{} expects a whole number from {}, got \"{}\""};
+const Prototype kNoToken{Severity::error, "REQUEST SYNTAX", 0, "\"{}\" is no subscription of this peer"};
+const Prototype kWhere{Severity::error, "REQUEST SYNTAX", 0, "sorma::peer open expects what stands after @"};
+const Prototype kWord{Severity::error, "REQUEST SYNTAX", 0, "bad word \"{}\": must be names, or open"};
+
+// Calls a command prefix with further words at global level, as an event does.
+void call(Interpreter& i, Tcl_Obj* prefix, std::initializer_list<Tcl_Obj*> words) {
+    std::vector<Obj> keep(words.begin(), words.end());
+    if (i.closing() || view(prefix).empty()) return;
+    Interpreter::Kept kept(i);
+    Obj command(Tcl_DuplicateObj(prefix));
+    for (auto* w : words)
+        if (Tcl_ListObjAppendElement(i.interp, command, w) != TCL_OK) return Tcl_BackgroundException(i.interp, TCL_ERROR);
+    if (Tcl_EvalObjEx(i.interp, command, TCL_EVAL_GLOBAL | TCL_EVAL_DIRECT) != TCL_OK && !i.closing()) Tcl_BackgroundException(i.interp, TCL_ERROR);
+}
+
+void put(Tcl_Obj* dict, const char* key, Tcl_Obj* value) { Tcl_DictObjPut(nullptr, dict, Tcl_NewStringObj(key, -1), value); }
+void put(Tcl_Obj* dict, const char* key, std::string_view value) { put(dict, key, newText(value)); }
+
+// ---- sorma::resolve ----
+
+const char* toText(Place::State state) {
+    switch (state) {
+        case Place::State::here: return "here";
+        case Place::State::known: return "known";
+        case Place::State::asking: return "asking";
+        case Place::State::unresolved: break;
+    }
+    return "unresolved";
+}
+
+// sorma::resolve NAME|@WHERE
+int ResolveObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]);
+
+// ---- peers ----
+
+class PeerCommand : public std::enable_shared_from_this<PeerCommand> {
+public:
+    PeerCommand(Interpreter& i, std::shared_ptr<Connection> line) : interpreter(i), connection(std::move(line)) {}
+    ~PeerCommand() {
+        subscriptions.clear();
+        connection->changed = nullptr;
+        connection->end();
+    }
+
+    void ask(int objc, Tcl_Obj* const objv[]);
+    void subscribe(int objc, Tcl_Obj* const objv[]);
+    Tcl_Obj* facts() const;
+
+    Interpreter& interpreter;
+    std::shared_ptr<Connection> connection;
+    std::map<std::string, std::unique_ptr<Listening>> subscriptions;
+    std::uint64_t last = 0;
+    Tcl_Command token = nullptr;
+};
+using PeerPointer = std::shared_ptr<PeerCommand>;
+
+// Options before the other words; returns how many words they take.
+int takeOptions(int objc, Tcl_Obj* const objv[], int at, std::initializer_list<std::pair<const char*, Obj*>> known) {
+    for (; at + 1 < objc && view(objv[at]).starts_with('-'); at += 2) {
+        auto found = std::find_if(known.begin(), known.end(), [&](auto& k) { return view(objv[at]) == k.first; });
+        if (found == known.end()) {
+            std::string names;
+            for (auto& k : known) names += (names.empty() ? "" : ", ") + std::string(k.first);
+            fail(kOption, toUtf8(objv[at]), names);
+        }
+        *found->second = Obj(objv[at + 1]);
+    }
+    return at;
+}
+
+std::int64_t number(const char* option, Tcl_Obj* given, std::int64_t otherwise, std::int64_t least) {
+    std::int64_t n = otherwise;
+    if (given && (!parseNumber(toUtf8(given), n) || n < least)) fail(kNumber, option, least, toUtf8(given));
+    return n;
+}
+
+// $peer ask ?-timeout ms? ?-command prefix? NAME EXEC|CTRL|DBX ?word ...?: calls prefix STATUS VALUE
+void PeerCommand::ask(int objc, Tcl_Obj* const objv[]) {
+    Obj timeout, prefix(Tcl_NewObj());
+    int at = takeOptions(objc, objv, 2, {{"-timeout", &timeout}, {"-command", &prefix}});
+    std::int64_t ms = number("-timeout", timeout, 5000, 1);
+    std::string method = at + 1 < objc ? toUtf8(objv[at + 1]) : std::string();
+    if (method != "EXEC" && method != "CTRL" && method != "DBX") fail(kRequest, method);
+    auto pending = std::make_shared<Pending>(interpreter.sorm, Deadline::in(ms), nullptr, nullptr);
+    std::span<Tcl_Obj* const> words(objv + at + 2, std::size_t(objc - at - 2));
+    if (method == "EXEC") readParts(words, pending->message);
+    else
+        for (auto* w : words) pending->message.words.push_back(toUtf8(w));
+    Future(pending).then([weak = weak_from_this(), prefix](Future f) {
+        auto self = weak.lock();
+        if (!self || self->interpreter.closing()) return;
+        Interpreter& i = self->interpreter;
+        try {
+            Message& m = f.result();
+            call(i, prefix, {newText("ok"), dictReply(i.constants, m)});
+        } catch (const Error& e) {
+            const Entry* cause = e.trail.cause();
+            Tcl_Obj* words[] = {newText(cause ? cause->text : std::string(e.what())), cause ? errorCode(*cause) : Tcl_NewObj()};
+            call(i, prefix, {newText("error"), Tcl_NewListObj(2, words)});
+        }
+    });
+    connection->begin(pending, toUtf8(objv[at]), method == "EXEC" ? Method::exec : method == "CTRL" ? Method::ctrl : Method::dbx);
+}
+
+// As sorma::subscribe tells it.
+Tcl_Obj* eventDict(const Constants& c, const Received& e) {
+    Obj content(messageDict(c, e.message));
+    Tcl_Obj* dict = Tcl_DuplicateObj(content);
+    put(dict, "object", e.object);
+    put(dict, "event", e.name);
+    put(dict, "number", Tcl_NewWideIntObj(Tcl_WideInt(e.number)));
+    put(dict, "lost", Tcl_NewWideIntObj(e.lost));
+    put(dict, "time", Tcl_NewWideIntObj(e.time));
+    return dict;
+}
+
+// $peer subscribe ?-event pattern? ?-queue n? ?-command prefix? NAME: a token; while it is connected
+void PeerCommand::subscribe(int objc, Tcl_Obj* const objv[]) {
+    Obj pattern(newText("*")), queue, prefix(Tcl_NewObj());
+    int at = takeOptions(objc, objv, 2, {{"-event", &pattern}, {"-queue", &queue}, {"-command", &prefix}});
+    std::int64_t keep = number("-queue", queue, 10'000, 1);
+    if (at + 1 != objc) fail(kRequest, "subscribe");
+    std::string name = "s" + std::to_string(++last);
+    subscriptions[name] = connection->listenLater(toUtf8(objv[at]), toUtf8(pattern), std::size_t(keep), [weak = weak_from_this(), prefix](Received& e) {
+        auto self = weak.lock();
+        if (self && !self->interpreter.closing()) call(self->interpreter, prefix, {eventDict(self->interpreter.constants, e)});
+    });
+    Tcl_SetObjResult(interpreter.interp, newText(name));
+}
+
+Tcl_Obj* PeerCommand::facts() const {
+    Tcl_Obj* dict = Tcl_NewDictObj();
+    auto& d = connection->daemon();
+    put(dict, "connected", Tcl_NewIntObj(connection->connected()));
+    put(dict, "name", d.name);
+    put(dict, "user", d.user);
+    put(dict, "host", d.host);
+    put(dict, "program", d.program);
+    put(dict, "pid", Tcl_NewWideIntObj(d.process));
+    put(dict, "boot", std::to_string(d.boot));
+    return dict;
+}
+
+int PeerObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    PeerPointer self = *static_cast<PeerPointer*>(data);
+    Interpreter& i = self->interpreter;
+    return guarded(i, objc, objv, [&] {
+        if (objc < 2) return Tcl_WrongNumArgs(interp, 1, objv, "method ?word ...?"), TCL_ERROR;
+        std::string_view method = view(objv[1]);
+        Tcl_ResetResult(interp);
+        if (method == "ask") return self->ask(objc, objv), TCL_OK;
+        if (method == "subscribe") return self->subscribe(objc, objv), TCL_OK;
+        if (method == "facts") return Tcl_SetObjResult(interp, self->facts()), TCL_OK;
+        if (method == "destroy") return Tcl_DeleteCommandFromToken(interp, self->token), TCL_OK;
+        if (method == "unsubscribe") {
+            if (objc != 3) return Tcl_WrongNumArgs(interp, 2, objv, "subscription"), TCL_ERROR;
+            auto found = self->subscriptions.find(toUtf8(objv[2]));
+            if (found == self->subscriptions.end()) fail(kNoToken, toUtf8(objv[2]));
+            auto leaving = std::move(found->second);
+            self->subscriptions.erase(found);
+            return TCL_OK;
+        }
+        if (method == "health") {
+            if (objc != 3) return Tcl_WrongNumArgs(interp, 2, objv, "prefix"), TCL_ERROR;
+            self->connection->askHealth([weak = std::weak_ptr(self), prefix = Obj(objv[2])](const wire::Health& h) {
+                auto peer = weak.lock();
+                if (!peer || peer->interpreter.closing()) return;
+                Tcl_Obj* dict = Tcl_NewDictObj();
+                put(dict, "state", h.busy ? "busy" : "alive");
+                put(dict, "what", h.what);
+                put(dict, "since", Tcl_NewWideIntObj(Tcl_WideInt(h.since / 1000)));
+                put(dict, "underway", Tcl_NewWideIntObj(h.underway));
+                put(dict, "connections", Tcl_NewWideIntObj(h.connections));
+                call(peer->interpreter, prefix, {dict});
+            });
+            return TCL_OK;
+        }
+        fail(kMethod, std::string(method));
+    });
+}
+
+// What an interpreter has of this.
+struct Peers {
+    Peers(Interpreter& i, Comm& c) : interpreter(i), comm(c) {}
+    ~Peers() { stopWatching(); }
+
+    void watchFolder(const std::string& folder, Obj command) {
+        changedCmd = command;
+        if (fd >= 0 && folder == watched) return;
+        stopWatching();
+        watched = folder;
+        fd = inotify_init1(IN_NONBLOCK | IN_CLOEXEC);
+        if (fd < 0) return;             // then who asks again now and then sees it
+        fd = raiseDescriptor(fd);
+        inotify_add_watch(fd, folder.c_str(), IN_CREATE | IN_DELETE | IN_MOVED_FROM | IN_MOVED_TO | IN_ATTRIB);
+        comm.reactor().watch(fd, [this] { folderChanged(); });
+    }
+    void stopWatching() {
+        if (fd < 0) return;
+        comm.reactor().unwatch(fd);
+        close(std::exchange(fd, -1));
+    }
+    void folderChanged() {
+        alignas(inotify_event) char events[4096];
+        bool gone = false;              // the folder itself: who asks again watches the one that is there then
+        for (ssize_t n; (n = read(fd, events, sizeof events)) > 0;)
+            for (char* at = events; at < events + n; at += sizeof(inotify_event) + reinterpret_cast<inotify_event*>(at)->len)
+                gone = gone || (reinterpret_cast<inotify_event*>(at)->mask & IN_IGNORED);
+        if (gone) stopWatching();
+        Obj command = changedCmd;
+        call(interpreter, command, {});
+    }
+
+    Interpreter& interpreter;
+    Comm& comm;
+    std::uint64_t last = 0;
+    int fd = -1;                        // inotify
+    std::string watched;                // folder
+    Obj changedCmd;
+};
+
+int ResolveObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& p = *static_cast<Peers*>(data);
+    return guarded(p.interpreter, objc, objv, [&] {
+        if (objc != 2) return Tcl_WrongNumArgs(interp, 1, objv, "name"), TCL_ERROR;
+        Place place = p.comm.resolver().find(toUtf8(objv[1]));
+        const bool target = place.state == Place::State::known || place.state == Place::State::here;
+        const Address& a = place.target;
+        Tcl_Obj* dict = Tcl_NewDictObj();
+        put(dict, "service", place.service);
+        put(dict, "where", place.where);
+        put(dict, "state", toText(place.state));
+        put(dict, "address", place.address.kind == Address::Kind::self ? std::string() : describe(target ? a : place.address));
+        put(dict, "socket", a.kind == Address::Kind::path ? a.host : std::string());
+        put(dict, "host", a.kind == Address::Kind::tcp || a.kind == Address::Kind::program ? a.host : std::string());
+        put(dict, "port", a.kind == Address::Kind::tcp ? std::to_string(a.number) : std::string());
+        put(dict, "why", place.why);
+        Tcl_SetObjResult(interp, dict);
+        return TCL_OK;
+    });
+}
+
+// sorma::peer names ?-command prefix?: daemons of this user on this host, as their sockets say; prefix is called when there may be others
+int names(Peers& p, int objc, Tcl_Obj* const objv[]) {
+    Obj command;
+    if (takeOptions(objc, objv, 2, {{"-command", &command}}) != objc)
+        return Tcl_WrongNumArgs(p.interpreter.interp, 2, objv, "?-command prefix?"), TCL_ERROR;
+    std::string folder = runtimeFolder();
+    if (command) p.watchFolder(folder, command);
+    Obj list(Tcl_NewListObj(0, nullptr));
+    std::vector<std::string> found;
+    std::unique_ptr<DIR, int (*)(DIR*)> dir(opendir(folder.c_str()), closedir);
+    while (dirent* e = dir ? readdir(dir.get()) : nullptr) {
+        std::string_view file = e->d_name;
+        if (file.size() > 5 && file.ends_with(".sock") && Name::isName("sorm@" + std::string(file.substr(0, file.size() - 5))))
+            found.emplace_back(file.substr(0, file.size() - 5));
+    }
+    std::sort(found.begin(), found.end());
+    for (auto& name : found) Tcl_ListObjAppendElement(nullptr, list, newText(name));
+    Tcl_SetObjResult(p.interpreter.interp, list);
+    return TCL_OK;
+}
+
+// sorma::peer open WHERE ?-command prefix?: a command; prefix is called when the line is there, or lost
+int NewPeerObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& p = *static_cast<Peers*>(data);
+    Interpreter& i = p.interpreter;
+    return guarded(i, objc, objv, [&] {
+        if (objc < 2) return Tcl_WrongNumArgs(interp, 1, objv, "names|open ?word ...?"), TCL_ERROR;
+        std::string word = toUtf8(objv[1]), where = objc > 2 && word == "open" ? toUtf8(objv[2]) : std::string("*");
+        i.sorm.access.need(nullptr, Right::reach, where, "sorma::peer");
+        if (word == "names") return names(p, objc, objv);
+        if (word != "open") fail(kWord, word);
+        Obj command(Tcl_NewObj());
+        if (objc < 3 || takeOptions(objc, objv, 3, {{"-command", &command}}) != objc || where.empty()) fail(kWhere);
+        Address::parse(where);
+        auto peer = std::make_shared<PeerCommand>(i, p.comm.privateLine(where));
+        peer->connection->changed = [weak = std::weak_ptr(peer), command] {
+            if (auto self = weak.lock(); self && !self->interpreter.closing()) call(self->interpreter, command, {});
+        };
+        std::string name = "::sorma::peer::p" + std::to_string(++p.last);
+        peer->token = Tcl_CreateObjCommand(interp, name.c_str(), PeerObjCmd, new PeerPointer(peer),
+                                           [](ClientData d) { delete static_cast<PeerPointer*>(d); });
+        Tcl_SetObjResult(interp, newText(name));
+        return TCL_OK;
+    });
+}
+
+}  // namespace
+
+void initPeerCommands(Interpreter& i, Comm& comm) {
+    auto own = std::make_shared<Peers>(i, comm);
+    Tcl_CreateNamespace(i.interp, "::sorma::peer", nullptr, nullptr);
+    Tcl_CreateObjCommand(i.interp, "::sorma::peer", NewPeerObjCmd, own.get(), nullptr);
+    Tcl_CreateObjCommand(i.interp, "::sorma::resolve", ResolveObjCmd, own.get(), nullptr);
+    for (auto* name : {"peer", "resolve"}) Tcl_Export(i.interp, Tcl_FindNamespace(i.interp, "::sorma", nullptr, 0), name, 0);
+    i.atEnd([own]() mutable { own.reset(); });
+}
+
+}  // namespace sorma

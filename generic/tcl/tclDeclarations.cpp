@@ -1,0 +1,358 @@
+#include "tcl/tclServiceParts.h"
+
+#include <algorithm>
+
+#include "bus/requestText.h"
+
+namespace sorma {
+
+using namespace tcloo;
+
+namespace {
+
+const Prototype kDeclaration{Severity::error, "CLASS TABLE", 0, "{}: {}"};
+const Prototype kOutside{Severity::error, "CLASS TABLE", 0,
+                         "{} declares a service class: use it in the body of a class, behind \"superclass sorma::Service\""};
+
+Class buildClass(Interpreter& i, const std::vector<TclClass*>& line, Tcl_Class tcl) {
+    std::string purpose;
+    std::vector<Value> initial;
+    for (auto* c : line) {
+        if (!c->purpose.empty()) purpose = c->purpose;
+        for (auto& d : c->options) initial.push_back(d.initial);
+    }
+    std::weak_ptr<TclClass> type = *static_cast<ClassHandle*>(Tcl_ClassGetMetadata(tcl, &kClassData));
+    auto make = [&i, type, initial]() -> std::unique_ptr<Service> {
+        auto alive = type.lock();
+        if (!alive || !alive->tcl) fail(kStep, "making an object", "its class has been destroyed");
+        return std::make_unique<TclService>(i, alive->tcl, initial);
+    };
+    Class made(line.back()->service, std::move(purpose), std::move(make));
+    made.declaredAt({}, 0);
+    for (auto* c : line) {
+        if (!c->words.empty()) made.words(c->words);
+        if (!c->example.empty()) made.example(c->example);
+        if (!c->version.empty()) made.version(c->version);
+        if (!c->conduct.empty())
+            made.conduct(c->conduct == "concurrent" ? Conduct::concurrent : c->conduct == "exclusive" ? Conduct::exclusive : Conduct::serial);
+        if (!c->file.empty()) made.declaredAt(c->file, c->line);
+        for (auto& d : c->options) {
+            std::size_t index = made.options().size();
+            Option o = d.option;
+            o.get = [index](const Service& s) { return static_cast<const TclService&>(s).value(index); };
+            o.set = [index](Service& s, const Value& v) { static_cast<TclService&>(s).setValue(index, v); };
+            if (o.type == Type::service)
+                o.refer = [index](Service& s, Reference r) { static_cast<TclService&>(s).setService(index, std::move(r)); };
+            made.option(std::move(o));
+        }
+        for (auto& a : c->actions) made.action(a);
+        for (auto& a : c->inspections) made.inspection(a, a.right);
+        for (auto& p : c->reads) made.reads(p.field, p.count, p.unit, p.help, p.low, p.high);
+        for (auto& p : c->writes) made.writes(p.field, p.count, p.unit, p.help);
+    }
+    return made;
+}
+
+// ---- declaration commands ----
+
+// The class in whose body the command stands. Fails outside of any.
+TclClass& target(Interpreter& i, Tcl_Obj* command) {
+    KeepState keep(i.interp);
+    std::string outside = toUtf8(command);
+    if (outside.starts_with("::")) outside.erase(0, 2);
+    std::string name;
+    if (Tcl_EvalEx(i.interp, "::oo::define::self", -1, 0) == TCL_OK) {      // 9
+        name = toUtf8(Tcl_GetObjResult(i.interp));
+    } else if (Tcl_EvalEx(i.interp, "::info level 0", -1, 0) == TCL_OK) {   // 8.6: the frame of oo::define NAME body
+        Obj frame(Tcl_GetObjResult(i.interp));
+        auto words = listElements(frame);
+        if (words.size() >= 3 && view(words[0]).ends_with("oo::define")) name = toUtf8(words[1]);
+        if (!name.empty() && !name.starts_with("::")) {
+            Tcl_Obj* which[] = {str("::namespace"), str("which"), words[1]};
+            Obj call(Tcl_NewListObj(3, which));
+            if (eval(i, {str("::uplevel"), str("1"), call}, 0)) name = toUtf8(Tcl_GetObjResult(i.interp));
+        }
+    }
+    Tcl_Object object = name.empty() ? nullptr : Tcl_GetObjectFromObj(i.interp, Obj(str(name)));
+    Tcl_Class type = object ? Tcl_GetObjectAsClass(object) : nullptr;
+    if (!type || lineage(i, name).empty()) fail(kOutside, outside);
+    TclClass& c = declarationsOf(i, type);
+    if (c.file.empty()) c.path = whereAmI(i, c.file, c.line);
+    return c;
+}
+
+// After a declaration: what the SORM knows of the class is out of date, also for classes derived from it.
+void declared(Interpreter& i, TclClass& c) {
+    i.sorm.forget(c.service);
+    for (auto& name : tclClasses(i)) {
+        if (!i.sorm.findClass(serviceName(name))) continue;
+        auto line = lineage(i, name);
+        if (std::find(line.begin(), line.end(), &c) != line.end()) i.sorm.forget(serviceName(name));
+    }
+}
+
+[[noreturn]] void bad(Tcl_Obj* command, const std::string& what) {
+    std::string name = toUtf8(command);
+    if (name.starts_with("::")) name.erase(0, 2);
+    fail(kDeclaration, name, what);
+}
+
+double bound(Tcl_Obj* o, double open) {
+    std::string_view text = view(o);
+    return text.empty() || text == "*" ? open : toDouble(o);
+}
+
+// "6", "3..", "2..5", "*"
+Count count(Tcl_Obj* command, Tcl_Obj* o) {
+    std::string text = toUtf8(o);
+    if (text == "*" || text.empty()) return {};
+    std::int64_t low = 0, high = 0;
+    auto dots = text.find("..");
+    if (dots == std::string::npos) {
+        if (parseNumber(text, low) && low >= 0) return exactly(std::size_t(low));
+    } else {
+        std::string first = text.substr(0, dots), last = text.substr(dots + 2);
+        if (parseNumber(first, low) && low >= 0) {
+            if (last.empty()) return atLeast(std::size_t(low));
+            if (parseNumber(last, high) && high >= low) return between(std::size_t(low), std::size_t(high));
+        }
+    }
+    bad(command, "bad count \"" + text + "\": must be N, N.., N..M, or *");
+}
+
+std::string oneOf(std::initializer_list<const char*> words) {
+    std::string out;
+    std::size_t n = 0;
+    for (auto* w : words) {
+        if (n > 0) out += n + 1 < words.size() ? ", " : words.size() > 2 ? ", or " : " or ";
+        out += w;
+        ++n;
+    }
+    return out;
+}
+
+int OptionObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc < 3 || objc % 2 == 0)
+            return wrongArgs(interp, objv, "-name type ?-unit u? ?-range {low high}? ?-choices list? ?-length n? ?-default value? "
+                                           "?-fixed boolean? ?-help text?");
+        TclClass& c = target(i, objv[0]);
+        OptionDeclaration d;
+        Option& o = d.option;
+        o.name = toUtf8(objv[1]);
+        if (o.name.size() < 2 || o.name[0] != '-') bad(objv[0], "bad name \"" + o.name + "\": must begin with a dash");
+        for (auto* ancestor : lineage(i, objectName(interp, Tcl_GetClassAsObject(c.tcl))))
+            for (auto& known : ancestor->options)
+                if (known.option.name == o.name) bad(objv[0], o.name + " is declared twice");
+        if (!fromText(view(objv[2]), o.type))
+            bad(objv[0], "bad type \"" + toUtf8(objv[2]) + "\": must be " +
+                             oneOf({"double", "enum", "flag", "int", "service", "string", "vector"}));
+        Tcl_Obj* initial = nullptr;
+        for (int k = 3; k < objc; k += 2) {
+            std::string_view word = view(objv[k]);
+            Tcl_Obj* value = objv[k + 1];
+            if (word == "-unit") {
+                o.spec.unit = toUtf8(value);
+            } else if (word == "-help") {
+                o.spec.help = toUtf8(value);
+            } else if (word == "-fixed") {
+                o.spec.fixed = toBoolean(value);
+            } else if (word == "-choices") {
+                o.choices = listStrings(value);
+            } else if (word == "-default") {
+                initial = value;
+            } else if (word == "-length") {
+                Count n = count(objv[0], value);
+                o.spec.minLength = n.low;
+                o.spec.maxLength = n.high;
+            } else if (word == "-range") {
+                auto ends = listElements(value);
+                if (ends.size() != 2) bad(objv[0], o.name + ": -range must be {low high}");
+                o.spec.low = bound(ends[0], -kInfinity);
+                o.spec.high = bound(ends[1], kInfinity);
+            } else {
+                bad(objv[0], "unknown word \"" + toUtf8(objv[k]) + "\": must be " +
+                                 oneOf({"-choices", "-default", "-fixed", "-help", "-length", "-range", "-unit"}));
+            }
+        }
+        if (o.type == Type::choice && o.choices.empty()) bad(objv[0], o.name + ": an enum needs -choices");
+        if (initial) {
+            d.initial = o.parse(c.service, toUtf8(initial));
+        } else {
+            double nearest = std::clamp(0.0, o.spec.low, o.spec.high);
+            switch (o.type) {
+                case Type::flag: d.initial = false; break;
+                case Type::integer: d.initial = std::int64_t(nearest); break;
+                case Type::real: d.initial = nearest; break;
+                case Type::choice: d.initial = o.choices[0]; break;
+                case Type::vector: d.initial = std::vector<double>(o.spec.minLength, nearest); break;
+                default: d.initial = std::string();
+            }
+        }
+        c.options.push_back(std::move(d));
+        declared(i, c);
+        return TCL_OK;
+    });
+}
+
+// sorma::action, sorma::inspection: the body becomes a private method of the class.
+int declareAction(Interpreter& i, int objc, Tcl_Obj* const objv[], bool ctrl) {
+    return guarded(i, objc, objv, [&] {
+        if (objc != 5 && !(objc == 7 && view(objv[5]) == "-right")) return wrongArgs(i.interp, objv, "-name args help body ?-right right?");
+        TclClass& c = target(i, objv[0]);
+        Action a;
+        a.name = toUtf8(objv[1]);
+        if (a.name.size() < 2 || a.name[0] != '-') bad(objv[0], "bad name \"" + a.name + "\": must begin with a dash");
+        auto& list = ctrl ? c.actions : c.inspections;
+        for (auto& known : list)
+            if (known.name == a.name) bad(objv[0], a.name + " is declared twice");
+        a.help = toUtf8(objv[3]);
+        a.right = ctrl ? Right::configure : Right::inspect;
+        if (objc == 7) {
+            std::string right = toUtf8(objv[6]), known;
+            bool found = false;
+            for (Right r : {Right::call, Right::inspect, Right::configure, Right::make, Right::program}) {
+                if (right == toText(r)) a.right = r, found = true;
+                known += (known.empty() ? "" : ", ") + std::string(toText(r));
+            }
+            if (!found) bad(objv[0], a.name + ": bad right \"" + right + "\": must be one of " + known);
+        }
+        auto parameters = listElements(objv[2]);
+        for (std::size_t k = 0; k < parameters.size(); ++k) {
+            auto fields = listElements(parameters[k]);
+            if (fields.empty() || fields.size() > 2) bad(objv[0], a.name + ": bad argument \"" + toUtf8(parameters[k]) + "\"");
+            std::string name = toUtf8(fields[0]);
+            if (!a.usage.empty()) a.usage += ' ';
+            if (name == "args" && k + 1 == parameters.size()) {
+                a.usage += "?word ...?";
+                a.maxArgs = Action::kRest;
+            } else if (fields.size() == 2) {
+                a.usage += "?" + name + "?";
+                ++a.maxArgs;
+            } else {
+                a.usage += name;
+                a.minArgs = ++a.maxArgs;
+            }
+        }
+        std::string method = (ctrl ? "CTRL" : "DBX") + a.name;
+        std::string type = objectName(i.interp, Tcl_GetClassAsObject(c.tcl));
+        if (!eval(i, {str("::oo::define"), str(type), str("method"), str(method), objv[2], objv[4]})) return TCL_ERROR;
+        a.body = [method](Service& s, Args args, Message& reply) { static_cast<TclService&>(s).act(method, args, reply); };
+        list.push_back(std::move(a));
+        declared(i, c);
+        Tcl_ResetResult(i.interp);
+        return TCL_OK;
+    });
+}
+
+int ActionObjCmd(ClientData data, Tcl_Interp*, int objc, Tcl_Obj* const objv[]) {
+    return declareAction(*static_cast<Interpreter*>(data), objc, objv, true);
+}
+int InspectionObjCmd(ClientData data, Tcl_Interp*, int objc, Tcl_Obj* const objv[]) {
+    return declareAction(*static_cast<Interpreter*>(data), objc, objv, false);
+}
+
+int declarePart(Interpreter& i, int objc, Tcl_Obj* const objv[], bool reads) {
+    return guarded(i, objc, objv, [&] {
+        bool ranged = objc >= 5 && view(objv[objc - 2]) == "-range";
+        int words = ranged ? objc - 2 : objc;
+        if (words < 3 || words > 5)
+            return wrongArgs(i.interp, objv, reads ? "part count ?unit? ?help? ?-range {low high}?" : "part count ?unit? ?help?");
+        TclClass& c = target(i, objv[0]);
+        Part p{};
+        std::string_view field = view(objv[1]);
+        bool found = false;
+        for (Field f : {Field::text, Field::floats, Field::ints, Field::any})
+            if (field == toText(f)) p.field = f, found = true;
+        if (!found) bad(objv[0], "bad part \"" + std::string(field) + "\": must be any, floats, ints, or text");
+        p.count = count(objv[0], objv[2]);
+        if (words > 3) p.unit = toUtf8(objv[3]);
+        if (words > 4) p.help = toUtf8(objv[4]);
+        if (ranged) {
+            auto ends = listElements(objv[objc - 1]);
+            if (ends.size() != 2) bad(objv[0], "-range must be {low high}");
+            p.low = bound(ends[0], -kInfinity);
+            p.high = bound(ends[1], kInfinity);
+        }
+        (reads ? c.reads : c.writes).push_back(std::move(p));
+        declared(i, c);
+        return TCL_OK;
+    });
+}
+
+int ReadsObjCmd(ClientData data, Tcl_Interp*, int objc, Tcl_Obj* const objv[]) {
+    return declarePart(*static_cast<Interpreter*>(data), objc, objv, true);
+}
+int WritesObjCmd(ClientData data, Tcl_Interp*, int objc, Tcl_Obj* const objv[]) {
+    return declarePart(*static_cast<Interpreter*>(data), objc, objv, false);
+}
+
+template <std::string TclClass::*member, const char* const& usage>
+int TextObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc != 2) return wrongArgs(interp, objv, usage);
+        TclClass& c = target(i, objv[0]);
+        c.*member = toUtf8(objv[1]);
+        declared(i, c);
+        return TCL_OK;
+    });
+}
+int ConductObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc != 2) return wrongArgs(interp, objv, "serial|concurrent|exclusive");
+        TclClass& c = target(i, objv[0]);
+        std::string conduct = toUtf8(objv[1]);
+        if (conduct != "serial" && conduct != "concurrent" && conduct != "exclusive")
+            bad(objv[0], "bad conduct \"" + conduct + "\": must be concurrent, exclusive, or serial");
+        c.conduct = conduct;
+        declared(i, c);
+        return TCL_OK;
+    });
+}
+
+constexpr const char* kTextUsage = "text";
+constexpr const char* kUsageUsage = "usage";
+constexpr const char* kRequestUsage = "request";
+constexpr const char* kVersionUsage = "version";
+
+}  // namespace
+
+bool registerTclClass(Interpreter& i, const std::string& name) {
+    std::string best;
+    for (auto& tcl : tclClasses(i)) {
+        if (serviceName(tcl) != name) continue;
+        if (best.empty() || tcl.rfind("::") == 0) best = tcl;       // the global one first
+    }
+    if (best.empty()) return false;
+    Tcl_Object object = Tcl_GetObjectFromObj(i.interp, Obj(str(best)));
+    if (!object) return false;
+    Tcl_Class type = Tcl_GetObjectAsClass(object);
+    declarationsOf(i, type);
+    i.sorm.add(buildClass(i, lineage(i, best), type));
+    return true;
+}
+
+std::vector<std::string> tclClassNames(Interpreter& i) {
+    std::vector<std::string> out;
+    for (auto& tcl : tclClasses(i)) out.push_back(serviceName(tcl));
+    return out;
+}
+
+void tcloo::initDeclarations(Interpreter& i) {
+    struct Command {
+        const char* name;
+        Tcl_ObjCmdProc* proc;
+    };
+    for (auto& c : std::initializer_list<Command>{
+             {"option", OptionObjCmd}, {"action", ActionObjCmd}, {"inspection", InspectionObjCmd},
+             {"conduct", ConductObjCmd}, {"reads", ReadsObjCmd}, {"writes", WritesObjCmd},
+             {"purpose", TextObjCmd<&TclClass::purpose, kTextUsage>}, {"words", TextObjCmd<&TclClass::words, kUsageUsage>},
+             {"example", TextObjCmd<&TclClass::example, kRequestUsage>},
+             {"version", TextObjCmd<&TclClass::version, kVersionUsage>}})
+        i.define(c.name, c.proc);
+}
+
+}  // namespace sorma

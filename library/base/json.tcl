@@ -1,0 +1,94 @@
+# json.tcl -- strict JSON of replies, errors, trails and values. It knows no bus.
+
+package provide sorma::json 1.0
+
+namespace eval ::sorma::json {}
+
+proc ::sorma::json::reply reply {
+    set members [list "\"code\":[number [dict get $reply code]]"]
+    if {[dict exists $reply text]} {
+        lappend members "\"text\":[text [dict get $reply text]]"
+    }
+    foreach field {floats ints} {
+        if {[dict exists $reply $field]} {
+            lappend members "\"$field\":\[[join [lmap x [dict get $reply $field] {number $x}] ,]\]"
+        }
+    }
+    if {[dict exists $reply any]} {
+        lappend members "\"any\":\"[binary encode base64 [dict get $reply any]]\""
+    }
+    if {[dict exists $reply trail]} {
+        lappend members "\"trail\":[trail [dict get $reply trail]]"
+    }
+    return "\{[join $members ,]\}"
+}
+
+proc ::sorma::json::error {message code trail} {
+    set words [if {[catch {llength $code}]} {list $code} else {set code}]
+    set text "\{\"error\":\{\"message\":[text $message],\"code\":\[[join [lmap word $words {text $word}] ,]\]"
+    if {[llength $trail] > 0} {
+        append text ",\"trail\":[trail $trail]"
+    }
+    return $text\}\}
+}
+
+proc ::sorma::json::trail trail {
+    set items {}
+    foreach entry $trail {
+        set members {}
+        foreach {key value} $entry {
+            switch -- $key {
+                code { set value "\[[join [lmap word $value {text $word}] ,]\]" }
+                line - time { set value [number $value] }
+                default { set value [text $value] }
+            }
+            lappend members "[text $key]:$value"
+        }
+        lappend items "\{[join $members ,]\}"
+    }
+    return "\[[join $items ,]\]"
+}
+
+# A plain value: a number is a number, all else a string.
+proc ::sorma::json::value value {
+    return [if {[regexp {^-?(0|[1-9]\d*)(\.\d+)?([eE][-+]?\d+)?$} $value]} {set value} else {text $value}]
+}
+
+# What JSON has no number for (NaN, infinity) becomes a string.
+proc ::sorma::json::number value {
+    if {[regexp {^-?(0|[1-9]\d*)(\.\d+)?([eE][-+]?\d+)?$} $value]} {
+        return $value
+    }
+    if {[string is wideinteger -strict $value]} {
+        return [expr {wide($value)}]
+    }
+    if {[string is double -strict $value] && ![catch {expr {double($value)}} number]
+        && [regexp {^-?(0|[1-9]\d*)(\.\d+)?([eE][-+]?\d+)?$} $number]} {
+        return $number
+    }
+    return [text $value]
+}
+
+# ASCII only, so that no encoding on the way can spoil it.
+proc ::sorma::json::text text {
+    set out [string map {\\ \\\\ \" \\\" \n \\n \r \\r \t \\t \b \\b \f \\f} $text]
+    if {![regexp {[^\x20-\x7e]} $out]} {
+        return \"$out\"
+    }
+    set text $out
+    set out {}
+    set at 0
+    foreach range [regexp -all -inline -indices {[^\x20-\x7e]} $text] {
+        lassign $range i
+        scan [string index $text $i] %c code
+        append out [string range $text $at $i-1]
+        if {$code > 0xffff} {
+            incr code -0x10000
+            append out [format "\\u%04x\\u%04x" [expr {0xd800 + ($code >> 10)}] [expr {0xdc00 + ($code & 0x3ff)}]]
+        } else {
+            append out [format "\\u%04x" $code]
+        }
+        set at [expr {$i + 1}]
+    }
+    return \"$out[string range $text $at end]\"
+}

@@ -1,0 +1,944 @@
+# world.tcl -- one live model of the running system: daemons, their objects, and what happens to them.
+#
+# A program says what it wants to know (watch), and is told what is there and then what changes; it asks nobody itself, and
+# nothing here waits. What the model knows comes from one line to each daemon (sorma::peer): one subscription to its object sorm,
+# which tells of objects, and one HEALTH a second, which tells that it is still there. Looking never makes an object.
+#
+# KEY       robot, a daemon; carry.slow@robot, an object. This process is the daemon called self.
+# daemon    a dict: name address how state why since user host pid boot objects busy
+#             state  asking (no answer yet) alive busy silent (no answer for 2 s) refused denied (it lets nobody look, or not us)
+#                    unresolved (its address leads nowhere) dead (its socket is all that is left) gone
+#             how    folder dictionary proxy added self: how it came to be known
+#             since  ms, when the state began;  busy: in what;  objects: how many
+# object    a dict: name class calls underway; in object.changed also changes (dict: -option value) and by
+# events    daemon.here daemon.changed daemon.gone object.made object.changed object.removed trail world.ready
+#
+# Events of one key come in order. *.changed are gathered for 20 ms, and the last state wins; the others are not. After a gap (a
+# line that broke, events that were lost) the daemon is asked for everything, and the differences are told. Callbacks run at
+# global level, from the event loop, one after another; an error in one goes to bgerror, and its watch lives on.
+
+package require sorma
+package provide sorma::world 1.0
+
+namespace eval ::sorma::world {
+    namespace export watch unwatch get keys add forget value ask hook deliver
+    namespace ensemble create
+
+    variable Gather 20          ;# ms for which changes are gathered
+    variable Slice 10           ;# ms of work before the event loop has its turn
+    variable Pulse 1000         ;# ms between two HEALTHs
+    variable Silence 1900       ;# ms without an answer, then a daemon counts as silent, at the next beat: within 3 s of its death
+    variable Linger 10000       ;# ms for which the model lives on when nobody watches any more
+    variable MostTrail 1000     ;# messages of a trail that wait for one watch
+    variable Daemons {}         ;# dict: KEY -> daemon, as get gives it
+    variable Objects            ;# array: name@daemon -> object, as get gives it
+    variable Names              ;# array: daemon -> dict: name -> 1
+    # array: daemon -> dict: peer (empty: no line now), serial (of the line; an answer to an older one is ignored), opened (ms),
+    # asked (ms, when the HEALTH that is not answered was sent; 0: none), told (is there a subscription), known (are its objects),
+    # log (dict: name -> made or removed, while its objects are asked for)
+    variable Lines
+    variable Added {}           ;# dict: ADDRESS -> 1, by add
+    variable Watches {}         ;# dict: token -> {pattern events command ready}
+    variable Out                ;# array: token -> list of {event key dict} to be told
+    variable Late               ;# array: token -> dict: key -> {event dict}, gathered
+    variable Lost               ;# array: token -> messages of a trail that were dropped
+    variable Last 0             ;# token, or serial
+    variable Running 0          ;# is the model at work
+    variable Work {}            ;# list of {daemon serial objects at seen}: answers that are to be taken in
+    variable Opening {}         ;# daemons to which a line is to be made
+    variable Telling 0          ;# is a callback on the stack
+    variable Timers             ;# array: what -> id of after
+    variable Local {}           ;# subscription to what happens in this process
+    variable Hooks {}           ;# command prefixes of other parts of the model, called with each event before it is told
+    if {![array exists Objects]} {
+        foreach name {Objects Names Lines Out Late Lost Timers} {
+            array set $name {}
+        }
+    }
+}
+
+# ---- what programs say ----
+
+# ::sorma::world::watch PATTERN ?-events LIST? -command PREFIX --
+#       Be told what there is, and what changes.
+# Arguments:
+#       PATTERN of keys; without @ it means daemons, with @ objects (*@*), and trails of them
+#       LIST    patterns of events, default *
+#       PREFIX  is called with EVENT KEY DICT. First comes what is known, as daemon.here and object.made; then world.ready, when
+#               each daemon has answered, or has let us wait for a second
+# Results:
+#       A token, for unwatch. Nothing is called before this returns.
+proc ::sorma::world::watch {pattern args} {
+    variable Watches
+    set options [Options {-events * -command {}} $args]
+    if {[dict get $options -command] eq {}} {
+        Misused "-command is missing: what is to be called with each event?"
+    }
+    set token [NewToken watch]
+    Start
+    if {![info exists ::sorma::world::Timers(looked)]} {
+        Look
+    }
+    dict set Watches $token [dict create pattern $pattern events [dict get $options -events] command [dict get $options -command] ready 0]
+    set ::sorma::world::Out($token) {}
+    set ::sorma::world::Late($token) {}
+    set ::sorma::world::Lost($token) 0
+    dict for {key daemon} $::sorma::world::Daemons {
+        Queue $token daemon.here $key $daemon
+    }
+    if {[string first @ $pattern] >= 0} {
+        foreach key [lsort [array names ::sorma::world::Objects $pattern]] {
+            Queue $token object.made $key $::sorma::world::Objects($key)
+        }
+    }
+    CheckReady
+    return $token
+}
+
+# ::sorma::world::unwatch TOKEN --
+#       End a watch, or a value. Nothing comes after this.
+proc ::sorma::world::unwatch token {
+    variable Watches
+    variable Out
+    variable Late
+    variable Lost
+    if {[dict exists $Watches $token]} {
+        dict unset Watches $token
+        unset -nocomplain Out($token) Late($token) Lost($token)
+    } else {
+        ::sorma::value forget $token
+    }
+    EndLater
+    return
+}
+
+# ::sorma::world::get KEY -- what is known of a daemon or an object: a dict; empty when nothing is.
+proc ::sorma::world::get key {
+    variable Daemons
+    variable Objects
+    if {[dict exists $Daemons $key]} {
+        return [dict get $Daemons $key]
+    }
+    return [if {[info exists Objects($key)]} {set Objects($key)}]
+}
+
+# ::sorma::world::keys ?PATTERN? -- keys that are known, sorted: of daemons, or of objects when the pattern has an @.
+proc ::sorma::world::keys {{pattern *}} {
+    variable Daemons
+    variable Objects
+    if {[string first @ $pattern] < 0} {
+        return [lsort [dict keys $Daemons $pattern]]
+    }
+    return [lsort [array names Objects $pattern]]
+}
+
+# ::sorma::world::add ADDRESS -- know a daemon by what stands after @: host:7014, /path, an alias. forget ADDRESS takes it back.
+proc ::sorma::world::add address {
+    variable Added
+    ::sorma::resolve @$address
+    dict set Added $address 1
+    Start
+    Soon
+    return $address
+}
+proc ::sorma::world::forget address {
+    variable Added
+    dict unset Added $address
+    Soon
+    EndLater
+    return
+}
+
+# ::sorma::world::value NAME *|-option|{EXEC ...} ?-every ms? -command PREFIX -- see value.tcl.
+proc ::sorma::world::value {name what args} {
+    set options [Options {-every 0 -command {}} $args]
+    if {[dict get $options -command] eq {}} {
+        Misused "-command is missing: what is to be called with each value?"
+    }
+    if {![string is integer -strict [dict get $options -every]] || [dict get $options -every] < 0} {
+        Misused "-every expects a number of ms, got \"[dict get $options -every]\""
+    }
+    Start
+    return [::sorma::value new [NewToken value] $name $what [dict get $options -every] [dict get $options -command]]
+}
+
+# ::sorma::world::ask DAEMON REQUEST ?-timeout ms? -command PREFIX --
+#       Send a request, NAME EXEC|CTRL|DBX word ..., to a daemon that is known. PREFIX is called with ok and the reply (a dict), or
+#       with error and the list of message and error code.
+proc ::sorma::world::ask {daemon request args} {
+    variable Lines
+    set options [Options {-timeout 5000 -command {}} $args]
+    set command [dict get $options -command]
+    if {$daemon eq "self"} {
+        if {[catch {::sorma::async -timeout [dict get $options -timeout] -command [list ::sorma::world::AnswerHere $command] {*}$request} message failure]} {
+            after 0 [list ::sorma::world::deliver $command [list error [list $message [dict get $failure -errorcode]]]]
+        }
+        return
+    }
+    if {![info exists Lines($daemon)] || [dict get $Lines($daemon) peer] eq {}} {
+        set known [get $daemon]
+        set why [if {$known eq {}} {string cat "no daemon of that name is known"} else {dict get $known why}]
+        after 0 [list ::sorma::world::deliver $command [list error [list "$daemon: $why" [list SORMA COMM REFUSED $daemon]]]]
+        return
+    }
+    [dict get $Lines($daemon) peer] ask -timeout [dict get $options -timeout] -command $command {*}$request
+    return
+}
+
+proc ::sorma::world::AnswerHere {command future} {
+    set failed [catch {::sorma::Aside [list $future result]} result options]
+    $future destroy
+    if {$failed} {
+        return [deliver $command [list error [list $result [dict get $options -errorcode]]]]
+    }
+    deliver $command [list ok [Reply $result]]
+}
+
+# RET code TMSG text ... as a dict of what a model needs: code and text; a dict stays.
+proc ::sorma::world::Reply result {
+    if {[lindex $result 0] ne "RET"} {
+        return $result
+    }
+    set reply [dict create code [lindex $result 1]]
+    for {set i 2} {$i < [llength $result]} {incr i 2} {
+        set value [lindex $result $i+1]
+        switch -- [lindex $result $i] {
+            TMSG { dict set reply text $value }
+            AMSG { dict set reply any [binary decode base64 $value] }
+            FMSG - IMSG {
+                dict set reply [dict get {FMSG floats IMSG ints} [lindex $result $i]] [lrange $result $i+2 $i+1+$value]
+                incr i $value
+            }
+        }
+    }
+    return $reply
+}
+
+proc ::sorma::world::Options {settings words} {
+    foreach {option value} $words {
+        if {![dict exists $settings $option]} {
+            Misused "bad option \"$option\": must be [join [dict keys $settings] { or }]"
+        }
+        dict set settings $option $value
+    }
+    if {[llength $words] % 2 == 1} {
+        Misused "[lindex $words end] needs a value"
+    }
+    return $settings
+}
+
+proc ::sorma::world::Misused text {
+    return -level 2 -code error -errorcode {SORMA REQUEST SYNTAX} $text
+}
+
+proc ::sorma::world::NewToken kind {
+    variable Last
+    return $kind[incr Last]
+}
+
+# ---- telling ----
+
+# ::sorma::world::hook PREFIX -- for the other parts of the model: call it with EVENT KEY DICT of all that happens, at once.
+proc ::sorma::world::hook prefix {
+    variable Hooks
+    if {$prefix ni $Hooks} {
+        lappend Hooks $prefix
+    }
+}
+
+# ::sorma::world::deliver PREFIX WORDS -- call it at global level; an error goes to bgerror.
+proc ::sorma::world::deliver {command words} {
+    if {[catch {uplevel #0 [list {*}$command {*}$words]} message options] == 1} {
+        after 0 [list {*}[interp bgerror {}] $message $options]
+    }
+}
+
+# Something has happened. What the model itself must know of it comes first.
+proc ::sorma::world::Emit {event key dict} {
+    variable Watches
+    variable Hooks
+    foreach hook $Hooks {
+        {*}$hook $event $key $dict
+    }
+    foreach token [dict keys $Watches] {
+        Queue $token $event $key $dict
+    }
+}
+
+proc ::sorma::world::Queue {token event key dict} {
+    variable Watches
+    variable Out
+    variable Late
+    variable Lost
+    variable MostTrail
+    set watch [dict get $Watches $token]
+    set pattern [dict get $watch pattern]
+    if {$key ne {} && ((([string first @ $pattern] >= 0) != ([string first @ $key] >= 0)) || ![string match $pattern $key])} {
+        return
+    }
+    if {[lsearch -exact [dict get $watch events] $event] < 0 && ![Matches $event [dict get $watch events]]} {
+        return
+    }
+    if {$event eq "trail"} {
+        if {[llength $Out($token)] >= $MostTrail} {
+            incr Lost($token)
+            return
+        }
+        dict set dict lost $Lost($token)
+        set Lost($token) 0
+    } elseif {[string match *.changed $event]} {
+        if {[dict exists $Late($token) $key] && [dict exists $dict changes]} {
+            set before [lindex [dict get $Late($token) $key] 1]
+            if {[dict exists $before changes]} {
+                dict set dict changes [dict merge [dict get $before changes] [dict get $dict changes]]
+            }
+        }
+        dict set Late($token) $key [list $event $dict]
+        Later gather $::sorma::world::Gather Ripen
+        return
+    } elseif {[dict exists $Late($token) $key]} {
+        dict unset Late($token) $key        ;# it is overtaken
+    }
+    lappend Out($token) [list $event $key $dict]
+    Later tell 0 Tell
+}
+
+proc ::sorma::world::Matches {event patterns} {
+    foreach pattern $patterns {
+        if {[string match $pattern $event]} {
+            return 1
+        }
+    }
+    return 0
+}
+
+# Changes have waited long enough.
+proc ::sorma::world::Ripen {} {
+    variable Out
+    variable Late
+    foreach token [array names Late] {
+        dict for {key item} $Late($token) {
+            lappend Out($token) [linsert $item 1 $key]
+        }
+        set Late($token) {}
+    }
+    Later tell 0 Tell
+}
+
+# Call those who watch, for a while. A callback that runs the event loop calls nobody meanwhile.
+proc ::sorma::world::Tell {} {
+    variable Out
+    variable Watches
+    variable Telling
+    variable Slice
+    if {$Telling} {
+        return
+    }
+    set Telling 1
+    set end [expr {[clock milliseconds] + $Slice}]
+    set more 0
+    foreach token [dict keys $Watches] {
+        set at 0
+        while {[info exists Out($token)] && $at < [llength $Out($token)]} {
+            if {[clock milliseconds] >= $end} {
+                set more 1
+                break
+            }
+            lassign [lindex $Out($token) $at] event key dict
+            incr at
+            deliver [dict get $Watches $token command] [list $event $key $dict]
+        }
+        if {[info exists Out($token)]} {
+            set Out($token) [lrange $Out($token) $at end]
+        }
+    }
+    set Telling 0
+    if {$more} {
+        Later tell 1 Tell
+    }
+}
+
+# Do it in so many ms, once.
+proc ::sorma::world::Later {what ms command args} {
+    variable Timers
+    if {![info exists Timers($what)]} {
+        set Timers($what) [after $ms [list ::sorma::world::Now $what $command {*}$args]]
+    }
+}
+proc ::sorma::world::Now {what command args} {
+    variable Timers
+    unset -nocomplain Timers($what)
+    $command {*}$args
+}
+
+# Has each daemon answered, or failed, or let us wait for long enough?
+proc ::sorma::world::CheckReady {} {
+    variable Watches
+    variable Daemons
+    variable Lines
+    set now [clock milliseconds]
+    dict for {key daemon} $Daemons {
+        if {![info exists Lines($key)] || [dict get $Lines($key) known]} continue
+        if {[dict get $daemon state] in {asking alive busy} && $now - [dict get $Lines($key) first] < 1000} {
+            Later ready [expr {1001 - ($now - [dict get $Lines($key) first])}] CheckReady
+            return
+        }
+    }
+    foreach token [dict keys $Watches] {
+        if {![dict get $Watches $token ready]} {
+            dict set Watches $token ready 1
+            Queue $token world.ready {} {}
+        }
+    }
+}
+
+# ---- life of the model ----
+
+proc ::sorma::world::Start {} {
+    variable Running
+    variable Local
+    variable Timers
+    if {[info exists Timers(end)]} {
+        after cancel $Timers(end)
+        unset Timers(end)
+    }
+    if {$Running} {
+        return
+    }
+    set Running 1
+    set Local [::sorma::subscribe sorm -event {[dot][bir][cja]*} -queue 100000 -command ::sorma::world::HappenedHere]
+    NewDaemon self {} self
+    TakeObjects self {} [HereObjects]
+    Beat
+}
+
+proc ::sorma::world::EndLater {} {
+    variable Watches
+    variable Added
+    variable Linger
+    if {[dict size $Watches] == 0 && ![::sorma::value inUse] && [dict size $Added] == 0} {
+        Later end $Linger End
+    }
+}
+
+proc ::sorma::world::End {} {
+    variable Running
+    variable Local
+    variable Lines
+    variable Timers
+    set Running 0
+    ::sorma::unsubscribe $Local
+    catch {::sorma::peer names -command {}}
+    foreach {what id} [array get Timers] {
+        after cancel $id
+    }
+    foreach key [array names Lines] {
+        Close $key
+    }
+    set ::sorma::world::Daemons {}
+    set ::sorma::world::Work {}
+    set ::sorma::world::Opening {}
+    foreach name {Objects Names Lines Timers} {
+        array unset ::sorma::world::$name
+    }
+}
+
+# What there is to be known may have changed: look again, when all that happens now has happened.
+proc ::sorma::world::Soon args {
+    Later look 0 Look
+}
+
+# A socket has come or gone: who could not be reached a moment ago may be there now.
+proc ::sorma::world::FolderChanged {} {
+    variable Lines
+    foreach key [array names Lines] {
+        if {[dict get $Lines($key) peer] eq {}} {
+            dict set Lines($key) opened 0
+        }
+    }
+    Soon
+}
+
+# Which daemons there are: of the runtime folder, the dictionary, proxies, and those that were added. One address, one daemon.
+proc ::sorma::world::Look {} {
+    variable Daemons
+    variable Added
+    variable Running
+    if {!$Running} {
+        return
+    }
+    Later looked 0 list                 ;# once in a turn of the event loop is enough
+    set how {}
+    catch {
+        foreach name [::sorma::peer names -command ::sorma::world::FolderChanged] {
+            dict set how $name folder
+        }
+    }
+    set facts [HereFacts addresses]
+    foreach item $facts {
+        lassign $item word address
+        set where [if {[string match @* $word]} {string range $word 1 end} else {string trimleft $address @}]
+        if {![dict exists $how $where]} {
+            dict set how $where dictionary
+        }
+    }
+    foreach name [::sorma::names *@*] {
+        set where [string range $name [string first @ $name]+1 end]
+        if {![dict exists $how $where]} {
+            dict set how $where proxy
+        }
+    }
+    foreach where [dict keys $Added] {
+        dict set how $where added
+    }
+    set seen {}
+    dict for {where reason} $how {
+        if {[catch {::sorma::resolve @$where} place] || [dict get $place state] eq "here" || [dict exists $seen [dict get $place address]]} {
+            dict unset how $where
+            continue
+        }
+        dict set seen [dict get $place address] 1
+        if {![dict exists $Daemons $where]} {
+            NewDaemon $where [dict get $place address] $reason
+        } elseif {[dict get $Daemons $where address] ne [dict get $place address]} {
+            Set $where [dict create address [dict get $place address]]
+            Close $where
+        }
+        Resolved $where $place
+    }
+    foreach key [dict keys $Daemons] {
+        if {$key ne "self" && ![dict exists $how $key]} {
+            Gone $key
+        }
+    }
+    CheckReady
+}
+
+# Once a second: is each daemon still there? What is not connected is tried again.
+proc ::sorma::world::Beat {} {
+    variable Lines
+    variable Pulse
+    variable Silence
+    Later beat $Pulse Beat
+    Look
+    set now [clock milliseconds]
+    foreach key [array names Lines] {
+        if {[dict get $Lines($key) peer] eq {}} continue
+        set asked [dict get $Lines($key) asked]
+        if {$asked == 0} {
+            Pulse $key
+        } elseif {$now - $asked >= $Silence} {
+            State $key silent "no answer: it may be stopped"
+        }
+    }
+}
+
+proc ::sorma::world::Pulse key {
+    variable Lines
+    dict set Lines($key) asked [clock milliseconds]
+    [dict get $Lines($key) peer] health [list ::sorma::world::Healthy $key [dict get $Lines($key) serial]]
+}
+
+# ---- daemons ----
+
+proc ::sorma::world::NewDaemon {key address how} {
+    variable Daemons
+    variable Lines
+    variable Names
+    set now [clock milliseconds]
+    dict set Daemons $key [dict create name $key address $address how $how state [expr {$key eq "self" ? "alive" : "asking"}] why {} \
+        since $now user {} host {} pid {} boot {} objects {} busy {}]
+    set Names($key) {}
+    if {$key ne "self"} {
+        set Lines($key) [dict create peer {} serial 0 opened 0 first $now asked 0 told 0 known 0 log {}]
+    }
+    Emit daemon.here $key [dict get $Daemons $key]
+}
+
+# Facts of a daemon that may be new.
+proc ::sorma::world::Set {key facts} {
+    variable Daemons
+    set before [dict get $Daemons $key]
+    set after [dict merge $before $facts]
+    if {$after ne $before} {
+        dict set Daemons $key $after
+        Emit daemon.changed $key $after
+    }
+}
+
+proc ::sorma::world::State {key state why {busy {}}} {
+    variable Daemons
+    set facts [dict create state $state why $why busy $busy]
+    if {[dict get $Daemons $key state] ne $state} {
+        dict set facts since [clock milliseconds]
+    }
+    Set $key $facts
+    CheckReady
+}
+
+# Its address leads there now.
+proc ::sorma::world::Resolved {key place} {
+    variable Lines
+    switch -- [dict get $place state] {
+        known {
+            if {[dict get $Lines($key) peer] eq {} && [clock milliseconds] - [dict get $Lines($key) opened] > 900} {
+                OpenLater $key
+            }
+        }
+        asking { State $key asking [dict get $place why] }
+        default {
+            Close $key
+            State $key unresolved [dict get $place why]
+        }
+    }
+}
+
+# Lines are made a slice at a time, like all that may be much.
+proc ::sorma::world::OpenLater key {
+    variable Opening
+    if {$key ni $Opening} {
+        lappend Opening $key
+        Later open 0 OpenSome
+    }
+}
+
+proc ::sorma::world::OpenSome {} {
+    variable Opening
+    variable Lines
+    variable Slice
+    set end [expr {[clock milliseconds] + $Slice}]
+    while {[llength $Opening] > 0} {
+        set Opening [lassign $Opening key]
+        if {[info exists Lines($key)] && [dict get $Lines($key) peer] eq {}} {
+            Open $key
+        }
+        if {[clock milliseconds] >= $end && [llength $Opening] > 0} {
+            Later open 1 OpenSome
+            return
+        }
+    }
+}
+
+# A line to it. What is asked first only tells whether somebody is there.
+proc ::sorma::world::Open key {
+    variable Lines
+    set serial [NewToken line]
+    set peer [::sorma::peer open $key -command [list ::sorma::world::Connected $key $serial]]
+    set Lines($key) [dict merge $Lines($key) [dict create peer $peer serial $serial opened [clock milliseconds] asked [clock milliseconds] \
+        told 0 known 0 log {}]]
+    $peer ask -timeout 60000 -command [list ::sorma::world::Greeted $key $serial] sorm DBX -info class
+}
+
+proc ::sorma::world::Close key {
+    variable Lines
+    if {[info exists Lines($key)] && [dict get $Lines($key) peer] ne {}} {
+        [dict get $Lines($key) peer] destroy
+        dict set Lines($key) peer {}
+        dict set Lines($key) serial {}
+    }
+}
+
+proc ::sorma::world::Gone key {
+    variable Daemons
+    variable Lines
+    variable Names
+    Close $key
+    foreach name [dict keys $Names($key)] {
+        Removed $key $name
+    }
+    unset -nocomplain Lines($key) Names($key)
+    set last [dict merge [dict get $Daemons $key] [dict create state gone since [clock milliseconds]]]
+    dict unset Daemons $key
+    Emit daemon.gone $key $last
+    CheckReady
+}
+
+# Does an answer come on the line that there is?
+proc ::sorma::world::Current {key serial} {
+    variable Lines
+    return [expr {[info exists Lines($key)] && [dict get $Lines($key) serial] eq $serial}]
+}
+
+# The line is there, or lost.
+proc ::sorma::world::Connected {key serial} {
+    variable Lines
+    if {![Current $key $serial]} {
+        return
+    }
+    set peer [dict get $Lines($key) peer]
+    set facts [$peer facts]
+    if {[dict get $facts connected]} {
+        Set $key [dict filter $facts key user host pid boot]
+        Pulse $key
+        if {![dict get $Lines($key) told]} {
+            dict set Lines($key) told 1
+            $peer subscribe -event {[ot][br][ja]*} -queue 100000 -command [list ::sorma::world::Happened $key $serial] sorm
+            AskObjects $key
+        }
+        return
+    }
+    # Who breaks off each line at once is tried again with the next beat.
+    set age [expr {[clock milliseconds] - [dict get $Lines($key) opened]}]
+    Close $key
+    if {$age > 900} {
+        Open $key
+    }
+}
+
+proc ::sorma::world::Greeted {key serial status value} {
+    variable Lines
+    if {$status eq "ok" || ![Current $key $serial]} {
+        return
+    }
+    if {[string match "SORMA COMM TIMEOUT*" [lindex $value 1]] && [dict get [[dict get $Lines($key) peer] facts] connected]} {
+        return                              ;# it works on something: HEALTH says how it is
+    }
+    Failed $key {*}$value
+}
+
+# An answer that is an error says how the daemon is.
+proc ::sorma::world::Failed {key message code} {
+    variable Daemons
+    regsub {^sorm@\S+: } $message {} message
+    switch -glob -- $code {
+        "SORMA COMM DENIED*" - "SORMA ACCESS*" {
+            State $key denied $message
+            return
+        }
+        "SORMA COMM TIMEOUT*" { State $key silent $message }
+        "SORMA ADDRESS*" { State $key unresolved $message }
+        default {
+            if {[dict get $Daemons $key how] eq "folder" && [string match "SORMA COMM REFUSED*" $code]} {
+                State $key dead "its socket is all that is left"
+            } else {
+                State $key refused $message
+            }
+        }
+    }
+    Close $key
+    foreach name [dict keys $::sorma::world::Names($key)] {
+        if {[dict get $Daemons $key state] in {dead refused unresolved}} {
+            Removed $key $name
+        }
+    }
+    Counts $key
+}
+
+proc ::sorma::world::Healthy {key serial health} {
+    variable Daemons
+    variable Lines
+    if {![Current $key $serial]} {
+        return
+    }
+    dict set Lines($key) asked 0
+    if {[dict get $Daemons $key state] eq "denied"} {
+        return
+    }
+    State $key [dict get $health state] {} [dict get $health what]
+    if {![dict get $Lines($key) known] && [dict get $Lines($key) told] && [dict get $health state] eq "alive" && ![dict exists $Lines($key) asking]} {
+        AskObjects $key
+    }
+}
+
+# ---- objects ----
+
+proc ::sorma::world::AskObjects key {
+    variable Lines
+    dict set Lines($key) log {}
+    dict set Lines($key) asking 1
+    [dict get $Lines($key) peer] ask -timeout 10000 -command [list ::sorma::world::Counted $key [dict get $Lines($key) serial]] \
+        sorm DBX -inventory objects
+}
+
+proc ::sorma::world::Counted {key serial status value} {
+    variable Lines
+    if {![Current $key $serial]} {
+        return
+    }
+    if {$status eq "error"} {
+        dict unset Lines($key) asking
+        if {![string match "SORMA COMM TIMEOUT*" [lindex $value 1]]} {      ;# then HEALTH says how it is
+            Failed $key {*}$value
+        }
+        return
+    }
+    if {[catch {dict get [dict get $value text] objects} items] || [catch {llength $items}]} {
+        dict unset Lines($key) asking
+        return [State $key refused "its answer makes no sense"]
+    }
+    TakeObjects $key $serial $items
+}
+
+# All objects of a daemon, {name class calls underway} each: tell the differences, when it is their turn.
+proc ::sorma::world::TakeObjects {key serial items} {
+    variable Work
+    lappend Work [list $key $serial $items]
+    Later work 0 DoWork
+}
+
+# Take in what daemons have answered, for a while: many answers at once must not hold up the event loop.
+proc ::sorma::world::DoWork {} {
+    variable Work
+    variable Slice
+    set end [expr {[clock milliseconds] + $Slice}]
+    while {[llength $Work] > 0} {
+        lassign [lindex $Work 0] key serial items at seen
+        set Work [lreplace $Work 0 0]
+        if {$at eq {}} {
+            set at 0
+        }
+        if {$key ne "self" && ![Current $key $serial]} continue
+        set at [TakeSome $key $items $at seen $end]
+        if {$at < [llength $items]} {
+            set Work [linsert $Work 0 [list $key $serial $items $at $seen]]
+        } else {
+            TookAll $key $seen
+        }
+        if {[clock milliseconds] >= $end && [llength $Work] > 0} {
+            Later work 1 DoWork
+            return
+        }
+    }
+}
+
+# From one of them on, until a time. Returns how far it came.
+proc ::sorma::world::TakeSome {key items at seenVar end} {
+    upvar 1 $seenVar seen
+    set log [LogOf $key]
+    set n [llength $items]
+    for {} {$at < $n} {incr at} {
+        if {$at % 20 == 0 && [clock milliseconds] >= $end} break
+        if {[catch {lassign [lindex $items $at] name class calls underway}]
+                || ![regexp {^[[:alpha:]][^\s@\[\]{}$"\\;[:cntrl:]]*$} $name] || ![regexp {^\w+$} $class]
+                || ![string is wideinteger -strict $calls] || ![string is wideinteger -strict $underway]} continue
+        dict set seen $name 1
+        if {![dict exists $log $name]} {
+            Made $key $name $class $calls $underway
+        }
+    }
+    return $at
+}
+
+proc ::sorma::world::TookAll {key seen} {
+    variable Lines
+    variable Names
+    set log [LogOf $key]
+    foreach name [dict keys $Names($key)] {
+        if {![dict exists $seen $name] && !([dict exists $log $name] && [dict get $log $name] eq "made")} {
+            Removed $key $name
+        }
+    }
+    if {$key ne "self"} {
+        dict set Lines($key) known 1
+        dict set Lines($key) log {}
+        dict unset Lines($key) asking
+    }
+    Counts $key
+    CheckReady
+}
+
+# What has come and gone since its objects were asked for: newer than the answer.
+proc ::sorma::world::LogOf key {
+    variable Lines
+    return [if {$key ne "self"} {dict get $Lines($key) log}]
+}
+
+proc ::sorma::world::Made {key name class calls underway} {
+    variable Objects
+    variable Names
+    set object [dict create name $name class $class calls $calls underway $underway]
+    set full $name@$key
+    dict set Names($key) $name 1
+    if {![info exists Objects($full)]} {
+        set Objects($full) $object
+        Emit object.made $full $object
+    } elseif {$Objects($full) ne $object} {
+        set Objects($full) $object
+        Emit object.changed $full $object
+    }
+}
+
+proc ::sorma::world::Removed {key name} {
+    variable Objects
+    variable Names
+    dict unset Names($key) $name
+    if {[info exists Objects($name@$key)]} {
+        set object $Objects($name@$key)
+        unset Objects($name@$key)
+        Emit object.removed $name@$key $object
+    }
+}
+
+proc ::sorma::world::Counts key {
+    Set $key [dict create objects [dict size $::sorma::world::Names($key)]]
+}
+
+# An event of the object sorm of a daemon.
+proc ::sorma::world::Happened {key serial event} {
+    variable Lines
+    if {![Current $key $serial]} {
+        return
+    }
+    switch -- [dict get $event event] {
+        sorma.reconnected - sorma.gone { return [AskObjects $key] }
+        sorma.refused { return [State $key denied [dict get $event text]] }
+    }
+    if {[dict get $event lost] != 0} {
+        AskObjects $key
+    }
+    if {[dict exists $Lines($key) asking] && [dict get $event event] in {object.made object.removed}} {
+        dict set Lines($key) log [dict get $event text] [string range [dict get $event event] 7 end]
+    }
+    Take $key $event
+}
+
+# The same of this process.
+proc ::sorma::world::HappenedHere event {
+    if {[dict get $event event] eq "dictionary.changed"} {
+        return [Soon]
+    }
+    if {[dict get $event lost] != 0} {
+        TakeObjects self {} [HereObjects]
+    }
+    Take self $event
+}
+
+proc ::sorma::world::Take {key event} {
+    variable Objects
+    variable Names
+    set name [dict get $event text]
+    switch -glob -- [dict get $event event] {
+        object.made {
+            Made $key $name [lindex [dict get $event words] 0] 0 0
+            Counts $key
+        }
+        object.removed {
+            Removed $key $name
+            Counts $key
+        }
+        object.changed {
+            if {[info exists Objects($name@$key)]} {
+                set words [lrange [dict get $event words] 1 end-1]
+                if {[llength $words] % 2 == 0} {
+                    Emit object.changed $name@$key [dict merge $Objects($name@$key) \
+                        [dict create changes $words by [lindex [dict get $event words] end]]]
+                }
+            }
+        }
+        trail.* {
+            lassign [dict get $event words] so code request
+            Emit trail [if {$so ne {}} {string cat $so@$key} else {set key}] [dict create severity [string range [dict get $event event] 6 end] \
+                text $name so $so code $code request $request time [dict get $event time]]
+        }
+    }
+}
+
+proc ::sorma::world::HereFacts what {
+    return [dict get [lindex [::sorma::Aside [list ::sorma::so::sorm DBX -inventory $what]] 3] $what]
+}
+
+proc ::sorma::world::HereObjects {} {
+    return [lsearch -all -inline -not -index 0 [HereFacts objects] *@*]
+}
+
+package require sorma::value
