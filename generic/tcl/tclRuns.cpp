@@ -120,17 +120,9 @@ void TclService::begin(const std::shared_ptr<TclRun>& run, std::span<const Obj> 
     run->context = CallContext::keep();
     std::string coroutine = "::sorma::co::" + std::to_string(++i.lastRun);
     i.runs.emplace(coroutine, run);
-    struct Around {
-        Interpreter& i;
-        Interpreter::Running outer;
-        Interpreter::Kept kept;
-        Around(Interpreter& interpreter, Interpreter::Running running)
-            : i(interpreter), outer(std::exchange(i.running, running)), kept(i) {}
-        ~Around() { i.running = outer; }
-    };
     int code;
     {
-        Around around(i, {this, &run->said});
+        Executing executing(i, {this, &run->said});
         constexpr std::size_t kOnStack = 8;
         Obj name = str(coroutine);
         Tcl_Obj* few[kOnStack];

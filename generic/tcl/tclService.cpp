@@ -95,17 +95,9 @@ Obj TclService::call(std::string_view method, std::span<Tcl_Obj* const> args, Me
     objv[1] = word;
     std::copy(args.begin(), args.end(), objv + 2);
 
-    struct Around {
-        Interpreter& i;
-        Interpreter::Running outer;
-        Interpreter::Kept kept;
-        Around(Interpreter& interpreter, Interpreter::Running running)
-            : i(interpreter), outer(std::exchange(i.running, running)), kept(i) {}
-        ~Around() { i.running = outer; }
-    };
     Message unheard;
     if (!message) message = &unheard;
-    Around around(i, {const_cast<TclService*>(this), message});
+    Executing executing(i, {const_cast<TclService*>(this), message});
     int code = Tcl_EvalObjv(interp, int(n), objv, TCL_EVAL_GLOBAL);
     if (i.closing()) fail(kInterpGone, name());
     if (code == TCL_OK) {

@@ -8,6 +8,8 @@
 //     tclService.tcl       what does not need C++; the build puts it into tclServiceScript.h
 #pragma once
 
+#include <utility>
+
 #include "tcl/tclService.h"
 
 namespace sorma {
@@ -57,6 +59,20 @@ inline Tcl_Obj* str(std::string_view text) { return newText(text); }
 std::string whereAmI(Interpreter& i, std::string& file, int& line, bool resumed = false);
 // What went wrong in a method, from the interpreter's result and error options, as a trail.
 Trail trailOfTclError(Interpreter& i, int code, const std::string& so, const Class& type);
+
+// While the code of a service object is evaluated: what runs, and an interpreter that stays.
+class Executing {
+public:
+    Executing(Interpreter& interpreter, Interpreter::Running running)
+        : interpreter_(interpreter), outer_(std::exchange(interpreter.running, running)), kept_(interpreter) {}
+    ~Executing() { interpreter_.running = outer_; }
+    Executing(const Executing&) = delete;
+    Executing& operator=(const Executing&) = delete;
+private:
+    Interpreter& interpreter_;
+    Interpreter::Running outer_;
+    Interpreter::Kept kept_;
+};
 
 // ---- tclRuns.cpp ----
 std::shared_ptr<TclRun> currentRun(Interpreter& i);     // of the coroutine that we are in; null: of none

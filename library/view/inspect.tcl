@@ -58,15 +58,9 @@ proc ::sorma::inspect::ls args {
     if {$data} {
         return $items
     }
-    set out {}
-    foreach {where group} [ByPlace $items] {
-        set rows [lmap item $group {
-            if {[dict exists $item error]} continue
-            list [dict get $item name] [dict get $item class] [dict get $item calls]
-        }]
-        set errors [lmap item $group {if {![dict exists $item error]} continue; dict get $item error}]
-        lappend out {*}[Section $where {object class calls} $rows {2} $errors]
-    }
+    set out [Sections $items {object class calls} {2} {item {
+        list [dict get $item name] [dict get $item class] [dict get $item calls]
+    }}]
     if {[llength $out] == 0} {
         return "no object is called [::sorma::text::clean $pattern]"
     }
@@ -694,15 +688,9 @@ proc ::sorma::inspect::find args {
     if {$data} {
         return $items
     }
-    set out {}
-    foreach {where group} [ByPlace $items] {
-        set rows [lmap item $group {
-            if {[dict exists $item error]} continue
-            list [dict get $item kind] [string trim "[dict get $item name] [dict get $item item]"] [dict get $item text]
-        }]
-        set errors [lmap item $group {if {![dict exists $item error]} continue; dict get $item error}]
-        lappend out {*}[Section $where {} $rows {} $errors]
-    }
+    set out [Sections $items {} {} {item {
+        list [dict get $item kind] [string trim "[dict get $item name] [dict get $item item]"] [dict get $item text]
+    }}]
     if {[llength $out] == 0} {
         return "\"[::sorma::text::clean $word]\" is nowhere"
     }
@@ -860,6 +848,24 @@ proc ::sorma::inspect::Trouble text {
 proc ::sorma::inspect::Table {heads rows right {wrap 0}} {
     set style [dict filter [Style] key -colour -width]
     return [::sorma::text::table $heads $rows {*}$style -right $right -wrap $wrap]
+}
+
+# The items of each place: a table whose rows a lambda makes of them, and the errors among them. Returns lines.
+proc ::sorma::inspect::Sections {items heads right row} {
+    set out {}
+    foreach {where group} [ByPlace $items] {
+        set rows {}
+        set errors {}
+        foreach item $group {
+            if {[dict exists $item error]} {
+                lappend errors [dict get $item error]
+            } else {
+                lappend rows [apply $row $item]
+            }
+        }
+        lappend out {*}[Section $where $heads $rows $right $errors]
+    }
+    return $out
 }
 
 # A place with its table, and what is wrong there.

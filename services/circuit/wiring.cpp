@@ -66,12 +66,10 @@ void Wiring::declare() {
     add(kOutputs, description_.outputs);
 }
 
-// A name as the author of the wires wrote it: he must be allowed to call it. One that the real-time owner of the circuit cannot have is refused before it is
-// asked for anything, which could take long.
+// A name as the author of the wires wrote it: he must be allowed to call it. One that the real-time owner of the circuit cannot
+// have is refused before it is asked for anything, which could take long.
 sorma::Reference Wiring::unitNamed(const std::string& object) {
-    auto& author = description_.author;
-    sorma::Reference unit = owner_.sorm().get(object, author);
-    if (!unit->isElsewhere()) owner_.sorm().access.need(author, sorma::Right::call, unit->name(), unit->name());
+    sorma::Reference unit = sorma::subService(owner_, object, description_.author);
     if (auto* owner = owner_.realtimeOwner()) owner->adopt(*unit);
     return unit;
 }
