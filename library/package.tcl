@@ -6,7 +6,8 @@
 apply {{} {
     foreach {package commands} {
         world world
-        discover discover
+        table table
+        await await
         complete complete
         manual {manual manual::pages manual::titles manual::fragment}
         show {show showTrail showStack showDefaults}

@@ -78,7 +78,7 @@ public:
     std::function<void()> changed;                      // it is connected, or lost
     void askHealth(std::function<void(const wire::Health&)> told);      // never told when there is no connection, or it breaks
     // Listen while connected. An objection comes as the event sorma.refused.
-    std::unique_ptr<Listening> listenLater(std::string name, std::string pattern, std::size_t keep, Listener listener);
+    std::unique_ptr<Listening> listenLater(std::string name, std::string pattern, std::size_t keep, Listener listener, bool existing);
     // Is the reactor at work, so that nothing may block?
     bool inEvents() const { return inEvents_; }
 

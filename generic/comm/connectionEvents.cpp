@@ -723,7 +723,7 @@ std::unique_ptr<Listening> Connection::listen(std::string name, std::string patt
     const std::string patience = durationText(double(deadline.left()));
     if (fd_ >= 0) checkIdle(monotonicNow());
     if (fd_ < 0) recover(deadline, nullptr);
-    wire::Subscription wanted{++lastSubscription_, std::move(name), std::move(pattern), static_cast<std::uint32_t>(keep)};
+    wire::Subscription wanted{++lastSubscription_, std::move(name), std::move(pattern), static_cast<std::uint32_t>(keep), false};
     auto remote = std::make_unique<Remote>(shared_from_this(), wanted, std::make_shared<Inbox>(mailbox_, keep, std::move(listener)), relayed);
     // Shared with the answer, which may come when nobody is here any more.
     struct Answer {
@@ -757,8 +757,8 @@ std::unique_ptr<Listening> Connection::listen(std::string name, std::string patt
     return remote;
 }
 
-std::unique_ptr<Listening> Connection::listenLater(std::string name, std::string pattern, std::size_t keep, Listener listener) {
-    wire::Subscription wanted{++lastSubscription_, std::move(name), std::move(pattern), static_cast<std::uint32_t>(keep)};
+std::unique_ptr<Listening> Connection::listenLater(std::string name, std::string pattern, std::size_t keep, Listener listener, bool existing) {
+    wire::Subscription wanted{++lastSubscription_, std::move(name), std::move(pattern), static_cast<std::uint32_t>(keep), existing};
     auto remote = std::make_unique<Remote>(shared_from_this(), wanted, std::make_shared<Inbox>(mailbox_, keep, std::move(listener)), false);
     remote->boot = daemon_.boot;
     if (fd_ >= 0)

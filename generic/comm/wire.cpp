@@ -172,6 +172,8 @@ void writeHealth(Buffer& out, std::uint32_t xid, const Health& h) {
     closeRecord(out, start);
 }
 
+constexpr std::uint32_t kExisting = 0x80000000;        // in keep: see sorma.x
+
 void writeSubscribe(Buffer& out, std::uint32_t xid, std::uint32_t program, const Subscription& s, const Behalf* behalf) {
     std::size_t start = openRecord(out);
     XdrWriter w(out);
@@ -179,7 +181,7 @@ void writeSubscribe(Buffer& out, std::uint32_t xid, std::uint32_t program, const
     w.u32(s.id);
     w.text(s.name);
     w.text(s.pattern);
-    w.u32(s.keep);
+    w.u32(s.keep | (s.existing ? kExisting : 0));
     closeRecord(out, start);
 }
 
@@ -399,6 +401,8 @@ bool readSubscription(XdrReader& r, Subscription& s) {
     s.name = clean(r.text());
     s.pattern = clean(r.text());
     s.keep = r.u32();
+    s.existing = s.keep & kExisting;
+    s.keep &= ~kExisting;
     return r.good() && r.atEnd();
 }
 

@@ -82,6 +82,7 @@ struct Subscription {
     std::uint32_t id = 0;
     std::string name, pattern;
     std::uint32_t keep = 1;
+    bool existing = false;      // for those who look on: no object is made for it
 };
 
 struct EventHeader {

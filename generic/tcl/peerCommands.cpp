@@ -22,6 +22,8 @@ const Prototype kOption{Severity::error, "REQUEST SYNTAX", 0, "bad option \"{}\"
 const Prototype kNumber{Severity::error, "REQUEST SYNTAX", 0, "{} expects a whole number from {}, got \"{}\""};
 const Prototype kNoToken{Severity::error, "REQUEST SYNTAX", 0, "\"{}\" is no subscription of this peer"};
 const Prototype kWhere{Severity::error, "REQUEST SYNTAX", 0, "sorma::peer open expects what stands after @"};
+const Prototype kNoObject{Severity::error, "SERVICE GONE", 1, "there is no service object \"{}\", and listening makes none"};
+const Prototype kSelf{Severity::error, "REQUEST SYNTAX", 0, "the peer of this process only subscribes, got \"{}\""};
 const Prototype kWord{Severity::error, "REQUEST SYNTAX", 0, "bad word \"{}\": must be names, or open"};
 
 // Calls a command prefix with further words at global level, as an event does.
@@ -60,6 +62,7 @@ public:
     PeerCommand(Interpreter& i, std::shared_ptr<Connection> line) : interpreter(i), connection(std::move(line)) {}
     ~PeerCommand() {
         subscriptions.clear();
+        if (!connection) return;
         connection->changed = nullptr;
         connection->end();
     }
@@ -69,7 +72,7 @@ public:
     Tcl_Obj* facts() const;
 
     Interpreter& interpreter;
-    std::shared_ptr<Connection> connection;
+    std::shared_ptr<Connection> connection;             // null: this process
     std::map<std::string, std::unique_ptr<Listening>> subscriptions;
     std::uint64_t last = 0;
     Tcl_Command token = nullptr;
@@ -136,17 +139,24 @@ Tcl_Obj* eventDict(const Constants& c, const Received& e) {
     return dict;
 }
 
-// $peer subscribe ?-event pattern? ?-queue n? ?-command prefix? NAME: a token; while it is connected
+// $peer subscribe ?-event pattern? ?-queue n? ?-command prefix? NAME: a token; while it is connected. Only if there is such an object
 void PeerCommand::subscribe(int objc, Tcl_Obj* const objv[]) {
     Obj pattern(newText("*")), queue, prefix(Tcl_NewObj());
     int at = takeOptions(objc, objv, 2, {{"-event", &pattern}, {"-queue", &queue}, {"-command", &prefix}});
     std::int64_t keep = number("-queue", queue, 10'000, 1);
     if (at + 1 != objc) fail(kRequest, "subscribe");
-    std::string name = "s" + std::to_string(++last);
-    subscriptions[name] = connection->listenLater(toUtf8(objv[at]), toUtf8(pattern), std::size_t(keep), [weak = weak_from_this(), prefix](Received& e) {
+    std::string name = "s" + std::to_string(++last), so = toUtf8(objv[at]);
+    auto listener = [weak = weak_from_this(), prefix](Received& e) {
         auto self = weak.lock();
         if (self && !self->interpreter.closing()) call(self->interpreter, prefix, {eventDict(self->interpreter.constants, e)});
-    });
+    };
+    if (connection) {
+        subscriptions[name] = connection->listenLater(so, toUtf8(pattern), std::size_t(keep), listener, true);
+    } else {
+        auto* here = interpreter.sorm.find(so);
+        if (!here) fail(kNoObject, so);
+        subscriptions[name] = here->listen(toUtf8(pattern), std::size_t(keep), listener);
+    }
     Tcl_SetObjResult(interpreter.interp, newText(name));
 }
 
@@ -170,6 +180,7 @@ int PeerObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const obj
         if (objc < 2) return Tcl_WrongNumArgs(interp, 1, objv, "method ?word ...?"), TCL_ERROR;
         std::string_view method = view(objv[1]);
         Tcl_ResetResult(interp);
+        if (!self->connection && method != "subscribe" && method != "unsubscribe" && method != "destroy") fail(kSelf, std::string(method));
         if (method == "ask") return self->ask(objc, objv), TCL_OK;
         if (method == "subscribe") return self->subscribe(objc, objv), TCL_OK;
         if (method == "facts") return Tcl_SetObjResult(interp, self->facts()), TCL_OK;
@@ -296,8 +307,8 @@ int NewPeerObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const 
         Obj command(Tcl_NewObj());
         if (objc < 3 || takeOptions(objc, objv, 3, {{"-command", &command}}) != objc || where.empty()) fail(kWhere);
         Address::parse(where);
-        auto peer = std::make_shared<PeerCommand>(i, p.comm.privateLine(where));
-        peer->connection->changed = [weak = std::weak_ptr(peer), command] {
+        auto peer = std::make_shared<PeerCommand>(i, where == "self" ? nullptr : p.comm.privateLine(where));
+        if (peer->connection) peer->connection->changed = [weak = std::weak_ptr(peer), command] {
             if (auto self = weak.lock(); self && !self->interpreter.closing()) call(self->interpreter, command, {});
         };
         std::string name = "::sorma::peer::p" + std::to_string(++p.last);

@@ -6,8 +6,12 @@ package provide sorma::load 1.0
 namespace eval ::sorma::load {
     namespace export watch unwatch
     namespace ensemble create
-    variable Watches {}         ;# dict: token -> {command count every timer before}. before: dict: name@daemon -> {calls time}
-    variable Last 0
+    variable Watches            ;# dict: token -> {command count every timer before}. before: dict: name@daemon -> {calls time}
+    variable Last
+    if {![info exists Last]} {
+        set Watches {}
+        set Last 0
+    }
 }
 
 # ::sorma::load::watch ?-count n? ?-every ms? -command PREFIX --

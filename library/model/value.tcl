@@ -14,9 +14,13 @@ namespace eval ::sorma::value {
     namespace export new forget inUse
     namespace ensemble create
     # dict: {object@daemon what} -> {tokens {token {command every options}} every values timer asking fresh}. what: options, or a request
-    variable Sources {}
-    variable Telling 0          ;# is a callback on the stack
-    variable Tokens {}          ;# dict: token -> {source option command}; option empty: all
+    variable Sources
+    variable Telling            ;# is a callback on the stack
+    variable Tokens             ;# dict: token -> {source option command}; option empty: all
+    if {![info exists Tokens]} {
+        set Sources [set Tokens {}]
+        set Telling 0
+    }
 }
 
 # ::sorma::value::new TOKEN NAME WHAT EVERY COMMAND -- begin; for sorma::world value.

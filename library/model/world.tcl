@@ -21,7 +21,7 @@ package require sorma
 package provide sorma::world 1.0
 
 namespace eval ::sorma::world {
-    namespace export watch unwatch get keys add forget value ask hook deliver
+    namespace export watch unwatch get keys add forget value listen ask names find objects recount counted pulse heard use line hook hint deliver
     namespace ensemble create
 
     variable Gather 20          ;# ms for which changes are gathered
@@ -30,27 +30,37 @@ namespace eval ::sorma::world {
     variable Silence 1900       ;# ms without an answer, then a daemon counts as silent, at the next beat: within 3 s of its death
     variable Linger 10000       ;# ms for which the model lives on when nobody watches any more
     variable MostTrail 1000     ;# messages of a trail that wait for one watch
-    variable Daemons {}         ;# dict: KEY -> daemon, as get gives it
+    # What is known stays when this file is read again.
+    variable Daemons            ;# dict: KEY -> daemon, as get gives it
     variable Objects            ;# array: name@daemon -> object, as get gives it
     variable Names              ;# array: daemon -> dict: name -> 1
     # array: daemon -> dict: peer (empty: no line now), serial (of the line; an answer to an older one is ignored), opened (ms),
     # asked (ms, when the HEALTH that is not answered was sent; 0: none), told (is there a subscription), known (are its objects),
-    # log (dict: name -> made or removed, while its objects are asked for)
+    # counted (ms, when they were all told last), heard (ms, of the last HEALTH), log (dict: name -> made or removed, while its
+    # objects are asked for)
     variable Lines
-    variable Added {}           ;# dict: ADDRESS -> 1, by add
-    variable Watches {}         ;# dict: token -> {pattern events command ready}
+    variable Added              ;# dict: ADDRESS -> 1, by add
+    variable Passing            ;# dict: what stands after @ -> ms, when somebody last looked there
+    variable Watches            ;# dict: token -> {pattern events command ready}
     variable Out                ;# array: token -> list of {event key dict} to be told
     variable Late               ;# array: token -> dict: key -> {event dict}, gathered
     variable Lost               ;# array: token -> messages of a trail that were dropped
-    variable Last 0             ;# token, or serial
-    variable Running 0          ;# is the model at work
-    variable Work {}            ;# list of {daemon serial objects at seen}: answers that are to be taken in
-    variable Opening {}         ;# daemons to which a line is to be made
-    variable Telling 0          ;# is a callback on the stack
+    variable Last               ;# token, or serial
+    variable Running            ;# is the model at work
+    variable Work               ;# list of {daemon serial objects at seen}: answers that are to be taken in
+    variable Opening            ;# daemons to which a line is to be made
+    variable Telling            ;# is a callback on the stack
     variable Timers             ;# array: what -> id of after
-    variable Local {}           ;# subscription to what happens in this process
-    variable Hooks {}           ;# command prefixes of other parts of the model, called with each event before it is told
-    if {![array exists Objects]} {
+    variable Local              ;# line to this process: it only subscribes
+    variable Hooks              ;# command prefixes of other parts of the model, called with each event before it is told
+    variable Beaten             ;# ms, when Beat was last there
+    if {![info exists Last]} {
+        foreach name {Daemons Added Passing Watches Work Opening Local Hooks} {
+            set $name {}
+        }
+        foreach name {Last Running Telling Beaten} {
+            set $name 0
+        }
         foreach name {Objects Names Lines Out Late Lost Timers} {
             array set $name {}
         }
@@ -107,6 +117,7 @@ proc ::sorma::world::unwatch token {
         unset -nocomplain Out($token) Late($token) Lost($token)
     } else {
         ::sorma::value forget $token
+        ::sorma::events forget $token
     }
     EndLater
     return
@@ -130,6 +141,99 @@ proc ::sorma::world::keys {{pattern *}} {
         return [lsort [dict keys $Daemons $pattern]]
     }
     return [lsort [array names Objects $pattern]]
+}
+
+# ::sorma::world::objects DAEMON -- its objects, as get gives them, sorted; of this process as they are now.
+proc ::sorma::world::objects daemon {
+    variable Names
+    variable Objects
+    if {$daemon eq "self"} {
+        return [lmap item [lsort -index 0 [HereObjects]] {
+            lassign $item name class calls underway
+            dict create name $name class $class calls $calls underway $underway
+        }]
+    }
+    return [if {[info exists Names($daemon)]} {
+        lmap name [lsort [dict keys $Names($daemon)]] {set Objects($name@$daemon)}
+    }]
+}
+
+# ::sorma::world::names -- what can stand after @, sorted: daemons of this user on this host, aliases of the dictionary, addresses of
+# proxies, and what was added.
+proc ::sorma::world::names {} {
+    variable Added
+    set names [dict keys [dict merge [Ways] $Added]]
+    return [lsort [lsearch -all -inline -regexp $names {^[^\s@\[\]{}$"\\;[:cntrl:]]+$}]]
+}
+
+# ::sorma::world::find WHERE -- the KEY of the daemon that is meant by what stands after @; empty: none is known there.
+proc ::sorma::world::find where {
+    variable Daemons
+    if {$where in {{} self}} {
+        return self
+    }
+    if {[catch {::sorma::resolve @$where} place]} {
+        return {}
+    }
+    if {[dict get $place state] eq "here"} {
+        return self
+    }
+    dict for {key daemon} $Daemons {
+        if {[dict get $daemon address] eq [dict get $place address]} {
+            return $key
+        }
+    }
+    return {}
+}
+
+# ::sorma::world::use ?WHERE? -- somebody looks now and then, who watches nothing: the model works on for a while, and sees which
+# daemons there are. A daemon that nothing else leads to is known meanwhile. Returns its KEY, as find does.
+proc ::sorma::world::use {{where {}}} {
+    variable Passing
+    Start
+    Look
+    set key [find $where]
+    if {$key eq {} && ![catch {::sorma::resolve @$where}]} {
+        dict set Passing $where [clock milliseconds]
+        Look
+        set key [find $where]
+    } elseif {[dict exists $Passing $where]} {
+        dict set Passing $where [clock milliseconds]
+    }
+    EndLater
+    return $key
+}
+
+# ::sorma::world::recount DAEMON -- ask for all its objects and what they have done; the differences are told.
+# counted DAEMON -- ms, when that was last done; 0: never, or it is this process.
+proc ::sorma::world::recount daemon {
+    variable Lines
+    if {[info exists Lines($daemon)] && [dict get $Lines($daemon) peer] ne {} && ![dict exists $Lines($daemon) asking]
+            && [dict get $Lines($daemon) told]} {
+        AskObjects $daemon
+    }
+}
+proc ::sorma::world::counted daemon {
+    variable Lines
+    return [if {[info exists Lines($daemon)]} {dict get $Lines($daemon) counted} else {string cat 0}]
+}
+
+# ::sorma::world::pulse DAEMON -- ask for its health now. heard DAEMON -- ms, when it last answered that; 0: never.
+proc ::sorma::world::pulse daemon {
+    variable Lines
+    if {[info exists Lines($daemon)] && [dict get $Lines($daemon) peer] ne {} && [dict get $Lines($daemon) asked] == 0} {
+        Pulse $daemon
+    }
+}
+proc ::sorma::world::heard daemon {
+    variable Lines
+    return [if {[info exists Lines($daemon)]} {dict get $Lines($daemon) heard} else {string cat 0}]
+}
+
+# ::sorma::world::line DAEMON -- for the other parts of the model: the sorma::peer that is the line to it; empty: there is none now.
+proc ::sorma::world::line daemon {
+    variable Lines
+    return [if {$daemon eq "self"} {set ::sorma::world::Local} elseif {[info exists Lines($daemon)]} {dict get $Lines($daemon) peer}]
 }
 
 # ::sorma::world::add ADDRESS -- know a daemon by what stands after @: host:7014, /path, an alias. forget ADDRESS takes it back.
@@ -160,6 +264,16 @@ proc ::sorma::world::value {name what args} {
     }
     Start
     return [::sorma::value new [NewToken value] $name $what [dict get $options -every] [dict get $options -command]]
+}
+
+# ::sorma::world::listen NAME ?-event pattern? ?-queue n? -command PREFIX -- see events.tcl.
+proc ::sorma::world::listen {name args} {
+    set options [Options {-event * -queue 10000 -command {}} $args]
+    if {[dict get $options -command] eq {}} {
+        Misused "-command is missing: what is to be called with each event?"
+    }
+    Start
+    return [::sorma::events new [NewToken events] $name [dict get $options -event] [dict get $options -queue] [dict get $options -command]]
 }
 
 # ::sorma::world::ask DAEMON REQUEST ?-timeout ms? -command PREFIX --
@@ -246,6 +360,14 @@ proc ::sorma::world::hook prefix {
     }
 }
 
+# ::sorma::world::hint EVENT KEY DICT -- tell only them.
+proc ::sorma::world::hint {event key {dict {}}} {
+    variable Hooks
+    foreach hook $Hooks {
+        {*}$hook $event $key $dict
+    }
+}
+
 # ::sorma::world::deliver PREFIX WORDS -- call it at global level; an error goes to bgerror.
 proc ::sorma::world::deliver {command words} {
     if {[catch {uplevel #0 [list {*}$command {*}$words]} message options] == 1} {
@@ -256,10 +378,7 @@ proc ::sorma::world::deliver {command words} {
 # Something has happened. What the model itself must know of it comes first.
 proc ::sorma::world::Emit {event key dict} {
     variable Watches
-    variable Hooks
-    foreach hook $Hooks {
-        {*}$hook $event $key $dict
-    }
+    hint $event $key $dict
     foreach token [dict keys $Watches] {
         Queue $token $event $key $dict
     }
@@ -406,7 +525,8 @@ proc ::sorma::world::Start {} {
         return
     }
     set Running 1
-    set Local [::sorma::subscribe sorm -event {[dot][bir][cja]*} -queue 100000 -command ::sorma::world::HappenedHere]
+    set Local [::sorma::peer open self]
+    $Local subscribe -event {[dot][bir][cja]*} -queue 100000 -command ::sorma::world::HappenedHere sorm
     NewDaemon self {} self
     TakeObjects self {} [HereObjects]
     Beat
@@ -416,7 +536,7 @@ proc ::sorma::world::EndLater {} {
     variable Watches
     variable Added
     variable Linger
-    if {[dict size $Watches] == 0 && ![::sorma::value inUse] && [dict size $Added] == 0} {
+    if {[dict size $Watches] == 0 && ![::sorma::value inUse] && ![::sorma::events inUse] && [dict size $Added] == 0} {
         Later end $Linger End
     }
 }
@@ -427,7 +547,7 @@ proc ::sorma::world::End {} {
     variable Lines
     variable Timers
     set Running 0
-    ::sorma::unsubscribe $Local
+    $Local destroy
     catch {::sorma::peer names -command {}}
     foreach {what id} [array get Timers] {
         after cancel $id
@@ -467,29 +587,16 @@ proc ::sorma::world::Look {} {
     if {!$Running} {
         return
     }
+    variable Passing
+    variable Linger
     Later looked 0 list                 ;# once in a turn of the event loop is enough
-    set how {}
-    catch {
-        foreach name [::sorma::peer names -command ::sorma::world::FolderChanged] {
-            dict set how $name folder
-        }
-    }
-    set facts [HereFacts addresses]
-    foreach item $facts {
-        lassign $item word address
-        set where [if {[string match @* $word]} {string range $word 1 end} else {string trimleft $address @}]
+    set how [Ways]
+    set old [expr {[clock milliseconds] - 6 * $Linger}]
+    set Passing [dict filter $Passing script {where ms} {expr {$ms > $old}}]
+    foreach where [concat [dict keys $Added] [dict keys $Passing]] {
         if {![dict exists $how $where]} {
-            dict set how $where dictionary
+            dict set how $where added
         }
-    }
-    foreach name [::sorma::names *@*] {
-        set where [string range $name [string first @ $name]+1 end]
-        if {![dict exists $how $where]} {
-            dict set how $where proxy
-        }
-    }
-    foreach where [dict keys $Added] {
-        dict set how $where added
     }
     set seen {}
     dict for {where reason} $how {
@@ -514,19 +621,48 @@ proc ::sorma::world::Look {} {
     CheckReady
 }
 
+# What leads to daemons, here: a dict: what can stand after @ -> folder, dictionary or proxy.
+proc ::sorma::world::Ways {} {
+    set how {}
+    catch {                             ;# a folder that others may write to is as good as none
+        foreach name [::sorma::peer names -command ::sorma::world::FolderChanged] {
+            dict set how $name folder
+        }
+    }
+    foreach item [HereFacts addresses] {
+        lassign $item word address
+        set where [if {[string match @* $word]} {string range $word 1 end} else {string trimleft $address @}]
+        if {![dict exists $how $where]} {
+            dict set how $where dictionary
+        }
+    }
+    foreach name [::sorma::names *@*] {
+        set where [string range $name [string first @ $name]+1 end]
+        if {![dict exists $how $where]} {
+            dict set how $where proxy
+        }
+    }
+    return $how
+}
+
 # Once a second: is each daemon still there? What is not connected is tried again.
 proc ::sorma::world::Beat {} {
     variable Lines
     variable Pulse
     variable Silence
+    variable Beaten
     Later beat $Pulse Beat
     Look
     set now [clock milliseconds]
+    set slept [expr {$now - $Beaten > 2 * $Pulse}]      ;# no event loop has run: answers may be waiting for us
+    set Beaten $now
     foreach key [array names Lines] {
         if {[dict get $Lines($key) peer] eq {}} continue
         set asked [dict get $Lines($key) asked]
         if {$asked == 0} {
             Pulse $key
+        } elseif {$slept} {
+            dict set Lines($key) asked $now
         } elseif {$now - $asked >= $Silence} {
             State $key silent "no answer: it may be stopped"
         }
@@ -550,7 +686,7 @@ proc ::sorma::world::NewDaemon {key address how} {
         since $now user {} host {} pid {} boot {} objects {} busy {}]
     set Names($key) {}
     if {$key ne "self"} {
-        set Lines($key) [dict create peer {} serial 0 opened 0 first $now asked 0 told 0 known 0 log {}]
+        set Lines($key) [dict create peer {} serial 0 opened 0 first $now asked 0 told 0 known 0 counted 0 heard 0 log {}]
     }
     Emit daemon.here $key [dict get $Daemons $key]
 }
@@ -566,11 +702,12 @@ proc ::sorma::world::Set {key facts} {
     }
 }
 
-proc ::sorma::world::State {key state why {busy {}}} {
+# ago: how long it has lasted already, when it is new [ms].
+proc ::sorma::world::State {key state why {busy {}} {ago 0}} {
     variable Daemons
     set facts [dict create state $state why $why busy $busy]
     if {[dict get $Daemons $key state] ne $state} {
-        dict set facts since [clock milliseconds]
+        dict set facts since [expr {[clock milliseconds] - $ago}]
     }
     Set $key $facts
     CheckReady
@@ -626,6 +763,7 @@ proc ::sorma::world::Open key {
     set peer [::sorma::peer open $key -command [list ::sorma::world::Connected $key $serial]]
     set Lines($key) [dict merge $Lines($key) [dict create peer $peer serial $serial opened [clock milliseconds] asked [clock milliseconds] \
         told 0 known 0 log {}]]
+    hint line.open $key
     $peer ask -timeout 60000 -command [list ::sorma::world::Greeted $key $serial] sorm DBX -info class
 }
 
@@ -674,6 +812,7 @@ proc ::sorma::world::Connected {key serial} {
             dict set Lines($key) told 1
             $peer subscribe -event {[ot][br][ja]*} -queue 100000 -command [list ::sorma::world::Happened $key $serial] sorm
             AskObjects $key
+            hint line.made $key
         }
         return
     }
@@ -731,10 +870,12 @@ proc ::sorma::world::Healthy {key serial health} {
         return
     }
     dict set Lines($key) asked 0
+    dict set Lines($key) heard [clock milliseconds]
     if {[dict get $Daemons $key state] eq "denied"} {
-        return
+        return [hint heard $key]
     }
-    State $key [dict get $health state] {} [dict get $health what]
+    State $key [dict get $health state] {} [dict get $health what] [dict get $health since]
+    hint heard $key
     if {![dict get $Lines($key) known] && [dict get $Lines($key) told] && [dict get $health state] eq "alive" && ![dict exists $Lines($key) asking]} {
         AskObjects $key
     }
@@ -812,7 +953,7 @@ proc ::sorma::world::TakeSome {key items at seenVar end} {
                 || ![regexp {^[[:alpha:]][^\s@\[\]{}$"\\;[:cntrl:]]*$} $name] || ![regexp {^\w+$} $class]
                 || ![string is wideinteger -strict $calls] || ![string is wideinteger -strict $underway]} continue
         dict set seen $name 1
-        if {![dict exists $log $name]} {
+        if {![dict exists $log $name] || [dict get $log $name] eq "made"} {
             Made $key $name $class $calls $underway
         }
     }
@@ -830,10 +971,12 @@ proc ::sorma::world::TookAll {key seen} {
     }
     if {$key ne "self"} {
         dict set Lines($key) known 1
+        dict set Lines($key) counted [clock milliseconds]
         dict set Lines($key) log {}
         dict unset Lines($key) asking
     }
     Counts $key
+    hint counted $key
     CheckReady
 }
 
@@ -892,7 +1035,7 @@ proc ::sorma::world::Happened {key serial event} {
     Take $key $event
 }
 
-# The same of this process.
+# What happens in this process.
 proc ::sorma::world::HappenedHere event {
     if {[dict get $event event] eq "dictionary.changed"} {
         return [Soon]
@@ -942,3 +1085,4 @@ proc ::sorma::world::HereObjects {} {
 }
 
 package require sorma::value
+package require sorma::events

@@ -112,7 +112,7 @@ proc ::sorma::scott::PutWords {line {before {}}} {
     prepare
     set text $before$line
     ::sorma::complete $text [string length $text]           ;# asks the daemons
-    ::sorma::discover::settle 300
+    ::sorma::await settle 300
     set found [::sorma::complete $text [string length $text]]
     set head [string range $text [string length $before] [dict get $found from]-1]
     Put [lmap word [dict get $found words] {string cat $head $word}]
@@ -354,7 +354,7 @@ proc ::sorma::scott::CompleteAt {line point} {
     set before [string length $Pending]
     set found [::sorma::complete $Pending$line [expr {$before + $point}]]
     # What is known of a daemon has to be asked for first: who types Tab waits a moment for that.
-    if {[llength [dict get $found words]] == 0 && [::sorma::discover::settle 300]} {
+    if {[llength [dict get $found words]] == 0 && [::sorma::await settle 300]} {
         set found [::sorma::complete $Pending$line [expr {$before + $point}]]
     }
     dict set found from [expr {max([dict get $found from] - $before, 0)}]

@@ -1,9 +1,9 @@
 # complete.tcl -- what can be typed next: for the terminal, and for whatever else takes lines.
 #
 # A line is read as Tcl reads it, up to the point; what the point is in decides: a command's name, a word of a request, a
-# value, a recipe in quotes. Tables come from discover.tcl: nothing is made, nothing is called, nobody is waited for.
+# value, a recipe in quotes. Tables come from table.tcl: nothing is made, nothing is called, nobody is waited for.
 
-package require sorma::discover
+package require sorma::table
 package require sorma::show
 package provide sorma::complete 1.0
 namespace eval ::sorma::complete {
@@ -74,7 +74,6 @@ proc ::sorma::complete {line point} {
 proc ::sorma::complete::Complete {line point} {
     set point [expr {max(0, min($point, [string length $line]))}]
     set context [Scan [string range $line 0 $point-1] 0 script {}]
-    ::sorma::discover::lookAgain
     # Braces may hold a script or a text: the command around them knows.
     if {[dict exists $context outer words] && [WantsText [dict get $context outer words]]} {
         set context [dict get $context outer]
@@ -291,7 +290,7 @@ proc ::sorma::complete::ForWord {words partial} {
     switch -- $kind {
         request { return [Request $one $partial] }
         methods {
-            set table [::sorma::discover::guess $one]
+            set table [::sorma::table guess $one]
             set methods [if {$one eq "dict"} {concat {CTRL DBX EXEC} [Subcommands dict]} else {set ::sorma::complete::Methods}]
             set hint [if {[dict exists $table purpose]} {string cat "[dict get $table class]: [dict get $table purpose]"}]
             return [list $methods $hint]
@@ -312,9 +311,9 @@ proc ::sorma::complete::ForWord {words partial} {
         }
         object { return [list [Names $partial 1] $one] }
         so { return [list [Names $partial] $one] }
-        at { return [list [lmap name [::sorma::discover::names] {string cat @ $name}] $one] }
-        daemon { return [list [::sorma::discover::names] $one] }
-        class { return [list [::sorma::discover::classes {}] $one] }
+        at { return [list [lmap name [::sorma::world names] {string cat @ $name}] $one] }
+        daemon { return [list [::sorma::world names] $one] }
+        class { return [list [::sorma::table classes {}] $one] }
         topic { return [list [concat [Names $partial] [Topics]] $one] }
         setting { return [list [dict keys [::sorma::configure]] $one] }
         option { return [list $two $one] }
@@ -457,9 +456,9 @@ proc ::sorma::complete::isName name {
         return 1
     }
     if {[string is upper -strict [string index $class 0]]} {
-        return [expr {[lindex [::sorma::discover::locate $name] 1] ne {}}]
+        return [expr {[lindex [::sorma::table locate $name] 1] ne {}}]
     }
-    return [expr {[::sorma::exists $name] || [llength [::sorma::classes $class]] > 0 || [::sorma::discover::hasPackage sorma::service::$class]}]
+    return [expr {[::sorma::exists $name] || [llength [::sorma::classes $class]] > 0 || [::sorma::table hasPackage sorma::service::$class]}]
 }
 
 # ---- commands of Tcl ----
@@ -489,7 +488,7 @@ proc ::sorma::complete::ForCommand partial {
     if {$exact ne {}} {
         set hint [usage $exact]
         if {$hint eq {} && [isName $exact] && ![Occupied $exact]} {
-            set table [::sorma::discover::guess $exact]
+            set table [::sorma::table guess $exact]
             if {$table ne {}} {
                 set hint "[dict get $table class]: [dict get $table purpose]"
             }
@@ -564,7 +563,7 @@ proc ::sorma::complete::Names {partial {made 0}} {
     set at [string first @ $partial]
     if {$at >= 0} {
         set object [string range $partial 0 $at]
-        set found [lmap name [::sorma::discover::names] {string cat $object $name}]
+        set found [lmap name [::sorma::world names] {string cat $object $name}]
         if {[string index $partial $at+1] eq "/"} {
             foreach file [Files [string range $partial $at+1 end]] {
                 lappend found $object$file
@@ -575,24 +574,23 @@ proc ::sorma::complete::Names {partial {made 0}} {
     set pattern [::sorma::text::escape $partial]*
     set found [::sorma::names $pattern]
     if {!$made} {
-        set words [lsearch -all -inline -glob [::sorma::discover::words {}] $pattern]
-        set found [concat $found [lsearch -all -inline -glob [::sorma::discover::classes {}] $pattern] \
+        set words [lsearch -all -inline -glob [::sorma::table words {}] $pattern]
+        set found [concat $found [lsearch -all -inline -glob [::sorma::table classes {}] $pattern] \
             [lsearch -all -inline -regexp $words {^[[:alpha:]]\w*(\.[^\s@\[\]{}$"\\;]+)?$}]]
     }
     if {[regexp {^([A-Z][A-Z0-9_]*)\.} $partial -> class]} {
-        lassign [::sorma::discover::locate $class] service where
-        foreach name [concat [::sorma::discover::objects $where] [::sorma::discover::words $where]] {
+        lassign [::sorma::table locate $class] service where
+        foreach name [concat [::sorma::table objects $where] [::sorma::table words $where]] {
             if {[string match $service.* $name]} {
                 lappend found $class[string range $name [string length $service] end]
             }
         }
     }
     if {$partial ne {}} {
-        foreach daemon [::sorma::discover::names] {
-            set known [::sorma::discover::inventory $daemon]
-            if {$known eq {}} continue
-            set lists [list [dict get $known names]]
-            if {!$made} {
+        foreach daemon [::sorma::world names] {
+            set lists [list [::sorma::table objects $daemon]]
+            set known [::sorma::table inventory $daemon]
+            if {!$made && $known ne {}} {
                 lappend lists [dict keys [dict get $known classes]] [dict get $known words]
             }
             foreach names $lists {
@@ -618,7 +616,7 @@ proc ::sorma::complete::Topics {} {
 proc ::sorma::complete::Request {words partial} {
     variable Infos
     set rest [lassign $words name method]
-    set table [::sorma::discover::guess $name]
+    set table [::sorma::table guess $name]
     if {$table eq {}} {
         return [list {} {}]
     }
@@ -681,7 +679,7 @@ proc ::sorma::complete::KnownItems {table ctrl} {
         }
     }
     set own [dict get $table [expr {$ctrl ? "actions" : "inspections"}]]
-    foreach item [concat [lindex [::sorma::discover::common] [expr {!$ctrl}]] $own] {
+    foreach item [concat [lindex [::sorma::table common] [expr {!$ctrl}]] $own] {
         dict set known [lindex $item 0] [list action $item]
     }
     return $known
@@ -808,7 +806,7 @@ proc ::sorma::complete::Argument {name table item before partial} {
         set word
     }]
     set what [lindex $placeholders [expr {min($index, [llength $placeholders] - 1)}]]
-    lassign [::sorma::discover::locate $name] service where
+    lassign [::sorma::table locate $name] service where
     set class [dict get $table class]
     if {$class eq "dict" && $action eq "-add" && $index > 0 || $class eq "sorm" && $action eq "-create" && $index > 0} {
         set skip [expr {[string last { } $partial] + 1}]
@@ -819,21 +817,21 @@ proc ::sorma::complete::Argument {name table item before partial} {
     switch -glob -- $what {
         option { set candidates [OptionNames $table] }
         file - folder - path - script { set candidates [Files $partial] }
-        word { set candidates [if {$class eq "dict"} {concat [::sorma::discover::words $where] [Classes $action $where]}] }
+        word { set candidates [if {$class eq "dict"} {concat [::sorma::table words $where] [Classes $action $where]}] }
         name - target - pattern - object {
-            set candidates [if {$action eq "-classes"} {::sorma::discover::classes $where} else {::sorma::discover::objects $where}]
+            set candidates [if {$action eq "-classes"} {::sorma::table classes $where} else {::sorma::table objects $where}]
             if {$what eq "pattern" && $class eq "dict"} {
-                set candidates [::sorma::discover::words $where]
+                set candidates [::sorma::table words $where]
             }
         }
-        class { set candidates [::sorma::discover::classes $where] }
+        class { set candidates [::sorma::table classes $where] }
         what {
             set candidates $::sorma::complete::Infos
             if {$action eq "-inventory"} {
                 set candidates {addresses classes names objects serves words}
             }
         }
-        daemon { set candidates [::sorma::discover::names] }
+        daemon { set candidates [::sorma::world names] }
         0..2 { set candidates {0 1 2} }
         default { set candidates [Alternatives $what] }
     }
@@ -842,7 +840,7 @@ proc ::sorma::complete::Argument {name table item before partial} {
 
 # New entries may be for any class, old ones are those that there are.
 proc ::sorma::complete::Classes {action where} {
-    return [if {$action eq "-add"} {::sorma::discover::classes $where}]
+    return [if {$action eq "-add"} {::sorma::table classes $where}]
 }
 
 # Literal words of a usage text: a|b|c. A single word is the name of something.
@@ -853,11 +851,11 @@ proc ::sorma::complete::Alternatives usage {
 # A recipe: words of CTRL of the class of NAME, and -SUBST with an entry of the dictionary.
 proc ::sorma::complete::Recipe {name words partial} {
     if {[lindex $words end] eq "-SUBST"} {
-        return [list [::sorma::discover::words {}] "-SUBST word: what that entry says is put here"]
+        return [list [::sorma::table words {}] "-SUBST word: what that entry says is put here"]
     }
     set table {}
     if {[regexp {^[[:alpha:]]} $name]} {
-        set table [::sorma::discover::guess $name]
+        set table [::sorma::table guess $name]
     }
     if {$table eq {}} {
         return [list -SUBST {}]

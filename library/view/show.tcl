@@ -3,7 +3,7 @@
 # What is shown may come from anywhere: nothing in it moves a cursor, rings a bell or turns the writing round. Widths are
 # those of a terminal: wide characters take two columns, combining ones none.
 
-package require sorma::discover
+package require sorma::table
 package require sorma::text
 package require sorma::json
 package provide sorma::show 1.0
@@ -290,7 +290,7 @@ proc ::sorma::show::Signature so {
     if {$so eq {}} {
         return {}
     }
-    set table [::sorma::Aside [list ::sorma::discover::guess $so]]
+    set table [::sorma::Aside [list ::sorma::table guess $so]]
     return [if {$table ne {}} {dict get $table writes}]
 }
 

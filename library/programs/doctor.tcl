@@ -1,7 +1,10 @@
 # doctor.tcl -- what could keep SORMA from working on this machine, and how to mend it.
 #
-# Part of sorma::inspect, which reads it. Each proc of the namespace that begins with Check adds findings by Note; it changes
-# nothing but the sockets of daemons that have died, which it removes as all that look around do.
+# Each proc of the namespace that begins with Check adds findings by Note; it changes nothing but the sockets of daemons that have
+# died, which it removes as all that look around do.
+
+package require sorma::inspect
+package provide sorma::doctor 1.0
 
 namespace eval ::sorma::inspect::doctor {
     variable Findings       ;# list of dicts: what state text mend
@@ -16,30 +19,12 @@ namespace eval ::sorma::inspect::doctor {
 proc ::sorma::inspect::doctor args {
     lassign [Parse $args {}] - data
     set doctor::Findings {}
-    ::sorma::discover::lookAgain
     foreach check $doctor::Checks {
         if {[catch {doctor::Check$check} message]} {
             doctor::Note [string tolower $check] wrong "cannot be looked at: $message" {}
         }
     }
-    if {$data} {
-        return $doctor::Findings
-    }
-    set rows {}
-    set out {}
-    set wrong 0
-    foreach finding $doctor::Findings {
-        dict with finding {}
-        set head [format "%-5s %-14s" $state $what]
-        set colour [dict get {ok {} note dim wrong error} $state]
-        incr wrong [expr {$state eq "wrong"}]
-        lappend out [::sorma::text::hang [::sorma::text::paint $head $colour [Style]] 20 $text [Style]]
-        if {$mend ne {}} {
-            lappend out [::sorma::text::block [string repeat { } 21] "mend: $mend" {} [Style]]
-        }
-    }
-    lappend out [expr {$wrong == 0 ? "nothing is wrong" : $wrong == 1 ? "1 thing is wrong" : "$wrong things are wrong"}]
-    return [join $out \n]
+    return [if {$data} {set doctor::Findings} else {::sorma::listing findings $doctor::Findings}]
 }
 
 proc ::sorma::inspect::doctor::Note {what state text {mend {}}} {
@@ -131,11 +116,11 @@ proc ::sorma::inspect::doctor::CheckSockets {} {
 
 proc ::sorma::inspect::doctor::CheckDaemons {} {
     set own [lindex [split [lindex [::sorma::Aside {::sorma::so::sorm DBX -version}] 3] ,] 1]
-    set daemons [::sorma::discover::daemons 400]
+    set daemons [::sorma::inspect::daemons -data]
     set well {}
     foreach daemon $daemons {
         set name [dict get $daemon name]
-        set trouble [::sorma::discover::trouble $name]
+        set trouble [dict get $daemon error]
         if {$trouble ne {}} {
             Note daemon [expr {[string match busy* $trouble] ? "note" : "wrong"}] "$name at [dict get $daemon address]: $trouble" \
                 [switch -glob -- $trouble {
@@ -148,7 +133,7 @@ proc ::sorma::inspect::doctor::CheckDaemons {} {
         if {[dict get $daemon state] eq "self"} {
             continue
         }
-        if {[catch {::sorma::discover::fetch $name {sorm DBX -version} 1000} version]} {
+        if {[catch {::sorma::await answer $name {sorm DBX -version} 1000} version]} {
             Note daemon wrong "$name does not say its version: $version" "see sorma::trail"
         } elseif {[lindex [split $version ,] 1] ne $own} {
             Note daemon note "$name has[lindex [split $version ,] 1], here is$own" "restart it with the same version, when calls are refused"
@@ -207,7 +192,8 @@ proc ::sorma::inspect::doctor::CheckPolicy {} {
     }
     # A daemon reads it when it is made: so make one, where nobody sees it.
     set temporary /tmp/sorma-doctor-[pid]
-    set child [::sorma::discover::newInterpreter]
+    set child [interp create]
+    load [lindex [lsearch -inline -index 1 -exact [info loaded {}] Sorma] 0] Sorma $child
     try {
         file mkdir $temporary
         file attributes $temporary -permissions 0700
@@ -272,7 +258,8 @@ proc ::sorma::inspect::doctor::CheckLimits {} {
 # Needed by -rpcbind, and by addresses that are program numbers.
 proc ::sorma::inspect::doctor::CheckRpcbind {} {
     set programs {}
-    dict for {word address} [::sorma::discover::addresses] {
+    foreach item [dict get [lindex [::sorma::Aside {::sorma::so::sorm DBX -inventory addresses}] 3] addresses] {
+        lassign $item word address
         if {[regexp {:0x[[:xdigit:]]+$} $address]} {
             lappend programs $word
         }

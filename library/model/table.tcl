@@ -1,0 +1,331 @@
+# table.tcl -- what daemons say of themselves when they are asked: classes, words of the dictionary, tables of classes and objects.
+#
+# Nothing here waits, and nothing is ever made for a question: daemons are asked by the lines of the model, through their object
+# sorm, DBX -inventory and -describe. What is known is given at once. It is asked for again, behind the scenes, when it is needed and
+# has grown old.
+#
+# WHERE is what stands after @; empty or self is this process. Answers come from strangers: they are data, checked before they are
+# believed, and never evaluated.
+
+package require sorma::world
+package provide sorma::table 1.0
+
+namespace eval ::sorma::table {
+    namespace export locate text answer renew open inventory objects classes words describe parse guess common hasPackage
+    namespace ensemble create
+
+    variable Fresh 1000         ;# ms for which an answer is not asked for again
+    variable Patience 3000      ;# ms for which a daemon may take its time
+    variable Many 1000          ;# answers that are kept before old ones are looked for
+    variable Most 200000        ;# words that are believed to be at one daemon
+    variable NamePattern {^[[:alpha:]][^\s@\[\]{}$"\\;[:cntrl:]]*$}
+    # array: {daemon request} -> dict, request being the words of a request to an object there
+    #   asked   ms, when it was asked for last     open    is that under way
+    #   came    ms, when the last answer came; 0: never     text    that answer     parsed  what it says, or empty
+    #   error, code  of the last attempt when it failed, else empty
+    variable Answers
+    variable inventoryRequest {sorm DBX -inventory classes words}
+    if {![array exists Answers]} {
+        array set Answers {}
+    }
+}
+
+# ---- what there is ----
+
+# ::sorma::table::locate NAME -- {SERVICE WHERE}: the name as its process knows it, and what stands after @ (empty: here).
+proc ::sorma::table::locate name {
+    if {[catch {::sorma::resolve $name} place]} {
+        return [list $name {}]
+    }
+    return [list [dict get $place service] [if {[dict get $place state] ne "here"} {dict get $place where}]]
+}
+
+# ::sorma::table::inventory WHERE -- a dict of classes (dict: name -> {version purpose}) and words (of the dictionary). Empty as long
+# as nothing is known.
+proc ::sorma::table::inventory where {
+    variable inventoryRequest
+    return [Known $where $inventoryRequest ::sorma::table::ParseInventory]
+}
+
+# ::sorma::table::objects WHERE -- names of objects, sorted; elsewhere those that the model knows.
+proc ::sorma::table::objects where {
+    set key [::sorma::world use $where]
+    return [if {$key eq "self"} {::sorma::names} else {lmap object [::sorma::world objects $key] {dict get $object name}}]
+}
+
+# ::sorma::table::classes WHERE -- names of classes; here also of those whose package could be loaded.
+proc ::sorma::table::classes where {
+    if {![IsHere $where]} {
+        set known [inventory $where]
+        return [if {$known ne {}} {dict keys [dict get $known classes]}]
+    }
+    set found {}
+    foreach name [::sorma::classes] {
+        dict set found $name 1
+    }
+    foreach package [lsearch -all -inline -glob [package names] sorma::service::*] {
+        dict set found [namespace tail $package] 1
+    }
+    dict unset found proxy
+    return [lsort [dict keys $found]]
+}
+
+# ::sorma::table::words WHERE -- words of the dictionary.
+proc ::sorma::table::words where {
+    if {[IsHere $where]} {
+        return [dict get [HereText {sorm DBX -inventory words}] words]
+    }
+    set known [inventory $where]
+    return [if {$known ne {}} {dict get $known words}]
+}
+
+# ::sorma::table::describe NAME --
+#       The table of an object's class, as a dict: name exists class purpose version options fixed actions inspections
+#       reads writes words signature example help, and dump when the object exists. No object is made; a class of this
+#       interpreter is loaded. Empty when nothing is known, or not yet.
+proc ::sorma::table::describe name {
+    lassign [locate $name] service where
+    if {$where ne {}} {
+        return [Known $where [list sorm DBX -describe $service] ::sorma::table::parse]
+    }
+    if {![::sorma::exists $service]} {
+        set class [lindex [split $service .] 0]
+        if {$class ni [::sorma::classes] && ![hasPackage sorma::service::$class]} {
+            return {}
+        }
+    }
+    if {[catch {HereText [list sorm DBX -describe $service]} text]} {
+        return {}
+    }
+    return $text
+}
+
+# ::sorma::table::guess NAME -- the same as far as anything is known now: of an object elsewhere its own table, else that of the class
+# of that name here.
+proc ::sorma::table::guess name {
+    set table [describe $name]
+    lassign [locate $name] service where
+    if {$table eq {} && $where ne {}} {
+        set table [describe [lindex [split $service .] 0].?]
+    }
+    return $table
+}
+
+# ::sorma::table::hasPackage NAME -- is there such a package?
+proc ::sorma::table::hasPackage package {
+    return [expr {[llength [package versions $package]] > 0 || [package provide $package] ne {}}]
+}
+
+# ::sorma::table::common -- actions and inspections that every class has: {actions inspections}, elements as in describe.
+proc ::sorma::table::common {} {
+    variable CommonRequests
+    if {![info exists CommonRequests]} {
+        set own [HereText {sorm DBX -describe sorm}]
+        set CommonRequests [lmap {what key} {actions actions inspections inspections} {
+            lmap action [lrange [HereText [list sorm DBX -info $what]] [llength [dict get $own $key]] end] {
+                lassign $action name usage help
+                set least [llength [lsearch -all -not -glob $usage {[?]*}]]
+                list $name $usage $help $least [llength $usage]
+            }
+        }]
+    }
+    return $CommonRequests
+}
+
+# ---- answers ----
+
+# ::sorma::table::text WHERE REQUEST -- the text of the last answer, empty when there is none; asks when it is old.
+proc ::sorma::table::text {where request} {
+    return [dict get [answer $where $request] text]
+}
+
+# ::sorma::table::answer WHERE REQUEST --
+#       What is known of an answer, a dict: text, came (ms, when; 0: never), open (is it being asked for), error and code (of the last
+#       attempt, when that failed). Asks when it is old.
+proc ::sorma::table::answer {where request} {
+    variable Answers
+    if {[IsHere $where]} {
+        return [dict create text [HereText $request] came [clock milliseconds] open 0 error {} code {}]
+    }
+    return $Answers([Ask $where $request])
+}
+
+# ::sorma::table::renew WHERE REQUEST -- what was answered counts as old.
+proc ::sorma::table::renew {where request} {
+    variable Answers
+    set key [list [::sorma::world find $where] $request]
+    if {[info exists Answers($key)]} {
+        dict set Answers($key) asked 0
+    }
+}
+
+# ::sorma::table::open -- how many questions were put for the first time and have no answer yet; one that takes long is not counted.
+proc ::sorma::table::open {} {
+    variable Answers
+    set since [expr {[clock milliseconds] - 300}]
+    set n 0
+    foreach {key entry} [array get Answers] {
+        incr n [expr {[dict get $entry open] && [dict get $entry came] == 0 && [dict get $entry asked] >= $since}]
+    }
+    return $n
+}
+
+proc ::sorma::table::IsHere where {
+    return [expr {$where in {{} self} || [::sorma::world find $where] eq "self"}]
+}
+
+# The text of a reply of an object of this interpreter. The user's trail stays what it was.
+proc ::sorma::table::HereText request {
+    set words [lassign $request so]
+    return [lindex [::sorma::Aside [list ::sorma::so::$so {*}$words]] 3]
+}
+
+# What an answer says, taken apart by a command, once for each answer.
+proc ::sorma::table::Known {where request parseCmd} {
+    variable Answers
+    if {[IsHere $where]} {
+        return [{*}$parseCmd [HereText $request]]
+    }
+    set key [Ask $where $request]
+    set entry $Answers($key)
+    if {[dict get $entry came] == 0} {
+        return {}
+    }
+    if {![dict exists $entry parsed]} {
+        if {[catch {{*}$parseCmd [dict get $entry text]} parsed]} {
+            dict set Answers($key) error "its answer makes no sense: $parsed"
+            dict set Answers($key) code {SORMA COMM PROTOCOL}
+            set parsed {}
+        }
+        dict set Answers($key) parsed $parsed
+        return $parsed
+    }
+    return [dict get $entry parsed]
+}
+
+# Ask, unless that is under way, or has been done lately. Returns the key of the answer.
+proc ::sorma::table::Ask {where request} {
+    variable Answers
+    variable Fresh
+    variable Patience
+    set daemon [::sorma::world use $where]
+    set key [list $daemon $request]
+    set now [clock milliseconds]
+    if {![info exists Answers($key)]} {
+        Prune
+        set Answers($key) {asked 0 open 0 came 0 text {} error {} code {}}
+    }
+    if {[dict get $Answers($key) open] || $now - [dict get $Answers($key) asked] < $Fresh} {
+        return $key
+    }
+    dict set Answers($key) asked $now
+    if {$daemon eq {}} {
+        Failed $key "\"$where\" leads nowhere" [list SORMA ADDRESS UNRESOLVED $where]
+    } elseif {[::sorma::world line $daemon] ne {}} {
+        dict set Answers($key) open 1
+        ::sorma::world ask $daemon $request -timeout $Patience -command [list ::sorma::table::Answered $key]
+    } elseif {[dict get [::sorma::world get $daemon] state] eq "asking"} {
+        dict set Answers($key) open 1       ;# as soon as there is a line
+    } else {
+        Failed $key [dict get [::sorma::world get $daemon] why] [list SORMA COMM REFUSED $where]
+    }
+    return $key
+}
+
+proc ::sorma::table::Answered {key status value} {
+    variable Answers
+    if {![info exists Answers($key)]} {
+        return
+    }
+    dict set Answers($key) open 0
+    if {$status eq "error"} {
+        Failed $key {*}$value
+    } else {
+        set came [expr {max([clock milliseconds], [dict get $Answers($key) came] + 1)}]
+        set Answers($key) [dict create asked [dict get $Answers($key) asked] open 0 came $came text [dict get $value text] error {} code {}]
+    }
+    ::sorma::world hint answer $key
+}
+
+proc ::sorma::table::Failed {key message code} {
+    variable Answers
+    dict set Answers($key) open 0
+    dict set Answers($key) error [regsub {^sorm@\S+: } $message {}]
+    dict set Answers($key) code $code
+}
+
+# What the model hears of daemons: a line is there, or there will be none.
+proc ::sorma::table::Happened {event daemon dict} {
+    variable Answers
+    variable Patience
+    if {$event ni {line.open daemon.changed daemon.gone}
+            || ($event eq "daemon.changed" && [dict get $dict state] ni {refused denied unresolved dead})} {
+        return
+    }
+    foreach {key entry} [array get Answers] {
+        if {[lindex $key 0] ne $daemon || ![dict get $entry open]} continue
+        if {$event eq "line.open"} {
+            ::sorma::world ask $daemon [lindex $key 1] -timeout $Patience -command [list ::sorma::table::Answered $key]
+        } else {
+            Failed $key [dict get $dict why] [list SORMA COMM REFUSED $daemon]
+            ::sorma::world hint answer $key
+        }
+    }
+}
+
+# Forget answers that nobody has wanted for a minute, when there are many.
+proc ::sorma::table::Prune {} {
+    variable Answers
+    variable Many
+    if {[array size Answers] < $Many} {
+        return
+    }
+    set old [expr {[clock milliseconds] - 60000}]
+    foreach {key entry} [array get Answers] {
+        if {![dict get $entry open] && [dict get $entry asked] < $old} {
+            unset Answers($key)
+        }
+    }
+    set Many [expr {max(1000, 2 * [array size Answers])}]
+}
+
+# ---- answers of strangers ----
+
+proc ::sorma::table::ParseInventory text {
+    variable Most
+    set classes {}
+    foreach item [dict get $text classes] {
+        lassign $item name version purpose
+        if {[regexp {^[a-z]\w*$} $name]} {
+            dict set classes $name [list $version $purpose]
+        }
+    }
+    set words [lsearch -all -inline -regexp [lrange [dict get $text words] 0 $Most] {^[^\s[:cntrl:]]+$}]
+    return [dict create classes $classes words $words]
+}
+
+# ::sorma::table::parse TEXT -- a table as describe gives it, from what DBX -describe has answered. Fails when that makes no sense.
+proc ::sorma::table::parse text {
+    foreach key {name exists class purpose version words signature example help} {
+        dict set out $key [dict get $text $key]
+    }
+    dict set out exists [expr {[dict get $out exists] eq "1"}]
+    foreach {key fields} {options 7 actions 5 inspections 5 reads 5 writes 5} {
+        foreach item [dict get $text $key] {
+            if {[llength $item] != $fields} {
+                return -code error "$key of [llength $item] fields instead of $fields"
+            }
+            if {[regexp {[[:cntrl:]]} $item]} {
+                return -code error "control characters in $key"
+            }
+        }
+        dict set out $key [dict get $text $key]
+    }
+    dict set out fixed [lrange [dict get $text fixed] 0 end]
+    if {[dict exists $text dump]} {
+        dict set out dump [dict get $text dump]
+    }
+    return $out
+}
+
+::sorma::world::hook ::sorma::table::Happened

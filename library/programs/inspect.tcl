@@ -1,0 +1,486 @@
+# inspect.tcl -- look around in a system of service objects: what there is, what it does, what it is for.
+#
+# Each command returns text for people, or with -data lists and dicts for programs. They ask all daemons at once and come
+# back within half a second or so; daemons that do not answer have a line of their own. Nothing is made by looking.
+
+package require sorma::complete
+package require sorma::await
+package require sorma::listing
+package provide sorma::inspect 1.0
+namespace eval ::sorma::inspect {
+    namespace export ls tree daemons help dump watch unwatch top find monitor rate doctor
+    namespace ensemble create
+
+    variable Wait 400           ;# ms for daemons to answer
+    variable Before {}          ;# of top: {where name} -> {calls time [ms]}, when it looked last
+    variable Looked 0           ;# ms, when that was
+    variable Topics {
+        ls {objects here and at each daemon: a pattern chooses names, @daemon one place, @ here}
+        tree {objects with the sub-services that they use}
+        daemons {the daemons that can be reached, and how they are}
+        help {what an object, a class or a command is for, and its words}
+        dump {state of an object, as CTRL would read it again}
+        watch {tells what changes in an object, and what it publishes}
+        unwatch {ends a watch, or all}
+        top {the busiest objects: requests per second and their times}
+        find {a word in names, purposes, options and help, of all that there is}
+        monitor {shows requests, replies and events of a daemon as they pass, until unwatch}
+        rate {how often an object publishes: mean, shortest, longest time between two events, jitter}
+        doctor {what is wrong on this machine, and how to mend it}
+    }
+}
+
+# ---- lists ----
+
+# ::sorma::inspect::ls ?pattern? ?@daemon? ?-data? --
+#       Objects: here and at each daemon; at one with @daemon, which may be a pattern; here only with @. pattern@daemon is both.
+# Results:
+#       With -data a list of dicts: where (empty: here), name, class, calls, underway; or where and error.
+proc ::sorma::inspect::ls args {
+    lassign [Parse $args {pattern *} 1] pattern wheres data
+    set items {}
+    foreach {where key error} [Counted $wheres] {
+        if {$error ne {}} {
+            lappend items [dict create where $where error $error]
+            continue
+        }
+        foreach object [::sorma::world objects $key] {
+            if {[string match $pattern [dict get $object name]]} {
+                lappend items [dict create where $where {*}$object]
+            }
+        }
+    }
+    if {$data} {
+        return $items
+    }
+    if {[llength $items] == 0} {
+        return "no object is called [::sorma::text::clean $pattern]"
+    }
+    return [::sorma::listing objects $items]
+}
+
+# ::sorma::inspect::tree ?pattern? ?@daemon? ?-data? --
+#       Objects with the sub-services that their options name.
+# Results:
+#       With -data a list of dicts: where, name, class and uses (dict: option -> name of an object); or where and error.
+proc ::sorma::inspect::tree args {
+    lassign [Parse $args {pattern *} 1] pattern wheres data
+    set items {}
+    foreach {where key error} [Counted $wheres] {
+        if {$error ne {}} {
+            lappend items [dict create where $where error $error]
+            continue
+        }
+        set objects [::sorma::world objects $key]
+        # Most classes use no others: only objects of those that do are asked for.
+        set classes [lsort -unique [lmap object $objects {dict get $object class}]]
+        set using [lmap class $classes table [Tables $where $classes] {
+            if {$table eq {} || [lsearch -index 1 [dict get $table options] service] < 0} continue
+            set class
+        }]
+        set asking [lmap object $objects {if {[dict get $object class] ni $using} continue; dict get $object name}]
+        set uses {}
+        foreach name $asking table [Tables $where $asking] {
+            set found {}
+            if {$table ne {} && [dict get $table exists]} {
+                foreach option [lsearch -all -inline -index 1 [dict get $table options] service] {
+                    if {[lindex $option 5] ne {}} {
+                        dict set found [lindex $option 0] [lindex $option 5]
+                    }
+                }
+            }
+            dict set uses $name $found
+        }
+        foreach object $objects {
+            set name [dict get $object name]
+            lappend items [dict create where $where name $name class [dict get $object class] \
+                uses [if {[dict exists $uses $name]} {dict get $uses $name}]]
+        }
+    }
+    if {$data} {
+        return [lmap item $items {if {[dict exists $item name] && ![string match $pattern [dict get $item name]]} continue; set item}]
+    }
+    return [::sorma::listing tree $items $pattern]
+}
+
+# ::sorma::inspect::daemons ?-data? --
+#       Daemons that can be reached by a name alone, and how they are.
+# Results:
+#       With -data a list of dicts: name, address, state (as sorma::world gives it, or self), error, objects.
+proc ::sorma::inspect::daemons args {
+    variable Wait
+    lassign [Parse $args {}] - data
+    set items {}
+    foreach {name key error} [::sorma::await daemons $Wait [::sorma::world names]] {
+        set known [::sorma::world get $key]
+        if {$known eq {}} {             ;# its name leads nowhere
+            set known {address {} state unresolved objects {}}
+        }
+        set state [dict get $known state]
+        if {$key eq "self"} {
+            set state self
+        } elseif {$error ne {} && $state in {alive asking}} {
+            set state silent
+        }
+        lappend items [dict create name $name address [if {$key eq "self"} {string cat self} else {dict get $known address}] \
+            state $state error $error objects [dict get $known objects]]
+    }
+    if {$data} {
+        return $items
+    }
+    if {[llength $items] == 0} {
+        return "no daemons: none listens in the runtime folder, and the dictionary has no address"
+    }
+    return [::sorma::listing daemons $items]
+}
+
+# ---- one object ----
+
+# ::sorma::inspect::help ?name? ?-data? --
+#       The text of CTRL -help of an object or class, which is not made for it; or what a command is for. Without a name
+#       what commands there are.
+# Results:
+#       With -data the class's table, as sorma::table::describe gives it.
+proc ::sorma::inspect::help args {
+    variable Topics
+    lassign [Parse $args {name {}}] name wheres data
+    if {$name eq {}} {
+        set rows [lmap {command purpose} $Topics {list [::sorma::complete::usage sorma::inspect::$command] $purpose}]
+        set rows [lmap row $rows {lreplace $row 0 0 [string map {sorma::inspect:: {}} [lindex $row 0]]}]
+        lappend rows [list "NAME CTRL -help" "what an object can do; help NAME makes none, and takes a class, or NAME@DAEMON, too"]
+        return [::sorma::listing table {} $rows {} 1]
+    }
+    set command [string trimleft $name :]
+    if {!$data && ![::sorma::complete::isName $command]} {
+        foreach known [list sorma::inspect::$command $name] {
+            try {
+                return [::sorma::manual $known -width [dict get [::sorma::showDefaults] -width]]
+            } trap {SORMA MANUAL UNKNOWN} {} {
+                # then it must be an object or a class
+            }
+        }
+    }
+    set table [Describe $name]
+    if {$data} {
+        return $table
+    }
+    return [::sorma::text::paragraphs [dict get $table help] [::sorma::showDefaults]]
+}
+
+# ::sorma::inspect::dump NAME ?-data? --
+#       State of an object that is there: its options, as CTRL would read them again, and what its class adds.
+# Results:
+#       With -data a dict: option -> value.
+proc ::sorma::inspect::dump args {
+    lassign [Parse $args {name {}}] name wheres data
+    set table [Describe $name]
+    if {![dict get $table exists]} {
+        return -code error -errorcode [list SORMA SERVICE GONE $name] \
+            "$name: there is no such object; help $name shows what its class has"
+    }
+    if {$data} {
+        set values {}
+        foreach option [dict get $table options] {
+            dict set values [lindex $option 0] [lindex $option 5]
+        }
+        return $values
+    }
+    return [::sorma::text::paragraphs [dict get $table dump] [::sorma::showDefaults]]
+}
+
+# ::sorma::inspect::Describe NAME -- table of an object's class, as it is now. Fails as a request to the object would.
+proc ::sorma::inspect::Describe name {
+    if {$name eq {}} {
+        return -code error -errorcode {SORMA REQUEST SYNTAX} "a name is missing"
+    }
+    lassign [::sorma::table locate $name] service where
+    set text [::sorma::await answer $where [list sorm DBX -describe $service] 2000]
+    if {[catch {::sorma::table parse $text} table]} {
+        return -code error -errorcode [list SORMA COMM PROTOCOL $name] "$name: the daemon's answer makes no sense: $table"
+    }
+    return $table
+}
+
+# ---- the whole system ----
+
+# ::sorma::inspect::top ?@daemon? ?-count n? ?-data? --
+#       The busiest objects: EXEC per second since the last look, and the times that EXEC takes. The first look takes
+#       two, 300 ms apart.
+# Results:
+#       With -data a list of dicts: where, name, class, calls, rate [1/s], underway, p50, p99 (texts); or where and error.
+proc ::sorma::inspect::top args {
+    variable Before
+    variable Looked
+    variable Wait
+    set count 10
+    set at [lsearch -exact $args -count]
+    if {$at >= 0} {
+        set count [lindex $args $at+1]
+        set args [lreplace $args $at $at+1]
+        if {![string is integer -strict $count] || $count < 1} {
+            return -code error -errorcode {SORMA REQUEST SYNTAX} "-count expects a whole number from 1, got \"$count\""
+        }
+    }
+    lassign [Parse $args {}] wheres data
+    if {[clock milliseconds] - $Looked > 60000} {
+        set Before [Calls [Counted $wheres]]
+        ::sorma::await sleep 300
+    }
+    set places [Counted $wheres]
+    set items [lrange [Busiest $places] 0 $count-1]
+    set Before [Calls $places]
+    set Looked [clock milliseconds]
+    foreach item $items {
+        if {[dict get $item where] ne {}} {
+            ::sorma::table renew [dict get $item where] [list sorm DBX -look [dict get $item name] -stats]
+        }
+    }
+    ::sorma::await until $Wait {[Untimed $items] == 0}
+    set items [lmap item $items {
+        lassign [Times [dict get $item where] [dict get $item name]] p50 p99
+        dict merge $item [dict create p50 $p50 p99 $p99]
+    }]
+    foreach {where key error} $places {
+        if {$error ne {}} {
+            lappend items [dict create where $where error $error]
+        }
+    }
+    if {$data} {
+        return $items
+    }
+    return [::sorma::listing busiest $items]
+}
+
+# A dict: {where name} -> {calls time}, of places as Counted gives them.
+proc ::sorma::inspect::Calls places {
+    set calls {}
+    foreach {where key error} $places {
+        if {$error eq {}} {
+            set time [Time $key]
+            dict set calls [list $where {}] [list 0 $time]          ;# of what was not there
+            foreach object [::sorma::world objects $key] {
+                dict set calls [list $where [dict get $object name]] [list [dict get $object calls] $time]
+            }
+        }
+    }
+    return $calls
+}
+
+# When the objects of a daemon were counted [ms].
+proc ::sorma::inspect::Time key {
+    return [if {$key eq "self"} {clock milliseconds} else {::sorma::world counted $key}]
+}
+
+# Objects that were called, the busiest first.
+proc ::sorma::inspect::Busiest places {
+    variable Before
+    set rows {}
+    foreach {where key error} $places {
+        if {$error ne {}} continue
+        set now [Time $key]
+        foreach object [::sorma::world objects $key] {
+            set name [dict get $object name]
+            set calls [dict get $object calls]
+            set rate 0.0
+            foreach known [list $name {}] {
+                if {[dict exists $Before [list $where $known]]} {
+                    lassign [dict get $Before [list $where $known]] old then
+                    if {$calls >= $old} {
+                        set rate [expr {1000.0 * ($calls - $old) / max(1, $now - $then)}]
+                    }
+                    break
+                }
+            }
+            if {$calls > 0 || [dict get $object underway] > 0} {
+                lappend rows [list $rate $calls [dict create where $where {*}$object rate $rate]]
+            }
+        }
+    }
+    return [lmap row [lsort -real -decreasing -index 0 [lsort -integer -decreasing -index 1 $rows]] {lindex $row 2}]
+}
+
+# How many have not said yet how long their EXEC takes?
+proc ::sorma::inspect::Untimed items {
+    set n 0
+    foreach item $items {
+        set where [dict get $item where]
+        incr n [expr {$where ne {} && [dict get [::sorma::table answer $where [list sorm DBX -look [dict get $item name] -stats]] open]}]
+    }
+    return $n
+}
+
+# Half of the EXECs of an object are quicker than p50: {p50 p99}, as DBX -stats says it; empty when it does not.
+proc ::sorma::inspect::Times {where name} {
+    if {$where eq {} && ![::sorma::exists $name]} {
+        return {}
+    }
+    set text [::sorma::table text $where [if {$where eq {}} {list $name DBX -stats} else {list sorm DBX -look $name -stats}]]
+    if {[regexp {p50 <= ([^,\n]+), p99 <= ([^\n]+)} $text -> p50 p99]} {
+        return [list $p50 $p99]
+    }
+    return {}
+}
+
+# ::sorma::inspect::find WORD ?@daemon? ?-data? --
+#       Look for a word, in any case of letters, in names, purposes, options, actions and help: of what is here, of
+#       classes that could be loaded, and of all daemons.
+# Results:
+#       With -data a list of dicts: where, kind (object, class, option, action, inspection, EXEC, entry), name, item
+#       and text; or where and error.
+proc ::sorma::inspect::find args {
+    variable Wait
+    lassign [Parse $args {word {}}] word wheres data
+    if {$word eq {}} {
+        return -code error -errorcode {SORMA REQUEST SYNTAX} {wrong # args: should be "find word ?@daemon? ?-data?"}
+    }
+    set pattern *[::sorma::text::escape $word]*
+    set items {}
+    set places [Places $wheres]
+    foreach where $places {
+        ::sorma::table inventory $where
+    }
+    foreach {where key error} [::sorma::await daemons $Wait $places counted] {
+        if {$error eq {} && $where ne {}} {
+            ::sorma::await answers $Wait [list $where] $::sorma::table::inventoryRequest
+            ::sorma::table inventory $where             ;# is it understood?
+            set error [dict get [::sorma::table answer $where $::sorma::table::inventoryRequest] error]
+        }
+        if {$error ne {}} {
+            lappend items [dict create where $where error $error]
+            continue
+        }
+        foreach name [lsearch -all -inline -nocase -glob [::sorma::table objects $where] $pattern] {
+            lappend items [dict create where $where kind object name $name item {} text {}]
+        }
+        foreach name [lsearch -all -inline -nocase -glob [::sorma::table words $where] $pattern] {
+            lappend items [dict create where $where kind entry name $name item {} text "in the dictionary"]
+        }
+        set classes [::sorma::table classes $where]
+        foreach class $classes table [Tables $where $classes] {
+            if {$table ne {} && $class ne "proxy"} {
+                lappend items {*}[lmap found [InTable $table $pattern] {dict merge [dict create where $where] $found}]
+            }
+        }
+    }
+    if {$data} {
+        return $items
+    }
+    if {[llength $items] == 0} {
+        return "\"[::sorma::text::clean $word]\" is nowhere"
+    }
+    return [::sorma::listing found $items]
+}
+
+# Where in a class's table something matches: list of dicts of kind, name, item, text.
+proc ::sorma::inspect::InTable {table pattern} {
+    set found {}
+    set class [dict get $table class]
+    set add {{kind item text} {
+        upvar 1 found found class class
+        lappend found [dict create kind $kind name $class item $item text $text]
+    }}
+    if {[string match -nocase $pattern "$class [dict get $table purpose]"]} {
+        apply $add class {} [dict get $table purpose]
+    }
+    foreach option [dict get $table options] {
+        lassign $option name type unit range default value help
+        if {[string match -nocase $pattern "$name $help $range"]} {
+            apply $add option $name [string trim [::sorma::complete::optionHint [dict replace $table exists 0] [lreplace $option 0 0 {}]]]
+        }
+    }
+    foreach {key kind} {actions action inspections inspection} {
+        foreach action [dict get $table $key] {
+            lassign $action name usage help
+            if {[string match -nocase $pattern "$name $usage $help"]} {
+                apply $add $kind $name $help
+            }
+        }
+    }
+    if {[string match -nocase $pattern [dict get $table signature]]} {
+        apply $add EXEC {} [string map {\n "; "} [dict get $table signature]]
+    }
+    return $found
+}
+
+# ---- what these have in common ----
+
+# ::sorma::inspect::Parse WORDS NAMES ?located? --
+#       Words of a command. names: dict of words that may be given, in order, and what they are when they are not. located: the first
+#       of them may have its place with it, kin*@robot.
+# Results:
+#       VALUE-of-each-name ... WHERES DATA. wheres: patterns after @; a lone @ is here.
+proc ::sorma::inspect::Parse {words names {located 0}} {
+    set values [dict values $names]
+    set wheres {}
+    set data 0
+    set at 0
+    foreach word $words {
+        if {$word eq "-data"} {
+            set data 1
+        } elseif {[string match @* $word]} {
+            lappend wheres [string range $word 1 end]
+        } elseif {$at < [llength $values]} {
+            if {$located && $at == 0 && [regexp {^([^@]+)@(.*)$} $word -> word where]} {
+                lappend wheres $where
+            }
+            lset values $at $word
+            incr at
+        } else {
+            set usage [::sorma::complete::usage [lindex [info level -1] 0]]
+            return -code error -level 2 -errorcode {SORMA REQUEST SYNTAX} "too many words: \"$word\"[if {$usage ne {}} {string cat "; should be $usage"}]"
+        }
+    }
+    return [list {*}$values $wheres $data]
+}
+
+# ::sorma::inspect::Places PATTERNS -- what stands after @ in the places that are meant; empty: here. Without patterns: here, and all
+# daemons but ourselves, each once.
+proc ::sorma::inspect::Places patterns {
+    set seen {}
+    set places {}
+    if {[llength $patterns] == 0} {
+        lappend places {}
+        dict set seen self 1
+        set patterns *
+    }
+    set names [::sorma::world names]
+    foreach pattern $patterns {
+        if {$pattern in {{} self}} {
+            lappend places {}
+            continue
+        }
+        set found [lsearch -all -inline -glob $names $pattern]
+        if {[llength $found] == 0 && ![regexp {[*?\[]} $pattern]} {
+            set found [list $pattern]           ;# it cannot be found, but perhaps reached
+        }
+        foreach name $found {
+            set key [::sorma::world use $name]
+            if {[dict exists $seen $key]} continue
+            if {$key ne {}} {
+                dict set seen $key 1
+            }
+            lappend places [if {$key ne "self"} {set name}]
+        }
+    }
+    return $places
+}
+
+# WHERE KEY TROUBLE ... of places that are meant, when all objects there have been counted anew.
+proc ::sorma::inspect::Counted patterns {
+    variable Wait
+    return [::sorma::await daemons $Wait [Places $patterns] counted]
+}
+
+# Tables of classes or objects at a place, as far as they come in time.
+proc ::sorma::inspect::Tables {where names} {
+    variable Wait
+    if {$where ne {}} {
+        ::sorma::await answers $Wait [list $where] {*}[lmap name $names {list sorm DBX -describe $name}]
+    }
+    return [lmap name $names {
+        ::sorma::table describe [if {$where eq {}} {set name} else {string cat $name@$where}]
+    }]
+}
+
+package require sorma::observe
+package require sorma::doctor
