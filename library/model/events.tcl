@@ -78,9 +78,6 @@ proc ::sorma::events::Heard {token event} {
 # What the model hears of objects and lines. That an object has gone its subscription says itself: sorma.gone.
 proc ::sorma::events::Happened {event key dict} {
     variable Tokens
-    if {$event ni {object.made line.made}} {
-        return
-    }
     dict for {token t} $Tokens {
         set full [dict get $t service]@[dict get $t daemon]
         if {$event eq "line.made" ? $key eq [dict get $t daemon] && [::sorma::world get $full] ne {} : $key eq $full} {
@@ -89,4 +86,4 @@ proc ::sorma::events::Happened {event key dict} {
     }
 }
 
-::sorma::world::hook ::sorma::events::Happened
+::sorma::world::hook {object.made line.made} ::sorma::events::Happened

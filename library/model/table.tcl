@@ -50,6 +50,9 @@ proc ::sorma::table::inventory where {
 # ::sorma::table::objects WHERE -- names of objects, sorted; elsewhere those that the model knows.
 proc ::sorma::table::objects where {
     set key [::sorma::world use $where]
+    if {[::sorma::world counted $key] == 0} {
+        ::sorma::world recount $key
+    }
     return [if {$key eq "self"} {::sorma::names} else {lmap object [::sorma::world objects $key] {dict get $object name}}]
 }
 
@@ -258,8 +261,7 @@ proc ::sorma::table::Failed {key message code} {
 proc ::sorma::table::Happened {event daemon dict} {
     variable Answers
     variable Patience
-    if {$event ni {line.open daemon.changed daemon.gone}
-            || ($event eq "daemon.changed" && [dict get $dict state] ni {refused denied unresolved dead})} {
+    if {$event eq "daemon.changed" && [dict get $dict state] ni {refused denied unresolved dead}} {
         return
     }
     foreach {key entry} [array get Answers] {
@@ -328,4 +330,4 @@ proc ::sorma::table::parse text {
     return $out
 }
 
-::sorma::world::hook ::sorma::table::Happened
+::sorma::world::hook {line.open daemon.changed daemon.gone} ::sorma::table::Happened

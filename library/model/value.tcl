@@ -260,4 +260,4 @@ proc ::sorma::value::Tell {} {
     set Telling 0
 }
 
-::sorma::world::hook ::sorma::value::Happened
+::sorma::world::hook {object.made object.changed object.removed daemon.here daemon.changed daemon.gone} ::sorma::value::Happened

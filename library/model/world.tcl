@@ -48,14 +48,15 @@ namespace eval ::sorma::world {
     variable Last               ;# token, or serial
     variable Running            ;# is the model at work
     variable Work               ;# list of {daemon serial objects at seen}: answers that are to be taken in
+    variable Wanted             ;# dict: daemon -> 1: somebody waits for these, they come first
     variable Opening            ;# daemons to which a line is to be made
     variable Telling            ;# is a callback on the stack
     variable Timers             ;# array: what -> id of after
     variable Local              ;# line to this process: it only subscribes
-    variable Hooks              ;# command prefixes of other parts of the model, called with each event before it is told
+    variable Hooks              ;# dict: event -> command prefixes of other parts of the model, called before it is told
     variable Beaten             ;# ms, when Beat was last there
     if {![info exists Last]} {
-        foreach name {Daemons Added Passing Watches Work Opening Local Hooks} {
+        foreach name {Daemons Added Passing Watches Work Wanted Opening Local Hooks} {
             set $name {}
         }
         foreach name {Last Running Telling Beaten} {
@@ -101,6 +102,7 @@ proc ::sorma::world::watch {pattern args} {
             Queue $token object.made $key $::sorma::world::Objects($key)
         }
     }
+    CountUnknown
     CheckReady
     return $token
 }
@@ -208,6 +210,8 @@ proc ::sorma::world::use {{where {}}} {
 # counted DAEMON -- ms, when that was last done; 0: never, or it is this process.
 proc ::sorma::world::recount daemon {
     variable Lines
+    variable Wanted
+    dict set Wanted $daemon 1
     if {[info exists Lines($daemon)] && [dict get $Lines($daemon) peer] ne {} && ![dict exists $Lines($daemon) asking]
             && [dict get $Lines($daemon) told]} {
         AskObjects $daemon
@@ -263,7 +267,9 @@ proc ::sorma::world::value {name what args} {
         Misused "-every expects a number of ms, got \"[dict get $options -every]\""
     }
     Start
-    return [::sorma::value new [NewToken value] $name $what [dict get $options -every] [dict get $options -command]]
+    set token [::sorma::value new [NewToken value] $name $what [dict get $options -every] [dict get $options -command]]
+    CountUnknown
+    return $token
 }
 
 # ::sorma::world::listen NAME ?-event pattern? ?-queue n? -command PREFIX -- see events.tcl.
@@ -273,7 +279,9 @@ proc ::sorma::world::listen {name args} {
         Misused "-command is missing: what is to be called with each event?"
     }
     Start
-    return [::sorma::events new [NewToken events] $name [dict get $options -event] [dict get $options -queue] [dict get $options -command]]
+    set token [::sorma::events new [NewToken events] $name [dict get $options -event] [dict get $options -queue] [dict get $options -command]]
+    CountUnknown
+    return $token
 }
 
 # ::sorma::world::ask DAEMON REQUEST ?-timeout ms? -command PREFIX --
@@ -352,19 +360,23 @@ proc ::sorma::world::NewToken kind {
 
 # ---- telling ----
 
-# ::sorma::world::hook PREFIX -- for the other parts of the model: call it with EVENT KEY DICT of all that happens, at once.
-proc ::sorma::world::hook prefix {
+# ::sorma::world::hook EVENTS PREFIX -- for the other parts of the model: call it with EVENT KEY DICT of these events, at once.
+proc ::sorma::world::hook {events prefix} {
     variable Hooks
-    if {$prefix ni $Hooks} {
-        lappend Hooks $prefix
+    foreach event $events {
+        if {![dict exists $Hooks $event] || $prefix ni [dict get $Hooks $event]} {
+            dict lappend Hooks $event $prefix
+        }
     }
 }
 
-# ::sorma::world::hint EVENT KEY DICT -- tell only them.
+# ::sorma::world::hint EVENT KEY ?DICT? -- tell only them.
 proc ::sorma::world::hint {event key {dict {}}} {
     variable Hooks
-    foreach hook $Hooks {
-        {*}$hook $event $key $dict
+    if {[dict exists $Hooks $event]} {
+        foreach prefix [dict get $Hooks $event] {
+            {*}$prefix $event $key $dict
+        }
     }
 }
 
@@ -528,7 +540,7 @@ proc ::sorma::world::Start {} {
     set Local [::sorma::peer open self]
     $Local subscribe -event {[dot][bir][cja]*} -queue 100000 -command ::sorma::world::HappenedHere sorm
     NewDaemon self {} self
-    TakeObjects self {} [HereObjects]
+    TakeObjects self {} [dict create objects [HereObjects]]
     Beat
 }
 
@@ -557,6 +569,7 @@ proc ::sorma::world::End {} {
     }
     set ::sorma::world::Daemons {}
     set ::sorma::world::Work {}
+    set ::sorma::world::Wanted {}
     set ::sorma::world::Opening {}
     foreach name {Objects Names Lines Timers} {
         array unset ::sorma::world::$name
@@ -811,7 +824,9 @@ proc ::sorma::world::Connected {key serial} {
         if {![dict get $Lines($key) told]} {
             dict set Lines($key) told 1
             $peer subscribe -event {[ot][br][ja]*} -queue 100000 -command [list ::sorma::world::Happened $key $serial] sorm
-            AskObjects $key
+            if {[WantsObjects $key]} {
+                AskObjects $key
+            }
             hint line.made $key
         }
         return
@@ -876,12 +891,35 @@ proc ::sorma::world::Healthy {key serial health} {
     }
     State $key [dict get $health state] {} [dict get $health what] [dict get $health since]
     hint heard $key
-    if {![dict get $Lines($key) known] && [dict get $Lines($key) told] && [dict get $health state] eq "alive" && ![dict exists $Lines($key) asking]} {
-        AskObjects $key
+    if {[dict get $health state] eq "alive"} {
+        CountUnknown
     }
 }
 
 # ---- objects ----
+
+# Does anybody want to know its objects? Who only asks for something now and then does not.
+proc ::sorma::world::WantsObjects key {
+    variable Wanted
+    return [expr {[dict exists $Wanted $key] || [InUse]}]
+}
+
+# Is anybody told of what happens to objects?
+proc ::sorma::world::InUse {} {
+    variable Watches
+    return [expr {[::sorma::value inUse] || [::sorma::events inUse]
+        || [lsearch -not -exact [lmap watch [dict values $Watches] {dict get $watch pattern}] {}] >= 0}]
+}
+
+# Ask for the objects of daemons that are wanted and not known yet.
+proc ::sorma::world::CountUnknown {} {
+    variable Lines
+    foreach key [array names Lines] {
+        if {[dict get $Lines($key) told] && ![dict get $Lines($key) known] && ![dict exists $Lines($key) asking] && [WantsObjects $key]} {
+            AskObjects $key
+        }
+    }
+}
 
 proc ::sorma::world::AskObjects key {
     variable Lines
@@ -903,32 +941,38 @@ proc ::sorma::world::Counted {key serial status value} {
         }
         return
     }
-    if {[catch {dict get [dict get $value text] objects} items] || [catch {llength $items}]} {
-        dict unset Lines($key) asking
-        return [State $key refused "its answer makes no sense"]
-    }
-    TakeObjects $key $serial $items
+    TakeObjects $key $serial [dict get $value text]
 }
 
-# All objects of a daemon, {name class calls underway} each: tell the differences, when it is their turn.
-proc ::sorma::world::TakeObjects {key serial items} {
+# All objects of a daemon, a dict of objects, {name class calls underway} each: tell the differences, when it is their turn.
+proc ::sorma::world::TakeObjects {key serial inventory} {
     variable Work
-    lappend Work [list $key $serial $items]
+    lappend Work [list $key $serial $inventory]
     Later work 0 DoWork
 }
 
 # Take in what daemons have answered, for a while: many answers at once must not hold up the event loop.
 proc ::sorma::world::DoWork {} {
     variable Work
+    variable Wanted
     variable Slice
     set end [expr {[clock milliseconds] + $Slice}]
     while {[llength $Work] > 0} {
-        lassign [lindex $Work 0] key serial items at seen
-        set Work [lreplace $Work 0 0]
+        set first 0
+        foreach key [dict keys $Wanted] {
+            set first [expr {max($first, [lsearch -exact -index 0 $Work $key])}]
+        }
+        lassign [lindex $Work $first] key serial items at seen
+        set Work [lreplace $Work $first $first]
+        if {$key ne "self" && ![Current $key $serial]} continue
         if {$at eq {}} {
             set at 0
+            if {[catch {dict get $items objects} items] || [catch {llength $items}]} {
+                dict unset ::sorma::world::Lines($key) asking
+                State $key refused "its answer makes no sense"
+                continue
+            }
         }
-        if {$key ne "self" && ![Current $key $serial]} continue
         set at [TakeSome $key $items $at seen $end]
         if {$at < [llength $items]} {
             set Work [linsert $Work 0 [list $key $serial $items $at $seen]]
@@ -942,22 +986,41 @@ proc ::sorma::world::DoWork {} {
     }
 }
 
-# From one of them on, until a time. Returns how far it came.
+# From one of them on, until a time. Returns how far it came. Most are as they were: those are passed by quickly.
 proc ::sorma::world::TakeSome {key items at seenVar end} {
     upvar 1 $seenVar seen
+    variable Objects
+    variable Names
     set log [LogOf $key]
     set n [llength $items]
+    set told [InUse]
     for {} {$at < $n} {incr at} {
         if {$at % 20 == 0 && [clock milliseconds] >= $end} break
-        if {[catch {lassign [lindex $items $at] name class calls underway}]
-                || ![regexp {^[[:alpha:]][^\s@\[\]{}$"\\;[:cntrl:]]*$} $name] || ![regexp {^\w+$} $class]
-                || ![string is wideinteger -strict $calls] || ![string is wideinteger -strict $underway]} continue
+        if {[catch {lassign [lindex $items $at] name class calls underway}]} continue
+        set full $name@$key
+        if {[info exists Objects($full)]} {
+            dict set seen $name 1
+            set known $Objects($full)
+            if {[dict get $known calls] eq $calls && [dict get $known underway] eq $underway && [dict get $known class] eq $class} continue
+        } elseif {![IsName $name $class]} {
+            continue
+        }
+        if {![string is wideinteger -strict $calls] || ![string is wideinteger -strict $underway]} continue
         dict set seen $name 1
-        if {![dict exists $log $name] || [dict get $log $name] eq "made"} {
+        if {!$told} {
+            dict set Names($key) $name 1
+            set Objects($full) [dict create name $name class $class calls $calls underway $underway]
+        } elseif {![dict exists $log $name] || [dict get $log $name] eq "made"} {
             Made $key $name $class $calls $underway
         }
     }
     return $at
+}
+
+# Most names have nothing but letters, digits and the like; to see that is quicker.
+proc ::sorma::world::IsName {name class} {
+    return [expr {[string is alpha -strict [string index $name 0]] && [string is alnum -strict [string map {. {} _ {} - {}} $name$class]]
+        || [regexp {^[[:alpha:]][^\s@\[\]{}$"\\;[:cntrl:]]*$} $name] && [regexp {^\w+$} $class]}]
 }
 
 proc ::sorma::world::TookAll {key seen} {
@@ -972,6 +1035,7 @@ proc ::sorma::world::TookAll {key seen} {
     if {$key ne "self"} {
         dict set Lines($key) known 1
         dict set Lines($key) counted [clock milliseconds]
+        dict unset ::sorma::world::Wanted $key
         dict set Lines($key) log {}
         dict unset Lines($key) asking
     }
@@ -989,15 +1053,15 @@ proc ::sorma::world::LogOf key {
 proc ::sorma::world::Made {key name class calls underway} {
     variable Objects
     variable Names
-    set object [dict create name $name class $class calls $calls underway $underway]
     set full $name@$key
-    dict set Names($key) $name 1
     if {![info exists Objects($full)]} {
-        set Objects($full) $object
-        Emit object.made $full $object
-    } elseif {$Objects($full) ne $object} {
-        set Objects($full) $object
-        Emit object.changed $full $object
+        dict set Names($key) $name 1
+        set Objects($full) [dict create name $name class $class calls $calls underway $underway]
+        Emit object.made $full $Objects($full)
+    } elseif {[dict get $Objects($full) calls] != $calls || [dict get $Objects($full) underway] != $underway
+            || [dict get $Objects($full) class] ne $class} {
+        set Objects($full) [dict create name $name class $class calls $calls underway $underway]
+        Emit object.changed $full $Objects($full)
     }
 }
 
@@ -1041,7 +1105,7 @@ proc ::sorma::world::HappenedHere event {
         return [Soon]
     }
     if {[dict get $event lost] != 0} {
-        TakeObjects self {} [HereObjects]
+        TakeObjects self {} [dict create objects [HereObjects]]
     }
     Take self $event
 }

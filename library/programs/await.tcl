@@ -18,7 +18,7 @@ namespace eval ::sorma::await {
 
 # ::sorma::await::until MS EXPRESSION --
 #       Wait until an expression, of variables of the caller, is true, but no longer than MS. It is looked at again whenever the model
-#       has heard of something.
+#       has heard of a daemon.
 # Results:
 #       Is it true?
 proc ::sorma::await::until {ms expression} {
@@ -240,4 +240,4 @@ proc ::sorma::await::WakeAll {} {
     }
 }
 
-::sorma::world::hook ::sorma::await::Heard
+::sorma::world::hook {daemon.here daemon.changed daemon.gone counted heard answer line.made} ::sorma::await::Heard

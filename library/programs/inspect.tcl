@@ -111,7 +111,7 @@ proc ::sorma::inspect::daemons args {
     variable Wait
     lassign [Parse $args {}] - data
     set items {}
-    foreach {name key error} [::sorma::await daemons $Wait [::sorma::world names]] {
+    foreach {name key error} [::sorma::await daemons $Wait [::sorma::world names] counted] {
         set known [::sorma::world get $key]
         if {$known eq {}} {             ;# its name leads nowhere
             set known {address {} state unresolved objects {}}
