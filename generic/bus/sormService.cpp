@@ -16,7 +16,7 @@ const Prototype kLook{Severity::error, "SERVICE GONE", 1, "sorm: there is no ser
 const Prototype kDepth{Severity::error, "SORM DEPTH", 0, "sorm: requests in requests are {} deep; that is enough"};
 const Prototype kElsewhere{Severity::error, "NAME UNKNOWN_CLASS", 1, "sorm: {} is served elsewhere: ask there"};
 const Prototype kInventory{Severity::error, "REQUEST SYNTAX", 1,
-    "sorm: bad word \"{}\" of -inventory: must be addresses, busiest, classes, names, objects, serves, or words"};
+    "sorm: bad word \"{}\" of -inventory: must be addresses, busiest, classes, names, objects, serves, siblings, or words"};
 const Prototype kBusiest{Severity::error, "REQUEST SYNTAX", 1, "sorm: busiest expects how many objects, got \"{}\""};
 constexpr std::size_t kMostLines = 1000;
 constexpr int kMostDepth = 16;
@@ -148,6 +148,10 @@ public:
                     auto* expansion = sorm().dictionary().get(word);
                     if (expansion && !expansion->empty()) appendListElement(list, listOf({word, expansion->front()}));
                 }
+            } else if (what == "siblings") {
+                std::string text = sorm().networkFacts ? sorm().networkFacts("siblings") : std::string();
+                for (std::size_t at = 0; at < text.size(); at = std::min(text.find('\n', at), text.size() - 1) + 1)
+                    appendListElement(list, text.substr(at, text.find('\n', at) - at));
             } else if (what == "serves") {
                 for (auto& name : served()) appendListElement(list, name);
             } else {
@@ -309,7 +313,7 @@ Class describeSorm() {
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).denied(a, m); }})
         .inspection({"-budgets", "", "what each client makes this daemon keep, in bytes, and how much it may", 0, 0,
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).budgets(a, m); }})
-        .inspection({"-inventory", "?what ...?", "dict of classes, names, objects (name class calls underway), words, addresses, serves; or busiest N",
+        .inspection({"-inventory", "?what ...?", "dict of classes, names, objects (name class calls underway), words, addresses, serves; or siblings, busiest N",
                      0, Action::kRest, [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).inventory(a, m); }})
         .inspection({"-describe", "name", "dict of the table of an object's class, without making the object", 1, 1,
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).describe(a, m); }})

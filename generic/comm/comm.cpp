@@ -8,6 +8,7 @@
 #include "bus/listText.h"
 #include "comm/endpoint.h"
 #include "comm/errors.h"
+#include "comm/siblings.h"
 
 namespace sorma {
 
@@ -43,6 +44,7 @@ Comm::Comm(Sorm& sorm, std::shared_ptr<Settings> own) : settings(*own), sorm_(so
 
 Comm::~Comm() {
     watchman_.reset();
+    folder_.reset();
     servers_.clear();
     ended_.clear();
     finish();
@@ -141,6 +143,9 @@ Server& Comm::serve(const Server::Wanted& wanted) {
             for (auto& [name, s] : servers_) busy = s->glance(waiting) || busy;
             return busy;
         });
+    if (auto slash = server->socket().rfind('/'); server->port() > 0 && slash != std::string::npos && (!folder_ || !folder_->alive()))
+        folder_ = std::make_unique<FolderWatch>(*reactor_, server->socket().substr(0, slash), ".tcp",
+                                                [this] { sorm_.announce("siblings.changed", ""); });
     Gate::Inside inside(gate_);
     return *servers_.emplace(wanted.name, std::move(server)).first->second;
 }
@@ -214,6 +219,12 @@ std::string Comm::facts(std::string_view what) {
             std::string item;
             for (auto& field : {d.name, d.state, d.identity, d.socket})
                 if (!field.empty()) appendListElement(item, field);
+            line(item);
+        }
+    } else if (what == "siblings") {
+        for (auto& s : siblings()) {
+            std::string item;
+            for (auto& field : {s.name, s.host, std::to_string(s.port)}) appendListElement(item, field);
             line(item);
         }
     } else if (what == "statistics") {

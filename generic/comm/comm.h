@@ -23,6 +23,8 @@
 
 namespace sorma {
 
+class FolderWatch;
+
 class Comm {
 public:
     explicit Comm(Sorm& sorm);      // the SORM must outlive it
@@ -75,6 +77,7 @@ private:
     std::vector<std::unique_ptr<Server>> ended_;        // unserved while one of their own requests was on the stack
     std::map<std::string, std::weak_ptr<Connection>> connections_;      // by "RULE ADDRESS", see resolve
     Resolver resolver_;
+    std::unique_ptr<FolderWatch> folder_;                       // of those who listen to TCP, while there is one
     std::unique_ptr<Watchman> watchman_;                        // while there is a server
     std::shared_ptr<Comm*> self_ = std::make_shared<Comm*>(this);       // for proxies, likewise
 };

@@ -272,6 +272,7 @@ bool sweepSocket(const std::string& path) {
     if (lock.fd < 0 || flock(lock.fd, LOCK_EX | LOCK_NB) < 0) return false;       // somebody is about to listen
     Closing probe{socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)};
     if (connectWithin(probe.fd, reinterpret_cast<sockaddr*>(&a), sizeof a, Deadline::in(100)) != ECONNREFUSED) return false;
+    if (path.ends_with(".sock")) unlink((path.substr(0, path.size() - 5) + ".tcp").c_str());
     return unlink(path.c_str()) == 0;
 }
 

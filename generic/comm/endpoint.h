@@ -55,5 +55,7 @@ int rpcbindLookup(const std::string& host, std::uint32_t program);
 // Register a TCP port; program offset 0 takes the first free one. Returns the offset. Fails with COMM REFUSED.
 std::uint32_t rpcbindRegister(std::uint32_t offset, const std::string& host, int port);
 void rpcbindUnregister(std::uint32_t offset);
+// Offsets of the daemons that are registered at a host; none when it cannot be asked. May take a minute.
+std::vector<std::uint32_t> rpcbindPrograms(const std::string& host);
 
 }  // namespace sorma

@@ -84,4 +84,18 @@ void rpcbindUnregister(std::uint32_t offset) {
     if (tcp.config) rpcb_unset(wire::kProgramBase + offset, wire::kVersion, tcp.config);
 }
 
+std::vector<std::uint32_t> rpcbindPrograms(const std::string& host) {
+    std::vector<std::uint32_t> found;
+    NetworkId tcp;
+    rpcblist* list = tcp.config ? rpcb_getmaps(tcp.config, host.c_str()) : nullptr;
+    for (rpcblist* at = list; at; at = at->rpcb_next) {
+        auto& map = at->rpcb_map;
+        const std::uint32_t offset = std::uint32_t(map.r_prog) - wire::kProgramBase;
+        if (map.r_vers == wire::kVersion && offset >= 1 && offset <= kLastOffset && map.r_netid && std::string_view(map.r_netid) == "tcp")
+            found.push_back(offset);
+    }
+    if (list) xdr_free(reinterpret_cast<xdrproc_t>(xdr_rpcblist_ptr), &list);
+    return found;
+}
+
 }  // namespace sorma

@@ -18,6 +18,7 @@
 #include "comm/identity.h"
 #include "comm/random.h"
 #include "comm/serverParts.h"
+#include "comm/siblings.h"
 
 namespace sorma {
 
@@ -85,6 +86,7 @@ Server::Server(Sorm& sorm, Reactor& reactor, Gate& gate, const Settings& setting
         stop({});
         throw;
     }
+    if (port_ > 0) sibling_ = std::make_unique<SiblingFile>(socket_, wanted.host, port_);
     for (int fd : wanted.listen) close(fd);
     if (wanted.connection >= 0) close(wanted.connection);
 }
@@ -130,6 +132,7 @@ void Server::stop(const std::string& reason) {
     for (auto& [number, session] : sessions_) session->subscriptions.clear();
     Gate::Inside inside(gate_);
     listeners_.clear();
+    sibling_.reset();
     if (ownSocket_) unlink(socket_.c_str());
     ownSocket_ = false;
     socket_.clear();

@@ -28,6 +28,7 @@
 namespace sorma {
 
 struct Inherited;
+class SiblingFile;
 
 class Server {
 public:
@@ -148,6 +149,7 @@ private:
     Gate& gate_;
     const Settings& settings_;
     std::string name_, socket_;
+    std::unique_ptr<SiblingFile> sibling_;                      // when it listens to TCP
     bool ownSocket_ = false;                                    // its file is removed at the end
     int port_ = 0;
     std::uint32_t program_ = 0;

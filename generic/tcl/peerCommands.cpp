@@ -1,16 +1,19 @@
 #include "tcl/peerCommands.h"
 
 #include <dirent.h>
-#include <sys/inotify.h>
-#include <unistd.h>
+#include <pthread.h>
+#include <signal.h>
 
 #include <algorithm>
 #include <map>
 #include <memory>
+#include <system_error>
+#include <thread>
 
 #include "bus/requestText.h"
 #include "comm/comm.h"
 #include "comm/endpoint.h"
+#include "comm/siblings.h"
 
 namespace sorma {
 
@@ -24,7 +27,9 @@ const Prototype kNoToken{Severity::error, "REQUEST SYNTAX", 0, "\"{}\" is no sub
 const Prototype kWhere{Severity::error, "REQUEST SYNTAX", 0, "sorma::peer open expects what stands after @"};
 const Prototype kNoObject{Severity::error, "SERVICE GONE", 1, "there is no service object \"{}\", and listening makes none"};
 const Prototype kSelf{Severity::error, "REQUEST SYNTAX", 0, "the peer of this process only subscribes, got \"{}\""};
-const Prototype kWord{Severity::error, "REQUEST SYNTAX", 0, "bad word \"{}\": must be names, or open"};
+const Prototype kWord{Severity::error, "REQUEST SYNTAX", 0, "bad word \"{}\": must be names, open, or programs"};
+const Prototype kPrograms{Severity::error, "REQUEST SYNTAX", 0, "sorma::peer programs expects a host, and -command prefix"};
+const Prototype kThread{Severity::error, "COMM LIMIT", 1, "the rpcbind of {} cannot be asked: {}"};
 
 // Calls a command prefix with further words at global level, as an event does.
 void call(Interpreter& i, Tcl_Obj* prefix, std::initializer_list<Tcl_Obj*> words) {
@@ -213,43 +218,23 @@ int PeerObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const obj
 }
 
 // What an interpreter has of this.
-struct Peers {
+struct Peers : std::enable_shared_from_this<Peers> {
     Peers(Interpreter& i, Comm& c) : interpreter(i), comm(c) {}
-    ~Peers() { stopWatching(); }
-
     void watchFolder(const std::string& folder, Obj command) {
         changedCmd = command;
-        if (fd >= 0 && folder == watched) return;
-        stopWatching();
-        watched = folder;
-        fd = inotify_init1(IN_NONBLOCK | IN_CLOEXEC);
-        if (fd < 0) return;             // then who asks again now and then sees it
-        fd = raiseDescriptor(fd);
-        inotify_add_watch(fd, folder.c_str(), IN_CREATE | IN_DELETE | IN_MOVED_FROM | IN_MOVED_TO | IN_ATTRIB);
-        comm.reactor().watch(fd, [this] { folderChanged(); });
-    }
-    void stopWatching() {
-        if (fd < 0) return;
-        comm.reactor().unwatch(fd);
-        close(std::exchange(fd, -1));
-    }
-    void folderChanged() {
-        alignas(inotify_event) char events[4096];
-        bool gone = false;              // the folder itself: who asks again watches the one that is there then
-        for (ssize_t n; (n = read(fd, events, sizeof events)) > 0;)
-            for (char* at = events; at < events + n; at += sizeof(inotify_event) + reinterpret_cast<inotify_event*>(at)->len)
-                gone = gone || (reinterpret_cast<inotify_event*>(at)->mask & IN_IGNORED);
-        if (gone) stopWatching();
-        Obj command = changedCmd;
-        call(interpreter, command, {});
+        if (watch && watch->alive() && watch->folder() == folder) return;
+        watch = std::make_unique<FolderWatch>(comm.reactor(), folder, ".sock", [this] {
+            Obj kept = changedCmd;
+            call(interpreter, kept, {});
+        });
     }
 
     Interpreter& interpreter;
     Comm& comm;
     std::uint64_t last = 0;
-    int fd = -1;                        // inotify
-    std::string watched;                // folder
+    std::unique_ptr<FolderWatch> watch; // of the runtime folder
     Obj changedCmd;
+    std::map<std::string, Obj> programsCmd;         // host -> prefix, while it is asked
 };
 
 int ResolveObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
@@ -294,6 +279,42 @@ int names(Peers& p, int objc, Tcl_Obj* const objv[]) {
     return TCL_OK;
 }
 
+// sorma::peer programs HOST -command prefix: its rpcbind is asked by a thread; prefix gets a list of numbers, as they stand after host:
+int programs(const std::shared_ptr<Peers>& p, int objc, Tcl_Obj* const objv[]) {
+    Obj command;
+    if (objc < 3 || takeOptions(objc, objv, 3, {{"-command", &command}}) != objc || !command) fail(kPrograms);
+    std::string host = toUtf8(objv[2]);
+    p->programsCmd[host] = command;         // of the SORM's thread; the other one has only the name
+    sigset_t all, before;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);        // signals are for the threads that were there before
+    std::string wrong;
+    try {
+        std::thread([weak = std::weak_ptr(p), mailbox = p->interpreter.sorm.mailbox(), host] {
+            std::vector<std::string> found;
+            for (auto offset : rpcbindPrograms(host)) {
+                char text[16];
+                std::snprintf(text, sizeof text, "0x%x", offset);
+                found.emplace_back(text);
+            }
+            mailbox->post([weak, host, found] {
+                auto peers = weak.lock();
+                auto told = peers ? peers->programsCmd.extract(host) : std::map<std::string, Obj>::node_type();
+                if (!told) return;
+                Obj list(Tcl_NewListObj(0, nullptr));
+                for (auto& f : found) Tcl_ListObjAppendElement(nullptr, list, newText(f));
+                call(peers->interpreter, told.mapped(), {list});
+            });
+        }).detach();
+    } catch (const std::system_error& e) {
+        wrong = e.what();
+    }
+    pthread_sigmask(SIG_SETMASK, &before, nullptr);
+    if (!wrong.empty()) fail(kThread, host, wrong);
+    Tcl_ResetResult(p->interpreter.interp);
+    return TCL_OK;
+}
+
 // sorma::peer open WHERE ?-command prefix?: a command; prefix is called when the line is there, or lost
 int NewPeerObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& p = *static_cast<Peers*>(data);
@@ -303,6 +324,7 @@ int NewPeerObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const 
         std::string word = toUtf8(objv[1]), where = objc > 2 && word == "open" ? toUtf8(objv[2]) : std::string("*");
         i.sorm.access.need(nullptr, Right::reach, where, "sorma::peer");
         if (word == "names") return names(p, objc, objv);
+        if (word == "programs") return programs(p.shared_from_this(), objc, objv);
         if (word != "open") fail(kWord, word);
         Obj command(Tcl_NewObj());
         if (objc < 3 || takeOptions(objc, objv, 3, {{"-command", &command}}) != objc || where.empty()) fail(kWhere);

@@ -8,7 +8,8 @@
 # daemon    a dict: name address how state why since user host pid boot objects busy
 #             state  asking (no answer yet) alive busy silent (no answer for 2 s) refused denied (it lets nobody look, or not us)
 #                    unresolved (its address leads nowhere) dead (its socket is all that is left) gone
-#             how    folder dictionary proxy added self: how it came to be known
+#             how    folder dictionary proxy added sibling rpcbind self: how it came to be known. sibling: a daemon that is reached by
+#                    TCP has named it, as one of the same user on its host; rpcbind: the rpcbind of that host has
 #             since  ms, when the state began;  busy: in what;  objects: how many
 # object    a dict: name class calls underway; in object.changed also changes (dict: -option value) and by
 # events    daemon.here daemon.changed daemon.gone object.made object.changed object.removed trail world.ready
@@ -41,6 +42,9 @@ namespace eval ::sorma::world {
     variable Lines
     variable Added              ;# dict: ADDRESS -> 1, by add
     variable Passing            ;# dict: what stands after @ -> ms, when somebody last looked there
+    variable Siblings           ;# dict: daemon -> list of addresses, as it has named them
+    variable Registered         ;# dict: host -> list of addresses, as its rpcbind has named them
+    variable Twins              ;# dict: address -> boot of a daemon that is known by another one
     variable Watches            ;# dict: token -> {pattern events command ready}
     variable Out                ;# array: token -> list of {event key dict} to be told
     variable Late               ;# array: token -> dict: key -> {event dict}, gathered
@@ -56,7 +60,7 @@ namespace eval ::sorma::world {
     variable Hooks              ;# dict: event -> command prefixes of other parts of the model, called before it is told
     variable Beaten             ;# ms, when Beat was last there
     if {![info exists Last]} {
-        foreach name {Daemons Added Passing Watches Work Wanted Opening Local Hooks} {
+        foreach name {Daemons Added Passing Siblings Registered Twins Watches Work Wanted Opening Local Hooks} {
             set $name {}
         }
         foreach name {Last Running Telling Beaten} {
@@ -570,6 +574,9 @@ proc ::sorma::world::End {} {
     set ::sorma::world::Daemons {}
     set ::sorma::world::Work {}
     set ::sorma::world::Wanted {}
+    set ::sorma::world::Siblings {}
+    set ::sorma::world::Registered {}
+    set ::sorma::world::Twins {}
     set ::sorma::world::Opening {}
     foreach name {Objects Names Lines Timers} {
         array unset ::sorma::world::$name
@@ -601,6 +608,9 @@ proc ::sorma::world::Look {} {
         return
     }
     variable Passing
+    variable Siblings
+    variable Registered
+    variable Twins
     variable Linger
     Later looked 0 list                 ;# once in a turn of the event loop is enough
     set how [Ways]
@@ -609,6 +619,13 @@ proc ::sorma::world::Look {} {
     foreach where [concat [dict keys $Added] [dict keys $Passing]] {
         if {![dict exists $how $where]} {
             dict set how $where added
+        }
+    }
+    foreach {reason found} [list sibling $Siblings rpcbind $Registered] {
+        foreach where [concat {*}[dict values $found]] {
+            if {![dict exists $how $where] && ![dict exists $Twins $where]} {
+                dict set how $where $reason
+            }
         }
     }
     set seen {}
@@ -797,6 +814,11 @@ proc ::sorma::world::Gone key {
     foreach name [dict keys $Names($key)] {
         Removed $key $name
     }
+    dict unset ::sorma::world::Siblings $key
+    set boot [dict get $Daemons $key boot]
+    if {[dict get $Daemons $key how] ni {sibling rpcbind}} {
+        set ::sorma::world::Twins [dict filter $::sorma::world::Twins script {where twin} {expr {$twin ne $boot}}]
+    }
     unset -nocomplain Lines($key) Names($key)
     set last [dict merge [dict get $Daemons $key] [dict create state gone since [clock milliseconds]]]
     dict unset Daemons $key
@@ -820,13 +842,18 @@ proc ::sorma::world::Connected {key serial} {
     set facts [$peer facts]
     if {[dict get $facts connected]} {
         Set $key [dict filter $facts key user host pid boot]
+        FindTwins $key
+        if {![info exists Lines($key)]} {
+            return
+        }
         Pulse $key
         if {![dict get $Lines($key) told]} {
             dict set Lines($key) told 1
-            $peer subscribe -event {[ot][br][ja]*} -queue 100000 -command [list ::sorma::world::Happened $key $serial] sorm
+            $peer subscribe -event {[ots][bri][jab]*} -queue 100000 -command [list ::sorma::world::Happened $key $serial] sorm
             if {[WantsObjects $key]} {
                 AskObjects $key
             }
+            AskSiblings $key
             hint line.made $key
         }
         return
@@ -893,6 +920,71 @@ proc ::sorma::world::Healthy {key serial health} {
     hint heard $key
     if {[dict get $health state] eq "alive"} {
         CountUnknown
+    }
+}
+
+# ---- daemons of other hosts ----
+#
+# One hop: a daemon that is reached by TCP is asked for those beside it, and the rpcbind of its host, once each time that there is a
+# line to it; of its siblings the daemon tells when there are others. Nobody is called who has not been named.
+
+proc ::sorma::world::AskSiblings key {
+    variable Lines
+    variable Daemons
+    variable Registered
+    if {![info exists Lines($key)] || [dict get $Lines($key) peer] eq {} || [dict get $Daemons $key how] in {sibling rpcbind}
+            || [catch {::sorma::resolve @$key} place] || [dict get $place host] eq {}} {
+        return
+    }
+    set host [dict get $place host]
+    [dict get $Lines($key) peer] ask -timeout 10000 -command [list ::sorma::world::ToldSiblings $key [dict get $Lines($key) serial] $host] \
+        sorm DBX -inventory siblings
+    if {![dict exists $Registered $host]} {
+        dict set Registered $host {}
+        catch {::sorma::peer programs $host -command [list ::sorma::world::ToldPrograms $host]}
+    }
+}
+
+proc ::sorma::world::ToldSiblings {key serial host status value} {
+    variable Siblings
+    if {![Current $key $serial] || $status ne "ok" || [catch {
+        # Who listens to one interface is reached by that alone.
+        set found [lmap item [lrange [dict get [dict get $value text] siblings] 0 999] {
+            lassign $item name interface port
+            if {$interface ni [list 0.0.0.0 :: {} $host] || ![string is integer -strict $port]} continue
+            string cat $host : $port
+        }]
+    }]} {
+        return
+    }
+    dict set Siblings $key $found
+    Soon
+}
+
+# A daemon that was named from elsewhere may be known already, by another address: then it is enough to know it once.
+proc ::sorma::world::FindTwins key {
+    variable Daemons
+    variable Twins
+    set boot [dict get $Daemons $key boot]
+    dict for {other daemon} $Daemons {
+        if {$other ne $key && $boot ne {} && [dict get $daemon boot] eq $boot} {
+            foreach one [list $key $other] {
+                if {[dict exists $Daemons $one] && [dict get $Daemons $one how] in {sibling rpcbind}} {
+                    dict set Twins $one $boot
+                    Gone $one
+                    break
+                }
+            }
+        }
+    }
+}
+
+proc ::sorma::world::ToldPrograms {host programs} {
+    variable Registered
+    variable Running
+    if {$Running} {
+        dict set Registered $host [lmap program $programs {string cat $host : $program}]
+        Soon
     }
 }
 
@@ -1092,6 +1184,9 @@ proc ::sorma::world::Happened {key serial event} {
     }
     if {[dict get $event lost] != 0} {
         AskObjects $key
+    }
+    if {[dict get $event event] eq "siblings.changed"} {
+        return [Later siblings-$key 100 AskSiblings $key]
     }
     if {[dict exists $Lines($key) asking] && [dict get $event event] in {object.made object.removed}} {
         dict set Lines($key) log [dict get $event text] [string range [dict get $event event] 7 end]
