@@ -22,7 +22,7 @@ package require sorma
 package provide sorma::world 1.0
 
 namespace eval ::sorma::world {
-    namespace export watch unwatch get keys add forget value listen ask names find objects recount counted pulse heard use line hook hint deliver
+    namespace export watch unwatch get keys add forget value listen ask names find objects recount counted pulse heard use line hook hint lead deliver
     namespace ensemble create
 
     variable Gather 20          ;# ms for which changes are gathered
@@ -42,8 +42,7 @@ namespace eval ::sorma::world {
     variable Lines
     variable Added              ;# dict: ADDRESS -> 1, by add
     variable Passing            ;# dict: what stands after @ -> ms, when somebody last looked there
-    variable Siblings           ;# dict: daemon -> list of addresses, as it has named them
-    variable Registered         ;# dict: host -> list of addresses, as its rpcbind has named them
+    variable Led                ;# dict: who says so -> {how addresses}, by lead
     variable Twins              ;# dict: address -> boot of a daemon that is known by another one
     variable Watches            ;# dict: token -> {pattern events command ready}
     variable Out                ;# array: token -> list of {event key dict} to be told
@@ -60,7 +59,7 @@ namespace eval ::sorma::world {
     variable Hooks              ;# dict: event -> command prefixes of other parts of the model, called before it is told
     variable Beaten             ;# ms, when Beat was last there
     if {![info exists Last]} {
-        foreach name {Daemons Added Passing Siblings Registered Twins Watches Work Wanted Opening Local Hooks} {
+        foreach name {Daemons Added Passing Led Twins Watches Work Wanted Opening Local Hooks} {
             set $name {}
         }
         foreach name {Last Running Telling Beaten} {
@@ -374,6 +373,17 @@ proc ::sorma::world::hook {events prefix} {
     }
 }
 
+# ::sorma::world::lead WHO HOW ADDRESSES -- for the other parts of the model: as long as WHO says so, there are daemons at these.
+proc ::sorma::world::lead {who how addresses} {
+    variable Led
+    if {[llength $addresses] > 0} {
+        dict set Led $who [list $how $addresses]
+    } else {
+        dict unset Led $who
+    }
+    Soon
+}
+
 # ::sorma::world::hint EVENT KEY ?DICT? -- tell only them.
 proc ::sorma::world::hint {event key {dict {}}} {
     variable Hooks
@@ -574,8 +584,7 @@ proc ::sorma::world::End {} {
     set ::sorma::world::Daemons {}
     set ::sorma::world::Work {}
     set ::sorma::world::Wanted {}
-    set ::sorma::world::Siblings {}
-    set ::sorma::world::Registered {}
+    set ::sorma::world::Led {}
     set ::sorma::world::Twins {}
     set ::sorma::world::Opening {}
     foreach name {Objects Names Lines Timers} {
@@ -608,8 +617,7 @@ proc ::sorma::world::Look {} {
         return
     }
     variable Passing
-    variable Siblings
-    variable Registered
+    variable Led
     variable Twins
     variable Linger
     Later looked 0 list                 ;# once in a turn of the event loop is enough
@@ -621,8 +629,9 @@ proc ::sorma::world::Look {} {
             dict set how $where added
         }
     }
-    foreach {reason found} [list sibling $Siblings rpcbind $Registered] {
-        foreach where [concat {*}[dict values $found]] {
+    dict for {who found} $Led {
+        lassign $found reason addresses
+        foreach where $addresses {
             if {![dict exists $how $where] && ![dict exists $Twins $where]} {
                 dict set how $where $reason
             }
@@ -814,7 +823,6 @@ proc ::sorma::world::Gone key {
     foreach name [dict keys $Names($key)] {
         Removed $key $name
     }
-    dict unset ::sorma::world::Siblings $key
     set boot [dict get $Daemons $key boot]
     if {[dict get $Daemons $key how] ni {sibling rpcbind}} {
         set ::sorma::world::Twins [dict filter $::sorma::world::Twins script {where twin} {expr {$twin ne $boot}}]
@@ -853,7 +861,6 @@ proc ::sorma::world::Connected {key serial} {
             if {[WantsObjects $key]} {
                 AskObjects $key
             }
-            AskSiblings $key
             hint line.made $key
         }
         return
@@ -923,44 +930,6 @@ proc ::sorma::world::Healthy {key serial health} {
     }
 }
 
-# ---- daemons of other hosts ----
-#
-# One hop: a daemon that is reached by TCP is asked for those beside it, and the rpcbind of its host, once each time that there is a
-# line to it; of its siblings the daemon tells when there are others. Nobody is called who has not been named.
-
-proc ::sorma::world::AskSiblings key {
-    variable Lines
-    variable Daemons
-    variable Registered
-    if {![info exists Lines($key)] || [dict get $Lines($key) peer] eq {} || [dict get $Daemons $key how] in {sibling rpcbind}
-            || [catch {::sorma::resolve @$key} place] || [dict get $place host] eq {}} {
-        return
-    }
-    set host [dict get $place host]
-    [dict get $Lines($key) peer] ask -timeout 10000 -command [list ::sorma::world::ToldSiblings $key [dict get $Lines($key) serial] $host] \
-        sorm DBX -inventory siblings
-    if {![dict exists $Registered $host]} {
-        dict set Registered $host {}
-        catch {::sorma::peer programs $host -command [list ::sorma::world::ToldPrograms $host]}
-    }
-}
-
-proc ::sorma::world::ToldSiblings {key serial host status value} {
-    variable Siblings
-    if {![Current $key $serial] || $status ne "ok" || [catch {
-        # Who listens to one interface is reached by that alone.
-        set found [lmap item [lrange [dict get [dict get $value text] siblings] 0 999] {
-            lassign $item name interface port
-            if {$interface ni [list 0.0.0.0 :: {} $host] || ![string is integer -strict $port]} continue
-            string cat $host : $port
-        }]
-    }]} {
-        return
-    }
-    dict set Siblings $key $found
-    Soon
-}
-
 # A daemon that was named from elsewhere may be known already, by another address: then it is enough to know it once.
 proc ::sorma::world::FindTwins key {
     variable Daemons
@@ -976,15 +945,6 @@ proc ::sorma::world::FindTwins key {
                 }
             }
         }
-    }
-}
-
-proc ::sorma::world::ToldPrograms {host programs} {
-    variable Registered
-    variable Running
-    if {$Running} {
-        dict set Registered $host [lmap program $programs {string cat $host : $program}]
-        Soon
     }
 }
 
@@ -1186,7 +1146,7 @@ proc ::sorma::world::Happened {key serial event} {
         AskObjects $key
     }
     if {[dict get $event event] eq "siblings.changed"} {
-        return [Later siblings-$key 100 AskSiblings $key]
+        return [hint siblings.changed $key]
     }
     if {[dict exists $Lines($key) asking] && [dict get $event event] in {object.made object.removed}} {
         dict set Lines($key) log [dict get $event text] [string range [dict get $event event] 7 end]
@@ -1245,3 +1205,4 @@ proc ::sorma::world::HereObjects {} {
 
 package require sorma::value
 package require sorma::events
+package require sorma::elsewhere

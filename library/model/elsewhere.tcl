@@ -1,0 +1,65 @@
+# elsewhere.tcl -- daemons of other hosts, for sorma::world: one hop, and no broadcast. Nobody is called who has not been named.
+#
+# A daemon that is reached by TCP names those beside it, of the same user on its host, and tells when there are others. The rpcbind
+# of a host is asked when there is the first line to that host.
+
+package require sorma::world
+package provide sorma::elsewhere 1.0
+
+namespace eval ::sorma::elsewhere {
+    variable Hosts              ;# dict: host -> 1: its rpcbind has been asked
+    variable Timers             ;# dict: daemon -> id of after
+    if {![info exists Hosts]} {
+        set Hosts [set Timers {}]
+    }
+}
+
+# What the model hears of daemons.
+proc ::sorma::elsewhere::Happened {event key dict} {
+    variable Timers
+    switch -- $event {
+        line.made { Ask $key }
+        daemon.gone { ::sorma::world lead $key sibling {} }
+        siblings.changed {              ;# of many at once it tells many times
+            if {![dict exists $Timers $key]} {
+                dict set Timers $key [after 100 [list ::sorma::elsewhere::Ask $key]]
+            }
+        }
+    }
+}
+
+proc ::sorma::elsewhere::Ask key {
+    variable Hosts
+    variable Timers
+    dict unset Timers $key
+    set daemon [::sorma::world get $key]
+    if {$daemon eq {} || [dict get $daemon how] in {sibling rpcbind} || [catch {::sorma::resolve @$key} place] || [dict get $place host] eq {}} {
+        return
+    }
+    set host [dict get $place host]
+    ::sorma::world ask $key {sorm DBX -inventory siblings} -timeout 10000 -command [list ::sorma::elsewhere::Siblings $key $host]
+    if {![dict exists $Hosts $host]} {
+        dict set Hosts $host 1
+        catch {::sorma::peer programs $host -command [list ::sorma::elsewhere::Programs $host]}
+    }
+}
+
+proc ::sorma::elsewhere::Siblings {key host status value} {
+    if {$status eq "error" || [::sorma::world get $key] eq {} || [catch {
+        # Who listens to one interface is reached by that alone.
+        lmap item [lrange [dict get [dict get $value text] siblings] 0 999] {
+            lassign $item name interface port
+            if {$interface ni [list 0.0.0.0 :: {} $host] || ![string is integer -strict $port]} continue
+            string cat $host : $port
+        }
+    } addresses]} {
+        return
+    }
+    ::sorma::world lead $key sibling $addresses
+}
+
+proc ::sorma::elsewhere::Programs {host programs} {
+    ::sorma::world lead rpcbind@$host rpcbind [lmap program $programs {string cat $host : $program}]
+}
+
+::sorma::world::hook {line.made daemon.gone siblings.changed} ::sorma::elsewhere::Happened
