@@ -22,7 +22,7 @@ package require sorma
 package provide sorma::world 1.0
 
 namespace eval ::sorma::world {
-    namespace export watch unwatch get keys add forget value listen ask names find objects recount counted pulse heard use line hook hint lead deliver
+    namespace export watch unwatch get keys add forget value listen ask names find objects recount counted pulse heard use line hook unhook hint lead deliver
     namespace ensemble create
 
     variable Gather 20          ;# ms for which changes are gathered
@@ -370,6 +370,14 @@ proc ::sorma::world::hook {events prefix} {
         if {![dict exists $Hooks $event] || $prefix ni [dict get $Hooks $event]} {
             dict lappend Hooks $event $prefix
         }
+    }
+}
+
+# ::sorma::world::unhook PREFIX -- call it no more.
+proc ::sorma::world::unhook prefix {
+    variable Hooks
+    dict for {event prefixes} $Hooks {
+        dict set Hooks $event [lsearch -all -inline -not -exact $prefixes $prefix]
     }
 }
 

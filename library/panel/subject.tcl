@@ -1,0 +1,332 @@
+# subject.tcl -- one service object as an operator handles it: its options with what they are, what has been typed and not applied
+# yet, and what became of it. It knows no window: panels and widgets show what it says, and tell it what was done.
+#
+# Nothing here waits; everything comes from the model, sorma::world, and all is shared by who names the same object.
+#
+# state of an option
+#   asking   nothing is known yet              stale    its daemon does not answer: the value may be old
+#   live     as it is                          refused  it may not be seen, or could not be set: why says it
+#   mine     typed, not applied                gone     there is no such object
+#   theirs   typed, and meanwhile somebody     locked   it cannot be set: only a recipe sets it, or the right is missing
+#            else has changed it (by, at)
+#   sending  applied, no answer yet
+
+package require sorma::table
+package provide sorma::subject 1.0
+
+namespace eval ::sorma::subject {
+    namespace export of
+    namespace ensemble create
+    variable Subjects           ;# dict: NAME -> object
+    if {![info exists Subjects]} {
+        set Subjects {}
+    }
+}
+
+# ::sorma::subject of NAME ?-live ms? --
+#       The subject of that name, made when it is first asked for: a command. Each call must be paid back by its release.
+# Arguments:
+#       ms      how often what changes by itself is asked for; 0: only what CTRL sets is told
+proc ::sorma::subject::of {name args} {
+    variable Subjects
+    set live 0
+    foreach {option value} $args {
+        if {$option ne "-live" || ![string is integer -strict $value] || $value < 0} {
+            return -code error -errorcode {SORMA REQUEST SYNTAX} "bad \"$option $value\": should be -live and a number of ms"
+        }
+        set live $value
+    }
+    if {![dict exists $Subjects $name]} {
+        dict set Subjects $name [Subject new $name]
+    }
+    set subject [dict get $Subjects $name]
+    $subject take $live
+    return $subject
+}
+
+if {![info object isa object ::sorma::subject::Subject]} {oo::class create ::sorma::subject::Subject}
+oo::define ::sorma::subject::Subject {
+    variable name service where key         ;# NAME, and its parts; key: of the daemon, empty as long as that is not known
+    variable added                          ;# what was added to the model for it, or empty
+    variable users live token               ;# who has taken it; ms; of the model, empty: none
+    variable table                          ;# of its class, as sorma::table gives it; empty: not known yet
+    variable values                         ;# dict: -option -> as sorma::world value tells it
+    variable drafts                         ;# dict: -option -> {value since}: since: the live value when typing began
+    variable waiting                        ;# dict: -option -> value that is on its way
+    variable following                      ;# dict: -option -> 1: sent again meanwhile, to be applied when that has been answered
+    variable faults                         ;# dict: -option -> {state why}, of what could not be set
+    variable listeners                      ;# dict: token -> command prefix
+    variable last
+
+    constructor given {
+        set name $given
+        lassign [::sorma::table locate $name] service where
+        set users [set live [set last 0]]
+        set key [set token [set table [set added {}]]]
+        if {$where ne {} && $where ni [::sorma::world names]} {
+            set added [::sorma::world add $where]
+        }
+        set values [set drafts [set waiting [set following [set faults [set listeners {}]]]]]
+        ::sorma::world hook {answer daemon.changed object.made} [list [self] Heard]
+    }
+
+    # take MS -- one more who looks.
+    method take ms {
+        incr users
+        if {$token eq {} || ($ms > 0 && ($live == 0 || $ms < $live))} {
+            set live $ms
+            my Watch
+        }
+    }
+    # release -- one less; with the last it goes, and what was typed with it.
+    method release {} {
+        if {[incr users -1] <= 0} {
+            after 0 [list if "\[info object isa object [self]\]" [list [self] End]]
+        }
+    }
+    method End {} {
+        if {$users <= 0} {
+            my destroy
+        }
+    }
+    destructor {
+        catch {::sorma::world unwatch $token}
+        ::sorma::world unhook [list [self] Heard]
+        if {$added ne {}} {
+            ::sorma::world forget $added
+        }
+        dict unset ::sorma::subject::Subjects $name
+    }
+
+    # ---- what there is ----
+
+    method name {} {
+        return $name
+    }
+    # The table of its class, empty as long as that is not known.
+    method table {} {
+        return $table
+    }
+    # What an option is: a dict of type unit range default help fixed.
+    method option option {
+        foreach item [dict get $table options] {
+            lassign $item found type unit range default value help
+            if {$found eq $option} {
+                return [dict create type $type unit $unit range $range default $default help $help \
+                    fixed [expr {$option in [dict get $table fixed]}]]
+            }
+        }
+        return -code error -errorcode [list SORMA OPTION UNKNOWN $option] \
+            "$name: there is no option $option; there are [join [lmap item [dict get $table options] {lindex $item 0}] {, }]"
+    }
+    # How it is: a dict of state (of its daemon, as sorma::world gives it) and why.
+    method state {} {
+        set daemon [::sorma::world get $key]
+        return [if {$key eq {}} {dict create state unresolved why "$where leads nowhere"} elseif {$daemon eq {}} {
+            dict create state asking why {}
+        } else {
+            dict filter $daemon key state why
+        }]
+    }
+    # What is to be shown of an option: a dict of value, state, why, live (the value there), by and at (ms; who set that).
+    method get option {
+        set told [dict create value {} state asking by {} at 0 why {}]
+        if {[dict exists $values $option]} {
+            set told [dict get $values $option]
+        } elseif {[dict exists $values *]} {
+            set told [dict get $values *]
+        } else {
+            set daemon [my state]
+            switch -- [dict get $daemon state] {
+                denied { dict set told state refused }
+                silent - dead - refused - unresolved - gone { dict set told state stale }
+            }
+            dict set told why [dict get $daemon why]
+        }
+        dict set told live [dict get $told value]
+        if {[dict get $told state] eq "live" && $table ne {} && $option in [dict get $table fixed]} {
+            dict set told state locked
+            dict set told why "only a recipe sets it, before the object is made"
+        }
+        if {[dict exists $drafts $option]} {
+            lassign [dict get $drafts $option] value since
+            dict set told value $value
+            if {[dict get $told state] in {live stale}} {
+                dict set told state [expr {[dict get $told live] eq $since ? "mine" : "theirs"}]
+            }
+        }
+        if {[dict exists $waiting $option]} {
+            dict set told value [dict get $waiting $option]
+            dict set told state sending
+        } elseif {[dict exists $faults $option]} {
+            lassign [dict get $faults $option] state why
+            dict set told state $state
+            dict set told why $why
+        }
+        return $told
+    }
+    # Options that were typed and not applied.
+    method edited {} {
+        return [dict keys $drafts]
+    }
+
+    # ---- what is done ----
+
+    # edit OPTION VALUE -- typed, for later. What is as it was is no draft.
+    method edit {option value} {
+        set told [my get $option]
+        dict unset faults $option
+        if {$value eq [dict get $told live]} {
+            dict unset drafts $option
+        } else {
+            dict set drafts $option [list $value [if {[dict exists $drafts $option]} {lindex [dict get $drafts $option] 1} else {dict get $told live}]]
+        }
+        my Tell [list $option]
+    }
+    # revert ?OPTION ...? -- forget what was typed, of these or of all.
+    method revert args {
+        if {[llength $args] == 0} {
+            set args [dict keys [dict merge $drafts $faults]]
+        }
+        foreach option $args {
+            dict unset drafts $option
+            dict unset faults $option
+        }
+        my Tell $args
+    }
+    # apply ?OPTION ...? -- set what was typed, of these or of all, in one request. What is refused stays as it was typed.
+    method apply args {
+        if {[llength $args] == 0} {
+            set args [dict keys $drafts]
+        }
+        set words {}
+        foreach option $args {
+            if {[dict exists $drafts $option] && ![dict exists $waiting $option]} {
+                set value [lindex [dict get $drafts $option] 0]
+                lappend words $option $value
+                dict set waiting $option $value
+                dict unset faults $option
+            }
+        }
+        if {[llength $words] > 0} {
+            my Tell [dict keys $words]
+            my ask [list CTRL {*}$words] [list [self] Applied $words]
+        }
+    }
+    # send OPTION VALUE -- type and apply. While an answer is awaited only the last value is kept, and sent then.
+    method send {option value} {
+        my edit $option $value
+        if {[dict exists $waiting $option]} {
+            dict set following $option 1
+        } else {
+            my apply $option
+        }
+    }
+    # ask WORDS PREFIX -- a request: {EXEC ...}, {CTRL ...} or {DBX ...}. PREFIX is called with ok and the reply, or with error and a list
+    # of message and code.
+    method ask {words prefix} {
+        if {$key eq {}} {
+            set key [::sorma::world find $where]
+        }
+        ::sorma::world ask $key [list $service {*}$words] -timeout 60000 -command $prefix
+    }
+    method Applied {words status value} {
+        lassign $value message code
+        # The one that is to blame is named in the message; else nobody knows.
+        set blamed [lsearch -all -inline -glob [dict keys $words] {-*}]
+        set named [lmap option $blamed {if {![regexp "(^|\[^-\\w\])$option\\M" $message]} continue; set option}]
+        foreach {option sent} $words {
+            dict unset waiting $option
+            if {$status eq "ok"} {
+                if {[dict exists $drafts $option] && [lindex [dict get $drafts $option] 0] eq $sent} {
+                    dict unset drafts $option
+                    dict set values $option [dict merge {by {} at 0} [my Known $option] [dict create value $sent state live why {}]]
+                }
+            } elseif {[llength $named] == 0 || $option in $named} {
+                set locked [expr {[string match "SORMA COMM DENIED*" $code] || [string match "SORMA ACCESS*" $code]}]
+                dict set faults $option [list [expr {$locked ? "locked" : "refused"}] $message]
+            }
+        }
+        my Tell [dict keys $words]
+        foreach {option sent} $words {
+            if {[dict exists $following $option]} {
+                dict unset following $option
+                my apply $option
+            }
+        }
+    }
+    method Known option {
+        return [if {[dict exists $values $option]} {dict get $values $option}]
+    }
+
+    # ---- who looks ----
+
+    # listen PREFIX -- PREFIX is called with table (the table has come, or another one), with state, or with values and a list of options.
+    # Returns a token for unlisten.
+    method listen prefix {
+        set id listener[incr last]
+        dict set listeners $id $prefix
+        return $id
+    }
+    method unlisten id {
+        dict unset listeners $id
+    }
+    method Tell {options {what values}} {
+        dict for {id prefix} $listeners {
+            if {[dict exists $listeners $id]} {
+                ::sorma::world deliver $prefix [list $what $options]
+            }
+        }
+    }
+
+    # ---- the model ----
+
+    method Watch {} {
+        if {$token ne {}} {
+            ::sorma::world unwatch $token
+        }
+        set key [::sorma::world use $where]
+        if {$key eq {}} {
+            set token {}
+            return
+        }
+        set token [::sorma::world value $service@$key * -every $live -command [list [self] Valued]]
+        my Describe
+    }
+    method Describe {} {
+        set found [::sorma::table describe $name]
+        if {$found ne {} && ($table eq {} || [my Shape $found] ne [my Shape $table])} {
+            set table $found
+            my Tell {} table
+        }
+    }
+    # What of a table panels are made of: all but the values.
+    method Shape table {
+        return [list [lmap option [dict get $table options] {lreplace $option 5 5}] [dict filter $table key class fixed actions writes reads]]
+    }
+    method Heard {event about {dict {}}} {
+        switch -- $event {
+            answer { if {[lindex $about 0] eq $key && $table eq {}} {my Describe} }
+            daemon.changed { if {$about eq $key} {my Tell {} state} }
+            object.made { if {$about eq "$service@$key"} {my Describe} }
+        }
+    }
+    method Valued {what object told} {
+        if {[dict exists $told *]} {
+            set values [dict map {option value} $values {dict merge $value [dict filter [dict get $told *] key state why]}]
+        }
+        set values [dict merge [dict remove $values *] $told]
+        dict for {option value} $told {
+            # What was typed has been set, by whomever: it is no draft any more.
+            if {[dict exists $drafts $option] && [lindex [dict get $drafts $option] 0] eq [dict get $value value] && [dict get $value state] eq "live"} {
+                dict unset drafts $option
+            }
+        }
+        if {$table eq {}} {
+            my Describe
+        }
+        my Tell [if {[dict exists $told *]} {dict keys $values} else {dict keys $told}]
+    }
+
+    export Heard Valued Applied End
+}
