@@ -1,0 +1,93 @@
+# style.tcl -- how panels look: colours, fonts and sizes, from the ttk theme that is there and the display's dots per inch.
+#
+# Each state of a value has a mark and a colour; neither is alone, for those who do not see the one or the other.
+
+package require Tk
+package provide sorma::style 1.0
+
+namespace eval ::sorma::style {
+    namespace export pixels mark colour font tip bindWheel
+    namespace ensemble create
+    # state: mark, colour on a light background, colour on a dark one
+    variable States {
+        asking  {…  #7a7a7a #9a9a9a}
+        live    {{} {}      {}}
+        mine    {●  #1a5fb4 #78aeed}
+        theirs  {◆  #9141ac #dc8add}
+        sending {…  #1a5fb4 #78aeed}
+        stale   {?  #8a5a00 #cd9309}
+        refused {✕  #c01c28 #ff7b72}
+        gone    {∅  #7a7a7a #9a9a9a}
+        locked  {⊘  #7a7a7a #9a9a9a}
+        alarm   {!  #c01c28 #ff7b72}
+        warn    {!  #8a5a00 #cd9309}
+        good    {✓  #26872b #57e389}
+    }
+}
+
+# ::sorma::style::pixels N -- so many pixels at 96 dots per inch, as many as look alike here.
+proc ::sorma::style::pixels n {
+    return [expr {round($n * [tk scaling] * 72 / 96.0)}]
+}
+
+# ::sorma::style::mark STATE, colour STATE -- colour: empty for that of the theme.
+proc ::sorma::style::mark state {
+    variable States
+    return [lindex [dict get $States $state] 0]
+}
+proc ::sorma::style::colour state {
+    variable States
+    return [lindex [dict get $States $state] [expr {[Dark] ? 2 : 1}]]
+}
+
+# Is the theme's background dark?
+proc ::sorma::style::Dark {} {
+    set background [ttk::style lookup . -background]
+    lassign [winfo rgb . [expr {$background ne {} ? $background : "#d9d9d9"}]] r g b
+    return [expr {0.3 * $r + 0.6 * $g + 0.1 * $b < 0x7000}]
+}
+
+# ::sorma::style::font KIND -- plain, strong, small or fixed: names of fonts, made at first use from Tk's own.
+proc ::sorma::style::font kind {
+    set name sorma-$kind
+    if {$name ni [::font names]} {
+        set own [::font actual [dict get {plain TkDefaultFont strong TkDefaultFont small TkSmallCaptionFont fixed TkFixedFont} $kind]]
+        ::font create $name {*}$own
+        if {$kind eq "strong"} {
+            ::font configure $name -weight bold
+        }
+    }
+    return $name
+}
+
+# ::sorma::style::tip WINDOW TEXT -- shown when the pointer rests there, if tklib is installed.
+proc ::sorma::style::tip {window text} {
+    variable Tips
+    if {![info exists Tips]} {
+        set Tips [expr {![catch {package require tooltip}]}]
+    }
+    if {$Tips && $text ne {}} {
+        ::tooltip::tooltip $window $text
+    }
+}
+
+# ::sorma::style::bindWheel WINDOW CANVAS -- the wheel scrolls the canvas, wherever the pointer is within the window; it never changes a
+# value.
+proc ::sorma::style::bindWheel {window canvas} {
+    set tag SormaWheel$canvas
+    bind $tag <MouseWheel> "[list $canvas] yview scroll \[expr {-%D / 40}\] units; break"
+    if {![package vsatisfies [package provide Tk] 8.7-]} {
+        bind $tag <Button-4> "[list $canvas] yview scroll -3 units; break"
+        bind $tag <Button-5> "[list $canvas] yview scroll 3 units; break"
+    }
+    TagAll $window $tag
+}
+proc ::sorma::style::TagAll {window tag} {
+    set tags [bindtags $window]
+    if {$tag ni $tags} {
+        bindtags $window [linsert $tags 0 $tag]
+    }
+    foreach child [winfo children $window] {
+        TagAll $child $tag
+    }
+}

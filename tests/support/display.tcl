@@ -1,0 +1,53 @@
+# display.tcl -- an X server of the suite's own, for tests that draw. What a person does is done with real events.
+#
+# A process cannot outlive its X server: so the suite runs in a child, and this one starts the server and ends it.
+
+namespace eval display {
+    variable Missing {}         ;# why there is no display
+}
+
+# display::run SCRIPT ARGS -- run a suite where there is a display. Returns in the child alone, or where there can be none.
+proc display::run {script words} {
+    variable Missing
+    if {[info exists ::env(SORMA_TEST_DISPLAY)]} {
+        if {[catch {package require Tk} Missing]} return
+        set Missing {}
+        wm withdraw .
+        return
+    }
+    if {[auto_execok Xvfb] eq {}} {
+        set Missing "Xvfb is not installed"
+        return
+    }
+    set pipe [open |[list Xvfb -displayfd 1 -screen 0 1280x1024x24 -nolisten tcp 2> /dev/null] r]
+    set number [gets $pipe]
+    if {![string is integer -strict $number]} {
+        set Missing "Xvfb does not start"
+        return
+    }
+    set ::env(DISPLAY) :$number
+    set ::env(SORMA_TEST_DISPLAY) 1
+    set failed [catch {exec [info nameofexecutable] $script {*}$words >@ stdout 2>@ stderr < /dev/null}]
+    exec sh -c {kill "$@"} kill [pid $pipe]
+    catch {close $pipe}
+    exit $failed
+}
+
+# display::click WINDOW ?x y? -- press and release the left button there.
+proc display::click {window {x 5} {y 5}} {
+    foreach event {<Enter> <ButtonPress-1> <ButtonRelease-1>} {
+        event generate $window $event -x $x -y $y
+    }
+    update
+}
+
+# display::type WINDOW TEXT -- each character as a key.
+proc display::type {window text} {
+    focus -force $window
+    update
+    foreach character [split $text {}] {
+        set names [list " " space - minus . period \r Return]
+        event generate $window <Key> -keysym [expr {[dict exists $names $character] ? [dict get $names $character] : $character}]
+    }
+    update
+}
