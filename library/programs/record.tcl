@@ -13,6 +13,8 @@
 # A recording made with -exact compares everything but DBX and what looks around.
 
 package require sorma
+package require sorma::line
+package require sorma::options
 package provide sorma::record 1.0
 namespace eval ::sorma::record {
     # dict while something is recorded: script and suite (files), exact, and steps: list of dicts with
@@ -35,16 +37,12 @@ proc ::sorma::record::start {file args} {
     if {$Recording ne {}} {
         return -code error -errorcode {SORMA RECORD BUSY} "[dict get $Recording script] is being recorded; record stop ends that"
     }
-    foreach option $args {
-        if {$option ne "-exact"} {
-            return -code error -errorcode {SORMA RECORD SYNTAX} "bad option \"$option\": must be -exact"
-        }
-    }
+    set exact [dict get [::sorma::options::parse {-exact flag} $args] -exact]
     set script [file normalize $file]
     if {[file extension $script] eq ".test"} {
         set script [file rootname $script].tcl
     }
-    set recording [dict create script $script suite [file rootname $script].test exact [llength $args] steps {}]
+    set recording [dict create script $script suite [file rootname $script].test exact $exact steps {}]
     Write $recording
     set Recording $recording
     return "recording [dict get $recording script] and [file tail [dict get $recording suite]]"
@@ -75,7 +73,7 @@ proc ::sorma::record::before script {
     variable Recording
     variable Before
     set Before {}
-    lassign [Head $script] name method
+    lassign [::sorma::line::head $script] name method
     if {$Recording eq {} || $method ni {EXEC CTRL DBX exec configure cget info} || $name in {dict sorm sorma::so::dict}} {
         return
     }
@@ -108,7 +106,7 @@ proc ::sorma::record::note {line script code result options} {
     variable Recording
     variable Before
     variable Unrecorded
-    if {$Recording eq {} || [lindex [Head $script] 0] in $Unrecorded} {
+    if {$Recording eq {} || [lindex [::sorma::line::head $script] 0] in $Unrecorded} {
         return
     }
     set errorcode [expr {$code == 1 ? [dict get $options -errorcode] : {}}]
@@ -124,14 +122,6 @@ proc ::sorma::record::note {line script code result options} {
         set Recording {}
         return -code error -errorcode {SORMA RECORD FILE} "the recording has ended: $message"
     }
-}
-
-# The first two words of a script, without looking into them.
-proc ::sorma::record::Head script {
-    if {[regexp {^\s*(?:set\s+\S+\s+\[)?(\S+)(?:\s+(\S+))?} $script -> name method]} {
-        return [list $name $method]
-    }
-    return {}
 }
 
 # ---- the two files ----
@@ -195,8 +185,8 @@ proc ::sorma::record::Expectation {step exact} {
     variable Looking
     set result [dict get $step result]
     set script [dict get $step script]
-    lassign [Head $script] name method
-    set plain [expr {[regexp {^\s*\S+\s+(?:EXEC|CTRL|DBX)\M} $script]}]
+    lassign [::sorma::line::head $script] name method
+    set plain [expr {[::sorma::line::isRequest $name $method] && ![regexp {^\s*set\s} $script]}]
     if {$name in $Looking} {
         return "-match glob -result *"
     }
@@ -249,9 +239,7 @@ proc ::sorma::record::Braced text {
 
 # What stands in a recording may rely on the commands of scott.
 proc ::sorma::record::prepare {} {
-    if {[info commands ::sorma::scott::prepare] eq {}} {
-        uplevel #0 [list source -encoding utf-8 [file join $::sorma::library scott.tcl]]
-    }
+    package require sorma::scott
     ::sorma::scott::prepare
 }
 

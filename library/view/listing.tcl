@@ -140,7 +140,7 @@ proc ::sorma::listing::watched news {
         set text "[dict get $event event] "
         foreach key {text words floats ints} {
             if {[dict exists $event $key] && [dict get $event $key] ne {}} {
-                append text " " [if {$key in {floats ints}} {::sorma::show::numbers [dict get $event $key] [Style]} else {dict get $event $key}]
+                append text " " [if {$key in {floats ints}} {::sorma::reply::numbers [dict get $event $key] [Style]} else {dict get $event $key}]
             }
         }
         if {[dict exists $event lost] && [dict get $event lost] != 0} {
