@@ -41,12 +41,6 @@ proc ::sorma::line::context text {
 #       Fails with SCOTT INCOMPLETE: a quote, brace or bracket is open; with SCOTT SYNTAX: something stands behind a '.
 proc ::sorma::line::translate text {
     set content [read $text]
-    set open [dict get $content end open]
-    if {$open eq "'"} {
-        return -code error -errorcode {SORMA SCOTT INCOMPLETE} "missing '"
-    } elseif {$open ni {{} \\}} {
-        return -code error -errorcode {SORMA SCOTT INCOMPLETE} "missing close-quote, -brace or -bracket"
-    }
     set out {}
     set at 0
     foreach command [dict get $content commands] {
@@ -61,12 +55,21 @@ proc ::sorma::line::translate text {
             }
         }
     }
-    return $out[string range $text $at end]
+    append out [string range $text $at end]
+    if {[dict get $content end open] eq "'"} {
+        return -code error -errorcode {SORMA SCOTT INCOMPLETE} "missing '"
+    } elseif {![info complete $out]} {
+        return -code error -errorcode {SORMA SCOTT INCOMPLETE} "missing close-quote, -brace or -bracket"
+    }
+    return $out
 }
 
-# ::sorma::line::isComplete -- has all been closed that a text opens?
+# ::sorma::line::isComplete -- is a text all there, right or wrong? Not when it ends in a backslash.
 proc ::sorma::line::isComplete text {
-    return [expr {[dict get [context [string trimright $text \n]] open] eq {}}]
+    if {[EndsInBackslash $text]} {
+        return 0
+    }
+    return [expr {![catch {translate $text} message options] || [dict get $options -errorcode] ne {SORMA SCOTT INCOMPLETE}}]
 }
 
 # ::sorma::line::head --

@@ -72,7 +72,7 @@ proc ::sorma::options::One {table settings wordsVar} {
     upvar 1 $wordsVar words
     set words [lassign $words option]
     if {![dict exists $table $option]} {
-        Fail "unknown option \"$option\": must be [oneOf [lsort [dict keys $table]]]"
+        Fail "bad option \"$option\": must be [oneOf [lsort [dict keys $table]]]"
     }
     set kind [lindex [dict get $table $option] 0]
     if {$kind eq "flag"} {

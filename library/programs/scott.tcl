@@ -21,6 +21,7 @@ namespace eval ::sorma::scott {
     variable Direct 0       ;# one of these is what was typed, not a part of it
     variable Outcome        ;# of the command that was typed last, once it is there: list of catch's code, result, options
     variable HistoryFile {} ;# where what is typed is noted; empty: nowhere
+    variable Waited         ;# set now and then, while a watch goes on
     variable Pending {}     ;# lines of the command that is being typed, before the current one
     variable Editing 0      ;# lines are edited; else they are read as they come
 }
