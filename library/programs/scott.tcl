@@ -520,8 +520,7 @@ proc ::sorma::scott::WhatItIs line {
     if {$method ne "cget"} {
         return [list -writes [dict get $table writes]]
     }
-    set type [lindex [lsearch -inline -index 0 -exact [dict get $table options] $option] 1]
-    return [list -as [if {$type in {flag int double}} {string cat number} else {string cat text}]]
+    return [list -as plain -type [lindex [lsearch -inline -index 0 -exact [dict get $table options] $option] 1]]
 }
 
 # On a terminal for a person, with its width and perhaps colours; elsewhere everything, for a program.
@@ -568,12 +567,7 @@ proc ::sorma::scott::Look {name args} {
 proc ::sorma::scott::JsonOptions options {
     set fields [lmap option $options {
         lassign $option name type unit range default value
-        switch -- $type {
-            flag - int - double { set text [::sorma::json::number $value] }
-            vector { set text \[[join [lmap x $value {::sorma::json::number $x}] ,]\] }
-            default { set text [::sorma::json::text $value] }
-        }
-        string cat [::sorma::json::text $name] : $text
+        string cat [::sorma::json::text $name] : [::sorma::json::typed $type $value]
     }]
     return "{[join $fields ,]}"
 }

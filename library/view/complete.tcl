@@ -319,7 +319,8 @@ proc ::sorma::complete::Kind {command name} {
 
 proc ::sorma::complete::OptionValue {option argument hint} {
     switch -- $option {
-        -as { return [list list $hint {reply dict plain text number}] }
+        -as { return [list list $hint {reply dict plain}] }
+        -type { return [list list $hint {flag int double string enum vector service}] }
         -only { return [list list $hint {request reply event error}] }
     }
     return [switch -- $argument {

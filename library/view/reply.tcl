@@ -11,9 +11,10 @@ package provide sorma::reply 1.0
 namespace eval ::sorma::reply {
     # Beside those of text.tcl.
     variable Options {
-        -as      {{choice reply dict plain text number}}
+        -as      {{choice reply dict plain}}
         -error   any
         -trail   any
+        -type    any
         -writes  any
     }
     variable Keys {text floats ints any code trail}
@@ -30,7 +31,8 @@ namespace eval ::sorma::reply {
 #               -writes list    what EXEC of its class writes, as the class's table says: for units and names
 #               -error options  value is an error: the dict of options that catch gave
 #               -trail list     as sorma::trail gives it; default for an error: sorma::trail
-#               -as kind        reply, dict or plain; text or number: a plain value of that type; default: as it looks
+#               -as kind        reply, dict or plain, when it is known; default: as it looks
+#               -type type      a plain value of an option of that type, for JSON; default: a number when it looks like one
 #               -whole bool     abridge nothing
 #               Defaults of -colour, -width, -whole and -json are those of showDefaults.
 # Results:
@@ -54,10 +56,11 @@ proc ::sorma::show {value args} {
     switch -- ${-as} {
         reply { set reply [reply::fromList $value] }
         dict { set reply $value }
-        text { return [if {${-json}} {::sorma::json::text $value} else {reply::Plain $value $settings}] }
-        number { return [if {${-json}} {::sorma::json::number $value} else {reply::Plain $value $settings}] }
         default {
-            return [if {${-json}} {::sorma::json::value $value} else {reply::Plain $value $settings}]
+            if {!${-json}} {
+                return [reply::Plain $value $settings]
+            }
+            return [if {${-type} ne {}} {::sorma::json::typed ${-type} $value} else {::sorma::json::value $value}]
         }
     }
     return [if {${-json}} {::sorma::json::reply $reply} else {reply::Reply $reply $settings}]
