@@ -589,12 +589,11 @@ proc ::sorma::scott::JsonObject dict {
 proc ::sorma::scott::Help args {
     set text [::sorma::inspect::help {*}$args]
     if {[llength $args] == 0} {
-        append text \n [::sorma::text::table {} {
-            {{trail ?name? ?number? ?-stack?} {all messages of the last request, or of an object's last one; one; its stack trace}}
-            {{record file ?-exact?} {keeps what is typed as a script, and as a test suite}}
-            {{record stop} {ends the recording}}
-            {{Tab, Ctrl-R, Ctrl-C, Ctrl-D} {complete; search what was typed; give up; leave. More: man scott}}
-        } {*}[dict filter [::sorma::showDefaults] key -colour -width] -wrap 1]
+        append text \n [::sorma::text::table {} [list \
+            [list [join [::sorma::usage::of trail]] {all messages of the last request, or of an object's last one; one; its stack trace}] \
+            [list [join [::sorma::usage::of record] { or }] {keeps what is typed as a script, and as a test suite; ends that}] \
+            {{Tab, Ctrl-R, Ctrl-C, Ctrl-D} {complete; search what was typed; give up; leave. More: man scott}} \
+        ] {*}[dict filter [::sorma::showDefaults] key -colour -width] -wrap 1]
     }
     return $text
 }

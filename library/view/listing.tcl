@@ -2,7 +2,7 @@
 #
 # Items are dicts. where is what stands after @, empty for here; an item with error instead of a name is a place that gave no answer.
 
-package require sorma
+package require sorma::reply
 package require sorma::text
 package provide sorma::listing 1.0
 
