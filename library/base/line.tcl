@@ -72,12 +72,9 @@ proc ::sorma::line::isComplete text {
     return [expr {![catch {translate $text} message options] || [dict get $options -errorcode] ne {SORMA SCOTT INCOMPLETE}}]
 }
 
-# ::sorma::line::head --
-#       The first two words of the first command of a text; of "set x [foo EXEC]" those inside of the brackets.
-proc ::sorma::line::head text {
-    regexp {^\s*set\s+\S+\s+\[(.*)$} $text -> text
-    set words [lindex [dict get [read $text] commands] 0]
-    return [lmap word [lrange $words 0 1] {lindex $word 2}]
+# ::sorma::line::head TEXT ?COUNT? -- the first words, two of them or COUNT, of the first command of a text.
+proc ::sorma::line::head {text {count 2}} {
+    return [Values [lrange [lindex [dict get [read $text] commands] 0] 0 $count-1]]
 }
 
 # ::sorma::line::isRequest -- are these the first two words of a request?

@@ -7,7 +7,7 @@ package require sorma::text
 package provide sorma::usage 1.0
 
 namespace eval ::sorma::usage {
-    variable Folder [file join [file dirname [info script]] manual]
+    variable Folder [file join [file dirname [file normalize [info script]]] manual]
     variable Tables {}          ;# dict: name of a file there -> its content, as far as it has been read
 }
 

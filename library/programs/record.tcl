@@ -73,7 +73,7 @@ proc ::sorma::record::before script {
     variable Recording
     variable Before
     set Before {}
-    lassign [::sorma::line::head $script] name method
+    lassign [Head $script] name method
     if {$Recording eq {} || $method ni {EXEC CTRL DBX exec configure cget info} || $name in {dict sorm sorma::so::dict}} {
         return
     }
@@ -106,7 +106,7 @@ proc ::sorma::record::note {line script code result options} {
     variable Recording
     variable Before
     variable Unrecorded
-    if {$Recording eq {} || [lindex [::sorma::line::head $script] 0] in $Unrecorded} {
+    if {$Recording eq {} || [lindex [Head $script] 0] in $Unrecorded} {
         return
     }
     set errorcode [expr {$code == 1 ? [dict get $options -errorcode] : {}}]
@@ -122,6 +122,12 @@ proc ::sorma::record::note {line script code result options} {
         set Recording {}
         return -code error -errorcode {SORMA RECORD FILE} "the recording has ended: $message"
     }
+}
+
+# The first two words of what a script executes; of "set x [foo EXEC]" those inside of the brackets.
+proc ::sorma::record::Head script {
+    regexp {^\s*set\s+\S+\s+\[(.*)$} $script -> script
+    return [::sorma::line::head $script]
 }
 
 # ---- the two files ----
@@ -185,8 +191,8 @@ proc ::sorma::record::Expectation {step exact} {
     variable Looking
     set result [dict get $step result]
     set script [dict get $step script]
-    lassign [::sorma::line::head $script] name method
-    set plain [expr {[::sorma::line::isRequest $name $method] && ![regexp {^\s*set\s} $script]}]
+    lassign [Head $script] name method
+    set plain [::sorma::line::isRequest {*}[lrange [list {*}[::sorma::line::head $script] {} {}] 0 1]]
     if {$name in $Looking} {
         return "-match glob -result *"
     }

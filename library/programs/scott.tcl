@@ -193,7 +193,8 @@ proc ::sorma::scott::Do line {
 
 proc ::sorma::scott::Run script {
     variable Direct
-    set Direct [expr {[regexp {^\s*(\w+)} $script -> command] && $command in [Commands]}]
+    set command [lindex [::sorma::line::head $script] 0]
+    set Direct [expr {$command in [Commands]}]
     if {$Direct && $command ni {trail record}} {       ;# what these return fits where it is shown
         ::sorma::showDefaults {*}[dict filter [ShowSettings stdout] key -width -colour]
     }
@@ -507,8 +508,7 @@ proc ::sorma::scott::Print {line code result options} {
 # What the table of an object's class says about its answer: units and names of what EXEC writes, the type of an option.
 proc ::sorma::scott::WhatItIs line {
     variable Json
-    lassign [lindex [dict get [::sorma::line::read $line] commands] 0] name method option
-    lassign [lmap word [list $name $method $option] {lindex $word 2}] name method option
+    lassign [::sorma::line::head $line 3] name method option
     if {!($method in {EXEC CTRL DBX exec} || $Json && $method eq "cget")} {
         return {}
     }

@@ -136,8 +136,11 @@ proc ::sorma::complete::ForWord {words partial} {
         return [ForCommand $partial]
     }
     set expected [Expected $words]
-    if {[string match -* $partial] && [lindex $expected 0] in {so object at daemon class topic}} {
-        set expected [list list [lindex $expected 1] [dict keys [::sorma::usage::options [Documented [lindex $words 0]]]]]
+    if {[string match -* $partial] && [lindex $expected 0] in {so object at daemon class topic file either list}} {
+        set options [Without [dict keys [::sorma::usage::options [Documented [lindex $words 0]]]] $words]
+        if {[llength $options] > 0} {
+            set expected [list list [lindex $expected 1] $options]
+        }
     }
     return [ForKind $expected $partial]
 }
@@ -262,13 +265,16 @@ proc ::sorma::complete::ByManual {command typed} {
         if {![Fits $way $plain]} continue
         lappend hints $usage
         set next [At $way [llength $plain]]
-        if {[regexp {^<(.*)>(\.\.\.)?$} $next -> name]} {
+        if {[regexp {^<([^|]*)>(\.\.\.)?$} $next -> name]} {
             lappend kinds [Kind $command $name]
         } elseif {$next ne {}} {
-            lappend literal {*}[split $next |]
+            lappend literal {*}[split [string trim $next <.>] |]
         }
     }
-    if {[llength $hints] > 0} {
+    set literal [lsort -unique $literal]
+    if {[llength $hints] > 3} {
+        set hint "[join [concat $command $plain]] [join $literal |] ..."
+    } elseif {[llength $hints] > 0} {
         set hint [join $hints { | }]
     }
     set kind [lindex [concat [lsearch -all -inline -not -exact $kinds none] none] 0]
@@ -280,7 +286,7 @@ proc ::sorma::complete::ByManual {command typed} {
                 return [list list $hint [SettingValue [lindex $plain end]]]
             }
         }
-        none { return [list list $hint [concat $literal [Without [dict keys $options] $typed]]] }
+        none { return [list list $hint [if {[llength $literal] > 0} {set literal} else {Without [dict keys $options] $typed}]] }
     }
     return [if {[llength $literal] > 0} {list either $hint $kind $literal} else {list $kind $hint}]
 }
