@@ -255,7 +255,7 @@ proc ::sorma::complete::ByManual {command typed} {
         if {![dict exists $options $word] || $command eq "sorma::configure" || $command eq "sorma::async" && [llength $plain] > 0} {
             lappend plain $word
         } elseif {[dict get $options $word] ne {} && [incr i] == [llength $typed]} {
-            return [OptionValue $word [dict get $options $word] $hint]
+            return [OptionValue [dict get $options $word] $hint]
         }
     }
     set kinds {}
@@ -323,13 +323,10 @@ proc ::sorma::complete::Kind {command name} {
     return none
 }
 
-proc ::sorma::complete::OptionValue {option argument hint} {
-    switch -- $option {
-        -as { return [list list $hint {reply dict plain}] }
-        -type { return [list list $hint {flag int double string enum vector service}] }
-        -only { return [list list $hint {request reply event error}] }
-    }
-    return [switch -- $argument {
+# What follows an option, by its name in the manual.
+proc ::sorma::complete::OptionValue {argument hint} {
+    return [switch -glob -- $argument {
+        *|* { list list $hint [split $argument |] }
         boolean { list list $hint {0 1} }
         file - path { list file $hint }
         default { list none $hint }
