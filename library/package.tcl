@@ -9,8 +9,9 @@ apply {{} {
         table table
         await await
         complete complete
-        manual {manual manual::pages manual::titles manual::fragment}
-        show {show showTrail showStack showDefaults}
+        manual {manual manual::pages manual::titles}
+        reply {show showDefaults}
+        trail {showTrail showStack}
         inspect {inspect inspect::ls inspect::tree inspect::daemons inspect::help inspect::dump inspect::watch inspect::unwatch
             inspect::top inspect::find inspect::monitor inspect::rate inspect::doctor}
         record {record::start record::stop}

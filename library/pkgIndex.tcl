@@ -11,7 +11,13 @@ apply {dir {
         uplevel #0 [list source -encoding utf-8 [file join $dir package.tcl]]
     }} $dir [file join $dir ${prefix}sorma1.0$end]]
     package ifneeded sorma::edit 1.0 [list load [file join $dir ${prefix}sormaedit1.0$end] Sormaedit]
-    foreach name {text json world value events elsewhere table load complete manual show listing await inspect observe doctor record subject style field panel} {
+    foreach name {
+        json line options text usage
+        elsewhere events load table value world
+        complete listing manual reply trail
+        field panel style subject
+        await daemon doctor inspect launch launchDaemon launchFile launchForward observe record scott
+    } {
         package ifneeded sorma::$name 1.0 [list source -encoding utf-8 [file join $dir $name.tcl]]
     }
 

@@ -117,7 +117,7 @@ proc tour::play {} {
 proc tour::prompt line {
     puts "A daemon runs: $line"
     puts "Type requests or any Tcl; help says what else, Ctrl-D ends. Try:  foo.a@robot CTRL -help    host@robot EXEC    find tea"
-    uplevel #0 {source -encoding utf-8 [file join $sorma::library scott.tcl]}
+    package require sorma::scott
     # Who types exit must not leave the daemon behind.
     rename ::exit ::tour::Exit
     proc ::exit {{code 0}} {

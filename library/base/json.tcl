@@ -1,4 +1,6 @@
 # json.tcl -- strict JSON of replies, errors, trails and values. It knows no bus.
+#
+# Tcllib's json::write is not used: its layout is a setting of the whole interpreter, which is the user's, and it does not keep to ASCII.
 
 package provide sorma::json 1.0
 
@@ -52,6 +54,15 @@ proc ::sorma::json::trail trail {
 # A plain value: a number is a number, all else a string.
 proc ::sorma::json::value value {
     return [if {[regexp {^-?(0|[1-9]\d*)(\.\d+)?([eE][-+]?\d+)?$} $value]} {set value} else {text $value}]
+}
+
+# A value of an option, of the TYPE that the class's table gives.
+proc ::sorma::json::typed {type value} {
+    switch -- $type {
+        flag - int - double { return [number $value] }
+        vector { return "\[[join [lmap x $value {number $x}] ,]\]" }
+        default { return [text $value] }
+    }
 }
 
 # What JSON has no number for (NaN, infinity) becomes a string.

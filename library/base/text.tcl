@@ -1,13 +1,39 @@
 # text.tcl -- text of any origin, for a terminal: columns, widths, line breaks, colours. It knows no bus.
 #
-# settings: a dict with -width (columns, 0: no limit), -colour (boolean), -whole (boolean: abridge nothing). Widths are those of a
-# terminal: wide characters take two columns, combining ones none.
+# settings: a dict with -width (columns, 0: no limit), -colour (boolean), -whole (boolean: abridge nothing), -json (boolean: for
+# programs). Widths are those of a terminal: wide characters take two columns, combining ones none.
 
+package require sorma::options
 package provide sorma::text 1.0
 
 namespace eval ::sorma::text {
+    variable Options {-colour boolean -json boolean -whole boolean -width {{whole 0 {}}}}
+    variable Style          ;# settings where none are given
+    if {![info exists Style]} {
+        set Style {-colour 0 -json 0 -whole 0 -width 80}
+    }
+    variable Widths {}              ;# dict: character -> its columns, of those that have been seen
     variable Colours {error 31 warning 33 verbose 2 dim 2 good 32 name 36 strong 1}
     variable MostLines 1000         ;# of a text
+}
+
+# ::sorma::text::style ?-OPTION VALUE...? -- set the settings that are used where none are given. Returns all.
+proc ::sorma::text::style args {
+    variable Style
+    set Style [styled {} $args]
+    return $Style
+}
+
+# ::sorma::text::styled TABLE WORDS -- the settings that WORDS give, beside the options of TABLE (see options.tcl).
+proc ::sorma::text::styled {table words} {
+    variable Options
+    variable Style
+    set settings [dict merge [::sorma::options::defaults $table] $Style]
+    set settings [::sorma::options::take [dict merge $Options $table] $settings $words]
+    if {[dict get $settings -width] > 0} {
+        dict set settings -width [expr {max(10, [dict get $settings -width])}]
+    }
+    return $settings
 }
 
 # A text as a pattern of string match that fits nothing else.
@@ -218,15 +244,30 @@ proc ::sorma::text::columns text {
     if {![regexp {[^\x20-\x7e]} $text]} {
         return [string length $text]
     }
+    variable Widths
     regsub -all {\x1b\[[0-9;]*m} $text {} text
-    set n [string length $text]
-    # Halves of surrogate pairs (Tcl 8.6) count one each: such characters are wide, nearly all of them.
-    set wide [regexp -all {[\u1100-\u115f\u2e80-\u303e\u3041-\ua4cf\uac00-\ud7a3\uf900-\ufaff\ufe30-\ufe6f\uff00-\uff60\uffe0-\uffe6]} $text]
-    if {[package vsatisfies [package provide Tcl] 9-]} {
-        incr wide [regexp -all {[\U1f300-\U1faff\U20000-\U3fffd]} $text]
+    set sum 0
+    foreach char [split $text {}] {
+        if {![dict exists $Widths $char]} {
+            dict set Widths $char [Width $char]
+        }
+        incr sum [dict get $Widths $char]
     }
-    set none [regexp -all {[\u0300-\u036f\u1ab0-\u1aff\u20d0-\u20ff\u200b-\u200f\ufe00-\ufe0f\ufeff]} $text]
-    return [expr {$n + $wide - $none}]
+    return $sum
+}
+
+# Tcllib knows which characters are wide, from Unicode's tables. Halves of surrogate pairs (Tcl 8.6) count one each: such characters
+# are wide, nearly all of them.
+proc ::sorma::text::Width char {
+    if {[regexp {[\x20-\x7e]} $char]} {
+        return 1
+    }
+    if {[regexp {[\u0300-\u036f\u1ab0-\u1aff\u20d0-\u20ff\u200b-\u200f\ufe00-\ufe0f\ufeff]} $char]} {
+        return 0
+    }
+    namespace eval ::textutil {}            ;# which its file forgets to make
+    package require textutil::wcswidth
+    return [::textutil::wcswidth_char [scan $char %c]]
 }
 
 # Text that does nothing to a terminal: control characters, and those that turn the direction of writing, become visible.

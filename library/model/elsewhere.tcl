@@ -3,8 +3,8 @@
 # A daemon that is reached by TCP names those beside it, of the same user on its host, and tells when there are others. The rpcbind
 # of a host is asked when there is the first line to that host.
 
+package provide sorma::elsewhere 1.0         ;# before what needs it in turn
 package require sorma::world
-package provide sorma::elsewhere 1.0
 
 namespace eval ::sorma::elsewhere {
     variable Hosts              ;# dict: host -> 1: its rpcbind has been asked

@@ -3,8 +3,8 @@
 # Listening makes no object. One that is not there yet is waited for; one that goes and comes again is listened to again, and so is
 # one whose daemon was not to be reached for a while.
 
+package provide sorma::events 1.0         ;# before what needs it in turn
 package require sorma::world
-package provide sorma::events 1.0
 
 namespace eval ::sorma::events {
     namespace export new forget inUse

@@ -7,8 +7,8 @@
 # when that was told), at (ms, when it came), why (not live). Tellings are dicts: -option -> value, or REQUEST -> value, of those that
 # are new, gathered for 20 ms.
 
+package provide sorma::value 1.0         ;# before what needs it in turn
 package require sorma::world
-package provide sorma::value 1.0
 
 namespace eval ::sorma::value {
     namespace export new forget inUse

@@ -6,7 +6,7 @@
 package require Tk
 package require snit
 package require sorma::field
-package require sorma::show
+package require sorma::reply
 package provide sorma::panel 1.0
 
 namespace eval ::sorma::panels {

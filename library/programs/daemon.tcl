@@ -1,152 +1,107 @@
 # daemon.tcl -- the program sormad: a tclsh that serves its repository until it is told to end.
 #
-# ::sorma::daemonMain reads the command line, makes the daemon, says that it is ready, and serves.
+# ::sorma::daemon::main reads the command line, makes the daemon, says that it is ready, and serves.
 
-namespace eval ::sorma {
-    variable DaemonUsage {usage: sormad -name NAME ?option value ...?
-  -name NAME          name of the daemon: others write SO@NAME; letters, digits, _ - .
-  -port NUMBER        also listen on TCP; 0 picks a free port               (default: no TCP)
-  -host NAME          interface for TCP                                     (default: 127.0.0.1)
-  -socket PATH        Unix-domain socket              (default: NAME.sock in the runtime folder)
-  -rpcbind BOOLEAN    register the TCP port with this host's rpcbind        (default: 0)
-  -program NUMBER     program number there, from 0x20000000                 (default: first free)
-  -allow LINE         a line of the policy, such as "host 192.168.7.0/24 tune"; may be repeated
-  -policy FILE        the policy: who may do what              (default: ~/.config/sorma/policy)
-  -share BOOLEAN      let other users of this host connect to the Unix-domain socket (default: 0)
-  -dict FILE ...      dictionaries to load
-  -package NAME ...   Tcl packages to load, such as sorma::service::echo
-  -script FILE        Tcl script to run before the daemon is ready
-  -log FILE           where background errors are noted                     (default: standard error)
-  -interactive        serve, and give scott's prompt on this terminal; the daemon ends with it
-  -until-eof          end when standard input ends: with whoever has started it, also over ssh
-  -inetd              serve the socket that is standard input: one connection, or a listener (inetd's "wait")
-  -idle SECONDS       end when there has been no connection for so long     (default: 0, never)
-  -help               this text
-When it can be called it prints: ready NAME tcp=PORT unix=PATH program=0xN (the parts that apply).
-SIGTERM and SIGINT end it; exit code 0. Listening sockets that systemd passes are used in place of new ones.}
-    variable DaemonEnd      ;# set once: how the daemon ended
+package require sorma
+package require sorma::options
+package require sorma::usage
+package provide sorma::daemon 1.0
+
+namespace eval ::sorma::daemon {
+    # What the manual of sormad lists; the last of them are those of sorma::serve, which checks them.
+    variable Options {
+        -name {{word {a name}}}  -dict words  -package words  -script word  -log word  -idle {{seconds 0 1e9} 0}
+        -interactive flag  -until-eof flag  -inetd flag  -help flag  --help flag
+        -port any  -host any  -socket any  -rpcbind any  -program any  -allow collect  -policy any  -share any
+    }
+    variable End            ;# set once: how the daemon ended
     variable Grace 5000     ;# ms for requests to end when the daemon has been told to
 }
 
-# ::sorma::daemonMain --
+# ::sorma::daemon::main --
 #       Run the program sormad.
 # Arguments:
 #       words   command line, as DaemonUsage says
 # Results:
 #       Exit code of the program: 0 after a signal, 1 when the daemon could not be made, 2 for a bad command line.
-proc ::sorma::daemonMain words {
-    variable DaemonEnd
-    variable DaemonUsage
+proc ::sorma::daemon::main words {
+    variable End
     variable Grace
     if {"-help" in $words || "--help" in $words} {
-        puts $DaemonUsage
+        puts [::sorma::usage::program sormad]
         return 0
     }
     try {
-        set settings [ParseDaemonWords $words]
+        set settings [Parse $words]
     } on error message {
         puts stderr "sormad: $message"
-        puts stderr $DaemonUsage
+        puts stderr [::sorma::usage::program sormad]
         return 2
     }
     try {
-        AtSignal ::sorma::EndDaemon
+        ::sorma::AtSignal ::sorma::daemon::EndBySignal
         if {[dict get $settings -until-eof]} {
-            UntilEof $Grace
+            ::sorma::UntilEof $Grace
         }
-        StartDaemon $settings [InheritedSockets [dict get $settings -inetd]]
+        Start $settings [InheritedSockets [dict get $settings -inetd]]
     } on error message {
         puts stderr "sormad: $message"
         return 1
     }
     set name [dict get $settings -name]
-    if {![info exists DaemonEnd] && [dict get $settings -interactive]} {
+    if {![info exists End] && [dict get $settings -interactive]} {
         Prompt $name
-    } elseif {![info exists DaemonEnd]} {
-        vwait ::sorma::DaemonEnd
+    } elseif {![info exists End]} {
+        vwait ::sorma::daemon::End
     }
     StopServing $name
     return 0
 }
 
-proc ::sorma::StopServing name {
+proc ::sorma::daemon::StopServing name {
     try {
-        unserve $name "daemon $name was told to end"
+        ::sorma::unserve $name "daemon $name was told to end"
     } trap {SORMA SERVICE GONE} {} {
         # a service of ours has ended the serving before
     }
 }
 
 # scott's prompt, inside the daemon: until Ctrl-D there, or until the daemon is told to end.
-proc ::sorma::Prompt name {
-    variable library
-    source -encoding utf-8 [file join $library scott.tcl]
+proc ::sorma::daemon::Prompt name {
+    package require sorma::scott
     # Who waits for a line hears of nothing else; the exit puts the terminal's settings back.
-    trace add variable ::sorma::DaemonEnd write [list apply {{name args} {
+    trace add variable ::sorma::daemon::End write [list apply {{name args} {
         after 0 [list apply {name {
-            ::sorma::StopServing $name
+            ::sorma::daemon::StopServing $name
             puts {}
             exit 0
         }} $name]
     }} $name]
-    scott::interact
-    trace remove variable ::sorma::DaemonEnd write [lindex [trace info variable ::sorma::DaemonEnd] 0 1]
+    ::sorma::scott::interact
+    trace remove variable ::sorma::daemon::End write [lindex [trace info variable ::sorma::daemon::End] 0 1]
 }
 
 # A service that waits in an event loop of its own keeps the daemon from ending: it gets a while, no more.
-proc ::sorma::EndDaemon {} {
-    variable DaemonEnd
+proc ::sorma::daemon::EndBySignal {} {
+    variable End
     variable Grace
-    if {[info exists DaemonEnd]} {
+    if {[info exists End]} {
         return
     }
-    set DaemonEnd signal
-    Notify "STOPPING=1\nSTATUS=told to end"
+    set End signal
+    ::sorma::Notify "STOPPING=1\nSTATUS=told to end"
     after $Grace {
         puts stderr "sormad: told to end, but a request did not end in 5 s"
         exit 1
     }
 }
 
-# Read the command line into a dict: option -> value, or list of values for -dict and -package.
-proc ::sorma::ParseDaemonWords words {
-    set settings [dict create -name {} -dict {} -package {} -script {} -log {} -until-eof 0 -inetd 0 -idle 0 \
-        -interactive 0 -serve {}]
-    while {[llength $words] > 0} {
-        set words [lassign $words option]
-        switch -- $option {
-            -until-eof - -inetd - -interactive {
-                dict set settings $option 1
-            }
-            -name - -script - -log - -idle - -port - -host - -socket - -rpcbind - -program - -allow - -policy - -share {
-                if {[llength $words] == 0} {
-                    return -code error "$option needs a value"
-                }
-                set words [lassign $words value]
-                if {$option eq "-idle" && (![string is double -strict $value] || !($value >= 0 && $value < 1e9))} {
-                    return -code error "-idle expects seconds, 0 or more, got \"$value\""
-                }
-                if {$option in {-name -script -log -idle}} {
-                    dict set settings $option $value
-                } else {
-                    dict lappend settings -serve $option $value
-                }
-            }
-            -dict - -package {
-                set before [llength [dict get $settings $option]]
-                while {[llength $words] > 0 && ![string match -* [lindex $words 0]]} {
-                    set words [lassign $words value]
-                    dict lappend settings $option $value
-                }
-                if {[llength [dict get $settings $option]] == $before} {
-                    return -code error "$option needs a value"
-                }
-            }
-            default {
-                return -code error "unknown option \"$option\""
-            }
-        }
-    }
+# Read the command line into a dict: option -> value; -serve: those for sorma::serve.
+proc ::sorma::daemon::Parse words {
+    variable Options
+    set forServe {-port -host -socket -rpcbind -program -allow -policy -share}
+    set settings [dict remove [::sorma::options::defaults $Options] {*}$forServe]
+    set settings [::sorma::options::take $Options $settings $words]
     if {[dict get $settings -name] eq {}} {
         return -code error "-name is missing"
     }
@@ -160,12 +115,20 @@ proc ::sorma::ParseDaemonWords words {
             return -code error "-interactive needs a terminal as standard input"
         }
     }
+    dict set settings -serve {}
+    foreach option $forServe {
+        if {[dict exists $settings $option]} {
+            foreach value [if {$option eq "-allow"} {dict get $settings $option} else {list [dict get $settings $option]}] {
+                dict lappend settings -serve $option $value
+            }
+        }
+    }
     return $settings
 }
 
 # Sockets that whoever has started this process has opened for it: systemd says so in the environment
 # (sd_listen_fds(3)), inetd gives one as standard input. Returns options for sorma::serve.
-proc ::sorma::InheritedSockets inetd {
+proc ::sorma::daemon::InheritedSockets inetd {
     global env
     set listen {}
     set options {}
@@ -178,7 +141,7 @@ proc ::sorma::InheritedSockets inetd {
             set names [split $env(LISTEN_FDNAMES) :]
         }
         for {set k 0; set fd 3} {$k < $env(LISTEN_FDS)} {incr k; incr fd} {
-            CloseAtExec $fd
+            ::sorma::CloseAtExec $fd
             if {[lindex $names $k] eq "connection"} {   ;# a socket unit with Accept=yes
                 lappend options -connection $fd
             } else {
@@ -188,7 +151,7 @@ proc ::sorma::InheritedSockets inetd {
     }
     unset -nocomplain env(LISTEN_PID) env(LISTEN_FDS) env(LISTEN_FDNAMES)
     if {$inetd} {
-        lassign [TakeSocket] fd listens
+        lassign [::sorma::TakeSocket] fd listens
         if {$listens} {
             lappend listen $fd
         } else {
@@ -202,15 +165,15 @@ proc ::sorma::InheritedSockets inetd {
 }
 
 # Load what the daemon needs, serve, and say so. On an error nothing is served.
-proc ::sorma::StartDaemon {settings inherited} {
+proc ::sorma::daemon::Start {settings inherited} {
     if {[dict get $settings -log] ne {}} {
         set log [open [dict get $settings -log] a]
         fconfigure $log -buffering line -encoding utf-8
     } else {
         set log stderr
     }
-    interp bgerror {} [list ::sorma::NoteBackgroundError $log]
-    JoinDict
+    interp bgerror {} [list ::sorma::daemon::NoteBackgroundError $log]
+    ::sorma::JoinDict
     foreach file [dict get $settings -dict] {
         ::sorma::so::dict CTRL -load $file
     }
@@ -221,13 +184,13 @@ proc ::sorma::StartDaemon {settings inherited} {
         uplevel #0 [list source -encoding utf-8 [dict get $settings -script]]
     }
     if {[dict exists $inherited -connection]} {
-        subscribe sorm -event connection.closed -command ::sorma::ConnectionEnded
+        ::sorma::subscribe sorm -event connection.closed -command ::sorma::daemon::ConnectionEnded
     }
     # A class in Tcl becomes known when it is first named. Those who look around want to see it before.
-    foreach class [classes] {
-        catch {Aside [list ::sorma::so::sorm DBX -describe $class]}
+    foreach class [::sorma::classes] {
+        catch {::sorma::Aside [list ::sorma::so::sorm DBX -describe $class]}
     }
-    set served [serve [dict get $settings -name] {*}[dict get $settings -serve] {*}$inherited]
+    set served [::sorma::serve [dict get $settings -name] {*}[dict get $settings -serve] {*}$inherited]
     if {[dict get $settings -idle] > 0} {
         WatchIdle [expr {round(1000 * [dict get $settings -idle])}]
     }
@@ -243,39 +206,39 @@ proc ::sorma::StartDaemon {settings inherited} {
     }
     puts $line
     flush stdout
-    Notify "READY=1\nSTATUS=$line"
+    ::sorma::Notify "READY=1\nSTATUS=$line"
     StartWatchdog
 }
 
 # The one connection for which the daemon was made has ended.
-proc ::sorma::ConnectionEnded args {
-    variable DaemonEnd connection
+proc ::sorma::daemon::ConnectionEnded args {
+    variable End connection
 }
 
 # Each time a connection has ended, see after a while whether there is one.
-proc ::sorma::WatchIdle milliseconds {
-    subscribe sorm -event connection.closed -command [list ::sorma::AfterIdle $milliseconds]
+proc ::sorma::daemon::WatchIdle milliseconds {
+    ::sorma::subscribe sorm -event connection.closed -command [list ::sorma::daemon::AfterIdle $milliseconds]
     AfterIdle $milliseconds
 }
 
-proc ::sorma::AfterIdle {milliseconds args} {
-    after cancel ::sorma::CheckIdle
-    after $milliseconds ::sorma::CheckIdle
+proc ::sorma::daemon::AfterIdle {milliseconds args} {
+    after cancel ::sorma::daemon::CheckIdle
+    after $milliseconds ::sorma::daemon::CheckIdle
 }
 
 # again: who has come while this process did not run is let in first.
-proc ::sorma::CheckIdle {{again 1}} {
-    variable DaemonEnd
+proc ::sorma::daemon::CheckIdle {{again 1}} {
+    variable End
     if {$again} {
-        after 1 {::sorma::CheckIdle 0}
+        after 1 {::sorma::daemon::CheckIdle 0}
     } elseif {![regexp -line {^from } [lindex [::sorma::so::sorm CTRL -connections] 3]]} {
-        Notify "STOPPING=1\nSTATUS=idle"
-        set DaemonEnd idle
+        ::sorma::Notify "STOPPING=1\nSTATUS=idle"
+        set End idle
     }
 }
 
 # Tell systemd regularly that the event loop turns (WatchdogSec=), twice as often as it wants to hear it.
-proc ::sorma::StartWatchdog {} {
+proc ::sorma::daemon::StartWatchdog {} {
     global env
     if {![info exists env(WATCHDOG_USEC)] || ![string is wideinteger -strict $env(WATCHDOG_USEC)] ||
             ([info exists env(WATCHDOG_PID)] && $env(WATCHDOG_PID) ne [pid])} {
@@ -284,12 +247,12 @@ proc ::sorma::StartWatchdog {} {
     Watchdog [expr {max(1, $env(WATCHDOG_USEC) / 2000)}]
 }
 
-proc ::sorma::Watchdog milliseconds {
-    Notify WATCHDOG=1
-    after $milliseconds [list ::sorma::Watchdog $milliseconds]
+proc ::sorma::daemon::Watchdog milliseconds {
+    ::sorma::Notify WATCHDOG=1
+    after $milliseconds [list ::sorma::daemon::Watchdog $milliseconds]
 }
 
-proc ::sorma::NoteBackgroundError {log message options} {
+proc ::sorma::daemon::NoteBackgroundError {log message options} {
     puts $log "[clock format [clock seconds] -format {%Y-%m-%d %H:%M:%S}] background error: $message"
     if {[dict exists $options -errorinfo]} {
         puts $log [dict get $options -errorinfo]

@@ -3,8 +3,8 @@
 # Each proc of the namespace that begins with Check adds findings by Note; it changes nothing but the sockets of daemons that have
 # died, which it removes as all that look around do.
 
+package provide sorma::doctor 1.0         ;# before what needs it in turn
 package require sorma::inspect
-package provide sorma::doctor 1.0
 
 namespace eval ::sorma::inspect::doctor {
     variable Findings       ;# list of dicts: what state text mend

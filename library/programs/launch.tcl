@@ -4,7 +4,12 @@
 # input: sormad -until-eof ends when the launcher does, however that dies. One on another host has ssh between, which
 # hands that end on. Whatever is left in the session when a daemon has ended is killed.
 
-namespace eval ::sorma::launch {}
+package require sorma
+package require sorma::launchDaemon
+package require sorma::launchFile
+package require sorma::options
+package require sorma::usage
+package provide sorma::launch 1.0
 
 # Control characters but the tab, each with what is shown instead: no daemon writes where it likes on a terminal.
 proc ::sorma::launch::ControlMap {} {
@@ -18,15 +23,6 @@ proc ::sorma::launch::ControlMap {} {
 }
 
 namespace eval ::sorma::launch {
-    variable Usage {usage: sorma-launch ?--times? FILE       start the daemons of FILE, stay until they have ended
-       sorma-launch --check FILE         say what is wrong with FILE, and start nothing
-       sorma-launch --list FILE          say how its daemons are
-       sorma-launch --help | --options   this text | what a daemon of FILE can be given
-Lines of FILE:  daemon NAME ?-option value...? ...    defaults ?-option value...? ...    # comment
---times puts the time of day before each line.
-SIGTERM, SIGINT (Ctrl-C) and SIGHUP end the daemons in reverse order; the same again kills them.
-Exit codes: 0 all have ended well, 1 a daemon failed, 2 the command line or FILE is wrong.}
-
     variable Daemons {}     ;# dict: name -> object of class Daemon, in the order of the file
     variable Started {}     ;# names in the order in which they were started first
     variable Told {}        ;# dict: name -> 1, once it has been said that it is ready
@@ -37,79 +33,60 @@ Exit codes: 0 all have ended well, 1 a daemon failed, 2 the command line or FILE
     variable Done           ;# set at the end
     variable Width 1        ;# of the names that stand before lines
     variable Colours {}     ;# those for names; empty without a terminal
-    variable Steady 60000   ;# ms of service after which restarts are counted anew
-    variable Longest 4000   ;# characters of a line that are shown in one piece
     variable Visible [ControlMap]   ;# control characters -> what is shown in their place
 }
 
-# ::sorma::launchMain --
+# ::sorma::launch::main --
 #       Run the program sorma-launch.
 # Arguments:
-#       words   command line, as Usage says
+#       words   command line, as the manual says
 # Results:
-#       Exit code of the program, as Usage says.
-proc ::sorma::launchMain words {
-    set action start
-    if {[lindex $words 0] eq "--times"} {
-        set words [lrange $words 1 end]
-        set launch::Times 1
-    }
-    if {[string match -?* [lindex $words 0]]} {
-        set words [lassign $words action]
-    }
-    if {$action in {--help -help -h}} {
-        puts $launch::Usage
-        return 0
-    }
-    if {$action eq "--options"} {
-        puts [launch::OptionsText]
-        return 0
-    }
-    set wrong {}
-    if {$action ni {start --check --list}} {
-        set wrong "unknown option \"$action\""
-    } elseif {[llength $words] != 1} {
-        set wrong "expects one FILE"
-    }
-    if {$wrong ne {}} {
-        puts stderr "sorma-launch: $wrong\n$launch::Usage"
-        return 2
-    }
+#       Exit code of the program, as the manual says.
+proc ::sorma::launch::main words {
+    variable Times
     try {
-        set daemons [launch::Read [lindex $words 0]]
+        set settings [::sorma::options::leading {
+            --times flag  --check flag  --list flag  --options flag  --help flag  -help flag  -h flag
+        } words]
+    } trap {SORMA REQUEST SYNTAX} message {
+        return [Misused $message]
+    }
+    dict with settings {}
+    if {${--help} || ${-help} || ${-h}} {
+        puts [::sorma::usage::program sorma-launch]
+        return 0
+    }
+    if {${--options}} {
+        puts [::sorma::usage::listed sorma-launch {THE FILE}]
+        return 0
+    }
+    if {[llength $words] != 1} {
+        return [Misused "expects one FILE"]
+    }
+    set Times ${--times}
+    set file [lindex $words 0]
+    try {
+        set daemons [::sorma::launchFile::read $file]
     } trap {SORMA LAUNCH FILE} message {
         puts stderr [regsub -all -line ^ $message {sorma-launch: }]
         return 2
     }
     try {
-        switch -- $action {
-            --check { return [launch::Check [lindex $words 0] $daemons] }
-            --list { return [launch::List $daemons] }
-            default { return [launch::Run $daemons] }
+        if {${--check}} {
+            return [Check $file $daemons]
+        } elseif {${--list}} {
+            return [List $daemons]
         }
+        return [Run $daemons]
     } trap {SORMA COMM DENIED} message {        ;# the runtime folder
         puts stderr "sorma-launch: $message"
         return 1
     }
 }
 
-proc ::sorma::launch::OptionsText {} {
-    variable Options
-    set lines {}
-    dict for {option facts} $Options {
-        lassign $facts kind default help
-        set kind [switch -- [lindex $kind 0] {
-            whole - seconds { string cat [lindex $kind 0 ] " " [lindex $kind 1] .. [lindex $kind 2] }
-            choice { join [lrange $kind 1 end] | }
-            words { string cat "word ..." }
-            default { lindex $kind 0 }
-        }]
-        if {$default ne {}} {
-            append help " (default: $default)"
-        }
-        lappend lines [format "%-11s %-21s %s" $option $kind $help]
-    }
-    return [join $lines \n]
+proc ::sorma::launch::Misused message {
+    puts stderr "sorma-launch: $message\n[::sorma::usage::program sorma-launch]"
+    return 2
 }
 
 # ---- --check and --list ----
@@ -121,7 +98,7 @@ proc ::sorma::launch::Check {file daemons} {
                 [dict get $settings -on] only"
         }
     }
-    puts "$file is good; daemons, as they are started: [join [StartOrder $daemons] {, }]"
+    puts "$file is good; daemons, as they are started: [join [::sorma::launchFile::startOrder $daemons] {, }]"
     return 0
 }
 
@@ -238,11 +215,11 @@ proc ::sorma::launch::Signalled {} {
         catch {puts -nonewline "\r\x1b\[K"}      ;# over the ^C that the terminal has shown
     }
     if {!$Stopping} {
-        Say * "told to end; once more kills what still runs"
+        say * "told to end; once more kills what still runs"
         Stop
     } elseif {$Stopping == 1} {
         set Stopping 2
-        Say * "told to end once more"
+        say * "told to end once more"
         foreach daemon [dict values $Daemons] {
             $daemon kill
         }
@@ -263,15 +240,15 @@ proc ::sorma::launch::StartDue {} {
     }
     if {!$Complete && [AllReady [dict keys $Daemons]]} {
         set Complete 1
-        Say * "ready: [join [dict keys $Daemons] { }]"
+        say * "ready: [join [dict keys $Daemons] { }]"
     }
 }
 
-proc ::sorma::launch::GotReady {name took} {
+proc ::sorma::launch::gotReady {name took} {
     variable Daemons
     if {[[dict get $Daemons $name] state] eq "ready"} {     ;# it may have ended in the same breath
         dict set ::sorma::launch::Told $name 1
-        Say * "$name is ready after $took s"
+        say * "$name is ready after $took s"
         StartDue
     }
 }
@@ -290,7 +267,7 @@ proc ::sorma::launch::AllReady names {
 
 # A daemon is gone for good. Without it nothing is complete at the beginning; later the others go on, unless it was
 # essential.
-proc ::sorma::launch::Gone {name failed essential message last} {
+proc ::sorma::launch::gone {name failed essential message last} {
     variable Code
     variable Complete
     variable Stopping
@@ -298,7 +275,7 @@ proc ::sorma::launch::Gone {name failed essential message last} {
         set Code 1
     }
     if {$Complete && !$essential} {
-        Say * [expr {$failed ? "$message; the others go on" : "$name has ended"}] [expr {$failed ? 31 : {}}]
+        say * [expr {$failed ? "$message; the others go on" : "$name has ended"}] [expr {$failed ? 31 : {}}]
     } else {
         if {[llength $last] > 0} {
             append message "; it said last:\n[join [lmap line $last {string cat "    " $line}] \n]"
@@ -306,7 +283,7 @@ proc ::sorma::launch::Gone {name failed essential message last} {
         Complain $message
         set Stopping 1
     }
-    Next
+    goOn
 }
 
 # End all, the last one started first: each when the one before has ended.
@@ -314,12 +291,12 @@ proc ::sorma::launch::Stop {} {
     variable Stopping
     if {!$Stopping} {
         set Stopping 1
-        Next
+        goOn
     }
 }
 
 # One has ended: go on with the next that has to end. Nothing is left to do when there is none.
-proc ::sorma::launch::Next {} {
+proc ::sorma::launch::goOn {} {
     variable Daemons
     variable Started
     variable Stopping
@@ -337,14 +314,25 @@ proc ::sorma::launch::Next {} {
             }
         }
     }
-    Say * "all have ended"
+    say * "all have ended"
     set Done 1
+}
+
+# Is all to end? 1: asked to, 2: asked again.
+proc ::sorma::launch::stopping {} {
+    variable Stopping
+    return $Stopping
+}
+
+# The program has failed.
+proc ::sorma::launch::failed {} {
+    variable Code 1
 }
 
 # ---- what is shown ----
 
 # A line, behind the name it is about; * is the launcher itself. mark: "|", or ":" when the line goes on.
-proc ::sorma::launch::Say {name line {colour {}} {mark |}} {
+proc ::sorma::launch::say {name line {colour {}} {mark |}} {
     variable Width
     variable Colours
     variable Daemons
@@ -404,7 +392,7 @@ proc ::sorma::launch::Quoted word {
 }
 
 # The command of a daemon for a shell: here, or on its own host.
-proc ::sorma::launch::CommandText {name settings} {
+proc ::sorma::launch::commandText {name settings} {
     set words {}
     if {[dict get $settings -directory] ne {} || [llength [dict get $settings -env]] > 0} {
         lappend words env

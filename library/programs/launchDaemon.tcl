@@ -3,9 +3,18 @@
 # States: waiting (not yet started), starting (no "ready" yet), ready, late (not ready in time, being ended), pausing
 # (before a restart), stopping, ended (for good).
 
+package require sorma
+package require sorma::launchForward
+package provide sorma::launchDaemon 1.0
+
+namespace eval ::sorma::launch {
+    variable Steady 60000   ;# ms of service after which restarts are counted anew
+    variable Longest 4000   ;# characters of a line that are shown in one piece
+}
+
 oo::class create ::sorma::launch::Daemon {
     variable Name
-    variable Settings       ;# as launch::Read gives them
+    variable Settings       ;# as launchFile::read gives them
     variable State
     variable Pipe           ;# its standard input and output, while there is a process
     variable Pid
@@ -52,7 +61,7 @@ oo::class create ::sorma::launch::Daemon {
         set State starting
         set where [expr {[dict get $Settings -on] eq {} ? {} : " on [dict get $Settings -on]"}]
         try {
-            set Pipe [open [list | setsid sh -c [CommandText $Name $Settings] 2>@1] r+]
+            set Pipe [open [list | setsid sh -c [commandText $Name $Settings] 2>@1] r+]
         } on error message {
             my Over "cannot be started: $message" 1
             return
@@ -61,7 +70,7 @@ oo::class create ::sorma::launch::Daemon {
         fconfigure $Pipe -blocking 0 -encoding utf-8 -translation lf
         catch {fconfigure $Pipe -profile replace}       ;# Tcl 9 is strict otherwise
         fileevent $Pipe readable [namespace code {my Readable}]
-        Say * "$Name is started$where, process $Pid"
+        say * "$Name is started$where, process $Pid"
         my Later [dict get $Settings -ready] Late
         ::sorma::AtEnd $Pid [namespace code {my Ended}]
     }
@@ -96,7 +105,7 @@ oo::class create ::sorma::launch::Daemon {
         }
         for {set at 0} {$at == 0 || $at < [string length $line]} {incr at $longest} {
             set piece [string range $line $at [expr {$at + $longest - 1}]]
-            Say $Name $piece {} $Marks
+            say $Name $piece {} $Marks
             set Marks :
             set Last [lrange [list {*}$Last [string range $piece 0 199]] end-9 end]
         }
@@ -119,7 +128,7 @@ oo::class create ::sorma::launch::Daemon {
     # Without its socket here it is ready all the same, for those who reach it by TCP.
     method Forwarded {here {why {}}} {
         if {!$here} {
-            Say * "$Name: its socket is not to be had on this host: $why" 33
+            say * "$Name: its socket is not to be had on this host: $why" 33
             my EndForward
         }
         if {$State eq "starting"} {
@@ -139,7 +148,7 @@ oo::class create ::sorma::launch::Daemon {
         set State ready
         set took [format %.1f [expr {([clock milliseconds] - $Begun) / 1000.0}]]
         set Begun [clock milliseconds]
-        after 0 [list ::sorma::launch::GotReady $Name $took]        ;# when its line has been shown
+        after 0 [list ::sorma::launch::gotReady $Name $took]        ;# when its line has been shown
     }
 
     method Late {} {
@@ -176,9 +185,9 @@ oo::class create ::sorma::launch::Daemon {
     # There is no process any more. how: what to say of it.
     method Over {how failed} {
         set was $State
-        if {$::sorma::launch::Stopping} {
+        if {[stopping]} {
             set State ended
-            if {$Killed && $::sorma::launch::Stopping == 1} {
+            if {$Killed && [stopping] == 1} {
                 set how "did not end in [dict get $Settings -grace] s and was killed"
             }
             if {$how eq "was killed by SIGTERM"} {      ;# as it was asked to
@@ -186,10 +195,10 @@ oo::class create ::sorma::launch::Daemon {
                 set failed 0
             }
             if {$failed} {
-                set ::sorma::launch::Code 1
+                failed
             }
-            Say * "$Name $how" [expr {$failed ? 31 : {}}]
-            Next
+            say * "$Name $how" [expr {$failed ? 31 : {}}]
+            goOn
             return
         }
         switch -- $was {
@@ -208,7 +217,7 @@ oo::class create ::sorma::launch::Daemon {
             incr Restarts
             set State pausing
             set how "$how; restart $Restarts of [dict get $Settings -limit] in $pause s"
-            Say * "$Name $how" [expr {$failed ? 31 : {}}]
+            say * "$Name $how" [expr {$failed ? 31 : {}}]
             my Later $pause start
             return
         }
@@ -219,7 +228,7 @@ oo::class create ::sorma::launch::Daemon {
                 append how ", and was restarted $Restarts times in vain"
             }
         }
-        Gone $Name $failed [dict get $Settings -essential] "[dict get $Settings place]: daemon $Name $how" $Last
+        gone $Name $failed [dict get $Settings -essential] "[dict get $Settings place]: daemon $Name $how" $Last
     }
 
     # ---- the end ----

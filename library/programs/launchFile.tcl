@@ -8,45 +8,29 @@
 # Words are quoted as in requests ("..." '...' {...}). A later option replaces an earlier one; those that take several
 # words add to it. Files of daemons on this host are relative to the folder of the launch file.
 
-namespace eval ::sorma::launch {
-    # What a daemon may be given: option -> {kind default help}. Kinds: a word; words, up to the next option; text,
-    # which is split into words; a whole number or seconds in a range; a boolean; a choice.
+package require sorma
+package require sorma::options
+package provide sorma::launchFile 1.0
+
+namespace eval ::sorma::launchFile {
+    # What a daemon may be given; the manual of sorma-launch says what for.
     variable Options {
-        -package    {words {} "Tcl packages that it loads"}
-        -dict       {words {} "dictionaries that it loads"}
-        -script     {word {} "Tcl script that it runs before it is ready"}
-        -port       {{whole 0 65535} {} "it also listens on TCP; 0: a free port"}
-        -host       {word {} "interface for TCP, there; sormad's default is 127.0.0.1"}
-        -socket     {word {} "its Unix-domain socket"}
-        -rpcbind    {boolean {} "register its port with rpcbind"}
-        -program    {word {} "program number there"}
-        -allow      {words {} "lines of its policy, one word each: {host 192.168.7.0/24 tune}"}
-        -policy     {word {} "file of its policy, there; default ~/.config/sorma/policy"}
-        -share      {boolean {} "let other users of that host connect to its Unix-domain socket"}
-        -log        {word {} "file for its background errors"}
-        -env        {words {} "NAME=VALUE, for its environment"}
-        -directory  {word {} "where it runs"}
-        -on         {word {} "user@host or host: it runs there, by ssh; else on this host"}
-        -after      {words {} "daemons that have to be ready before it is started"}
-        -ready      {{seconds 0.1 86400} 20 "time for it to get ready"}
-        -restart    {{choice never failure always} never "when it has ended by itself"}
-        -limit      {{whole 0 1000000} 5 "restarts in a row; a minute of service begins a new row"}
-        -pause      {{seconds 0 3600} 0.5 "before the first restart; doubles each time, up to 30 s"}
-        -grace      {{seconds 0 86400} 5 "between asking it to end (SIGTERM) and SIGKILL"}
-        -essential  {boolean 0 "when it is gone for good, end all"}
-        -sormad     {text sormad "what is run, with first arguments"}
-        -ssh        {text ssh "ssh client, with first arguments"}
+        -package words  -dict words  -script word  -port {{whole 0 65535}}  -host word  -socket word  -rpcbind boolean  -program word
+        -allow words  -policy word  -share boolean  -log word  -env words  -directory word  -on word  -after words
+        -ready {{seconds 0.1 86400} 20}  -restart {{choice never failure always} never}  -limit {{whole 0 1000000} 5}
+        -pause {{seconds 0 3600} 0.5}  -grace {{seconds 0 86400} 5}  -essential {boolean 0}
+        -sormad {{word {a command}} sormad}  -ssh {{word {a command}} ssh}
     }
 }
 
-# ::sorma::launch::Read --
+# ::sorma::launchFile::read --
 #       Read a launch file.
 # Arguments:
 #       file    its path
 # Results:
 #       A dict in the order of the file: name of daemon -> dict of its options and of line and place ("FILE:LINE").
 #       Fails with {SORMA LAUNCH FILE} and a line FILE:LINE: ... for each thing that is wrong.
-proc ::sorma::launch::Read file {
+proc ::sorma::launchFile::read file {
     variable Options
     set wrong [Readable $file]
     if {$wrong ne {}} {
@@ -55,9 +39,9 @@ proc ::sorma::launch::Read file {
     set channel [open $file]
     fconfigure $channel -encoding utf-8
     catch {fconfigure $channel -profile replace}        ;# Tcl 9 is strict otherwise
-    set text [read $channel]
+    set text [::read $channel]
     close $channel
-    set defaults [dict map {option facts} $Options {lindex $facts 1}]
+    set defaults [::sorma::options::defaults $Options]
     set daemons {}
     set wrong {}
     foreach {line entry} [Entries $text] {
@@ -67,7 +51,7 @@ proc ::sorma::launch::Read file {
             switch -- $keyword {
                 {} {}
                 defaults {
-                    set defaults [ParseOptions $words $defaults]
+                    set defaults [Take $words $defaults]
                 }
                 daemon {
                     set words [lassign $words name]
@@ -78,7 +62,7 @@ proc ::sorma::launch::Read file {
                         error "daemon $name is there already, in line [dict get $daemons $name line]"
                     }
                     dict set daemons $name [dict create line $line place $place {*}$defaults]
-                    set settings [ParseOptions $words [dict get $daemons $name]]
+                    set settings [Take $words [dict get $daemons $name]]
                     dict set daemons $name [CheckDaemon [file dirname $file] $settings]
                 }
                 default {
@@ -102,7 +86,7 @@ proc ::sorma::launch::Read file {
 }
 
 # Why a file cannot be read; empty: it can.
-proc ::sorma::launch::Readable file {
+proc ::sorma::launchFile::Readable file {
     if {![file exists $file]} {
         return "there is no such file"
     } elseif {[file isdirectory $file]} {
@@ -113,7 +97,7 @@ proc ::sorma::launch::Readable file {
 }
 
 # Lines that go on are joined. Returns a list of number, text.
-proc ::sorma::launch::Entries text {
+proc ::sorma::launchFile::Entries text {
     set entries {}
     set number 0
     set begun 0
@@ -138,75 +122,25 @@ proc ::sorma::launch::Entries text {
 }
 
 # Take words of a line over into options.
-proc ::sorma::launch::ParseOptions {words settings} {
+proc ::sorma::launchFile::Take {words settings} {
     variable Options
-    while {[llength $words] > 0} {
-        set words [lassign $words option]
-        if {![dict exists $Options $option]} {
-            return -code error "unknown option \"$option\": must be one of [join [lsort [dict keys $Options]] {, }]"
-        }
-        lassign [dict get $Options $option] kind
-        if {$kind eq "words"} {
-            for {set n 0} {$n < [llength $words] && ![string match -* [lindex $words $n]]} {incr n} {}
-            if {$n == 0} {
-                return -code error "$option needs a value"
-            }
-            dict lappend settings $option {*}[lrange $words 0 $n-1]
-            set words [lrange $words $n end]
-        } else {
-            if {[llength $words] == 0} {
-                return -code error "$option needs a value"
-            }
-            set words [lassign $words value]
-            dict set settings $option [CheckValue $option $kind $value]
-        }
-        if {[string first \0 [dict get $settings $option]] >= 0} {
+    set settings [::sorma::options::take $Options $settings $words]
+    dict for {option value} $settings {
+        if {[string first \0 $value] >= 0} {
             return -code error "$option holds a zero character: no program can be given that"
         }
     }
     return $settings
 }
 
-# The value as it is used. An error says what was expected.
-proc ::sorma::launch::CheckValue {option kind value} {
-    lassign $kind type low high
-    set good 1
-    switch -- $type {
-        whole {
-            set good [expr {[regexp {^\d{1,9}$} $value] && [scan $value %d] >= $low && [scan $value %d] <= $high}]
-            set expected "a whole number from $low to $high"
-        }
-        seconds {
-            set good [expr {[string is double -strict $value] && $value >= $low && $value <= $high}]
-            set expected "seconds from $low to $high"
-        }
-        boolean {
-            set good [string is boolean -strict $value]
-            set expected "a boolean"
-        }
-        choice {
-            set choices [lrange $kind 1 end]
-            set good [expr {$value in $choices}]
-            set expected [join [lreplace $choices end end "or [lindex $choices end]"] {, }]
-        }
-        text {
-            set value [::sorma::SplitWords $value]
-            set good [expr {[llength $value] > 0}]
-            set expected "a command"
-        }
-        word {
-            set good [expr {$value ne {}}]
-            set expected "a word that is not empty"
-        }
-    }
-    if {!$good} {
-        return -code error "$option expects $expected, got \"$value\""
-    }
-    return $value
-}
-
 # What can be said about a daemon alone. Returns its settings, the files of this host with their full path.
-proc ::sorma::launch::CheckDaemon {folder settings} {
+proc ::sorma::launchFile::CheckDaemon {folder settings} {
+    foreach option {-sormad -ssh} {
+        dict set settings $option [::sorma::SplitWords [dict get $settings $option]]
+        if {[llength [dict get $settings $option]] == 0} {
+            return -code error "$option expects a command, got only blanks"
+        }
+    }
     dict with settings {
         foreach word ${-env} {
             if {![regexp {^[A-Za-z_][A-Za-z0-9_]*=} $word]} {
@@ -235,7 +169,7 @@ proc ::sorma::launch::CheckDaemon {folder settings} {
 }
 
 # Is what an option names there, as far as it has to be?
-proc ::sorma::launch::CheckFile {option file} {
+proc ::sorma::launchFile::CheckFile {option file} {
     if {$option eq "-log"} {
         set file [file dirname $file]
     }
@@ -252,17 +186,17 @@ proc ::sorma::launch::CheckFile {option file} {
 }
 
 # The values of an option as a list: none, one, or several.
-proc ::sorma::launch::Values {option settings} {
+proc ::sorma::launchFile::Values {option settings} {
     variable Options
     set value [dict get $settings $option]
-    if {[lindex [dict get $Options $option] 0] in {words text}} {
+    if {[lindex [dict get $Options $option] 0] eq "words"} {
         return $value
     }
     return [expr {$value eq {} ? {} : [list $value]}]
 }
 
 # What is wrong with -after: a list of messages.
-proc ::sorma::launch::CheckOrder daemons {
+proc ::sorma::launchFile::CheckOrder daemons {
     set wrong {}
     dict for {name settings} $daemons {
         foreach before [dict get $settings -after] {
@@ -275,7 +209,7 @@ proc ::sorma::launch::CheckOrder daemons {
     if {[llength $wrong] > 0} {
         return $wrong
     }
-    set order [StartOrder $daemons]
+    set order [startOrder $daemons]
     foreach name [dict keys $daemons] {
         if {$name ni $order} {
             set chain [Circle $daemons $order $name]
@@ -286,8 +220,8 @@ proc ::sorma::launch::CheckOrder daemons {
     return {}
 }
 
-# Names in an order in which they can be started; those that wait in a circle, or for one, are left out.
-proc ::sorma::launch::StartOrder daemons {
+# ::sorma::launchFile::startOrder DAEMONS -- names in an order in which they can be started; those that wait in a circle, or for one, are left out.
+proc ::sorma::launchFile::startOrder daemons {
     set order {}
     for {set before -1} {[llength $order] > $before} {} {
         set before [llength $order]
@@ -302,7 +236,7 @@ proc ::sorma::launch::StartOrder daemons {
 }
 
 # The circle to which -after leads from a daemon that is not in the order: its names, the first one again at the end.
-proc ::sorma::launch::Circle {daemons order name} {
+proc ::sorma::launchFile::Circle {daemons order name} {
     set chain {}
     while {$name ni $chain} {
         lappend chain $name

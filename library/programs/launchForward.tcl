@@ -3,6 +3,10 @@
 # By ssh, so the operator arrives there as himself, with his own rights, and needs no TCP port. The socket lies in the
 # runtime folder of this host, so NAME is an alias that works here as it does there.
 
+package require sorma
+package provide sorma::launchForward 1.0
+namespace eval ::sorma::launch {}
+
 oo::class create ::sorma::launch::Forward {
     variable Pipe
     variable Socket

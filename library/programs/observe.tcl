@@ -1,8 +1,8 @@
 # observe.tcl -- what happens: watch tells what changes in an object, monitor what passes through a daemon, rate how often an object
 # publishes. They only listen, by the lines of the model.
 
+package provide sorma::observe 1.0         ;# before what needs it in turn
 package require sorma::inspect
-package provide sorma::observe 1.0
 
 namespace eval ::sorma::inspect {
     variable Watches            ;# dict: id -> {kind name command tokens, and what that kind of watch has}

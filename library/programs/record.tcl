@@ -13,6 +13,8 @@
 # A recording made with -exact compares everything but DBX and what looks around.
 
 package require sorma
+package require sorma::line
+package require sorma::options
 package provide sorma::record 1.0
 namespace eval ::sorma::record {
     # dict while something is recorded: script and suite (files), exact, and steps: list of dicts with
@@ -35,16 +37,12 @@ proc ::sorma::record::start {file args} {
     if {$Recording ne {}} {
         return -code error -errorcode {SORMA RECORD BUSY} "[dict get $Recording script] is being recorded; record stop ends that"
     }
-    foreach option $args {
-        if {$option ne "-exact"} {
-            return -code error -errorcode {SORMA RECORD SYNTAX} "bad option \"$option\": must be -exact"
-        }
-    }
+    set exact [dict get [::sorma::options::parse {-exact flag} $args] -exact]
     set script [file normalize $file]
     if {[file extension $script] eq ".test"} {
         set script [file rootname $script].tcl
     }
-    set recording [dict create script $script suite [file rootname $script].test exact [llength $args] steps {}]
+    set recording [dict create script $script suite [file rootname $script].test exact $exact steps {}]
     Write $recording
     set Recording $recording
     return "recording [dict get $recording script] and [file tail [dict get $recording suite]]"
@@ -126,12 +124,10 @@ proc ::sorma::record::note {line script code result options} {
     }
 }
 
-# The first two words of a script, without looking into them.
+# The first two words of what a script executes; of "set x [foo EXEC]" those inside of the brackets.
 proc ::sorma::record::Head script {
-    if {[regexp {^\s*(?:set\s+\S+\s+\[)?(\S+)(?:\s+(\S+))?} $script -> name method]} {
-        return [list $name $method]
-    }
-    return {}
+    regexp {^\s*set\s+\S+\s+\[(.*)$} $script -> script
+    return [::sorma::line::head $script]
 }
 
 # ---- the two files ----
@@ -196,7 +192,7 @@ proc ::sorma::record::Expectation {step exact} {
     set result [dict get $step result]
     set script [dict get $step script]
     lassign [Head $script] name method
-    set plain [expr {[regexp {^\s*\S+\s+(?:EXEC|CTRL|DBX)\M} $script]}]
+    set plain [::sorma::line::isRequest {*}[lrange [list {*}[::sorma::line::head $script] {} {}] 0 1]]
     if {$name in $Looking} {
         return "-match glob -result *"
     }
@@ -249,9 +245,7 @@ proc ::sorma::record::Braced text {
 
 # What stands in a recording may rely on the commands of scott.
 proc ::sorma::record::prepare {} {
-    if {[info commands ::sorma::scott::prepare] eq {}} {
-        uplevel #0 [list source -encoding utf-8 [file join $::sorma::library scott.tcl]]
-    }
+    package require sorma::scott
     ::sorma::scott::prepare
 }
 

@@ -2,28 +2,26 @@
 #
 # ::sorma::scott::main reads the command line and does what it says; ::sorma::scott::interact is the prompt alone.
 # What is typed is Tcl. A command whose first word is a service object's name and whose second is EXEC, CTRL or DBX may
-# also quote words as 'text', taken as it stands: see Translate.
+# also quote words as 'text', taken as it stands: see line.tcl.
 #
 # Everything typed runs in a coroutine, so that the event loop goes on while a request waits, and Ctrl-C can give up the
 # request and not the program. A batch (-c, a file, a pipe) runs as in tclsh.
 
+package require sorma
+package require sorma::line
+package require sorma::options
+package require sorma::text
+package require sorma::usage
+package provide sorma::scott 1.0
+
 namespace eval ::sorma::scott {
-    variable Usage {usage: scott ?--json? ?-c REQUEST ...?
-       scott ?--json? COMMAND ?ARG ...?
-       scott ?--json? FILE ?ARG ...?
-       scott ?--json? < REQUESTS
-Without words, on a terminal, requests and any Tcl are typed at a prompt.
-  -c REQUEST    do this; any number of them, one after another, until one fails
-  COMMAND ...   one of the inspector's: ls, daemons, watch, monitor, rate, doctor ... (scott help lists them)
-  FILE ARG ...  do what stands in a Tcl script, which finds its words in argv
-  --json        print replies and errors as JSON, one line each
-  -h, --help    this text
-  --version     the version of SORMA
-Exit code: 0, 1 after an error, 2 for a bad command line.}
+    variable Options {-c {{collect {a request}}}  --json flag  --version flag  --help flag  -h flag}
+    variable Counts {calls underway objects count rate mean min max jitter lost}    ;# what is a number in the inspector's data
     variable Json 0
     variable Direct 0       ;# one of these is what was typed, not a part of it
     variable Outcome        ;# of the command that was typed last, once it is there: list of catch's code, result, options
     variable HistoryFile {} ;# where what is typed is noted; empty: nowhere
+    variable Waited         ;# set now and then, while a watch goes on
     variable Pending {}     ;# lines of the command that is being typed, before the current one
     variable Editing 0      ;# lines are edited; else they are read as they come
 }
@@ -31,39 +29,31 @@ Exit code: 0, 1 after an error, 2 for a bad command line.}
 # ::sorma::scott::main --
 #       Run the program scott.
 # Arguments:
-#       words   command line, as Usage says
+#       words   command line, as the manual says
 # Results:
 #       Exit code of the program.
 proc ::sorma::scott::main words {
-    variable Usage
+    variable Options
     variable Json
-    set requests {}
-    while {[string match -* [lindex $words 0]]} {
-        set words [lassign $words option]
-        switch -- $option {
-            -h - --help {
-                puts $Usage
-                return 0
-            }
-            --version {
-                puts "scott, SORMA [package present sorma], Tcl [info patchlevel]"
-                return 0
-            }
-            --json { set Json 1 }
-            --complete {
-                ShellWords $words       ;# for the shells: see library/scott.bash
-                return 0
-            }
-            -c {
-                if {[llength $words] == 0} {
-                    return [Misused "-c needs a request"]
-                }
-                set words [lassign $words request]
-                lappend requests $request
-            }
-            default { return [Misused "unknown option \"$option\""] }
-        }
+    if {[lindex $words 0] eq "--complete"} {
+        ShellWords [lrange $words 1 end]        ;# for the shells: see library/scott.bash
+        return 0
     }
+    try {
+        set settings [::sorma::options::leading $Options words]
+    } trap {SORMA REQUEST SYNTAX} message {
+        return [Misused $message]
+    }
+    if {[dict get $settings --help] || [dict get $settings -h]} {
+        puts [::sorma::usage::program scott]
+        return 0
+    }
+    if {[dict get $settings --version]} {
+        puts "scott, SORMA [package present sorma], Tcl [info patchlevel]"
+        return 0
+    }
+    set Json [dict get $settings --json]
+    set requests [dict get $settings -c]
     if {[llength $requests] > 0 && [llength $words] > 0} {
         return [Misused "either -c or a file, not both: \"[lindex $words 0]\""]
     }
@@ -104,7 +94,7 @@ proc ::sorma::scott::ShellWords words {
         }
         return
     }
-    Put [lsearch -all -inline -glob [concat [Commands] {-c --json --help --version}] [::sorma::text::escape $partial]*]
+    Put [lsearch -all -inline -glob [concat [Commands] [dict keys [::sorma::usage::options scott]]] [::sorma::text::escape $partial]*]
 }
 
 # The words that can end a line of the prompt, each with what of its last word stands before it.
@@ -125,9 +115,8 @@ proc ::sorma::scott::Put words {
 }
 
 proc ::sorma::scott::Misused message {
-    variable Usage
     puts stderr "scott: $message"
-    puts stderr $Usage
+    puts stderr [::sorma::usage::program scott]
     return 2
 }
 
@@ -192,7 +181,7 @@ proc ::sorma::scott::Watches {} {
 
 # Execute a command and print what came. Returns whether it succeeded.
 proc ::sorma::scott::Do line {
-    set code [catch {Run [Translate $line]} result options]
+    set code [catch {Run [::sorma::line::translate $line]} result options]
     try {
         Print $line $code $result $options
         flush stdout
@@ -204,7 +193,8 @@ proc ::sorma::scott::Do line {
 
 proc ::sorma::scott::Run script {
     variable Direct
-    set Direct [expr {[regexp {^\s*(\w+)} $script -> command] && $command in [Commands]}]
+    set command [lindex [::sorma::line::head $script] 0]
+    set Direct [expr {$command in [Commands]}]
     if {$Direct && $command ni {trail record}} {       ;# what these return fits where it is shown
         ::sorma::showDefaults {*}[dict filter [ShowSettings stdout] key -width -colour]
     }
@@ -236,7 +226,7 @@ proc ::sorma::scott::Piped {} {
         fileevent stdin readable {}
         if {$Input eq {} && [eof stdin]} break
         append command $Input
-        if {![IsComplete $command]} {
+        if {![::sorma::line::isComplete $command]} {
             append command \n
             continue
         }
@@ -303,7 +293,7 @@ proc ::sorma::scott::Turn {} {
         return $unfinished
     }
     append Pending $line
-    if {![IsComplete $Pending]} {
+    if {![::sorma::line::isComplete $Pending]} {
         append Pending \n
         return 1
     }
@@ -391,7 +381,7 @@ proc ::sorma::scott::Execute line {
         puts {}     ;# after the ^C
     }
     Print $line $code $result $options
-    if {[Records] && ![catch {Translate $line} script]} {
+    if {[Records] && ![catch {::sorma::line::translate $line} script]} {
         ::sorma::record::note $line $script $code $result $options
     }
 }
@@ -399,7 +389,7 @@ proc ::sorma::scott::Execute line {
 proc ::sorma::scott::Evaluate line {
     variable Outcome
     set code [catch {
-        set script [Translate $line]
+        set script [::sorma::line::translate $line]
         if {[Records]} {
             ::sorma::record::before $script
         }
@@ -414,91 +404,6 @@ proc ::sorma::scott::Records {} {
 
 proc ::sorma::scott::BackgroundError {message options} {
     puts stderr "background error: $message"
-}
-
-# ---- the language ----
-
-# ::sorma::scott::Translate --
-#       The Tcl of what is typed. A command whose first word looks like the name of a service object and whose second is
-#       EXEC, CTRL or DBX is a request: its words may also be quoted as '...', in which nothing is special. All else,
-#       "..." and {...}, $variables and [commands], is Tcl's own.
-# Arguments:
-#       line    commands, on any number of lines
-# Results:
-#       The same commands with each '...' as Tcl quotes it. Error SCOTT INCOMPLETE: a quote, brace or bracket is open.
-proc ::sorma::scott::Translate line {
-    set out {}
-    set at 0
-    set end [string length $line]
-    while {$at < $end} {
-        regexp -start $at {\A[\s;]*} $line blank
-        append out $blank
-        incr at [string length $blank]
-        if {[regexp -start $at {\A([A-Za-z][^\s\[\]$"{};\\']*)[ \t]+(?:EXEC|CTRL|DBX)(?=[\s;]|$)} $line head]} {
-            append out $head
-            incr at [string length $head]
-            append out [Words $line at]
-        } else {
-            append out [Upto {[;\n]} $line at]
-        }
-    }
-    return $out
-}
-
-# The words of a request up to its end; atVar moves there.
-proc ::sorma::scott::Words {line atVar} {
-    upvar 1 $atVar at
-    set out {}
-    while {[regexp -start $at {\A(?:[ \t]|\\\n)+} $line blank]} {
-        append out $blank
-        incr at [string length $blank]
-        if {[regexp -start $at {\A'([^']*)'(?=[\s;]|$)} $line quoted text]} {
-            append out [list $text]
-            incr at [string length $quoted]
-        } elseif {[string index $line $at] ne "'"} {
-            append out [Upto {[\s;]} $line at]
-        } elseif {[regexp -start $at {\A'[^']*'(\S+)} $line - junk]} {
-            return -code error -errorcode {SORMA SCOTT SYNTAX} "extra characters after close-quote: \"$junk\""
-        } else {
-            return -code error -errorcode {SORMA SCOTT INCOMPLETE} "missing '"
-        }
-    }
-    return $out
-}
-
-# The text up to the first character of a set where Tcl's quotes, braces and brackets are closed.
-proc ::sorma::scott::Upto {set line atVar} {
-    upvar 1 $atVar at
-    set from $at
-    while {[regexp -start $at -indices $set $line found]} {
-        set at [lindex $found 0]
-        set text [string range $line $from [expr {$at - 1}]]
-        # A backslash before the character makes it part of the text.
-        if {[info complete $text] && ![regexp {(?:^|[^\\])(?:\\\\)*\\$} $text]} {
-            return $text
-        }
-        incr at
-    }
-    set at [string length $line]
-    set text [string range $line $from end]
-    if {![info complete $text]} {
-        return -code error -errorcode {SORMA SCOTT INCOMPLETE} "missing close-quote, -brace or -bracket"
-    }
-    return $text
-}
-
-proc ::sorma::scott::IsComplete line {
-    if {[regexp {(?:^|[^\\])(?:\\\\)*\\\n?$} $line]} {
-        return 0
-    }
-    try {
-        Translate $line
-    } trap {SORMA SCOTT INCOMPLETE} {} {
-        return 0
-    } on error {} {
-        # wrong, but all there
-    }
-    return 1
 }
 
 # ---- history: one command a line, a newline in it as \n and a backslash as \\ ----
@@ -585,19 +490,37 @@ proc ::sorma::scott::Print {line code result options} {
     if {$code != 1 && $result eq {} && !$Json} {
         return
     }
-    if {$code != 1 && $Direct && (!$Json || [regexp {^\s*(ls|tree|daemons|dump|top|find|rate|doctor|trail)\M} $line])} {
+    if {$code != 1 && $Direct && (!$Json || [lindex [::sorma::line::head $line] 0] ni {help watch unwatch monitor record})} {
         puts $result
         return
     }
     set channel [expr {$code == 1 && !$Json ? "stderr" : "stdout"}]
     set settings [ShowSettings $channel]
-    if {[regexp {^\s*(\S+)\s+(EXEC|CTRL|DBX|exec)\M} $line -> name]} {
-        lappend settings -so $name
+    if {$code != 1} {
+        lappend settings {*}[WhatItIs $line]
     }
     if {$code == 1} {
         lappend settings -error $options
     }
     puts $channel [::sorma::show $result {*}$settings]
+}
+
+# What the table of an object's class says about its answer: units and names of what EXEC writes, the type of an option.
+proc ::sorma::scott::WhatItIs line {
+    variable Json
+    lassign [::sorma::line::head $line 3] name method option
+    if {!($method in {EXEC CTRL DBX exec} || $Json && $method eq "cget")} {
+        return {}
+    }
+    package require sorma::table
+    set table [::sorma::Aside [list ::sorma::table guess $name]]
+    if {$table eq {}} {
+        return {}
+    }
+    if {$method ne "cget"} {
+        return [list -writes [dict get $table writes]]
+    }
+    return [list -as plain -type [lindex [lsearch -inline -index 0 -exact [dict get $table options] $option] 1]]
 }
 
 # On a terminal for a person, with its width and perhaps colours; elsewhere everything, for a program.
@@ -644,20 +567,19 @@ proc ::sorma::scott::Look {name args} {
 proc ::sorma::scott::JsonOptions options {
     set fields [lmap option $options {
         lassign $option name type unit range default value
-        switch -- $type {
-            flag - int - double { set text [::sorma::json::number $value] }
-            vector { set text \[[join [lmap x $value {::sorma::json::number $x}] ,]\] }
-            default { set text [::sorma::json::text $value] }
-        }
-        string cat [::sorma::json::text $name] : $text
+        string cat [::sorma::json::text $name] : [::sorma::json::typed $type $value]
     }]
     return "{[join $fields ,]}"
 }
 
 proc ::sorma::scott::JsonObject dict {
+    variable Counts
     set fields {}
     dict for {key value} $dict {
-        set value [expr {$key eq "uses" ? [JsonObject $value] : [::sorma::json::value $value]}]
+        set value [switch -- $key {
+            uses { JsonObject $value }
+            default { if {$key in $Counts && $value ne {}} {::sorma::json::number $value} else {::sorma::json::text $value} }
+        }]
         lappend fields "[::sorma::json::text $key]:$value"
     }
     return "{[join $fields ,]}"
@@ -667,12 +589,11 @@ proc ::sorma::scott::JsonObject dict {
 proc ::sorma::scott::Help args {
     set text [::sorma::inspect::help {*}$args]
     if {[llength $args] == 0} {
-        append text \n [::sorma::text::table {} {
-            {{trail ?name? ?number? ?-stack?} {all messages of the last request, or of an object's last one; one; its stack trace}}
-            {{record file ?-exact?} {keeps what is typed as a script, and as a test suite}}
-            {{record stop} {ends the recording}}
-            {{Tab, Ctrl-R, Ctrl-C, Ctrl-D} {complete; search what was typed; give up; leave. More: man scott}}
-        } {*}[dict filter [::sorma::showDefaults] key -colour -width] -wrap 1]
+        append text \n [::sorma::text::table {} [list \
+            [list [join [::sorma::usage::of trail]] {all messages of the last request, or of an object's last one; one; its stack trace}] \
+            [list [join [::sorma::usage::of record] { or }] {keeps what is typed as a script, and as a test suite; ends that}] \
+            {{Tab, Ctrl-R, Ctrl-C, Ctrl-D} {complete; search what was typed; give up; leave. More: man scott}} \
+        ] {*}[dict filter [::sorma::showDefaults] key -colour -width] -wrap 1]
     }
     return $text
 }
@@ -683,7 +604,7 @@ proc ::sorma::scott::Record args {
         return [::sorma::record::stop]
     }
     if {[llength $args] == 0} {
-        return -code error -errorcode {SORMA REQUEST SYNTAX} "wrong # args: should be \"record file ?-exact?\" or \"record stop\""
+        ::sorma::usage::wrong record
     }
     return [::sorma::record::start {*}$args]
 }
@@ -692,17 +613,14 @@ proc ::sorma::scott::Record args {
 # stack trace of one, or of the first that has one. In colours only when it is shown at once.
 proc ::sorma::scott::Trail args {
     variable Direct
-    set words $args
-    if {[set stack [expr {[lindex $words end] eq "-stack"}]]} {
-        set words [lrange $words 0 end-1]
-    }
+    set stack [dict get [::sorma::options::parse {-stack flag} $args words] -stack]
     set number {}
     if {[string is integer -strict [lindex $words end]]} {
         set number [lindex $words end]
         set words [lrange $words 0 end-1]
     }
-    if {[llength $words] > 1 || [string match -* [lindex $words 0]]} {
-        return -code error -errorcode {SORMA REQUEST SYNTAX} "wrong # args: should be \"trail ?name? ?number? ?-stack?\""
+    if {[llength $words] > 1} {
+        ::sorma::usage::wrong trail
     }
     set trail [::sorma::trail {*}$words]
     set settings [expr {$Direct ? [ShowSettings stdout] : {-width 0}}]
@@ -710,9 +628,9 @@ proc ::sorma::scott::Trail args {
         return -code error -errorcode {SORMA REQUEST SYNTAX} "there is no message $number: the trail has [llength $trail]"
     }
     if {$stack} {
-        package require sorma::show
+        package require sorma::trail
         if {$number eq {}} {
-            set number [expr {max(1, [lsearch -exact [lmap entry $trail {::sorma::show::isStack $entry}] 1])}]
+            set number [expr {max(1, [lsearch -exact [lmap entry $trail {::sorma::trail::isStack $entry}] 1])}]
         }
         return [::sorma::showStack $trail $number {*}$settings]
     }

@@ -3,60 +3,34 @@
 # A line is read as Tcl reads it, up to the point; what the point is in decides: a command's name, a word of a request, a
 # value, a recipe in quotes. Tables come from table.tcl: nothing is made, nothing is called, nobody is waited for.
 
+package require sorma::line
 package require sorma::table
-package require sorma::show
+package require sorma::text
+package require sorma::usage
 package provide sorma::complete 1.0
 namespace eval ::sorma::complete {
     variable Methods {CTRL DBX EXEC cget configure destroy exec info}
     variable Infos {actions class dump example help inspections location methods name options purpose signature trail version}
-    # dict: command -> {usage options kinds}. kinds: of its words that are no options, the last one for all further:
-    # object (that there is), so (that can be), class, daemon, file, request (words), text (a request), recipe, setting
-    variable Commands {
-        sorma::async {{?-timeout ms? ?-command prefix? ?-oneway? name method ?word ...?} {-timeout -command -oneway} request}
-        sorma::dispatch {request {} text}
-        sorma::create {{name ?word ...?} {} {so recipe}}
-        sorma::remove {name {} {object none}}
-        sorma::exists {name {} {object none}}
-        sorma::names {?pattern? {} {object none}}
-        sorma::classes {?pattern? {} {class none}}
-        sorma::trail {?name? {} {object none}}
-        sorma::manual {{?name? ?-width n?} -width {topic none}}
-        sorma::health {{daemon ?-timeout ms?} -timeout {daemon none}}
-        sorma::subscribe {{name ?-event pattern? ?-latest? ?-queue n? -command prefix} {-event -latest -queue -command} {so none}}
-        sorma::serve {{name ?-port number? ?-host name? ?-socket path? ?-rpcbind boolean? ?-program number? ?-listen descriptors? ?-connection descriptor?
-            ?-allow line? ?-policy file? ?-share boolean? ?-wait?}
-            {-allow -connection -host -listen -policy -port -program -rpcbind -share -socket -wait} none}
-        sorma::unserve {{name ?reason?} {} none}
-        sorma::daemons {{} {} none}
-        sorma::all {{?-timeout ms? future ?future ...?} -timeout none}
-        sorma::any {{?-timeout ms? future ?future ...?} -timeout none}
-        sorma::grant {{interp allow|deny right ... ?on pattern ...?} {} none}
-        sorma::unsubscribe {{subscription} {} none}
-        sorma::subscriptions {{} {} none}
-        sorma::catalogue {{?pattern?} {} none}
-        sorma::resolve {{name} {} {so none}}
-        sorma::world {{watch|unwatch|get|keys|add|forget|value|ask ...} {-events -every -timeout -command} none}
-        sorma::configure {{?-setting? ?value ...?} {} setting}
-        sorma::show {{value ?-as kind? ?-colour boolean? ?-width n? ?-json boolean? ?-so name? ?-error options? ?-trail list? ?-whole boolean?}
-            {-as -colour -width -json -so -error -trail -whole} none}
-        sorma::inspect::ls {{?pattern? ?@daemon? ?-data?} -data {object at none}}
-        sorma::inspect::tree {{?pattern? ?@daemon? ?-data?} -data {object at none}}
-        sorma::inspect::daemons {?-data? -data none}
-        sorma::inspect::help {{?name? ?-data?} -data {topic none}}
-        sorma::inspect::dump {{name ?-data?} -data {object none}}
-        sorma::inspect::watch {{?name? ?-event e? ?-every ms? ?-command c?} {-event -every -command} {object none}}
-        sorma::inspect::unwatch {{?id?} {} none}
-        sorma::inspect::top {{?-count n? ?@daemon? ?-data?} {-count -data} {at none}}
-        sorma::inspect::find {{word ?@daemon? ?-data?} -data {none at}}
-        sorma::inspect::monitor {{?pattern? ?@daemon? ?-only kinds?} {-only -command} {object at none}}
-        sorma::inspect::rate {{name ?-event pattern? ?-for seconds? ?-data?} {-data -event -for} {object none}}
-        sorma::inspect::doctor {?-data? -data none}
-        package {} source {} cd {} open {} load {} glob {} exec {} file {}
-        trail {{?name? ?number? ?-stack?} {-stack} {object none}}
-        record {{stop | file ?-exact?} -exact {file none}}
+    # What the words of commands stand for, by their names in the manual; of some commands it is something else. object (that there
+    # is), so (that can be), class, daemon, at (@daemon), file, text (a request), request (words), recipe, setting, topic.
+    variable Kinds {NAME so SO object KEY object name object pattern object daemon daemon @daemon at class class file file path file
+        request text address daemon}
+    variable Special {
+        sorma::async {method request word request}
+        sorma::create {name so option recipe}
+        sorma::classes {pattern class}
+        sorma::catalogue {pattern none}
+        sorma::manual {name topic}
+        sorma::inspect::help {name topic}
+        sorma::serve {name none}
+        sorma::unserve {name none}
+        sorma::resolve {name so}
+        sorma::configure {option setting value setting}
+        sorma::action {request none}
+        sorma::example {request none}
     }
-    # Commands whose words are names of files.
-    variable FileCommands {source cd open load glob exec file record}
+    # Commands of Tcl whose words are names of files.
+    variable FileCommands {source cd open load glob exec file}
 }
 
 # ::sorma::complete --
@@ -73,7 +47,7 @@ proc ::sorma::complete {line point} {
 
 proc ::sorma::complete::Complete {line point} {
     set point [expr {max(0, min($point, [string length $line]))}]
-    set context [Scan [string range $line 0 $point-1] 0 script {}]
+    set context [::sorma::line::context [string range $line 0 $point-1]]
     # Braces may hold a script or a text: the command around them knows.
     if {[dict exists $context outer words] && [WantsText [dict get $context outer words]]} {
         set context [dict get $context outer]
@@ -107,127 +81,6 @@ proc ::sorma::complete::Complete {line point} {
         set hint [::sorma::text::clean $hint]
     }
     return [dict create from $from words $found hint $hint]
-}
-
-# ---- reading the line ----
-
-# What the end of a text is in: a dict of words (before, of the same command), partial (the word there as far as it is
-# typed, without quoting), from (where it begins), quote (in what: empty, ", {, ') and outer (the context around braces
-# or quotes; empty when there is none); or comment and outer. kind: script, bracket, or brace. For a bracket that is
-# closed within the text: {closed POSITION}.
-proc ::sorma::complete::Scan {text at kind outer} {
-    set end [string length $text]
-    set words {}
-    while 1 {
-        while {$at < $end && [string index $text $at] in [list { } \t] || [string range $text $at $at+1] eq "\\\n"} {
-            incr at [expr {[string index $text $at] eq "\\" ? 2 : 1}]
-        }
-        if {$at >= $end} {
-            return [dict create words $words partial {} from $end quote {} outer $outer]
-        }
-        set c [string index $text $at]
-        if {$c in [list \n ";"]} {
-            set words {}
-            incr at
-            continue
-        }
-        if {$c eq "]" && $kind eq "bracket"} {
-            return [list closed [expr {$at + 1}]]
-        }
-        if {$c eq "#" && [llength $words] == 0} {
-            set at [string first \n $text $at]
-            if {$at < 0} {
-                return [dict create comment 1 outer $outer]
-            }
-            continue
-        }
-        set read [Word $text $at $words $kind $outer]
-        if {![dict exists $read at]} {
-            return $read
-        }
-        set at [dict get $read at]
-        if {[dict get $read value] eq "{*}" && [string index $text $at] ni [list { } \t \n ";" {}]} {
-            continue
-        }
-        lappend words [dict get $read value]
-    }
-}
-
-# One word: a dict of value and at, its end; or the context, as Scan returns it, when the text ends in it.
-proc ::sorma::complete::Word {text at words kind outer} {
-    set end [string length $text]
-    set c [string index $text $at]
-    set here [dict create words $words outer $outer]
-    if {$c eq "\{"} {
-        set close [MatchBrace $text $at]
-        if {$close < 0} {
-            dict set here partial [string range $text $at+1 end]
-            dict set here from [expr {$at + 1}]
-            dict set here quote "\{"
-            return [Scan $text [expr {$at + 1}] brace $here]
-        }
-        return [dict create value [string range $text $at+1 $close-1] at [expr {$close + 1}]]
-    }
-    if {$c eq "'" && [lindex $words 1] in {CTRL DBX EXEC}} {
-        set close [string first ' $text $at+1]
-        if {$close < 0} {
-            set rest [string range $text $at+1 end]
-            return [dict create words $words partial $rest from [expr {$at + 1}] quote ' outer $outer]
-        }
-        return [dict create value [string range $text $at+1 $close-1] at [expr {$close + 1}]]
-    }
-    set start $at
-    set quote {}
-    if {$c eq "\""} {
-        set quote $c
-        incr at
-        set start $at
-    }
-    set value {}
-    while {$at < $end} {
-        set c [string index $text $at]
-        if {$quote eq {} && $c in [list { } \t \n ";"] || $quote eq {} && $c eq "]" && $kind eq "bracket"} {
-            return [dict create value $value at $at]
-        }
-        if {$quote ne {} && $c eq $quote} {
-            return [dict create value $value at [expr {$at + 1}]]
-        }
-        if {$c eq "\\"} {
-            append value [subst -nocommands -novariables [string range $text $at $at+1]]
-            incr at 2
-            continue
-        }
-        if {$c eq "\["} {
-            set inside [Scan $text [expr {$at + 1}] bracket {}]
-            if {[lindex $inside 0] ne "closed"} {
-                return $inside
-            }
-            append value [string range $text $at [lindex $inside 1]-1]
-            set at [lindex $inside 1]
-            continue
-        }
-        append value $c
-        incr at
-    }
-    return [dict create words $words partial $value from $start quote $quote outer $outer]
-}
-
-proc ::sorma::complete::MatchBrace {text at} {
-    set depth 0
-    set end [string length $text]
-    while {$at < $end} {
-        switch -- [string index $text $at] {
-            "\\" { incr at }
-            "\{" { incr depth }
-            "\}" {
-                if {[incr depth -1] == 0} {
-                    return $at
-                }
-            }
-        }
-        incr at
-    }
-    return -1
 }
 
 # A word as it has to be typed in its quotes.
@@ -282,11 +135,18 @@ proc ::sorma::complete::ForWord {words partial} {
     if {[llength $words] == 0} {
         return [ForCommand $partial]
     }
-    lassign [Expected $words] kind one two
-    if {[string match -* $partial] && $kind in {so object at daemon class topic}} {
-        set kind option
-        set two [Options [lindex $words 0]]
+    set expected [Expected $words]
+    if {[string match -* $partial] && [lindex $expected 0] in {so object at daemon class topic file either list}} {
+        set options [Without [dict keys [::sorma::usage::options [Documented [lindex $words 0]]]] $words]
+        if {[llength $options] > 0} {
+            set expected [list list [lindex $expected 1] $options]
+        }
     }
+    return [ForKind $expected $partial]
+}
+
+proc ::sorma::complete::ForKind {expected partial} {
+    lassign $expected kind one two
     switch -- $kind {
         request { return [Request $one $partial] }
         methods {
@@ -297,12 +157,12 @@ proc ::sorma::complete::ForWord {words partial} {
         }
         recipe {
             set skip [expr {[string last { } $partial] + 1}]
-            set before [Split [string range $partial 0 $skip-1]]
+            set before [::sorma::line::words [string range $partial 0 $skip-1]]
             lassign [Recipe $one [concat $two $before] [string range $partial $skip end]] candidates hint
             return [list $candidates $hint $skip]
         }
         text {
-            set context [Scan $partial 0 script {}]
+            set context [::sorma::line::context $partial]
             if {[dict exists $context comment] || [llength [dict get $context words]] == 0} {
                 return [list [Names $partial] $one 0]
             }
@@ -316,9 +176,12 @@ proc ::sorma::complete::ForWord {words partial} {
         class { return [list [::sorma::table classes {}] $one] }
         topic { return [list [concat [Names $partial] [Topics]] $one] }
         setting { return [list [dict keys [::sorma::configure]] $one] }
-        option { return [list $two $one] }
         file { return [list [Files $partial] $one] }
         list { return [list $two $one] }
+        either {
+            lassign [ForKind [list $two $one] $partial] candidates hint skip
+            return [list [concat $candidates [lindex $expected 3]] $hint $skip]
+        }
         none { return [list {} $one] }
     }
     set found [Names $partial]
@@ -328,22 +191,26 @@ proc ::sorma::complete::ForWord {words partial} {
     return [list $found $one]
 }
 
-# Options of a command of the table above.
-proc ::sorma::complete::Options command {
-    variable Commands
+# The name of a command in the manual; empty: it is not there. A word of scott's is meant only where it is a command.
+proc ::sorma::complete::Documented command {
     set command [string trimleft $command :]
-    foreach name [list $command sorma::inspect::$command] {
-        if {[dict exists $Commands $name]} {
-            return [lindex [dict get $Commands $name] 1]
+    set known [::sorma::usage::commands]
+    if {[string match sorma::* $command]} {
+        return [if {$command in $known} {set command}]
+    }
+    if {[Known $command] eq {}} {
+        return {}
+    }
+    foreach name [list sorma::inspect::$command $command] {
+        if {$name in $known && "::sorma::words::$command" eq [Known $command]} {
+            return $name
         }
     }
-    return {}
 }
 
-# What a command expects next: {kind ...}. request WORDS; methods NAME; recipe NAME WORDS; option HINT LIST; list HINT
-# LIST; else a kind of the table above and a hint.
+# What a command expects next: {kind ...}. request WORDS; methods NAME; recipe NAME WORDS; list HINT LIST; either HINT KIND LIST;
+# else a kind of the table above and a hint.
 proc ::sorma::complete::Expected words {
-    variable Commands
     variable FileCommands
     variable Methods
     set command [string trimleft [lindex $words 0] :]
@@ -352,65 +219,18 @@ proc ::sorma::complete::Expected words {
         set command [string range $command 11 end]
         lset words 0 $command
     }
-    set full $command
-    if {![dict exists $Commands $full] && [dict exists $Commands sorma::inspect::$command] && [Known $command] ne {}} {
-        set full sorma::inspect::$command
-    }
-    if {$command eq "sorma" && [llength $rest] > 0 && [dict exists $Commands sorma::[lindex $rest 0]]} {
+    if {$command eq "sorma" && [llength $rest] > 0 && [Documented sorma::[lindex $rest 0]] ne {}} {
         return [Expected [list sorma::[lindex $rest 0] {*}[lrange $rest 1 end]]]
     }
-    if {$full in $FileCommands} {
-        return [list file [usage $full]]
+    if {$command in $FileCommands} {
+        return [list file [usage $command]]
     }
-    if {$full eq "package" && [lindex $rest 0] in {require present versions names}} {
+    if {$command eq "package" && [lindex $rest 0] in {require present versions names}} {
         return [list list {} [package names]]
     }
-    if {[dict exists $Commands $full] && $full ne "package"} {
-        lassign [dict get $Commands $full] usage options kinds
-        set hint "$full $usage"
-        if {$full eq "sorma::async"} {
-            while {[string match -* [lindex $rest 0]]} {
-                if {[lindex $rest 0] ne "-oneway"} {
-                    if {[llength $rest] == 1} {
-                        return [list none $hint]
-                    }
-                    set rest [lrange $rest 1 end]
-                }
-                set rest [lrange $rest 1 end]
-            }
-            if {[llength $rest] == 0} {
-                return [list so $hint]
-            }
-            return [Expected $rest]
-        }
-        # Words that are no options, and whether an option waits for its value.
-        set plain {}
-        for {set i 0} {$i < [llength $rest]} {incr i} {
-            set word [lindex $rest $i]
-            if {$word in $options} {
-                if {$word in {-data -latest -oneway -stack -wait}} continue
-                if {[incr i] == [llength $rest]} {
-                    switch -- $word {
-                        -so { return [list so $hint] }
-                        -as { return [list list $hint {reply dict plain}] }
-                        default { return [list none $hint] }
-                    }
-                }
-            } else {
-                lappend plain $word
-            }
-        }
-        set kind [lindex $kinds [expr {min([llength $plain], [llength $kinds] - 1)}]]
-        if {$kind eq "recipe"} {
-            return [list recipe [lindex $plain 0] [lrange $plain 1 end]]
-        }
-        if {$kind eq "setting" && [llength $plain] % 2 == 1} {
-            return [list list $hint [SettingValue [lindex $plain end]]]
-        }
-        if {$kind eq "none" && [llength $options] > 0} {
-            return [list option $hint [Without $options $rest]]
-        }
-        return [list $kind $hint]
+    set full [Documented $command]
+    if {$full ne {}} {
+        return [ByManual $full $rest]
     }
     if {[llength $rest] > 0 && [lindex $rest 0] in $Methods && [isName $command] && !($command ne "dict" && [Occupied $command])} {
         return [list request $words]
@@ -423,6 +243,94 @@ proc ::sorma::complete::Expected words {
         return [list list {} $subcommands]
     }
     return [list any [usage $command]]
+}
+
+# The same for a command of the manual.
+proc ::sorma::complete::ByManual {command typed} {
+    set options [::sorma::usage::options $command]
+    set hint [join [::sorma::usage::of $command] { | }]
+    set plain {}
+    for {set i 0} {$i < [llength $typed]} {incr i} {
+        set word [lindex $typed $i]
+        if {![dict exists $options $word] || $command eq "sorma::configure" || $command eq "sorma::async" && [llength $plain] > 0} {
+            lappend plain $word
+        } elseif {[dict get $options $word] ne {} && [incr i] == [llength $typed]} {
+            return [OptionValue [dict get $options $word] $hint]
+        }
+    }
+    set kinds {}
+    set literal {}
+    set hints {}
+    foreach way [::sorma::usage::words $command] usage [::sorma::usage::of $command] {
+        if {![Fits $way $plain]} continue
+        lappend hints $usage
+        set next [At $way [llength $plain]]
+        if {[regexp {^<([^|]*)>(\.\.\.)?$} $next -> name]} {
+            lappend kinds [Kind $command $name]
+        } elseif {$next ne {}} {
+            lappend literal {*}[split [string trim $next <.>] |]
+        }
+    }
+    set literal [lsort -unique $literal]
+    if {[llength $hints] > 3} {
+        set hint "[join [concat $command $plain]] [join $literal |] ..."
+    } elseif {[llength $hints] > 0} {
+        set hint [join $hints { | }]
+    }
+    set kind [lindex [concat [lsearch -all -inline -not -exact $kinds none] none] 0]
+    switch -- $kind {
+        request { return [Expected $plain] }
+        recipe { return [list recipe [lindex $plain 0] [lrange $plain 1 end]] }
+        setting {
+            if {[llength $plain] % 2 == 1} {
+                return [list list $hint [SettingValue [lindex $plain end]]]
+            }
+        }
+        none { return [list list $hint [if {[llength $literal] > 0} {set literal} else {Without [dict keys $options] $typed}]] }
+    }
+    return [if {[llength $literal] > 0} {list either $hint $kind $literal} else {list $kind $hint}]
+}
+
+# The word of a way to call a command at a place; the last one may be repeated. Empty: there is none.
+proc ::sorma::complete::At {way index} {
+    if {$index >= [llength $way] && [string match *... [lindex $way end]]} {
+        return [lindex $way end]
+    }
+    return [lindex $way $index]
+}
+
+# Can a command that is called in this way begin with these words?
+proc ::sorma::complete::Fits {way plain} {
+    set index -1
+    foreach word $plain {
+        set expected [At $way [incr index]]
+        if {![string match <* $expected] && $expected ne {} && $word ni [split $expected |]} {
+            return 0
+        }
+    }
+    return 1
+}
+
+# What a word of a command stands for.
+proc ::sorma::complete::Kind {command name} {
+    variable Kinds
+    variable Special
+    foreach kinds [list [if {[dict exists $Special $command]} {dict get $Special $command}] $Kinds] {
+        if {[dict exists $kinds $name]} {
+            return [dict get $kinds $name]
+        }
+    }
+    return none
+}
+
+# What follows an option, by its name in the manual.
+proc ::sorma::complete::OptionValue {argument hint} {
+    return [switch -glob -- $argument {
+        *|* { list list $hint [split $argument |] }
+        boolean { list list $hint {0 1} }
+        file - path { list file $hint }
+        default { list none $hint }
+    }]
 }
 
 proc ::sorma::complete::SettingValue name {
@@ -497,13 +405,13 @@ proc ::sorma::complete::ForCommand partial {
     return [list $found $hint]
 }
 
-# How a command is called, where that is known: a proc's arguments, or the table above.
+# ::sorma::complete::usage COMMAND -- how it is called, where that is known: by the manual, else by a proc's arguments.
 proc ::sorma::complete::usage command {
-    variable Commands
     set command [string trimleft $command :]
-    foreach name [list $command sorma::inspect::$command] {
-        if {[dict exists $Commands $name] && [llength [dict get $Commands $name]] > 0} {
-            return "$command [lindex [dict get $Commands $name] 0]"
+    foreach name [list sorma::inspect::$command $command] {
+        set usages [::sorma::usage::of $name]
+        if {[llength $usages] > 0} {
+            return [string map [list sorma::inspect::$command $command] [join $usages { | }]]
         }
     }
     if {[llength [info procs [::sorma::text::escape ::$command]]] == 0} {
@@ -606,8 +514,7 @@ proc ::sorma::complete::Names {partial {made 0}} {
 }
 
 proc ::sorma::complete::Topics {} {
-    variable Commands
-    return [lmap name [dict keys $Commands sorma::*] {set name}]
+    return [::sorma::usage::commands sorma::*]
 }
 
 # ---- requests ----
@@ -810,7 +717,7 @@ proc ::sorma::complete::Argument {name table item before partial} {
     set class [dict get $table class]
     if {$class eq "dict" && $action eq "-add" && $index > 0 || $class eq "sorm" && $action eq "-create" && $index > 0} {
         set skip [expr {[string last { } $partial] + 1}]
-        set typed [concat [lrange $before 1 end] [Split [string range $partial 0 $skip-1]]]
+        set typed [concat [lrange $before 1 end] [::sorma::line::words [string range $partial 0 $skip-1]]]
         lassign [Recipe [lindex $before 0] $typed [string range $partial $skip end]] candidates more
         return [list $candidates [if {$more eq {}} {set hint} else {set more}] $skip]
     }
@@ -927,15 +834,6 @@ proc ::sorma::complete::Signature table {
         append text [expr {$text eq {} ? {} : "; "}] "as in: " [dict get $table example]
     }
     return $text
-}
-
-# Words of a text as requests have them; what is left open is a word, too.
-proc ::sorma::complete::Split text {
-    set words {}
-    foreach {- single double bare} [regexp -all -inline {'([^']*)'?|"([^"]*)"?|([^\s'"]+)} $text] {
-        lappend words $single$double$bare
-    }
-    return $words
 }
 
 # ---- files ----

@@ -2,7 +2,7 @@
 #
 # Items are dicts. where is what stands after @, empty for here; an item with error instead of a name is a place that gave no answer.
 
-package require sorma
+package require sorma::reply
 package require sorma::text
 package provide sorma::listing 1.0
 
@@ -140,7 +140,7 @@ proc ::sorma::listing::watched news {
         set text "[dict get $event event] "
         foreach key {text words floats ints} {
             if {[dict exists $event $key] && [dict get $event $key] ne {}} {
-                append text " " [if {$key in {floats ints}} {::sorma::show::numbers [dict get $event $key] [Style]} else {dict get $event $key}]
+                append text " " [if {$key in {floats ints}} {::sorma::reply::numbers [dict get $event $key] [Style]} else {dict get $event $key}]
             }
         }
         if {[dict exists $event lost] && [dict get $event lost] != 0} {

@@ -1,16 +1,21 @@
-# show.tcl -- replies, errors and trails as people like to read them, or as JSON for programs.
+# reply.tcl -- replies, errors and plain values as people like to read them, or as JSON for programs.
 #
-# What is shown may come from anywhere: nothing in it moves a cursor, rings a bell or turns the writing round. Widths are
-# those of a terminal: wide characters take two columns, combining ones none.
+# What is shown may come from anywhere: nothing in it moves a cursor, rings a bell or turns the writing round. Nothing is asked
+# for: all that is shown are arguments.
 
-package require sorma::table
-package require sorma::text
 package require sorma::json
-package provide sorma::show 1.0
-namespace eval ::sorma::show {
-    variable Settings           ;# defaults
-    if {![info exists Settings]} {
-        set Settings {-as {} -colour 0 -width 80 -json 0 -so {} -error {} -trail {} -whole 0}
+package require sorma::text
+package require sorma::trail
+package provide sorma::reply 1.0
+
+namespace eval ::sorma::reply {
+    # Beside those of text.tcl.
+    variable Options {
+        -as      {{choice reply dict plain}}
+        -error   any
+        -trail   any
+        -type    any
+        -writes  any
     }
     variable Keys {text floats ints any code trail}
 }
@@ -20,18 +25,20 @@ namespace eval ::sorma::show {
 #       value; or of an error.
 # Arguments:
 #       value   the result; with -error the message
-#       args    -colour bool    escape sequences for colours (default 0)
-#               -width n        columns (default 80; 0: no limit)
+#       args    -colour bool    escape sequences for colours
+#               -width n        columns (0: no limit)
 #               -json bool      strict JSON instead: numbers as numbers, bytes as base64, an error as {"error": ...}
-#               -so name        whose reply it is: units and names come from its class's signature
+#               -writes list    what EXEC of its class writes, as the class's table says: for units and names
 #               -error options  value is an error: the dict of options that catch gave
 #               -trail list     as sorma::trail gives it; default for an error: sorma::trail
 #               -as kind        reply, dict or plain, when it is known; default: as it looks
+#               -type type      a plain value of an option of that type, for JSON; default: a number when it looks like one
 #               -whole bool     abridge nothing
+#               Defaults of -colour, -width, -whole and -json are those of showDefaults.
 # Results:
 #       Text without a newline at its end; empty for a plain empty value.
 proc ::sorma::show {value args} {
-    set settings [show::Parse $args]
+    set settings [::sorma::text::styled $reply::Options $args]
     dict with settings {}
     if {${-error} ne {}} {
         set code [if {[dict exists ${-error} -errorcode]} {dict get ${-error} -errorcode}]
@@ -41,135 +48,35 @@ proc ::sorma::show {value args} {
         if {${-json}} {
             return [::sorma::json::error $value $code [dict get $settings -trail]]
         }
-        return [show::Error $value $code $settings]
+        return [reply::Error $value $code $settings]
     }
     if {${-as} eq {}} {
-        set -as [show::Kind $value]
+        set -as [reply::Kind $value]
     }
     switch -- ${-as} {
-        reply { set reply [show::FromList $value] }
+        reply { set reply [reply::fromList $value] }
         dict { set reply $value }
         default {
-            return [if {${-json}} {::sorma::json::value $value} else {show::Plain $value $settings}]
+            if {!${-json}} {
+                return [reply::Plain $value $settings]
+            }
+            return [if {${-type} ne {}} {::sorma::json::typed ${-type} $value} else {::sorma::json::value $value}]
         }
     }
-    return [if {${-json}} {::sorma::json::reply $reply} else {show::Reply $reply $settings}]
-}
-
-# ::sorma::showTrail --
-#       A trail, whole: each message with its code, where it came from and when, and the request that shows it again. A stack
-#       trace of Tcl (a message SERVICE STACK) is left to showStack.
-# Arguments:
-#       args    ?trail? -colour bool -width n -json bool; default: the trail of the last request, sorma::trail
-proc ::sorma::showTrail args {
-    if {[llength $args] % 2 == 1} {
-        set args [lassign $args trail]
-    } else {
-        set trail [trail]
-    }
-    set settings [show::Parse $args]
-    if {[dict get $settings -json]} {
-        return [::sorma::json::trail $trail]
-    }
-    if {[llength $trail] == 0} {
-        return [::sorma::text::paint "the last request had no messages" dim $settings]
-    }
-    set out {}
-    set number 0
-    foreach entry $trail {
-        incr number
-        if {[show::isStack $entry]} continue
-        set entry [dict merge {severity error code {} text {} so {} daemon {} file {} line {} time 0 request {}} $entry]
-        dict with entry {}
-        lappend out [::sorma::text::hang [::sorma::text::paint [format %-7s $severity] $severity $settings] 7 $text $settings]
-        set from $so
-        if {$daemon ne {}} {
-            append from @$daemon
-        }
-        set facts [list [join $code]]
-        if {$from ne {}} {
-            lappend facts "from $from"
-        }
-        if {$file ne {}} {
-            lappend facts $file:$line
-        }
-        if {[string is wideinteger -strict $time] && $time > 0} {
-            lappend facts [clock format [expr {$time / 1000000}] -format %H:%M:%S].[format %03d [expr {$time / 1000 % 1000}]]
-        }
-        lappend out [::sorma::text::block "        " [join $facts ", "] dim $settings]
-        if {$request ne {}} {
-            lappend out [::sorma::text::block "        " "again: $request" dim $settings]
-        }
-        if {[show::isStack [lindex $trail $number]]} {
-            lappend out [::sorma::text::block "        " "stack: trail $number -stack" dim $settings]
-        }
-    }
-    return [join $out \n]
-}
-
-# ::sorma::showStack --
-#       The stack trace of Tcl that came with a message of a trail.
-# Arguments:
-#       trail   as sorma::trail gives it
-#       number  of the message, counted from 1
-#       args    as of showTrail
-# Results:
-#       Its text. Error TRAIL STACK: there is none.
-proc ::sorma::showStack {trail number args} {
-    set settings [show::Parse $args]
-    foreach at [list $number [expr {$number - 1}]] {        ;# that of the message, or itself one
-        set entry [lindex $trail $at]
-        if {![show::isStack $entry]} continue
-        set text [dict get $entry text]
-        set so [dict get $entry so]
-        if {[string match "$so: *" $text]} {
-            set text [string range $text [string length $so]+2 end]
-        }
-        return [::sorma::text::block {} $text {} $settings]
-    }
-    return -code error -errorcode {SORMA TRAIL STACK} \
-        "message $number of the trail has no stack trace: only plain Tcl errors of services written in Tcl have one"
-}
-
-proc ::sorma::show::isStack entry {
-    return [expr {[dict exists $entry code] && [lrange [dict get $entry code] 1 2] eq {SERVICE STACK}}]
+    return [if {${-json}} {::sorma::json::reply $reply} else {reply::Reply $reply $settings}]
 }
 
 # ::sorma::showDefaults --
-#       Set defaults of -colour, -width ... for all that is shown, also by sorma::inspect. Returns them all.
+#       Set defaults of -colour, -width, -whole and -json for all that is shown. Returns them all.
 proc ::sorma::showDefaults args {
-    set settings [show::Parse $args]
-    set show::Settings $settings
-    return $settings
-}
-
-proc ::sorma::show::Parse words {
-    variable Settings
-    set settings $Settings
-    foreach {option value} $words {
-        if {![dict exists $Settings $option]} {
-            return -code error -level 2 -errorcode {SORMA REQUEST SYNTAX} \
-                "bad option \"$option\": must be [join [lsort [dict keys $Settings]] {, }]"
-        }
-        dict set settings $option $value
-    }
-    if {[llength $words] % 2 == 1} {
-        return -code error -level 2 -errorcode {SORMA REQUEST SYNTAX} "[lindex $words end] needs a value"
-    }
-    foreach option {-colour -json -whole} {
-        dict set settings $option [expr {bool([dict get $settings $option])}]
-    }
-    if {[dict get $settings -width] > 0 && [dict get $settings -width] < 10} {
-        dict set settings -width 10
-    }
-    return $settings
+    return [::sorma::text::style {*}$args]
 }
 
 # ---- what is it? ----
 
-proc ::sorma::show::Kind value {
+proc ::sorma::reply::Kind value {
     variable Keys
-    if {[string match "RET *" $value] && ![catch {FromList $value}]} {
+    if {[string match "RET *" $value] && ![catch {fromList $value}]} {
         return reply
     }
     if {[string length $value] < 100000000 && ![catch {dict exists $value code} has] && $has
@@ -184,8 +91,8 @@ proc ::sorma::show::Kind value {
     return plain
 }
 
-# RET code TMSG ... as a dict; an error when it is none.
-proc ::sorma::show::FromList list {
+# ::sorma::reply::fromList LIST -- RET code TMSG ... as a dict; an error when it is none.
+proc ::sorma::reply::fromList list {
     if {[lindex $list 0] ne "RET" || ![string is wideinteger -strict [lindex $list 1]]} {
         return -code error "no reply"
     }
@@ -195,7 +102,7 @@ proc ::sorma::show::FromList list {
         set value [lindex $list $i+1]
         switch -- [lindex $list $i] {
             TMSG { dict set reply text $value }
-            TDBX { dict set reply trail [TrailFromWord $value] }
+            TDBX { dict set reply trail [::sorma::trail::fromWord $value] }
             AMSG { dict set reply any [binary decode base64 $value] }
             FMSG - IMSG {
                 if {![string is integer -strict $value] || $value < 0 || $i + 2 + $value > $n} {
@@ -210,42 +117,15 @@ proc ::sorma::show::FromList list {
     return $reply
 }
 
-# The word after TDBX as a list of dicts: severity {SYMBOL detail...} text so daemon file line time request, for each
-# message; before them perhaps: dropped N.
-proc ::sorma::show::TrailFromWord word {
-    if {[catch {llength $word} n]} {
-        return [list [dict create severity error text $word]]
-    }
-    set out {}
-    if {[lindex $word 0] eq "dropped"} {
-        lappend out [dict create severity verbose code {SORMA TRAIL DROPPED} text "[lindex $word 1] older messages were dropped"]
-        set word [lrange $word 2 end]
-    }
-    foreach {severity code text so daemon file line time request} $word {
-        if {[catch {concat SORMA [split [lindex $code 0]] [lrange $code 1 end]} code]} {
-            set code SORMA
-        }
-        set entry {}
-        foreach key {severity code text so daemon file line time} {
-            dict set entry $key [set $key]
-        }
-        if {$request ne {}} {
-            dict set entry request $request
-        }
-        lappend out $entry
-    }
-    return $out
-}
-
 # ---- replies ----
 
-proc ::sorma::show::Reply {reply settings} {
+proc ::sorma::reply::Reply {reply settings} {
     set parts {}
     set out {}
     if {[dict exists $reply text]} {
         lappend out [::sorma::text::paragraphs [dict get $reply text] $settings]
     }
-    set signature [Signature [dict get $settings -so]]
+    set signature [dict get $settings -writes]
     foreach field {floats ints} {
         if {[dict exists $reply $field]} {
             set parts [concat $parts [Portions $field [dict get $reply $field] $signature]]
@@ -285,17 +165,8 @@ proc ::sorma::show::Reply {reply settings} {
     return [join $out \n]
 }
 
-# What EXEC of an object writes: list of {field low high unit help}.
-proc ::sorma::show::Signature so {
-    if {$so eq {}} {
-        return {}
-    }
-    set table [::sorma::Aside [list ::sorma::table guess $so]]
-    return [if {$table ne {}} {dict get $table writes}]
-}
-
 # Numbers of a reply, taken apart as the signature says: label unit help values ...
-proc ::sorma::show::Portions {field values signature} {
+proc ::sorma::reply::Portions {field values signature} {
     set parts [lsearch -all -inline -index 0 -exact $signature $field]
     set out {}
     set n [llength $values]
@@ -313,7 +184,7 @@ proc ::sorma::show::Portions {field values signature} {
 }
 
 # Numbers in a line; of many the first and the last: 1 2 3 ... 10 (1000 values)
-proc ::sorma::show::numbers {values settings} {
+proc ::sorma::reply::numbers {values settings} {
     set n [llength $values]
     set most 12
     if {[dict get $settings -whole] || $n <= $most} {
@@ -333,7 +204,7 @@ proc ::sorma::show::numbers {values settings} {
 }
 
 # Bytes: how many, and the first of them.
-proc ::sorma::show::Bytes {bytes settings} {
+proc ::sorma::reply::Bytes {bytes settings} {
     set n [string length $bytes]
     set shown [expr {[dict get $settings -whole] ? $n : min($n, 12)}]
     set first [string range $bytes 0 [expr {$shown - 1}]]
@@ -343,7 +214,7 @@ proc ::sorma::show::Bytes {bytes settings} {
 }
 
 # The trail of a reply in one line: the worst message, and how many there are.
-proc ::sorma::show::Folded {trail settings} {
+proc ::sorma::reply::Folded {trail settings} {
     set severities [lmap entry $trail {dict get $entry severity}]
     set texts [lmap entry $trail {dict get $entry text}]
     foreach worst {error warning verbose} {
@@ -368,7 +239,7 @@ proc ::sorma::show::Folded {trail settings} {
     return [::sorma::text::paint $text $worst $settings][::sorma::text::paint $note dim $settings]
 }
 
-proc ::sorma::show::Error {message code settings} {
+proc ::sorma::reply::Error {message code settings} {
     set out [list [::sorma::text::hang [::sorma::text::paint error: error $settings] 6 $message $settings]]
     if {[lindex $code 0] eq "SORMA"} {
         lappend out [::sorma::text::block "  " [join $code] dim $settings]
@@ -389,7 +260,7 @@ proc ::sorma::show::Error {message code settings} {
             dict set froms $so 1
         }
     }
-    set n [llength [lsearch -all -not -exact [lmap entry $trail {isStack $entry}] 1]]
+    set n [llength [lsearch -all -not -exact [lmap entry $trail {::sorma::trail::isStack $entry}] 1]]
     if {$n > 1 || $n == 1 && [dict get [lindex $trail 0] daemon] ne {}} {
         set text "$n message[expr {$n == 1 ? {} : "s"}] from [join [lsearch -all -inline -not -exact [dict keys $froms] {}] {, }], see trail"
         lappend out [::sorma::text::block "  " $text dim $settings]
@@ -399,7 +270,7 @@ proc ::sorma::show::Error {message code settings} {
 
 # ---- plain values ----
 
-proc ::sorma::show::Plain {value settings} {
+proc ::sorma::reply::Plain {value settings} {
     if {![string match *\n* $value] && ![catch {llength $value} n] && $n > 1} {
         if {[string index $value 0] in [list "\{" "\""] || $n > 3} {
             set rows [Rows $value]
@@ -414,7 +285,7 @@ proc ::sorma::show::Plain {value settings} {
     return [::sorma::text::paragraphs $value $settings]
 }
 
-proc ::sorma::show::AllNumbers list {
+proc ::sorma::reply::AllNumbers list {
     foreach value $list {
         if {![string is double -strict $value]} {
             return 0
@@ -425,7 +296,7 @@ proc ::sorma::show::AllNumbers list {
 
 # A list of dicts that have the same keys, or of lists of the same length (2 to 9), as rows under their headings. Else
 # empty.
-proc ::sorma::show::Rows list {
+proc ::sorma::reply::Rows list {
     if {[llength $list] < 1 || [catch {llength [lindex $list 0]} n] || $n < 2} {
         return {}
     }

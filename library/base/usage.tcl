@@ -1,0 +1,95 @@
+# usage.tcl -- how commands and programs are called, as the manual says it. It knows no bus.
+#
+# The build takes it from the pages' [call] lines and lists of options (doc/pages.tcl); completion, help and the errors of commands
+# that are called wrongly have it from here.
+
+package require sorma::text
+package provide sorma::usage 1.0
+
+namespace eval ::sorma::usage {
+    variable Folder [file join [file dirname [file normalize [info script]]] manual]
+    variable Tables {}          ;# dict: name of a file there -> its content, as far as it has been read
+}
+
+# ::sorma::usage::table NAME -- a table that the build has made of the manual; doc/pages.tcl says what is in it.
+proc ::sorma::usage::table name {
+    variable Folder
+    variable Tables
+    if {![dict exists $Tables $name]} {
+        set content {}
+        if {[file exists [file join $Folder $name]]} {          ;# not yet while the manual is made
+            set file [open [file join $Folder $name]]
+            fconfigure $file -encoding utf-8
+            try {
+                set content [read $file]
+            } finally {
+                close $file
+            }
+        }
+        dict set Tables $name $content
+    }
+    return [dict get $Tables $name]
+}
+
+# ::sorma::usage::commands ?PATTERN? -- commands and programs of the manual.
+proc ::sorma::usage::commands {{pattern *}} {
+    return [dict keys [table usage] $pattern]
+}
+
+# ::sorma::usage::of COMMAND -- list of the ways to call it: "sorma::health daemon ?-timeout ms?". Empty: it has no manual.
+proc ::sorma::usage::of command {
+    return [lmap usage [Entry $command usages] {lindex $usage 0}]
+}
+
+# ::sorma::usage::words COMMAND --
+#       Of each way to call it the words behind it that are no options: <name> for what is put in place of name, the others as they
+#       are typed. The last one ends in ... when it may be repeated.
+proc ::sorma::usage::words command {
+    return [lmap usage [Entry $command usages] {lindex $usage 1}]
+}
+
+# ::sorma::usage::options COMMAND -- dict: option -> what follows it; empty when it stands alone.
+proc ::sorma::usage::options command {
+    return [Entry $command options]
+}
+
+proc ::sorma::usage::Entry {command what} {
+    set usage [table usage]
+    return [if {[dict exists $usage $command]} {dict get $usage $command $what}]
+}
+
+# ::sorma::usage::wrong COMMAND ?WHY? -- fail: COMMAND was called with words that it does not take.
+proc ::sorma::usage::wrong {command {why {wrong # args}}} {
+    return -code error -level 2 -errorcode {SORMA REQUEST SYNTAX} "$why: should be [join [lmap usage [of $command] {string cat \"$usage\"}] { or }]"
+}
+
+# ::sorma::usage::program NAME -- the text of its -help: the ways to call it, its options, its exit codes.
+proc ::sorma::usage::program name {
+    set out {}
+    foreach usage [of $name] {
+        lappend out {*}[::sorma::text::wrap "[expr {[llength $out] == 0 ? "usage:" : "      "}] $usage" 100 11]
+    }
+    foreach line [split [listed $name OPTIONS] \n] {
+        lappend out "  $line"
+    }
+    foreach place [if {[dict exists [table places] {section {EXIT CODES}}]} {dict get [table places] {section {EXIT CODES}}}] {
+        lassign $place page from to
+        if {$page eq $name} {
+            set text [lmap line [lrange [table $page.lines] $from+2 $to-1] {lindex $line 2}]
+            lappend out {*}[::sorma::text::wrap "Exit codes: [string trim [join $text]]" 100 4]
+        }
+    }
+    return [join $out \n]
+}
+
+# ::sorma::usage::listed PAGE SECTION -- the options that a section of a page lists, each with what it is for.
+proc ::sorma::usage::listed {page section} {
+    set all [table options]
+    if {![dict exists $all [list $page $section]]} {
+        return {}
+    }
+    return [::sorma::text::table {} [lmap option [dict get $all [list $page $section]] {
+        lassign $option name argument help
+        list [string trim "$name $argument"] $help
+    }] -width 98 -wrap 1]
+}
