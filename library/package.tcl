@@ -15,6 +15,9 @@ apply {{} {
         inspect {inspect inspect::ls inspect::tree inspect::daemons inspect::help inspect::dump inspect::watch inspect::unwatch
             inspect::top inspect::find inspect::monitor inspect::rate inspect::doctor}
         record {record::start record::stop}
+        subject subject
+        field {entry slider choice check button}
+        panel panel
     } {
         foreach command $commands {
             namespace eval ::sorma::[namespace qualifiers $command] {}

@@ -22,13 +22,7 @@ namespace eval ::sorma::load {
 proc ::sorma::load::watch args {
     variable Watches
     variable Last
-    set settings {-count 20 -every 1000 -command {}}
-    foreach {option value} $args {
-        if {![dict exists $settings $option]} {
-            return -code error -errorcode {SORMA REQUEST SYNTAX} "bad option \"$option\": must be -command, -count, or -every"
-        }
-        dict set settings $option $value
-    }
+    set settings [::sorma::options::parse {-count {{whole 1 {}} 20} -every {{whole 1 {}} 1000} -command any} $args]
     set token load[incr Last]
     dict set Watches $token [dict create command [dict get $settings -command] count [dict get $settings -count] \
         every [dict get $settings -every] timer [after 0 [list ::sorma::load::Ask $token]] before {} \

@@ -19,6 +19,7 @@
 # global level, from the event loop, one after another; an error in one goes to bgerror, and its watch lives on.
 
 package require sorma
+package require sorma::options
 package provide sorma::world 1.0
 
 namespace eval ::sorma::world {
@@ -84,7 +85,7 @@ namespace eval ::sorma::world {
 #       A token, for unwatch. Nothing is called before this returns.
 proc ::sorma::world::watch {pattern args} {
     variable Watches
-    set options [Options {-events * -command {}} $args]
+    set options [::sorma::options::parse {-events {any *} -command any} $args]
     if {[dict get $options -command] eq {}} {
         Misused "-command is missing: what is to be called with each event?"
     }
@@ -262,12 +263,9 @@ proc ::sorma::world::forget address {
 
 # ::sorma::world::value NAME *|-option|{EXEC ...} ?-every ms? -command PREFIX -- see value.tcl.
 proc ::sorma::world::value {name what args} {
-    set options [Options {-every 0 -command {}} $args]
+    set options [::sorma::options::parse {-every {{whole 0 {}} 0} -command any} $args]
     if {[dict get $options -command] eq {}} {
         Misused "-command is missing: what is to be called with each value?"
-    }
-    if {![string is integer -strict [dict get $options -every]] || [dict get $options -every] < 0} {
-        Misused "-every expects a number of ms, got \"[dict get $options -every]\""
     }
     Start
     set token [::sorma::value new [NewToken value] $name $what [dict get $options -every] [dict get $options -command]]
@@ -277,7 +275,7 @@ proc ::sorma::world::value {name what args} {
 
 # ::sorma::world::listen NAME ?-event pattern? ?-queue n? -command PREFIX -- see events.tcl.
 proc ::sorma::world::listen {name args} {
-    set options [Options {-event * -queue 10000 -command {}} $args]
+    set options [::sorma::options::parse {-event {any *} -queue {{whole 1 1000000} 10000} -command any} $args]
     if {[dict get $options -command] eq {}} {
         Misused "-command is missing: what is to be called with each event?"
     }
@@ -292,7 +290,7 @@ proc ::sorma::world::listen {name args} {
 #       with error and the list of message and error code.
 proc ::sorma::world::ask {daemon request args} {
     variable Lines
-    set options [Options {-timeout 5000 -command {}} $args]
+    set options [::sorma::options::parse {-timeout {{whole 1 {}} 5000} -command any} $args]
     set command [dict get $options -command]
     if {$daemon eq "self"} {
         if {[catch {::sorma::async -timeout [dict get $options -timeout] -command [list ::sorma::world::AnswerHere $command] {*}$request} message failure]} {
@@ -337,19 +335,6 @@ proc ::sorma::world::Reply result {
         }
     }
     return $reply
-}
-
-proc ::sorma::world::Options {settings words} {
-    foreach {option value} $words {
-        if {![dict exists $settings $option]} {
-            Misused "bad option \"$option\": must be [join [dict keys $settings] { or }]"
-        }
-        dict set settings $option $value
-    }
-    if {[llength $words] % 2 == 1} {
-        Misused "[lindex $words end] needs a value"
-    }
-    return $settings
 }
 
 proc ::sorma::world::Misused text {

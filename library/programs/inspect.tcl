@@ -6,6 +6,8 @@
 package require sorma::complete
 package require sorma::await
 package require sorma::listing
+package require sorma::options
+package require sorma::usage
 package provide sorma::inspect 1.0
 namespace eval ::sorma::inspect {
     namespace export ls tree daemons help dump watch unwatch top find monitor rate doctor
@@ -212,16 +214,7 @@ proc ::sorma::inspect::top args {
     variable Before
     variable Looked
     variable Wait
-    set count 10
-    set at [lsearch -exact $args -count]
-    if {$at >= 0} {
-        set count [lindex $args $at+1]
-        set args [lreplace $args $at $at+1]
-        if {![string is integer -strict $count] || $count < 1} {
-            return -code error -errorcode {SORMA REQUEST SYNTAX} "-count expects a whole number from 1, got \"$count\""
-        }
-    }
-    lassign [Parse $args {}] wheres data
+    lassign [Parse $args {} 0 {-count {{whole 1 {}} 10}}] wheres data count
     if {[clock milliseconds] - $Looked > 60000} {
         set Before [Calls [Counted $wheres]]
         ::sorma::await sleep 300
@@ -331,7 +324,7 @@ proc ::sorma::inspect::find args {
     variable Wait
     lassign [Parse $args {word {}}] word wheres data
     if {$word eq {}} {
-        return -code error -errorcode {SORMA REQUEST SYNTAX} {wrong # args: should be "find word ?@daemon? ?-data?"}
+        ::sorma::usage::wrong sorma::inspect::find
     }
     set pattern *[::sorma::text::escape $word]*
     set items {}
@@ -404,20 +397,18 @@ proc ::sorma::inspect::InTable {table pattern} {
 
 # ---- what these have in common ----
 
-# ::sorma::inspect::Parse WORDS NAMES ?located? --
+# ::sorma::inspect::Parse WORDS NAMES ?located? ?TABLE? --
 #       Words of a command. names: dict of words that may be given, in order, and what they are when they are not. located: the first
-#       of them may have its place with it, kin*@robot.
+#       of them may have its place with it, kin*@robot. table: options beside -data.
 # Results:
-#       VALUE-of-each-name ... WHERES DATA. wheres: patterns after @; a lone @ is here.
-proc ::sorma::inspect::Parse {words names {located 0}} {
+#       VALUE-of-each-name ... WHERES DATA VALUE-of-each-option. wheres: patterns after @; a lone @ is here.
+proc ::sorma::inspect::Parse {words names {located 0} {table {}}} {
+    set settings [::sorma::options::parse [dict merge {-data flag} $table] $words rest]
     set values [dict values $names]
     set wheres {}
-    set data 0
     set at 0
-    foreach word $words {
-        if {$word eq "-data"} {
-            set data 1
-        } elseif {[string match @* $word]} {
+    foreach word $rest {
+        if {[string match @* $word]} {
             lappend wheres [string range $word 1 end]
         } elseif {$at < [llength $values]} {
             if {$located && $at == 0 && [regexp {^([^@]+)@(.*)$} $word -> word where]} {
@@ -426,11 +417,11 @@ proc ::sorma::inspect::Parse {words names {located 0}} {
             lset values $at $word
             incr at
         } else {
-            set usage [::sorma::complete::usage [lindex [info level -1] 0]]
-            return -code error -level 2 -errorcode {SORMA REQUEST SYNTAX} "too many words: \"$word\"[if {$usage ne {}} {string cat "; should be $usage"}]"
+            set command [string trimleft [uplevel 1 {namespace which -command [lindex [info level 0] 0]}] :]
+            tailcall ::sorma::usage::wrong $command "too many words: \"$word\""
         }
     }
-    return [list {*}$values $wheres $data]
+    return [list {*}$values $wheres {*}[dict values $settings]]
 }
 
 # ::sorma::inspect::Places PATTERNS -- what stands after @ in the places that are meant; empty: here. Without patterns: here, and all

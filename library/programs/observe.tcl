@@ -31,17 +31,8 @@ proc ::sorma::inspect::watch args {
         return [lmap {id watch} $Watches {list $id [dict get $watch name]}]
     }
     set options [lassign $args name]
-    set settings {-every 1000 -event {} -command ::sorma::inspect::PrintWatch}
-    foreach {option value} $options {
-        if {![dict exists $settings $option] || [llength $options] % 2 == 1} {
-            return -code error -errorcode {SORMA REQUEST SYNTAX} "wrong # args: should be \"watch ?name? ?-event pattern? ?-every ms? ?-command prefix?\""
-        }
-        dict set settings $option $value
-    }
+    set settings [::sorma::options::parse {-every {{whole 1 {}} 1000} -event any -command {any ::sorma::inspect::PrintWatch}} $options]
     set every [dict get $settings -every]
-    if {![string is integer -strict $every] || $every < 1} {
-        return -code error -errorcode {SORMA REQUEST SYNTAX} "-every expects a number of ms, got \"$every\""
-    }
     lassign [::sorma::table locate $name] service where
     set id watch[incr LastWatch]
     set pattern [dict get $settings -event]
@@ -163,24 +154,8 @@ proc ::sorma::inspect::monitor args {
     variable Watches
     variable LastWatch
     variable Wait
-    set settings {-only {request reply event} -command ::sorma::inspect::PrintPassing}
-    set words {}
-    while {[llength $args] > 0} {
-        set args [lassign $args word]
-        if {![dict exists $settings $word]} {
-            lappend words $word
-        } elseif {[llength $args] == 0} {
-            return -code error -errorcode {SORMA REQUEST SYNTAX} "$word needs a value; should be [::sorma::complete::usage sorma::inspect::monitor]"
-        } else {
-            set args [lassign $args value]
-            dict set settings $word $value
-        }
-    }
-    foreach kind [dict get $settings -only] {
-        if {$kind ni {request reply event error}} {
-            return -code error -errorcode {SORMA REQUEST SYNTAX} "-only expects a list of request, reply, event and error, got \"$kind\""
-        }
-    }
+    set settings [::sorma::options::parse {-only {{some request reply event error} {request reply event}}
+        -command {any ::sorma::inspect::PrintPassing}} $args words]
     lassign [Parse $words {pattern *} 1] pattern wheres
     set places [lsearch -all -inline -not -exact [Places [if {[llength $wheres] > 0} {set wheres} else {string cat *}]] {}]
     if {[llength $places] == 0} {
@@ -250,27 +225,12 @@ proc ::sorma::inspect::rate args {
     variable Heard
     variable LastWatch
     variable Wait
-    set settings {-event * -for 3}
-    set data 0
-    set names {}
-    while {[llength $args] > 0} {
-        set args [lassign $args word]
-        if {$word eq "-data"} {
-            set data 1
-        } elseif {![dict exists $settings $word]} {
-            lappend names $word
-        } else {
-            set args [lassign $args value]
-            dict set settings $word $value
-        }
-    }
+    set settings [::sorma::options::parse {-event {any *} -for {{seconds 0 86400} 3} -data flag} $args names]
     if {[llength $names] != 1} {
-        return -code error -errorcode {SORMA REQUEST SYNTAX} "wrong # args: should be \"[::sorma::complete::usage sorma::inspect::rate]\""
+        ::sorma::usage::wrong sorma::inspect::rate
     }
-    set seconds [dict get $settings -for]
-    if {![string is double -strict $seconds] || !($seconds > 0 && $seconds <= 86400)} {
-        return -code error -errorcode {SORMA REQUEST SYNTAX} "-for expects seconds, more than 0, got \"$seconds\""
-    }
+    dict with settings {}
+    set seconds ${-for}
     set name [lindex $names 0]
     if {![dict get [Describe $name] exists]} {
         return -code error -errorcode [list SORMA SERVICE GONE $name] "$name: there is no such object, and so it publishes nothing"
@@ -295,7 +255,7 @@ proc ::sorma::inspect::rate args {
         return -code error -errorcode [list SORMA COMM DENIED $name] [dict get $heard sorma.refused text]
     }
     set items [lmap event [lsort [dict keys $heard]] {Rated $event [dict get $heard $event]}]
-    if {$data} {
+    if {${-data}} {
         return $items
     }
     if {[llength $items] == 0} {

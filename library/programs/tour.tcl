@@ -4,7 +4,7 @@
 # run and what comes back is held against what stands there; the exit code is 1 when any line is not true.
 
 namespace eval tour {
-    variable Here [file dirname [file dirname [file normalize [info script]]]]
+    variable Here [file dirname [file dirname [file dirname [file normalize [info script]]]]]
     variable Folder     ;# private runtime folder, gone at the end
     variable Daemon     ;# pipe of sormad
 }
