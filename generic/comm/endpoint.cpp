@@ -266,14 +266,19 @@ static void takeTurn(int folder, const std::string& name, const std::string& pat
     }
 }
 
+// What a daemon that has died has left: its socket, and what it said to its siblings.
+static bool removeDead(const std::string& path) {
+    if (path.ends_with(".sock")) unlink((path.substr(0, path.size() - 5) + ".tcp").c_str());
+    return unlink(path.c_str()) == 0;
+}
+
 bool sweepSocket(const std::string& path) {
     sockaddr_un a = unixAddress(path);
     Closing lock{open(path.substr(0, path.rfind('/') + 1).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
     if (lock.fd < 0 || flock(lock.fd, LOCK_EX | LOCK_NB) < 0) return false;       // somebody is about to listen
     Closing probe{socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)};
     if (connectWithin(probe.fd, reinterpret_cast<sockaddr*>(&a), sizeof a, Deadline::in(100)) != ECONNREFUSED) return false;
-    if (path.ends_with(".sock")) unlink((path.substr(0, path.size() - 5) + ".tcp").c_str());
-    return unlink(path.c_str()) == 0;
+    return removeDead(path);
 }
 
 int listenUnix(const std::string& path, bool share) {
@@ -292,7 +297,7 @@ int listenUnix(const std::string& path, bool share) {
         if (error == 0) fail(kTaken, path, listenerOf(probe.fd), Caller::self().toText());
         if (error == EAGAIN) fail(kTaken, path, "a busy daemon", Caller::self().toText());
         if (error == EACCES) fail(kListen, path, "it belongs to another user");
-        unlink(path.c_str());
+        removeDead(path);
     }
     Closing s{socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)};
     mode_t mask = umask(0077);

@@ -133,7 +133,10 @@ int yieldNow(const WaiterPointer& w) {
 
 Obj coroutineName(Interpreter& i) {
     Tcl_Obj* word = i.constants.infoCoroutine;
-    if (Tcl_EvalObjv(i.interp, 1, &word, 0) != TCL_OK) {
+    // Not evaluated: between two commands Tcl looks for interrupts, and one that came just now would be taken for the answer.
+    Tcl_CmdInfo info;
+    if (!Tcl_GetCommandInfo(i.interp, Tcl_GetString(word), &info) || !info.objProc ||
+        info.objProc(info.objClientData, i.interp, 1, &word) != TCL_OK) {
         Tcl_ResetResult(i.interp);
         return i.constants.empty;
     }

@@ -9,10 +9,6 @@ package require sorma::field
 package require sorma::reply
 package provide sorma::panel 1.0
 
-namespace eval ::sorma::panels {
-    variable Searchable 12      ;# options: with more there is a field to search in
-}
-
 # ::sorma::panel .w NAME ?-options list? ?-live ms? ?-apply now|later? ?-state normal|readonly? --
 #       A frame with everything that can be set, tried and asked of an object, here or elsewhere. The object need not be there.
 # Arguments:
@@ -32,6 +28,7 @@ snit::widget ::sorma::panel {
     variable shape {}           ;# of the table that is shown
     variable rows {}            ;# dict: -option -> number of its row
     variable wanted {}          ;# what is searched for
+    variable searchable 12      ;# options: with more there is a field to search in
     variable atOnce 0
     variable readOnly 0
     component canvas
@@ -307,7 +304,7 @@ snit::widget ::sorma::panel {
                 grid remove $inner.why$n
             }
         }
-        if {[dict size $rows] > $::sorma::panels::Searchable} {
+        if {[dict size $rows] > $searchable} {
             grid $win.find
         } else {
             grid remove $win.find

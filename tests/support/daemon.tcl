@@ -88,7 +88,7 @@ proc daemon::stopAll {} {
         kill $name
     }
     if {[::info exists Sockets]} {
-        file delete {*}$Sockets
+        file delete {*}$Sockets {*}[lmap socket $Sockets {string cat [file rootname $socket] .tcp}]
     }
 }
 
