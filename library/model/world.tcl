@@ -196,8 +196,11 @@ proc ::sorma::world::find where {
 # daemons there are. A daemon that nothing else leads to is known meanwhile. Returns its KEY, as find does.
 proc ::sorma::world::use {{where {}}} {
     variable Passing
+    variable Timers
     Start
-    Look
+    if {![info exists Timers(looked)]} {
+        Look
+    }
     set key [find $where]
     if {$key eq {} && ![catch {::sorma::resolve @$where}]} {
         dict set Passing $where [clock milliseconds]
@@ -805,6 +808,8 @@ proc ::sorma::world::Close key {
         [dict get $Lines($key) peer] destroy
         dict set Lines($key) peer {}
         dict set Lines($key) serial {}
+        dict set Lines($key) told 0
+        dict unset Lines($key) asking
     }
 }
 
