@@ -195,6 +195,7 @@ proc ::sorma::world::find where {
 # ::sorma::world::use ?WHERE? -- somebody looks now and then, who watches nothing: the model works on for a while, and sees which
 # daemons there are. A daemon that nothing else leads to is known meanwhile. Returns its KEY, as find does.
 proc ::sorma::world::use {{where {}}} {
+    variable Daemons
     variable Passing
     variable Timers
     Start
@@ -202,6 +203,9 @@ proc ::sorma::world::use {{where {}}} {
         Look
     }
     set key [find $where]
+    if {[dict exists $Daemons $key] && [dict get $Daemons $key state] in {asking unresolved}} {
+        Look                            ;# its host may be known now
+    }
     if {$key eq {} && ![catch {::sorma::resolve @$where}]} {
         dict set Passing $where [clock milliseconds]
         Look
