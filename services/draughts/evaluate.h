@@ -41,7 +41,7 @@ struct Weights {
     // count * kFieldSize: with many pieces, plus 65536 times with few, so that one addition adds both.
     std::vector<std::int32_t> fields;
 };
-// As they come with the program; made on first use. plain: material and advance alone, the yardstick of doc/draughts.md.
+// As they come with the program; made on first use. plain: material and advance alone, the yardstick of doc/draughts.man.
 const Weights& weightsOf(const Rules& rules, bool plain = false);
 
 // From the view of the side to move.

@@ -183,7 +183,7 @@ Game Game::fromPdn(const Rules& rules, std::string_view text) {
         char c = text[at];
         if (c == '{') {
             at = text.find('}', at);
-            if (at == text.npos) throw fail(begin, "a comment has no end: expected }");
+            if (at == text.npos) throw fail(begin, "a comment has no end: expected a closing brace");
             ++at;
             continue;
         }

@@ -59,6 +59,8 @@ void Hub::say(const std::string& text) {
     write_(text);
 }
 
+void Hub::error(const std::string& text) { say("error message=\"" + clean(text) + "\""); }
+
 void Hub::wait() {
     if (thread_.joinable()) thread_.join();
 }
@@ -90,7 +92,7 @@ bool Hub::line(std::string_view text) {
         return true;
     }
     if (searching) {
-        error("\"" + clean(command).substr(0, 30) + "\" during a search: only ping, stop, ponder-hit and quit may come; send stop first");
+        error("\"" + command.substr(0, 30) + "\" during a search: only ping, stop, ponder-hit and quit may come; send stop first");
         return true;
     }
     wait();
@@ -111,7 +113,7 @@ bool Hub::line(std::string_view text) {
                                  "\": must be go, hub, init, level, new-game, ping, ponder-hit, pos, quit, set-param, or stop");
         }
     } catch (const std::exception& e) {
-        error(clean(e.what()));
+        error(e.what());
     }
     return true;
 }
@@ -240,7 +242,7 @@ void Hub::go(const std::string& how) {
     Limits limits = limits_;
     if (how == "ponder" || how == "analyze") limits = {.infinite = true};
     else if (!limits.depth && !limits.nodes && limits.time <= 0) limits.infinite = true;
-    SearchSettings settings{.endgames = endgames_.get(), .threads = threads_, .plain = plain_};
+    SearchSettings settings{.endgames = endgames_.get(), .threads = threads_, .plain = plain_ ? 1 : 0};
     if (how != "analyze") atLevel(level_, seed_, game_->moves().size(), limits, settings);
     if (how == "ponder") limits.nodes = 0;
     if (limits.nodes || limits.time > 0 || limits.depth) limits.infinite = false;
@@ -254,7 +256,7 @@ void Hub::go(const std::string& how) {
             end = "done move=" + hubMove(*rules_, best.line[0]);
             if (best.line.size() > 1) end += " ponder=" + hubMove(*rules_, best.line[1]);
         } catch (const std::exception& e) {
-            error(clean(e.what()));
+            error(e.what());
             MoveList list;
             generate(*rules_, game.back(), list);
             end = "done move=" + hubMove(*rules_, list[0]);

@@ -34,7 +34,7 @@ public:
 private:
     using Pairs = std::map<std::string, std::string>;
     void say(const std::string& text);
-    void error(const std::string& text) { say("error message=\"" + text + "\""); }
+    void error(const std::string& text);
     void hello();
     void setParameter(const Pairs& pairs);
     void init();

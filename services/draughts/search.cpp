@@ -70,8 +70,9 @@ public:
                 whole = true;
             } catch (Stopped) {
             }
-            // An iteration that was cut short counts when it has found its first move: that is the best one of the last, or better.
-            if (whole || (length_[0] > 0 && depth > 1)) {
+            // An iteration that was cut short counts when it has found its first move: that is the best one of the last, or better;
+            // not so without the table, which puts it first.
+            if (whole || (length_[0] > 0 && depth > 1 && plain_ != 1)) {
                 best.depth = whole ? depth : depth - 1;
                 if (whole) best.score = score;
                 if (length_[0] > 0) best.line.assign(line_[0], line_[0] + length_[0]);
@@ -94,7 +95,7 @@ private:
     struct Stopped {};
 
     int aspire(int depth, int last) {
-        int width = depth >= 5 && std::abs(last) < kSurelyWon ? 25 : kInfinite;
+        int width = plain_ != 1 && depth >= 5 && std::abs(last) < kSurelyWon ? 25 : kInfinite;
         int low = std::max(last - width, -kInfinite), high = std::min(last + width, +kInfinite);
         for (;;) {
             length_[0] = 0;
@@ -150,10 +151,8 @@ private:
         keys_[std::size_t(first_ + ply)] = key;
         bool capture = canCapture<R>(p);
 
-        if (depth <= 0 && !capture) {
-            // A leaf, unless the opponent would capture: then one move more, to see what can be done about it.
-            if (depth < 0 || plain_ || !canCapture<R>(p, other(p.side)) || !(shared_.settings.tune & 32) || ply >= kMaxPly) return leaf(p, ply);
-        }
+        // A leaf. To look what the opponent could capture costs more than it brings: measured.
+        if (depth <= 0 && !capture) return leaf(p, ply);
         if (ply >= kMaxPly) return evaluated(p);
 
         Outcome outcome;
@@ -168,7 +167,7 @@ private:
 
         Known known;
         if (depth > 0) {
-            if (table_.find(key, known)) {
+            if (plain_ != 1 && table_.find(key, known)) {
                 int score = fromTable(known.score, ply);
                 if (!PV && known.depth >= depth &&
                     (known.bound == Bound::exact || (known.bound == Bound::lower && score >= beta) ||
@@ -176,8 +175,8 @@ private:
                     return score;
             }
             // ProbCut: a shallower search that is far above says enough.
-            if (!PV && !plain_ && depth >= 6 && !(shared_.settings.tune & 1) && !capture && std::abs(beta) < kSurelyWon) {
-                int margin = (shared_.settings.tune & 4) ? 14 + 4 * depth : 30 + 6 * depth, high = beta + margin;
+            if (!PV && !plain_ && depth >= 6 && !capture && std::abs(beta) < kSurelyWon) {
+                int margin = 30 + 6 * depth, high = beta + margin;
                 int score = visit<false>(p, high - 1, high, depth - 3 - depth / 4, ply);
                 if (score >= high) return beta;
             }
@@ -191,13 +190,13 @@ private:
             Position n = after<R>(p, list[0]);
             kept_[ply + 1] = keptAfter(p, list[0], ply);
             // No depth is lost, and at depth 0 only captures come here.
-            int score = -visit<PV>(n, -beta, -alpha, std::max(depth, 0) - (depth < 0), ply + 1);
+            int score = -visit<PV>(n, -beta, -alpha, depth, ply + 1);
             if constexpr (PV) extend(list[0], ply);
             return score;
         }
         int order[256];
         int n = std::min(list.size(), 256);
-        if (n > 1) sort(p, list, known.move, order, n);
+        if (n > 1 && plain_ != 1) sort(p, list, known.move, order, n);
 
         int best = -kInfinite, first = alpha;
         Move bestMove = list[0];
@@ -207,7 +206,7 @@ private:
             if (depth > 1) table_.prefetch(next.key());
             kept_[ply + 1] = keptAfter(p, m, ply);
             int left = depth - 1, score;
-            if (depth <= 0) left = capture ? depth : -1;
+            if (depth <= 0) left = depth;
             if (plain_) {
                 score = -visit<PV>(next, -beta, -std::max(alpha, best), left, ply + 1);
             } else if (i == 0) {
@@ -217,8 +216,6 @@ private:
                 if (depth >= 2 && !capture && i >= (PV ? 3 : 1)) {
                     reduced = reductions_[std::min(depth, 63)][std::min(i, 63)];
                     if (PV) reduced = reduced * 2 / 3;
-                    if (shared_.settings.tune & 64) reduced = (reduced * 4 + 1) / 3;
-
                     reduced = std::min(reduced, depth - 1);
                 }
                 score = -visit<false>(next, -alpha - 1, -alpha, left - reduced, ply + 1);
@@ -238,7 +235,7 @@ private:
                 }
             }
         }
-        if (depth > 0)
+        if (depth > 0 && plain_ != 1)
             table_.store(key, {best > first ? markOf(bestMove) : known.move, toTable(best, ply), depth,
                                best >= beta ? Bound::lower : best > first ? Bound::exact : Bound::upper});
         return best;
@@ -300,7 +297,8 @@ private:
     Shared& shared_;
     Transpositions& table_;
     const Weights& weights_;
-    const bool leads_, plain_;
+    const bool leads_;
+    const int plain_;
     const std::array<std::array<std::uint8_t, 64>, 64>& reductions_;
     Position root_;
     int first_;                             // index of the root's key

@@ -1,7 +1,7 @@
 // search.h -- the best move: principal variation search with iterative deepening.
 //
-// Captures are played out, and a threat to capture is looked at for one move more, before a position is evaluated; forced
-// replies cost no depth; late moves are reduced; shallow searches foretell deep ones (ProbCut). No null move: zugzwang is everywhere.
+// Captures are played out before a position is evaluated; forced replies cost no depth; late moves are reduced; shallow searches
+// foretell deep ones (ProbCut). No null move: zugzwang is everywhere.
 // Threads share the transposition table and nothing else; with one thread and a limit of nodes a search repeats exactly.
 #pragma once
 
@@ -38,10 +38,10 @@ struct Progress {
 struct SearchSettings {
     const Endgames* endgames = nullptr;
     int threads = 1;
-    bool plain = false;             // alpha-beta with material and advance: the yardstick
+    // Yardsticks: 1 plain alpha-beta with material and advance; 2 the same with transposition table and history.
+    int plain = 0;
     int noise = 0;                  // evaluations vary by that much, hundredths of a man: weak levels
     std::uint64_t seed = 0;         // of the noise
-    int tune = 0;
     bool idle = false;              // at the lowest priority of the operating system
 };
 

@@ -2,7 +2,8 @@
 //
 //     train play GAME SECONDS SEED NODES FILE     play games for that long, append their quiet positions and results to FILE
 //     train fit GAME FILE >weights                logistic regression: what result follows from a position?
-//     train match GAME A B GAMES SEED             strength: A and B are nodes a move; a p before it, p20000, is the plain yardstick
+//     train match GAME A B GAMES SEED             strength: A and B are nodes a move; with a p before it, p20000, plain
+//                                             alpha-beta with material and advance; with an o, the same with table and history
 //
 // FILE: 32 bytes a position, as this processor has them in memory: white, black, kings, then side (bit 0) and White's result (2, 1
 // or 0 half points, bits 1 and 2).
@@ -52,7 +53,10 @@ template <const Rules& R> int play(double seconds, unsigned seed, std::uint64_t 
                 break;
             }
             Move m = list[int(random() % unsigned(list.size()))];
-            if (ply >= opening && list.size() > 1) {
+            // Now and then something unexpected, so that the weights learn what follows from it; what was before, does not.
+            bool surprise = ply < 60 && random() % 24 == 0;
+            if (surprise) samples.clear();
+            if (ply >= opening && !surprise && list.size() > 1) {
                 search.prepare();
                 Progress best = search.run(since, limits, settings);
                 m = best.line[0];
@@ -61,7 +65,7 @@ template <const Rules& R> int play(double seconds, unsigned seed, std::uint64_t 
                     break;
                 }
             }
-            if (ply >= opening && !canCapture<R>(p) && !canCapture<R>(p, other(p.side)))
+            if (ply >= opening && !surprise && !canCapture<R>(p) && !canCapture<R>(p, other(p.side)))
                 samples.push_back({p.white, p.black, p.kings, Bits(p.side)});
             if (m.captured || !(p.kings >> m.from & 1)) since.clear();
             p = after<R>(p, m);
@@ -109,7 +113,6 @@ template <const Rules& R> int fit(const char* file, const char* how) {
     std::size_t test = samples.size() / 20;
 
     Model<R> m;
-    const int phases = std::getenv("PHASES") ? std::atoi(std::getenv("PHASES")) : 1;
     constexpr int kMost = 2 * R.menRows * R.half();
     const int kEpochs = 12;
     for (int epoch = 0; epoch < kEpochs; ++epoch) {
@@ -124,17 +127,17 @@ template <const Rules& R> int fit(const char* file, const char* how) {
             std::pair<int, float> at[32 + 2 * kCounts];
             int n = 0;
             for (int c = 0; c < kCounts; ++c) {
-                if (!f.counts[c]) continue;
+                if (!f.counts[c] || (!R.flying && (c == firstKing || c == longDiagonal))) continue;
                 float x = float(f.counts[c]) * (c == advance ? 0.2f : 1);
-                float late = phases & 1 ? few : 0.5f;
+                float late = R.flying || c != kings ? few : 0.5f;
                 at[n++] = {2 * c, x * (1 - late)};
                 at[n++] = {2 * c + 1, x * late};
             }
             for (int i = 0; i < Fields<R>::count; ++i) {
+                // Both phases alike: told apart they foretell better, and play worse.
                 auto [w, sign] = m.find(i, f.fields[i]);
-                float late = phases & 2 ? few : 0.5f;
-                at[n++] = {w, sign * (1 - late)};
-                at[n++] = {w + Model<R>::kStored * kFieldSize, sign * late};
+                at[n++] = {w, sign * 0.5f};
+                at[n++] = {w + Model<R>::kStored * kFieldSize, sign * 0.5f};
             }
             float sum = 0;
             for (int i = 0; i < n; ++i) sum += m.weight[at[i].first] * at[i].second;
@@ -156,6 +159,8 @@ template <const Rules& R> int fit(const char* file, const char* how) {
     }
     // A man is 100 points, half way through the game.
     float man = (m.weight[2 * men] + m.weight[2 * men + 1]) / 2, scale = 100 / man;
+    // Drawn games of kings hide that a king that does not fly is worth more than a man.
+    if (!R.flying) m.weight[2 * kings] = m.weight[2 * kings + 1] = 1.3f * man;
     std::printf("R\"weights(");
     for (int c = 0; c < m.kCountWeights; ++c)
         std::printf("%s%d", c ? " " : "", int(std::lround(m.weight[c] * scale * 10 * (c / 2 == advance ? 0.2f : 1))));
@@ -197,10 +202,8 @@ template <const Rules& R> int match(const char* a, const char* b, int games, uns
     Player players[2];
     for (int i = 0; i < 2; ++i) {
         const char* text = i ? b : a;
-        players[i].settings.plain = *text == 'p';
-        char* more;
-        players[i].limits.nodes = std::strtoull(text + (*text == 'p'), &more, 10);
-        if (*more == 't') players[i].settings.tune = std::atoi(more + 1);
+        players[i].settings.plain = *text == 'p' ? 1 : *text == 'o' ? 2 : 0;
+        players[i].limits.nodes = std::strtoull(text + (players[i].settings.plain != 0), nullptr, 10);
         if (!players[i].settings.plain) players[i].settings.endgames = endgames.get();
     }
     auto opening = [&] {
@@ -281,6 +284,6 @@ int main(int argc, char** argv) {
             return match<decltype(g)::rules>(argv[3], argv[4], std::atoi(argv[5]), unsigned(std::atoi(argv[6])));
         });
     std::fprintf(stderr, "usage: train play intl|braz|engl SECONDS SEED NODES FILE\n       train fit intl|braz|engl FILE ?NOTE?\n"
-                         "       train match intl|braz|engl NODES|pNODES NODES|pNODES GAMES SEED\n");
+                         "       train match intl|braz|engl ?p|o?NODES ?p|o?NODES GAMES SEED\n");
     return 2;
 }
