@@ -34,6 +34,18 @@ constexpr int countOf(Bits b) {
 #endif
 }
 
+// The sum of two, for less than two of them.
+constexpr int countOf(Bits a, Bits b) {
+#ifdef __POPCNT__
+    return std::popcount(a) + std::popcount(b);
+#else
+    a = a - ((a >> 1) & 0x5555555555555555u);
+    b = b - ((b >> 1) & 0x5555555555555555u);
+    a = (a & 0x3333333333333333u) + ((a >> 2) & 0x3333333333333333u) + (b & 0x3333333333333333u) + ((b >> 2) & 0x3333333333333333u);
+    return int((((a & 0x0f0f0f0f0f0f0f0fu) + ((a >> 4) & 0x0f0f0f0f0f0f0f0fu)) * 0x0101010101010101u) >> 56);
+#endif
+}
+
 enum Direction { upLeft, upRight, downLeft, downRight };
 constexpr Direction opposite(Direction d) { return Direction(3 - d); }
 

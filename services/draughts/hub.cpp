@@ -203,7 +203,8 @@ void Hub::setLevel(const Pairs& pairs) {
     Limits l;
     double time = 0, increment = 0;
     std::uint64_t moves = 0;
-    for (auto& [name, value] : pairs) {
+    for (auto& pair : pairs) {
+        const std::string &name = pair.first, &value = pair.second;
         auto real = [&] {
             double x = 0;
             if (!number(value, x) || !(x >= 0 && x < 1e9)) throw Bad("HUB", "level: " + name + " must be a time in seconds, got " + value.substr(0, 30));

@@ -11,6 +11,12 @@ template <Direction D> inline Bits nearest(Bits b) {
     return D == downLeft || D == downRight ? lowest(b) : highest(b);
 }
 
+// How many in two sets. Native: by the processor's own instruction, in functions that may use it.
+template <bool Native> [[gnu::always_inline]] inline int number(Bits a, Bits b) {
+    if constexpr (Native) return __builtin_popcountll(a) + __builtin_popcountll(b);
+    else return countOf(a, b);
+}
+
 // Captures of one position. S: side to move.
 template <const Rules& R, Side S> class Captures {
     using B = Board<R.width>;
@@ -43,6 +49,21 @@ public:
                     return true;
             }
         return false;
+    }
+
+    // Number of captures when only men can capture, and none of them twice; else -1. No capture, or no list, costs less.
+    template <bool Native> [[gnu::always_inline]] static int countSingle(const Position& p) {
+        Bits own = S == Side::white ? p.white : p.black, prey = S == Side::white ? p.black : p.white;
+        if (own & p.kings) return -1;
+        Bits empty = B::all & ~own & ~prey, ul = 0, ur = 0, dl = 0, dr = 0, more = 0;
+        if constexpr (S == Side::white || R.menCaptureBack) ul = jump<upLeft>(own, prey, empty), ur = jump<upRight>(own, prey, empty);
+        if constexpr (S == Side::black || R.menCaptureBack) dl = jump<downLeft>(own, prey, empty), dr = jump<downRight>(own, prey, empty);
+        // Straight on or around a corner; never back over the same victim.
+        if constexpr (S == Side::white || R.menCaptureBack)
+            more |= jump<upLeft>(ul | ur | dl, prey, empty) | jump<upRight>(ul | ur | dr, prey, empty);
+        if constexpr (S == Side::black || R.menCaptureBack)
+            more |= jump<downLeft>(ul | dl | dr, prey, empty) | jump<downRight>(ur | dl | dr, prey, empty);
+        return more ? -1 : number<Native>(ul, ur) + number<Native>(dl, dr);
     }
 
     // Fills the list; leaves it empty when nothing can be captured.
@@ -173,11 +194,11 @@ template <const Rules& R, Side S> struct Quiet {
             for (Bits to = king(indexOf(k), empty); to; to &= to - 1)
                 out.push({0, std::uint8_t(indexOf(k)), std::uint8_t(indexOf(to))});
     }
-    static int count(const Position& p) {
+    template <bool Native> [[gnu::always_inline]] static int count(const Position& p) {
         Bits own = S == Side::white ? p.white : p.black, empty = B::all & ~p.white & ~p.black;
         Bits movers = own & ~p.kings;
-        int n = countOf(B::template step<left>(movers) & empty) + countOf(B::template step<right>(movers) & empty);
-        for (Bits k = own & p.kings; k; k &= k - 1) n += countOf(king(indexOf(k), empty));
+        int n = number<Native>(B::template step<left>(movers) & empty, B::template step<right>(movers) & empty);
+        for (Bits k = own & p.kings; k; k &= k - 1) n += number<Native>(king(indexOf(k), empty), 0);
         return n;
     }
 };
@@ -187,21 +208,38 @@ template <const Rules& R, Side S> inline void generateFor(const Position& p, Mov
     if (Captures<R, S>::any(p)) Captures<R, S>(p, out).all();
     else Quiet<R, S>::all(p, out);
 }
-template <const Rules& R, Side S> inline int countFor(const Position& p) {
-    if (!Captures<R, S>::any(p)) return Quiet<R, S>::count(p);
+template <const Rules& R, Side S> [[gnu::noinline]] int countList(const Position& p) {
     MoveList list;
     Captures<R, S>(p, list).all();
     return list.size();
 }
+template <const Rules& R, Side S, bool Native> [[gnu::always_inline]] inline int countFor(const Position& p) {
+    int n = Captures<R, S>::template countSingle<Native>(p);
+    if (n > 0) return n;
+    if (n == 0 || !Captures<R, S>::any(p)) return Quiet<R, S>::template count<Native>(p);
+    return countList<R, S>(p);
+}
 
 template <const Rules& R, Side S> std::uint64_t perftFor(const Position& p, int depth) {
-    if (depth == 1) return std::uint64_t(countFor<R, S>(p));
+    if (depth == 1) return std::uint64_t(countFor<R, S, false>(p));
     MoveList list;
     generateFor<R, S>(p, list);
     std::uint64_t n = 0;
     for (auto& m : list) n += perftFor<R, other(S)>(after<R>(p, m), depth - 1);
     return n;
 }
+
+#ifdef __x86_64__
+// The same for processors that count bits by themselves: a third faster.
+template <const Rules& R, Side S> [[gnu::target("popcnt")]] std::uint64_t perftNative(const Position& p, int depth) {
+    if (depth == 1) return std::uint64_t(countFor<R, S, true>(p));
+    MoveList list;
+    generateFor<R, S>(p, list);
+    std::uint64_t n = 0;
+    for (auto& m : list) n += perftNative<R, other(S)>(after<R>(p, m), depth - 1);
+    return n;
+}
+#endif
 
 }  // namespace
 
@@ -213,7 +251,7 @@ template <const Rules& R> bool canCapture(const Position& p, Side side) {
 }
 template <const Rules& R> bool canCapture(const Position& p) { return canCapture<R>(p, p.side); }
 template <const Rules& R> int countMoves(const Position& p) {
-    return p.side == Side::white ? countFor<R, Side::white>(p) : countFor<R, Side::black>(p);
+    return p.side == Side::white ? countFor<R, Side::white, false>(p) : countFor<R, Side::black, false>(p);
 }
 
 #define DRAUGHTS_GAME(R)                                          \
@@ -237,6 +275,10 @@ std::uint64_t perft(const Rules& rules, const Position& p, int depth) {
     if (depth <= 0) return 1;
     return forGame(rules, [&](auto g) {
         constexpr const Rules& R = decltype(g)::rules;
+#ifdef __x86_64__
+        static const bool native = __builtin_cpu_supports("popcnt");
+        if (native) return p.side == Side::white ? perftNative<R, Side::white>(p, depth) : perftNative<R, Side::black>(p, depth);
+#endif
         return p.side == Side::white ? perftFor<R, Side::white>(p, depth) : perftFor<R, Side::black>(p, depth);
     });
 }

@@ -6,10 +6,10 @@
 //     draughtsCheck garbage NUMBER SEED       FEN, PDN, moves, Hub positions and Hub lines, half right and wholly wrong
 //     draughtsCheck speed GAME DEPTH THREADS  nodes and time of a search from the start
 // Prints what was done; every failure is a line beginning "wrong:", and exit code 1.
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <chrono>
+#include <cstdarg>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
@@ -28,9 +28,12 @@ using namespace draughts;
 namespace {
 
 int failures = 0;
-template <class... A> void wrong(const char* format, A... args) {
+[[gnu::format(printf, 1, 2)]] void wrong(const char* format, ...) {
     std::printf("wrong: ");
-    std::printf(format, args...);
+    va_list args;
+    va_start(args, format);
+    std::vprintf(format, args);
+    va_end(args);
     std::printf("\n");
     ++failures;
 }
