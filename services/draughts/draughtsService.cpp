@@ -9,6 +9,7 @@
 #include <sorma.h>
 
 #include <charconv>
+#include <system_error>
 #include <thread>
 
 #include "draughts/camera.h"
@@ -333,7 +334,7 @@ private:
                 if (auto here = weak.lock(); here && here == job_) work();
             });
         };
-        job->thread = std::thread([this, j = job.get(), post, &rules, limits, settings, tables, file, endgames = endgames_,
+        auto think = [this, j = job.get(), post, &rules, limits, settings, tables, file, endgames = endgames_,
                                    game = game_.reversible()]() mutable {
             std::string note;
             if (tables && !endgames) {
@@ -355,7 +356,13 @@ private:
                 wrong = e.what();
             }
             post([this, best, note, endgames, wrong] { ended(best, note, endgames, wrong); });
-        });
+        };
+        try {
+            job->thread = std::thread(std::move(think));
+        } catch (const std::system_error& e) {
+            job_ = nullptr;
+            job->reply.fail(e);
+        }
     }
 
     static void fill(Message& m, const draughts::Rules& rules, const Progress& p) {

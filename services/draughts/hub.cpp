@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
+#include <system_error>
 
 #include "draughts/level.h"
 
@@ -250,7 +250,7 @@ void Hub::go(const std::string& how) {
     pondering_ = how == "ponder";
     searching_ = true;
     search_->prepare();
-    thread_ = std::thread([this, limits, settings, game = game_->reversible()] {
+    auto think = [this, limits, settings, game = game_->reversible()] {
         std::string end;
         try {
             Progress best = search_->run(game, limits, settings, [this](const Progress& p) { report(p); });
@@ -265,7 +265,13 @@ void Hub::go(const std::string& how) {
         // Before the line: who reads it may send the next command at once.
         searching_ = false;
         say(end);
-    });
+    };
+    try {
+        thread_ = std::thread(think);
+    } catch (const std::system_error&) {        // no thread to be had: then nothing is heard until it has ended
+        if (limits.infinite) search_->endIn(1);
+        think();
+    }
 }
 
 void Hub::report(const Progress& p) {

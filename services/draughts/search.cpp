@@ -8,6 +8,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <new>
+#include <system_error>
 #include <thread>
 
 #include "draughts/endgames.h"
@@ -319,8 +321,16 @@ Progress runFor(Shared& shared, const std::vector<Position>& game, const std::fu
     }
     std::vector<std::thread> helpers;
     auto lead = std::make_unique<Worker<R>>(shared, game, true);
-    for (int i = 1; i < shared.settings.threads; ++i)
-        helpers.emplace_back([&shared, &game, i] { std::make_unique<Worker<R>>(shared, game, false)->deepen(i, nullptr); });
+    try {
+        for (int i = 1; i < shared.settings.threads; ++i)
+            helpers.emplace_back([&shared, &game, i] {
+                try {
+                    std::make_unique<Worker<R>>(shared, game, false)->deepen(i, nullptr);
+                } catch (const std::bad_alloc&) {
+                }
+            });
+    } catch (const std::system_error&) {        // with those that there are
+    }
     Progress best = lead->deepen(0, report);
     shared.stop.store(true, std::memory_order_relaxed);
     for (auto& h : helpers) h.join();
