@@ -88,6 +88,8 @@ public:
         auto first = shaped(axes_, std::size_t(dimension_), file_, author("-map"), true);
         weigh(*first, metric_, scale_, local_);
         map_ = first;
+        given_ = roomFor(*first);
+        ints_.reserve(2);
     }
 
     // Everything is made anew beside what a cycle may be using, and put in its place between two ticks.
@@ -98,7 +100,10 @@ public:
         auto next = shaped(change.get<std::string>("-axes"), std::size_t(change.get<std::int64_t>("-dimension")),
                            change.get<std::string>("-map"), change.author("-map"), change.concerns("-map"));
         weigh(*next, change.get<std::vector<double>>("-metric"), change.get<bool>("-scale"), change.get<std::int64_t>("-local"));
-        return [this, next]() mutable { std::swap(map_, next); };
+        return [this, next, given = roomFor(*next)]() mutable {
+            std::swap(map_, next);
+            std::swap(given_, given);
+        };
     }
 
     void exec(Message& m) override {
@@ -175,6 +180,13 @@ private:
         return std::make_shared<Map>(axes, dimension);
     }
 
+    // Memory for what EXEC is given: no tick takes any.
+    static std::vector<double> roomFor(const Map& map) {
+        std::vector<double> out;
+        out.reserve(map.dimension() + psom::kMostAxes);
+        return out;
+    }
+
     void weigh(Map& map, const std::vector<double>& metric, bool scale, std::int64_t local) const {
         if (map.dimension() == 0) return;
         if (!metric.empty() && metric.size() != map.dimension()) fail(kMetric, name(), metric.size(), map.dimension());
@@ -217,6 +229,7 @@ private:
     void answer(Message& m) {
         needComponents(m, "complete");
         searchFor(m);
+        if (m.ints.capacity() < 2) m.ints.swap(ints_);      // memory from before the first tick
         m.ints.assign({match_.steps, match_.converged});
     }
 
@@ -370,6 +383,7 @@ private:
     std::string axes_, file_;
     std::int64_t dimension_ = 0, local_ = 0, steps_ = 50, starts_ = 1;
     std::vector<double> metric_, given_;
+    std::vector<std::int64_t> ints_;    // memory for the ints of the first answer
     bool scale_ = false, follow_ = false;
     double margin_ = 0.15, tolerance_ = 1e-10, lambda_ = 0.01, threshold_ = 0, rate_ = 0.5;
     sorma::Reference mover_, reader_;

@@ -77,7 +77,11 @@ public:
             .example("puma EXEC forward FMSG 6 0 0 0 0 0 0");
     }
 
-    void born() override { changed({}); }
+    void born() override {
+        changed({});
+        ints_.reserve(8);
+        text_.reserve(32);
+    }
     void changed(std::span<const sorma::Option* const>) override {
         for (std::size_t i = 0; i < 6; ++i)
             if (lower_[i] > upper_[i]) fail(kOrder, name(), "-lower", lower_[i], i + 1, upper_[i]);
@@ -137,6 +141,7 @@ private:
         if (s.reach != puma::Solutions::reachable) [[unlikely]] failReach(pose);
         if (s.count == 0 && task != configurations) [[unlikely]] failLimits();
         m.clear();
+        if (m.ints.capacity() < 8) m.ints.swap(ints_);      // memory from before the first tick
         auto append = [&](const Joints& q) { m.floats.insert(m.floats.end(), q.data(), q.data() + 6); };
         if (task == configurations) {
             for (auto& q : s.q) append(q);
@@ -149,7 +154,8 @@ private:
         tellNear(s.near[std::size_t(s.order[0])], m);
     }
 
-    static void tellNear(unsigned near, Message& m) {
+    void tellNear(unsigned near, Message& m) {
+        if (near && m.text.capacity() < 32) m.text.swap(text_);
         auto add = [&](const char* word) { (m.text.empty() ? m.text : m.text += ' ') += word; };
         if (near & puma::kShoulder) add("shoulder");
         if (near & puma::kElbow) add("elbow");
@@ -178,6 +184,8 @@ private:
 
     puma::Limits limits_;
     puma::Solutions solutions_;         // of the last request
+    std::vector<std::int64_t> ints_;    // memory for the first answer
+    std::string text_;
     std::string task_ = "forward";
     std::vector<double> lower_ = list(limits_.lower), upper_ = list(limits_.upper);
     std::vector<double> posture_ = std::vector<double>(6, 0.0), weights_ = std::vector<double>(6, 1.0);
