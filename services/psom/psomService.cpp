@@ -171,13 +171,20 @@ private:
             if (!open && (axes != loaded->axes() || dimension != loaded->dimension())) fail(kFileShape, name(), file);
             return loaded;
         }
-        if (open && !file.empty()) return std::make_shared<Map>(*map_);
+        if (open && !file.empty()) return copied();
         if (axes.empty()) dimension = 0;
         if (auto wrong = psom::checkAxes(axes, dimension); !wrong.empty()) fail(kSize, name(), "-dimension", wrong);
-        if (map_ && map_->dimension() == dimension && map_->axes() == axes) return std::make_shared<Map>(*map_);
+        if (map_ && map_->dimension() == dimension && map_->axes() == axes) return copied();
         if (!file.empty()) fail(kFileShape, name(), file);
         if (dimension == 0) axes.clear();
         return std::make_shared<Map>(axes, dimension);
+    }
+
+    // The map with what it has learned. A tick may be using its scratch memory meanwhile, which is left alone.
+    MapPointer copied() const {
+        auto map = std::make_shared<Map>(map_->axes(), map_->dimension());
+        if (map_->trained()) map->train(map_->vectors());
+        return map;
     }
 
     // Memory for what EXEC is given: no tick takes any.
@@ -298,7 +305,7 @@ private:
         if (!mover_) fail(kParts, name(), "-mover", "an object that goes to the place it gets");
         if (!reader_) fail(kParts, name(), "-reader", "an object that answers what there is");
         auto demo = std::make_shared<Demonstration>();
-        demo->map = std::make_shared<Map>(*map_);
+        demo->map = copied();
         demo->mover = mover_, demo->reader = reader_;
         demo->reply = later(m);
         demo->reply.onCancel([weak = std::weak_ptr(demo)] {
