@@ -25,7 +25,11 @@ const char* const kUsage =
     "       bench --client ADDRESS nop|rec\n";
 
 void (*const kGroups[])(Table&) = {byReference, tclCommand, textDispatch, protectedCall, asynchronous, snapshot,
-                                    cycle, circuit, growth};
+                                    cycle, circuit,
+#ifdef HAVE_EIGEN
+                                    laboratory,
+#endif
+                                    growth};
 
 int table(const std::string& pattern, int rounds, bool json) {
     catchSignals();

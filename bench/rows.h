@@ -13,6 +13,7 @@ void asynchronous(Table& table);        // FUTURE CTRL_busy STREAM PUBLISH FUTUR
 void snapshot(Table& table);            // M
 void cycle(Table& table);               // CYCLE
 void circuit(Table& table);             // CIRCUIT
+void laboratory(Table& table);          // PUMA_inverse PSOM; where there is Eigen
 void growth(Table& table);              // each of them beside much else
 
 // bench --client ADDRESS nop|rec: the project as one more peer of a comparison with other systems.

@@ -1,7 +1,6 @@
 // matrix -- out = matrix * in.
 #include <algorithm>
-
-#include <Eigen/Core>
+#include <numeric>
 
 #include "unit.h"
 
@@ -17,13 +16,14 @@ public:
     void changed(std::span<const sorma::Option* const>) override { check(); }
 
     void exec(sorma::Message& m) override {
-        using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
         needWidth(columns(), m.floats.size());
         std::swap(m.floats, in_);
         m.floats.resize(rows_);
-        Eigen::Map<Eigen::VectorXd>(m.floats.data(), Eigen::Index(rows_)).noalias() =
-            Eigen::Map<const Rows>(matrix_.data(), Eigen::Index(rows_), Eigen::Index(columns())) *
-            Eigen::Map<const Eigen::VectorXd>(in_.data(), Eigen::Index(columns()));
+        auto row = matrix_.cbegin();
+        for (double& y : m.floats) {
+            y = std::inner_product(in_.begin(), in_.end(), row, 0.0);
+            row += std::ptrdiff_t(in_.size());
+        }
     }
 
     Pins pins(std::string_view, std::size_t) const override {
