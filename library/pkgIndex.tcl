@@ -13,7 +13,7 @@ apply {dir {
     package ifneeded sorma::edit 1.0 [list load [file join $dir ${prefix}sormaedit1.0$end] Sormaedit]
     foreach name {
         json line options text usage
-        elsewhere events load table value world
+        elsewhere events load news table value world
         complete listing manual reply trail
         field panel style subject
         await daemon doctor inspect launch launchDaemon launchFile launchForward observe record scott

@@ -20,18 +20,18 @@
 
 package require sorma
 package require sorma::options
+package require sorma::news
 package provide sorma::world 1.0
 
 namespace eval ::sorma::world {
     namespace export watch unwatch get keys add forget value listen ask names find objects recount counted pulse heard use line hook unhook hint lead deliver
+    namespace import -force ::sorma::news::hook ::sorma::news::unhook ::sorma::news::hint ::sorma::news::deliver
     namespace ensemble create
 
-    variable Gather 20          ;# ms for which changes are gathered
     variable Slice 10           ;# ms of work before the event loop has its turn
     variable Pulse 1000         ;# ms between two HEALTHs
     variable Silence 1900       ;# ms without an answer, then a daemon counts as silent, at the next beat: within 3 s of its death
     variable Linger 10000       ;# ms for which the model lives on when nobody watches any more
-    variable MostTrail 1000     ;# messages of a trail that wait for one watch
     # What is known stays when this file is read again.
     variable Daemons            ;# dict: KEY -> daemon, as get gives it
     variable Objects            ;# array: name@daemon -> object, as get gives it
@@ -45,28 +45,22 @@ namespace eval ::sorma::world {
     variable Passing            ;# dict: what stands after @ -> ms, when somebody last looked there
     variable Led                ;# dict: who says so -> {how addresses}, by lead
     variable Twins              ;# dict: address -> boot of a daemon that is known by another one
-    variable Watches            ;# dict: token -> {pattern events command ready}
-    variable Out                ;# array: token -> list of {event key dict} to be told
-    variable Late               ;# array: token -> dict: key -> {event dict}, gathered
-    variable Lost               ;# array: token -> messages of a trail that were dropped
     variable Last               ;# token, or serial
     variable Running            ;# is the model at work
     variable Work               ;# list of {daemon serial objects at seen}: answers that are to be taken in
     variable Wanted             ;# dict: daemon -> 1: somebody waits for these, they come first
     variable Opening            ;# daemons to which a line is to be made
-    variable Telling            ;# is a callback on the stack
     variable Timers             ;# array: what -> id of after
     variable Local              ;# line to this process: it only subscribes
-    variable Hooks              ;# dict: event -> command prefixes of other parts of the model, called before it is told
     variable Beaten             ;# ms, when Beat was last there
     if {![info exists Last]} {
-        foreach name {Daemons Added Passing Led Twins Watches Work Wanted Opening Local Hooks} {
+        foreach name {Daemons Added Passing Led Twins Work Wanted Opening Local} {
             set $name {}
         }
-        foreach name {Last Running Telling Beaten} {
+        foreach name {Last Running Beaten} {
             set $name 0
         }
-        foreach name {Objects Names Lines Out Late Lost Timers} {
+        foreach name {Objects Names Lines Timers} {
             array set $name {}
         }
     }
@@ -84,7 +78,6 @@ namespace eval ::sorma::world {
 # Results:
 #       A token, for unwatch. Nothing is called before this returns.
 proc ::sorma::world::watch {pattern args} {
-    variable Watches
     set options [::sorma::options::parse {-events {any *} -command any} $args]
     if {[dict get $options -command] eq {}} {
         Misused "-command is missing: what is to be called with each event?"
@@ -94,16 +87,13 @@ proc ::sorma::world::watch {pattern args} {
     if {![info exists ::sorma::world::Timers(looked)]} {
         Look
     }
-    dict set Watches $token [dict create pattern $pattern events [dict get $options -events] command [dict get $options -command] ready 0]
-    set ::sorma::world::Out($token) {}
-    set ::sorma::world::Late($token) {}
-    set ::sorma::world::Lost($token) 0
+    ::sorma::news::watch $token $pattern [dict get $options -events] [dict get $options -command]
     dict for {key daemon} $::sorma::world::Daemons {
-        Queue $token daemon.here $key $daemon
+        ::sorma::news::tell $token daemon.here $key $daemon
     }
     if {[string first @ $pattern] >= 0} {
         foreach key [lsort [array names ::sorma::world::Objects $pattern]] {
-            Queue $token object.made $key $::sorma::world::Objects($key)
+            ::sorma::news::tell $token object.made $key $::sorma::world::Objects($key)
         }
     }
     CountUnknown
@@ -114,14 +104,7 @@ proc ::sorma::world::watch {pattern args} {
 # ::sorma::world::unwatch TOKEN --
 #       End a watch, or a value. Nothing comes after this.
 proc ::sorma::world::unwatch token {
-    variable Watches
-    variable Out
-    variable Late
-    variable Lost
-    if {[dict exists $Watches $token]} {
-        dict unset Watches $token
-        unset -nocomplain Out($token) Late($token) Lost($token)
-    } else {
+    if {![::sorma::news::unwatch $token]} {
         ::sorma::value forget $token
         ::sorma::events forget $token
     }
@@ -353,26 +336,6 @@ proc ::sorma::world::NewToken kind {
     return $kind[incr Last]
 }
 
-# ---- telling ----
-
-# ::sorma::world::hook EVENTS PREFIX -- for the other parts of the model: call it with EVENT KEY DICT of these events, at once.
-proc ::sorma::world::hook {events prefix} {
-    variable Hooks
-    foreach event $events {
-        if {![dict exists $Hooks $event] || $prefix ni [dict get $Hooks $event]} {
-            dict lappend Hooks $event $prefix
-        }
-    }
-}
-
-# ::sorma::world::unhook PREFIX -- call it no more.
-proc ::sorma::world::unhook prefix {
-    variable Hooks
-    dict for {event prefixes} $Hooks {
-        dict set Hooks $event [lsearch -all -inline -not -exact $prefixes $prefix]
-    }
-}
-
 # ::sorma::world::lead WHO HOW ADDRESSES -- for the other parts of the model: as long as WHO says so, there are daemons at these.
 proc ::sorma::world::lead {who how addresses} {
     variable Led
@@ -382,125 +345,6 @@ proc ::sorma::world::lead {who how addresses} {
         dict unset Led $who
     }
     Soon
-}
-
-# ::sorma::world::hint EVENT KEY ?DICT? -- tell only them.
-proc ::sorma::world::hint {event key {dict {}}} {
-    variable Hooks
-    if {[dict exists $Hooks $event]} {
-        foreach prefix [dict get $Hooks $event] {
-            {*}$prefix $event $key $dict
-        }
-    }
-}
-
-# ::sorma::world::deliver PREFIX WORDS -- call it at global level; an error goes to bgerror.
-proc ::sorma::world::deliver {command words} {
-    if {[catch {uplevel #0 [list {*}$command {*}$words]} message options] == 1} {
-        after 0 [list {*}[interp bgerror {}] $message $options]
-    }
-}
-
-# Something has happened. What the model itself must know of it comes first.
-proc ::sorma::world::Emit {event key dict} {
-    variable Watches
-    hint $event $key $dict
-    foreach token [dict keys $Watches] {
-        Queue $token $event $key $dict
-    }
-}
-
-proc ::sorma::world::Queue {token event key dict} {
-    variable Watches
-    variable Out
-    variable Late
-    variable Lost
-    variable MostTrail
-    set watch [dict get $Watches $token]
-    set pattern [dict get $watch pattern]
-    if {$key ne {} && ((([string first @ $pattern] >= 0) != ([string first @ $key] >= 0)) || ![string match $pattern $key])} {
-        return
-    }
-    if {[lsearch -exact [dict get $watch events] $event] < 0 && ![Matches $event [dict get $watch events]]} {
-        return
-    }
-    if {$event eq "trail"} {
-        if {[llength $Out($token)] >= $MostTrail} {
-            incr Lost($token)
-            return
-        }
-        dict set dict lost $Lost($token)
-        set Lost($token) 0
-    } elseif {[string match *.changed $event]} {
-        if {[dict exists $Late($token) $key] && [dict exists $dict changes]} {
-            set before [lindex [dict get $Late($token) $key] 1]
-            if {[dict exists $before changes]} {
-                dict set dict changes [dict merge [dict get $before changes] [dict get $dict changes]]
-            }
-        }
-        dict set Late($token) $key [list $event $dict]
-        Later gather $::sorma::world::Gather Ripen
-        return
-    } elseif {[dict exists $Late($token) $key]} {
-        dict unset Late($token) $key        ;# it is overtaken
-    }
-    lappend Out($token) [list $event $key $dict]
-    Later tell 0 Tell
-}
-
-proc ::sorma::world::Matches {event patterns} {
-    foreach pattern $patterns {
-        if {[string match $pattern $event]} {
-            return 1
-        }
-    }
-    return 0
-}
-
-# Changes have waited long enough.
-proc ::sorma::world::Ripen {} {
-    variable Out
-    variable Late
-    foreach token [array names Late] {
-        dict for {key item} $Late($token) {
-            lappend Out($token) [linsert $item 1 $key]
-        }
-        set Late($token) {}
-    }
-    Later tell 0 Tell
-}
-
-# Call those who watch, for a while. A callback that runs the event loop calls nobody meanwhile.
-proc ::sorma::world::Tell {} {
-    variable Out
-    variable Watches
-    variable Telling
-    variable Slice
-    if {$Telling} {
-        return
-    }
-    set Telling 1
-    set end [expr {[clock milliseconds] + $Slice}]
-    set more 0
-    foreach token [dict keys $Watches] {
-        set at 0
-        while {[info exists Out($token)] && $at < [llength $Out($token)]} {
-            if {[clock milliseconds] >= $end} {
-                set more 1
-                break
-            }
-            lassign [lindex $Out($token) $at] event key dict
-            incr at
-            deliver [dict get $Watches $token command] [list $event $key $dict]
-        }
-        if {[info exists Out($token)]} {
-            set Out($token) [lrange $Out($token) $at end]
-        }
-    }
-    set Telling 0
-    if {$more} {
-        Later tell 1 Tell
-    }
 }
 
 # Do it in so many ms, once.
@@ -518,7 +362,6 @@ proc ::sorma::world::Now {what command args} {
 
 # Has each daemon answered, or failed, or let us wait for long enough?
 proc ::sorma::world::CheckReady {} {
-    variable Watches
     variable Daemons
     variable Lines
     set now [clock milliseconds]
@@ -529,12 +372,7 @@ proc ::sorma::world::CheckReady {} {
             return
         }
     }
-    foreach token [dict keys $Watches] {
-        if {![dict get $Watches $token ready]} {
-            dict set Watches $token ready 1
-            Queue $token world.ready {} {}
-        }
-    }
+    ::sorma::news::ready
 }
 
 # ---- life of the model ----
@@ -559,10 +397,9 @@ proc ::sorma::world::Start {} {
 }
 
 proc ::sorma::world::EndLater {} {
-    variable Watches
     variable Added
     variable Linger
-    if {[dict size $Watches] == 0 && ![::sorma::value inUse] && ![::sorma::events inUse] && [dict size $Added] == 0} {
+    if {[llength [::sorma::news::patterns]] == 0 && ![::sorma::value inUse] && ![::sorma::events inUse] && [dict size $Added] == 0} {
         Later end $Linger End
     }
 }
@@ -727,7 +564,7 @@ proc ::sorma::world::NewDaemon {key address how} {
     if {$key ne "self"} {
         set Lines($key) [dict create peer {} serial 0 opened 0 first $now asked 0 told 0 known 0 counted 0 heard 0 log {}]
     }
-    Emit daemon.here $key [dict get $Daemons $key]
+    ::sorma::news::emit daemon.here $key [dict get $Daemons $key]
 }
 
 # Facts of a daemon that may be new.
@@ -737,7 +574,7 @@ proc ::sorma::world::Set {key facts} {
     set after [dict merge $before $facts]
     if {$after ne $before} {
         dict set Daemons $key $after
-        Emit daemon.changed $key $after
+        ::sorma::news::emit daemon.changed $key $after
     }
 }
 
@@ -832,7 +669,7 @@ proc ::sorma::world::Gone key {
     unset -nocomplain Lines($key) Names($key)
     set last [dict merge [dict get $Daemons $key] [dict create state gone since [clock milliseconds]]]
     dict unset Daemons $key
-    Emit daemon.gone $key $last
+    ::sorma::news::emit daemon.gone $key $last
     CheckReady
 }
 
@@ -960,9 +797,8 @@ proc ::sorma::world::WantsObjects key {
 
 # Is anybody told of what happens to objects?
 proc ::sorma::world::InUse {} {
-    variable Watches
     return [expr {[::sorma::value inUse] || [::sorma::events inUse]
-        || [lsearch -not -exact [lmap watch [dict values $Watches] {dict get $watch pattern}] {}] >= 0}]
+        || [lsearch -not -exact [::sorma::news::patterns] {}] >= 0}]
 }
 
 # Ask for the objects of daemons that are wanted and not known yet.
@@ -1111,11 +947,11 @@ proc ::sorma::world::Made {key name class calls underway} {
     if {![info exists Objects($full)]} {
         dict set Names($key) $name 1
         set Objects($full) [dict create name $name class $class calls $calls underway $underway]
-        Emit object.made $full $Objects($full)
+        ::sorma::news::emit object.made $full $Objects($full)
     } elseif {[dict get $Objects($full) calls] != $calls || [dict get $Objects($full) underway] != $underway
             || [dict get $Objects($full) class] ne $class} {
         set Objects($full) [dict create name $name class $class calls $calls underway $underway]
-        Emit object.changed $full $Objects($full)
+        ::sorma::news::emit object.changed $full $Objects($full)
     }
 }
 
@@ -1126,7 +962,7 @@ proc ::sorma::world::Removed {key name} {
     if {[info exists Objects($name@$key)]} {
         set object $Objects($name@$key)
         unset Objects($name@$key)
-        Emit object.removed $name@$key $object
+        ::sorma::news::emit object.removed $name@$key $object
     }
 }
 
@@ -1184,14 +1020,14 @@ proc ::sorma::world::Take {key event} {
             if {[info exists Objects($name@$key)]} {
                 set words [lrange [dict get $event words] 1 end-1]
                 if {[llength $words] % 2 == 0} {
-                    Emit object.changed $name@$key [dict merge $Objects($name@$key) \
+                    ::sorma::news::emit object.changed $name@$key [dict merge $Objects($name@$key) \
                         [dict create changes $words by [lindex [dict get $event words] end]]]
                 }
             }
         }
         trail.* {
             lassign [dict get $event words] so code request
-            Emit trail [if {$so ne {}} {string cat $so@$key} else {set key}] [dict create severity [string range [dict get $event event] 6 end] \
+            ::sorma::news::emit trail [if {$so ne {}} {string cat $so@$key} else {set key}] [dict create severity [string range [dict get $event event] 6 end] \
                 text $name so $so code $code request $request time [dict get $event time]]
         }
     }
