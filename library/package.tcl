@@ -17,6 +17,7 @@ apply {{} {
         record {record::start record::stop}
         subject subject
         field {entry slider choice check button}
+        chart {stripchart led}
         panel panel
     } {
         foreach command $commands {

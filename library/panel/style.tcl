@@ -6,7 +6,7 @@ package require Tk
 package provide sorma::style 1.0
 
 namespace eval ::sorma::style {
-    namespace export pixels mark colour font tip bindWheel
+    namespace export pixels mark colour font step tip bindWheel
     namespace ensemble create
     # state: mark, colour on a light background, colour on a dark one
     variable States {
@@ -58,6 +58,16 @@ proc ::sorma::style::font kind {
         }
     }
     return $name
+}
+
+# ::sorma::style::step RANGE -- between two lines of a scale: 1, 2 or 5 times a power of ten, so that there are two to five of them.
+proc ::sorma::style::step range {
+    set power [expr {10.0 ** floor(log10($range))}]
+    foreach factor {0.2 0.5 1 2} {
+        if {$range / ($factor * $power) <= 5} {
+            return [expr {$factor * $power}]
+        }
+    }
 }
 
 # ::sorma::style::tip WINDOW TEXT -- shown when the pointer rests there, if tklib is installed.

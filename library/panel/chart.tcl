@@ -1,0 +1,431 @@
+# chart.tcl -- sorma::stripchart: numbers over time, several traces, as they come; and sorma::led and sorma::meter for one number.
+#
+# A chart costs little because it draws little: each line is moved, its new points are appended and its old ones cut off. All of it is
+# drawn anew only when the scale changes.
+
+package require Tk
+package require snit
+package require sorma::style
+package require sorma::subject
+package provide sorma::chart 1.0
+
+# ::sorma::stripchart .w ?options? --
+#       Options: -span seconds that are shown (10), -low and -high (empty: as the numbers need), -width, -height, -interval (ms between two
+#       drawings, 33), -paused
+# Methods:
+#       trace NAME ?-text t? ?-colour c?        one more line; that is done by sample as well
+#       sample NAME VALUE ?TIME?                a point; time: s, default now. NaN makes a gap, an infinity too
+#       plot NAME SO -OPTION                    the values of an option of a service object, as they change
+#       forget NAME, clear                      traces; clear: their points
+#       data NAME                               list of {time value}, s since the chart was made
+#       pause ?BOOL?, csv, export FILE          FILE.csv, FILE.png (with package Img), FILE.pdf (with ghostscript) or FILE.ps
+snit::widget ::sorma::stripchart {
+    hulltype ttk::frame
+    option -span -default 10 -configuremethod Redraw
+    option -low -default {} -configuremethod Redraw
+    option -high -default {} -configuremethod Redraw
+    option -width -default 400
+    option -height -default 160
+    option -interval -default 33
+    option -paused -default 0 -configuremethod SetPaused
+    component canvas
+    variable traces {}          ;# dict: name -> {line text colour times values drawn subject token option}
+    variable fresh {}           ;# dict: name -> {time value ...} that are to be drawn
+    variable origin 0           ;# ms, when the chart was made
+    variable shown 0            ;# s, at the right edge
+    variable scale {}           ;# {low high} that is drawn
+    variable timer {}
+    typevariable Colours {#1a5fb4 #c01c28 #26a269 #e5a50a #813d9c #986a44 #2190a4 #77767b}
+
+    constructor args {
+        set origin [clock milliseconds]
+        $self configurelist $args
+        install canvas using canvas $win.canvas -width [::sorma::style pixels $options(-width)] -height [::sorma::style pixels $options(-height)] \
+            -highlightthickness 0 -background [ttk::style lookup TEntry -fieldbackground {} white] -takefocus 1
+        pack $canvas -fill both -expand 1
+        bind $canvas <Configure> [mymethod Rebuild]
+        bind $canvas <space> [mymethod pause]
+        bind $canvas <ButtonPress-1> [list focus $canvas]
+        bind $canvas <Button-3> [mymethod Menu %X %Y]
+        bind $canvas <plus> [mymethod Zoom 0.5]
+        bind $canvas <minus> [mymethod Zoom 2]
+        bind $win <Destroy> +[mymethod Ended %W]
+        set timer [after $options(-interval) [mymethod Tick]]
+    }
+    method Ended window {
+        if {$window ne $win} return
+        after cancel $timer
+        foreach name [dict keys $traces] {
+            $self Unplot $name
+        }
+    }
+
+    # ---- what programs say ----
+
+    method trace {name args} {
+        set facts {-text {} -colour {}}
+        foreach {option value} $args {
+            if {![dict exists $facts $option]} {
+                return -code error -errorcode {SORMA REQUEST SYNTAX} "bad option \"$option\": must be -colour or -text"
+            }
+            dict set facts $option $value
+        }
+        if {[dict exists $traces $name]} return
+        set colour [dict get $facts -colour]
+        if {$colour eq {}} {
+            set colour [lindex $Colours [expr {[dict size $traces] % [llength $Colours]}]]
+        }
+        dict set traces $name [dict create text [if {[dict get $facts -text] ne {}} {dict get $facts -text} else {set name}] colour $colour \
+            times {} values {} subject {} token {} option {}]
+        $self Rebuild
+    }
+    method sample {name value {time {}}} {
+        if {![string is double -strict $value]} {
+            return -code error -errorcode {SORMA REQUEST SYNTAX} "$name: expected a number, got \"$value\""
+        }
+        if {![dict exists $traces $name]} {
+            $self trace $name
+        }
+        if {$time eq {}} {
+            set time [expr {([clock milliseconds] - $origin) / 1000.0}]
+        }
+        dict lappend fresh $name $time $value
+    }
+    method plot {name so option} {
+        $self trace $name -text "$so $option"
+        $self Unplot $name
+        set subject [::sorma::subject of $so -live 100]
+        dict set traces $name subject $subject
+        dict set traces $name option $option
+        dict set traces $name token [$subject listen [mymethod Told $name]]
+    }
+    method Unplot name {
+        dict with traces $name {
+            if {$subject ne {}} {
+                $subject unlisten $token
+                $subject release
+            }
+            set subject {}
+        }
+    }
+    method Told {name what changed} {
+        if {![dict exists $traces $name] || [dict get $traces $name subject] eq {}} return
+        set told [[dict get $traces $name subject] get [dict get $traces $name option]]
+        if {[string is double -strict [dict get $told live]] && [dict get $told state] ni {stale gone asking}} {
+            $self sample $name [dict get $told live]
+        }
+    }
+    method forget name {
+        if {[dict exists $traces $name]} {
+            $self Unplot $name
+            dict unset traces $name
+            dict unset fresh $name
+            $self Rebuild
+        }
+    }
+    method clear {} {
+        set fresh {}
+        foreach name [dict keys $traces] {
+            dict set traces $name times {}
+            dict set traces $name values {}
+        }
+        $self Rebuild
+    }
+    method data name {
+        $self Take
+        return [lmap t [dict get $traces $name times] v [dict get $traces $name values] {list $t $v}]
+    }
+    method pause {{on {}}} {
+        $self configure -paused [expr {$on eq {} ? !$options(-paused) : $on}]
+    }
+    method csv {} {
+        $self Take
+        set lines [list trace,time,value]
+        dict for {name trace} $traces {
+            foreach t [dict get $trace times] v [dict get $trace values] {
+                lappend lines [join [list [if {[regexp {[",\n]} $name]} {string cat \" [string map {\" \"\"} $name] \"} else {set name}] $t $v] ,]
+            }
+        }
+        return [join $lines \n]\n
+    }
+    method export file {
+        switch -- [string tolower [file extension $file]] {
+            .csv {
+                set out [open $file w]
+                fconfigure $out -encoding utf-8
+                puts -nonewline $out [$self csv]
+                close $out
+            }
+            .png {
+                package require img::window
+                package require img::png
+                set picture [image create photo -format window -data $canvas]
+                $picture write $file -format png
+                image delete $picture
+            }
+            .ps { $canvas postscript -file $file -colormode color }
+            .pdf {
+                if {[auto_execok gs] eq {}} {
+                    return -code error -errorcode {SORMA REQUEST SYNTAX} "$file: ghostscript is not installed; it makes PDF of PostScript (apt-get install ghostscript)"
+                }
+                exec gs -q -dNOPAUSE -dBATCH -dEPSCrop -sDEVICE=pdfwrite -sOutputFile=$file - << [$canvas postscript -colormode color]
+            }
+            default {
+                return -code error -errorcode {SORMA REQUEST SYNTAX} "$file: the name of a picture or table ends in .csv, .pdf, .png or .ps"
+            }
+        }
+        return $file
+    }
+
+    # ---- drawing ----
+
+    method SetPaused {option value} {
+        set options($option) $value
+        if {!$value && $canvas ne {}} {
+            $self Rebuild
+        }
+    }
+    method Redraw {option value} {
+        set options($option) $value
+        if {$canvas ne {} && [winfo exists $canvas]} {
+            $self Rebuild
+        }
+    }
+    method Zoom factor {
+        $self configure -span [expr {max(0.1, min(86400, $options(-span) * $factor))}]
+    }
+    method Now {} {
+        return [expr {([clock milliseconds] - $origin) / 1000.0}]
+    }
+    # What has come becomes part of the traces; what is too old to be shown goes.
+    method Take {} {
+        set old [expr {($options(-paused) ? $shown : [$self Now]) - $options(-span)}]
+        dict for {name points} $fresh {
+            set times [dict get $traces $name times]
+            set values [dict get $traces $name values]
+            dict set traces $name times {}
+            dict set traces $name values {}
+            foreach {t v} $points {
+                lappend times $t
+                lappend values $v
+            }
+            set first [lsearch -real -sorted -bisect $times $old]
+            if {$first > 0} {
+                set times [lrange $times $first end]
+                set values [lrange $values $first end]
+            }
+            dict set traces $name times $times
+            dict set traces $name values $values
+        }
+        set points $fresh
+        set fresh {}
+        return $points
+    }
+    method Tick {} {
+        set timer [after $options(-interval) [mymethod Tick]]
+        if {$options(-paused) || ![winfo ismapped $canvas]} return
+        set points [$self Take]
+        set now [$self Now]
+        set moved [expr {int(($now - $shown) * [winfo width $canvas] / double($options(-span)))}]
+        if {$moved > 0} {
+            $canvas move points -$moved 0
+            set shown [expr {$shown + $moved * double($options(-span)) / [winfo width $canvas]}]
+        }
+        if {[dict size $points] == 0} return
+        if {![$self Fits $points]} {
+            return [$self Rebuild]
+        }
+        dict for {name new} $points {
+            $self Append $name $new
+        }
+    }
+    # Do new points lie within the scale, without gaps?
+    method Fits points {
+        lassign $scale low high
+        if {$scale eq {}} {
+            return 0
+        }
+        foreach values [dict values $points] {
+            foreach {t v} $values {
+                if {!($v >= $low && $v <= $high)} {
+                    return 0
+                }
+            }
+        }
+        return 1
+    }
+    method X t {
+        return [expr {[winfo width $canvas] - ($shown - $t) * [winfo width $canvas] / double($options(-span))}]
+    }
+    method Y v {
+        lassign $scale low high
+        return [expr {[winfo height $canvas] - 1 - ($v - $low) * ([winfo height $canvas] - 2) / ($high - $low)}]
+    }
+    method Append {name points} {
+        set ids [$canvas find withtag line&&[list $name]]
+        if {[llength $ids] == 0 || ![dict exists $traces $name]} {
+            return [$self Rebuild]
+        }
+        set id [lindex $ids end]
+        set new {}
+        foreach {t v} $points {
+            lappend new [$self X $t] [$self Y $v]
+        }
+        $canvas insert $id end $new
+        # What has left at the left edge.
+        set gone 0
+        set coordinates [$canvas coords $id]
+        set n [llength $coordinates]
+        while {$gone + 6 <= $n && [lindex $coordinates $gone+2] < 0} {
+            incr gone 2
+        }
+        if {$gone > 0} {
+            $canvas dchars $id 0 [expr {$gone - 1}]
+        }
+    }
+    # The scale that shows all numbers, in steps of 1, 2, 5.
+    method Range {} {
+        set all {}
+        dict for {name trace} $traces {
+            foreach v [dict get $trace values] {
+                if {$v == $v && abs($v) < 1e300} {
+                    lappend all $v
+                }
+            }
+        }
+        set low $options(-low)
+        set high $options(-high)
+        if {[llength $all] == 0} {
+            lappend all 0 1
+        }
+        set least [tcl::mathfunc::min {*}$all]
+        set most [tcl::mathfunc::max {*}$all]
+        set step [::sorma::style step [expr {max($most - $least, 1e-12 + 1e-9 * abs($most))}]]
+        if {$low eq {}} {
+            set low [expr {floor($least / $step) * $step}]
+        }
+        if {$high eq {}} {
+            set high [expr {ceil($most / $step) * $step}]
+        }
+        return [list $low [expr {$high > $low ? $high : $low + $step}]]
+    }
+    # All of it, anew.
+    method Rebuild {} {
+        if {$canvas eq {} || ![winfo exists $canvas] || [winfo width $canvas] < 10} return
+        $self Take
+        if {!$options(-paused)} {
+            set shown [$self Now]
+        }
+        set scale [$self Range]
+        lassign $scale low high
+        $canvas delete all
+        set ink [ttk::style lookup . -foreground {} black]
+        set step [::sorma::style step [expr {$high - $low}]]
+        for {set v [expr {ceil($low / $step) * $step}]} {$v <= $high + 1e-9 * $step} {set v [expr {$v + $step}]} {
+            set y [$self Y $v]
+            $canvas create line 0 $y [winfo width $canvas] $y -fill [::sorma::style colour asking] -dash {1 3}
+            $canvas create text 3 $y -anchor [expr {$y < 14 ? "nw" : "sw"}] -text [format %.6g [expr {abs($v) < 1e-9 * $step ? 0 : $v}]] \
+                -font [::sorma::style font small] -fill [::sorma::style colour asking]
+        }
+        set x [expr {[winfo width $canvas] - 4}]
+        set y 3
+        dict for {name trace} $traces {
+            set part {}
+            set at 0
+            foreach t [dict get $trace times] v [dict get $trace values] {
+                if {$v == $v && abs($v) < 1e300} {
+                    lappend part [$self X $t] [$self Y $v]
+                } else {
+                    $self Line $name $part
+                    set part {}
+                }
+            }
+            $self Line $name $part
+            $canvas create text $x $y -anchor ne -text [dict get $trace text] -fill [dict get $trace colour] -font [::sorma::style font small]
+            incr y [font metrics [::sorma::style font small] -linespace]
+        }
+        if {$options(-paused)} {
+            $canvas create text [expr {[winfo width $canvas] / 2}] 3 -anchor n -text "paused" -fill $ink -font [::sorma::style font small]
+        }
+    }
+    method Line {name coordinates} {
+        if {[llength $coordinates] == 0} return
+        if {[llength $coordinates] == 2} {
+            lappend coordinates {*}$coordinates
+        }
+        $canvas create line $coordinates -fill [dict get $traces $name colour] -tags [list points line $name]
+    }
+    method Menu {x y} {
+        destroy $win.menu
+        menu $win.menu -tearoff 0
+        $win.menu add command -label [expr {$options(-paused) ? "Go on" : "Pause"}] -accelerator space -command [mymethod pause]
+        $win.menu add command -label "Shorter" -accelerator + -command [mymethod Zoom 0.5]
+        $win.menu add command -label "Longer" -accelerator - -command [mymethod Zoom 2]
+        $win.menu add command -label "Clear" -command [mymethod clear]
+        $win.menu add command -label "Save ..." -command [mymethod Save]
+        tk_popup $win.menu $x $y
+    }
+    method Save {} {
+        set file [tk_getSaveFile -parent $win -defaultextension .csv -filetypes {{Table .csv} {Picture .png} {{Vector picture} .pdf} {PostScript .ps}}]
+        if {$file ne {} && [catch {$self export $file} message]} {
+            $canvas create text 4 [expr {[winfo height $canvas] - 4}] -anchor sw -text $message -fill [::sorma::style colour refused]
+        }
+    }
+}
+
+# ::sorma::led .w -name SO -option -OPTION ?-good PATTERN? ?-bad PATTERN? ?-text text? -- a lamp that shows the value of an option: green when it
+# fits one pattern, red when it fits the other, grey while it is not known or old.
+snit::widget ::sorma::led {
+    hulltype ttk::frame
+    option -name -default {} -readonly 1
+    option -option -default {} -readonly 1
+    option -good -default {[1-9]*}
+    option -bad -default {}
+    option -text -default {}
+    option -live -default 500 -readonly 1
+    variable subject {}
+    variable token {}
+    constructor args {
+        $self configurelist $args
+        if {$options(-name) eq {} || $options(-option) eq {}} {
+            return -code error -errorcode {SORMA REQUEST SYNTAX} "sorma::led: -name and -option must say what it shows"
+        }
+        set size [::sorma::style pixels 14]
+        canvas $win.lamp -width $size -height $size -highlightthickness 0 -background [ttk::style lookup . -background]
+        $win.lamp create oval 2 2 [expr {$size - 2}] [expr {$size - 2}] -tags lamp -outline [::sorma::style colour asking]
+        ttk::label $win.text -text $options(-text)
+        pack $win.lamp $win.text -side left -padx [list 0 [::sorma::style pixels 4]]
+        set subject [::sorma::subject of $options(-name) -live $options(-live)]
+        set token [$subject listen [mymethod Told]]
+        bind $win <Destroy> +[mymethod Ended %W]
+        $self Told state {}
+    }
+    method Ended window {
+        if {$window eq $win && $subject ne {}} {
+            $subject unlisten $token
+            $subject release
+            set subject {}
+        }
+    }
+    method subject {} {
+        return $subject
+    }
+    # good, bad, off or stale
+    method shows {} {
+        set told [$subject get $options(-option)]
+        if {[dict get $told state] in {asking stale gone refused}} {
+            return stale
+        }
+        set value [dict get $told live]
+        return [expr {$options(-bad) ne {} && [string match $options(-bad) $value] ? "bad" : [string match $options(-good) $value] ? "good" : "off"}]
+    }
+    method Told {what changed} {
+        if {$subject eq {} || ![winfo exists $win.lamp]} return
+        $win.lamp itemconfigure lamp -fill [switch -- [$self shows] {
+            good { ::sorma::style colour good }
+            bad { ::sorma::style colour refused }
+            off { string cat {} }
+            stale { ::sorma::style colour asking }
+        }]
+    }
+}
