@@ -18,6 +18,7 @@ apply {{} {
         subject subject
         field {entry slider choice check button}
         chart {stripchart led}
+        trailview trailview
         panel panel
     } {
         foreach command $commands {

@@ -7,6 +7,7 @@ package require Tk
 package require snit
 package require sorma::field
 package require sorma::reply
+package require sorma::trailview
 package provide sorma::panel 1.0
 
 # ::sorma::panel .w NAME ?-options list? ?-live ms? ?-apply now|later? ?-state normal|readonly? --
@@ -29,6 +30,7 @@ snit::widget ::sorma::panel {
     variable rows {}            ;# dict: -option -> number of its row
     variable wanted {}          ;# what is searched for
     variable searchable 12      ;# options: with more there is a field to search in
+    variable trailShown 0
     variable atOnce 0
     variable readOnly 0
     component canvas
@@ -85,6 +87,9 @@ snit::widget ::sorma::panel {
         grid $win.apply -sticky ew -padx $pad -pady $small
         grid $win.actions -sticky ew -padx $pad -pady $small
         grid $win.exec -sticky ew -padx $pad -pady [list $small $pad]
+        # What went wrong: folded until somebody wants to see it.
+        ttk::checkbutton $win.trail -text "Trail" -variable [myvar trailShown] -command [mymethod Unfold] -style Toolbutton
+        grid $win.trail -sticky w -padx $pad -pady [list 0 $small]
         grid columnconfigure $win 0 -weight 1
         grid rowconfigure $win 2 -weight 1
         bind $win <Destroy> +[mymethod Ended %W]
@@ -160,6 +165,18 @@ snit::widget ::sorma::panel {
         $win.exec.reply replace 1.0 end $text
         $win.exec.reply configure -state disabled
         event generate $win <<SormaReplied>>
+    }
+
+    method Unfold {} {
+        if {$trailShown && ![winfo exists $win.messages]} {
+            set name [$subject name]
+            ::sorma::trailview $win.messages -keys [string map {* \\* ? \\? [ \\[} [if {[string first @ $name] < 0} {string cat $name@self} else {set name}]]
+        }
+        if {$trailShown} {
+            grid $win.messages -row 7 -sticky nsew -padx [::sorma::style pixels 6] -pady [list 0 [::sorma::style pixels 6]]
+        } else {
+            grid remove $win.messages
+        }
     }
 
     # ---- building ----
