@@ -18,6 +18,7 @@ apply {{} {
         subject subject
         field {entry slider choice check button}
         chart {stripchart led}
+        image image
         trailview trailview
         panel panel
     } {

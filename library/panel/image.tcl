@@ -1,0 +1,235 @@
+# image.tcl -- sorma::image: a picture that a service object hands out in `any`, or that a program has, with what has been found in it.
+
+package require Tk
+package require snit
+package require sorma::style
+package require sorma::subject
+package provide sorma::image 1.0
+
+# ::sorma::image .w ?-name SO -request WORDS -every ms? ?-size WxH? ?-zoom n? --
+#       Options: -request: whose reply has the picture in its part any, default EXEC; -every: how often it is asked for, 0 (default): when
+#       refresh is called; one request is under way at a time. -size: of a raw picture, of bytes of grey or of red, green and blue.
+#       -zoom: 1, 2, 3 ... or 0.5, 0.33 ...; -width and -height: of the window
+# Methods:
+#       show BYTES                      a picture: PPM, PGM, PNG or raw; error IMAGE FORMAT
+#       refresh                         ask for it now
+#       point|box|text TAG X Y ...      a mark at pixels of the picture: point TAG X Y, box TAG X1 Y1 X2 Y2, text TAG X Y TEXT; options are
+#                                       -colour. One with the same tag is replaced
+#       unmark ?TAG?                    that mark, or all
+#       photo, subject, answer          the image of Tk; what became of the last request: ok, or error and a message
+# Event <<SormaShown>> comes after each picture.
+snit::widget ::sorma::image {
+    hulltype ttk::frame
+    option -name -default {} -readonly 1
+    option -request -default EXEC
+    option -every -default 0 -configuremethod SetEvery
+    option -size -default {}
+    option -zoom -default 1 -configuremethod SetZoom
+    option -width -default 320 -readonly 1
+    option -height -default 240 -readonly 1
+    component canvas
+    variable photo {}
+    variable drawn {}           ;# the photo that is on the canvas: a zoomed one, or the same
+    variable subject {}
+    variable timer {}
+    variable asking 0
+    variable answer {}
+    variable marks {}           ;# dict: tag -> {kind coordinates text colour}
+
+    constructor args {
+        set photo [::image create photo]
+        set drawn [::image create photo]
+        $self configurelist $args
+        install canvas using canvas $win.canvas -highlightthickness 0 -borderwidth 0 -background [ttk::style lookup . -background] \
+            -width [::sorma::style pixels $options(-width)] -height [::sorma::style pixels $options(-height)] \
+            -xscrollcommand [list $win.x set] -yscrollcommand [list $win.y set]
+        ttk::scrollbar $win.x -orient horizontal -command [list $canvas xview]
+        ttk::scrollbar $win.y -command [list $canvas yview]
+        ttk::label $win.below -font [::sorma::style font small] -anchor w
+        grid $canvas $win.y -sticky nsew
+        grid $win.x -sticky ew
+        grid $win.below - -sticky ew
+        grid rowconfigure $win 0 -weight 1
+        grid columnconfigure $win 0 -weight 1
+        $canvas create image 0 0 -anchor nw -image $drawn -tags picture
+        bind $canvas <Motion> [mymethod Under %x %y]
+        bind $canvas <Leave> [list $win.below configure -text {}]
+        bind $canvas <plus> [mymethod Zoom 1]
+        bind $canvas <minus> [mymethod Zoom -1]
+        bind $canvas <ButtonPress-1> "[list focus $canvas]; [list $canvas] scan mark %x %y"
+        bind $canvas <B1-Motion> "[list $canvas] scan dragto %x %y 1"
+        bind $win <Destroy> +[mymethod Ended %W]
+        if {$options(-name) ne {}} {
+            set subject [::sorma::subject of $options(-name)]
+            $self refresh
+        }
+    }
+    method Ended window {
+        if {$window ne $win} return
+        after cancel $timer
+        if {$subject ne {}} {
+            $subject release
+            set subject {}
+        }
+        ::image delete $photo $drawn
+    }
+
+    # ---- what programs say ----
+
+    method photo {} {
+        return $photo
+    }
+    method subject {} {
+        return $subject
+    }
+    method answer {} {
+        return $answer
+    }
+    method show bytes {
+        $self Read $bytes
+        $self Draw
+        event generate $win <<SormaShown>>
+    }
+    method refresh {} {
+        after cancel $timer
+        if {$subject eq {} || $asking} return
+        set asking 1
+        $subject ask $options(-request) [mymethod Answered]
+    }
+    method point {tag x y args} {
+        $self Mark $tag point [list $x $y] {} $args
+    }
+    method box {tag x1 y1 x2 y2 args} {
+        $self Mark $tag box [list $x1 $y1 $x2 $y2] {} $args
+    }
+    method text {tag x y text args} {
+        $self Mark $tag text [list $x $y] $text $args
+    }
+    method unmark {{tag {}}} {
+        set marks [if {$tag ne {}} {dict remove $marks $tag}]
+        $self DrawMarks
+    }
+
+    # ---- pictures ----
+
+    method SetEvery {option value} {
+        set options($option) $value
+        $self refresh
+    }
+    method SetZoom {option value} {
+        if {![string is double -strict $value] || $value <= 0 || $value > 32} {
+            return -code error -errorcode {SORMA REQUEST SYNTAX} "-zoom expects a number above 0, up to 32, got \"$value\""
+        }
+        set options($option) $value
+        if {$canvas ne {}} {
+            $self Draw
+        }
+    }
+    # The next step of 1/3, 1/2, 1, 2, 3.
+    method Zoom step {
+        set n [expr {$options(-zoom) >= 1 ? int($options(-zoom)) : -round(1.0 / $options(-zoom)) + 2}]
+        set n [expr {max(-6, min(16, $n + $step))}]
+        $self configure -zoom [expr {$n >= 1 ? $n : 1.0 / (2 - $n)}]
+    }
+    method Answered {status value} {
+        set asking 0
+        if {$subject eq {}} return
+        if {$options(-every) > 0} {
+            set timer [after $options(-every) [mymethod refresh]]
+        }
+        if {$status eq "ok" && ![dict exists $value any]} {
+            set status error
+            set value [list "the reply to $options(-request) has no picture: nothing in its part any" {}]
+        }
+        if {$status eq "ok" && [catch {$self show [dict get $value any]} message]} {
+            set status error
+            set value [list $message {}]
+        }
+        set answer [if {$status eq "ok"} {string cat ok} else {list error [lindex $value 0]}]
+        $win.below configure -text [if {$status ne "ok"} {lindex $value 0}] -foreground [::sorma::style colour refused]
+    }
+    method Read bytes {
+        set wrong {}
+        if {[string match "P\[56\]*" $bytes]} {
+            if {![catch {$photo configure -format ppm -data $bytes} wrong]} return
+        } elseif {[string range $bytes 0 3] eq "\x89PNG"} {
+            if {![catch {$photo configure -format png -data $bytes} wrong]} return
+        } elseif {[regexp {^(\d+)x(\d+)$} $options(-size) -> width height]} {
+            # Raw: a head makes it one of the formats above.
+            foreach {channels magic} {1 P5 3 P6} {
+                if {[string length $bytes] == $width * $height * $channels} {
+                    $photo configure -format ppm -data "$magic\n$width $height\n255\n$bytes"
+                    return
+                }
+            }
+            set wrong "a raw picture of $options(-size) has [expr {$width * $height}] or [expr {3 * $width * $height}] bytes, this has [string length $bytes]"
+        } else {
+            set wrong "it is neither PPM, PGM nor PNG, and -size does not say how large a raw one is"
+        }
+        return -code error -errorcode {SORMA IMAGE FORMAT} "not a picture: $wrong"
+    }
+    method Draw {} {
+        set zoom $options(-zoom)
+        $drawn blank
+        $drawn configure -width 1 -height 1
+        $drawn configure -width 0 -height 0
+        if {$zoom >= 1} {
+            $drawn copy $photo -zoom [expr {int($zoom)}] -shrink
+        } else {
+            $drawn copy $photo -subsample [expr {round(1.0 / $zoom)}] -shrink
+        }
+        $canvas configure -scrollregion [list 0 0 [::image width $drawn] [::image height $drawn]]
+        $self DrawMarks
+    }
+    method Factor {} {
+        return [expr {$options(-zoom) >= 1 ? double(int($options(-zoom))) : 1.0 / round(1.0 / $options(-zoom))}]
+    }
+
+    # ---- marks ----
+
+    method Mark {tag kind coordinates text words} {
+        set facts [dict create -colour #f5c211]
+        foreach {option value} $words {
+            if {$option ne "-colour"} {
+                return -code error -errorcode {SORMA REQUEST SYNTAX} "bad option \"$option\": must be -colour"
+            }
+            dict set facts $option $value
+        }
+        foreach n $coordinates {
+            if {![string is double -strict $n]} {
+                return -code error -errorcode {SORMA REQUEST SYNTAX} "$kind $tag: expected a number of pixels, got \"$n\""
+            }
+        }
+        dict set marks $tag [list $kind $coordinates $text [dict get $facts -colour]]
+        $self DrawMarks
+    }
+    method DrawMarks {} {
+        $canvas delete mark
+        set f [$self Factor]
+        set arm [::sorma::style pixels 5]
+        dict for {tag mark} $marks {
+            lassign $mark kind coordinates text colour
+            # Pixels are squares: their middle is meant.
+            set at [lmap n $coordinates {expr {($n + 0.5) * $f}}]
+            lassign $at x y
+            switch -- $kind {
+                point {
+                    $canvas create line [expr {$x - $arm}] $y [expr {$x + $arm}] $y -fill $colour -tags [list mark mark-$tag]
+                    $canvas create line $x [expr {$y - $arm}] $x [expr {$y + $arm}] -fill $colour -tags [list mark mark-$tag]
+                }
+                box { $canvas create rectangle $at -outline $colour -tags [list mark mark-$tag] }
+                text { $canvas create text $at -text $text -fill $colour -anchor w -font [::sorma::style font small] -tags [list mark mark-$tag] }
+            }
+        }
+    }
+    # The pixel under the pointer.
+    method Under {x y} {
+        set f [$self Factor]
+        set px [expr {int([$canvas canvasx $x] / $f)}]
+        set py [expr {int([$canvas canvasy $y] / $f)}]
+        if {$px < 0 || $py < 0 || $px >= [::image width $photo] || $py >= [::image height $photo]} {
+            return [$win.below configure -text {}]
+        }
+        $win.below configure -text "$px, $py: [$photo get $px $py]" -foreground [ttk::style lookup . -foreground {} black]
+    }
+}
