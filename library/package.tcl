@@ -17,7 +17,8 @@ apply {{} {
         record {record::start record::stop}
         subject subject
         field {entry slider choice check button}
-        chart {stripchart led}
+        chart stripchart
+        lamp {led meter status}
         image image
         trailview trailview
         panel panel

@@ -15,7 +15,7 @@ apply {dir {
         json line options text usage
         elsewhere events load news table value world
         complete listing manual reply trail
-        chart field image panel style subject trailview
+        chart field image lamp panel style subject trailview
         await daemon doctor inspect launch launchDaemon launchFile launchForward observe record scott
     } {
         package ifneeded sorma::$name 1.0 [list source -encoding utf-8 [file join $dir $name.tcl]]

@@ -1,4 +1,4 @@
-# chart.tcl -- sorma::stripchart: numbers over time, several traces, as they come; and sorma::led and sorma::meter for one number.
+# chart.tcl -- sorma::stripchart: numbers over time, several traces, as they come.
 #
 # A chart costs little because it draws little: each line is moved, its new points are appended and its old ones cut off. All of it is
 # drawn anew only when the scale changes.
@@ -370,62 +370,5 @@ snit::widget ::sorma::stripchart {
         if {$file ne {} && [catch {$self export $file} message]} {
             $canvas create text 4 [expr {[winfo height $canvas] - 4}] -anchor sw -text $message -fill [::sorma::style colour refused]
         }
-    }
-}
-
-# ::sorma::led .w -name SO -option -OPTION ?-good PATTERN? ?-bad PATTERN? ?-text text? -- a lamp that shows the value of an option: green when it
-# fits one pattern, red when it fits the other, grey while it is not known or old.
-snit::widget ::sorma::led {
-    hulltype ttk::frame
-    option -name -default {} -readonly 1
-    option -option -default {} -readonly 1
-    option -good -default {[1-9]*}
-    option -bad -default {}
-    option -text -default {}
-    option -live -default 500 -readonly 1
-    variable subject {}
-    variable token {}
-    constructor args {
-        $self configurelist $args
-        if {$options(-name) eq {} || $options(-option) eq {}} {
-            return -code error -errorcode {SORMA REQUEST SYNTAX} "sorma::led: -name and -option must say what it shows"
-        }
-        set size [::sorma::style pixels 14]
-        canvas $win.lamp -width $size -height $size -highlightthickness 0 -background [ttk::style lookup . -background]
-        $win.lamp create oval 2 2 [expr {$size - 2}] [expr {$size - 2}] -tags lamp -outline [::sorma::style colour asking]
-        ttk::label $win.text -text $options(-text)
-        pack $win.lamp $win.text -side left -padx [list 0 [::sorma::style pixels 4]]
-        set subject [::sorma::subject of $options(-name) -live $options(-live)]
-        set token [$subject listen [mymethod Told]]
-        bind $win <Destroy> +[mymethod Ended %W]
-        $self Told state {}
-    }
-    method Ended window {
-        if {$window eq $win && $subject ne {}} {
-            $subject unlisten $token
-            $subject release
-            set subject {}
-        }
-    }
-    method subject {} {
-        return $subject
-    }
-    # good, bad, off or stale
-    method shows {} {
-        set told [$subject get $options(-option)]
-        if {[dict get $told state] in {asking stale gone refused}} {
-            return stale
-        }
-        set value [dict get $told live]
-        return [expr {$options(-bad) ne {} && [string match $options(-bad) $value] ? "bad" : [string match $options(-good) $value] ? "good" : "off"}]
-    }
-    method Told {what changed} {
-        if {$subject eq {} || ![winfo exists $win.lamp]} return
-        $win.lamp itemconfigure lamp -fill [switch -- [$self shows] {
-            good { ::sorma::style colour good }
-            bad { ::sorma::style colour refused }
-            off { string cat {} }
-            stale { ::sorma::style colour asking }
-        }]
     }
 }

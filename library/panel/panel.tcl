@@ -6,6 +6,7 @@
 package require Tk
 package require snit
 package require sorma::field
+package require sorma::lamp
 package require sorma::reply
 package require sorma::trailview
 package provide sorma::panel 1.0
@@ -45,7 +46,7 @@ snit::widget ::sorma::panel {
         # What it is, and how it is.
         ttk::frame $win.head
         ttk::label $win.head.name -text [$subject name] -font [::sorma::style font strong]
-        ttk::label $win.head.state
+        ::sorma::status $win.head.state -name [$subject name]
         ttk::label $win.head.purpose -foreground [::sorma::style colour asking]
         ttk::checkbutton $win.head.readonly -text "read only" -variable [myvar readOnly] -command [mymethod Switched]
         grid $win.head.name $win.head.state $win.head.readonly -sticky w -padx [list 0 $pad]
@@ -338,11 +339,6 @@ snit::widget ::sorma::panel {
 
     # Marks, messages, and how its daemon is.
     method Shown {} {
-        set state [$subject state]
-        set how [dict get $state state]
-        set known [expr {$how in {alive busy} ? "good" : $how eq "asking" ? "asking" : "stale"}]
-        $win.head.state configure -text [string trimright "[::sorma::style mark $known] $how[if {[dict get $state why] ne {}} {string cat {: } [dict get $state why]}]"] \
-            -foreground [::sorma::style colour $known]
         dict for {option n} $rows {
             set told [$subject get $option]
             set mark [dict get $told state]
