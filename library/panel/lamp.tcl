@@ -148,8 +148,9 @@ snit::widget ::sorma::status {
     ::sorma::lampParts 0
     constructor args {
         $self configurelist $args
-        ttk::label $win.text
-        pack $win.text -side left -fill x
+        ttk::label $win.text -width 20 -anchor w
+        pack $win.text -side left -fill x -expand 1
+        bind $win.text <Configure> {%W configure -wraplength %w}        ;# however long the reason is, the window stays
         $self Begin
     }
     # shows -- its state, as sorma::world gives it.

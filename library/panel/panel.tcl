@@ -49,7 +49,7 @@ snit::widget ::sorma::panel {
         ::sorma::status $win.head.state -name [$subject name]
         ttk::label $win.head.purpose -foreground [::sorma::style colour asking]
         ttk::checkbutton $win.head.readonly -text "read only" -variable [myvar readOnly] -command [mymethod Switched]
-        grid $win.head.name $win.head.state $win.head.readonly -sticky w -padx [list 0 $pad]
+        grid $win.head.name $win.head.state $win.head.readonly -sticky ew -padx [list 0 $pad]
         grid $win.head.purpose - - -sticky w
         grid columnconfigure $win.head 1 -weight 1
         # What can be set.

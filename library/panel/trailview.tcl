@@ -25,7 +25,7 @@ snit::widget ::sorma::trailview {
         install tree using ttk::treeview $win.tree -columns {time object text} -show headings -height $options(-height) -selectmode extended \
             -yscrollcommand [list $win.bar set]
         ttk::scrollbar $win.bar -command [list $tree yview]
-        foreach {column title width stretch} {time Time 80 0 object Object 130 0 text Message 360 1} {
+        foreach {column title width stretch} {time Time 100 0 object Object 130 0 text Message 360 1} {
             $tree heading $column -text $title -anchor w
             $tree column $column -width [::sorma::style pixels $width] -stretch $stretch
         }
