@@ -38,8 +38,9 @@ namespace eval ::sorma::world {
     variable Names              ;# array: daemon -> dict: name -> 1
     # array: daemon -> dict: peer (empty: no line now), serial (of the line; an answer to an older one is ignored), opened (ms),
     # asked (ms, when the HEALTH that is not answered was sent; 0: none), told (is there a subscription), known (are its objects),
-    # counted (ms, when they were all told last), heard (ms, of the last HEALTH), log (dict: name -> made or removed, while its
-    # objects are asked for)
+    # heard (ms, of the last HEALTH), asking (ms, when its objects were asked for), again (one more such question is wanted),
+    # counted (ms, when the question was sent that was answered last), text (of that answer), touched (has one come or gone since),
+    # log (dict: name -> made or removed, while they are asked for)
     variable Lines
     variable Added              ;# dict: ADDRESS -> 1, by add
     variable Passing            ;# dict: what stands after @ -> ms, when somebody last looked there
@@ -201,14 +202,17 @@ proc ::sorma::world::use {{where {}}} {
 }
 
 # ::sorma::world::recount DAEMON -- ask for all its objects and what they have done; the differences are told.
-# counted DAEMON -- ms, when that was last done; 0: never, or it is this process.
+# counted DAEMON -- ms, when the question was sent that was last answered; 0: none, or it is this process.
 proc ::sorma::world::recount daemon {
     variable Lines
     variable Wanted
     dict set Wanted $daemon 1
-    if {[info exists Lines($daemon)] && [dict get $Lines($daemon) peer] ne {} && ![dict exists $Lines($daemon) asking]
-            && [dict get $Lines($daemon) told]} {
-        AskObjects $daemon
+    if {[info exists Lines($daemon)] && [dict get $Lines($daemon) peer] ne {} && [dict get $Lines($daemon) told]} {
+        if {[dict exists $Lines($daemon) asking]} {
+            dict set Lines($daemon) again 1         ;# that answer may be older than what is wanted
+        } else {
+            AskObjects $daemon
+        }
     }
 }
 proc ::sorma::world::counted daemon {
@@ -562,7 +566,7 @@ proc ::sorma::world::NewDaemon {key address how} {
         since $now user {} host {} pid {} boot {} objects {} busy {}]
     set Names($key) {}
     if {$key ne "self"} {
-        set Lines($key) [dict create peer {} serial 0 opened 0 first $now asked 0 told 0 known 0 counted 0 heard 0 log {}]
+        set Lines($key) [dict create peer {} serial 0 opened 0 first $now asked 0 told 0 known 0 counted 0 heard 0 text {} touched 0 log {}]
     }
     ::sorma::news::emit daemon.here $key [dict get $Daemons $key]
 }
@@ -814,7 +818,7 @@ proc ::sorma::world::CountUnknown {} {
 proc ::sorma::world::AskObjects key {
     variable Lines
     dict set Lines($key) log {}
-    dict set Lines($key) asking 1
+    dict set Lines($key) asking [clock milliseconds]
     [dict get $Lines($key) peer] ask -timeout 10000 -command [list ::sorma::world::Counted $key [dict get $Lines($key) serial]] \
         sorm DBX -inventory objects
 }
@@ -831,7 +835,13 @@ proc ::sorma::world::Counted {key serial status value} {
         }
         return
     }
-    TakeObjects $key $serial [dict get $value text]
+    set text [dict get $value text]
+    if {[dict get $Lines($key) known] && ![dict get $Lines($key) touched] && $text eq [dict get $Lines($key) text]} {
+        return [TookAll $key {} 1]          ;# nothing has happened there since
+    }
+    dict set Lines($key) text $text
+    dict set Lines($key) touched 0
+    TakeObjects $key $serial $text
 }
 
 # All objects of a daemon, a dict of objects, {name class calls underway} each: tell the differences, when it is their turn.
@@ -913,18 +923,20 @@ proc ::sorma::world::IsName {name class} {
         || [regexp {^[[:alpha:]][^\s@\[\]{}$"\\;[:cntrl:]]*$} $name] && [regexp {^\w+$} $class]}]
 }
 
-proc ::sorma::world::TookAll {key seen} {
+proc ::sorma::world::TookAll {key seen {same 0}} {
     variable Lines
     variable Names
     set log [LogOf $key]
-    foreach name [dict keys $Names($key)] {
+    foreach name [if {!$same} {dict keys $Names($key)}] {
         if {![dict exists $seen $name] && !([dict exists $log $name] && [dict get $log $name] eq "made")} {
             Removed $key $name
         }
     }
     if {$key ne "self"} {
         dict set Lines($key) known 1
-        dict set Lines($key) counted [clock milliseconds]
+        if {[dict exists $Lines($key) asking]} {        ;# else two answers have come at once
+            dict set Lines($key) counted [dict get $Lines($key) asking]
+        }
         dict unset ::sorma::world::Wanted $key
         dict set Lines($key) log {}
         dict unset Lines($key) asking
@@ -932,6 +944,10 @@ proc ::sorma::world::TookAll {key seen} {
     Counts $key
     hint counted $key
     CheckReady
+    if {$key ne "self" && [dict exists $Lines($key) again]} {
+        dict unset Lines($key) again
+        recount $key
+    }
 }
 
 # What has come and gone since its objects were asked for: newer than the answer.
@@ -1006,7 +1022,11 @@ proc ::sorma::world::HappenedHere event {
 proc ::sorma::world::Take {key event} {
     variable Objects
     variable Names
+    variable Lines
     set name [dict get $event text]
+    if {$key ne "self" && [dict get $event event] in {object.made object.removed}} {
+        dict set Lines($key) touched 1
+    }
     switch -glob -- [dict get $event event] {
         object.made {
             Made $key $name [lindex [dict get $event words] 0] 0 0
