@@ -12,7 +12,7 @@ apply {dir {
     }} $dir [file join $dir ${prefix}sorma1.0$end]]
     package ifneeded sorma::edit 1.0 [list load [file join $dir ${prefix}sormaedit1.0$end] Sormaedit]
     foreach name {
-        json line options text usage
+        json line message options text timer usage
         elsewhere events load news table value world
         complete listing manual reply trail
         chart field image lamp panel style subject trailview

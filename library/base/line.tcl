@@ -77,6 +77,12 @@ proc ::sorma::line::head {text {count 2}} {
     return [Values [lrange [lindex [dict get [read $text] commands] 0] 0 $count-1]]
 }
 
+# ::sorma::line::place NAME -- of foo.a@robot: foo.a robot; of one of this process: foo.a self.
+proc ::sorma::line::place name {
+    set at [string first @ $name]
+    return [if {$at < 0} {list $name self} else {list [string range $name 0 $at-1] [string range $name $at+1 end]}]
+}
+
 # ::sorma::line::isRequest -- are these the first two words of a request?
 proc ::sorma::line::isRequest {name method} {
     variable Name

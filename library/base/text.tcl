@@ -289,6 +289,11 @@ proc ::sorma::text::clean text {
     return $out[string range $text $at end]
 }
 
+# ::sorma::text::time MICROSECONDS -- of the day here: 10:31:02.123.
+proc ::sorma::text::time us {
+    return [clock format [expr {$us / 1000000}] -format %H:%M:%S].[format %03d [expr {$us / 1000 % 1000}]]
+}
+
 proc ::sorma::text::paint {text colour settings} {
     variable Colours
     if {![dict get $settings -colour] || $colour eq {} || $text eq {} || ![dict exists $Colours $colour]} {

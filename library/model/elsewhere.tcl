@@ -4,34 +4,29 @@
 # of a host is asked when there is the first line to that host.
 
 package provide sorma::elsewhere 1.0         ;# before what needs it in turn
+package require sorma::timer
 package require sorma::world
 
 namespace eval ::sorma::elsewhere {
     variable Hosts              ;# dict: host -> 1: its rpcbind has been asked
-    variable Timers             ;# dict: daemon -> id of after
     if {![info exists Hosts]} {
-        set Hosts [set Timers {}]
+        set Hosts {}
     }
 }
 
 # What the model hears of daemons.
 proc ::sorma::elsewhere::Happened {event key dict} {
-    variable Timers
     switch -- $event {
         line.made { Ask $key }
         daemon.gone { ::sorma::world lead $key sibling {} }
         siblings.changed {              ;# of many at once it tells many times
-            if {![dict exists $Timers $key]} {
-                dict set Timers $key [after 100 [list ::sorma::elsewhere::Ask $key]]
-            }
+            ::sorma::timer::once elsewhere.$key 100 ::sorma::elsewhere::Ask $key
         }
     }
 }
 
 proc ::sorma::elsewhere::Ask key {
     variable Hosts
-    variable Timers
-    dict unset Timers $key
     set daemon [::sorma::world get $key]
     if {$daemon eq {} || [dict get $daemon how] in {sibling rpcbind} || [catch {::sorma::resolve @$key} place] || [dict get $place host] eq {}} {
         return

@@ -4,6 +4,7 @@
 # one whose daemon was not to be reached for a while.
 
 package provide sorma::events 1.0         ;# before what needs it in turn
+package require sorma::line
 package require sorma::world
 
 namespace eval ::sorma::events {
@@ -19,9 +20,7 @@ namespace eval ::sorma::events {
 # of sorma::subscribe.
 proc ::sorma::events::new {token name pattern queue command} {
     variable Tokens
-    set at [string first @ $name]
-    set service [if {$at < 0} {set name} else {string range $name 0 $at-1}]
-    set daemon [if {$at < 0} {string cat self} else {string range $name $at+1 end}]
+    lassign [::sorma::line::place $name] service daemon
     dict set Tokens $token [dict create service $service daemon $daemon event $pattern queue $queue command $command peer {} subscription {}]
     if {[::sorma::world get $service@$daemon] ne {}} {
         Begin $token

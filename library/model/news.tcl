@@ -4,6 +4,7 @@
 # bounded, and says how much was lost. Callbacks run at global level, from the event loop, for 10 ms at a time; an error in one goes to
 # bgerror, and its watch lives on. The other parts of the model hear of all at once, by their hooks.
 
+package require sorma::timer
 package provide sorma::news 1.0
 
 namespace eval ::sorma::news {
@@ -18,12 +19,11 @@ namespace eval ::sorma::news {
     variable Late               ;# array: token -> dict: key -> {event dict}, gathered
     variable Lost               ;# array: token -> messages of a trail that were dropped
     variable Telling            ;# is a callback on the stack
-    variable Timers             ;# array: procedure -> id of after
     variable Hooks              ;# dict: event -> command prefixes of other parts of the model
     if {![info exists Watches]} {
         set Watches [set Hooks {}]
         set Telling 0
-        foreach name {Out Late Lost Timers} {
+        foreach name {Out Late Lost} {
             array set $name {}
         }
     }
@@ -145,13 +145,13 @@ proc ::sorma::news::tell {token event key dict} {
             }
         }
         dict set Late($token) $key [list $event $dict]
-        Later $::sorma::news::Gather Ripen
+        ::sorma::timer::once news.ripen $::sorma::news::Gather ::sorma::news::Ripen
         return
     } elseif {[dict exists $Late($token) $key]} {
         dict unset Late($token) $key        ;# it is overtaken
     }
     lappend Out($token) [list $event $key $dict]
-    Later 0 Tell
+    ::sorma::timer::once news.tell 0 ::sorma::news::Tell
 }
 
 proc ::sorma::news::Matches {event patterns} {
@@ -173,7 +173,7 @@ proc ::sorma::news::Ripen {} {
         }
         set Late($token) {}
     }
-    Later 0 Tell
+    ::sorma::timer::once news.tell 0 ::sorma::news::Tell
 }
 
 # Call those who watch, for a while. A callback that runs the event loop calls nobody meanwhile.
@@ -205,19 +205,6 @@ proc ::sorma::news::Tell {} {
     }
     set Telling 0
     if {$more} {
-        Later 1 Tell
+        ::sorma::timer::once news.tell 1 ::sorma::news::Tell
     }
-}
-
-# Do it in so many ms, once.
-proc ::sorma::news::Later {ms command} {
-    variable Timers
-    if {![info exists Timers($command)]} {
-        set Timers($command) [after $ms [list ::sorma::news::Now $command]]
-    }
-}
-proc ::sorma::news::Now command {
-    variable Timers
-    unset -nocomplain Timers($command)
-    $command
 }

@@ -18,7 +18,6 @@ namespace eval ::sorma::table {
     variable Patience 3000      ;# ms for which a daemon may take its time
     variable Many 1000          ;# answers that are kept before old ones are looked for
     variable Most 200000        ;# words that are believed to be at one daemon
-    variable NamePattern {^[[:alpha:]][^\s@\[\]{}$"\\;[:cntrl:]]*$}
     # array: {daemon request} -> dict, request being the words of a request to an object there
     #   asked   ms, when it was asked for last     open    is that under way
     #   came    ms, when the last answer came; 0: never     text    that answer     parsed  what it says, or empty

@@ -8,6 +8,7 @@
 # are new, gathered for 20 ms.
 
 package provide sorma::value 1.0         ;# before what needs it in turn
+package require sorma::line
 package require sorma::world
 
 namespace eval ::sorma::value {
@@ -27,10 +28,9 @@ namespace eval ::sorma::value {
 proc ::sorma::value::new {token name what every command} {
     variable Sources
     variable Tokens
-    set key [if {[string first @ $name] < 0} {string cat $name@self} else {set name}]
-    set method [lindex $what 0]
+    set key [join [::sorma::line::place $name] @]
     set option {}
-    if {$method in {EXEC}} {
+    if {[lindex $what 0] eq "EXEC"} {
         set source [list $key $what]
         if {$every == 0} {
             set every 1000
@@ -75,22 +75,16 @@ proc ::sorma::value::Listeners source {
     return [lmap {token t} $Tokens {if {[dict get $t source] ne $source} continue; set token}]
 }
 
-proc ::sorma::value::Split source {
-    lassign $source key what
-    set at [string last @ $key]
-    return [list [string range $key 0 $at-1] [string range $key $at+1 end] $what]
-}
-
 # Ask for it now, when the model knows its object; looking makes none.
 proc ::sorma::value::Ask source {
     variable Sources
     if {![dict exists $Sources $source] || [dict get $Sources $source asking]} {
         return
     }
-    lassign [Split $source] name daemon what
+    lassign $source key what
+    lassign [::sorma::line::place $key] name daemon
     after cancel [dict get $Sources $source timer]
-    set known [::sorma::world get $name@$daemon]
-    if {$known eq {}} {
+    if {[::sorma::world get $key] eq {}} {
         set state [::sorma::world get $daemon]
         if {$state ne {} && [dict get $state objects] ne {} && [dict get $state state] in {alive busy}} {
             All $source gone "there is no such object"
@@ -123,7 +117,7 @@ proc ::sorma::value::Answered {source status value} {
         return
     }
     dict set Sources $source asking 0
-    lassign [Split $source] name daemon what
+    lassign $source key what
     if {$status eq "error"} {
         lassign $value message code
         switch -glob -- $code {
@@ -202,7 +196,7 @@ proc ::sorma::value::Happened {event key dict} {
                     }
                 }
             }
-        } elseif {[string match daemon.* $event] && [string range $full [string last @ $full]+1 end] eq $key} {
+        } elseif {[string match daemon.* $event] && [lindex [::sorma::line::place $full] 1] eq $key} {
             if {$event eq "daemon.gone" || [dict get $dict state] in {silent dead refused unresolved}} {
                 All $source stale [if {[dict get $dict why] ne {}} {dict get $dict why} else {string cat "daemon $key is gone"}]
             } elseif {[dict get $dict state] in {alive busy} && [lsearch -glob [dict values [dict get $Sources $source values]] *stale*] >= 0} {

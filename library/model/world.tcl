@@ -19,7 +19,9 @@
 # global level, from the event loop, one after another; an error in one goes to bgerror, and its watch lives on.
 
 package require sorma
+package require sorma::message
 package require sorma::options
+package require sorma::timer
 package require sorma::news
 package provide sorma::world 1.0
 
@@ -51,7 +53,6 @@ namespace eval ::sorma::world {
     variable Work               ;# list of {daemon serial objects at seen}: answers that are to be taken in
     variable Wanted             ;# dict: daemon -> 1: somebody waits for these, they come first
     variable Opening            ;# daemons to which a line is to be made
-    variable Timers             ;# array: what -> id of after
     variable Local              ;# line to this process: it only subscribes
     variable Beaten             ;# ms, when Beat was last there
     if {![info exists Last]} {
@@ -61,7 +62,7 @@ namespace eval ::sorma::world {
         foreach name {Last Running Beaten} {
             set $name 0
         }
-        foreach name {Objects Names Lines Timers} {
+        foreach name {Objects Names Lines} {
             array set $name {}
         }
     }
@@ -79,13 +80,10 @@ namespace eval ::sorma::world {
 # Results:
 #       A token, for unwatch. Nothing is called before this returns.
 proc ::sorma::world::watch {pattern args} {
-    set options [::sorma::options::parse {-events {any *} -command any} $args]
-    if {[dict get $options -command] eq {}} {
-        Misused "-command is missing: what is to be called with each event?"
-    }
+    set options [Read {-events {any *}} event $args]
     set token [NewToken watch]
     Start
-    if {![info exists ::sorma::world::Timers(looked)]} {
+    if {![::sorma::timer::waits world.looked]} {
         Look
     }
     ::sorma::news::watch $token $pattern [dict get $options -events] [dict get $options -command]
@@ -181,9 +179,8 @@ proc ::sorma::world::find where {
 proc ::sorma::world::use {{where {}}} {
     variable Daemons
     variable Passing
-    variable Timers
     Start
-    if {![info exists Timers(looked)]} {
+    if {![::sorma::timer::waits world.looked]} {
         Look
     }
     set key [find $where]
@@ -257,10 +254,7 @@ proc ::sorma::world::forget address {
 
 # ::sorma::world::value NAME *|-option|{EXEC ...} ?-every ms? -command PREFIX -- see value.tcl.
 proc ::sorma::world::value {name what args} {
-    set options [::sorma::options::parse {-every {{whole 0 {}} 0} -command any} $args]
-    if {[dict get $options -command] eq {}} {
-        Misused "-command is missing: what is to be called with each value?"
-    }
+    set options [Read {-every {{whole 0 {}} 0}} value $args]
     Start
     set token [::sorma::value new [NewToken value] $name $what [dict get $options -every] [dict get $options -command]]
     CountUnknown
@@ -269,10 +263,7 @@ proc ::sorma::world::value {name what args} {
 
 # ::sorma::world::listen NAME ?-event pattern? ?-queue n? -command PREFIX -- see events.tcl.
 proc ::sorma::world::listen {name args} {
-    set options [::sorma::options::parse {-event {any *} -queue {{whole 1 1000000} 10000} -command any} $args]
-    if {[dict get $options -command] eq {}} {
-        Misused "-command is missing: what is to be called with each event?"
-    }
+    set options [Read {-event {any *} -queue {{whole 1 1000000} 10000}} event $args]
     Start
     set token [::sorma::events new [NewToken events] $name [dict get $options -event] [dict get $options -queue] [dict get $options -command]]
     CountUnknown
@@ -308,31 +299,20 @@ proc ::sorma::world::AnswerHere {command future} {
     if {$failed} {
         return [deliver $command [list error [list $result [dict get $options -errorcode]]]]
     }
-    deliver $command [list ok [Reply $result]]
+    # A dict stays; the trail is the user's.
+    if {[lindex $result 0] eq "RET"} {
+        set result [dict remove [::sorma::message::fromList $result] trail]
+    }
+    deliver $command [list ok $result]
 }
 
-# RET code TMSG text ... as a dict of what a model needs: code and text; a dict stays.
-proc ::sorma::world::Reply result {
-    if {[lindex $result 0] ne "RET"} {
-        return $result
+# The options of a command that calls somebody: it must be told whom.
+proc ::sorma::world::Read {table what words} {
+    set options [::sorma::options::parse [dict merge $table {-command any}] $words]
+    if {[dict get $options -command] eq {}} {
+        return -level 2 -code error -errorcode {SORMA REQUEST SYNTAX} "-command is missing: what is to be called with each $what?"
     }
-    set reply [dict create code [lindex $result 1]]
-    for {set i 2} {$i < [llength $result]} {incr i 2} {
-        set value [lindex $result $i+1]
-        switch -- [lindex $result $i] {
-            TMSG { dict set reply text $value }
-            AMSG { dict set reply any [binary decode base64 $value] }
-            FMSG - IMSG {
-                dict set reply [dict get {FMSG floats IMSG ints} [lindex $result $i]] [lrange $result $i+2 $i+1+$value]
-                incr i $value
-            }
-        }
-    }
-    return $reply
-}
-
-proc ::sorma::world::Misused text {
-    return -level 2 -code error -errorcode {SORMA REQUEST SYNTAX} $text
+    return $options
 }
 
 proc ::sorma::world::NewToken kind {
@@ -351,19 +331,6 @@ proc ::sorma::world::lead {who how addresses} {
     Soon
 }
 
-# Do it in so many ms, once.
-proc ::sorma::world::Later {what ms command args} {
-    variable Timers
-    if {![info exists Timers($what)]} {
-        set Timers($what) [after $ms [list ::sorma::world::Now $what $command {*}$args]]
-    }
-}
-proc ::sorma::world::Now {what command args} {
-    variable Timers
-    unset -nocomplain Timers($what)
-    $command {*}$args
-}
-
 # Has each daemon answered, or failed, or let us wait for long enough?
 proc ::sorma::world::CheckReady {} {
     variable Daemons
@@ -372,7 +339,7 @@ proc ::sorma::world::CheckReady {} {
     dict for {key daemon} $Daemons {
         if {![info exists Lines($key)] || [dict get $Lines($key) known]} continue
         if {[dict get $daemon state] in {asking alive busy} && $now - [dict get $Lines($key) first] < 1000} {
-            Later ready [expr {1001 - ($now - [dict get $Lines($key) first])}] CheckReady
+            ::sorma::timer::once world.ready [expr {1001 - ($now - [dict get $Lines($key) first])}] ::sorma::world::CheckReady
             return
         }
     }
@@ -384,11 +351,7 @@ proc ::sorma::world::CheckReady {} {
 proc ::sorma::world::Start {} {
     variable Running
     variable Local
-    variable Timers
-    if {[info exists Timers(end)]} {
-        after cancel $Timers(end)
-        unset Timers(end)
-    }
+    ::sorma::timer::cancel world.end
     if {$Running} {
         return
     }
@@ -404,7 +367,7 @@ proc ::sorma::world::EndLater {} {
     variable Added
     variable Linger
     if {[llength [::sorma::news::patterns]] == 0 && ![::sorma::value inUse] && ![::sorma::events inUse] && [dict size $Added] == 0} {
-        Later end $Linger End
+        ::sorma::timer::once world.end $Linger ::sorma::world::End
     }
 }
 
@@ -412,13 +375,10 @@ proc ::sorma::world::End {} {
     variable Running
     variable Local
     variable Lines
-    variable Timers
     set Running 0
     $Local destroy
     catch {::sorma::peer names -command {}}
-    foreach {what id} [array get Timers] {
-        after cancel $id
-    }
+    ::sorma::timer::cancel world.*
     foreach key [array names Lines] {
         Close $key
     }
@@ -428,14 +388,14 @@ proc ::sorma::world::End {} {
     set ::sorma::world::Led {}
     set ::sorma::world::Twins {}
     set ::sorma::world::Opening {}
-    foreach name {Objects Names Lines Timers} {
+    foreach name {Objects Names Lines} {
         array unset ::sorma::world::$name
     }
 }
 
 # What there is to be known may have changed: look again, when all that happens now has happened.
 proc ::sorma::world::Soon args {
-    Later look 0 Look
+    ::sorma::timer::once world.look 0 ::sorma::world::Look
 }
 
 # A socket has come or gone: who could not be reached a moment ago may be there now.
@@ -461,7 +421,7 @@ proc ::sorma::world::Look {} {
     variable Led
     variable Twins
     variable Linger
-    Later looked 0 list                 ;# once in a turn of the event loop is enough
+    ::sorma::timer::once world.looked 0 list                 ;# once in a turn of the event loop is enough
     set how [Ways]
     set old [expr {[clock milliseconds] - 6 * $Linger}]
     set Passing [dict filter $Passing script {where ms} {expr {$ms > $old}}]
@@ -531,7 +491,7 @@ proc ::sorma::world::Beat {} {
     variable Pulse
     variable Silence
     variable Beaten
-    Later beat $Pulse Beat
+    ::sorma::timer::once world.beat $Pulse ::sorma::world::Beat
     Look
     set now [clock milliseconds]
     set slept [expr {$now - $Beaten > 2 * $Pulse}]      ;# no event loop has run: answers may be waiting for us
@@ -615,7 +575,7 @@ proc ::sorma::world::OpenLater key {
     variable Opening
     if {$key ni $Opening} {
         lappend Opening $key
-        Later open 0 OpenSome
+        ::sorma::timer::once world.open 0 ::sorma::world::OpenSome
     }
 }
 
@@ -630,7 +590,7 @@ proc ::sorma::world::OpenSome {} {
             Open $key
         }
         if {[clock milliseconds] >= $end && [llength $Opening] > 0} {
-            Later open 1 OpenSome
+            ::sorma::timer::once world.open 1 ::sorma::world::OpenSome
             return
         }
     }
@@ -848,7 +808,7 @@ proc ::sorma::world::Counted {key serial status value} {
 proc ::sorma::world::TakeObjects {key serial inventory} {
     variable Work
     lappend Work [list $key $serial $inventory]
-    Later work 0 DoWork
+    ::sorma::timer::once world.work 0 ::sorma::world::DoWork
 }
 
 # Take in what daemons have answered, for a while: many answers at once must not hold up the event loop.
@@ -880,7 +840,7 @@ proc ::sorma::world::DoWork {} {
             TookAll $key $seen
         }
         if {[clock milliseconds] >= $end && [llength $Work] > 0} {
-            Later work 1 DoWork
+            ::sorma::timer::once world.work 1 ::sorma::world::DoWork
             return
         }
     }

@@ -340,8 +340,7 @@ proc ::sorma::launch::say {name line {colour {}} {mark |}} {
     variable Times
     set head [format "%*s %s" $Width $name $mark]
     if {$Times} {
-        set now [clock milliseconds]
-        set head "[clock format [expr {$now / 1000}] -format %H:%M:%S].[format %03d [expr {$now % 1000}]] $head"
+        set head "[::sorma::text::time [clock microseconds]] $head"
     }
     set line [string map $Visible $line]
     if {[llength $Colours] > 0} {

@@ -130,8 +130,7 @@ proc ::sorma::listing::findings items {
 
 # ::sorma::listing::watched NEWS -- what a watch tells: 10:31:02.123 foo.a  -tempo presto (was largo)
 proc ::sorma::listing::watched news {
-    set time [dict get $news time]
-    set head "[clock format [expr {$time / 1000}] -format %H:%M:%S].[format %03d [expr {$time % 1000}]] [dict get $news name]"
+    set head "[::sorma::text::time [expr {1000 * [dict get $news time]}]] [dict get $news name]"
     if {[dict exists $news error]} {
         return [::sorma::text::paint "$head  [::sorma::text::clean [dict get $news error]]" error [Style]]
     }
@@ -160,7 +159,7 @@ proc ::sorma::listing::watched news {
 # ::sorma::listing::passing NEWS -- what a monitor tells: 10:31:02.123 robot > foo.a CTRL -tempo presto  (anna@lab tclsh[4711], 12)
 proc ::sorma::listing::passing news {
     dict with news {}
-    set head "[clock format [expr {$time / 1000000}] -format %H:%M:%S].[format %03d [expr {$time / 1000 % 1000}]] $where"
+    set head "[::sorma::text::time $time] $where"
     set text [::sorma::text::clean [string map {\n { }} $text]]
     set colour {}
     switch -- $kind {

@@ -4,6 +4,7 @@
 # for: all that is shown are arguments.
 
 package require sorma::json
+package require sorma::message
 package require sorma::text
 package require sorma::trail
 package provide sorma::reply 1.0
@@ -54,7 +55,7 @@ proc ::sorma::show {value args} {
         set -as [reply::Kind $value]
     }
     switch -- ${-as} {
-        reply { set reply [reply::fromList $value] }
+        reply { set reply [reply::FromList $value] }
         dict { set reply $value }
         default {
             if {!${-json}} {
@@ -76,7 +77,7 @@ proc ::sorma::showDefaults args {
 
 proc ::sorma::reply::Kind value {
     variable Keys
-    if {[string match "RET *" $value] && ![catch {fromList $value}]} {
+    if {[string match "RET *" $value] && ![catch {FromList $value}]} {
         return reply
     }
     if {[string length $value] < 100000000 && ![catch {dict exists $value code} has] && $has
@@ -91,28 +92,11 @@ proc ::sorma::reply::Kind value {
     return plain
 }
 
-# ::sorma::reply::fromList LIST -- RET code TMSG ... as a dict; an error when it is none.
-proc ::sorma::reply::fromList list {
-    if {[lindex $list 0] ne "RET" || ![string is wideinteger -strict [lindex $list 1]]} {
-        return -code error "no reply"
-    }
-    set reply [dict create code [lindex $list 1]]
-    set n [llength $list]
-    for {set i 2} {$i < $n} {incr i 2} {
-        set value [lindex $list $i+1]
-        switch -- [lindex $list $i] {
-            TMSG { dict set reply text $value }
-            TDBX { dict set reply trail [::sorma::trail::fromWord $value] }
-            AMSG { dict set reply any [binary decode base64 $value] }
-            FMSG - IMSG {
-                if {![string is integer -strict $value] || $value < 0 || $i + 2 + $value > $n} {
-                    return -code error "bad count"
-                }
-                dict set reply [dict get {FMSG floats IMSG ints} [lindex $list $i]] [lrange $list $i+2 [expr {$i + 1 + $value}]]
-                incr i $value
-            }
-            default { return -code error "no reply" }
-        }
+# A reply as a list, as a dict; an error when it is none.
+proc ::sorma::reply::FromList list {
+    set reply [::sorma::message::fromList $list]
+    if {[dict exists $reply trail]} {
+        dict set reply trail [::sorma::trail::fromWord [dict get $reply trail]]
     }
     return $reply
 }

@@ -44,7 +44,7 @@ proc ::sorma::showTrail args {
             lappend facts $file:$line
         }
         if {[string is wideinteger -strict $time] && $time > 0} {
-            lappend facts [clock format [expr {$time / 1000000}] -format %H:%M:%S].[format %03d [expr {$time / 1000 % 1000}]]
+            lappend facts [::sorma::text::time $time]
         }
         lappend out [::sorma::text::block "        " [join $facts ", "] dim $settings]
         if {$request ne {}} {
