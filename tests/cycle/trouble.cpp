@@ -73,38 +73,44 @@ public:
 private:
     // A thread that takes the processor from the one which asks for it, for so long. It comes before that one also when a tick,
     // which waits for it, has lent it its priority.
+    // Both are on one processor from the beginning, and it waits when this has been made: a move to another processor, or a thread
+    // that does not run yet, would make that one wait, as one does that is slow itself.
     class Rival {
     public:
-        explicit Rival(double seconds) : thread_([this, seconds] {
-            sched_param first{};
-            first.sched_priority = sched_get_priority_max(SCHED_FIFO);
-            pthread_setschedparam(pthread_self(), SCHED_FIFO, &first);
-            state_.wait(kReady);
-            auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
-            while (std::chrono::steady_clock::now() < end) {}
-            state_ = kDone;
-        }) {}
+        explicit Rival(double seconds) {
+            cpu_set_t here;
+            CPU_ZERO(&here);
+            CPU_SET(sched_getcpu(), &here);
+            sched_getaffinity(0, sizeof all_, &all_);
+            sched_setaffinity(0, sizeof here, &here);
+            thread_ = std::thread([this, seconds] {
+                sched_param first{};
+                first.sched_priority = sched_get_priority_max(SCHED_FIFO);
+                pthread_setschedparam(pthread_self(), SCHED_FIFO, &first);
+                state_ = kReady;
+                state_.wait(kReady);
+                auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+                while (std::chrono::steady_clock::now() < end) {}
+                state_ = kDone;
+            });
+            while (state_ == kStarting) sched_yield();
+        }
         ~Rival() {
             state_ = kGo;
             state_.notify_one();
             thread_.join();
+            sched_setaffinity(0, sizeof all_, &all_);
         }
         void takeProcessor() {
             if (state_ != kReady) return;
-            cpu_set_t all, here;
-            CPU_ZERO(&here);
-            CPU_SET(sched_getcpu(), &here);
-            sched_getaffinity(0, sizeof all, &all);
-            sched_setaffinity(0, sizeof here, &here);
-            pthread_setaffinity_np(thread_.native_handle(), sizeof here, &here);
             state_ = kGo;
             state_.notify_one();
             while (state_ != kDone) sched_yield();
-            sched_setaffinity(0, sizeof all, &all);
         }
     private:
-        enum { kReady, kGo, kDone };
-        std::atomic<int> state_ = kReady;
+        enum { kStarting, kReady, kGo, kDone };
+        std::atomic<int> state_ = kStarting;
+        cpu_set_t all_;
         std::thread thread_;
     };
 
