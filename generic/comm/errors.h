@@ -35,6 +35,7 @@ inline const Prototype kLimit{Severity::error, "COMM LIMIT", 1, "{}: {}"};
 inline const Prototype kDaemonLimit{Severity::error, "COMM LIMIT", 1, "{}: refused by {}: {}; never started"};
 inline const Prototype kReplyGone{Severity::error, "COMM LOST", 1,
     "{}: the request was executed, but its reply of {} bytes was too large for {} to keep until the connection was back"};
+inline const Prototype kNoObject{Severity::error, "SERVICE GONE", 1, "there is no service object \"{}\", and listening makes none"};
 inline const Prototype kCode{Severity::error, "SERVICE FAILED", 1, "{}: EXEC returned code {}"};
 inline const Prototype kRelay{Severity::error, "COMM DENIED", 1, "{}: a daemon serves local names only; say the daemon's own address"};
 inline const Prototype kSequence{Severity::error, "COMM PROTOCOL", 1, "{}: sequence {} of slot {} does not follow {}"};

@@ -4,7 +4,6 @@
 #include <netdb.h>
 #include <unistd.h>
 
-#include <csignal>
 #include <map>
 #include <mutex>
 #include <system_error>
@@ -14,6 +13,7 @@
 #include "bus/deadline.h"
 #include "bus/dictionary.h"
 #include "comm/endpoint.h"
+#include "comm/signalsBlocked.h"
 
 namespace sorma {
 
@@ -77,10 +77,8 @@ Resolver::Shared::Answer Resolver::Shared::look(const std::string& key, const Ad
     std::int64_t age = monotonicNow() - known.came;
     bool old = known.came == 0 || age > (known.host.empty() ? kUnknown : kKnown);
     if (!old || known.asking || threads >= kMostThreads) return known;
-    sigset_t all, before;
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before);        // signals are for the threads that were there before
     try {
+        SignalsBlocked blocked;
         std::thread([self = shared_from_this(), key, address] {
             Answer answer = ask(address);
             answer.came = monotonicNow();
@@ -98,7 +96,6 @@ Resolver::Shared::Answer Resolver::Shared::look(const std::string& key, const Ad
     } catch (const std::system_error& e) {
         known.why = std::string("no thread can be had that looks it up: ") + e.what();
     }
-    pthread_sigmask(SIG_SETMASK, &before, nullptr);
     return known;
 }
 

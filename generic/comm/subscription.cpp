@@ -1,12 +1,12 @@
 // What one client has subscribed to.
 #include "bus/monitor.h"
+#include "comm/errors.h"
 #include "comm/serverParts.h"
 
 namespace sorma {
 
 namespace {
 
-const Prototype kNoObject{Severity::error, "SERVICE GONE", 1, "there is no service object \"{}\", and listening makes none"};
 constexpr std::size_t kUncharged = 1024;        // of events that wait
 
 }  // namespace
@@ -20,7 +20,7 @@ Server::Subscription::Subscription(Server& server, Session& session, const wire:
     Gate::Outside outside(server_.gate_);               // the object may have to be made
     Sorm& sorm = server_.sorm_;
     sorm.access.need(author, Right::inspect, wanted.name, wanted.name);
-    if (wanted.existing && !sorm.find(wanted.name)) fail(kNoObject, wanted.name);
+    if (wanted.existing && !sorm.find(wanted.name)) fail(errors::kNoObject, wanted.name);
     object_ = sorm.get(wanted.name, author);
     object_->subscribe(this, wanted.pattern);
 }

@@ -1,8 +1,6 @@
 #include "comm/watchman.h"
 
 #include <poll.h>
-#include <pthread.h>
-#include <signal.h>
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
 #include <unistd.h>
@@ -10,6 +8,8 @@
 #include <cerrno>
 #include <system_error>
 #include <utility>
+
+#include "comm/signalsBlocked.h"
 
 namespace sorma {
 
@@ -22,12 +22,8 @@ constexpr int kPatience = 50;       // [ms] that requests may wait before we loo
 Watchman::Watchman(Reactor& reactor, Gate& gate, Look look) : reactor_(reactor), gate_(gate), look_(std::move(look)) {
     bell_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
     if (bell_ < 0) throw std::system_error(errno, std::generic_category(), "cannot start the watchman");
-    // Signals are for the program's own threads.
-    sigset_t all, before;
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before);
+    SignalsBlocked blocked;
     thread_ = std::thread([this] { watch(); });
-    pthread_sigmask(SIG_SETMASK, &before, nullptr);
 }
 
 Watchman::~Watchman() {

@@ -220,25 +220,6 @@ int AnyObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv
 
 // ---- subscriptions ----
 
-// What the command of a subscription gets.
-Tcl_Obj* eventDict(const Constants& c, const Received& e) {
-    Tcl_Obj* dict = Tcl_NewDictObj();
-    auto put = [&](const char* key, Tcl_Obj* value) { Tcl_DictObjPut(nullptr, dict, Tcl_NewStringObj(key, -1), value); };
-    put("object", newText(e.object));
-    put("event", newText(e.name));
-    put("number", Tcl_NewWideIntObj(Tcl_WideInt(e.number)));
-    put("lost", Tcl_NewWideIntObj(e.lost));
-    put("time", Tcl_NewWideIntObj(e.time));
-    put("request", Tcl_NewWideIntObj(Tcl_WideInt(e.request)));
-    Obj content(messageDict(c, e.message));
-    Tcl_DictSearch search;
-    Tcl_Obj *key, *value;
-    int done;
-    for (Tcl_DictObjFirst(nullptr, content, &search, &key, &value, &done); !done; Tcl_DictObjNext(&search, &key, &value, &done))
-        Tcl_DictObjPut(nullptr, dict, key, value);
-    return dict;
-}
-
 // sorma::subscribe name ?-event pattern? ?-latest? ?-queue n? -command prefix
 int SubscribeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& a = *static_cast<Async*>(data);

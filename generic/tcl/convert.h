@@ -12,6 +12,7 @@
 
 #include "bus/message.h"
 #include "bus/option.h"
+#include "bus/stream.h"
 #include "tcl/tclShim.h"
 
 namespace sorma {
@@ -63,6 +64,8 @@ Tcl_Obj* errorCode(const Entry& entry);
 
 // The dict text floats ints any words that a TclOO service gets, and what it returns (text floats ints any code).
 Tcl_Obj* messageDict(const Constants& constants, const Message& m);
+// What the command of a subscription gets: object event number lost time request, and the dict of the message.
+Tcl_Obj* eventDict(const Constants& constants, const Received& event);
 void readResult(Tcl_Obj* dict, Message& m);     // replaces the parts of m; fails with SERVICE RESULT
 
 Tcl_Obj* newValue(const Value& value);

@@ -1,8 +1,6 @@
 #include "tcl/peerCommands.h"
 
 #include <dirent.h>
-#include <pthread.h>
-#include <signal.h>
 
 #include <algorithm>
 #include <map>
@@ -13,7 +11,9 @@
 #include "bus/requestText.h"
 #include "comm/comm.h"
 #include "comm/endpoint.h"
+#include "comm/errors.h"
 #include "comm/siblings.h"
+#include "comm/signalsBlocked.h"
 
 namespace sorma {
 
@@ -25,7 +25,6 @@ const Prototype kOption{Severity::error, "REQUEST SYNTAX", 0, "bad option \"{}\"
 const Prototype kNumber{Severity::error, "REQUEST SYNTAX", 0, "{} expects a whole number from {}, got \"{}\""};
 const Prototype kNoToken{Severity::error, "REQUEST SYNTAX", 0, "\"{}\" is no subscription of this peer"};
 const Prototype kWhere{Severity::error, "REQUEST SYNTAX", 0, "sorma::peer open expects what stands after @"};
-const Prototype kNoObject{Severity::error, "SERVICE GONE", 1, "there is no service object \"{}\", and listening makes none"};
 const Prototype kSelf{Severity::error, "REQUEST SYNTAX", 0, "the peer of this process only subscribes, got \"{}\""};
 const Prototype kWord{Severity::error, "REQUEST SYNTAX", 0, "bad word \"{}\": must be names, open, or programs"};
 const Prototype kPrograms{Severity::error, "REQUEST SYNTAX", 0, "sorma::peer programs expects a host, and -command prefix"};
@@ -132,18 +131,6 @@ void PeerCommand::ask(int objc, Tcl_Obj* const objv[]) {
     connection->begin(pending, toUtf8(objv[at]), method == "EXEC" ? Method::exec : method == "CTRL" ? Method::ctrl : Method::dbx);
 }
 
-// As sorma::subscribe tells it.
-Tcl_Obj* eventDict(const Constants& c, const Received& e) {
-    Obj content(messageDict(c, e.message));
-    Tcl_Obj* dict = Tcl_DuplicateObj(content);
-    put(dict, "object", e.object);
-    put(dict, "event", e.name);
-    put(dict, "number", Tcl_NewWideIntObj(Tcl_WideInt(e.number)));
-    put(dict, "lost", Tcl_NewWideIntObj(e.lost));
-    put(dict, "time", Tcl_NewWideIntObj(e.time));
-    return dict;
-}
-
 // $peer subscribe ?-event pattern? ?-queue n? ?-command prefix? NAME: a token; while it is connected. Only if there is such an object
 void PeerCommand::subscribe(int objc, Tcl_Obj* const objv[]) {
     Obj pattern(newText("*")), queue, prefix(Tcl_NewObj());
@@ -159,7 +146,7 @@ void PeerCommand::subscribe(int objc, Tcl_Obj* const objv[]) {
         subscriptions[name] = connection->listenLater(so, toUtf8(pattern), std::size_t(keep), listener, true);
     } else {
         auto* here = interpreter.sorm.find(so);
-        if (!here) fail(kNoObject, so);
+        if (!here) fail(errors::kNoObject, so);
         subscriptions[name] = here->listen(toUtf8(pattern), std::size_t(keep), listener);
     }
     Tcl_SetObjResult(interpreter.interp, newText(name));
@@ -285,11 +272,8 @@ int programs(const std::shared_ptr<Peers>& p, int objc, Tcl_Obj* const objv[]) {
     if (objc < 3 || takeOptions(objc, objv, 3, {{"-command", &command}}) != objc || !command) fail(kPrograms);
     std::string host = toUtf8(objv[2]);
     p->programsCmd[host] = command;         // of the SORM's thread; the other one has only the name
-    sigset_t all, before;
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before);        // signals are for the threads that were there before
-    std::string wrong;
     try {
+        SignalsBlocked blocked;
         std::thread([weak = std::weak_ptr(p), mailbox = p->interpreter.sorm.mailbox(), host] {
             std::vector<std::string> found;
             for (auto offset : rpcbindPrograms(host)) {
@@ -307,10 +291,8 @@ int programs(const std::shared_ptr<Peers>& p, int objc, Tcl_Obj* const objv[]) {
             });
         }).detach();
     } catch (const std::system_error& e) {
-        wrong = e.what();
+        fail(kThread, host, e.what());
     }
-    pthread_sigmask(SIG_SETMASK, &before, nullptr);
-    if (!wrong.empty()) fail(kThread, host, wrong);
     Tcl_ResetResult(p->interpreter.interp);
     return TCL_OK;
 }

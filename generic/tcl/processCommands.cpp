@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "bus/requestText.h"
+#include "comm/signalsBlocked.h"
 
 namespace sorma {
 
@@ -207,16 +208,12 @@ int UntilEofObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const
             return TCL_ERROR;
         }
         int milliseconds = number("ms", objv[1]);
-        sigset_t all, before;
-        sigfillset(&all);
-        pthread_sigmask(SIG_SETMASK, &all, &before);            // signals are for the thread of the interpreter
         try {
+            SignalsBlocked blocked;
             std::thread(watchInput, milliseconds).detach();
         } catch (const std::system_error& error) {
-            pthread_sigmask(SIG_SETMASK, &before, nullptr);
             fail(kNoThread, error.what());
         }
-        pthread_sigmask(SIG_SETMASK, &before, nullptr);
         return TCL_OK;
     });
 }
