@@ -34,6 +34,7 @@ apply {dir {
     foreach {module classes} {
         shmem {shmem_w shmem_r}
         units {sum gain matrix clip lowpass integrator delay table select sine noise probe}
+        vision {hsvtable findball findbrdmarker getbrdsit getdisk}
     } {
         foreach name $classes {
             package ifneeded sorma::service::$name 1.0 "package require sorma::service::$module\npackage provide sorma::service::$name 1.0"

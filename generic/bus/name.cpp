@@ -145,9 +145,10 @@ Problem checkName(std::string_view text, Name* out) {
             break;
         }
         if (isLower(c) || isUpper(c)) {
+            if (isUpper(c) && isLower(text[0])) continue;       // findBall is findball
             (isLower(c) ? lowerCase : upperCase) = true;
             if (lowerCase && upperCase)
-                return here(i, "mixes cases: a class is all lower case (served here or behind @) or all upper case (at its default location)");
+                return here(i, "mixes cases: a class begins in lower case (served here or behind @) or is all upper case (at its default location)");
         } else if (i == 0) {
             return here(i, "must be a letter: a name begins with its class");
         } else if (!isDigit(c) && c != '_') {

@@ -1,0 +1,445 @@
+// hsvtable findBall findBrdMarker getBrdSit getDisk -- what a camera sees: colours, a ball, a draughts board and its tokens.
+//
+//     getBrdSit.main CTRL -table colours.hsv -picture shmem_r.camera -pose shmem_r.tool
+//     getBrdSit.main EXEC                       -> TMSG ...r.y.y...  FMSG 64 confidences
+//
+// A picture is a record as camera.image has it: floats time, width, height ...; any RGB, 8 bits, top row first. -picture names whoever
+// answers one, and an EXEC that brings a picture of its own asks nobody. doc/vision.man tells all.
+#include <array>
+#include <cmath>
+#include <ctime>
+#include <memory>
+
+#include <fmt/chrono.h>
+#include <sorma.h>
+
+#include "ball.h"
+#include "boardReader.h"
+#include "colourTable.h"
+
+namespace {
+
+using sorma::Message;
+using sorma::Severity;
+
+const sorma::Prototype kWord{Severity::error, "VISION WORD", 2, "{}: bad word \"{}\": must be one of {}"};
+const sorma::Prototype kFloats{Severity::error, "VISION FLOATS", 1, "{}: EXEC expects {}, got {} floats"};
+const sorma::Prototype kNoPicture{Severity::error, "VISION PICTURE", 1,
+                                  "{}: there is no picture: set -picture to an object that answers one, or bring one in EXEC"};
+const sorma::Prototype kPicture{Severity::error, "VISION PICTURE", 1,
+                                "{}: {} is no picture: {}; it must be floats time, width, height, and 3 bytes for each pixel"};
+const sorma::Prototype kNoTable{Severity::error, "VISION TABLE", 1,
+                                "{}: it knows no colours: set -table to a file that hsvtable has written"};
+const sorma::Prototype kTable{Severity::error, "VISION TABLE", 1, "{}: {}"};
+const sorma::Prototype kPose{Severity::error, "VISION POSE", 1, "{}: {} answered {} floats; a pose is time, position 3, quaternion 4 (w x y z)"};
+const sorma::Prototype kUnit{Severity::error, "VISION POSE", 1, "{}: the quaternion {} {} {} {} of {} has the length {}; it must be 1"};
+const sorma::Prototype kMarkers{Severity::error, "VISION MARKERS", 1, "{}: no board: {}"};
+const sorma::Prototype kBoard{Severity::error, "VISION BOARD", 1, "{}: the board cannot be read: {}"};
+const sorma::Prototype kDisk{Severity::error, "VISION DISK", 1, "{}: no {} token near {} {}: {}"};
+const sorma::Prototype kColour{Severity::error, "VISION WORD", 2, "{}: bad colour \"{}\": must be red, violet, or yellow"};
+const sorma::Prototype kLabels{Severity::error, "VISION PICTURE", 1, "{}: the labels of {} are missing: after 3 bytes for each pixel there must be one with its colour, 0 to 3"};
+const sorma::Prototype kUntrained{Severity::error, "VISION TABLE", 1, "{}: nothing has been learned yet: EXEC train a labelled picture first"};
+
+constexpr double kMostSide = 8192;          // [pixels]
+
+// A picture of a message, without a copy: it lives as long as the message.
+cv::Mat pictureOf(const std::string& who, const std::string& whose, Message& m, std::size_t planes = 3) {
+    auto wrong = [&](const std::string& why) { sorma::fail(kPicture, who, whose, why); };
+    if (m.floats.size() < 3) wrong("it has " + std::to_string(m.floats.size()) + " floats");
+    const double w = m.floats[1], h = m.floats[2];
+    if (!(w >= 1 && w <= kMostSide && h >= 1 && h <= kMostSide)) wrong("its size is " + sorma::numberText(w) + " x " + sorma::numberText(h));
+    const auto width = std::size_t(w), height = std::size_t(h);
+    if (m.any.size() < planes * width * height)
+        wrong("its size is " + std::to_string(width) + " x " + std::to_string(height) + ", and it has " + std::to_string(m.any.size()) + " bytes");
+    return cv::Mat(int(height), int(width), CV_8UC3, m.any.data());
+}
+
+// ---- the table of colours ----
+
+class Hsvtable : public sorma::Service {
+public:
+    static sorma::Class describe() {
+        using enum sorma::Field;
+        return sorma::Class::of<Hsvtable>("hsvtable", "a table that tells the colours of the board's things; learned from labelled pictures")
+            .text("-file", &Hsvtable::file_, {.help = "file to take the table from, as CTRL -save has written it; empty: all is background"})
+            .action({"-save", "file", "write the table to a file, for -file and for -table of the others", 1, 1,
+                     [](sorma::Service& s, sorma::Args args, Message& m) { static_cast<Hsvtable&>(s).save(args[0], m); },
+                     sorma::Right::inspect, true})
+            .action("-learn", &Hsvtable::learn, "", "make the table of all pictures that EXEC train was given")
+            .words("code|classify|train")
+            .reads(floats, sorma::between(3, 16), "", "code: red, green, blue (0 to 255); others: a picture's time, width, height")
+            .reads(any, {}, "", "classify: RGB, 3 bytes for each pixel; train: the same, then a byte for each pixel with its colour: 0 background, "
+                                "1 red, 2 yellow, 3 violet, others: unknown")
+            .writes(ints, sorma::between(0, 2), "1", "code: of 6 bits hue, 5 saturation, 5 brightness, and its colour; train: pictures so far")
+            .writes(floats, {}, "", "classify: time, width, height")
+            .writes(any, {}, "", "classify: a byte for each pixel, with its colour")
+            .example("hsvtable EXEC code FMSG 3 204 15 10");
+    }
+
+    void born() override { load(file_, author("-file")); }
+    sorma::Commit prepare(const sorma::Change& change) override {
+        if (!change.concerns("-file")) return nullptr;
+        load(change.get<std::string>("-file"), change.author("-file"));
+        return nullptr;
+    }
+
+    void exec(Message& m) override {
+        const std::string word = m.words.empty() ? "" : m.words[0];
+        if (m.words.size() != 1 || (word != "code" && word != "classify" && word != "train"))
+            fail(kWord, name(), word, "classify, code, or train");
+        if (word == "code") return code(m);
+        cv::Mat picture = pictureOf(name(), "what it got", m, word == "train" ? 4 : 3);
+        if (word == "train") return train(picture, m);
+        cv::Mat colours, hsv;
+        table_.classify(picture, colours, hsv);
+        m.any.assign(colours.data, colours.data + colours.total());
+        m.floats.resize(3);
+        m.words.clear();
+    }
+
+    void dumpState(std::string& out) const override {
+        out += "# origin " + origin_ + "\n# pictures " + std::to_string(training_.pictures()) + "\n";
+        for (std::size_t c = 0; c < vision::kColours; ++c)
+            out += std::string("# ") + vision::kColourNames[c] + " " + std::to_string(training_.samples(vision::Colour(c))) + "\n";
+    }
+
+private:
+    void load(const std::string& file, const sorma::PrincipalPointer& author) {
+        if (file.empty()) return;
+        sorm().access.need(author, sorma::Right::files, sorma::realPath(file), name());
+        try {
+            table_ = vision::ColourTable::load(file, origin_);
+        } catch (const std::runtime_error& e) {
+            fail(kTable, name(), e.what());
+        }
+    }
+    void save(const std::string& file, Message& m) {
+        sorm().access.need(m.author, sorma::Right::files, sorma::realPath(file), name());
+        try {
+            table_.save(file, origin_);
+        } catch (const std::runtime_error& e) {
+            fail(kTable, name(), e.what());
+        }
+    }
+    void code(Message& m) {
+        if (m.floats.size() != 3) fail(kFloats, name(), "red, green and blue", m.floats.size());
+        std::array<std::uint8_t, 3> rgb;
+        for (std::size_t i = 0; i < 3; ++i) {
+            if (!(m.floats[i] >= 0 && m.floats[i] <= 255)) fail(kFloats, name(), "red, green and blue from 0 to 255", m.floats[i]);
+            rgb[i] = std::uint8_t(std::lround(m.floats[i]));
+        }
+        const auto code = vision::codeOf(rgb[0], rgb[1], rgb[2]);
+        m.clear();
+        m.ints = {code, table_[code]};
+    }
+    void train(const cv::Mat& picture, Message& m) {
+        const std::size_t pixels = picture.total();
+        training_.add(picture, cv::Mat(picture.rows, picture.cols, CV_8U, m.any.data() + 3 * pixels));
+        m.clear();
+        m.ints.assign(1, std::int64_t(training_.pictures()));
+    }
+    void learn(sorma::Args, Message& m) {
+        if (training_.pictures() == 0) fail(kUntrained, name());
+        table_ = training_.table();
+        origin_ = std::to_string(training_.pictures()) + " pictures, " + std::to_string(training_.clusters()) + " clusters, " +
+                  fmt::format("{:%Y-%m-%d}", fmt::localtime(std::time(nullptr)));
+        m.text = origin_;
+    }
+
+    std::string file_, origin_;
+    vision::ColourTable table_;
+    vision::Training training_;
+};
+
+// ---- those that look at a picture ----
+
+class Looker : public sorma::Service {
+public:
+    void exec(Message& m) override {
+        check(m);
+        if (!m.any.empty()) {
+            cv::Mat picture = pictureOf(name(), "what it got", m);
+            Message out;
+            look(picture, m.floats[0], m, viewOf(picture, at_, "-at"), out);
+            m.any.clear();
+            m.words.clear();
+            m.floats.swap(out.floats), m.ints.swap(out.ints), m.text.swap(out.text);
+            return;
+        }
+        if (!picture_) fail(kNoPicture, name());
+        auto job = std::make_shared<Job>();
+        job->self = sorma::Reference(this);
+        job->asked.floats = m.floats;
+        job->asked.words = m.words;
+        job->asked.text = m.text;
+        job->reply = later(m);
+        job->reply.onCancel([weak = std::weak_ptr(job)] {
+            if (auto j = weak.lock(); j && j->under) j->under.cancel();
+        });
+        ask(job, picture_, [this, job](Message& picture) {
+            job->picture.floats.swap(picture.floats);
+            job->picture.any.swap(picture.any);
+            if (!pose_) return finish(job, at_, "-at");
+            ask(job, pose_, [this, job](Message& m) {
+                if (m.floats.size() < 8) fail(kPose, name(), pose_->name(), m.floats.size());
+                finish(job, std::vector<double>(m.floats.begin() + 1, m.floats.begin() + 8), pose_->name());
+            });
+        });
+    }
+
+protected:
+    // What is asked, before anybody is.
+    virtual void check(const Message&) const {}
+    // The answer to asked, of what there is in a picture.
+    virtual void look(const cv::Mat& picture, double time, const Message& asked, const vision::View& view, Message& answer) = 0;
+
+    template <class S> static sorma::Class looking(sorma::Class c, bool colours = true) {
+        c.service("-picture", &S::picture_, {.help = "answers a picture: floats time, width, height; any RGB; as shmem_r of camera.image does"})
+            .service("-pose", &S::pose_, {.help = "answers where the tool is: floats time, position 3, quaternion 4; none: -at"})
+            .vector("-at", &S::at_, {.low = -100, .high = 100, .help = "where the tool is [m], [1]: position, quaternion w x y z", .minLength = 7, .maxLength = 7})
+            .vector("-mount", &S::mount_, {.low = -100, .high = 100, .help = "the camera (x right, y down, z forward) in the tool's frame [m], [1]: position, quaternion",
+                                           .minLength = 7, .maxLength = 7})
+            .real("-fieldOfView", &S::fieldOfView_, {.unit = "rad", .low = 0.05, .high = 3, .help = "of the lens, from the top row to the bottom row"});
+        if (colours) c.text("-table", &S::tableFile_, {.help = "file with the table of colours, as hsvtable has written it"});
+        return c;
+    }
+
+    const std::vector<vision::Blob>& blobs(const cv::Mat& picture) {
+        if (!table_) fail(kNoTable, name());
+        table_->classify(picture, colours_, hsv_);
+        return finder_.find(colours_, 8);
+    }
+
+    void born() override { table_ = load(tableFile_, author("-table")); }
+    sorma::Commit prepare(const sorma::Change& change) override {
+        if (!change.concerns("-table")) return nullptr;
+        return [this, next = load(change.get<std::string>("-table"), change.author("-table"))]() mutable { std::swap(table_, next); };
+    }
+
+private:
+    struct Job {
+        sorma::Reference self;
+        sorma::Reply reply;
+        sorma::Future under;
+        Message asked, picture;
+    };
+
+    template <class Next> void ask(const std::shared_ptr<Job>& job, const sorma::Reference& object, Next next) {
+        job->under = object->async(sorma::Method::exec, Message());
+        job->under.then([job, next](sorma::Future answer) {
+            try {
+                next(answer.result());
+            } catch (const std::exception& e) {
+                job->reply.fail(e);
+            }
+        });
+    }
+
+    void finish(const std::shared_ptr<Job>& job, const std::vector<double>& pose, const std::string& whose) {
+        cv::Mat picture = pictureOf(name(), "what " + picture_->name() + " answered", job->picture);
+        job->reply.message().clear();
+        look(picture, job->picture.floats[0], job->asked, viewOf(picture, pose, whose), job->reply.message());
+        job->reply.complete();
+    }
+
+    std::shared_ptr<vision::ColourTable> load(const std::string& file, const sorma::PrincipalPointer& author) {
+        if (file.empty()) return nullptr;
+        sorm().access.need(author, sorma::Right::files, sorma::realPath(file), name());
+        try {
+            std::string origin;
+            return std::make_shared<vision::ColourTable>(vision::ColourTable::load(file, origin));
+        } catch (const std::runtime_error& e) {
+            fail(kTable, name(), e.what());
+        }
+    }
+
+    Eigen::Isometry3d frame(const std::vector<double>& v, const std::string& whose) const {
+        Eigen::Quaterniond q(v[3], v[4], v[5], v[6]);
+        if (!(std::abs(q.norm() - 1) < 1e-3)) fail(kUnit, name(), v[3], v[4], v[5], v[6], whose, q.norm());
+        return Eigen::Translation3d(v[0], v[1], v[2]) * q.normalized();
+    }
+    vision::View viewOf(const cv::Mat& picture, const std::vector<double>& tool, const std::string& whose) const {
+        return {vision::Lens::of(picture.cols, picture.rows, fieldOfView_), frame(tool, whose) * frame(mount_, "-mount")};
+    }
+
+protected:
+    sorma::Reference picture_, pose_;
+    // Above the middle of the board, looking down; and the camera of the laboratory's hand, 12 degrees towards the tool's axis.
+    std::vector<double> at_{0.57, 0, 0.45, 0, 1, 0, 0}, mount_{0.115, 0, -0.150, 0.703233, -0.0739128, -0.0739128, 0.703233};
+    double fieldOfView_ = 1.0122909661567112;
+    std::string tableFile_;
+    std::shared_ptr<vision::ColourTable> table_;
+    cv::Mat colours_, hsv_;
+    vision::BlobFinder finder_;
+};
+
+class FindBall : public Looker {
+public:
+    static sorma::Class describe() {
+        using enum sorma::Field;
+        return looking<FindBall>(sorma::Class::of<FindBall>("findball", "where a bright ball is in a picture, and whether that is to be believed"), false)
+            .integer("-threshold", &FindBall::threshold_, {.unit = "1", .low = 1, .high = 255, .help = "what is not darker is the ball"})
+            .vector("-radius", &FindBall::radius_, {.unit = "pixels", .low = 1, .high = 4096, .help = "least and largest", .minLength = 2, .maxLength = 2})
+            .real("-roundness", &FindBall::round_, {.unit = "1", .low = 0, .high = 1, .help = "least b/a, of what the lens makes of a ball there, from 15 pixels of radius on; else 0.8"})
+            .real("-solidity", &FindBall::solid_, {.unit = "1", .low = 0, .high = 1, .help = "least part of its ellipse that is bright"})
+            .real("-second", &FindBall::second_, {.unit = "1", .low = 0, .high = 1, .help = "another one as large as that, of its area, makes it ambiguous"})
+            .words("?window?")
+            .reads(floats, sorma::between(0, 16), "pixels", "window: u, v of its middle, width, height; with a picture: after time, width, height")
+            .reads(any, {}, "", "a picture; none: -picture is asked")
+            .writes(floats, sorma::exactly(9), "", "lab time, u, v, area, radius [pixels], eccentricity, angle [rad], code, time when done: a record of ball.obs")
+            .writes(text, {}, "", "what the code says: valid, none, clipped, size, shape, occluded or ambiguous, with what was measured")
+            .example("findball CTRL -threshold 240");
+    }
+
+protected:
+    void check(const Message& m) const override {
+        const std::size_t head = m.any.empty() ? 0 : 3;
+        const bool window = !m.words.empty();
+        if (m.words.size() > 1 || (window && m.words[0] != "window")) fail(kWord, name(), m.words.back(), "window");
+        if (window && m.floats.size() < head + 4) fail(kFloats, name(), "u, v, width and height of a window", m.floats.size());
+        for (double x : m.floats)
+            if (!(std::abs(x) < 1e9)) fail(kFloats, name(), "finite numbers", x);
+    }
+    void look(const cv::Mat& picture, double time, const Message& asked, const vision::View& view, Message& answer) override {
+        std::optional<cv::Rect> window;
+        if (!asked.words.empty()) {
+            const double* w = asked.floats.data() + (asked.any.empty() ? 0 : 3);
+            window = cv::Rect(int(w[0] - w[2] / 2), int(w[1] - w[3] / 2), int(std::max(1.0, w[2])), int(std::max(1.0, w[3])));
+        }
+        const vision::BallRules rules{.threshold = int(threshold_), .least = radius_[0], .most = radius_[1], .round = round_, .solid = solid_, .second = second_};
+        const auto s = ball_.find(picture, view.lens, rules, window);
+        answer.floats = {time, s.u, s.v, s.area, s.radius, s.eccentricity, s.angle, double(s.verdict), time};
+        answer.text = vision::kVerdicts[int(s.verdict)];
+        if (s.limit != 0) answer.text += ": " + sorma::numberText(s.measured) + ", the limit is " + sorma::numberText(s.limit);
+    }
+
+private:
+    std::int64_t threshold_ = 250;
+    std::vector<double> radius_{4, 120};
+    double round_ = 0.96, solid_ = 0.95, second_ = 0.3;
+    vision::BallFinder ball_;
+};
+
+class BoardLooker : public Looker {
+protected:
+    template <class S> static sorma::Class onBoard(sorma::Class c) {
+        return looking<S>(std::move(c))
+            .integer("-fields", &S::fields_, {.unit = "1", .low = 2, .high = 26, .help = "of a side of the board"})
+            .real("-field", &S::field_, {.unit = "m", .low = 0.001, .high = 1, .help = "side of a field"})
+            .vector("-markers", &S::markers_, {.unit = "m", .low = 0, .high = 10, .help = "how far behind the middle of the board the markers are, and how far to its sides",
+                                               .minLength = 2, .maxLength = 2})
+            .vector("-token", &S::token_, {.unit = "m", .low = 1e-4, .high = 1, .help = "radius and height of a token", .minLength = 2, .maxLength = 2});
+    }
+    vision::BoardShape shape() const { return {int(fields_), field_, markers_[0], markers_[1], token_[0], token_[1]}; }
+    vision::BoardPose board(const std::vector<vision::Blob>& blobs, const vision::View& view) const {
+        auto pose = vision::findMarkers(blobs, view, shape());
+        if (!pose.trouble.empty()) fail(kMarkers, name(), pose.trouble);
+        return pose;
+    }
+
+    std::int64_t fields_ = 8;
+    double field_ = 0.045;
+    std::vector<double> markers_{0.206, 0.160}, token_{0.015, 0.008};
+};
+
+class FindBrdMarker : public BoardLooker {
+public:
+    static sorma::Class describe() {
+        using enum sorma::Field;
+        return onBoard<FindBrdMarker>(sorma::Class::of<FindBrdMarker>("findbrdmarker", "where the board lies, by its two violet markers"))
+            .reads(floats, sorma::between(0, 16), "", "nothing, or a picture's time, width, height")
+            .reads(any, {}, "", "a picture; none: -picture is asked")
+            .writes(floats, sorma::exactly(7), "", "pixels u v of the large marker, u v of the small one; x, y [m], yaw [rad] of the board in the world");
+    }
+
+protected:
+    void look(const cv::Mat& picture, double, const Message&, const vision::View& view, Message& answer) override {
+        const auto pose = board(blobs(picture), view);
+        answer.floats = {pose.a.x(), pose.a.y(), pose.b.x(), pose.b.y(), pose.x, pose.y, pose.yaw};
+    }
+};
+
+class GetBrdSit : public BoardLooker {
+public:
+    static sorma::Class describe() {
+        using enum sorma::Field;
+        return onBoard<GetBrdSit>(sorma::Class::of<GetBrdSit>("getbrdsit", "what stands on each field of the board"))
+            .reads(floats, sorma::between(0, 16), "", "nothing, or a picture's time, width, height")
+            .reads(any, {}, "", "a picture; none: -picture is asked")
+            .writes(text, {}, "", "for each field: . empty, r red, y yellow, ? uncertain; the last rank first, file a first")
+            .writes(floats, {}, "1", "how certain each of them is, 0 to 1")
+            .writes(ints, sorma::exactly(1), "1", "how many pictures of different times, one after another, have shown the same, this one included");
+    }
+
+protected:
+    void look(const cv::Mat& picture, double time, const Message&, const vision::View& view, Message& answer) override {
+        const auto& found = blobs(picture);
+        auto s = vision::readBoard(found, view, shape(), board(found, view));
+        if (!s.trouble.empty()) {
+            agree_ = 0;
+            fail(kBoard, name(), s.trouble);
+        }
+        if (s.symbols != last_) agree_ = 1;
+        else if (time != time_) ++agree_;
+        last_ = s.symbols;
+        time_ = time;
+        answer.text = std::move(s.symbols);
+        answer.floats = std::move(s.confidences);
+        answer.ints.assign(1, agree_);
+    }
+
+private:
+    std::string last_;
+    double time_ = 0;
+    std::int64_t agree_ = 0;
+};
+
+class GetDisk : public Looker {
+public:
+    static sorma::Class describe() {
+        using enum sorma::Field;
+        return looking<GetDisk>(sorma::Class::of<GetDisk>("getdisk", "exactly where one token is, near a pixel where it is expected"))
+            .real("-radius", &GetDisk::radius_, {.unit = "pixels", .low = 2, .high = 1000, .help = "of a token, as it is expected"})
+            .real("-error", &GetDisk::error_, {.unit = "pixels", .low = 0, .high = 1000, .help = "how far off the expected place may be"})
+            .reads(floats, sorma::between(2, 16), "pixels", "u, v where it is expected; with a picture: after time, width, height")
+            .reads(text, {}, "", "red, yellow or violet; none: red")
+            .reads(any, {}, "", "a picture; none: -picture is asked")
+            .writes(floats, sorma::exactly(4), "", "u, v [pixels], area [pixels], how well it fits (0 to 1)")
+            .example("getdisk CTRL -radius 30");
+    }
+
+protected:
+    void check(const Message& m) const override {
+        if (m.floats.size() != (m.any.empty() ? 2 : 5)) fail(kFloats, name(), m.any.empty() ? "u and v" : "time, width, height, u and v", m.floats.size());
+        colourOf(m.text);
+    }
+    void look(const cv::Mat& picture, double, const Message& asked, const vision::View&, Message& answer) override {
+        const double *at = asked.floats.data() + asked.floats.size() - 2, u = at[0], v = at[1];
+        const auto colour = colourOf(asked.text);
+        const auto disk = vision::findDisk(blobs(picture), colour, {u, v}, radius_, error_);
+        auto refuse = [&](const std::string& why) { fail(kDisk, name(), vision::kColourNames[colour], u, v, why); };
+        if (!disk.blob) refuse("nothing in the picture has that colour");
+        const auto& b = *disk.blob;
+        if (b.clipped) refuse("what fits best is cut off by the border of the picture");
+        if (disk.fit < 0.1) refuse("what fits best is at " + sorma::numberText(b.u) + " " + sorma::numberText(b.v) + ", and fits " + sorma::numberText(disk.fit));
+        if (double part = b.area / disk.expectedArea; part < 0.6 || part > 1.5)
+            refuse("what is there has " + sorma::numberText(b.area) + " pixels; a token has " + sorma::numberText(disk.expectedArea));
+        answer.floats = {b.u, b.v, b.area, disk.fit};
+    }
+
+private:
+    std::uint8_t colourOf(const std::string& word) const {
+        if (word.empty()) return vision::red;
+        for (std::size_t c = vision::red; c < vision::kColours; ++c)
+            if (word == vision::kColourNames[c]) return std::uint8_t(c);
+        fail(kColour, name(), word);
+    }
+    double radius_ = 20, error_ = 5;
+};
+
+}  // namespace
+
+extern "C" SORMA_EXPORT int Vision_Init(Tcl_Interp* interp) {
+    return sorma::provide(interp, "sorma::service::vision", "1.0",
+                          {Hsvtable::describe(), FindBall::describe(), FindBrdMarker::describe(), GetBrdSit::describe(), GetDisk::describe()});
+}
