@@ -29,6 +29,9 @@ void (*const kGroups[])(Table&) = {byReference, tclCommand, textDispatch, protec
 #ifdef HAVE_EIGEN
                                     laboratory,
 #endif
+#ifdef HAVE_VISION
+                                    vision,
+#endif
                                     growth};
 
 int table(const std::string& pattern, int rounds, bool json) {

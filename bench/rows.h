@@ -14,6 +14,7 @@ void snapshot(Table& table);            // M
 void cycle(Table& table);               // CYCLE
 void circuit(Table& table);             // CIRCUIT
 void laboratory(Table& table);          // PUMA_inverse PSOM; where there is Eigen
+void vision(Table& table);              // BALL BOARD; where there is OpenCV
 void growth(Table& table);              // each of them beside much else
 
 // bench --client ADDRESS nop|rec: the project as one more peer of a comparison with other systems.

@@ -17,7 +17,7 @@ namespace {
 
 const sorma::Prototype kSymbols{sorma::Severity::error, "PAINTER SYMBOLS", 1, "{}: -symbols has {} characters; it must be 64"};
 
-constexpr int kFine = 4;            // drawn so many times larger, and then made smaller: edges are smooth
+constexpr int kFine = 2;            // drawn so many times larger, and then made smaller: edges are smooth
 enum Label { background, red, yellow, violet };
 
 class Painter : public sorma::Service {
