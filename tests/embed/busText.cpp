@@ -748,7 +748,7 @@ void testNames() {
     bad("1a", "at character 1, \"1\", must be a letter: a name begins with its class", __LINE__);
     bad("_a", "at character 1, \"_\", must be a letter: a name begins with its class", __LINE__);
     bad("car-ry", "at character 4, \"-\", must not be in a class (letters, digits, _)", __LINE__);
-    bad("Carry", "at character 2, \"a\", mixes cases: a class begins in lower case (served here or behind @) or all upper case (at its default location)", __LINE__);
+    bad("Carry", "at character 2, \"a\", mixes cases: a class begins in lower case (served here or behind @) or is all upper case (at its default location)", __LINE__);
     bad("carry.", "at character 7, the flavor is missing after the dot", __LINE__);
     bad("carry.@a", "at character 7, the flavor is missing after the dot", __LINE__);
     bad("carry.gr\xc3\xbc$", "at character 10, \"$\", must not be in a flavor (it is special to Tcl)", __LINE__);
