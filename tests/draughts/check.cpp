@@ -12,6 +12,7 @@
 #include <cstdarg>
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 #include <fstream>
 #include <random>
 #include <set>
@@ -276,9 +277,12 @@ int checkGarbage(long number, unsigned seed) {
 int measure(const Rules& rules, int depth, int threads) {
     Transpositions table(128 << 20);
     Search search(rules, table);
+    std::clock_t begin = std::clock();      // of all threads together: a busy machine does not count
     Progress p = search.run({startPosition(rules)}, {.depth = depth}, {.threads = threads});
-    std::printf("%s depth %d threads %d: %llu nodes, %.2f s, %.2f M nodes/s, score %d\n", rules.name, p.depth, threads,
-                (unsigned long long)p.nodes, p.time, double(p.nodes) / p.time / 1e6, p.score);
+    double busy = double(std::clock() - begin) / CLOCKS_PER_SEC;
+    std::printf("%s depth %d threads %d: %llu nodes, %.2f s, %.2f M nodes/s; of processors %.2f s, %.2f M nodes/s; score %d\n", rules.name,
+                p.depth, threads, (unsigned long long)p.nodes, p.time, double(p.nodes) / p.time / 1e6, busy, double(p.nodes) / busy / 1e6,
+                p.score);
     return 0;
 }
 
