@@ -212,7 +212,7 @@ void Hub::setLevel(const Pairs& pairs) {
         };
         auto integer = [&] {
             std::uint64_t n = 0;
-            if (!number(value, n)) throw Bad("HUB", "level: " + name + " must be a number, got " + value.substr(0, 30));
+            if (!number(value, n)) throw Bad("HUB", "level: " + name + " must be an integer below 2^64, got " + value.substr(0, 30));
             return n;
         };
         if (name == "depth") l.depth = int(std::clamp<std::uint64_t>(integer(), 1, 99));
