@@ -33,20 +33,22 @@ template <int Width> struct Heads {
     static constexpr std::array<std::uint8_t, (1 << Width)> table = make();
 };
 
-template <const Rules& R, class F> inline void eachBand(const Position& p, F&& take) {
-    constexpr int kRows = R.half();
+// take(field, index), in the order of the fields.
+template <const Rules& R, class F> inline void eachField(const Position& p, F&& take) {
+    using L = Fields<R>;
     constexpr Bits kPair = (Bits(1) << R.width) - 1;
     Bits white = p.white & ~p.kings, black = p.black & ~p.kings;
-    auto code = [&](int pair) {
+    std::array<std::uint64_t, R.half()> codes;
+    for (int pair = 0; pair < R.half(); ++pair) {
         int shift = pair * (R.width + 1);
-        return Codes<R.width>::table[white >> shift & kPair] * 2 + Codes<R.width>::table[black >> shift & kPair];
-    };
-    std::uint64_t upper = code(0);
-    for (int b = 0; b < kRows - 1; ++b) {
-        std::uint64_t lower = code(b + 1);
-        take(b, upper * 81 + lower);
-        upper = lower;
+        codes[pair] = Codes<R.width>::table[white >> shift & kPair] * 2 + Codes<R.width>::table[black >> shift & kPair];
     }
+    int f = 0;
+    for (int b = 0; b < L::bands; ++b) {
+        std::uint64_t index = codes[b] * 81 + codes[b + 1];
+        for (int g = 0; g < L::groups; ++g) take(f++, index >> (16 * g) & 0xffff);
+    }
+    for (int r = 0; r < L::rows; ++r) take(f++, (codes[r] & 0xffff) * 81 + (codes[r] >> 32 & 0xffff));
 }
 
 template <const Rules& R> struct Sets {
@@ -62,7 +64,12 @@ template <const Rules& R> struct Sets {
         for (Bits s = b; s; s = B::template step<upRight>(s) & B::all) b |= s;
         return b;
     }
-    static constexpr Bits centre = makeCentre(), diagonal = makeDiagonal();
+    static constexpr Bits makeEven() {
+        Bits b = 0;
+        for (int r = 0; r < R.width; r += 2) b |= B::row(r);
+        return b;
+    }
+    static constexpr Bits centre = makeCentre(), diagonal = makeDiagonal(), even = makeEven();
 };
 
 template <const Rules& R> inline void count(const Position& p, std::array<int, kCounts>& c) {
@@ -84,6 +91,8 @@ template <const Rules& R> inline void count(const Position& p, std::array<int, k
         c[longDiagonal] = int((wk & Sets<R>::diagonal) != 0) - int((bk & Sets<R>::diagonal) != 0);
     }
     c[turn] = p.side == Side::white ? 1 : -1;
+    // Who is to move when all have met decides who must give way: the parity of the pieces on every other row tells.
+    c[opposition] = countOf(p.white) != countOf(p.black) ? 0 : countOf(p.occupied() & Sets<R>::even) & 1 ? c[turn] : -c[turn];
 }
 
 }  // namespace
@@ -92,9 +101,7 @@ template <const Rules& R> Features featuresOf(const Position& p) {
     Features f{};
     count<R>(p, f.counts);
     f.pieces = countOf(p.occupied());
-    eachBand<R>(p, [&](int b, std::uint64_t index) {
-        for (int g = 0; g < Fields<R>::groups; ++g) f.fields[b * Fields<R>::groups + g] = index >> (16 * g) & 0xffff;
-    });
+    eachField<R>(p, [&](int field, std::uint64_t index) { f.fields[field] = std::uint16_t(index); });
     return f;
 }
 
@@ -117,9 +124,9 @@ template <const Rules& R> int evaluate(const Weights& w, const Position& p) {
     for (int i = 0; i < kCounts; ++i) sum += float(c[i]) * (w.counts[i][0] + (w.counts[i][1] - w.counts[i][0]) * few);
     std::int32_t fields = 0;
     const std::int32_t* table = w.fields.data();
-    eachBand<R>(p, [&](int, std::uint64_t index) {
-        for (int g = 0; g < Fields<R>::groups; ++g, table += kFieldSize) fields += table[index >> (16 * g) & 0xffff];
-    });
+    eachField<R>(p, [&](int field, std::uint64_t index) { fields += table[field * kFieldSize + int(index)]; });
+    for (Bits k = p.kings & p.white; k; k &= k - 1) fields += w.kings[indexOf(k)];
+    for (Bits k = p.kings & p.black; k; k &= k - 1) fields -= w.kings[Board<R.width>::last - indexOf(k)];
     int many = std::int16_t(fields & 0xffff), last = (fields - many) >> 16;
     int score = int(sum + float(many) + float(last - many) * few);
     // One flying king holds out against three pieces nearly always, two against four.

@@ -18,9 +18,11 @@ constexpr std::string_view kEnglText =
 #include "draughts/weights/engl.inc"
     ;
 
-// First the two weights of each count, in tenths of a point, and ';'. Then the fields' tables, with many pieces and with few, one character an entry, 'O' for 0,
-// its successors for 1, 2 ... points; '~', a number and ';' stand for as many entries of 0.
-void read(std::string_view text, int stored, int fields, Weights& w) {
+// First the two weights of each count, in tenths of a point, and ';'. Then the fields' tables and the kings' squares, with many
+// pieces and with few, one character an entry: 'O' for 0, its neighbours for 1, 2 ... points. '!' and '}' before it stand for 45
+// points less or more; '~', a number and ';' for as many entries of 0.
+template <const Rules& R> void read(std::string_view text, Weights& w) {
+    using L = Fields<R>;
     const char *at = text.data(), *end = at + text.size();
     auto number = [&] {
         while (at < end && *at <= ' ') ++at;
@@ -31,32 +33,39 @@ void read(std::string_view text, int stored, int fields, Weights& w) {
     for (auto& pair : w.counts)
         for (auto& x : pair) x = float(number()) / 10;
     while (at < end && *at++ != ';') {}
-    std::size_t n = 0, half = std::size_t(stored) * kFieldSize;
-    for (; at < end && n < 2 * half; ++at) {
+    int n = 0;
+    std::int32_t value = 0;
+    for (; at < end && n < 2 * L::weights; ++at) {
         if (*at == '~') {
             ++at;
-            n += std::size_t(number());
+            n += number();
+        } else if (*at == '!' || *at == '}') {
+            value += *at == '!' ? -45 : 45;
         } else if (*at > ' ') {
-            std::int32_t value = (*at - 'O') * (n < half ? 1 : 65536);
-            std::size_t field = n % half / kFieldSize, index = n % half % kFieldSize;
-            w.fields[n % half] += value;
-            std::size_t partner = std::size_t(fields) - 1 - field;
-            if (partner != field) w.fields[partner * kFieldSize + std::size_t(turnedIndex(int(index)))] -= value;
+            value = (value + *at - 'O') * (n < L::weights ? 1 : 65536);
+            int entry = n % L::weights, table = entry / kFieldSize, index = entry % kFieldSize;
+            if (table == L::stored) {
+                w.kings[std::size_t(index)] += value;
+            } else {
+                int field = L::field(table), partner = L::partner(field);
+                w.fields[std::size_t(field * kFieldSize + index)] += value;
+                if (partner != field) w.fields[std::size_t(partner * kFieldSize + turnedIndex(index))] -= value;
+            }
+            value = 0;
             ++n;
         }
     }
 }
 
-Weights make(const Rules& rules, bool plain) {
+template <const Rules& R> Weights make(std::string_view text, bool plain) {
     Weights w{};
-    int side = rules.half() - 1, fields = side * side;
-    w.fields.assign(std::size_t(fields) * kFieldSize, 0);
+    w.fields.assign(std::size_t(Fields<R>::count) * kFieldSize, 0);
     if (plain) {
         w.counts[men] = {100, 100};
-        w.counts[kings] = rules.flying ? std::array<float, 2>{300, 300} : std::array<float, 2>{150, 150};
+        w.counts[kings] = R.flying ? std::array<float, 2>{300, 300} : std::array<float, 2>{150, 150};
         w.counts[advance] = {2, 2};
     } else {
-        read(&rules == &kIntl ? kIntlText : &rules == &kBraz ? kBrazText : kEnglText, (fields + 1) / 2, fields, w);
+        read<R>(text, w);
     }
     return w;
 }
@@ -67,8 +76,12 @@ const Weights& weightsOf(const Rules& rules, bool plain) {
     static std::mutex mutex;
     static Weights made[3][2];
     std::lock_guard lock(mutex);
-    Weights& w = made[&rules == &kIntl ? 0 : &rules == &kBraz ? 1 : 2][plain];
-    if (w.fields.empty()) w = make(rules, plain);
+    int game = &rules == &kIntl ? 0 : &rules == &kBraz ? 1 : 2;
+    Weights& w = made[game][plain];
+    if (w.fields.empty()) {
+        constexpr std::string_view texts[] = {kIntlText, kBrazText, kEnglText};
+        w = forGame(rules, [&](auto g) { return make<decltype(g)::rules>(texts[game], plain); });
+    }
     return w;
 }
 

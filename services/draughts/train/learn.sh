@@ -9,10 +9,9 @@ folder=${TMPDIR:-/tmp}/draughts-$game
 mkdir -p "$folder"
 round=$(ls "$folder" | wc -l)
 for core in $(seq "$(nproc)"); do
-    nice -n 19 "$train" play "$game" $((minutes * 60)) $((round * 100 + core)) "${NODES:-1000}" "$folder/$round.$core" &
+    nice -n 19 "$train" play "$game" $((minutes * 60)) $((round * 100 + core)) "${NODES:-700}" "$folder/$round.$core" &
 done
 wait
-# The last rounds count; what weaker players have played does not.
-cat $(ls -t "$folder"/[0-9]*.[0-9]* | head -n $((2 * $(nproc)))) >"$folder/games"
+cat "$folder/$round".* >"$folder/games"
 "$train" fit "$game" "$folder/games" "Round $round, $minutes minutes on $(nproc) cores." >"$folder/weights"
 mv "$folder/weights" "$here/weights/$game.inc"

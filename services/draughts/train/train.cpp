@@ -5,8 +5,9 @@
 //     train match GAME A B GAMES SEED             strength: A and B are nodes a move; with a p before it, p20000, plain
 //                                             alpha-beta with material and advance; with an o, the same with table and history
 //
-// FILE: 32 bytes a position, as this processor has them in memory: white, black, kings, then side (bit 0) and White's result (2, 1
-// or 0 half points, bits 1 and 2).
+// FILE: 32 bytes a position, as this processor has them in memory: white, black, kings, then side (bit 0), White's result (bits 1
+// and 2: 2, 1 or 0 half points; 3: unknown, since a random move came later), and what the search found for White (hundredths of a
+// man, the upper 16 bits).
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -25,6 +26,7 @@ namespace {
 struct Sample {
     Bits white, black, kings, rest;
 };
+constexpr Bits kUnknown = 3;
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
@@ -55,18 +57,19 @@ template <const Rules& R> int play(double seconds, unsigned seed, std::uint64_t 
             Move m = list[int(random() % unsigned(list.size()))];
             // Now and then something unexpected, so that the weights learn what follows from it; what was before, does not.
             bool surprise = ply < 60 && random() % 24 == 0;
-            if (surprise) samples.clear();
+            if (surprise)
+                for (auto& s : samples) s.rest |= kUnknown << 1;
             if (ply >= opening && !surprise && list.size() > 1) {
                 search.prepare();
                 Progress best = search.run(since, limits, settings);
                 m = best.line[0];
-                if (std::abs(best.score) > kSurelyWon) {
-                    result = (best.score > 0) == (p.side == Side::white) ? 2 : 0;
+                int score = p.side == Side::white ? best.score : -best.score;
+                if (std::abs(score) > kSurelyWon) {
+                    result = score > 0 ? 2 : 0;
                     break;
                 }
+                if (!canCapture<R>(p)) samples.push_back({p.white, p.black, p.kings, Bits(p.side) | Bits(std::int64_t(score)) << 48});
             }
-            if (ply >= opening && !surprise && !canCapture<R>(p) && !canCapture<R>(p, other(p.side)))
-                samples.push_back({p.white, p.black, p.kings, Bits(p.side)});
             if (m.captured || !(p.kings >> m.from & 1)) since.clear();
             p = after<R>(p, m);
             Outcome known;
@@ -74,7 +77,8 @@ template <const Rules& R> int play(double seconds, unsigned seed, std::uint64_t 
             if (std::count(since.begin(), since.end(), p) >= 2 || int(since.size()) >= 2 * R.draws.kingMoves) break;
             since.push_back(p);
         }
-        for (auto& s : samples) s.rest |= Bits(result) << 1;
+        for (auto& s : samples)
+            if ((s.rest >> 1 & kUnknown) != kUnknown) s.rest |= Bits(result) << 1;
         std::fwrite(samples.data(), sizeof(Sample), samples.size(), out);
         positions += long(samples.size());
         ++points[result];
@@ -85,21 +89,50 @@ template <const Rules& R> int play(double seconds, unsigned seed, std::uint64_t 
     return 0;
 }
 
+// The weights while they are learned, numbered: two phases of each count, then for each phase all tables and the squares of kings.
 template <const Rules& R> struct Model {
-    static constexpr int kStored = Fields<R>::stored, kCountWeights = 2 * kCounts;
-    std::vector<float> weight = std::vector<float>(kCountWeights + 2 * kStored * kFieldSize), square = std::vector<float>(weight.size(), 0.5f);
+    using L = Fields<R>;
+    static constexpr int kCountWeights = 2 * kCounts, kMostActive = 2 * (kCounts + 16 + R.squares());
+    std::vector<float> weight = std::vector<float>(kCountWeights + 2 * L::weights);
+    std::vector<float> square = std::vector<float>(weight.size(), 0.5f);      // of the slopes so far, for the step of each weight
     std::vector<int> turnedTable = std::vector<int>(kFieldSize);
     Model() {
         for (int i = 0; i < kFieldSize; ++i) turnedTable[i] = turnedIndex(i);
     }
-    // Weight number and sign of entry index of field f; sign 0: it is 0 for reasons of symmetry.
+    // Number of the weight with many pieces, and sign, of entry index of field f; sign 0: it is 0 for reasons of symmetry.
     std::pair<int, float> find(int f, int index) const {
-        int partner = Fields<R>::count - 1 - f, t = turnedTable[index];
-        if (partner == f) return {kCountWeights + f * kFieldSize + std::min(index, t), index < t ? 1.f : index > t ? -1.f : 0.f};
-        if (f < partner) return {kCountWeights + f * kFieldSize + index, 1.f};
-        return {kCountWeights + partner * kFieldSize + t, -1.f};
+        int partner = L::partner(f), t = turnedTable[index];
+        int first = kCountWeights + L::table(std::min(f, partner)) * kFieldSize;
+        if (partner == f) return {first + std::min(index, t), index < t ? 1.f : index > t ? -1.f : 0.f};
+        return f < partner ? std::pair{first + index, 1.f} : std::pair{first + t, -1.f};
+    }
+    // take(number, factor) for each weight that counts in a position.
+    template <class F> void each(const Position& p, F&& take) const {
+        constexpr int kMost = 2 * R.menRows * R.half();
+        Features f = featuresOf<R>(p);
+        float few = float(kMost - std::min(f.pieces, kMost)) / kMost;
+        for (int c = 0; c < kCounts; ++c) {
+            if (!f.counts[c] || (!R.flying && (c == firstKing || c == longDiagonal))) continue;
+            float x = float(f.counts[c]) * (c == advance ? 0.2f : 1);
+            take(2 * c, x * (1 - few));
+            take(2 * c + 1, x * few);
+        }
+        auto both = [&](int w, float x) {
+            if (x == 0) return;
+            take(w, x * (1 - few));
+            take(w + L::weights, x * few);
+        };
+        for (int i = 0; i < L::count; ++i) {
+            auto [w, sign] = find(i, f.fields[i]);
+            both(w, sign);
+        }
+        constexpr int kSquares = kCountWeights + L::stored * kFieldSize;
+        for (Bits k = p.kings & p.white; k; k &= k - 1) both(kSquares + indexOf(k), 1);
+        for (Bits k = p.kings & p.black; k; k &= k - 1) both(kSquares + Board<R.width>::last - indexOf(k), -1);
     }
 };
+
+float logistic(float x) { return 1 / (1 + std::exp(-x)); }
 
 template <const Rules& R> int fit(const char* file, const char* how) {
     FILE* in = std::fopen(file, "rb");
@@ -112,8 +145,25 @@ template <const Rules& R> int fit(const char* file, const char* how) {
     std::shuffle(samples.begin(), samples.end(), random);
     std::size_t test = samples.size() / 20;
 
+    // How well the searches of the old player foretold the results: how much a man was worth to him.
+    auto scoreOf = [](const Sample& a) { return float(std::int16_t(a.rest >> 48)) / 100; };
+    auto resultOf = [](const Sample& a) { return a.rest >> 1 & kUnknown; };
+    float slope = 1;
+    for (int step = 0; step < 20; ++step) {
+        double up = 0, down = 0;
+        for (std::size_t k = 0; k < samples.size(); k += 16) {
+            auto& a = samples[k];
+            if (resultOf(a) == kUnknown) continue;
+            float x = scoreOf(a), guess = logistic(slope * x);
+            up += x * (float(resultOf(a)) / 2 - guess), down += x * x * guess * (1 - guess);
+        }
+        slope += float(up / (down + 1));
+    }
+    std::fprintf(stderr, "%zu positions; one man was %.3f\n", samples.size(), slope);
+
+    // The search's own score has less noise than the result; the result knows what the search does not. Three to one: measured.
+    const float kResult = 0.25f, kPull = 2e-4f;
     Model<R> m;
-    constexpr int kMost = 2 * R.menRows * R.half();
     const int kEpochs = 12;
     for (int epoch = 0; epoch < kEpochs; ++epoch) {
         double loss = 0, tested = 0;
@@ -121,35 +171,19 @@ template <const Rules& R> int fit(const char* file, const char* how) {
         for (std::size_t k = 0; k < samples.size(); ++k) {
             auto& a = samples[k];
             Position p{a.white, a.black, a.kings, a.rest & 1 ? Side::black : Side::white};
-            float target = float(a.rest >> 1 & 3) / 2;
-            Features f = featuresOf<R>(p);
-            float few = float(kMost - std::min(f.pieces, kMost)) / kMost;
-            std::pair<int, float> at[32 + 2 * kCounts];
+            float searched = logistic(slope * scoreOf(a));
+            float target = resultOf(a) == kUnknown ? searched : searched * (1 - kResult) + kResult * float(resultOf(a)) / 2;
+            std::pair<int, float> at[Model<R>::kMostActive];
             int n = 0;
-            for (int c = 0; c < kCounts; ++c) {
-                if (!f.counts[c] || (!R.flying && (c == firstKing || c == longDiagonal))) continue;
-                float x = float(f.counts[c]) * (c == advance ? 0.2f : 1);
-                float late = R.flying || c != kings ? few : 0.5f;
-                at[n++] = {2 * c, x * (1 - late)};
-                at[n++] = {2 * c + 1, x * late};
-            }
-            for (int i = 0; i < Fields<R>::count; ++i) {
-                // Both phases alike: told apart they foretell better, and play worse.
-                auto [w, sign] = m.find(i, f.fields[i]);
-                at[n++] = {w, sign * 0.5f};
-                at[n++] = {w + Model<R>::kStored * kFieldSize, sign * 0.5f};
-            }
+            m.each(p, [&](int w, float x) { at[n++] = {w, x}; });
             float sum = 0;
             for (int i = 0; i < n; ++i) sum += m.weight[at[i].first] * at[i].second;
-            float guess = 1 / (1 + std::exp(-sum)), error = target - guess;
-            if (k < test) {
-                tested -= target * std::log(guess + 1e-9) + (1 - target) * std::log(1 - guess + 1e-9);
-                continue;
-            }
-            loss -= target * std::log(guess + 1e-9) + (1 - target) * std::log(1 - guess + 1e-9);
+            float guess = logistic(sum), error = target - guess;
+            (k < test ? tested : loss) -= target * std::log(guess + 1e-9) + (1 - target) * std::log(1 - guess + 1e-9);
+            if (k < test) continue;
             for (int i = 0; i < n; ++i) {
                 auto [w, x] = at[i];
-                float pull = w >= m.kCountWeights ? 2e-4f : 0, g = error * x - pull * m.weight[w];
+                float pull = w >= m.kCountWeights ? kPull : 0, g = error * x - pull * m.weight[w];
                 m.square[w] += g * g;
                 m.weight[w] += rate * g / std::sqrt(m.square[w] + 1e-3f);
             }
@@ -157,10 +191,9 @@ template <const Rules& R> int fit(const char* file, const char* how) {
         std::fprintf(stderr, "epoch %d: loss %.5f, of unseen positions %.5f\n", epoch + 1, loss / double(samples.size() - test),
                      tested / double(test));
     }
+    using L = Fields<R>;
     // A man is 100 points, half way through the game.
     float man = (m.weight[2 * men] + m.weight[2 * men + 1]) / 2, scale = 100 / man;
-    // Drawn games of kings hide that a king that does not fly is worth more than a man.
-    if (!R.flying) m.weight[2 * kings] = m.weight[2 * kings + 1] = 1.3f * man;
     std::printf("R\"weights(");
     for (int c = 0; c < m.kCountWeights; ++c)
         std::printf("%s%d", c ? " " : "", int(std::lround(m.weight[c] * scale * 10 * (c / 2 == advance ? 0.2f : 1))));
@@ -176,14 +209,24 @@ template <const Rules& R> int fit(const char* file, const char* how) {
         else if (zeros) put(std::string(std::size_t(zeros), 'O'));
         zeros = 0;
     };
-    for (int f = 0; f < 2 * m.kStored; ++f)
-        for (int i = 0; i < kFieldSize; ++i) {
-            auto [w, sign] = m.find(f % m.kStored, i);
-            if (f >= m.kStored) w += m.kStored * kFieldSize;
-            int value = std::clamp(int(std::lround(m.weight[w] * sign * scale)), -46, 46);
-            if (value == 0) ++zeros;
-            else flush(), put(std::string(1, char('O' + value)));
+    for (int i = 0; i < 2 * L::weights; ++i) {
+        int table = i % L::weights / kFieldSize, index = i % L::weights % kFieldSize, phase = i / L::weights;
+        float value = m.weight[m.kCountWeights + i];
+        if (table < L::stored && L::partner(L::field(table)) == L::field(table)) {
+            auto [w, sign] = m.find(table, index);
+            value = sign * m.weight[w + phase * L::weights];
         }
+        int points = int(std::lround(value * scale));
+        if (points == 0) {
+            ++zeros;
+            continue;
+        }
+        flush();
+        std::string text;
+        for (; points > 45; points -= 45) text += '}';
+        for (; points < -45; points += 45) text += '!';
+        put(text + char('O' + points));
+    }
     flush();
     std::printf("\n)weights\"\n// %s: %zu positions. %s One man: %.2f of the logarithm of the odds.\n", R.name, samples.size(), how, man);
     return 0;
