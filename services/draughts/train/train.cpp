@@ -141,6 +141,7 @@ template <const Rules& R> int fit(const char* file, const char* how) {
     Sample s;
     while (std::fread(&s, sizeof s, 1, in) == 1) samples.push_back(s);
     std::fclose(in);
+    if (samples.empty()) return std::fprintf(stderr, "%s holds no positions: expected what train play writes\n", file), 1;
     std::mt19937_64 random(1);
     std::shuffle(samples.begin(), samples.end(), random);
     std::size_t test = samples.size() / 20;
