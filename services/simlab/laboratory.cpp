@@ -40,7 +40,7 @@ Laboratory::Laboratory(const Setup& setup, const Settings& settings, Event event
       wristState_(setup.prefix + "wrist.state", 7, setup.program), tableState_(setup.prefix + "table.state", 6, setup.program),
       handState_(setup.prefix + "hand.state", 25, setup.program),
       image_(setup.prefix + "camera.image", 5, setup.program, 4, std::size_t(setup.width * setup.height) * 3),
-      pictures(scene, setup.samples) {
+      rate_(1 / scene.model->opt.timestep), pictures(scene, setup.samples) {
     // Fingers straight and a little apart.
     drive.place(*data, setup.posture);
     for (std::size_t f = 0; f < 3; ++f) {
@@ -81,6 +81,7 @@ void Laboratory::run() {
             takeOthers();
             pace.restart();
             rest(lock, shmem::nanoseconds() + kNap);
+            for (Input* in : {&armSet_, &handSet_, &cameraSet_, &laserSet_}) in->lookNow();
             continue;
         }
         try {
@@ -114,7 +115,7 @@ void Laboratory::step(std::unique_lock<std::mutex>& lock) {
     control();
     mj_step2(scene.model.get(), data.get());
     physics_ += double(shmem::nanoseconds() - begin);
-    time_ = double(++steps_) * scene.model->opt.timestep;       // not a sum of roundings
+    time_ = double(++steps_) / rate_;        // not a sum of roundings
     write();
     showCamera(lock);
     endWaits(false, time_ + kSame);
@@ -136,7 +137,7 @@ bool Laboratory::takeSetPoint() {
 void Laboratory::awaitSetPoint(std::unique_lock<std::mutex>& lock) {
     if (!drive.streaming(time_) || time_ < drive.due() - kSame || time_ < waitAgain_ - kSame) return;
     const std::int64_t until = shmem::nanoseconds() + kPatience;
-    while (!stop_ && !settings_.paused) {
+    while (!stop_) {
         if (takeSetPoint() && drive.due() > time_ + kSame) return;
         if (shmem::nanoseconds() >= until) {
             ++lost_;

@@ -119,6 +119,7 @@ private:
     struct Wait { double until; std::uint64_t ticket; std::function<void(bool)> done; };
     std::vector<Wait> waits_;
     std::uint64_t tickets_ = 0;
+    const double rate_;                 // [Hz] of the steps
     std::thread thread_;
 
 public:
