@@ -12,6 +12,7 @@ constexpr std::int64_t kPatience = 100'000'000;     // [ns] of wall time that lo
 constexpr std::int64_t kNap = 10'000'000;           // [ns]
 constexpr double kSame = 1e-9;                      // [s]
 constexpr std::size_t kMostPending = 8;             // pictures
+constexpr std::size_t kImages = 4;                  // in the buffer
 
 // MuJoCo ends the process on an error and writes warnings to a file, unless it is told otherwise.
 void quietMujoco() {
@@ -32,6 +33,11 @@ std::string number(double x) {
 
 }  // namespace
 
+std::size_t Laboratory::bufferBytes(const Setup& setup) {
+    constexpr std::size_t kRecords = 5 * 256 * 256;      // five buffers of 256 records, none longer than 256 bytes
+    return kImages * std::size_t(setup.width * setup.height) * 3 + kRecords;
+}
+
 Laboratory::Laboratory(const Setup& setup, const Settings& settings, Event event)
     : scene(prepared(setup.scene)), data(mj_makeData(scene.model.get())), drive(scene), sensors(scene, setup.seed), props(scene, *data),
       setup_(setup), event_(std::move(event)), armSet_(setup.prefix + "arm.set", 14),
@@ -39,7 +45,7 @@ Laboratory::Laboratory(const Setup& setup, const Settings& settings, Event event
       clock_(setup.prefix + "lab.clock", 3, setup.program), armState_(setup.prefix + "arm.state", 22, setup.program),
       wristState_(setup.prefix + "wrist.state", 7, setup.program), tableState_(setup.prefix + "table.state", 6, setup.program),
       handState_(setup.prefix + "hand.state", 25, setup.program),
-      image_(setup.prefix + "camera.image", 5, setup.program, 4, std::size_t(setup.width * setup.height) * 3),
+      image_(setup.prefix + "camera.image", 5, setup.program, kImages, std::size_t(setup.width * setup.height) * 3),
       rate_(1 / scene.model->opt.timestep), pictures(scene, setup.samples) {
     // Fingers straight and a little apart.
     drive.place(*data, setup.posture);

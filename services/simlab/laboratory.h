@@ -40,6 +40,7 @@ class Laboratory {
 public:
     using Event = std::function<void(std::string event, std::string text)>;
 
+    static std::size_t bufferBytes(const Setup& setup);        // of shared memory, about
     // Fails with a SceneError, or a shmem::Failure when a buffer cannot be written.
     Laboratory(const Setup& setup, const Settings& settings, Event event);
     ~Laboratory();

@@ -149,7 +149,7 @@ void Props::setFriction(double tokens, double tips) {
 }
 
 void Props::update(double now) {
-    setMocap(scene_.target, ball_.at(now - ballBegan_));
+    setMocap(scene_.target, ballAt(now));
     const int ids[3] = {scene_.secondTarget, scene_.occluder, scene_.person};
     for (int i = 0; i < 3; ++i) {
         const Mover& m = movers_[i];

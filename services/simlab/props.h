@@ -24,6 +24,7 @@ public:
 
     void setBall(Path path, double now);
     const Path& ball() const { return ball_; }
+    Point ballAt(double now) const { return ball_.at(now - ballBegan_); }
     enum Thing { secondBall, occluder, person };
     void moveThing(Thing thing, const Point& to, double seconds, double now);
     void hideThing(Thing thing);

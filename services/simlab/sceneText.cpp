@@ -121,17 +121,17 @@ constexpr const char* kFinger = R"(
         </body>
 )";
 
-// What is moved from outside and touches nothing; below the table when it is not wanted.
+// What is moved from outside and touches nothing (the colour of a material is that of the geom: its class has one); below the table when it is not wanted.
 constexpr const char* kMoved = R"(
     <body name="target" mocap="true" pos="0.6 0.6 0.3">
-      <geom type="sphere" size="0.02" material="glow" group="0"/>
+      <geom type="sphere" size="0.02" material="glow" rgba="1 1 0.95 1" group="0"/>
       <geom type="capsule" size="0.003" fromto="0 0 -0.02 0 0 -0.25" rgba="0.1 0.1 0.1 1" group="0"/>
     </body>
     <body name="laser_spot" mocap="true" pos="0 0 -0.5">
-      <geom type="cylinder" size="0.004 0.0004" material="spot" group="2"/>
+      <geom type="cylinder" size="0.004 0.0004" material="spot" rgba="1 0 0 1" group="2"/>
     </body>
     <body name="target_2" mocap="true" pos="0 0 -2">
-      <geom type="sphere" size="0.02" material="glow_2" group="0"/>
+      <geom type="sphere" size="0.02" material="glow_2" rgba="1 1 0.95 1" group="0"/>
     </body>
     <body name="occluder" mocap="true" pos="0 0 -2">
       <geom type="box" size="0.05 0.05 0.004" rgba="0.2 0.2 0.2 1" group="0"/>

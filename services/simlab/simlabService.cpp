@@ -89,6 +89,13 @@ public:
             .action("-push", &Simlab::push, "fx fy fz seconds", "push the robot's hand [N], in the world's axes", 4, 4)
             .inspection({"-tokens", "", "name file rank x y z of each token", 0, 0,
                          [](Service& s, Args, Message& m) { m.text += static_cast<Simlab&>(s).lab([](Laboratory& l) { return l.props.tokens(); }); }})
+            .inspection({"-ball", "", "where the ball is: x y z", 0, 0,
+                         [](Service& s, Args, Message& m) {
+                             m.text += static_cast<Simlab&>(s).lab([](Laboratory& l) {
+                                 const simlab::Point p = l.props.ballAt(l.now());
+                                 return sorma::numberText(p[0]) + " " + sorma::numberText(p[1]) + " " + sorma::numberText(p[2]);
+                             });
+                         }})
             .inspection({"-scene", "", "a scene in the box as a MuJoCo file: to start from", 0, 0,
                          [](Service& s, Args, Message& m) {
                              auto text = simlab::Scene::text(static_cast<Simlab&>(s).scene_);
@@ -123,8 +130,11 @@ public:
                 if (auto self = weak.lock()) (*self)->tell(event, text);
             });
         };
+        sorma::Charge charge(sorm().budget.ofCaller(), sorma::Account::Use::segments);
+        charge.need(name(), Laboratory::bufferBytes(setup));
         try {
             lab_ = std::make_unique<Laboratory>(setup, settings(), event);
+            charge_ = std::move(charge);
         } catch (const simlab::SceneError& e) {
             fail(kScene, name(), "-scene " + scene_ + ":", e.what());
         } catch (const shmem::Failure& e) {
@@ -140,7 +150,10 @@ public:
         apply(paced, rubbed);
     }
 
-    void leaving() override { lab_.reset(); }
+    void leaving() override {
+        lab_.reset();
+        charge_.clear();
+    }
 
     void exec(Message& m) override {
         const std::string word = m.words.empty() ? "step" : m.words[0];
@@ -318,6 +331,7 @@ private:
     std::vector<double> lightColour_ = {1, 1, 1}, lightDirection_ = {0.1, 0.3, -1};
 
     std::shared_ptr<Simlab*> alive_ = std::make_shared<Simlab*>(this);      // work in the mailbox asks
+    sorma::Charge charge_;                  // to whoever was the first to want it
     std::unique_ptr<Laboratory> lab_;       // last: its thread tells of what is above
 };
 
