@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
+#include <set>
 
 namespace simlab {
 
@@ -21,6 +23,15 @@ void quietMujoco() {
         mju_user_error = [](const char* text) { throw std::runtime_error(text); };
         mju_user_warning = [](const char*) {};
     });
+}
+
+struct Alive {
+    std::mutex mutex;
+    std::set<Laboratory*> all;
+};
+Alive& alive() {
+    static auto* alive = new Alive;         // for ever: it is used when the process ends
+    return *alive;
 }
 
 const std::string& prepared(const std::string& scene) { return quietMujoco(), scene; }
@@ -64,16 +75,36 @@ Laboratory::Laboratory(const Setup& setup, const Settings& settings, Event event
     apply(settings);
     write();
     thread_ = std::thread([this] { run(); });
+    // Registered when the graphics library has registered its own, which then comes after this.
+    static const bool registered = std::atexit([] { endAll(); }) == 0;
+    (void)registered;
+    std::lock_guard lock(alive().mutex);
+    alive().all.insert(this);
 }
 
 Laboratory::~Laboratory() {
+    {
+        std::lock_guard lock(alive().mutex);
+        alive().all.erase(this);
+    }
+    halt();
+    endWaits(true, INFINITY);
+}
+
+// The process ends without removing its objects: no thread may be in the graphics library when that is taken down.
+void Laboratory::endAll() {
+    std::lock_guard lock(alive().mutex);
+    for (auto* laboratory : alive().all) laboratory->halt();
+}
+
+void Laboratory::halt() {
     {
         std::lock_guard lock(mutex_);
         stop_ = true;
     }
     wake_.notify_all();
-    thread_.join();
-    endWaits(true, INFINITY);
+    if (thread_.joinable()) thread_.join();
+    pictures.halt();
 }
 
 // ---- the thread ----

@@ -81,6 +81,8 @@ public:
 private:
     struct Grab { double end = 0, due = 0, request = 0; std::uint64_t number = 0; bool done = false; Image image; };
 
+    static void endAll();
+    void halt();
     void run();
     void step(std::unique_lock<std::mutex>& lock);
     void awaitSetPoint(std::unique_lock<std::mutex>& lock);

@@ -163,41 +163,41 @@ private:
 
 Pictures::Pictures(const Scene& scene, int samples) {
     Model copy(mj_copyModel(nullptr, scene.model.get()));
-    thread_ = std::thread([this, camera = scene.camera, samples, model = std::move(copy)]() mutable { run(std::move(model), camera, samples); });
+    std::promise<void> ready;
+    thread_ = std::thread([this, camera = scene.camera, samples, model = std::move(copy), &ready]() mutable { run(std::move(model), camera, samples, ready); });
+    ready.get_future().wait();
 }
 
-Pictures::~Pictures() {
+void Pictures::halt() {
     {
         std::lock_guard lock(mutex_);
         stop_ = true;
     }
     wake_.notify_all();
-    thread_.join();
+    if (thread_.joinable()) thread_.join();
 }
 
 void Pictures::take(Shot shot, Done done) {
     {
         std::lock_guard lock(mutex_);
-        shots_.emplace_back(std::move(shot), std::move(done));
+        if (!stop_) {
+            shots_.emplace_back(std::move(shot), std::move(done));
+            done = nullptr;
+        }
     }
+    if (done) return done({0, 0, {}, "the laboratory ends", 0});
     wake_.notify_all();
 }
 
-std::string Pictures::problem() const {
-    std::lock_guard lock(mutex_);
-    return problem_;
-}
-
-void Pictures::run(Model model, int camera, int samples) {
+void Pictures::run(Model model, int camera, int samples, std::promise<void>& ready) {
     std::unique_ptr<Renderer> renderer;
-    std::string problem;
     try {
         renderer = std::make_unique<Renderer>(std::move(model), camera, samples);
     } catch (const std::exception& e) {
-        problem = e.what();
+        problem_ = e.what();
     }
+    ready.set_value();
     std::unique_lock lock(mutex_);
-    problem_ = problem;
     for (;;) {
         wake_.wait(lock, [this] { return stop_ || !shots_.empty(); });
         if (shots_.empty()) return;
@@ -206,7 +206,7 @@ void Pictures::run(Model model, int camera, int samples) {
         const bool wanted = !stop_;
         lock.unlock();
         Image image;
-        image.problem = wanted ? problem : "the laboratory ends";
+        image.problem = wanted ? problem_ : "the laboratory ends";
         if (wanted && renderer) {
             const auto begin = std::chrono::steady_clock::now();
             try {

@@ -7,6 +7,7 @@
 #include <condition_variable>
 #include <deque>
 #include <functional>
+#include <future>
 #include <mutex>
 #include <thread>
 
@@ -51,21 +52,23 @@ public:
     static constexpr int kMostWidth = 800, kMostHeight = 600;
     using Done = std::function<void(Image)>;
 
-    Pictures(const Scene& scene, int samples);
-    ~Pictures();                        // shots that wait are answered: there will be no picture
+    Pictures(const Scene& scene, int samples);      // returns when the context is there, or has failed: problem()
+    ~Pictures() { halt(); }
+    // End the thread, and with it the context. Shots that wait are answered: there will be no picture; so are those that come.
+    void halt();
 
     void take(Shot shot, Done done);    // any thread; done is called by the thread that renders
-    std::string problem() const;        // why there are no pictures at all
+    const std::string& problem() const { return problem_; }     // why there are no pictures at all
 
 private:
     class Renderer;
-    void run(Model model, int camera, int samples);
+    void run(Model model, int camera, int samples, std::promise<void>& ready);
 
-    mutable std::mutex mutex_;
+    std::mutex mutex_;
     std::condition_variable wake_;
     std::deque<std::pair<Shot, Done>> shots_;
     bool stop_ = false;
-    std::string problem_;
+    std::string problem_;               // does not change once the constructor has returned
     std::thread thread_;
 };
 
