@@ -13,7 +13,7 @@ namespace {
 constexpr std::int64_t kPatience = 100'000'000;     // [ns] of wall time that lockstep waits
 constexpr std::int64_t kNap = 10'000'000;           // [ns]
 constexpr double kSame = 1e-9;                      // [s]
-constexpr std::size_t kMostPending = 8;             // pictures
+constexpr std::ptrdiff_t kMostInWork = 2;           // pictures: more would come later and later
 constexpr std::size_t kImages = 4;                  // in the buffer
 
 // MuJoCo ends the process on an error and writes warnings to a file, unless it is told otherwise.
@@ -146,14 +146,14 @@ void Laboratory::step(std::unique_lock<std::mutex>& lock) {
     if (!setup_.lockstep.empty()) awaitSetPoint(lock);
     takeSetPoint();
     takeOthers();
-    const std::int64_t begin = shmem::nanoseconds();
+    const std::int64_t begin = shmem::nanoseconds(CLOCK_THREAD_CPUTIME_ID);
     props.update(time_);
     mj_step1(scene.model.get(), data.get());
     control();
     mj_step2(scene.model.get(), data.get());
-    physics_ += double(shmem::nanoseconds() - begin);
     time_ = double(++steps_) / rate_;        // not a sum of roundings
     write();
+    effort_ += double(shmem::nanoseconds(CLOCK_THREAD_CPUTIME_ID) - begin);
     showCamera(lock);
     endWaits(false, time_ + kSame);
 }
@@ -196,7 +196,7 @@ void Laboratory::takeOthers() {
     }
     if (cameraSet_.take()) {
         const double *f = cameraSet_.floats(), rate = f[1], request = f[2], exposure = f[3];
-        if (rate >= 0 && rate <= 500 && std::isfinite(request) && exposure > 0 && exposure <= 100) {
+        if (rate >= 0 && rate <= 200 && std::isfinite(request) && exposure > 0 && exposure <= 100) {
             if (rate != cameraRate_) nextGrab_ = time_;
             cameraRate_ = rate;
             exposure_ = exposure;
@@ -206,15 +206,12 @@ void Laboratory::takeOthers() {
             }
         } else {
             event_("refused", cameraSet_.key() + ": rate " + number(rate) + ", exposure " + number(exposure) +
-                                  ": they must be 0 .. 500 Hz and above 0 .. 100; the camera goes on as before");
+                                  ": they must be 0 .. 200 Hz and above 0 .. 100; the camera goes on as before");
         }
     }
     if (laserSet_.take()) props.laser(laserSet_.floats()[1] > 0.5, laserSet_.floats()[2]);
     for (const Input* in : {&armSet_, &handSet_, &cameraSet_, &laserSet_})
-        if (!in->problem().empty() && in->problem() != lastProblem_) {
-            lastProblem_ = in->problem();
-            event_("refused", in->problem() + "; they are not taken");
-        }
+        if (!in->problem().empty()) refuse(in->problem() + "; they are not taken");
 }
 
 void Laboratory::control() {
@@ -289,45 +286,61 @@ Shot Laboratory::shot() const {
     return s;
 }
 
+// Hand the scene over to who renders it. False: this picture is left out.
+bool Laboratory::grab(std::unique_lock<std::mutex>& lock) {
+    if (!pictures.problem().empty()) return refuse("no pictures: " + pictures.problem()), false;
+    auto inWork = [this] { return std::count_if(pending_.begin(), pending_.end(), [](const Grab& g) { return !g.done; }); };
+    if (inWork() >= kMostInWork) {
+        if (!waitsForPictures()) return false;
+        wake_.wait(lock, [&] { return inWork() < kMostInWork || stop_; });
+    }
+    Shot s = shot();
+    s.exposure = exposure_;
+    s.noise = settings_.imageNoise;
+    s.seed = setup_.seed * 1'000'003 + ++grabs_;
+    pending_.push_back({time_, time_ + settings_.latency, request_, exposure_, grabs_, false, {}});
+    pictures.take(std::move(s), [this, number = grabs_](Image image) {
+        std::lock_guard guard(mutex_);
+        for (auto& grab : pending_)
+            if (grab.number == number) {
+                grab.done = true;
+                grab.image = std::move(image);
+            }
+        wake_.notify_all();
+    });
+    return true;
+}
+
 void Laboratory::showCamera(std::unique_lock<std::mutex>& lock) {
     const double rate = cameraRate_ > 0 ? cameraRate_ : settings_.rate;
     if (nextGrab_ >= 0 && time_ >= nextGrab_ - kSame && (rate > 0 || request_ != 0)) {
         nextGrab_ = rate > 0 ? nextGrab_ + std::ceil((time_ - nextGrab_ + kSame) * rate) / rate : -1;
-        if (pending_.size() < kMostPending && pictures.problem().empty()) {
-            Shot s = shot();
-            s.exposure = exposure_;
-            s.noise = settings_.imageNoise;
-            s.seed = setup_.seed * 1'000'003 + ++grabs_;
-            pending_.push_back({time_, time_ + settings_.latency, request_, grabs_, false, {}});
-            pictures.take(std::move(s), [this, number = grabs_](Image image) {
-                std::lock_guard guard(mutex_);
-                for (auto& grab : pending_)
-                    if (grab.number == number) {
-                        grab.done = true;
-                        grab.image = std::move(image);
-                    }
-                wake_.notify_all();
-            });
-        } else {
-            ++lateGrabs_;
-        }
+        if (!grab(lock)) ++leftOut_;
     }
     while (!pending_.empty() && time_ >= pending_.front().due - kSame) {
-        Grab& grab = pending_.front();
-        if (!grab.done) {
-            // By the wall clock a picture may be late; where lab time waits for nobody else, it waits for the picture.
-            if (pace.factor() > 0 && setup_.lockstep.empty() && !settings_.paused) break;
-            wake_.wait(lock, [this, &grab] { return grab.done || stop_; });
-            if (!grab.done) return;
+        Grab& front = pending_.front();
+        if (!front.done) {
+            if (!waitsForPictures()) return;
+            wake_.wait(lock, [this, &front] { return front.done || stop_; });
+            if (!front.done) return;
         }
-        if (grab.image.problem.empty()) {
-            pictureTime_ += grab.image.milliseconds;
-            image_.at(grab.end).put(grab.image.width).put(grab.image.height).put(exposure_).put(grab.request).write(grab.image.rgb.data());
+        const Image& image = front.image;
+        if (image.problem.empty()) {
+            pictureTime_ += image.milliseconds;
+            ++published_;
+            image_.at(front.end).put(image.width).put(image.height).put(front.exposure).put(front.request).write(image.rgb.data());
         } else {
-            event_("refused", "no pictures: " + grab.image.problem);
+            refuse("no picture: " + image.problem);
         }
         pending_.pop_front();
     }
+}
+
+// Tell it, once as long as it does not change.
+void Laboratory::refuse(const std::string& problem) {
+    if (problem == lastProblem_) return;
+    lastProblem_ = problem;
+    event_("refused", problem);
 }
 
 // ---- within between() ----
@@ -364,10 +377,10 @@ std::string Laboratory::figures() const {
     put("cause", toText(drive.cause()) + (drive.why().empty() ? std::string() : ": " + drive.why()));
     put("set-point", std::to_string(drive.counter()));
     put("lost", std::to_string(lost_));
-    put("step", steps_ ? number(physics_ / 1000 / double(steps_)) + " us" : "-");
-    put("pictures", pictures.problem().empty() ? std::to_string(grabs_) : "none: " + pictures.problem());
-    if (grabs_) put("picture", number(pictureTime_ / double(grabs_)) + " ms");
-    if (lateGrabs_) put("left out", std::to_string(lateGrabs_) + " pictures");
+    put("step", steps_ ? number(effort_ / 1000 / double(steps_)) + " us" : "-");
+    put("pictures", pictures.problem().empty() ? std::to_string(published_) : "none: " + pictures.problem());
+    if (published_) put("picture", number(pictureTime_ / double(published_)) + " ms");
+    if (leftOut_) put("left out", std::to_string(leftOut_) + " pictures");
     put("ball", props.ball().text());
     return out;
 }

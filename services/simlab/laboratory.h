@@ -79,7 +79,7 @@ public:
     Pace pace;
 
 private:
-    struct Grab { double end = 0, due = 0, request = 0; std::uint64_t number = 0; bool done = false; Image image; };
+    struct Grab { double end, due, request, exposure; std::uint64_t number; bool done; Image image; };
 
     static void endAll();
     void halt();
@@ -92,6 +92,10 @@ private:
     void guard(double load);
     void write();
     void showCamera(std::unique_lock<std::mutex>& lock);
+    bool grab(std::unique_lock<std::mutex>& lock);
+    // Lab time waits for pictures, unless the wall clock drives it: then they are late, or left out.
+    bool waitsForPictures() const { return pace.factor() <= 0 || !setup_.lockstep.empty() || settings_.paused; }
+    void refuse(const std::string& problem);
     void rest(std::unique_lock<std::mutex>& lock, std::int64_t until);
     void look() { news_ = true, wake_.notify_all(); }
     void tell(const Drive::Stopped& stop);
@@ -109,12 +113,12 @@ private:
 
     Input armSet_, handSet_, cameraSet_, laserSet_;
     Output clock_, armState_, wristState_, tableState_, handState_, image_;
-    std::string lastProblem_;
+    std::string lastProblem_;           // that has been told
     bool tripped_ = false;              // the table bears too much
     double load_ = 0, tableRest_ = 0;   // [N] on it; that it may bear until it has been below the limit once, after a reset
-    std::uint64_t lost_ = 0, steps_ = 0, grabs_ = 0, lateGrabs_ = 0;
+    std::uint64_t lost_ = 0, steps_ = 0, grabs_ = 0, published_ = 0, leftOut_ = 0;
     double waitAgain_ = 0;              // in lockstep, after a set-point that did not come
-    double physics_ = 0;                // [ns] of all steps, for the figures
+    double effort_ = 0;                 // [ns] of the processor for all steps and their records
     double cameraRate_ = 0, exposure_ = 1, request_ = 0, nextGrab_ = 0, pictureTime_ = 0;
     Cause toldCause_ = Cause::none;
     int toldWarnings_ = 0;

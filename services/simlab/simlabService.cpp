@@ -62,7 +62,7 @@ public:
             .real("-wristNoise", &Simlab::wristNoise_, {.unit = "N", .low = 0, .high = 10, .help = "standard deviation of a force at the wrist"})
             .real("-tableNoise", &Simlab::tableNoise_, {.unit = "N", .low = 0, .high = 10, .help = "standard deviation of a leg's force"})
             .real("-tipNoise", &Simlab::tipNoise_, {.unit = "N", .low = 0, .high = 1, .help = "standard deviation of a fingertip's force"})
-            .real("-cameraRate", &Simlab::cameraRate_, {.unit = "Hz", .low = 0, .high = 500,
+            .real("-cameraRate", &Simlab::cameraRate_, {.unit = "Hz", .low = 0, .high = 200,
                                                         .help = "pictures a second while camera.set asks for no rate; 0: on request"})
             .real("-cameraLatency", &Simlab::cameraLatency_, {.unit = "s", .low = 0, .high = 1,
                                                               .help = "from the end of grabbing until the picture is published"})
