@@ -45,7 +45,8 @@ private:
 // Records of one kind: float 0 is the lab time, what follows is given in pieces.
 class Output {
 public:
-    Output(const std::string& key, std::size_t floats, const std::string& program, std::size_t blocks = 256, std::size_t any = 0)
+    Output(const std::string& key, std::size_t floats, const std::string& program, std::size_t blocks = 256,
+           std::size_t any = 0)
         : writer_(key, {blocks, floats, any}, program), record_(floats) {}
     Output& at(double time) { return record_[0] = time, used_ = 1, *this; }
     template <std::size_t n> Output& put(const std::array<double, n>& values) {

@@ -25,7 +25,8 @@ std::string number(double x) {
 }  // namespace
 
 const char* toText(Cause cause) {
-    static constexpr const char* kNames[] = {"none", "emergency stop", "table force", "wrist force", "late set-points", "limit"};
+    static constexpr const char* kNames[] = {"none",        "emergency stop",  "table force",
+                                             "wrist force", "late set-points", "limit"};
     return kNames[std::size_t(cause)];
 }
 
@@ -50,7 +51,8 @@ void Drive::switchServos(bool on) {
 }
 
 void Drive::brake(bool on) {
-    for (std::size_t i = 0; i < 6; ++i) scene_.model->dof_frictionloss[scene_.armDof[i]] = friction_[i] + (on ? kBrake[i] : 0);
+    for (std::size_t i = 0; i < 6; ++i)
+        scene_.model->dof_frictionloss[scene_.armDof[i]] = friction_[i] + (on ? kBrake[i] : 0);
 }
 
 void Drive::place(mjData& d, const Joints& q) {
@@ -68,7 +70,8 @@ std::string Drive::fault(const Point& p, Mode mode, double now) const {
     for (std::size_t i = 0; i < 6; ++i) {
         const std::string joint = "joint " + std::to_string(i + 1);
         if (p.q[i] < limits(i)[0] - 1e-6 || p.q[i] > limits(i)[1] + 1e-6)
-            return joint + " at " + number(p.q[i]) + " rad is outside " + number(limits(i)[0]) + " .. " + number(limits(i)[1]);
+            return joint + " at " + number(p.q[i]) + " rad is outside " + number(limits(i)[0]) + " .. " +
+                   number(limits(i)[1]);
         if (std::fabs(p.speed[i]) > 1.05 * kMostSpeed[i])
             return joint + " at " + number(p.speed[i]) + " rad/s is faster than " + number(kMostSpeed[i]);
         // It must be reached at 1.5 times the greatest speed; what comes late leaves less time, so a small step is no fault.
@@ -133,7 +136,8 @@ Drive::Point Drive::reference(double now) const {
     Point p;
     p.due = now;
     if (phase_ == Phase::slowing) {
-        const double length = until_ - since_, t = std::clamp(now - since_, 0.0, length), rest = length > 0 ? 1 - t / length : 0;
+        const double length = until_ - since_, t = std::clamp(now - since_, 0.0, length),
+                     rest = length > 0 ? 1 - t / length : 0;
         for (std::size_t i = 0; i < 6; ++i) {
             p.q[i] = slowFrom_.q[i] + slowFrom_.speed[i] * (length > 0 ? t * (1 + rest) / 2 : 0);
             p.speed[i] = slowFrom_.speed[i] * rest;
@@ -205,7 +209,8 @@ void Drive::control(mjData& d, double now) {
     // The weight is borne by the motors' gravity compensation, or by the brakes, which therefore only have to stop motion.
     for (int dof : scene_.armDof) d.qfrc_applied[dof] = d.qfrc_bias[dof];
     if (phase_ == Phase::powered && now - arrival_ > kSilentPeriods * period_ + 1e-9)
-        slow(Cause::late, "no set-point for " + std::to_string(kSilentPeriods) + " periods of " + number(1000 * period_) + " ms", now);
+        slow(Cause::late,
+             "no set-point for " + std::to_string(kSilentPeriods) + " periods of " + number(1000 * period_) + " ms", now);
     if (phase_ == Phase::slowing && now >= until_ + kStillFor) {
         phase_ = Phase::braked;
         switchServos(false);

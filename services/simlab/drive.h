@@ -48,7 +48,10 @@ public:
     double torque(const mjData& d, std::size_t joint) const;    // [N m] of the motor
 
     // The last stop, once the arm stands: from the first moment of the stop to the last motion.
-    struct Stopped { Cause cause = Cause::none; double seconds = 0, tool = 0, joint = 0; };      // [m] at the tool, [rad] of a joint
+    struct Stopped {
+        Cause cause = Cause::none;
+        double seconds = 0, tool = 0, joint = 0;
+    };  // [m] at the tool, [rad] of a joint
     // True once for each stop.
     bool stopped(Stopped& out);
 

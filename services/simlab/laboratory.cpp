@@ -50,14 +50,25 @@ std::size_t Laboratory::bufferBytes(const Setup& setup) {
 }
 
 Laboratory::Laboratory(const Setup& setup, const Settings& settings, Event event)
-    : scene(prepared(setup.scene)), data(mj_makeData(scene.model.get())), drive(scene), sensors(scene, setup.seed), props(scene, *data),
-      setup_(setup), event_(std::move(event)), armSet_(setup.prefix + "arm.set", 14),
-      handSet_(setup.prefix + "hand.set", 10), cameraSet_(setup.prefix + "camera.set", 4), laserSet_(setup.prefix + "laser.set", 3),
-      clock_(setup.prefix + "lab.clock", 3, setup.program), armState_(setup.prefix + "arm.state", 22, setup.program),
-      wristState_(setup.prefix + "wrist.state", 7, setup.program), tableState_(setup.prefix + "table.state", 6, setup.program),
+    : scene(prepared(setup.scene)),
+      data(mj_makeData(scene.model.get())),
+      drive(scene),
+      sensors(scene, setup.seed),
+      props(scene, *data),
+      setup_(setup),
+      event_(std::move(event)),
+      armSet_(setup.prefix + "arm.set", 14),
+      handSet_(setup.prefix + "hand.set", 10),
+      cameraSet_(setup.prefix + "camera.set", 4),
+      laserSet_(setup.prefix + "laser.set", 3),
+      clock_(setup.prefix + "lab.clock", 3, setup.program),
+      armState_(setup.prefix + "arm.state", 22, setup.program),
+      wristState_(setup.prefix + "wrist.state", 7, setup.program),
+      tableState_(setup.prefix + "table.state", 6, setup.program),
       handState_(setup.prefix + "hand.state", 25, setup.program),
       image_(setup.prefix + "camera.image", 5, setup.program, kImages, std::size_t(setup.width * setup.height) * 3),
-      rate_(1 / scene.model->opt.timestep), pictures(scene, setup.samples) {
+      rate_(1 / scene.model->opt.timestep),
+      pictures(scene, setup.samples) {
     // Fingers straight and a little apart.
     drive.place(*data, setup.posture);
     for (std::size_t f = 0; f < 3; ++f) {
@@ -191,8 +202,11 @@ void Laboratory::takeOthers() {
     if (handSet_.take()) {
         bool finite = true;
         for (int i = 1; i <= 9; ++i) finite = finite && std::isfinite(handSet_.floats()[i]);
-        for (std::size_t i = 0; finite && i < 9; ++i) data->ctrl[scene.fingerServo[i]] = handSet_.floats()[1 + i];     // clamped by the model
-        if (!finite) event_("refused", handSet_.key() + ": record " + std::to_string(handSet_.counter()) + " is not finite; the hand stays");
+        for (std::size_t i = 0; finite && i < 9; ++i)
+            data->ctrl[scene.fingerServo[i]] = handSet_.floats()[1 + i];  // clamped by the model
+        if (!finite)
+            event_("refused",
+                   handSet_.key() + ": record " + std::to_string(handSet_.counter()) + " is not finite; the hand stays");
     }
     if (cameraSet_.take()) {
         const double *f = cameraSet_.floats(), rate = f[1], request = f[2], exposure = f[3];
@@ -229,7 +243,9 @@ void Laboratory::write() {
     guard(table.load);
     const double force = std::hypot(wrist[0], wrist[1], wrist[2]);
     if (force > settings_.wristLimit && drive.cause() == Cause::none)
-        drive.cut(Cause::wrist, "the wrist bears " + number(force) + " N; at most " + number(settings_.wristLimit) + " N are allowed", now);
+        drive.cut(Cause::wrist,
+                  "the wrist bears " + number(force) + " N; at most " + number(settings_.wristLimit) + " N are allowed",
+                  now);
     armState_.at(now);
     for (int q : scene.armQpos) armState_.put(data->qpos[q]);
     for (int v : scene.armDof) armState_.put(data->qvel[v]);
@@ -328,7 +344,12 @@ void Laboratory::showCamera(std::unique_lock<std::mutex>& lock) {
         if (image.problem.empty()) {
             pictureTime_ += image.milliseconds;
             ++published_;
-            image_.at(front.end).put(image.width).put(image.height).put(front.exposure).put(front.request).write(image.rgb.data());
+            image_.at(front.end)
+                .put(image.width)
+                .put(image.height)
+                .put(front.exposure)
+                .put(front.request)
+                .write(image.rgb.data());
         } else {
             refuse("no picture: " + image.problem);
         }

@@ -44,21 +44,26 @@ Path Path::parse(const std::vector<std::string>& words) {
     for (auto& kind : kKinds) {
         if (words.empty() || words[0] != kind.name) continue;
         if (words.size() != kind.numbers + 1)
-            throw std::invalid_argument(std::string(kind.name) + " takes " + kind.usage + ", not " + std::to_string(words.size() - 1) + " numbers");
+            throw std::invalid_argument(std::string(kind.name) + " takes " + kind.usage + ", not " +
+                                        std::to_string(words.size() - 1) + " numbers");
         Path p;
         p.kind_ = kind.name;
         p.numbers_.clear();
         p.text_ = kind.name;
         for (std::size_t i = 1; i < words.size(); ++i) {
             p.numbers_.push_back(toNumber(words[i], kind.usage));
-            if (std::fabs(p.numbers_.back()) > kFar) throw std::invalid_argument(words[i] + " is outside -5 .. 5: " + kind.usage);
+            if (std::fabs(p.numbers_.back()) > kFar)
+                throw std::invalid_argument(words[i] + " is outside -5 .. 5: " + kind.usage);
             p.text_ += " " + words[i];
         }
         const double last = p.numbers_.back();
-        if (kind.numbers > 3 && last <= 0) throw std::invalid_argument(std::string(kind.name) + ": the last of " + kind.usage + " must be above 0, not " + words.back());
+        if (kind.numbers > 3 && last <= 0)
+            throw std::invalid_argument(std::string(kind.name) + ": the last of " + kind.usage + " must be above 0, not " +
+                                        words.back());
         return p;
     }
-    throw std::invalid_argument("bad path \"" + (words.empty() ? std::string() : words[0]) + "\": must be circle, file, jerk, line, sine, or still");
+    throw std::invalid_argument("bad path \"" + (words.empty() ? std::string() : words[0]) +
+                                "\": must be circle, file, jerk, line, sine, or still");
 }
 
 Path Path::fromFile(const std::string& name) {
@@ -87,7 +92,9 @@ Path Path::fromFile(const std::string& name) {
 Point Path::at(double t) const {
     const double* n = numbers_.data();
     const Point from{n[0], n[1], n[2]};
-    auto between = [&](double u) { return Point{from[0] + u * (n[3] - n[0]), from[1] + u * (n[4] - n[1]), from[2] + u * (n[5] - n[2])}; };
+    auto between = [&](double u) {
+        return Point{from[0] + u * (n[3] - n[0]), from[1] + u * (n[4] - n[1]), from[2] + u * (n[5] - n[2])};
+    };
     if (kind_ == "still") return from;
     if (kind_ == "line") {
         const double length = std::hypot(n[3] - n[0], n[4] - n[1], n[5] - n[2]);

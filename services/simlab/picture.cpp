@@ -18,15 +18,19 @@ class Context {
 public:
     Context() {
         display_ = eglGetPlatformDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr);
-        if (display_ == EGL_NO_DISPLAY || !eglInitialize(display_, nullptr, nullptr)) fail("EGL has no display without a window");
-        const EGLint wanted[] = {EGL_SURFACE_TYPE, EGL_PBUFFER_BIT, EGL_RED_SIZE, 8, EGL_GREEN_SIZE, 8, EGL_BLUE_SIZE, 8, EGL_DEPTH_SIZE, 24, EGL_RENDERABLE_TYPE, EGL_OPENGL_BIT, EGL_NONE};
+        if (display_ == EGL_NO_DISPLAY || !eglInitialize(display_, nullptr, nullptr))
+            fail("EGL has no display without a window");
+        const EGLint wanted[] = {
+            EGL_SURFACE_TYPE,    EGL_PBUFFER_BIT, EGL_RED_SIZE, 8, EGL_GREEN_SIZE, 8, EGL_BLUE_SIZE, 8, EGL_DEPTH_SIZE, 24,
+            EGL_RENDERABLE_TYPE, EGL_OPENGL_BIT,  EGL_NONE};
         EGLConfig config;
         EGLint count = 0;
         if (!eglChooseConfig(display_, wanted, &config, 1, &count) || count < 1) fail("EGL has no configuration for OpenGL");
         eglBindAPI(EGL_OPENGL_API);
         context_ = eglCreateContext(display_, config, EGL_NO_CONTEXT, nullptr);
         if (context_ == EGL_NO_CONTEXT) fail("EGL makes no context");
-        if (!eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, context_)) fail("EGL does not let a context be used without a surface");
+        if (!eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, context_))
+            fail("EGL does not let a context be used without a surface");
     }
     ~Context() {
         eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
@@ -109,14 +113,16 @@ public:
         mjr_readPixels(pixels_.data(), nullptr, frame, &context_);
         image.rgb.resize(pixels_.size());
         for (int y = 0; y < shot.height; ++y)       // it comes bottom row first
-            std::copy_n(pixels_.data() + std::size_t(shot.height - 1 - y) * row, row, image.rgb.data() + std::size_t(y) * row);
+            std::copy_n(pixels_.data() + std::size_t(shot.height - 1 - y) * row, row,
+                        image.rgb.data() + std::size_t(y) * row);
         expose(shot, image);
         return image;
     }
 
 private:
     void apply(const Look& look) {
-        for (std::size_t i = 0; i < lights_.size(); ++i) model_->light_diffuse[i] = float(lights_[i] * look.light * look.colour[i % 3]);
+        for (std::size_t i = 0; i < lights_.size(); ++i)
+            model_->light_diffuse[i] = float(lights_[i] * look.light * look.colour[i % 3]);
         for (std::size_t k = 0; k < 3; ++k) {
             model_->vis.headlight.ambient[k] = float(ambient_[k] * look.light * look.colour[k]);
             model_->vis.headlight.diffuse[k] = float(diffuse_[k] * look.light * look.colour[k]);
@@ -125,7 +131,8 @@ private:
             for (std::size_t k = 0; k < 3; ++k) {
                 static constexpr double kLit[3] = {0.5, 0, 0};      // what the lamp points at
                 model_->light_dir[3 * std::size_t(lamp_) + k] = look.direction[k];
-                model_->light_pos[3 * std::size_t(lamp_) + k] = kLit[k] - 2 * look.direction[k] / std::fabs(look.direction[2]);
+                model_->light_pos[3 * std::size_t(lamp_) + k] =
+                    kLit[k] - 2 * look.direction[k] / std::fabs(look.direction[2]);
             }
         if (glow_ >= 0) model_->mat_emission[glow_] = look.lamp ? 1.f : 0.f;
     }
@@ -133,7 +140,8 @@ private:
     void expose(const Shot& shot, Image& image) {
         if (shot.exposure != 1) {
             unsigned char curve[256];
-            for (int i = 0; i < 256; ++i) curve[i] = static_cast<unsigned char>(std::clamp(std::lround(i * shot.exposure), 0L, 255L));
+            for (int i = 0; i < 256; ++i)
+                curve[i] = static_cast<unsigned char>(std::clamp(std::lround(i * shot.exposure), 0L, 255L));
             for (auto& x : image.rgb) x = curve[x];
         }
         if (shot.noise <= 0) return;
@@ -144,7 +152,8 @@ private:
             std::size_t at = random.next() % table.size();          // a new place now and then: no pattern is seen twice
             const std::size_t end = std::min(image.rgb.size(), i + 1000);
             for (; i < end; ++i, at = (at + 1) % table.size())
-                image.rgb[i] = static_cast<unsigned char>(std::clamp(int(image.rgb[i]) + (table[at] * factor + 128) / 256, 0, 255));
+                image.rgb[i] =
+                    static_cast<unsigned char>(std::clamp(int(image.rgb[i]) + (table[at] * factor + 128) / 256, 0, 255));
         }
     }
 
@@ -164,7 +173,9 @@ private:
 Pictures::Pictures(const Scene& scene, int samples) {
     Model copy(mj_copyModel(nullptr, scene.model.get()));
     std::promise<void> ready;
-    thread_ = std::thread([this, camera = scene.camera, samples, model = std::move(copy), &ready]() mutable { run(std::move(model), camera, samples, ready); });
+    thread_ = std::thread([this, camera = scene.camera, samples, model = std::move(copy), &ready]() mutable {
+        run(std::move(model), camera, samples, ready);
+    });
     ready.get_future().wait();
 }
 

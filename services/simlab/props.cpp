@@ -15,7 +15,8 @@ constexpr double kHeap = 0.02;          // [m] tokens nearer than that to each o
 const Token& Props::find(const std::string& name) const {
     if (const Token* t = scene_.token(name)) return *t;
     if (scene_.tokens.empty()) throw std::invalid_argument("this scene has no tokens");
-    throw std::invalid_argument("no token " + name + ": there are " + scene_.tokens.front().name + " .. " + scene_.tokens.back().name);
+    throw std::invalid_argument("no token " + name + ": there are " + scene_.tokens.front().name + " .. " +
+                                scene_.tokens.back().name);
 }
 
 void Props::needBoard() const {
@@ -74,7 +75,8 @@ std::string Props::addToken(const std::string& colour, double file, double rank,
             moveToken(t.name, file, rank, h);
             return t.name;
         }
-    if (colour != "red" && colour != "yellow") throw std::invalid_argument("bad colour \"" + colour + "\": must be red or yellow");
+    if (colour != "red" && colour != "yellow")
+        throw std::invalid_argument("bad colour \"" + colour + "\": must be red or yellow");
     throw std::invalid_argument("all " + colour + " tokens are on the board");
 }
 
@@ -100,7 +102,8 @@ std::string Props::tokens() const {
         double file = 0, rank = 0;
         fieldOf(p, file, rank);
         char line[120];
-        std::snprintf(line, sizeof line, "%s%s %.3f %.3f %.4f %.4f %.4f", out.empty() ? "" : "\n", t.name.c_str(), file, rank, p[0], p[1], p[2]);
+        std::snprintf(line, sizeof line, "%s%s %.3f %.3f %.4f %.4f %.4f", out.empty() ? "" : "\n", t.name.c_str(), file,
+                      rank, p[0], p[1], p[2]);
         out += line;
     }
     return out;
@@ -154,9 +157,11 @@ void Props::update(double now) {
     for (int i = 0; i < 3; ++i) {
         const Mover& m = movers_[i];
         const double u = m.end > m.begin ? std::clamp((now - m.begin) / (m.end - m.begin), 0.0, 1.0) : 1;
-        setMocap(ids[i], {m.from[0] + u * (m.to[0] - m.from[0]), m.from[1] + u * (m.to[1] - m.from[1]), m.from[2] + u * (m.to[2] - m.from[2])});
+        setMocap(ids[i], {m.from[0] + u * (m.to[0] - m.from[0]), m.from[1] + u * (m.to[1] - m.from[1]),
+                          m.from[2] + u * (m.to[2] - m.from[2])});
     }
-    for (std::size_t k = 0; k < 3; ++k) data_.xfrc_applied[6 * std::size_t(scene_.hand) + k] = now < forceEnd_ ? force_[k] : 0;
+    for (std::size_t k = 0; k < 3; ++k)
+        data_.xfrc_applied[6 * std::size_t(scene_.hand) + k] = now < forceEnd_ ? force_[k] : 0;
     Point spot{0, 0, -0.5};
     if (laserOn_ && (blinkRate_ <= 0 || std::fmod(now * blinkRate_, 1) < 0.5)) {
         const mjtNum* from = data_.site_xpos + 3 * scene_.laser;

@@ -72,7 +72,6 @@ Scene::Scene(const std::string& what) : what_(what) {
     laser = need(mjOBJ_SITE, "laser");
     tool = need(mjOBJ_SITE, "tool");
     camera = need(mjOBJ_CAMERA, "eecam");
-    handMass = model->body_subtreemass[hand];
 
     for (const char* colour : {"red_", "yellow_"})
         for (int i = 1;; ++i) {
@@ -80,7 +79,8 @@ Scene::Scene(const std::string& what) : what_(what) {
             const int body = find(mjOBJ_BODY, name);
             if (body < 0) break;
             const int joint = model->body_jntadr[body];
-            if (joint < 0 || model->jnt_type[joint] != mjJNT_FREE) throw SceneError("body " + name + " must have a free joint");
+            if (joint < 0 || model->jnt_type[joint] != mjJNT_FREE)
+                throw SceneError("body " + name + " must have a free joint");
             tokens.push_back({name, model->jnt_qposadr[joint], model->jnt_dofadr[joint]});
             tokenWeight += model->body_mass[body] * 9.81;
         }
@@ -99,7 +99,8 @@ Scene::Scene(const std::string& what) : what_(what) {
     for (std::size_t i = 0; i < 3; ++i) boardQpos[i] = model->jnt_qposadr[need(mjOBJ_JOINT, kBoard[i])];
     // A square of the board tells its size: the plate comes first, then the squares, half the fields dark.
     int squares = 0;
-    for (int g = model->body_geomadr[boardBody] + 1; g < model->body_geomadr[boardBody] + model->body_geomnum[boardBody]; ++g) {
+    for (int g = model->body_geomadr[boardBody] + 1; g < model->body_geomadr[boardBody] + model->body_geomnum[boardBody];
+         ++g) {
         if (model->geom_type[g] != mjGEOM_BOX) continue;
         fieldSize = 2 * model->geom_size[3 * g];
         ++squares;

@@ -49,10 +49,11 @@ public:
     std::vector<Token> tokens;
     // Of what a scene may lack: -1.
     std::array<int, 3> boardQpos{-1, -1, -1};           // x, y, yaw
-    int boardBody = -1, target = -1, secondTarget = -1, spot = -1, occluder = -1, person = -1;      // the last five: mocap bodies
+    int boardBody = -1, target = -1, secondTarget = -1, spot = -1, occluder = -1,
+        person = -1;                                    // the last five: mocap bodies
     int fields = 0;                                     // on a side of the board; 0: there is none
     double fieldSize = 0;                               // [m]
-    double handMass = 0, tokenWeight = 0;               // [kg], with the fingers; [N] of all tokens
+    double tokenWeight = 0;                             // [N] of all tokens
 
     // file, rank: reals, 1 .. fields on the board; h: tokens underneath. Where the centre of a token lies that rests there.
     Place place(const mjData& d, double file, double rank, double h) const;

@@ -35,7 +35,8 @@ Sensors::Table Sensors::table(const mjData& d) {
     }
     Table out{{}, force};
     for (std::size_t i = 0; i < 4; ++i)
-        out.legs[i] = (force + (i < 2 ? x : -x) / kLegX + (i % 2 == 0 ? y : -y) / kLegY) / 4 + tableNoise * random_.gaussian();
+        out.legs[i] =
+            (force + (i < 2 ? x : -x) / kLegX + (i % 2 == 0 ? y : -y) / kLegY) / 4 + tableNoise * random_.gaussian();
     return out;
 }
 

@@ -19,7 +19,7 @@ public:
     double tableNoise = 0.1;            // [N] of a leg
     double tipNoise = 0.01;             // [N]
 
-    std::array<double, 6> wrist(const mjData& d);       // force [N], moment [N m] at the site fts, in its axes, weight included
+    std::array<double, 6> wrist(const mjData& d);  // force [N], moment [N m] at the site fts, in its axes, weight included
     struct Table {
         std::array<double, 4> legs;     // [N] at (+x +y) (+x -y) (-x +y) (-x -y), of what lies on the table
         double load;                    // [N] together, without noise

@@ -21,11 +21,13 @@ using sorma::Message;
 using sorma::Severity;
 
 const sorma::Prototype kScene{Severity::error, "SIMLAB SCENE", 2, "{}: {} {}"};
-const sorma::Prototype kBuffer{Severity::error, "SIMLAB BUFFER", 1, "{}: a buffer cannot be written: {}; another laboratory may run: -prefix keeps them apart"};
+const sorma::Prototype kBuffer{Severity::error, "SIMLAB BUFFER", 1,
+                               "{}: a buffer cannot be written: {}; another laboratory may run: -prefix keeps them apart"};
 const sorma::Prototype kOption{Severity::error, "OPTION VALUE", 2, "{}: {} {}: {}"};
 const sorma::Prototype kRefused{Severity::error, "SIMLAB REFUSED", 1, "{}: {}: {}"};
 const sorma::Prototype kWord{Severity::error, "SIMLAB WORD", 2, "{}: bad word \"{}\": must be camera, step, or view"};
 const sorma::Prototype kFloats{Severity::error, "SIMLAB FLOATS", 1, "{}: {} takes {}, got {} floats"};
+const sorma::Prototype kValue{Severity::error, "SIMLAB VALUE", 1, "{}: {} takes {}, not {}"};
 const sorma::Prototype kPicture{Severity::error, "SIMLAB PICTURE", 1, "{}: there is no picture: {}"};
 const sorma::Prototype kEnded{Severity::error, "SERVICE GONE", 1, "{}: the laboratory has ended, or its physics has stopped"};
 
@@ -42,53 +44,75 @@ public:
             .text("-scene", &Simlab::scene_, {.help = "8x8, 10x10, tracker (no board), or a MuJoCo file", .fixed = true})
             .text("-prefix", &Simlab::prefix_, {.help = "put before the keys of all buffers", .fixed = true})
             .choice("-lockstep", &Simlab::lockstep_, {"", "arm.set"},
-                    {.help = "lab time waits for the set-point that is due, at most 0.1 s of wall time; empty: it does not", .fixed = true})
+                    {.help = "lab time waits for the set-point that is due, at most 0.1 s of wall time; empty: it does not",
+                     .fixed = true})
             .integer("-seed", &Simlab::seed_, {.low = 0, .high = 1e15, .help = "of all noise", .fixed = true})
-            .vector("-posture", &Simlab::posture_, {.unit = "rad", .low = -6.3, .high = 6.3, .help = "of the arm at the beginning",
-                                                    .fixed = true, .minLength = 6, .maxLength = 6})
+            .vector("-posture", &Simlab::posture_,
+                    {.unit = "rad", .low = -6.3, .high = 6.3, .help = "of the arm at the beginning",
+                     .fixed = true, .minLength = 6, .maxLength = 6})
             .integer("-width", &Simlab::width_, {.unit = "pixels", .low = 16, .high = simlab::Pictures::kMostWidth,
-                                                 .help = "of the camera's picture", .fixed = true})
+                     .help = "of the camera's picture", .fixed = true})
             .integer("-height", &Simlab::height_, {.unit = "pixels", .low = 16, .high = simlab::Pictures::kMostHeight,
-                                                   .help = "of the camera's picture", .fixed = true})
-            .integer("-samples", &Simlab::samples_, {.low = 0, .high = 16, .help = "of each pixel, for smooth edges; 0 is three times as fast",
-                                                     .fixed = true})
-            .real("-speed", &Simlab::speed_, {.unit = "1", .low = 0, .high = 1000, .help = "lab seconds in a second; 0: as fast as it goes"})
+                     .help = "of the camera's picture", .fixed = true})
+            .integer("-samples", &Simlab::samples_,
+                    {.low = 0, .high = 16, .help = "of each pixel, for smooth edges; 0 is three times as fast",
+                     .fixed = true})
+            .real("-speed", &Simlab::speed_,
+                    {.unit = "1", .low = 0, .high = 1000, .help = "lab seconds in a second; 0: as fast as it goes"})
             .flag("-paused", &Simlab::paused_, {.help = "lab time stands, but for what EXEC lets pass"})
             .real("-deceleration", &Simlab::deceleration_, {.unit = "rad/s2", .low = 0.1, .high = 50,
-                                                            .help = "of the fastest joint when the arm stops by itself with power"})
+                     .help = "of the fastest joint when the arm stops by itself with power"})
             .real("-tableLimit", &Simlab::tableLimit_, {.unit = "N", .low = 1, .high = 1000,
-                                                        .help = "on the table, beside the tokens' weight: above, the power is cut"})
-            .real("-wristLimit", &Simlab::wristLimit_, {.unit = "N", .low = 20, .high = 1000, .help = "at the wrist: above, the power is cut"})
-            .real("-wristNoise", &Simlab::wristNoise_, {.unit = "N", .low = 0, .high = 10, .help = "standard deviation of a force at the wrist"})
-            .real("-tableNoise", &Simlab::tableNoise_, {.unit = "N", .low = 0, .high = 10, .help = "standard deviation of a leg's force"})
-            .real("-tipNoise", &Simlab::tipNoise_, {.unit = "N", .low = 0, .high = 1, .help = "standard deviation of a fingertip's force"})
+                     .help = "on the table, beside the tokens' weight: above, the power is cut"})
+            .real("-wristLimit", &Simlab::wristLimit_,
+                    {.unit = "N", .low = 20, .high = 1000, .help = "at the wrist: above, the power is cut"})
+            .real("-wristNoise", &Simlab::wristNoise_,
+                    {.unit = "N", .low = 0, .high = 10, .help = "standard deviation of a force at the wrist"})
+            .real("-tableNoise", &Simlab::tableNoise_,
+                    {.unit = "N", .low = 0, .high = 10, .help = "standard deviation of a leg's force"})
+            .real("-tipNoise", &Simlab::tipNoise_,
+                    {.unit = "N", .low = 0, .high = 1, .help = "standard deviation of a fingertip's force"})
             .real("-cameraRate", &Simlab::cameraRate_, {.unit = "Hz", .low = 0, .high = 200,
-                                                        .help = "pictures a second while camera.set asks for no rate; 0: on request"})
+                     .help = "pictures a second while camera.set asks for no rate; 0: on request"})
             .real("-cameraLatency", &Simlab::cameraLatency_, {.unit = "s", .low = 0, .high = 1,
-                                                              .help = "from the end of grabbing until the picture is published"})
-            .real("-imageNoise", &Simlab::imageNoise_, {.unit = "1", .low = 0, .high = 100, .help = "standard deviation, in levels of 255"})
+                     .help = "from the end of grabbing until the picture is published"})
+            .real("-imageNoise", &Simlab::imageNoise_,
+                    {.unit = "1", .low = 0, .high = 100, .help = "standard deviation, in levels of 255"})
             .real("-light", &Simlab::light_, {.unit = "1", .low = 0, .high = 3, .help = "factor of the usual light"})
-            .vector("-lightColour", &Simlab::lightColour_, {.unit = "1", .low = 0, .high = 2, .help = "factors of red, green and blue light",
-                                                            .minLength = 3, .maxLength = 3})
+            .vector("-lightColour", &Simlab::lightColour_,
+                    {.unit = "1", .low = 0, .high = 2, .help = "factors of red, green and blue light",
+                     .minLength = 3, .maxLength = 3})
             .vector("-lightDirection", &Simlab::lightDirection_, {.unit = "1", .low = -10, .high = 10,
-                                                                  .help = "in which the lamp shines on the board; downwards", .minLength = 3, .maxLength = 3})
-            .flag("-shadows", &Simlab::shadows_, {.help = "the lamp casts shadows: pictures take nearly three times as long"})
+                     .help = "in which the lamp shines on the board; downwards", .minLength = 3, .maxLength = 3})
+            .flag("-shadows", &Simlab::shadows_,
+                    {.help = "the lamp casts shadows: pictures take nearly three times as long"})
             .flag("-lamp", &Simlab::lamp_, {.help = "the ball on its stick shines"})
-            .real("-friction", &Simlab::friction_, {.unit = "1", .low = 0.01, .high = 10, .help = "factor of the friction of tokens and table"})
-            .real("-tipFriction", &Simlab::tipFriction_, {.unit = "1", .low = 0.01, .high = 10, .help = "factor of the friction of the fingertips"})
-            .action("-emergencyStop", &Simlab::emergencyStop, "", "cut the arm's power; only -reset gives it back", 0, 0, sorma::Right::call)
+            .real("-friction", &Simlab::friction_,
+                    {.unit = "1", .low = 0.01, .high = 10, .help = "factor of the friction of tokens and table"})
+            .real("-tipFriction", &Simlab::tipFriction_,
+                    {.unit = "1", .low = 0.01, .high = 10, .help = "factor of the friction of the fingertips"})
+            .action("-emergencyStop", &Simlab::emergencyStop, "",
+                    "cut the arm's power; only -reset gives it back", 0, 0, sorma::Right::call)
             .action("-reset", &Simlab::reset, "", "a person has looked: the arm may have power again")
-            .action("-move", &Simlab::move, "token file rank ?underneath?", "put a token on a field, on so many others", 3, 4)
+            .action("-move", &Simlab::move, "token file rank ?underneath?",
+                    "put a token on a field, on so many others", 3, 4)
             .action("-steal", &Simlab::steal, "token", "take a token away, to the corner of the table", 1, 1)
-            .action("-add", &Simlab::add, "colour file rank ?underneath?", "put a spare token on a field; returns its name", 3, 4)
+            .action("-add", &Simlab::add, "colour file rank ?underneath?",
+                    "put a spare token on a field; returns its name", 3, 4)
             .action("-board", &Simlab::board, "dx dy turn", "shift [m] and turn [rad] the board with what lies on it", 3, 3)
-            .action("-ball", &Simlab::ball, "still|line|circle|sine|jerk|file value ?value ...?", "move the ball on its stick", 2, 8)
-            .action("-secondBall", &Simlab::thing<simlab::Props::secondBall>, "x y z ?seconds?|away", "bring a second bright ball, or move it", 1, 4)
-            .action("-occluder", &Simlab::thing<simlab::Props::occluder>, "x y z ?seconds?|away", "bring a dark plate, or move it", 1, 4)
-            .action("-person", &Simlab::thing<simlab::Props::person>, "x y z ?seconds?|away", "bring a person's hand, or move it", 1, 4)
+            .action("-ball", &Simlab::ball, "still|line|circle|sine|jerk|file value ?value ...?",
+                    "move the ball on its stick", 2, 8)
+            .action("-secondBall", &Simlab::thing<simlab::Props::secondBall>, "x y z ?seconds?|away",
+                    "bring a second bright ball, or move it", 1, 4)
+            .action("-occluder", &Simlab::thing<simlab::Props::occluder>, "x y z ?seconds?|away",
+                    "bring a dark plate, or move it", 1, 4)
+            .action("-person", &Simlab::thing<simlab::Props::person>, "x y z ?seconds?|away",
+                    "bring a person's hand, or move it", 1, 4)
             .action("-push", &Simlab::push, "fx fy fz seconds", "push the robot's hand [N], in the world's axes", 4, 4)
             .inspection({"-tokens", "", "name file rank x y z of each token", 0, 0,
-                         [](Service& s, Args, Message& m) { m.text += static_cast<Simlab&>(s).lab([](Laboratory& l) { return l.props.tokens(); }); }})
+                         [](Service& s, Args, Message& m) {
+                             m.text += static_cast<Simlab&>(s).lab([](Laboratory& l) { return l.props.tokens(); });
+                         }})
             .inspection({"-ball", "", "where the ball is: x y z", 0, 0,
                          [](Service& s, Args, Message& m) {
                              m.text += static_cast<Simlab&>(s).lab([](Laboratory& l) {
@@ -199,7 +223,8 @@ private:
     }
 
     void checkLight() const {
-        if (lightDirection_[2] > -0.1) fail(kOption, name(), "-lightDirection", lightDirection_[2], "its z must be -0.1 or less: the lamp hangs above");
+        if (lightDirection_[2] > -0.1)
+            fail(kOption, name(), "-lightDirection", lightDirection_[2], "its z must be -0.1 or less: the lamp hangs above");
     }
 
     void apply(bool paced = true, bool rubbed = true) {
@@ -219,7 +244,7 @@ private:
     void pass(Message& m) {
         if (m.floats.size() > 1) fail(kFloats, name(), "step", "one time [s], or none for one step", m.floats.size());
         const double seconds = m.floats.empty() ? 0.002 : m.floats[0];
-        if (!(seconds > 0 && seconds <= 1e6)) fail(kFloats, name(), "step", "a time above 0 and at most 1e6 s", seconds);
+        if (!(seconds > 0 && seconds <= 1e6)) fail(kValue, name(), "step", "a time above 0 and at most 1e6 s", seconds);
         if (!lab_) fail(kEnded, name());
         sorma::Reply reply = later(m);
         const auto ticket = lab_->between([&](Laboratory& l) {
@@ -238,19 +263,21 @@ private:
     void show(Message& m, bool free) {
         const std::size_t n = m.floats.size();
         if (free ? n != 0 && n != 6 : n != 0)
-            fail(kFloats, name(), free ? "view" : "camera", free ? "azimuth, elevation, distance, x, y, z, or none" : "none", n);
+            fail(kFloats, name(), m.words[0], free ? "azimuth, elevation, distance, x, y, z, or none" : "none", n);
         simlab::Shot shot = lab([](Laboratory& l) { return l.shot(); });
         shot.free = free;
         if (free) shot.width = 640, shot.height = 480;
         if (n == 6) {
             for (double x : m.floats)
-                if (!std::isfinite(x)) fail(kFloats, name(), "view", "finite numbers", x);
-            shot.view = {m.floats[0], m.floats[1], std::clamp(m.floats[2], 0.05, 20.0), {m.floats[3], m.floats[4], m.floats[5]}};
+                if (!std::isfinite(x)) fail(kValue, name(), "view", "finite numbers", x);
+            if (m.floats[2] < 0.05 || m.floats[2] > 20) fail(kValue, name(), "view", "a distance of 0.05 .. 20 m", m.floats[2]);
+            shot.view = {m.floats[0], m.floats[1], m.floats[2], {m.floats[3], m.floats[4], m.floats[5]}};
         }
         sorma::Reply reply = later(m);
         lab_->pictures.take(std::move(shot), [reply, name = name()](simlab::Image image) {
             if (!image.problem.empty())
-                return reply.fail(sorma::Error(sorma::makeEntry(kPicture, {sorma::MessageArg::of(name), sorma::MessageArg::of(image.problem)})));
+                return reply.fail(sorma::Error(
+                    sorma::makeEntry(kPicture, {sorma::MessageArg::of(name), sorma::MessageArg::of(image.problem)})));
             const std::string head = "P6\n" + std::to_string(image.width) + " " + std::to_string(image.height) + "\n255\n";
             Message& m = reply.message();
             m.clear();
@@ -272,7 +299,8 @@ private:
     static double underneath(Args args) { return args.size() > 3 ? simlab::toNumber(args[3], "tokens underneath") : 0; }
     void move(Args args, Message&) {
         act("-move", [&](Laboratory& l) {
-            l.props.moveToken(args[0], simlab::toNumber(args[1], "file"), simlab::toNumber(args[2], "rank"), underneath(args));
+            l.props.moveToken(args[0], simlab::toNumber(args[1], "file"), simlab::toNumber(args[2], "rank"),
+                              underneath(args));
         });
     }
     void steal(Args args, Message&) {
@@ -280,12 +308,14 @@ private:
     }
     void add(Args args, Message& m) {
         m.text += act("-add", [&](Laboratory& l) {
-            return l.props.addToken(args[0], simlab::toNumber(args[1], "file"), simlab::toNumber(args[2], "rank"), underneath(args));
+            return l.props.addToken(args[0], simlab::toNumber(args[1], "file"), simlab::toNumber(args[2], "rank"),
+                                    underneath(args));
         });
     }
     void board(Args args, Message&) {
         act("-board", [&](Laboratory& l) {
-            l.props.moveBoard(simlab::toNumber(args[0], "dx"), simlab::toNumber(args[1], "dy"), simlab::toNumber(args[2], "turn"));
+            l.props.moveBoard(simlab::toNumber(args[0], "dx"), simlab::toNumber(args[1], "dy"),
+                              simlab::toNumber(args[2], "turn"));
         });
     }
     void ball(Args args, Message& m) {
@@ -293,21 +323,25 @@ private:
         act("-ball", [&](Laboratory& l) { l.props.setBall(simlab::Path::parse({args.begin(), args.end()}), l.now()); });
     }
     template <simlab::Props::Thing which> void thing(Args args, Message&) {
-        act(which == simlab::Props::secondBall ? "-secondBall" : which == simlab::Props::occluder ? "-occluder" : "-person", [&](Laboratory& l) {
-            if (args.size() == 1 && args[0] == "away") return l.props.hideThing(which);
-            if (args.size() < 3) throw std::invalid_argument("should be x y z ?seconds?, or away");
-            simlab::Point p;
-            for (std::size_t i = 0; i < 3; ++i) p[i] = simlab::toNumber(args[i], "x y z [m]");
-            const double seconds = args.size() > 3 ? simlab::toNumber(args[3], "seconds") : 0;
-            l.props.moveThing(which, p, std::clamp(seconds, 0.0, 1000.0), l.now());
-        });
+        act(which == simlab::Props::secondBall ? "-secondBall"
+            : which == simlab::Props::occluder ? "-occluder"
+                                               : "-person",
+            [&](Laboratory& l) {
+                if (args.size() == 1 && args[0] == "away") return l.props.hideThing(which);
+                if (args.size() < 3) throw std::invalid_argument("should be x y z ?seconds?, or away");
+                simlab::Point p;
+                for (std::size_t i = 0; i < 3; ++i) p[i] = simlab::toNumber(args[i], "x y z [m]");
+                const double seconds = args.size() > 3 ? simlab::toNumber(args[3], "seconds") : 0;
+                l.props.moveThing(which, p, std::clamp(seconds, 0.0, 1000.0), l.now());
+            });
     }
     void push(Args args, Message&) {
         act("-push", [&](Laboratory& l) {
             simlab::Point f;
             for (std::size_t i = 0; i < 3; ++i) f[i] = simlab::toNumber(args[i], "a force [N]");
             const double seconds = simlab::toNumber(args[3], "seconds");
-            if (std::hypot(f[0], f[1], f[2]) > 500 || !(seconds > 0 && seconds <= 60)) throw std::invalid_argument("at most 500 N, for at most 60 s");
+            if (std::hypot(f[0], f[1], f[2]) > 500 || !(seconds > 0 && seconds <= 60))
+                throw std::invalid_argument("at most 500 N, for at most 60 s");
             l.props.push(f, seconds, l.now());
         });
     }
@@ -321,7 +355,7 @@ private:
 
     std::string scene_ = "8x8", prefix_, lockstep_;
     std::int64_t seed_ = 1, width_ = 500, height_ = 500, samples_ = 4;
-    std::vector<double> posture_ = {0.304798, 1.452067, -3.149117, 0, -1.444543, -2.836795};       // above the board, tool down
+    std::vector<double> posture_ = {0.304798, 1.452067, -3.149117, 0, -1.444543, -2.836795};  // above the board, tool down
     double speed_ = 1;
     bool paused_ = false, shadows_ = false, lamp_ = true;
     double deceleration_ = 4, tableLimit_ = 40, wristLimit_ = 150;
