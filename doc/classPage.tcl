@@ -41,6 +41,12 @@ proc ::classPage::Options table {
         if {$range ne {} && $type ne "enum"} {
             lappend facts "Range: [Limits $range]"
         }
+        foreach {limits said} {warn "Warning outside" alarm "Alarm outside"} {
+            if {[dict exists $table hints $name $limits]} {
+                lassign [dict get $table hints $name $limits] low high
+                lappend facts "$said [string trim "$low .. $high"]"
+            }
+        }
         if {$name in [dict get $table fixed]} {
             lappend facts "Only a recipe may set it"
         }

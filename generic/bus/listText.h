@@ -1,6 +1,7 @@
 // listText.h -- text that is at the same time a Tcl list, for answers that programs read.
 #pragma once
 
+#include <initializer_list>
 #include <string>
 #include <string_view>
 
@@ -9,5 +10,11 @@ namespace sorma {
 // Append an element to a Tcl list, with a space before it unless the list is empty. Any text comes back unchanged
 // when Tcl takes the list apart.
 void appendListElement(std::string& list, std::string_view element);
+template <class Texts> std::string listOf(const Texts& elements) {
+    std::string list;
+    for (auto& e : elements) appendListElement(list, e);
+    return list;
+}
+inline std::string listOf(std::initializer_list<std::string> elements) { return listOf<>(elements); }
 
 }  // namespace sorma

@@ -43,6 +43,8 @@ std::string rangeText(double low, double high) {
     return plainNumber(low) + " .. " + plainNumber(high);
 }
 
+bool isOpen(const Limits& l) { return l.low == -kInfinity && l.high == kInfinity; }
+
 std::string countText(Count count) {
     if (count.low == count.high) return std::to_string(count.low);
     if (count.high == SIZE_MAX) return count.low == 0 ? "any number of" : "at least " + std::to_string(count.low);
@@ -142,6 +144,17 @@ bool fromText(std::string_view text, Type& out) {
     return false;
 }
 
+const char* toText(Kind kind) {
+    static constexpr const char* names[] = {"", "file", "colour", "time"};
+    return names[static_cast<int>(kind)];
+}
+
+bool fromText(std::string_view text, Kind& out) {
+    for (int i = 0; i <= static_cast<int>(Kind::time); ++i)
+        if (text == toText(static_cast<Kind>(i))) return out = static_cast<Kind>(i), true;
+    return false;
+}
+
 const char* toText(Field field) {
     static constexpr const char* names[] = {"text", "floats", "ints", "any"};
     return names[static_cast<int>(field)];
@@ -159,6 +172,47 @@ std::string Option::range() const {
         out += amountText({spec.minLength, spec.maxLength}, "elements");
     }
     return out;
+}
+
+std::string Option::hints() const {
+    std::string out;
+    auto put = [&](std::string_view key, const std::string& value) {
+        if (value.empty()) return;
+        appendListElement(out, key);
+        appendListElement(out, value);
+    };
+    auto limits = [](const Limits& l) {
+        auto end = [](double x) { return std::isinf(x) ? std::string() : plainNumber(x); };
+        return isOpen(l) ? std::string() : listOf({end(l.low), end(l.high)});
+    };
+    put("warn", limits(spec.warn));
+    put("alarm", limits(spec.alarm));
+    put("kind", toText(spec.kind));
+    put("names", listOf(spec.names));
+    put("group", spec.group);
+    return out;
+}
+
+std::string Option::limitsText() const {
+    std::string out;
+    for (auto& [what, l] : {std::pair{"warning", spec.warn}, {"alarm", spec.alarm}}) {
+        if (isOpen(l)) continue;
+        if (!out.empty()) out += ", ";
+        out += what;
+        if (l.high == kInfinity) out += " below " + plainNumber(l.low);
+        else if (l.low == -kInfinity) out += " above " + plainNumber(l.high);
+        else out += " outside " + rangeText(l.low, l.high);
+    }
+    return out;
+}
+
+std::string Option::misfit() const {
+    std::string of = std::string("of type ") + toText(type);
+    bool number = type == Type::integer || type == Type::real;
+    if (spec.kind != Kind::plain && (spec.kind == Kind::time ? !number : type != Type::text)) return of + " cannot be a " + toText(spec.kind);
+    if (!(isOpen(spec.warn) && isOpen(spec.alarm)) && !number && type != Type::vector) return of + " is no number that has limits";
+    if (!spec.names.empty() && type != Type::vector) return of + " has no elements that have names";
+    return {};
 }
 
 void Option::check(std::string_view object, const Value& value, std::string_view given) const {
@@ -243,6 +297,7 @@ Class::Class(std::string name, std::string purpose, std::function<std::unique_pt
 Class& Class::option(Option o) {
     if (o.name.size() < 2 || o.name[0] != '-') fail(kTable, name_, "option", o.name, "does not begin with a dash");
     if (findOption(o.name) >= 0) fail(kTable, name_, "option", o.name, "is declared twice");
+    if (auto m = o.misfit(); !m.empty()) fail(kTable, name_, "option", o.name, m);
     options_.push_back(std::move(o));
     return *this;
 }
@@ -417,6 +472,7 @@ std::string Class::helpText(std::string_view object) const {
             if (i < defaults_.size()) {
                 if (auto d = toText(defaults_[i]); !d.empty()) facts += (facts.empty() ? "default " : ", default ") + d;
             }
+            if (auto l = o.limitsText(); !l.empty()) facts += (facts.empty() ? "" : ", ") + l;
             if (o.spec.fixed) facts += facts.empty() ? "recipe only" : ", recipe only";
             if (!facts.empty()) right += " (" + facts + ")";
             appendRow(out, left, right);

@@ -47,6 +47,16 @@ bool fromText(std::string_view text, Type& out);
 
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+// Outside of these a value is allowed, and people are warned.
+struct Limits {
+    double low = -kInfinity, high = kInfinity;
+};
+
+// What the text or number of an option stands for: name of a file (string), colour such as #ff8000 (string), s since 1970 (int, double).
+enum class Kind : std::uint8_t { plain, file, colour, time };
+const char* toText(Kind kind);                  // "" "file" "colour" "time"
+bool fromText(std::string_view text, Kind& out);
+
 // What most options leave at its default. Values outside low .. high are refused, and NaN where there is a range.
 struct Spec {
     std::string unit = {};
@@ -54,6 +64,11 @@ struct Spec {
     std::string help = {};
     bool fixed = false;                             // only a recipe may set it: refused after birth (OPTION READONLY)
     std::size_t minLength = 0, maxLength = SIZE_MAX;    // vector: number of elements
+    // Only for those who look at it: panels, help.
+    Limits warn = {}, alarm = {};                   // int, double, each element of a vector
+    Kind kind = Kind::plain;
+    std::vector<std::string> names = {};            // vector: of its elements
+    std::string group = {};                         // options of one group stand together
 };
 
 struct Option {
@@ -67,6 +82,10 @@ struct Option {
     std::function<void(Service&, Reference)> refer = nullptr;
 
     std::string range() const;      // for people and panels: "0.01 .. 1.5", "largo adagio ...", "" when anything goes
+    // A dict of what is said for those who look at it: warn and alarm {low high} (an open end is empty), kind, names, group.
+    std::string hints() const;
+    std::string limitsText() const;     // "warning outside 10 .. 60, alarm above 90"
+    std::string misfit() const;         // what of that does not go with the type; empty: nothing
     // Read and check a value. Fails with OPTION VALUE or OPTION RANGE, naming object, option, value and rule.
     Value parse(std::string_view object, std::string_view text) const;
     void check(std::string_view object, const Value& value, std::string_view given) const;

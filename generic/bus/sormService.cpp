@@ -34,12 +34,6 @@ private:
     std::string text_;
 };
 
-std::string listOf(std::initializer_list<std::string> fields) {
-    std::string list;
-    for (auto& f : fields) appendListElement(list, f);
-    return list;
-}
-
 std::string actionsText(const std::vector<Action>& actions) {
     std::string list;
     for (auto& a : actions)
@@ -184,13 +178,17 @@ public:
             if (Name::isElsewhere(args[0])) fail(kElsewhere, args[0]);
         }
         const Class& type = s ? s->type() : sorm().needClass(Name::parse(args[0]).className);
-        std::string options, fixed;
+        std::string options, fixed, hints;
         for (std::size_t i = 0; i < type.options().size(); ++i) {
             auto& o = type.options()[i];
             appendListElement(options, listOf({o.name, toText(o.type), o.spec.unit, o.range(),
                                                i < type.defaults().size() ? toText(type.defaults()[i]) : std::string(),
                                                s ? toText(o.get(*s)) : std::string(), o.spec.help}));
             if (o.spec.fixed) appendListElement(fixed, o.name);
+            if (auto h = o.hints(); !h.empty()) {
+                appendListElement(hints, o.name);
+                appendListElement(hints, h);
+            }
         }
         DictText out;
         out.put("name", args[0]);
@@ -200,6 +198,7 @@ public:
         out.put("version", type.version());
         out.put("options", options);
         out.put("fixed", fixed);
+        out.put("hints", hints);
         out.put("actions", actionsText(type.actions()));
         out.put("inspections", actionsText(type.inspections()));
         out.put("reads", partsText(type.reads()));

@@ -136,7 +136,8 @@ int OptionObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
     return guarded(i, objc, objv, [&] {
         if (objc < 3 || objc % 2 == 0)
             return wrongArgs(interp, objv, "-name type ?-unit u? ?-range {low high}? ?-choices list? ?-length n? ?-default value? "
-                                           "?-fixed boolean? ?-help text?");
+                                           "?-fixed boolean? ?-warn {low high}? ?-alarm {low high}? ?-kind file|colour|time? "
+                                           "?-names list? ?-group name? ?-help text?");
         TclClass& c = target(i, objv[0]);
         OptionDeclaration d;
         Option& o = d.option;
@@ -166,17 +167,27 @@ int OptionObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
                 Count n = count(objv[0], value);
                 o.spec.minLength = n.low;
                 o.spec.maxLength = n.high;
-            } else if (word == "-range") {
+            } else if (word == "-range" || word == "-warn" || word == "-alarm") {
                 auto ends = listElements(value);
-                if (ends.size() != 2) bad(objv[0], o.name + ": -range must be {low high}");
-                o.spec.low = bound(ends[0], -kInfinity);
-                o.spec.high = bound(ends[1], kInfinity);
+                if (ends.size() != 2) bad(objv[0], o.name + ": " + toUtf8(objv[k]) + " must be {low high}");
+                Limits l{bound(ends[0], -kInfinity), bound(ends[1], kInfinity)};
+                if (word == "-range") o.spec.low = l.low, o.spec.high = l.high;
+                else (word == "-warn" ? o.spec.warn : o.spec.alarm) = l;
+            } else if (word == "-kind") {
+                if (!fromText(view(value), o.spec.kind))
+                    bad(objv[0], o.name + ": bad kind \"" + toUtf8(value) + "\": must be " + oneOf({"colour", "file", "time"}));
+            } else if (word == "-names") {
+                o.spec.names = listStrings(value);
+            } else if (word == "-group") {
+                o.spec.group = toUtf8(value);
             } else {
                 bad(objv[0], "unknown word \"" + toUtf8(objv[k]) + "\": must be " +
-                                 oneOf({"-choices", "-default", "-fixed", "-help", "-length", "-range", "-unit"}));
+                                 oneOf({"-alarm", "-choices", "-default", "-fixed", "-group", "-help", "-kind", "-length", "-names", "-range",
+                                        "-unit", "-warn"}));
             }
         }
         if (o.type == Type::choice && o.choices.empty()) bad(objv[0], o.name + ": an enum needs -choices");
+        if (auto m = o.misfit(); !m.empty()) bad(objv[0], o.name + ' ' + m);
         if (initial) {
             d.initial = o.parse(c.service, toUtf8(initial));
         } else {

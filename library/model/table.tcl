@@ -82,7 +82,7 @@ proc ::sorma::table::words where {
 }
 
 # ::sorma::table::describe NAME --
-#       The table of an object's class, as a dict: name exists class purpose version options fixed actions inspections
+#       The table of an object's class, as a dict: name exists class purpose version options fixed hints actions inspections
 #       reads writes words signature example help, and dump when the object exists. No object is made; a class of this
 #       interpreter is loaded. Empty when nothing is known, or not yet.
 proc ::sorma::table::describe name {
@@ -323,6 +323,10 @@ proc ::sorma::table::parse text {
         dict set out $key [dict get $text $key]
     }
     dict set out fixed [lrange [dict get $text fixed] 0 end]
+    # Daemons of before hints have none.
+    dict set out hints [dict map {option facts} [expr {[dict exists $text hints] ? [dict get $text hints] : {}}] {
+        dict filter $facts key warn alarm kind names group
+    }]
     if {[dict exists $text dump]} {
         dict set out dump [dict get $text dump]
     }

@@ -5,6 +5,7 @@
 
 package require Tk
 package require snit
+package require sorma::options
 package require sorma::style
 package require sorma::subject
 package provide sorma::chart 1.0
@@ -29,7 +30,7 @@ snit::widget ::sorma::stripchart {
     option -interval -default 33
     option -paused -default 0 -configuremethod SetPaused
     component canvas
-    variable traces {}          ;# dict: name -> {line text colour times values drawn subject token option}
+    variable traces {}          ;# dict: name -> {line text colour times values subject token option}
     variable fresh {}           ;# dict: name -> {time value ...} that are to be drawn
     variable origin 0           ;# ms, when the chart was made
     variable shown 0            ;# s, at the right edge
@@ -63,13 +64,7 @@ snit::widget ::sorma::stripchart {
     # ---- what programs say ----
 
     method trace {name args} {
-        set facts {-text {} -colour {}}
-        foreach {option value} $args {
-            if {![dict exists $facts $option]} {
-                return -code error -errorcode {SORMA REQUEST SYNTAX} "bad option \"$option\": must be -colour or -text"
-            }
-            dict set facts $option $value
-        }
+        set facts [::sorma::options::parse {-colour any -text any} $args]
         if {[dict exists $traces $name]} return
         set colour [dict get $facts -colour]
         if {$colour eq {}} {
@@ -331,7 +326,6 @@ snit::widget ::sorma::stripchart {
         set y 3
         dict for {name trace} $traces {
             set part {}
-            set at 0
             foreach t [dict get $trace times] v [dict get $trace values] {
                 if {$v == $v && abs($v) < 1e300} {
                     lappend part [$self X $t] [$self Y $v]

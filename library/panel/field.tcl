@@ -1,28 +1,20 @@
-# field.tcl -- widgets for one option of a service object, each usable by itself: sorma::slider, entry, choice and check; sorma::button
-# runs a request, sorma::led shows a state.
+# field.tcl -- widgets for one option of a service object, each usable by itself: sorma::slider, entry, vector, choice and check;
+# sorma::button runs a request.
 #
 # They are ttk megawidgets: configure and cget with options in Tk's spelling, any geometry manager, nothing left when destroyed. What
 # they show comes from a subject, and what is done to them goes there: none of them asks anybody, and none of them waits.
 
-package require Tk
-package require snit
-package require sorma::style
-package require sorma::subject
+package require sorma::parts
 package provide sorma::field 1.0
 
 # What the widgets for options have in common.
 #   -name    of the object      -option  -tempo        -apply  now (each change is sent) or later (the subject keeps it)
 #   -state   normal, readonly or disabled              -live   ms, for what changes by itself
+# A widget has methods Build, Put VALUE, to show it, and Enable STATE.
 snit::macro ::sorma::fieldParts {} {
-    hulltype ttk::frame
-    option -name -default {} -readonly 1
-    option -option -default {} -readonly 1
-    option -live -default 0 -readonly 1
+    ::sorma::parts {-name -option} 0
     option -apply -default now
     option -state -default normal -configuremethod SetState
-    variable subject {}
-    variable listener {}
-    variable facts {}           ;# what the option is, as the subject says it; empty: not known yet
     variable showing 0          ;# is it we who change the editor
     component editor
 
@@ -31,38 +23,6 @@ snit::macro ::sorma::fieldParts {} {
         if {$subject ne {}} {
             $self Show
         }
-    }
-    method Begin {} {
-        if {$options(-name) eq {} || $options(-option) eq {}} {
-            return -code error -errorcode {SORMA REQUEST SYNTAX} "[$self info type]: -name and -option must say what it is for"
-        }
-        set subject [::sorma::subject of $options(-name) -live $options(-live)]
-        set listener [$subject listen [mymethod Told]]
-        bind $win <Destroy> +[mymethod Ended %W]
-        bind $win <FocusIn> "[list focus] \[lindex \[winfo children [list $win]\] 0\]"
-        $self Table
-    }
-    method Ended window {
-        if {$window eq $win && $subject ne {}} {
-            $subject unlisten $listener
-            $subject release
-            set subject {}
-        }
-    }
-    method Told {what changed} {
-        if {$subject eq {}} return
-        if {$what eq "table"} {
-            $self Table
-        } elseif {$what eq "state" || $options(-option) in $changed} {
-            $self Show
-        }
-    }
-    method Table {} {
-        if {[$subject table] ne {}} {
-            set facts [$subject option $options(-option)]
-            $self Build
-        }
-        $self Show
     }
     # Somebody has changed the editor.
     method Edited value {
@@ -74,7 +34,7 @@ snit::macro ::sorma::fieldParts {} {
         }
     }
     method Show {} {
-        if {$facts eq {} || ![winfo exists $win]} return
+        if {$facts eq {}} return
         set told [$subject get $options(-option)]
         set showing 1
         $self Put [dict get $told value]
@@ -83,10 +43,7 @@ snit::macro ::sorma::fieldParts {} {
         $self Enable [expr {$can ? "normal" : $options(-state) eq "normal" ? "disabled" : $options(-state)}]
         event generate $win <<SormaShown>>
     }
-    # subject -- of the widget. value, apply, revert: of its option.
-    method subject {} {
-        return $subject
-    }
+    # value, apply, revert: of its option.
     method value {} {
         return [dict get [$subject get $options(-option)] value]
     }
@@ -98,39 +55,16 @@ snit::macro ::sorma::fieldParts {} {
     }
 }
 
-# ::sorma::entry .w -name NAME -option -OPTION -- a text or a number; Return and leaving the field take what was typed, Escape takes it
-# back.
-snit::widget ::sorma::entry {
+# Of those in which one types: Return and leaving the field take what was typed, Escape takes it back.
+snit::macro ::sorma::typedParts {} {
     ::sorma::fieldParts
-    variable text {}
-    constructor args {
-        install editor using ttk::entry $win.entry -textvariable [myvar text] -width 12
-        pack $editor -fill both -expand 1
-        $self configurelist $args
-        bind $editor <Return> [mymethod Take 1]
-        bind $editor <FocusOut> [mymethod Take 0]
-        bind $editor <Escape> [mymethod revert]
-        $self Begin
-        trace add variable [myvar text] write [mymethod Typed]      ;# by keys, or pasted
-    }
-    method Build {} {
-        if {[dict get $facts type] in {int double time}} {
-            $editor configure -justify right
-        }
-    }
-    # While somebody types nothing is put into the field but what was typed.
-    method Put value {
-        if {[focus] ne $editor || ![$self Touched]} {
-            set text $value
-        }
+    method Keys window {
+        bind $window <Return> [mymethod Take 1]
+        bind $window <FocusOut> [mymethod Take 0]
+        bind $window <Escape> [mymethod revert]
     }
     method Touched {} {
         return [expr {$options(-option) in [$subject edited]}]
-    }
-    method Typed args {
-        if {!$showing && $subject ne {} && $text ne [$self value]} {
-            $subject edit $options(-option) $text
-        }
     }
     method Take now {
         if {$subject eq {} || ![$self Touched]} return
@@ -138,8 +72,158 @@ snit::widget ::sorma::entry {
             $subject apply $options(-option)
         }
     }
+    # The colour of a text: that of a warning or an alarm when it is a number outside the limits.
+    method Ink shown {
+        return [::sorma::style colour [::sorma::subject zone [dict get $facts hints] $shown]]
+    }
+}
+
+# ::sorma::entry .w -name NAME -option -OPTION -- a text or a number. What the class says it stands for has something beside it: a file a
+# button to look for it, a colour a button that shows it, a time the local time, a sub-service a button that opens its panel.
+snit::widget ::sorma::entry {
+    ::sorma::typedParts
+    variable text {}
+    variable kind plain
+    variable swatch {}
+    constructor args {
+        install editor using ttk::entry $win.entry -textvariable [myvar text] -width 12
+        $self configurelist $args
+        $self Keys $editor
+        $self Begin
+        trace add variable [myvar text] write [mymethod Typed]      ;# by keys, or pasted
+    }
+    destructor {
+        if {$swatch ne {}} {
+            ::image delete $swatch
+        }
+    }
+    method Build {} {
+        if {[dict get $facts type] in {int double}} {
+            $editor configure -justify right
+        }
+        set kind [expr {[dict get $facts type] eq "service" ? "service" : [dict exists $facts hints kind] ? [dict get $facts hints kind] : "plain"}]
+        destroy $win.beside
+        switch -- $kind {
+            file { ttk::button $win.beside -text "\u2026" -width 3 -command [mymethod Browse] }
+            colour {
+                if {$swatch eq {}} {
+                    set swatch [::image create photo -width [::sorma::style pixels 24] -height [::sorma::style pixels 12]]
+                }
+                ttk::button $win.beside -image $swatch -command [mymethod PickColour]
+            }
+            time { ttk::label $win.beside -width 20 }
+            service {
+                ttk::button $win.beside -text "\u2192" -width 3 -command [mymethod Open]
+                ::sorma::style tip $win.beside "Opens its panel"
+            }
+        }
+        if {[winfo exists $win.beside]} {
+            pack $win.beside -side right -padx [list [::sorma::style pixels 4] 0]
+        }
+        pack $editor -side left -fill both -expand 1
+    }
+    # While somebody types nothing is put into the field but what was typed.
+    method Put value {
+        if {[focus] ne $editor || ![$self Touched]} {
+            set text $value
+        }
+        $editor configure -foreground [$self Ink $text]
+        switch -- $kind {
+            colour {
+                $swatch blank
+                if {![catch {winfo rgb $win $text}] && $text ne {}} {
+                    $swatch put [list $text] -to 0 0 [::image width $swatch] [::image height $swatch]
+                }
+            }
+            time {
+                set known [expr {[string is double -strict $text] && abs($text) < 1e11}]
+                $win.beside configure -text [if {$known} {clock format [expr {entier(floor($text))}] -format "%Y-%m-%d %H:%M:%S"}]
+            }
+            service { $win.beside state [expr {$text eq {} ? "disabled" : "!disabled"}] }
+        }
+    }
+    method Typed args {
+        if {!$showing && $subject ne {} && $text ne [$self value]} {
+            $subject edit $options(-option) $text
+        }
+    }
+    method Browse {} {
+        set file [tk_getOpenFile -parent $win -initialdir [file dirname $text] -initialfile [file tail $text]]
+        if {$file ne {}} {
+            $self Edited $file
+        }
+    }
+    method PickColour {} {
+        set colour [tk_chooseColor -parent $win {*}[if {![catch {winfo rgb $win $text}] && $text ne {}} {list -initialcolor $text}]]
+        if {$colour ne {}} {
+            $self Edited $colour
+        }
+    }
+    method Open {} {
+        package require sorma::window
+        ::sorma::window panel [$subject place $text]
+    }
     method Enable state {
         $editor configure -state $state
+        if {$kind in {file colour}} {
+            $win.beside state [expr {$state eq "normal" ? "!disabled" : "disabled"}]
+        }
+    }
+}
+
+# ::sorma::vector -- numbers in a row, with the names that the class gives them.
+snit::widget ::sorma::vector {
+    ::sorma::typedParts
+    variable texts              ;# array: 1 .. n -> text
+    variable entries {}
+    constructor args {
+        $self configurelist $args
+        $self Begin
+    }
+    method Build {} {
+        destroy {*}[winfo children $win]
+        set entries {}
+    }
+    method Make n {
+        if {$n <= [llength $entries]} return
+        set pad [list 0 [::sorma::style pixels 4]]
+        for {set i [expr {[llength $entries] + 1}]} {$i <= $n} {incr i} {
+            lappend entries [ttk::entry $win.entry$i -textvariable [myvar texts($i)] -width 7 -justify right]
+            trace add variable [myvar texts($i)] write [mymethod Typed]
+            $self Keys $win.entry$i
+            grid $win.entry$i -row 1 -column $i -sticky ew -padx $pad
+            grid columnconfigure $win $i -weight 1
+            if {[dict exists $facts hints names]} {
+                ttk::label $win.name$i -text [lindex [dict get $facts hints names] $i-1] -font [::sorma::style font small]
+                grid $win.name$i -row 0 -column $i
+            }
+        }
+        event generate $win <<SormaBuilt>>
+    }
+    method Put value {
+        set numbers [regexp -all -inline {\S+} $value]
+        $self Make [llength $numbers]
+        set typing [expr {[focus] in $entries && [$self Touched]}]
+        set i 0
+        foreach entry $entries {
+            incr i
+            if {!$typing} {
+                set texts($i) [lindex $numbers $i-1]
+            }
+            $entry configure -foreground [$self Ink $texts($i)]
+        }
+    }
+    method Typed args {
+        if {$showing || $subject eq {}} return
+        set value [string trim [join [lmap i [lsort -integer [array names texts]] {set texts($i)}]]]
+        if {$value ne [$self value]} {
+            $subject edit $options(-option) $value
+        }
+    }
+    method Enable state {
+        foreach entry $entries {
+            $entry configure -state $state
+        }
     }
 }
 
@@ -161,15 +245,7 @@ snit::widget ::sorma::slider {
         $self Begin
     }
     method Build {} {
-        lassign [Range [dict get $facts range]] low high
-        $editor configure -from $low -to $high
-    }
-    # low .. high
-    proc Range range {
-        if {![regexp {^(\S+) \.\. (\S+)$} $range -> low high]} {
-            return {0 1}
-        }
-        return [list $low $high]
+        $editor configure -from [dict get $facts low] -to [dict get $facts high]
     }
     method Moved value {
         if {$showing || $facts eq {}} return
@@ -177,8 +253,7 @@ snit::widget ::sorma::slider {
     }
     # As many digits as pixels of the scale can tell.
     method Rounded value {
-        lassign [Range [dict get $facts range]] low high
-        set step [expr {($high - $low) / max(1.0, [winfo width $editor])}]
+        set step [expr {([dict get $facts high] - [dict get $facts low]) / max(1.0, [winfo width $editor])}]
         set digits [expr {$step > 0 ? max(0, int(ceil(-log10($step)))) : 3}]
         return [expr {double([format %.*f $digits $value])}]
     }
@@ -189,7 +264,7 @@ snit::widget ::sorma::slider {
     }
     method Enable state {
         $editor state [expr {$state eq "normal" ? "!disabled" : "disabled"}]
-        $entry configure -state $options(-state)
+        $entry configure -state $options(-state) -apply $options(-apply)
     }
 }
 
@@ -268,6 +343,18 @@ snit::widget ::sorma::check {
     method Enable state {
         $editor state [expr {$state eq "normal" ? "!disabled" : "disabled"}]
     }
+}
+
+# ::sorma::field .w facts ?option value ...? -- the widget that fits an option of which the subject says these facts.
+proc ::sorma::field {window facts args} {
+    set closed [expr {[dict get $facts low] ne {} && [dict get $facts high] ne {}}]
+    switch -- [dict get $facts type] {
+        flag { set widget check }
+        enum { set widget choice }
+        vector { set widget [expr {[regexp {(\d+) elements?$} [dict get $facts range] -> n] && $n <= 8 ? "vector" : "entry"}] }
+        default { set widget [expr {$closed && ![dict exists $facts hints kind] ? "slider" : "entry"}] }
+    }
+    return [::sorma::$widget $window {*}$args]
 }
 
 # ::sorma::button .w -name NAME -request {CTRL -start} ?-text text? ?-command prefix? -- runs a request, and shows that it runs, that it is

@@ -2,6 +2,7 @@
 
 package require Tk
 package require snit
+package require sorma::options
 package require sorma::style
 package require sorma::subject
 package provide sorma::image 1.0
@@ -188,13 +189,7 @@ snit::widget ::sorma::image {
     # ---- marks ----
 
     method Mark {tag kind coordinates text words} {
-        set facts [dict create -colour #f5c211]
-        foreach {option value} $words {
-            if {$option ne "-colour"} {
-                return -code error -errorcode {SORMA REQUEST SYNTAX} "bad option \"$option\": must be -colour"
-            }
-            dict set facts $option $value
-        }
+        set facts [::sorma::options::parse {-colour {any #f5c211}} $words]
         foreach n $coordinates {
             if {![string is double -strict $n]} {
                 return -code error -errorcode {SORMA REQUEST SYNTAX} "$kind $tag: expected a number of pixels, got \"$n\""

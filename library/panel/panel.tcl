@@ -1,60 +1,70 @@
 # panel.tcl -- sorma::panel, a panel for any service object, from its option table and its signature alone.
 #
-# Its parts are the widgets of field.tcl and one subject; it asks nobody itself, and a daemon that does not answer never makes it stand
-# still: its fields turn stale, and say why.
+# Its parts are the widgets of field.tcl and execform.tcl and one subject; it asks nobody itself, and a daemon that does not answer never
+# makes it stand still: its fields turn stale, and say why.
 
-package require Tk
-package require snit
+package require sorma::execform
 package require sorma::field
 package require sorma::lamp
-package require sorma::reply
+package require sorma::layout
 package require sorma::trailview
+package require sorma::window
 package provide sorma::panel 1.0
 
-# ::sorma::panel .w NAME ?-options list? ?-live ms? ?-apply now|later? ?-state normal|readonly? --
+# ::sorma::panel .w NAME ?-options list? ?-groups dict? ?-layout file? ?-live ms? ?-apply now|later? ?-state normal|readonly? --
 #       A frame with everything that can be set, tried and asked of an object, here or elsewhere. The object need not be there.
 # Arguments:
 #       list    of options that are shown, in this order; default all
+#       dict    title -> list of options that stand together; default: the groups of the class
+#       file    as the panel has saved it (layout.tcl): groups, order, and what is hidden
 #       ms      how often what changes by itself is asked for, default 1000
 #       later   changes are kept until Apply is pressed; a switch in the panel changes that
 # Methods:
-#       subject, apply, revert; field OPTION: the widget of an option; search TEXT; execute
+#       subject, apply, revert; field OPTION: the widget of an option; search TEXT; execute; layout: as text; load FILE, save FILE: a layout;
+#       move OPTION STEP, hide OPTION
 snit::widget ::sorma::panel {
     hulltype ttk::frame
     option -options -default {} -readonly 1
+    option -groups -default {} -readonly 1
+    option -layout -default {} -readonly 1
     option -live -default 1000 -readonly 1
     option -apply -default later -configuremethod SetApply
     option -state -default normal -configuremethod SetState
     variable subject {}
     variable listener {}
-    variable shape {}           ;# of the table that is shown
-    variable rows {}            ;# dict: -option -> number of its row
+    variable rows {}            ;# dict: -option -> number of its widgets
+    variable layout {}          ;# as layout.tcl has it
+    variable given {}           ;# layout that was given; empty: the class's own
     variable wanted {}          ;# what is searched for
     variable searchable 12      ;# options: with more there is a field to search in
     variable trailShown 0
     variable atOnce 0
     variable readOnly 0
+    variable asked {}           ;# in the line that asks for a word
     component canvas
     component inner
 
     constructor {name args} {
         set subject [::sorma::subject of $name -live [from args -live 1000]]
         $self configurelist $args
+        set given [if {$options(-layout) ne {}} {::sorma::layout read $options(-layout)} else {::sorma::layout of $options(-groups)}]
         set listener [$subject listen [mymethod Told]]
         set pad [::sorma::style pixels 6]
         set small [::sorma::style pixels 3]
-        # What it is, and how it is.
+        # What it is, how it is, and what stops it.
         ttk::frame $win.head
         ttk::label $win.head.name -text [$subject name] -font [::sorma::style font strong]
         ::sorma::status $win.head.state -name [$subject name]
         ttk::label $win.head.purpose -foreground [::sorma::style colour asking]
-        ttk::checkbutton $win.head.readonly -text "read only" -variable [myvar readOnly] -command [mymethod Switched]
-        grid $win.head.name $win.head.state $win.head.readonly -sticky ew -padx [list 0 $pad]
+        ttk::checkbutton $win.head.readonly -text "read only" -variable [myvar readOnly] -command [mymethod Switched] -underline 5
+        ttk::frame $win.head.stop
+        grid $win.head.name $win.head.state $win.head.readonly $win.head.stop -sticky ew -padx [list 0 $pad]
         grid $win.head.purpose - - -sticky w
+        grid configure $win.head.stop -rowspan 2
         grid columnconfigure $win.head 1 -weight 1
         # What can be set.
         ttk::frame $win.find
-        ttk::label $win.find.label -text "Search"
+        ttk::label $win.find.label -text "Search" -underline 0
         ttk::entry $win.find.entry -textvariable [myvar wanted]
         pack $win.find.label -side left -padx [list 0 $pad]
         pack $win.find.entry -side left -fill x -expand 1
@@ -75,27 +85,46 @@ snit::widget ::sorma::panel {
         ttk::checkbutton $win.apply.once -text "apply at once" -variable [myvar atOnce] -command [mymethod Switched]
         pack $win.apply.apply $win.apply.revert -side left -padx [list 0 $pad]
         pack $win.apply.once -side right
+        # What was asked for in menus: a word, and what was answered.
+        ttk::frame $win.ask
+        ttk::label $win.ask.label
+        ttk::entry $win.ask.entry -textvariable [myvar asked]
+        ttk::button $win.ask.ok -text OK
+        pack $win.ask.label $win.ask.entry $win.ask.ok -side left -padx [list 0 $pad]
+        pack configure $win.ask.entry -fill x -expand 1
+        bind $win.ask.entry <Return> [list $win.ask.ok invoke]
+        bind $win.ask.entry <Escape> [list grid remove $win.ask]
+        ttk::label $win.said -wraplength [::sorma::style pixels 420] -justify left
+        bind $win.said <ButtonPress-1> [mymethod Say {}]
         # What it does.
         ttk::frame $win.actions
-        ttk::labelframe $win.exec -text EXEC -padding $pad
-        ttk::button $win.exec.go -text Execute -command [mymethod execute] -underline 0
-        ttk::label $win.exec.lamp -width 2
-        text $win.exec.reply -height 5 -width 40 -wrap word -state disabled -font [::sorma::style font fixed] -relief flat \
-            -background [ttk::style lookup . -background] -foreground [ttk::style lookup . -foreground] -takefocus 0
+        ttk::labelframe $win.what -text EXEC -padding $pad
+        ::sorma::execform $win.exec -name [$subject name]
+        raise $win.exec
+        pack $win.exec -in $win.what -fill both -expand 1
+        bind $win.exec <<SormaReplied>> [list event generate $win <<SormaReplied>>]
         grid $win.head -sticky ew -padx $pad -pady [list $pad $small]
         grid $win.find -sticky ew -padx $pad -pady $small
         grid $win.body -sticky nsew -padx $pad -pady $small
-        grid $win.apply -sticky ew -padx $pad -pady $small
-        grid $win.actions -sticky ew -padx $pad -pady $small
-        grid $win.exec -sticky ew -padx $pad -pady [list $small $pad]
+        foreach part {apply ask said actions} {
+            grid $win.$part -sticky ew -padx $pad -pady $small
+        }
+        grid remove $win.ask $win.said
+        grid $win.what -sticky ew -padx $pad -pady [list $small $pad]
         # What went wrong: folded until somebody wants to see it.
-        ttk::checkbutton $win.trail -text "Trail" -variable [myvar trailShown] -command [mymethod Unfold] -style Toolbutton
+        ttk::checkbutton $win.trail -text "Trail" -variable [myvar trailShown] -command [mymethod Unfold] -style Toolbutton -underline 0
         grid $win.trail -sticky w -padx $pad -pady [list 0 $small]
         grid columnconfigure $win 0 -weight 1
         grid rowconfigure $win 2 -weight 1
         bind $win <Destroy> +[mymethod Ended %W]
-        foreach {key method} {<Alt-a> apply <Alt-r> revert <Alt-e> execute} {
-            bind $win $key [mymethod $method]
+        # Keys act wherever the focus is within the panel, and not in one beside it.
+        foreach {key script} [list <Alt-a> [mymethod apply] <Alt-r> [mymethod revert] <Alt-e> [mymethod execute] \
+                <Alt-s> [list focus $win.find.entry] <Alt-t> [list $win.trail invoke] \
+                <Alt-o> [list $win.head.readonly invoke]] {
+            bind [$self Tag] $key "$script; break"
+        }
+        foreach event {<Button-3> <Key-Menu> <Shift-F10>} {
+            bind [$self Tag] $event [mymethod Popup %W %X %Y]
         }
         $self Table
         $self Switched
@@ -103,10 +132,17 @@ snit::widget ::sorma::panel {
 
     method Ended window {
         if {$window eq $win && $subject ne {}} {
+            foreach event [bind [$self Tag]] {
+                bind [$self Tag] $event {}
+            }
             $subject unlisten $listener
             $subject release
             set subject {}
         }
+    }
+    # The tag of all windows in the panel.
+    method Tag {} {
+        return SormaPanel$win
     }
 
     # ---- what programs say ----
@@ -115,69 +151,51 @@ snit::widget ::sorma::panel {
         return $subject
     }
     method apply {} {
-        $subject apply
+        if {!$readOnly} {
+            $subject apply
+        }
     }
     method revert {} {
         $subject revert
         focus $win
     }
     method field option {
+        return $inner.field[$self Row $option]
+    }
+    method Row option {
         if {![dict exists $rows $option]} {
             return -code error -errorcode [list SORMA OPTION UNKNOWN $option] "[$subject name]: the panel shows no option $option"
         }
-        return $inner.field[dict get $rows $option]
+        return [dict get $rows $option]
     }
     method search text {
         set wanted $text
         $self Arrange
     }
-    # execute -- EXEC with what stands in the form.
     method execute {} {
-        if {$readOnly} return
-        set words EXEC
-        foreach {field key} {floats FMSG ints IMSG words WMSG text TMSG any AMSG} {
-            set entry $win.exec.in_$field
-            if {![winfo exists $entry]} continue
-            set value [$entry get]
-            if {$value eq {}} continue
-            if {$field in {floats ints words}} {
-                if {[catch {llength $value} n]} {
-                    return [$self Replied error [list "$field: $n" {}]]
-                }
-                lappend words $key $n {*}$value
-            } else {
-                lappend words $key $value
-            }
-        }
-        $win.exec.lamp configure -text [::sorma::style mark sending] -foreground [::sorma::style colour sending]
-        $subject ask $words [mymethod Replied]
+        $win.exec execute
     }
-    method Replied {status value} {
-        if {![winfo exists $win]} return
-        if {$status eq "ok"} {
-            set state [expr {[dict get $value code] > 0 ? "warn" : "good"}]
-            set text [::sorma::show $value -colour 0 -width 0]
-        } else {
-            set state refused
-            set text [lindex $value 0]
-        }
-        $win.exec.lamp configure -text [::sorma::style mark $state] -foreground [::sorma::style colour $state]
-        $win.exec.reply configure -state normal
-        $win.exec.reply replace 1.0 end $text
-        $win.exec.reply configure -state disabled
-        event generate $win <<SormaReplied>>
+    method layout {} {
+        return [::sorma::layout text $layout]
     }
-
-    method Unfold {} {
-        if {$trailShown && ![winfo exists $win.messages]} {
-            set name [$subject name]
-            ::sorma::trailview $win.messages -keys [string map {* \\* ? \\? [ \\[} [if {[string first @ $name] < 0} {string cat $name@self} else {set name}]]
-        }
-        if {$trailShown} {
-            grid $win.messages -row 7 -sticky nsew -padx [::sorma::style pixels 6] -pady [list 0 [::sorma::style pixels 6]]
-        } else {
-            grid remove $win.messages
-        }
+    method save file {
+        ::sorma::layout write $file $layout
+    }
+    method load file {
+        set given [::sorma::layout read $file]
+        $self Laid
+    }
+    method move {option step} {
+        $self Row $option
+        $self Relay [::sorma::layout move $layout $option $step]
+    }
+    method hide option {
+        $self Row $option
+        $self Relay [::sorma::layout hide $layout $option]
+    }
+    method Relay new {
+        set given $new
+        $self Laid
     }
 
     # ---- building ----
@@ -192,20 +210,20 @@ snit::widget ::sorma::panel {
         set readOnly [expr {$value ne "normal"}]
         $self Switched
     }
-    # One of the switches was moved.
+    # One of the switches was moved. What stops a motion is never switched off.
     method Switched {} {
         set options(-apply) [expr {$atOnce ? "now" : "later"}]
         set options(-state) [expr {$readOnly ? "readonly" : "normal"}]
         foreach {option row} $rows {
             $inner.field$row configure -apply $options(-apply) -state $options(-state)
         }
-        if {[winfo exists $win.exec.go]} {
-            set state [expr {$readOnly ? "disabled" : "!disabled"}]
-            $win.exec.go state $state
+        if {[winfo exists $win.exec]} {
+            set state [expr {$readOnly ? "disabled" : "normal"}]
+            $win.exec configure -state $state
             foreach child [winfo children $win.actions] {
-                $child configure -state [expr {$readOnly ? "disabled" : "normal"}]
+                $child configure -state $state
             }
-            $self Shown
+            $self Shown [dict keys $rows]
         }
     }
 
@@ -214,7 +232,7 @@ snit::widget ::sorma::panel {
         if {$what eq "table"} {
             $self Table
         }
-        $self Shown
+        $self Shown [if {$what eq "values"} {set changed} else {dict keys $rows}]
     }
 
     # The table has come, or it is another one.
@@ -226,100 +244,113 @@ snit::widget ::sorma::panel {
         set chosen [expr {$options(-options) eq {} ? $all : [lmap option $options(-options) {if {$option ni $all} continue; set option}]}]
         destroy {*}[winfo children $inner]
         set rows {}
-        set pad [::sorma::style pixels 4]
         set n 0
         foreach option $chosen {
             dict set rows $option [incr n]
             set facts [$subject option $option]
             ttk::label $inner.mark$n -width 2 -anchor center
             ttk::label $inner.label$n -text [string range $option 1 end]
-            [Kind $facts] $inner.field$n -name [$subject name] -option $option -apply $options(-apply) -state $options(-state)
+            ::sorma::field $inner.field$n $facts -name [$subject name] -option $option -apply $options(-apply) -state $options(-state)
+            bind $inner.field$n <<SormaBuilt>> [mymethod Tagged $inner.field$n]
             ttk::label $inner.unit$n -text [dict get $facts unit]
             ttk::label $inner.why$n -font [::sorma::style font small] -wraplength [::sorma::style pixels 380] -justify left
             foreach part {label field} {
-                ::sorma::style tip $inner.$part$n [string cat [dict get $facts help] [if {[dict get $facts range] ne {}} {string cat "\n" [dict get $facts range]}]]
+                ::sorma::style tip $inner.$part$n [string trim "[dict get $facts help]\n[dict get $facts range]"]
             }
-            bind $inner.label$n <Button-3> [mymethod Menu $option %X %Y]
         }
         grid columnconfigure $inner 2 -weight 1
-        $self Arrange
-        # Actions, and EXEC.
-        destroy {*}[winfo children $win.actions]
+        $self Actions $table
+        $self Laid
+        $self Tagged $win
+    }
+    # All windows of it know the panel's keys, its menu and its wheel.
+    method Tagged window {
+        ::sorma::style tag $window [$self Tag]
+        if {$window ne $win} {
+            ::sorma::style bindWheel $window $canvas
+        } else {
+            ::sorma::style bindWheel $canvas $canvas
+        }
+    }
+
+    # A button for each action; what stops stands above, where it cannot be scrolled away.
+    method Actions table {
+        destroy {*}[winfo children $win.actions] {*}[winfo children $win.head.stop]
+        set pad [::sorma::style pixels 4]
         set n 0
         foreach action [dict get $table actions] {
             lassign $action word usage help least
-            if {$least > 0} continue
-            set button [::sorma::button $win.actions.b[incr n] -name [$subject name] -request [list CTRL $word]]
-            ::sorma::style tip $button $help
-            grid $button -row [expr {($n - 1) / 4}] -column [expr {($n - 1) % 4}] -sticky ew -padx [list 0 $pad] -pady [list 0 $pad]
-        }
-        $self Form $table
-        ::sorma::style bindWheel $canvas $canvas
-    }
-
-    # The widget for an option.
-    proc Kind facts {
-        switch -- [dict get $facts type] {
-            flag { return ::sorma::check }
-            enum { return ::sorma::choice }
-            int - double {
-                if {[regexp {^-?[\d.]\S* \.\. -?[\d.]\S*$} [dict get $facts range]]} {
-                    return ::sorma::slider
+            if {$word in {-stop -halt -abort}} {
+                set button [::sorma::button $win.head.stop.b[incr n] -name [$subject name] -request [list CTRL $word]]
+                pack $button -side left
+            } else {
+                set button $win.actions.b[incr n]
+                if {$least > 0} {
+                    ttk::button $button -text "[string totitle [string range $word 1 end]] \u2026" -command [mymethod Ask "$word $usage" {} [mymethod Act $word]]
+                } else {
+                    ::sorma::button $button -name [$subject name] -request [list CTRL $word]
                 }
+                set at [llength [grid slaves $win.actions]]
+                grid $button -row [expr {$at / 4}] -column [expr {$at % 4}] -sticky ew -padx [list 0 $pad] -pady [list 0 $pad]
             }
+            ::sorma::style tip $button $help
         }
-        return ::sorma::entry
+    }
+    method Act {word text} {
+        if {[catch {llength $text}]} {
+            return [$self Say "$word: expected words, a list; got \"$text\"" refused]
+        }
+        $self Do [list CTRL $word {*}$text]
     }
 
-    method Form table {
-        foreach child [winfo children $win.exec] {
-            if {[string match *.in_* $child] || [string match *.of_* $child]} {
+    # ---- the order of the fields ----
+
+    method Laid {} {
+        if {$rows eq {}} return
+        set hints [dict get [$subject table] hints]
+        set layout [::sorma::layout complete [if {$given ne {}} {set given} else {::sorma::layout byGroup [dict keys $rows] $hints}] [dict keys $rows]]
+        foreach child [winfo children $inner] {
+            if {[string match $inner.group* $child]} {
                 destroy $child
             }
         }
-        set pad [::sorma::style pixels 4]
-        set row 0
-        foreach item [lsort -unique -index 0 [dict get $table reads]] {
-            set field [lindex $item 0]
-            set helps [join [lmap part [lsearch -all -inline -index 0 [dict get $table reads] $field] {
-                lassign $part - low high unit help
-                string cat [expr {$low eq $high ? $low : $high < 0 ? "$low or more" : "$low to $high"}] [if {$unit ne {}} {string cat " " $unit}] [if {$help ne {}} {string cat ": " $help}]
-            }] "; "]
-            ttk::label $win.exec.of_$field -text $field
-            ttk::entry $win.exec.in_$field
-            bind $win.exec.in_$field <Return> [mymethod execute]
-            ttk::label $win.exec.of_help$field -text $helps -font [::sorma::style font small] -foreground [::sorma::style colour asking]
-            grid $win.exec.of_$field -row $row -column 0 -sticky w -padx [list 0 $pad]
-            grid $win.exec.in_$field -row $row -column 1 -sticky ew
-            grid $win.exec.of_help$field -row [incr row] -column 1 -sticky w
-            incr row
+        set n 0
+        foreach {title members} [dict get $layout groups] {
+            ttk::label $inner.group[incr n] -text $title -font [::sorma::style font strong]
         }
-        grid $win.exec.go -row $row -column 0 -sticky w -pady $pad
-        grid $win.exec.lamp -row $row -column 1 -sticky w
-        grid $win.exec.reply -row [incr row] -column 0 -columnspan 2 -sticky ew
-        grid columnconfigure $win.exec 1 -weight 1
+        $self Arrange
     }
-
     # Only what is searched for is shown.
     method Arrange {} {
+        if {$layout eq {}} return
+        grid remove {*}[winfo children $inner]
         set pattern *[string map {* \\* ? \\? \[ \\\[ \\ \\\\} $wanted]*
         set pad [::sorma::style pixels 4]
-        set shown 0
-        dict for {option n} $rows {
-            set facts [$subject option $option]
-            if {$wanted ne {} && ![string match -nocase $pattern "$option [dict get $facts help]"]} {
-                grid remove $inner.mark$n $inner.label$n $inner.field$n $inner.unit$n $inner.why$n
-                continue
-            }
-            incr shown
-            grid $inner.mark$n -row [expr {2 * $n}] -column 0
-            grid $inner.label$n -row [expr {2 * $n}] -column 1 -sticky w -padx [list 0 $pad]
-            grid $inner.field$n -row [expr {2 * $n}] -column 2 -sticky ew -pady [list $pad 0]
-            grid $inner.unit$n -row [expr {2 * $n}] -column 3 -sticky w -padx $pad
-            if {[$inner.why$n cget -text] ne {}} {
-                grid $inner.why$n -row [expr {2 * $n + 1}] -column 2 -columnspan 2 -sticky w
-            } else {
-                grid remove $inner.why$n
+        set row 0
+        set group 0
+        set first {}
+        foreach {title members} [dict get $layout groups] {
+            incr group
+            set any 0
+            incr row
+            foreach option $members {
+                if {$wanted ne {} && ![string match -nocase $pattern "$option [dict get [$subject option $option] help] $title"]} continue
+                if {!$any && $title ne {}} {
+                    grid $inner.group$group -row $row -column 1 -columnspan 3 -sticky w -pady [list [expr {2 * $pad}] 0]
+                }
+                set any 1
+                set n [dict get $rows $option]
+                grid $inner.mark$n -row [incr row] -column 0
+                grid $inner.label$n -row $row -column 1 -sticky w -padx [list 0 $pad]
+                grid $inner.field$n -row $row -column 2 -sticky ew -pady [list $pad 0]
+                grid $inner.unit$n -row $row -column 3 -sticky w -padx $pad
+                grid $inner.why$n -row [incr row] -column 2 -columnspan 2 -sticky w
+                if {[$inner.why$n cget -text] eq {}} {
+                    grid remove $inner.why$n
+                }
+                # Tab goes from field to field as they are seen.
+                raise $inner.field$n
+                set first 1
             }
         }
         if {[dict size $rows] > $searchable} {
@@ -327,46 +358,154 @@ snit::widget ::sorma::panel {
         } else {
             grid remove $win.find
         }
-        if {$shown == 0 && [dict size $rows] > 0 && ![winfo exists $inner.none]} {
-            grid [ttk::label $inner.none -text "no option has \"$wanted\" in its name or its help"] -row 0 -column 0 -columnspan 4 -sticky w
-        } elseif {$shown > 0} {
-            destroy $inner.none
+        destroy $inner.none
+        if {$first eq {} && [dict size $rows] > 0} {
+            grid [ttk::label $inner.none -text [expr {$wanted ne {} ? "no option has \"$wanted\" in its name or its help" : "all options are hidden"}]] \
+                -row 0 -column 0 -columnspan 4 -sticky w
         }
     }
     method Sized {} {
         $canvas configure -scrollregion [$canvas bbox all]
     }
 
-    # Marks, messages, and how its daemon is.
-    method Shown {} {
-        dict for {option n} $rows {
-            set told [$subject get $option]
-            set mark [dict get $told state]
+    # ---- marks and messages ----
+
+    method Shown changed {
+        foreach option $changed {
+            if {![dict exists $rows $option]} continue
+            set n [dict get $rows $option]
+            lassign [$self Mark [$subject get $option] [$subject option $option]] mark why
             set colour [::sorma::style colour $mark]
-            set why [dict get $told why]
-            if {$mark eq "theirs"} {
-                set why "[if {[dict get $told by] ne {}} {string cat [dict get $told by]} else {string cat somebody}] has set it to [dict get $told live] meanwhile"
+            if {[$inner.mark$n cget -text] ne [::sorma::style mark $mark]} {
+                $inner.mark$n configure -text [::sorma::style mark $mark] -foreground $colour
             }
-            $inner.mark$n configure -text [::sorma::style mark $mark] -foreground $colour
             if {[$inner.why$n cget -text] ne $why} {
                 $inner.why$n configure -text $why -foreground $colour
-                $self Arrange
+                if {$why ne {} && [winfo manager $inner.field$n] eq "grid"} {
+                    grid $inner.why$n
+                } else {
+                    grid remove $inner.why$n
+                }
             }
         }
         set edited [expr {[llength [$subject edited]] > 0 ? "!disabled" : "disabled"}]
         $win.apply.apply state [expr {$readOnly ? "disabled" : $edited}]
         $win.apply.revert state $edited
     }
+    # The mark of an option, and what stands below it.
+    method Mark {told facts} {
+        set state [dict get $told state]
+        set zone [::sorma::subject zone [dict get $facts hints] [dict get $told live]]
+        if {$state eq "theirs"} {
+            set by [expr {[dict get $told by] ne {} ? [dict get $told by] : "somebody"}]
+            set at [clock format [expr {[dict get $told at] / 1000}] -format %H:%M:%S]
+            return [list theirs "$by has set it to [dict get $told live] at $at"]
+        } elseif {$state eq "live" && $zone ne "live"} {
+            lassign [dict get $facts hints $zone] low high
+            return [list $zone "[expr {$zone eq {alarm} ? {alarm} : {warning}}]: outside [string trim "$low .. $high"]"]
+        }
+        return [list $state [dict get $told why]]
+    }
+    method Say {text {state live}} {
+        $win.said configure -text $text -foreground [::sorma::style colour $state]
+        if {$text ne {}} {
+            grid $win.said
+        } else {
+            grid remove $win.said
+        }
+    }
+    # A request of a menu: its answer stands in the panel.
+    method Do words {
+        $self Say "\u2026"
+        $subject ask $words [mymethod Done $words]
+    }
+    method Done {words status value} {
+        if {![winfo exists $win]} return
+        if {$status ne "ok"} {
+            return [$self Say [lindex $value 0] refused]
+        }
+        $self Say [if {[dict exists $value text] && [dict get $value text] ne {}} {dict get $value text} else {string cat "[join $words]: done"}] good
+    }
+    # Ask for a word; PREFIX is called with it.
+    method Ask {what default prefix} {
+        $win.ask.label configure -text $what
+        set asked $default
+        $win.ask.ok configure -command [mymethod Asked $prefix]
+        grid $win.ask
+        focus $win.ask.entry
+    }
+    method Asked prefix {
+        grid remove $win.ask
+        uplevel #0 [list {*}$prefix $asked]
+    }
+    method Unfold {} {
+        if {$trailShown && ![winfo exists $win.messages]} {
+            set name [$subject name]
+            ::sorma::trailview $win.messages -keys [string map {* \\* ? \\? [ \\[} [if {[string first @ $name] < 0} {string cat $name@self} else {set name}]]
+            grid $win.messages -sticky nsew -padx [::sorma::style pixels 6] -pady [list 0 [::sorma::style pixels 6]]
+        } elseif {$trailShown} {
+            grid $win.messages
+        } else {
+            grid remove $win.messages
+        }
+    }
 
-    # What can be done with one option.
-    method Menu {option x y} {
+    # ---- menus ----
+
+    # The menu of the field at a window, or of the panel.
+    method Popup {window x y} {
+        if {[string match $win.messages* $window] || [string match $win.exec* $window]} return
+        if {$x eq "??" || $x <= 0} {
+            set x [expr {[winfo rootx $window] + 5}]
+            set y [expr {[winfo rooty $window] + [winfo height $window]}]
+        }
         destroy $win.menu
         menu $win.menu -tearoff 0
-        $win.menu add command -label "Apply $option" -command [list $subject apply $option]
-        $win.menu add command -label "Revert $option" -command [list $subject revert $option]
-        $win.menu add command -label "Undo what was set last" -command [list $subject ask {CTRL -undo} list]
-        $win.menu add command -label "Copy as a request" -command [mymethod Copy $option]
+        set option {}
+        if {[regexp {^\.(?:field|label|mark|unit|why)(\d+)} [string range $window [string length $inner] end] -> n]} {
+            set option [lindex [dict keys [dict filter $rows value $n]] 0]
+        }
+        if {$option ne {}} {
+            $self FieldMenu $win.menu $option
+        } else {
+            $self PanelMenu $win.menu
+        }
         tk_popup $win.menu $x $y
+    }
+    method FieldMenu {menu option} {
+        set can [expr {$readOnly ? "disabled" : "normal"}]
+        set edited [expr {$option in [$subject edited] ? "normal" : "disabled"}]
+        $menu add command -label "Apply $option" -underline 0 -state [expr {$readOnly ? "disabled" : $edited}] -command [list $subject apply $option]
+        $menu add command -label "Revert $option" -underline 0 -state $edited -command [list $subject revert $option]
+        $menu add command -label "Undo what was set last" -underline 0 -state $can -command [mymethod Do {CTRL -undo}]
+        $menu add separator
+        $menu add command -label "Copy as a request" -underline 0 -command [mymethod Copy $option]
+        $menu add command -label "Why this value" -underline 0 -command [mymethod Do [list DBX -why $option]]
+        if {[dict get [$subject option $option] type] in {int double}} {
+            $menu add command -label "Plot this" -underline 0 -command [list ::sorma::window chart [$subject name] $option]
+        }
+        $menu add separator
+        $menu add command -label "Move up" -underline 5 -command [mymethod move $option -1]
+        $menu add command -label "Move down" -underline 5 -command [mymethod move $option 1]
+        $menu add command -label "Hide" -underline 0 -command [mymethod hide $option]
+        $menu add separator
+        $self PanelMenu $menu
+    }
+    method PanelMenu menu {
+        set can [expr {$readOnly ? "disabled" : "normal"}]
+        $menu add command -label "Differences from the recipe" -underline 0 -command [mymethod Do {DBX -diff}]
+        $menu add command -label "Save as flavor \u2026" -underline 0 -state $can -command [mymethod Ask "Save as flavor" {} [mymethod SaveFlavor]]
+        $menu add command -label "Save layout \u2026" -underline 5 -command [mymethod AskFile save tk_getSaveFile]
+        $menu add command -label "Load layout \u2026" -underline 6 -command [mymethod AskFile load tk_getOpenFile]
+    }
+    method SaveFlavor flavor {
+        $self Do [list CTRL -save {*}[if {$flavor ne {}} {list $flavor}]]
+    }
+    method AskFile {method command} {
+        set file [$command -parent $win -defaultextension .layout -filetypes {{Layout .layout} {All *}}]
+        if {$file ne {} && [catch {$self $method $file} message]} {
+            $self Say $message refused
+        }
     }
     method Copy option {
         clipboard clear -displayof $win

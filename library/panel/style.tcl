@@ -6,7 +6,7 @@ package require Tk
 package provide sorma::style 1.0
 
 namespace eval ::sorma::style {
-    namespace export pixels mark colour font step tip bindWheel
+    namespace export pixels mark colour font step tag tip bindWheel
     namespace ensemble create
     # state: mark, colour on a light background, colour on a dark one
     variable States {
@@ -27,6 +27,9 @@ namespace eval ::sorma::style {
 
 # ::sorma::style::pixels N -- so many pixels at 96 dots per inch, as many as look alike here.
 proc ::sorma::style::pixels n {
+    if {[info exists ::tk::scalingPct]} {
+        return [expr {round($n * $::tk::scalingPct / 100.0)}]           ;# Tk 9
+    }
     return [expr {round($n * [tk scaling] * 72 / 96.0)}]
 }
 
@@ -90,14 +93,16 @@ proc ::sorma::style::bindWheel {window canvas} {
         bind $tag <Button-4> "[list $canvas] yview scroll -3 units; break"
         bind $tag <Button-5> "[list $canvas] yview scroll 3 units; break"
     }
-    TagAll $window $tag
+    tag $window $tag
 }
-proc ::sorma::style::TagAll {window tag} {
+
+# ::sorma::style::tag WINDOW TAG -- a tag of bindings for a window and all in it.
+proc ::sorma::style::tag {window tag} {
     set tags [bindtags $window]
     if {$tag ni $tags} {
         bindtags $window [linsert $tags 0 $tag]
     }
     foreach child [winfo children $window] {
-        TagAll $child $tag
+        tag $child $tag
     }
 }

@@ -11,11 +11,12 @@
 #            else has changed it (by, at)
 #   sending  applied, no answer yet
 
+package require sorma::options
 package require sorma::table
 package provide sorma::subject 1.0
 
 namespace eval ::sorma::subject {
-    namespace export of
+    namespace export of zone
     namespace ensemble create
     variable Subjects           ;# dict: NAME -> object
     if {![info exists Subjects]} {
@@ -29,13 +30,7 @@ namespace eval ::sorma::subject {
 #       ms      how often what changes by itself is asked for; 0: only what CTRL sets is told
 proc ::sorma::subject::of {name args} {
     variable Subjects
-    set live 0
-    foreach {option value} $args {
-        if {$option ne "-live" || ![string is integer -strict $value] || $value < 0} {
-            return -code error -errorcode {SORMA REQUEST SYNTAX} "bad \"$option $value\": should be -live and a number of ms"
-        }
-        set live $value
-    }
+    set live [dict get [::sorma::options::parse {-live {{whole 0 {}} 0}} $args] -live]
     if {![dict exists $Subjects $name]} {
         dict set Subjects $name [Subject new $name]
     }
@@ -44,17 +39,34 @@ proc ::sorma::subject::of {name args} {
     return $subject
 }
 
+# ::sorma::subject zone HINTS VALUE -- where a value is: live, warn or alarm. HINTS: a dict that may have warn and alarm, {LOW HIGH}; an empty
+# end is open. Of a vector the worst element counts; NaN lies nowhere.
+proc ::sorma::subject::zone {hints value} {
+    foreach zone {alarm warn} {
+        if {![dict exists $hints $zone]} continue
+        lassign [dict get $hints $zone] low high
+        foreach number [regexp -all -inline {\S+} $value] {
+            if {[string is double -strict $number] && ($low ne {} && $number < $low || $high ne {} && $number > $high)} {
+                return $zone
+            }
+        }
+    }
+    return live
+}
+
 if {![info object isa object ::sorma::subject::Subject]} {oo::class create ::sorma::subject::Subject}
 oo::define ::sorma::subject::Subject {
     variable name service where key         ;# NAME, and its parts; key: of the daemon, empty as long as that is not known
     variable added                          ;# what was added to the model for it, or empty
     variable users live token               ;# who has taken it; ms; of the model, empty: none
     variable table                          ;# of its class, as sorma::table gives it; empty: not known yet
+    variable facts                          ;# dict: -option -> as option gives it
     variable values                         ;# dict: -option -> as sorma::world value tells it
     variable drafts                         ;# dict: -option -> {value since}: since: the live value when typing began
     variable waiting                        ;# dict: -option -> value that is on its way
     variable following                      ;# dict: -option -> 1: sent again meanwhile, to be applied when that has been answered
     variable faults                         ;# dict: -option -> {state why}, of what could not be set
+    variable denied                         ;# why we may not set anything; empty: nothing is known of that
     variable listeners                      ;# dict: token -> command prefix
     variable last
 
@@ -62,7 +74,7 @@ oo::define ::sorma::subject::Subject {
         set name $given
         lassign [::sorma::table locate $name] service where
         set users [set live [set last 0]]
-        set key [set token [set table [set added {}]]]
+        set key [set token [set table [set facts [set added [set denied {}]]]]]
         if {$where ne {} && $where ni [::sorma::world names]} {
             set added [::sorma::world add $where]
         }
@@ -107,17 +119,32 @@ oo::define ::sorma::subject::Subject {
     method table {} {
         return $table
     }
-    # What an option is: a dict of type unit range default help fixed.
+    # What an option is: a dict of type unit range default help fixed hints (as in the table), and low and high of its range, which are
+    # empty where it is open.
     method option option {
-        foreach item [dict get $table options] {
-            lassign $item found type unit range default value help
-            if {$found eq $option} {
-                return [dict create type $type unit $unit range $range default $default help $help \
-                    fixed [expr {$option in [dict get $table fixed]}]]
-            }
+        if {![dict exists $facts $option]} {
+            return -code error -errorcode [list SORMA OPTION UNKNOWN $option] \
+                "$name: there is no option $option; there are [join [dict keys $facts] {, }]"
         }
-        return -code error -errorcode [list SORMA OPTION UNKNOWN $option] \
-            "$name: there is no option $option; there are [join [lmap item [dict get $table options] {lindex $item 0}] {, }]"
+        return [dict get $facts $option]
+    }
+    method Facts {} {
+        set facts {}
+        foreach item [dict get $table options] {
+            lassign $item option type unit range default value help
+            set low [set high {}]
+            if {$type in {int double vector}} {
+                regexp {^(\S+) \.\. ([^\s,]+)} $range -> low high
+                regexp {^(?:>= ([^\s,]+)|<= ([^\s,]+))} $range -> low high
+            }
+            dict set facts $option [dict create type $type unit $unit range $range low $low high $high default $default help $help \
+                fixed [expr {$option in [dict get $table fixed]}] \
+                hints [if {[dict exists $table hints $option]} {dict get $table hints $option}]]
+        }
+    }
+    # place SERVICE -- the name under which we reach an object that this one names.
+    method place service {
+        return [if {$where eq {} || [string first @ $service] >= 0} {set service} else {string cat $service@$where}]
     }
     # How it is: a dict of state (of its daemon, as sorma::world gives it) and why.
     method state {} {
@@ -144,9 +171,12 @@ oo::define ::sorma::subject::Subject {
             dict set told why [dict get $daemon why]
         }
         dict set told live [dict get $told value]
-        if {[dict get $told state] eq "live" && $table ne {} && $option in [dict get $table fixed]} {
+        if {[dict get $told state] eq "live" && [dict exists $facts $option] && [dict get $facts $option fixed]} {
             dict set told state locked
             dict set told why "only a recipe sets it, before the object is made"
+        } elseif {[dict get $told state] eq "live" && $denied ne {}} {
+            dict set told state locked
+            dict set told why $denied
         }
         if {[dict exists $drafts $option]} {
             lassign [dict get $drafts $option] value since
@@ -186,8 +216,9 @@ oo::define ::sorma::subject::Subject {
     # revert ?OPTION ...? -- forget what was typed, of these or of all.
     method revert args {
         if {[llength $args] == 0} {
-            set args [dict keys [dict merge $drafts $faults]]
+            set args [dict keys [if {$denied ne {}} {set facts} else {dict merge $drafts $faults}]]
         }
+        set denied {}
         foreach option $args {
             dict unset drafts $option
             dict unset faults $option
@@ -245,9 +276,12 @@ oo::define ::sorma::subject::Subject {
             } elseif {[llength $named] == 0 || $option in $named} {
                 set locked [expr {[string match "SORMA COMM DENIED*" $code] || [string match "SORMA ACCESS*" $code]}]
                 dict set faults $option [list [expr {$locked ? "locked" : "refused"}] $message]
+                if {$locked} {
+                    set denied $message
+                }
             }
         }
-        my Tell [dict keys $words]
+        my Tell [dict keys [if {$denied ne {}} {set facts} else {set words}]]
         foreach {option sent} $words {
             if {[dict exists $following $option]} {
                 dict unset following $option
@@ -297,17 +331,23 @@ oo::define ::sorma::subject::Subject {
         set found [::sorma::table describe $name]
         if {$found ne {} && ($table eq {} || [my Shape $found] ne [my Shape $table])} {
             set table $found
+            my Facts
             my Tell {} table
         }
     }
     # What of a table panels are made of: all but the values.
     method Shape table {
-        return [list [lmap option [dict get $table options] {lreplace $option 5 5}] [dict filter $table key class fixed actions writes reads]]
+        return [list [lmap option [dict get $table options] {lreplace $option 5 5}] [dict filter $table key class fixed hints actions writes reads]]
     }
     method Heard {event about {dict {}}} {
         switch -- $event {
             answer { if {[lindex $about 0] eq $key && $table eq {}} {my Describe} }
-            daemon.changed { if {$about eq $key} {my Tell {} state} }
+            daemon.changed {
+                if {$about eq $key} {
+                    set denied {}       ;# perhaps another one, with another policy
+                    my Tell {} state
+                }
+            }
             object.made { if {$about eq "$service@$key"} {my Describe} }
         }
     }

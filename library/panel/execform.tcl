@@ -1,0 +1,210 @@
+# execform.tcl -- sorma::execform, EXEC of any service object as a form: an entry for each part of its signature, and its reply.
+
+package require sorma::message
+package require sorma::parts
+package require sorma::reply
+package provide sorma::execform 1.0
+
+# ::sorma::execform .w -name NAME ?-state normal|disabled? --
+#       What the class reads, with names, units and lengths, filled in as in its example. A class that declares nothing has one entry for words
+#       as they are typed behind EXEC.
+# Methods:
+#       execute; words: of the request; answer: what came of it last, ok and the reply, or error and a message
+# Event <<SormaReplied>> comes after each answer.
+snit::widget ::sorma::execform {
+    ::sorma::parts -name 0
+    option -state -default normal -configuremethod SetState
+    variable parts {}           ;# list: field least most, of each entry, in their order
+    variable answer {}
+    variable began 0            ;# ms
+    variable timer {}
+
+    constructor args {
+        set pad [::sorma::style pixels 4]
+        ttk::frame $win.in
+        ttk::button $win.go -text Execute -command [mymethod execute] -underline 0
+        ttk::label $win.lamp -width 2
+        ttk::label $win.time -font [::sorma::style font small]
+        text $win.reply -height 4 -width 40 -wrap word -state disabled -font [::sorma::style font fixed] -relief flat -borderwidth 0 \
+            -background [ttk::style lookup . -background] -foreground [ttk::style lookup . -foreground] -takefocus 0 \
+            -yscrollcommand [list $win.bar set]
+        ttk::scrollbar $win.bar -command [list $win.reply yview]
+        grid $win.in - - - -sticky ew
+        grid $win.go $win.lamp $win.time -sticky w -pady $pad
+        grid $win.reply - - $win.bar -sticky nsew
+        grid remove $win.reply $win.bar
+        grid columnconfigure $win 2 -weight 1
+        $self configurelist $args
+        $self Begin
+    }
+    destructor {
+        after cancel $timer
+    }
+    method SetState {option value} {
+        set options($option) $value
+        $win.go state [expr {$value eq "normal" ? "!disabled" : "disabled"}]
+    }
+    method Told {what changed} {
+        if {$subject ne {} && $what eq "table" && [$subject table] ne {}} {
+            $self Build
+        }
+    }
+    method Build {} {
+        set table [$subject table]
+        destroy {*}[winfo children $win.in]
+        set parts [lmap part [dict get $table reads] {lrange $part 0 2}]
+        set rows [lmap part [dict get $table reads] {
+            lassign $part field low high unit help
+            set length [expr {$low eq $high ? $low : $high eq {} ? "$low or more" : "$low to $high"}]
+            list $field [string trim [string cat [if {$field in {floats ints}} {string cat "$length "}] $unit]] [string cat $help [if {$field eq {any}} {string cat " (a file: its bytes are sent)"}]]
+        }]
+        if {[dict get $table words] ne {}} {
+            lappend parts {words 0 {}}
+            lappend rows [list words {} [dict get $table words]]
+        } elseif {[dict get $table signature] eq {}} {
+            lappend parts {words 0 {}}
+            lappend rows [list request {} "words as they stand behind EXEC; the class does not say which it takes"]
+        }
+        set pad [::sorma::style pixels 4]
+        set n 0
+        foreach row $rows value [$self Example $table] {
+            if {[incr n] > [llength $rows]} break
+            lassign $row title length help
+            ttk::label $win.in.title$n -text $title
+            ttk::entry $win.in.entry$n
+            ttk::label $win.in.length$n -text $length
+            ttk::label $win.in.help$n -text $help -font [::sorma::style font small] -foreground [::sorma::style colour asking] \
+                -wraplength [::sorma::style pixels 380] -justify left
+            bind $win.in.entry$n <Return> [mymethod execute]
+            $win.in.entry$n insert 0 $value
+            if {[lindex $row 0] eq "any"} {
+                destroy $win.in.length$n
+                ttk::button $win.in.length$n -text "File \u2026" -command [mymethod Browse $win.in.entry$n]
+            }
+            grid $win.in.title$n $win.in.entry$n $win.in.length$n -sticky ew -padx [list 0 $pad]
+            if {$help ne {}} {
+                grid x $win.in.help$n - -sticky w
+            }
+        }
+        grid columnconfigure $win.in 1 -weight 1
+    }
+    method Show {} {}
+
+    # What the example of the class says, for each entry.
+    method Example table {
+        set words [lrange [dict get $table example] 2 end]
+        set from [lsearch -regexp $words {^[TFIA]MSG$}]
+        set from [expr {$from < 0 ? [llength $words] : $from}]
+        if {[catch {::sorma::message::fromList [list RET 0 {*}[lrange $words $from end]]} said]} {
+            set said {}
+        }
+        dict set said words [lrange $words 0 $from-1]
+        set last {}
+        set n 0
+        foreach part $parts {
+            dict set last [lindex $part 0] [incr n]
+        }
+        set n 0
+        return [lmap part $parts {
+            incr n
+            lassign $part field low high
+            set known [if {$field ne "any" && [dict exists $said $field]} {dict get $said $field}]
+            if {$field in {floats ints} && [dict get $last $field] != $n} {
+                dict set said $field [lrange $known $low end]
+                set known [lrange $known 0 $low-1]
+            }
+            set known
+        }]
+    }
+
+    # ---- what programs say ----
+
+    method answer {} {
+        return $answer
+    }
+    # The request: a list of EXEC, words, and parts.
+    method words {} {
+        set values {}
+        set words {}
+        set n 0
+        foreach part $parts {
+            set field [lindex $part 0]
+            set text [$win.in.entry[incr n] get]
+            if {$field eq "text"} {
+                dict set values text $text
+            } elseif {$field eq "any"} {
+                dict set values any [if {$text ne {}} {$self Bytes $text}]
+            } elseif {[catch {llength $text} length]} {
+                return -code error -errorcode {SORMA REQUEST SYNTAX} "$field: expected a list, got \"$text\": $length"
+            } elseif {$field eq "words"} {
+                lappend words {*}$text
+            } else {
+                dict lappend values $field {*}$text
+            }
+        }
+        dict for {field value} $values {
+            if {$value eq {}} continue
+            lappend words [dict get {floats FMSG ints IMSG text TMSG any AMSG} $field]
+            if {$field in {floats ints}} {
+                lappend words [llength $value] {*}$value
+            } else {
+                lappend words $value
+            }
+        }
+        return [list EXEC {*}$words]
+    }
+    # What is in a file, as a request has it.
+    method Bytes file {
+        set channel [open $file rb]
+        try {
+            return [binary encode base64 [read $channel]]
+        } finally {
+            close $channel
+        }
+    }
+    method execute {} {
+        if {$options(-state) ne "normal" || $subject eq {}} return
+        if {[catch {$self words} words]} {
+            return [$self Replied error [list $words {}]]
+        }
+        $self Light sending
+        set began [clock milliseconds]
+        $self Count
+        $subject ask $words [mymethod Replied]
+    }
+    method Browse entry {
+        set file [tk_getOpenFile -parent $win]
+        if {$file ne {}} {
+            $entry delete 0 end
+            $entry insert 0 $file
+        }
+    }
+    # How long it takes already.
+    method Count {} {
+        set seconds [expr {([clock milliseconds] - $began) / 1000}]
+        $win.time configure -text [if {$seconds > 0} {string cat "$seconds s"}]
+        set timer [after 1000 [mymethod Count]]
+    }
+    method Replied {status value} {
+        if {![winfo exists $win]} return
+        after cancel $timer
+        if {$status eq "ok"} {
+            $self Light [expr {[dict get $value code] > 0 ? "warn" : "good"}]
+            set text [::sorma::show $value -as dict -colour 0 -width 0 -writes [dict get [$subject table] writes]]
+            set answer [list ok $value]
+        } else {
+            $self Light refused
+            set text [lindex $value 0]
+            set answer [list error $text]
+        }
+        $win.time configure -text "[expr {$began > 0 ? [clock milliseconds] - $began : 0}] ms"
+        grid $win.reply $win.bar
+        $win.reply configure -state normal
+        $win.reply replace 1.0 end $text
+        $win.reply configure -state disabled -height [expr {max(1, min(12, [$win.reply count -displaylines 1.0 end]))}]
+        event generate $win <<SormaReplied>>
+    }
+    method Light state {
+        $win.lamp configure -text [::sorma::style mark $state] -foreground [::sorma::style colour $state]
+    }
+}

@@ -1,0 +1,144 @@
+# layout.tcl -- in which groups and in which order a panel shows options; as a file, plain text that people write too. It knows no window.
+#
+#     # of the arm
+#     group Motion
+#     -transferSpeed
+#     -approach
+#     hide -debug
+#
+# Options before the first group have no title; options that a layout does not name stand behind it. A layout is a dict of groups (a list of
+# title and options ...) and hidden (options); the empty text is none.
+
+package provide sorma::layout 1.0
+
+namespace eval ::sorma::layout {
+    namespace export of byGroup complete move hide text parse read write
+    namespace ensemble create
+}
+
+# ::sorma::layout of DICT -- title -> options.
+proc ::sorma::layout::of groups {
+    if {[catch {dict size $groups}]} {
+        return -code error -errorcode {SORMA REQUEST SYNTAX} "-groups expects a dict, title to list of options, got \"$groups\""
+    }
+    return [if {$groups ne {}} {dict create groups $groups hidden {}}]
+}
+
+# ::sorma::layout byGroup OPTIONS HINTS -- as the class says it: hints of its table.
+proc ::sorma::layout::byGroup {options hints} {
+    set groups [dict create {} {}]
+    foreach option $options {
+        dict lappend groups [if {[dict exists $hints $option group]} {dict get $hints $option group}] $option
+    }
+    return [dict create groups $groups hidden {}]
+}
+
+# ::sorma::layout complete LAYOUT OPTIONS -- exactly with these options, each once.
+proc ::sorma::layout::complete {layout options} {
+    set hidden [lmap option [dict get $layout hidden] {if {$option ni $options} continue; set option}]
+    set rest $options
+    set groups {}
+    foreach {title members} [dict get $layout groups] {
+        set here {}
+        foreach option $members {
+            if {$option in $rest && $option ni $hidden} {
+                lappend here $option
+                set rest [lsearch -all -inline -exact -not $rest $option]
+            }
+        }
+        if {$here ne {}} {
+            lappend groups $title $here
+        }
+    }
+    set rest [lmap option $rest {if {$option in $hidden} continue; set option}]
+    if {$rest ne {}} {
+        lappend groups [expr {$groups eq {} ? "" : "Other"}] $rest
+    }
+    return [dict create groups $groups hidden $hidden]
+}
+
+# ::sorma::layout move LAYOUT OPTION STEP -- an option up (-1) or down (1), from one group to the next one too; hide LAYOUT OPTION.
+proc ::sorma::layout::move {layout option step} {
+    set flat {}
+    foreach {title members} [dict get $layout groups] {
+        lappend flat [list group $title] {*}[lmap member $members {list option $member}]
+    }
+    set at [lsearch -exact $flat [list option $option]]
+    set to [expr {$at + $step}]
+    if {$at < 0 || $to < 1 || $to >= [llength $flat]} {
+        return $layout
+    }
+    set flat [linsert [lreplace $flat $at $at] $to [list option $option]]
+    set groups {}
+    foreach item $flat {
+        lassign $item what word
+        if {$what eq "group"} {
+            lappend groups $word {}
+        } else {
+            lset groups end [concat [lindex $groups end] [list $word]]
+        }
+    }
+    return [dict replace $layout groups $groups]
+}
+proc ::sorma::layout::hide {layout option} {
+    set groups {}
+    foreach {title members} [dict get $layout groups] {
+        lappend groups $title [lsearch -all -inline -exact -not $members $option]
+    }
+    return [dict create groups $groups hidden [concat [dict get $layout hidden] [list $option]]]
+}
+
+# ::sorma::layout text LAYOUT, parse TEXT ?WHERE? -- as text and back. WHERE: the name of the file, for errors.
+proc ::sorma::layout::text layout {
+    set lines {}
+    foreach {title members} [dict get $layout groups] {
+        if {$title ne {}} {
+            lappend lines "group $title"
+        }
+        lappend lines {*}$members
+    }
+    foreach option [dict get $layout hidden] {
+        lappend lines "hide $option"
+    }
+    return [join $lines \n]\n
+}
+proc ::sorma::layout::parse {text {where layout}} {
+    set groups [list {} {}]
+    set hidden {}
+    set n 0
+    foreach line [split $text \n] {
+        incr n
+        set line [string trim $line]
+        if {$line eq {} || [string match #* $line]} continue
+        if {[regexp {^group\s+(.+)$} $line -> title]} {
+            lappend groups $title {}
+        } elseif {[regexp {^hide\s+(-\S+)$} $line -> option]} {
+            lappend hidden $option
+        } elseif {[regexp {^-\S+$} $line]} {
+            lset groups end [concat [lindex $groups end] [list $line]]
+        } else {
+            return -code error -errorcode {SORMA REQUEST SYNTAX} "$where:$n: expected \"group TITLE\", \"hide -OPTION\" or \"-OPTION\", got \"$line\""
+        }
+    }
+    return [dict create groups $groups hidden $hidden]
+}
+
+# ::sorma::layout read FILE, write FILE LAYOUT
+proc ::sorma::layout::read file {
+    set channel [open $file]
+    try {
+        fconfigure $channel -encoding utf-8
+        return [parse [::read $channel] $file]
+    } finally {
+        close $channel
+    }
+}
+proc ::sorma::layout::write {file layout} {
+    set channel [open $file w]
+    try {
+        fconfigure $channel -encoding utf-8
+        puts -nonewline $channel [text $layout]
+    } finally {
+        close $channel
+    }
+}

@@ -1,0 +1,54 @@
+# parts.tcl -- what the widgets have in common that show a service object: a macro for their bodies.
+
+package require Tk
+package require snit
+package require sorma::style
+package require sorma::subject
+package provide sorma::parts 1.0
+
+# ::sorma::parts NEEDS LIVE -- options -name, -option and -live, and the subject. NEEDS: those of the options that must be given. LIVE: default
+# of -live, in ms. A constructor ends with $self Begin. The widget has methods Build, called when facts (what the option is) has come or
+# changed, and Show, called when there is something else to show.
+snit::macro ::sorma::parts {needs live} {
+    hulltype ttk::frame
+    option -name -default {} -readonly 1
+    option -option -default {} -readonly 1
+    option -live -default $live -readonly 1
+    variable subject {}
+    variable listener {}
+    variable facts {}           ;# what the option is, as the subject says it; empty: not known yet
+    typevariable Needs $needs
+
+    method Begin {} {
+        foreach option $Needs {
+            if {$options($option) eq {}} {
+                return -code error -errorcode {SORMA REQUEST SYNTAX} "[$self info type]: [join $Needs { and }] must say what it is for"
+            }
+        }
+        set subject [::sorma::subject of $options(-name) -live $options(-live)]
+        set listener [$subject listen [mymethod Told]]
+        bind $win <Destroy> +[mymethod Ended %W]
+        bind $win <FocusIn> "[list focus] \[lindex \[winfo children [list $win]\] 0\]"
+        $self Told table {}
+    }
+    method Ended window {
+        if {$window eq $win && $subject ne {}} {
+            $subject unlisten $listener
+            $subject release
+            set subject {}
+        }
+    }
+    method Told {what changed} {
+        if {$subject eq {} || ![winfo exists $win]} return
+        if {$what eq "table" && [$subject table] ne {} && $options(-option) ne {}} {
+            set facts [$subject option $options(-option)]
+            $self Build
+        }
+        if {$what ne "values" || $options(-option) in $changed} {
+            $self Show
+        }
+    }
+    method subject {} {
+        return $subject
+    }
+}

@@ -1,0 +1,136 @@
+# window.tcl -- windows of their own for panels and charts. Each comes back where it was and as large as it was, as far as the screen reaches.
+
+package require Tk
+package require sorma::style
+package provide sorma::window 1.0
+
+namespace eval ::sorma::window {
+    namespace export panel chart open place file
+    namespace ensemble create
+    variable Geometries         ;# dict: toplevel -> {KEY geometry}, as it was last
+    variable Last
+    if {![info exists Geometries]} {
+        set Geometries {}
+        set Last 0
+    }
+}
+
+# ::sorma::window panel NAME, chart NAME -OPTION -- a window with the panel of an object, or with the values of an option over time; the
+# same one when it is open already. Returns the toplevel.
+proc ::sorma::window::panel name {
+    package require sorma::panel
+    return [open [list panel $name] $name ::sorma::panel $name]
+}
+proc ::sorma::window::chart {name option} {
+    package require sorma::chart
+    return [open [list chart $name $option] "$name $option" {apply {{window name option} {
+        ::sorma::stripchart $window
+        $window plot $option $name $option
+    }}} $name $option]
+}
+
+# ::sorma::window open KEY TITLE COMMAND ?ARG ...? -- a window that KEY stands for, filled by COMMAND WINDOW ARG ..., unless it is there.
+proc ::sorma::window::open {key title command args} {
+    variable Geometries
+    variable Last
+    foreach {top known} $Geometries {
+        if {[lindex $known 0] eq $key} {
+            wm deiconify $top
+            raise $top
+            return $top
+        }
+    }
+    set top [toplevel .sormaWindow[incr Last]]
+    wm title $top $title
+    try {
+        {*}$command $top.w {*}$args
+    } on error {message options} {
+        destroy $top
+        return -options $options $message
+    }
+    pack $top.w -fill both -expand 1
+    place $top $key
+    return $top
+}
+
+# ::sorma::window place TOPLEVEL KEY -- where the window of that key was last, within the screen; from now on its place is remembered.
+proc ::sorma::window::place {top key} {
+    variable Geometries
+    dict set Geometries $top [list $key {}]
+    set remembered [Read]
+    if {[dict exists $remembered $key]} {
+        wm geometry $top [Inside $top [dict get $remembered $key]]
+    }
+    wm maxsize $top [winfo vrootwidth $top] [winfo vrootheight $top]
+    bind $top <Configure> +[list ::sorma::window::Moved %W $top]
+    bind $top <Destroy> +[list ::sorma::window::Gone %W $top]
+}
+
+proc ::sorma::window::Moved {window top} {
+    variable Geometries
+    if {$window eq $top && [dict exists $Geometries $top]} {
+        dict set Geometries $top [lreplace [dict get $Geometries $top] 1 1 [wm geometry $top]]
+    }
+}
+
+proc ::sorma::window::Gone {window top} {
+    variable Geometries
+    if {$window ne $top || ![dict exists $Geometries $top]} {
+        return
+    }
+    lassign [dict get $Geometries $top] key geometry
+    dict unset Geometries $top
+    if {$geometry ne {}} {
+        Write [dict replace [Read] $key $geometry]
+    }
+}
+
+# A geometry, WIDTHxHEIGHT+X+Y, so that all of the window is on the screen.
+proc ::sorma::window::Inside {top geometry} {
+    if {![regexp {^(\d+)x(\d+)\+(-?\d+)\+(-?\d+)$} $geometry -> width height x y]} {
+        return {}
+    }
+    set width [expr {max(50, min($width, [winfo vrootwidth $top]))}]
+    set height [expr {max(50, min($height, [winfo vrootheight $top]))}]
+    set x [expr {max(0, min($x, [winfo vrootwidth $top] - $width))}]
+    set y [expr {max(0, min($y, [winfo vrootheight $top] - $height))}]
+    return ${width}x$height+$x+$y
+}
+
+# ::sorma::window file -- where that is remembered: lines of a key and a geometry. Empty: nowhere.
+proc ::sorma::window::file {} {
+    global env
+    if {[info exists env(XDG_STATE_HOME)] && $env(XDG_STATE_HOME) ne {}} {
+        return [::file join $env(XDG_STATE_HOME) sorma windows]
+    }
+    return [if {[info exists env(HOME)] && $env(HOME) ne {}} {::file join $env(HOME) .local state sorma windows}]
+}
+
+# What is remembered; a line that is none is left out. A file that cannot be read or written: windows open where the window manager wants.
+proc ::sorma::window::Read {} {
+    set known {}
+    catch {
+        set channel [::open [file]]
+        fconfigure $channel -encoding utf-8
+        foreach line [split [read $channel] \n] {
+            if {[string is list $line] && [llength $line] == 2} {
+                dict set known {*}$line
+            }
+        }
+    }
+    catch {close $channel}
+    return $known
+}
+proc ::sorma::window::Write known {
+    set file [file]
+    catch {
+        ::file mkdir [::file dirname $file]
+        set channel [::open $file.new w 0600]
+        fconfigure $channel -encoding utf-8
+        dict for {key geometry} $known {
+            puts $channel [list $key $geometry]
+        }
+        close $channel
+        ::file rename -force $file.new $file
+    }
+}
