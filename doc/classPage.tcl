@@ -41,10 +41,10 @@ proc ::classPage::Options table {
         if {$range ne {} && $type ne "enum"} {
             lappend facts "Range: [Limits $range]"
         }
-        foreach {limits said} {warn "Warning outside" alarm "Alarm outside"} {
+        foreach {limits said} {warn Warning alarm Alarm} {
             if {[dict exists $table hints $name $limits]} {
                 lassign [dict get $table hints $name $limits] low high
-                lappend facts "$said [string trim "$low .. $high"]"
+                lappend facts "$said [expr {$low eq {} ? "above $high" : $high eq {} ? "below $low" : "outside $low .. $high"}]"
             }
         }
         if {$name in [dict get $table fixed]} {

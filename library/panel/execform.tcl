@@ -70,6 +70,9 @@ snit::widget ::sorma::execform {
         foreach row $rows value [$self Example $table] {
             if {[incr n] > [llength $rows]} break
             lassign $row title length help
+            if {$help ne {} && [string length $help] < 16 && $title in {floats ints text any}} {
+                lassign [list $help {}] title help
+            }
             ttk::label $win.in.title$n -text $title
             ttk::entry $win.in.entry$n
             ttk::label $win.in.length$n -text $length
@@ -170,7 +173,7 @@ snit::widget ::sorma::execform {
         $self Light sending
         set began [clock milliseconds]
         $self Count
-        $subject ask $words [mymethod Replied]
+        $subject ask $words [list ::sorma::parts::answer [mymethod Replied]]
     }
     method Browse entry {
         set file [tk_getOpenFile -parent $win]
@@ -186,7 +189,6 @@ snit::widget ::sorma::execform {
         set timer [after 1000 [mymethod Count]]
     }
     method Replied {status value} {
-        if {![winfo exists $win]} return
         after cancel $timer
         if {$status eq "ok"} {
             $self Light [expr {[dict get $value code] > 0 ? "warn" : "good"}]
@@ -201,7 +203,8 @@ snit::widget ::sorma::execform {
         grid $win.reply $win.bar
         $win.reply configure -state normal
         $win.reply replace 1.0 end $text
-        $win.reply configure -state disabled -height [expr {max(1, min(12, [$win.reply count -displaylines 1.0 end]))}]
+        set lines [tcl::mathop::+ {*}[lmap line [split $text \n] {expr {1 + [string length $line] / 50}}]]
+        $win.reply configure -state disabled -height [expr {min(12, $lines)}]
         event generate $win <<SormaReplied>>
     }
     method Light state {

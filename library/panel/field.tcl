@@ -201,7 +201,7 @@ snit::widget ::sorma::vector {
         event generate $win <<SormaBuilt>>
     }
     method Put value {
-        set numbers [regexp -all -inline {\S+} $value]
+        set numbers [string map {\{\} {}} [split $value]]         ;# no list: anybody may have typed it
         $self Make [llength $numbers]
         set typing [expr {[focus] in $entries && [$self Touched]}]
         set i 0
@@ -215,7 +215,7 @@ snit::widget ::sorma::vector {
     }
     method Typed args {
         if {$showing || $subject eq {}} return
-        set value [string trim [join [lmap i [lsort -integer [array names texts]] {set texts($i)}]]]
+        set value [join [lmap i [lsort -integer [array names texts]] {if {$texts($i) eq {}} {string cat "{}"} else {set texts($i)}}]]
         if {$value ne [$self value]} {
             $subject edit $options(-option) $value
         }
@@ -407,11 +407,10 @@ snit::widget ::sorma::button {
     method invoke {} {
         incr running
         $self Light sending running {}
-        $subject ask $options(-request) [mymethod Answered]
+        $subject ask $options(-request) [list ::sorma::parts::answer [mymethod Answered]]
     }
     method Answered {status value} {
         incr running -1
-        if {![winfo exists $win]} return
         if {$status eq "ok"} {
             $self Light good ok $value
         } else {

@@ -1,10 +1,7 @@
 # image.tcl -- sorma::image: a picture that a service object hands out in `any`, or that a program has, with what has been found in it.
 
-package require Tk
-package require snit
 package require sorma::options
-package require sorma::style
-package require sorma::subject
+package require sorma::parts
 package provide sorma::image 1.0
 
 # ::sorma::image .w ?-name SO -request WORDS -every ms? ?-size WxH? ?-zoom n? --
@@ -95,7 +92,7 @@ snit::widget ::sorma::image {
         after cancel $timer
         if {$subject eq {} || $asking} return
         set asking 1
-        $subject ask $options(-request) [mymethod Answered]
+        $subject ask $options(-request) [list ::sorma::parts::answer [mymethod Answered]]
     }
     method point {tag x y args} {
         $self Mark $tag point [list $x $y] {} $args
@@ -134,7 +131,6 @@ snit::widget ::sorma::image {
     }
     method Answered {status value} {
         set asking 0
-        if {$subject eq {}} return
         if {$options(-every) > 0} {
             set timer [after $options(-every) [mymethod refresh]]
         }

@@ -33,8 +33,10 @@ snit::widget ::sorma::panel {
     variable subject {}
     variable listener {}
     variable rows {}            ;# dict: -option -> number of its widgets
+    variable marks {}           ;# dict: -option -> {mark why} that are shown
     variable layout {}          ;# as layout.tcl has it
     variable given {}           ;# layout that was given; empty: the class's own
+    variable room 380           ;# pixels, for messages below fields
     variable wanted {}          ;# what is searched for
     variable searchable 12      ;# options: with more there is a field to search in
     variable trailShown 0
@@ -247,13 +249,14 @@ snit::widget ::sorma::panel {
         set n 0
         foreach option $chosen {
             dict set rows $option [incr n]
+            dict set marks $option {}
             set facts [$subject option $option]
             ttk::label $inner.mark$n -width 2 -anchor center
             ttk::label $inner.label$n -text [string range $option 1 end]
             ::sorma::field $inner.field$n $facts -name [$subject name] -option $option -apply $options(-apply) -state $options(-state)
             bind $inner.field$n <<SormaBuilt>> [mymethod Tagged $inner.field$n]
             ttk::label $inner.unit$n -text [dict get $facts unit]
-            ttk::label $inner.why$n -font [::sorma::style font small] -wraplength [::sorma::style pixels 380] -justify left
+            ttk::label $inner.why$n -font [::sorma::style font small] -wraplength $room -justify left
             foreach part {label field} {
                 ::sorma::style tip $inner.$part$n [string trim "[dict get $facts help]\n[dict get $facts range]"]
             }
@@ -364,8 +367,17 @@ snit::widget ::sorma::panel {
                 -row 0 -column 0 -columnspan 4 -sticky w
         }
     }
+    # As high as what is in it, as long as that leaves room for the rest.
     method Sized {} {
-        $canvas configure -scrollregion [$canvas bbox all]
+        $canvas configure -scrollregion [$canvas bbox all] -height [expr {max(20, min([winfo reqheight $inner], [winfo vrootheight $win] * 2 / 5))}]
+        set beside [lindex [grid bbox $inner 2 0] 0]
+        set new [expr {[winfo width $inner] - $beside - [::sorma::style pixels 4]}]
+        if {$new != $room && $new > 50} {
+            set room $new
+            foreach n [dict values $rows] {
+                $inner.why$n configure -wraplength $room
+            }
+        }
     }
 
     # ---- marks and messages ----
@@ -375,11 +387,10 @@ snit::widget ::sorma::panel {
             if {![dict exists $rows $option]} continue
             set n [dict get $rows $option]
             lassign [$self Mark [$subject get $option] [$subject option $option]] mark why
-            set colour [::sorma::style colour $mark]
-            if {[$inner.mark$n cget -text] ne [::sorma::style mark $mark]} {
+            if {[dict get $marks $option] ne [list $mark $why]} {
+                dict set marks $option [list $mark $why]
+                set colour [::sorma::style colour $mark]
                 $inner.mark$n configure -text [::sorma::style mark $mark] -foreground $colour
-            }
-            if {[$inner.why$n cget -text] ne $why} {
                 $inner.why$n configure -text $why -foreground $colour
                 if {$why ne {} && [winfo manager $inner.field$n] eq "grid"} {
                     grid $inner.why$n
@@ -401,10 +412,12 @@ snit::widget ::sorma::panel {
             set at [clock format [expr {[dict get $told at] / 1000}] -format %H:%M:%S]
             return [list theirs "$by has set it to [dict get $told live] at $at"]
         } elseif {$state eq "live" && $zone ne "live"} {
-            lassign [dict get $facts hints $zone] low high
-            return [list $zone "[expr {$zone eq {alarm} ? {alarm} : {warning}}]: outside [string trim "$low .. $high"]"]
+            return [list $zone "[dict get {warn warning alarm alarm} $zone]: [Outside {*}[dict get $facts hints $zone]]"]
         }
         return [list $state [dict get $told why]]
+    }
+    proc Outside {low high} {
+        return [expr {$low eq {} ? "above $high" : $high eq {} ? "below $low" : "outside $low .. $high"}]
     }
     method Say {text {state live}} {
         $win.said configure -text $text -foreground [::sorma::style colour $state]
@@ -417,10 +430,9 @@ snit::widget ::sorma::panel {
     # A request of a menu: its answer stands in the panel.
     method Do words {
         $self Say "\u2026"
-        $subject ask $words [mymethod Done $words]
+        $subject ask $words [list ::sorma::parts::answer [mymethod Done $words]]
     }
     method Done {words status value} {
-        if {![winfo exists $win]} return
         if {$status ne "ok"} {
             return [$self Say [lindex $value 0] refused]
         }

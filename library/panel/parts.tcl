@@ -6,6 +6,14 @@ package require sorma::style
 package require sorma::subject
 package provide sorma::parts 1.0
 
+# ::sorma::parts::answer METHOD STATUS VALUE -- an answer for a method of a widget, as mymethod gives it, unless the widget is gone meanwhile.
+namespace eval ::sorma::parts {}
+proc ::sorma::parts::answer {method status value} {
+    if {[namespace exists [lindex $method 1]]} {        ;# that of the instance
+        uplevel #0 [list {*}$method $status $value]
+    }
+}
+
 # ::sorma::parts NEEDS LIVE -- options -name, -option and -live, and the subject. NEEDS: those of the options that must be given. LIVE: default
 # of -live, in ms. A constructor ends with $self Begin. The widget has methods Build, called when facts (what the option is) has come or
 # changed, and Show, called when there is something else to show.
@@ -28,8 +36,14 @@ snit::macro ::sorma::parts {needs live} {
         set subject [::sorma::subject of $options(-name) -live $options(-live)]
         set listener [$subject listen [mymethod Told]]
         bind $win <Destroy> +[mymethod Ended %W]
-        bind $win <FocusIn> "[list focus] \[lindex \[winfo children [list $win]\] 0\]"
+        bind $win <FocusIn> [mymethod Focused]
         $self Told table {}
+    }
+    # Tk tells that to the windows around one, too.
+    method Focused {} {
+        if {[focus] eq $win} {
+            focus [lindex [winfo children $win] 0]
+        }
     }
     method Ended window {
         if {$window eq $win && $subject ne {}} {

@@ -106,3 +106,15 @@ proc ::sorma::style::tag {window tag} {
         tag $child $tag
     }
 }
+
+# Themes that draw marks and arrows themselves make them as large as on a display of 96 dots per inch; Tk 9 knows better.
+proc ::sorma::style::Fit {} {
+    if {[info exists ::tk::scalingPct] || [pixels 100] < 125 || [ttk::style theme use] ni {alt clam classic default}} return
+    foreach {style option size} {TCheckbutton -indicatorsize 10 TRadiobutton -indicatorsize 10 TCombobox -arrowsize 12 TScrollbar -arrowsize 12} {
+        if {[ttk::style lookup $style $option] ne [pixels $size]} {
+            ttk::style configure $style $option [pixels $size]
+        }
+    }
+}
+::sorma::style::Fit
+bind . <<ThemeChanged>> +{if {"%W" eq "."} {after idle ::sorma::style::Fit}}

@@ -259,7 +259,10 @@ oo::define ::sorma::subject::Subject {
         if {$key eq {}} {
             set key [::sorma::world find $where]
         }
-        ::sorma::world ask $key [list $service {*}$words] -timeout 60000 -command $prefix
+        # Words that are no request are an answer too.
+        if {[catch {::sorma::world ask $key [list $service {*}$words] -timeout 60000 -command $prefix} message failure]} {
+            after 0 [list ::sorma::world deliver $prefix [list error [list $message [dict get $failure -errorcode]]]]
+        }
     }
     method Applied {words status value} {
         lassign $value message code
