@@ -117,4 +117,4 @@ proc ::sorma::style::Fit {} {
     }
 }
 ::sorma::style::Fit
-bind . <<ThemeChanged>> +{if {"%W" eq "."} {after idle ::sorma::style::Fit}}
+bind . <<ThemeChanged>> {+if {{%W} eq {.}} {after idle ::sorma::style::Fit}}
