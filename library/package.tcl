@@ -16,12 +16,14 @@ apply {{} {
             inspect::top inspect::find inspect::monitor inspect::rate inspect::doctor}
         record {record::start record::stop}
         subject subject
-        field {entry slider choice check button}
+        field {entry slider vector choice check field button}
+        execform execform
         chart stripchart
         lamp {led meter status}
         image image
         trailview trailview
         panel panel
+        window window
     } {
         foreach command $commands {
             namespace eval ::sorma::[namespace qualifiers $command] {}
