@@ -10,16 +10,23 @@ package provide sorma::field 1.0
 # What the widgets for options have in common.
 #   -name    of the object      -option  -tempo        -apply  now (each change is sent) or later (the subject keeps it)
 #   -state   normal, readonly or disabled              -live   ms, for what changes by itself
+#   -seen    0: nobody can see it, and it costs nothing
 # A widget has methods Build, Put VALUE, to show it, and Enable STATE.
 snit::macro ::sorma::fieldParts {} {
     ::sorma::parts {-name -option} 0
-    option -apply -default now
-    option -state -default normal -configuremethod SetState
+    option -apply -default now -configuremethod SetShared
+    option -state -default normal -configuremethod SetShared
+    option -seen -default 1 -configuremethod SetShared
     variable showing 0          ;# is it we who change the editor
+    variable enabled {}         ;# state that the editor has; empty: Enable is to be called
     component editor
+    component inside            ;# another field in this one, of the same option
 
-    method SetState {option value} {
+    method SetShared {option value} {
         set options($option) $value
+        if {$inside ne {}} {
+            $inside configure $option $value
+        }
         if {$subject ne {}} {
             $self Show
         }
@@ -34,14 +41,17 @@ snit::macro ::sorma::fieldParts {} {
         }
     }
     method Show {} {
-        if {$facts eq {}} return
+        if {$facts eq {} || !$options(-seen)} return
         set told [$subject get $options(-option)]
         set showing 1
         $self Put [dict get $told value]
         set showing 0
         set can [expr {$options(-state) eq "normal" && [dict get $told state] ni {asking gone locked}}]
-        $self Enable [expr {$can ? "normal" : $options(-state) eq "normal" ? "disabled" : $options(-state)}]
-        event generate $win <<SormaShown>>
+        set state [expr {$can ? "normal" : $options(-state) eq "normal" ? "disabled" : $options(-state)}]
+        if {$state ne $enabled} {
+            set enabled $state
+            $self Enable $state
+        }
     }
     # value, apply, revert: of its option.
     method value {} {
@@ -72,9 +82,11 @@ snit::macro ::sorma::typedParts {} {
             $subject apply $options(-option)
         }
     }
-    # The colour of a text: that of a warning or an alarm when it is a number outside the limits.
-    method Ink shown {
-        return [::sorma::style colour [::sorma::subject zone [dict get $facts hints] $shown]]
+    # A text is in the colour of a warning or an alarm when it is a number outside the limits.
+    method Paint {window shown} {
+        if {[dict get $facts hints] ne {}} {
+            $window configure -foreground [::sorma::style colour [::sorma::subject zone [dict get $facts hints] $shown]]
+        }
     }
 }
 
@@ -101,6 +113,7 @@ snit::widget ::sorma::entry {
         if {[dict get $facts type] in {int double}} {
             $editor configure -justify right
         }
+        set enabled {}
         set kind [expr {[dict get $facts type] eq "service" ? "service" : [dict exists $facts hints kind] ? [dict get $facts hints kind] : "plain"}]
         destroy $win.beside
         switch -- $kind {
@@ -124,10 +137,11 @@ snit::widget ::sorma::entry {
     }
     # While somebody types nothing is put into the field but what was typed.
     method Put value {
-        if {[focus] ne $editor || ![$self Touched]} {
+        if {$text ne $value && ([focus] ne $editor || ![$self Touched])} {
             set text $value
         }
-        $editor configure -foreground [$self Ink $text]
+        $self Paint $editor $text
+        if {$kind eq "plain"} return
         switch -- $kind {
             colour {
                 $swatch blank
@@ -198,6 +212,7 @@ snit::widget ::sorma::vector {
                 grid $win.name$i -row 0 -column $i
             }
         }
+        set enabled {}
         event generate $win <<SormaBuilt>>
     }
     method Put value {
@@ -210,7 +225,7 @@ snit::widget ::sorma::vector {
             if {!$typing} {
                 set texts($i) [lindex $numbers $i-1]
             }
-            $entry configure -foreground [$self Ink $texts($i)]
+            $self Paint $entry $texts($i)
         }
     }
     method Typed args {
@@ -232,15 +247,14 @@ snit::widget ::sorma::vector {
 snit::widget ::sorma::slider {
     ::sorma::fieldParts
     option -length -default 140
-    component entry
     variable position 0
     constructor args {
         $self configurelist $args
         install editor using ttk::scale $win.scale -variable [myvar position] -length [::sorma::style pixels $options(-length)] \
             -command [mymethod Moved]
-        install entry using ::sorma::entry $win.entry -name $options(-name) -option $options(-option) -apply $options(-apply) \
-            -live $options(-live)
-        pack $entry -side right
+        install inside using ::sorma::entry $win.entry -name $options(-name) -option $options(-option) -apply $options(-apply) \
+            -live $options(-live) -state $options(-state)
+        pack $inside -side right
         pack $editor -side left -fill x -expand 1 -padx [list 0 [::sorma::style pixels 6]]
         $self Begin
     }
@@ -264,7 +278,6 @@ snit::widget ::sorma::slider {
     }
     method Enable state {
         $editor state [expr {$state eq "normal" ? "!disabled" : "disabled"}]
-        $entry configure -state $options(-state) -apply $options(-apply)
     }
 }
 
@@ -281,6 +294,7 @@ snit::widget ::sorma::choice {
         set words [dict get $facts range]
         if {$words eq $made} return
         set made $words
+        set enabled {}
         destroy {*}[winfo children $win]
         if {[llength $words] <= 3 && [string length [join $words]] < 40} {
             set n 0

@@ -36,6 +36,7 @@ snit::widget ::sorma::panel {
     variable marks {}           ;# dict: -option -> {mark why} that are shown
     variable layout {}          ;# as layout.tcl has it
     variable given {}           ;# layout that was given; empty: the class's own
+    variable seenTimer {}       ;# until it is looked which fields can be seen
     variable room 380           ;# pixels, for messages below fields
     variable wanted {}          ;# what is searched for
     variable searchable 12      ;# options: with more there is a field to search in
@@ -73,7 +74,7 @@ snit::widget ::sorma::panel {
         bind $win.find.entry <KeyRelease> [mymethod Arrange]
         ttk::frame $win.body
         install canvas using canvas $win.body.canvas -highlightthickness 0 -borderwidth 0 -background [ttk::style lookup . -background] \
-            -yscrollcommand [list $win.body.bar set] -width [::sorma::style pixels 420] -height [::sorma::style pixels 240]
+            -yscrollcommand [mymethod Scrolled] -width [::sorma::style pixels 420] -height [::sorma::style pixels 240]
         ttk::scrollbar $win.body.bar -command [list $canvas yview]
         install inner using ttk::frame $canvas.inner
         $canvas create window 0 0 -anchor nw -window $inner -tags inner
@@ -134,6 +135,7 @@ snit::widget ::sorma::panel {
 
     method Ended window {
         if {$window eq $win && $subject ne {}} {
+            after cancel $seenTimer
             foreach event [bind [$self Tag]] {
                 bind [$self Tag] $event {}
             }
@@ -361,10 +363,30 @@ snit::widget ::sorma::panel {
         } else {
             grid remove $win.find
         }
+        after cancel $seenTimer
+        set seenTimer [after idle [mymethod Look]]
         destroy $inner.none
         if {$first eq {} && [dict size $rows] > 0} {
             grid [ttk::label $inner.none -text [expr {$wanted ne {} ? "no option has \"$wanted\" in its name or its help" : "all options are hidden"}]] \
                 -row 0 -column 0 -columnspan 4 -sticky w
+        }
+    }
+    method Scrolled {first last} {
+        $win.body.bar set $first $last
+        after cancel $seenTimer
+        set seenTimer [after idle [mymethod Look]]
+    }
+    # Fields that are out of sight cost nothing.
+    method Look {} {
+        set top [$canvas canvasy 0]
+        set bottom [$canvas canvasy [winfo height $canvas]]
+        foreach n [dict values $rows] {
+            set field $inner.field$n
+            set y [winfo y $field]
+            set seen [expr {[winfo manager $field] ne {} && $y < $bottom && $y + [winfo height $field] > $top}]
+            if {[$field cget -seen] != $seen} {
+                $field configure -seen $seen
+            }
         }
     }
     # As high as what is in it, as long as that leaves room for the rest.
