@@ -23,6 +23,7 @@ snit::macro ::sorma::fieldParts {} {
     component inside            ;# another field in this one, of the same option
 
     method SetShared {option value} {
+        if {$value eq $options($option)} return
         set options($option) $value
         if {$inside ne {}} {
             $inside configure $option $value
@@ -253,7 +254,7 @@ snit::widget ::sorma::slider {
         install editor using ttk::scale $win.scale -variable [myvar position] -length [::sorma::style pixels $options(-length)] \
             -command [mymethod Moved]
         install inside using ::sorma::entry $win.entry -name $options(-name) -option $options(-option) -apply $options(-apply) \
-            -live $options(-live) -state $options(-state)
+            -live $options(-live) -state $options(-state) -seen $options(-seen)
         pack $inside -side right
         pack $editor -side left -fill x -expand 1 -padx [list 0 [::sorma::style pixels 6]]
         $self Begin

@@ -255,7 +255,7 @@ snit::widget ::sorma::panel {
             set facts [$subject option $option]
             ttk::label $inner.mark$n -width 2 -anchor center
             ttk::label $inner.label$n -text [string range $option 1 end]
-            ::sorma::field $inner.field$n $facts -name [$subject name] -option $option -apply $options(-apply) -state $options(-state)
+            ::sorma::field $inner.field$n $facts -name [$subject name] -option $option -apply $options(-apply) -state $options(-state) -seen 0
             bind $inner.field$n <<SormaBuilt>> [mymethod Tagged $inner.field$n]
             ttk::label $inner.unit$n -text [dict get $facts unit]
             ttk::label $inner.why$n -font [::sorma::style font small] -wraplength $room -justify left
