@@ -667,10 +667,10 @@ proc ::sorma::complete::optionHint {table option} {
         append text " " [if {$type eq "enum"} {join $range |} else {set range}]
     }
     if {$default ne {}} {
-        append text ", default $default"
+        append text ", default [OneLine $default]"
     }
     if {[dict get $table exists]} {
-        append text ", now [if {$value eq {}} {string cat empty} else {set value}]"
+        append text ", now [if {$value eq {}} {string cat empty} else {OneLine $value}]"
     }
     if {$name in [dict get $table fixed]} {
         append text ", recipe only"
@@ -679,6 +679,11 @@ proc ::sorma::complete::optionHint {table option} {
         append text ": $help"
     }
     return $text
+}
+
+# A value of any kind in one line, harmless to a terminal.
+proc ::sorma::complete::OneLine value {
+    return [string map {\n \\n} [::sorma::text::clean $value]]
 }
 
 proc ::sorma::complete::ActionHint item {
