@@ -21,7 +21,7 @@ package provide sorma::panel 1.0
 #       later   changes are kept until Apply is pressed; a switch in the panel changes that
 # Methods:
 #       subject, apply, revert; field OPTION: the widget of an option; search TEXT; execute; layout: as text; load FILE, save FILE: a layout;
-#       move OPTION STEP, hide OPTION
+#       move OPTION STEP, hide OPTION, unhide: all
 snit::widget ::sorma::panel {
     hulltype ttk::frame
     option -options -default {} -readonly 1
@@ -48,9 +48,9 @@ snit::widget ::sorma::panel {
     component inner
 
     constructor {name args} {
-        set subject [::sorma::subject of $name -live [from args -live 1000]]
         $self configurelist $args
         set given [if {$options(-layout) ne {}} {::sorma::layout read $options(-layout)} else {::sorma::layout of $options(-groups)}]
+        set subject [::sorma::subject of $name -live $options(-live)]
         set listener [$subject listen [mymethod Told]]
         set pad [::sorma::style pixels 6]
         set small [::sorma::style pixels 3]
@@ -196,6 +196,9 @@ snit::widget ::sorma::panel {
     method hide option {
         $self Row $option
         $self Relay [::sorma::layout hide $layout $option]
+    }
+    method unhide {} {
+        $self Relay [dict replace $layout hidden {}]
     }
     method Relay new {
         set given $new
@@ -529,6 +532,9 @@ snit::widget ::sorma::panel {
         set can [expr {$readOnly ? "disabled" : "normal"}]
         $menu add command -label "Differences from the recipe" -underline 0 -command [mymethod Do {DBX -diff}]
         $menu add command -label "Save as flavor \u2026" -underline 0 -state $can -command [mymethod Ask "Save as flavor" {} [mymethod SaveFlavor]]
+        if {$layout ne {} && [dict get $layout hidden] ne {}} {
+            $menu add command -label "Show what is hidden" -underline 1 -command [mymethod unhide]
+        }
         $menu add command -label "Save layout \u2026" -underline 5 -command [mymethod AskFile save tk_getSaveFile]
         $menu add command -label "Load layout \u2026" -underline 6 -command [mymethod AskFile load tk_getOpenFile]
     }

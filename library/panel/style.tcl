@@ -80,7 +80,10 @@ proc ::sorma::style::tip {window text} {
         set Tips [expr {![catch {package require tooltip}]}]
     }
     if {$Tips && $text ne {}} {
-        ::tooltip::tooltip $window $text
+        if {[string length $text] > 600} {
+            set text [string range $text 0 600]\u2026
+        }
+        ::tooltip::tooltip $window [string trim [regsub -all -line {(.{1,70})(?:\s+|$)} $text "\\1\n"]]
     }
 }
 
