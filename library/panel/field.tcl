@@ -198,11 +198,12 @@ snit::widget ::sorma::vector {
     method Build {} {
         destroy {*}[winfo children $win]
         set entries {}
+        array unset texts
     }
     method Make n {
-        if {$n <= [llength $entries]} return
+        $self Build
         set pad [list 0 [::sorma::style pixels 4]]
-        for {set i [expr {[llength $entries] + 1}]} {$i <= $n} {incr i} {
+        for {set i 1} {$i <= $n} {incr i} {
             lappend entries [ttk::entry $win.entry$i -textvariable [myvar texts($i)] -width 7 -justify right]
             trace add variable [myvar texts($i)] write [mymethod Typed]
             $self Keys $win.entry$i
@@ -218,8 +219,11 @@ snit::widget ::sorma::vector {
     }
     method Put value {
         set numbers [string map {\{\} {}} [split $value]]         ;# no list: anybody may have typed it
-        $self Make [llength $numbers]
         set typing [expr {[focus] in $entries && [$self Touched]}]
+        set n [llength [split [dict get [$subject get $options(-option)] live]]]
+        if {$n != [llength $entries] && !$typing} {
+            $self Make $n
+        }
         set i 0
         foreach entry $entries {
             incr i
@@ -260,7 +264,9 @@ snit::widget ::sorma::slider {
         $self Begin
     }
     method Build {} {
-        $editor configure -from [dict get $facts low] -to [dict get $facts high]
+        if {[dict get $facts low] ne {} && [dict get $facts high] ne {}} {
+            $editor configure -from [dict get $facts low] -to [dict get $facts high]
+        }
     }
     method Moved value {
         if {$showing || $facts eq {}} return
@@ -268,7 +274,7 @@ snit::widget ::sorma::slider {
     }
     # As many digits as pixels of the scale can tell.
     method Rounded value {
-        set step [expr {([dict get $facts high] - [dict get $facts low]) / max(1.0, [winfo width $editor])}]
+        set step [expr {([$editor cget -to] - [$editor cget -from]) / max(1.0, [winfo width $editor])}]
         set digits [expr {$step > 0 ? max(0, int(ceil(-log10($step)))) : 3}]
         return [expr {double([format %.*f $digits $value])}]
     }
@@ -366,7 +372,7 @@ proc ::sorma::field {window facts args} {
     switch -- [dict get $facts type] {
         flag { set widget check }
         enum { set widget choice }
-        vector { set widget [expr {[regexp {(\d+) elements?$} [dict get $facts range] -> n] && $n <= 8 ? "vector" : "entry"}] }
+        vector { set widget [expr {[regexp {(?:^|, )(\d+) elements?$} [dict get $facts range] -> n] && $n <= 8 ? "vector" : "entry"}] }
         default { set widget [expr {$closed && ![dict exists $facts hints kind] ? "slider" : "entry"}] }
     }
     return [::sorma::$widget $window {*}$args]
