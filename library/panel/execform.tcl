@@ -44,11 +44,6 @@ snit::widget ::sorma::execform {
         set options($option) $value
         $win.go state [expr {$value eq "normal" ? "!disabled" : "disabled"}]
     }
-    method Told {what changed} {
-        if {$subject ne {} && $what eq "table" && [$subject table] ne {}} {
-            $self Build
-        }
-    }
     method Build {} {
         set table [$subject table]
         destroy {*}[winfo children $win.in]

@@ -127,7 +127,7 @@ snit::widget ::sorma::panel {
             bind [$self Tag] $key "$script; break"
         }
         foreach event {<Button-3> <Key-Menu> <Shift-F10>} {
-            bind [$self Tag] $event [mymethod Popup %W %X %Y]
+            bind [$self Tag] $event "[mymethod Popup %W %X %Y]; break"      ;# a scale would jump there
         }
         $self Table
         $self Switched

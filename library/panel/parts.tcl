@@ -15,7 +15,7 @@ proc ::sorma::parts::answer {method status value} {
 }
 
 # ::sorma::parts NEEDS LIVE -- options -name, -option and -live, and the subject. NEEDS: those of the options that must be given. LIVE: default
-# of -live, in ms. A constructor ends with $self Begin. The widget has methods Build, called when facts (what the option is) has come or
+# of -live, in ms. A constructor ends with $self Begin. The widget has methods Build, called when the table, and facts with it, has come or
 # changed, and Show, called when there is something else to show.
 snit::macro ::sorma::parts {needs live} {
     hulltype ttk::frame
@@ -54,8 +54,10 @@ snit::macro ::sorma::parts {needs live} {
     }
     method Told {what changed} {
         if {$subject eq {} || ![winfo exists $win]} return
-        if {$what eq "table" && [$subject table] ne {} && $options(-option) ne {}} {
-            set facts [$subject option $options(-option)]
+        if {$what eq "table" && [$subject table] ne {}} {
+            if {$options(-option) ne {}} {
+                set facts [$subject option $options(-option)]
+            }
             $self Build
         }
         if {$what ne "values" || $options(-option) in $changed} {

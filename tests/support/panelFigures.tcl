@@ -85,10 +85,6 @@ pack [sorma::panel .p dials.a@$d -live 0] -fill both -expand 1
 update
 tell "40 options opened, to the last pixel \[ms]" [expr {([clock microseconds] - $began) / 1000}]
 
-proc turn {} {
-    dials.a@$::d EXEC
-    set ::turning [after 33 turn]
-}
 tell "at rest: share of a core (client, X server)" [shares 2000]
 # They change in the daemon by a process of its own, so that the client alone is measured.
 set turner [open |[list [info nameofexecutable] << [string map [list @D $d] {
