@@ -32,10 +32,12 @@ apply {dir {
     }
     # Modules that hold more classes than one: the plant asks for sorma::service::CLASS.
     foreach {module classes} {
+        robot {mvpos pino wspc}
         shmem {shmem_w shmem_r}
         units {sum gain matrix clip lowpass integrator delay table select sine noise probe}
         vision {hsvtable findball findbrdmarker getbrdsit getdisk}
     } {
+        if {![file exists [file join $dir services $module$end]]} continue
         foreach name $classes {
             package ifneeded sorma::service::$name 1.0 "package require sorma::service::$module\npackage provide sorma::service::$name 1.0"
         }

@@ -193,7 +193,7 @@ private:
     void halt() {
         if (!runner_->stop()) fail(kHangs, name(), runner_->busyWith());
         last_ = figuresText();
-        runner_.reset();
+        cycle::Runner::dismiss(std::move(runner_));
         memory_.release();
         publishText("stopped", steps_);
     }
@@ -213,7 +213,7 @@ private:
     void end() {
         while (runner_ && !runner_->stop())
             if (runner_->abandon()) (void)runner_.release();
-        runner_.reset();
+        cycle::Runner::dismiss(std::move(runner_));
         memory_.release();
     }
 

@@ -359,7 +359,12 @@ void Runner::hold(Service& service) {
     ++holds_;
 }
 
+void Runner::dismiss(std::unique_ptr<Runner> runner) {
+    if (runner && runner->holds_ > 0) runner.release()->dismissed_ = true;
+}
+
 void Runner::release() noexcept {
+    if (holds_ == 1 && dismissed_) return delete this;
     if (--holds_ > 0 || !std::exchange(holding_, false)) return;
     std::int64_t now = nanoseconds(), took = now - heldSince_, quarter = quarter_.load(std::memory_order_relaxed);
     if (now > due_.load(std::memory_order_relaxed) + quarter) [[unlikely]] requestSlow_ |= wasSlow(effort_, quarter);

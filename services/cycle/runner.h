@@ -109,6 +109,9 @@ public:
     // with its thread. Then the runner must not be touched any more: it deletes itself when the step should ever return. False: it
     // does not hang any more; it can be stopped.
     bool abandon();
+    // The end of one that has been stopped. It may be in the middle of a request to one of its objects, which has led here: then it
+    // stays until that gives it back.
+    static void dismiss(std::unique_ptr<Runner> runner);
     // Another plan from the next tick on; figures go on.
     void change(Plan plan);
 
@@ -164,6 +167,7 @@ private:
     std::vector<sorma::Reference> owned_;
     int holds_ = 0;
     bool holding_ = false;              // the outermost of them has the turn: ticks have not ended
+    bool dismissed_ = false;                        // its end waits for what holds it
     std::string heldFor_;
     std::int64_t heldSince_ = 0;
     // What this thread had spent shortly before it got the turn: it tells whether a request that ends late was slow. To read it

@@ -1,0 +1,55 @@
+// mover.h -- what the classes that move the arm have in common: whose arm, how fast, under which guards, who waits for whom.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include <sorma.h>
+
+#include "errors.h"
+#include "motion.h"
+#include "pino.h"
+
+namespace robot {
+
+// None of the solutions is within the limits: names the joint that is least outside.   part: of the way
+[[noreturn]] void failLimits(const std::string& who, const puma::Solutions& s, const puma::Limits& limits, double part);
+
+class Mover : public sorma::Service {
+public:
+    void leaving() override;
+
+protected:
+    template <class S> static void describe(sorma::Class& c) {
+        c.service("-arm", &S::arm_, {.help = "the arm, of class pino; empty: pino"})
+            .text("-guards", &S::guards_, {.help = "names of guards (class wspc) that hold while it moves, besides those of the arm"})
+            .choice("-whenBusy", &S::whenBusy_, {"refuse", "queue"}, {.help = "when somebody else moves the arm: fail, or wait for the turn"})
+            .real("-speed", &S::speed_, {.unit = "m/s", .low = 0.001, .high = 1.5, .help = "of the tool on straight lines"})
+            .real("-acceleration", &S::acceleration_, {.unit = "m/s2", .low = 0.01, .high = 5, .help = "of the tool on straight lines; also how it brakes"})
+            .real("-turnSpeed", &S::turnSpeed_, {.unit = "rad/s", .low = 0.01, .high = 5, .help = "of turns of the tool on straight lines"})
+            .action({"-stop", "", "stop its motion: the next tick of the control task begins to brake", 0, 0,
+                     [](Service& s, sorma::Args, sorma::Message& m) { static_cast<S&>(s).stopNow(m); }, sorma::Right::call, true})
+            .conduct(sorma::Conduct::concurrent);
+    }
+
+    Pino& pino();                           // fails with OPTION VALUE when -arm is none
+    void stopNow(sorma::Message& m);
+    // A line of the tool, or several of them with the corner's rounding, from rest to rest.
+    PathMotion::Leg line(const Path& path, double speed) const;
+    Path lineFrom(const Now& now) const { return Path(Path::Kind::line, {now.q, now.tool}, speed_ / turnSpeed_); }
+
+    // Walk through a motion as the control task would. Fails with ROBOT UNREACHABLE, LIMITS, SINGULAR, GUARD.
+    void verify(const Now& now, PathMotion& trial, const std::vector<Guard>& guards) const;
+    // The guards that are going to hold. Fails with ROBOT SENSOR when one needs a sensor that is silent.
+    std::vector<Guard> guards(const Now& now);
+    // Have the arm moved.
+    void launch(sorma::Message& m, std::function<Job::Plan(const Now&)> plan, std::function<void(sorma::Message&, const Now&, Motion&)> finish);
+    static void appendPlace(std::vector<double>& floats, const Place& place);
+
+    sorma::Reference arm_;
+    std::string guards_, whenBusy_ = "refuse";
+    double speed_ = 0.25, acceleration_ = 0.5, turnSpeed_ = 0.8;
+};
+
+}  // namespace robot

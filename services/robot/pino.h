@@ -1,0 +1,115 @@
+// pino.h -- the arm as a service object: its control task, its power, and whose turn it is to move it.
+//
+// Others of the robot's classes make motions and hand them to it (Job). One moves the arm at a time.
+#pragma once
+
+#include <deque>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <sorma.h>
+
+#include "control.h"
+
+namespace robot {
+
+// What a motion is planned from.
+struct Now {
+    ArmState state;
+    Joints q;                               // where it has been sent, or where it is while it has no power
+    Place tool;                             // the same
+    Settings settings;
+    double period = 0;                      // [s]
+    Wrench felt = Wrench::Zero();
+    bool sensed = false;
+};
+
+struct Job {
+    struct Plan {
+        std::unique_ptr<Motion> motion;
+        std::vector<Guard> guards;
+    };
+    std::string who;                        // the object that moves it
+    std::function<Plan(const Now&)> plan;   // when its turn has come; throws to refuse
+    std::function<void(sorma::Message&, const Now&, Motion&)> finish;      // it is there: fill in the answer; throws to fail
+    std::function<void(double)> progress;   // part of the way; null: nobody is told
+
+    // The pino's:
+    sorma::Reply reply;
+    sorma::KeptCallPointer call;
+    std::string caller, stopped;            // who asked; why it was stopped
+    Plan present;
+};
+
+class Pino final : public sorma::Service {
+public:
+    static sorma::Class describe();
+    ~Pino() override;
+
+    void born() override;
+    void changed(std::span<const sorma::Option* const>) override;
+    void leaving() override;
+    void exec(sorma::Message& m) override;
+    void dumpState(std::string& out) const override;
+    std::string selftest() override;
+
+    Now now();
+    // May somebody move it now? waits: when it is busy his turn will come. Fails with ROBOT ...
+    void admit(bool waits, const std::string& who);
+    // Move it, when its turn comes. The job's plan may throw at once, or fail its reply later.
+    // later: takes the request over.
+    void submit(std::shared_ptr<Job> job, const std::function<sorma::Reply()>& later);
+    void stopMotion(const std::string& why);    // what is under way; the next tick begins to brake
+    bool moves(const std::string& who) const { return job_ && job_->who == who; }
+    void guardChanged(const Guard& guard);
+    std::vector<Guard> guards(const sorma::Service& user, const std::string& names, const sorma::PrincipalPointer& author) const;
+    const std::string& ownGuards() const { return guards_; }
+    // A hand that has been weighed.
+    void takeCalibration(double mass, const Vector3d& centre, const Wrench& offset);
+
+private:
+    static std::vector<double> list(const Joints& q) { return {q.data(), q.data() + 6}; }
+    void run();
+    void start(sorma::Args, sorma::Message& m);
+    void end(sorma::Args, sorma::Message& m);
+    void stop(sorma::Args, sorma::Message& m);
+    void halt();
+    void status(sorma::Message& m);
+    void power(sorma::Message& m);
+    void park(sorma::Message& m);
+    void turnOff();
+    void needHardware();
+    Settings settings() const;
+    std::string steps() const;
+    void configureCycle(std::vector<std::string> words);
+    void watch();
+    void ended();
+    void settle(Job& job, const Ending& ending, const Now& n, Motion& motion);
+    void begin(std::shared_ptr<Job> job, Job::Plan plan);
+    void nextJob();
+    void failAll(const sorma::Error& why);
+    void tell(std::string_view event, std::string text, std::vector<double> floats = {});
+    sorma::Error errorOf(const Ending& ending, const std::string& who, const Now& n, const std::string& stopped) const;
+
+    // options
+    double interval_ = 0.015, handMass_ = 0, forceFilter_ = 0.01, wristForce_ = 60, wristMoment_ = 10, parkSpeed_ = 0.5;
+    bool labTime_ = false, sensors_ = true, compensate_ = true, records_ = true;
+    std::int64_t priority_ = 50;
+    std::string prefix_, tasks_, guards_;
+    std::vector<double> lower_ = list(puma::Limits{}.lower), upper_ = list(puma::Limits{}.upper);
+    std::vector<double> speed_{1.9, 1.5, 2.4, 5.3, 5, 5.7}, acceleration_{6, 6, 8, 20, 20, 20};
+    std::vector<double> base_{0, 0, -0.25}, tool_{0, 0, 0.2}, handCentre_{0, 0, 0}, sensorOffset_ = std::vector<double>(6);
+    std::vector<double> park_{0.2713, 1.1164, -3.2675, 0, -0.9905, -2.8703};     // above the table, the tool down
+
+    std::unique_ptr<Control> control_;      // while the control task runs
+    sorma::Reference cycle_;
+    std::shared_ptr<Job> job_;              // under way
+    std::deque<std::shared_ptr<Job>> queue_;
+    std::vector<sorma::Reply> waking_, sleeping_;
+    sorma::Timer timer_;
+};
+
+}  // namespace robot

@@ -1,0 +1,9 @@
+// robot -- the classes of the arm: pino, mvpos, wspc.
+#include "mvpos.h"
+#include "pino.h"
+#include "wspc.h"
+
+extern "C" SORMA_EXPORT int Robot_Init(Tcl_Interp* interp) {
+    return sorma::provide(interp, "sorma::service::robot", "1.0",
+                          {robot::Pino::describe(), robot::Mvpos::describe(), robot::Wspc::describe()});
+}
