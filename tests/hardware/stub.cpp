@@ -16,6 +16,7 @@
 #include <optional>
 #include <sstream>
 #include <string>
+#include <utility>
 
 #include <shmem/ring.h>
 
@@ -130,6 +131,7 @@ int main(int count, char** words) try {
     std::optional<shmem::Reader> reader;
     std::uint64_t seen = 0;
     std::string typed;
+    bool said = false;                      // that it is ready
     SetPoint s;
     for (std::int64_t next = shmem::nanoseconds();;) {
         pollfd in{0, POLLIN, 0};
@@ -154,7 +156,7 @@ int main(int count, char** words) try {
         force.write(sensed.data(), nullptr);
         const double lab[] = {now, 1, 0};
         clock.write(lab, nullptr);
-        if (state.count() == 1) std::puts("ready"), std::fflush(stdout);
+        if (!std::exchange(said, true)) std::puts("ready"), std::fflush(stdout);
         next += std::int64_t(kStep * 1e9);
         const timespec until{next / 1'000'000'000, next % 1'000'000'000};
         clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr);
