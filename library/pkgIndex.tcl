@@ -32,7 +32,7 @@ apply {dir {
     }
     # Modules that hold more classes than one: the plant asks for sorma::service::CLASS.
     foreach {module classes} {
-        robot {mvpos pino wspc}
+        robot {calibrate mvpos pino push wspc}
         shmem {shmem_w shmem_r}
         units {sum gain matrix clip lowpass integrator delay table select sine noise probe}
         vision {hsvtable findball findbrdmarker getbrdsit getdisk}

@@ -56,7 +56,7 @@ Motion::Step PathMotion::next(const Senses& senses, Joints& q) noexcept {
         time_ -= legs_[leg_].profile.duration() + legs_[leg_].pause, ++leg_;
     const Leg& leg = legs_[leg_];
     const double there = leg.profile.duration();
-    if (time_ > there) resting(leg_, senses);
+    if (time_ > there && leg.pause > 0) resting(leg_, (time_ - there) / leg.pause, senses);
     if (increments_) increments_->next(senses.period);
     const bool over = time_ >= there + (braking_ ? 0 : leg.pause) && (!increments_ || increments_->still()) && (braking_ || !stays_);
     const Knot knot = leg.path.at(leg.profile.at(time_));

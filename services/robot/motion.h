@@ -95,7 +95,8 @@ public:
     double looksAhead() const override { return increments_ ? acceleration_ : 0; }
 
 protected:
-    virtual void resting(std::size_t leg, const Senses& senses) noexcept { (void)leg, (void)senses; }     // in its pause
+    // In the pause of a leg. rested: part of it that has passed.
+    virtual void resting(std::size_t leg, double rested, const Senses& senses) noexcept { (void)leg, (void)rested, (void)senses; }
 
 private:
     const Frames frames_;

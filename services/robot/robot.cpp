@@ -1,9 +1,12 @@
-// robot -- the classes of the arm: pino, mvpos, wspc.
+// robot -- the classes of the arm: pino, mvpos, wspc, push, calibrate.
+#include "calibrate.h"
 #include "mvpos.h"
 #include "pino.h"
+#include "push.h"
 #include "wspc.h"
 
 extern "C" SORMA_EXPORT int Robot_Init(Tcl_Interp* interp) {
     return sorma::provide(interp, "sorma::service::robot", "1.0",
-                          {robot::Pino::describe(), robot::Mvpos::describe(), robot::Wspc::describe()});
+                          {robot::Pino::describe(), robot::Mvpos::describe(), robot::Wspc::describe(), robot::Push::describe(),
+                           robot::Calibrate::describe()});
 }

@@ -1,0 +1,41 @@
+// calibrate.h -- what does the hand weigh, where is its centre, and what does the sensor show without it?
+#pragma once
+
+#include "mover.h"
+
+namespace robot {
+
+// What the wrist felt at rest, in some orientation.
+struct Weighing {
+    Vector3d up;                            // the world's z in tool axes
+    Wrench felt;
+};
+
+struct Load {
+    double mass = 0;                        // [kg]
+    Vector3d centre = {0, 0, 0};            // [m] tool axes, from the sensor
+    Wrench offset = Wrench::Zero();
+    double forceResidual = 0, momentResidual = 0;       // root of the mean square
+};
+
+// Least squares over at least three orientations, in which gravity acts along different axes of the tool. False: they are too alike.
+bool weigh(const std::vector<Weighing>& weighings, Load& load);
+
+class Calibrate final : public Mover {
+public:
+    static sorma::Class describe();
+    void born() override { changed({}); }
+    void changed(std::span<const sorma::Option* const>) override;
+    void exec(sorma::Message& m) override;
+
+private:
+    friend class Mover;
+    Job::Plan plan(const Now& now);
+    void save(const Load& load, const std::string& arm);
+
+    std::vector<double> postures_;
+    double jointSpeed_ = 0.5, rest_ = 1, mostResidual_ = 0.5;
+    std::string file_;
+};
+
+}  // namespace robot
