@@ -31,7 +31,7 @@ public:
 private:
     friend class Mover;
     Job::Plan plan(const Now& now);
-    void save(const Load& load, const std::string& arm);
+    void save(const std::vector<std::string>& words, const Load& load);
 
     std::vector<double> postures_;
     double jointSpeed_ = 0.5, rest_ = 1, mostResidual_ = 0.5;

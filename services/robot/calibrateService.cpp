@@ -55,6 +55,12 @@ private:
     std::vector<Quaterniond> orientations_;
 };
 
+// As options of the arm.
+std::vector<std::string> wordsOf(const Load& load) {
+    auto list = [](const auto& v) { return sorma::toText(sorma::Value(std::vector<double>(v.data(), v.data() + v.size()))); };
+    return {"-handMass", sorma::toText(sorma::Value(load.mass)), "-handCentre", list(load.centre), "-sensorOffset", list(load.offset)};
+}
+
 }  // namespace
 
 bool weigh(const std::vector<Weighing>& weighings, Load& load) {
@@ -118,8 +124,11 @@ void Calibrate::exec(Message& m) {
                if (load.forceResidual > mostResidual_)
                    fail(kCalibration, name(), "the residual is " + number(load.forceResidual) + " N, -mostResidual " + number(mostResidual_) +
                                                   ": something touches the hand, or it moves");
-               save(load, pino().name());
-               pino().takeCalibration(load.mass, load.centre, load.offset);
+               const auto words = wordsOf(load);
+               save(words, load);
+               Message set;
+               set.words = words;
+               pino().invoke(sorma::Method::ctrl, set);
                reply.floats = {load.mass};
                reply.floats.insert(reply.floats.end(), load.centre.data(), load.centre.data() + 3);
                reply.floats.insert(reply.floats.end(), load.offset.data(), load.offset.data() + 6);
@@ -153,7 +162,7 @@ Job::Plan Calibrate::plan(const Now& now) {
     return {std::make_unique<Weigher>(now, std::move(legs), std::move(postures)), std::move(all)};
 }
 
-void Calibrate::save(const Load& load, const std::string& arm) {
+void Calibrate::save(const std::vector<std::string>& words, const Load& load) {
     if (file_.empty()) return;
     char date[32];
     const std::time_t now = std::time(nullptr);
@@ -162,8 +171,9 @@ void Calibrate::save(const Load& load, const std::string& arm) {
     std::ofstream out(file_);
     out << "# weighed by " << name() << " on " << date << ", residuals " << number(load.forceResidual) << " N "
         << number(load.momentResidual) << " N m\n"
-        << arm << ".calibration -handMass " << load.mass << " -handCentre {" << load.centre.transpose() << "} -sensorOffset {"
-        << load.offset.transpose() << "}\n";
+        << pino().name() << ".calibration";
+    for (std::size_t i = 0; i < words.size(); i += 2) out << " " << words[i] << " {" << words[i + 1] << "}";
+    out << "\n";
     out.close();
     if (!out) fail(kFile, name(), file_, std::strerror(errno));
 }

@@ -80,6 +80,7 @@ void Control::tick(std::int64_t time, double period) noexcept {
     heard_ = arm.read(state_, age) && age < std::max(kSilent, 3 * period);
     sense(period);
     followPower();
+    const Joints before = qdot_;
     if (phase_ == Phase::moving || phase_ == Phase::braking) move(period);
     if (phase_ == Phase::off || phase_ == Phase::waking) q_ = state_.q, qdot_.setZero();
     const Place tool = settings.frames.toolOf(q_);
@@ -90,9 +91,11 @@ void Control::tick(std::int64_t time, double period) noexcept {
     tool_ = tool;
     if (!heard_) return;
     const double now = double(time) * 1e-9 + (settings.labClock ? 0 : arm.clockOffset());
+    // What has been is the mean speed of the last period; the set-point's own is half a period ahead of it.
+    const Joints speed = qdot_.isZero(0) ? Joints(Joints::Zero()) : Joints(qdot_ + 0.5 * (qdot_ - before));
     const Mode mode = phase_ == Phase::off ? Mode::off : phase_ == Phase::moving || phase_ == Phase::braking ? Mode::run : Mode::hold;
     // Waking begins with one that says "off": after a reset that is what the other side waits for.
-    arm.write(now + period, q_, qdot_, phase_ == Phase::waking && waited_ == 0 ? Mode::off : mode);
+    arm.write(now + period, q_, speed, phase_ == Phase::waking && waited_ == 0 ? Mode::off : mode);
     if (phase_ == Phase::waking) waited_ += period;
     arm.record(state_.time, settings.frames.toolOf(state_.q), state_.q, felt_);
 }

@@ -96,7 +96,8 @@ private:
     Wrench raw_ = Wrench::Zero(), felt_ = Wrench::Zero();
     bool overloaded_ = false, armed_ = true;            // armed: it has felt less than that since
 
-    Joints q_ = Joints::Zero(), qdot_ = Joints::Zero();     // of the last set-point
+    Joints q_ = Joints::Zero();                         // of the last set-point
+    Joints qdot_ = Joints::Zero();                      // mean speed on the way there
     Place tool_;                                        // and where it brings the tool
     Vector3d velocity_ = {0, 0, 0}, acceleration_ = {0, 0, 0};     // of the tool, by the last set-points
 

@@ -19,8 +19,11 @@ const sorma::Prototype kWord{Severity::error, "ROBOT WORD", 2, "{}: bad word \"{
 const sorma::Prototype kTarget{Severity::error, "ROBOT TARGET", 1, "{}: {}"};
 const sorma::Prototype kValue{Severity::error, "ROBOT VALUE", 1, "{}: float {} is {}; all must be finite numbers"};
 const sorma::Prototype kUnreachable{Severity::error, "ROBOT UNREACHABLE", 1,
-                                    "{}: the arm does not reach {} m, {} % of the way; nothing nearer than the elbow allows, nothing farther than 0.9 m from the shoulder"};
-const sorma::Prototype kLimits{Severity::error, "ROBOT LIMITS", 1, "{}: joint {} at {} of the way: {} {}, allowed is {}"};
+                                    "{}: the arm does not reach {} m, {} % of the way: its wrist would be {} m from the shoulder, which the arm bridges from {} to {} m"};
+const sorma::Prototype kTooClose{Severity::error, "ROBOT UNREACHABLE", 1,
+                                 "{}: the arm does not reach {} m, {} % of the way: its wrist would be too close to the waist"};
+const sorma::Prototype kGate{Severity::error, "ROBOT LIMITS", 1, "{}: joint {} was to have the {} {}, allowed is {}; the gate has stopped the arm at {} m"};
+const sorma::Prototype kLimits{Severity::error, "ROBOT LIMITS", 1, "{}: joint {} would need the angle {} rad, {} % of the way, allowed is {}"};
 const sorma::Prototype kSingular{Severity::error, "ROBOT SINGULAR", 1,
                                  "{}: a straight line through {} m, {} % of the way, comes too near to a singularity ({}); move with -move joints, or around it"};
 const sorma::Prototype kSpeed{Severity::error, "ROBOT LIMITS", 1,

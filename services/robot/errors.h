@@ -9,7 +9,7 @@
 
 namespace robot {
 
-extern const sorma::Prototype kHardware, kTask, kPower, kPowerLost, kSilent, kBusy, kWord, kTarget, kValue, kUnreachable, kLimits,
+extern const sorma::Prototype kHardware, kTask, kPower, kPowerLost, kSilent, kBusy, kWord, kTarget, kValue, kUnreachable, kTooClose, kLimits, kGate,
     kSingular, kSpeed, kGuard, kWouldTrip, kOverload, kOverloaded, kSensor, kStopped, kGone, kNotAGuard, kNotAnArm, kIncrements, kName,
     kNoContact, kCalibration, kFile, kOrder;
 

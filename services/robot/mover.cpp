@@ -18,6 +18,13 @@ std::string singularities(unsigned near) {
 
 }  // namespace
 
+void failReach(const std::string& who, const Frames& frames, const Place& place, double part) {
+    const Vector3d wrist = puma::wristCentre(frames.flangeOf(place));
+    const auto reach = puma::reachOf(wrist);
+    if (reach.distance >= reach.least && reach.distance <= reach.most) fail(kTooClose, who, text(place.p), percent(part));
+    fail(kUnreachable, who, text(place.p), percent(part), number(reach.distance), number(reach.least), number(reach.most));
+}
+
 void failLimits(const std::string& who, const puma::Solutions& s, const puma::Limits& limits, double part) {
     double least = Guard::kAny, angle = 0;
     int joint = 0;
@@ -25,7 +32,7 @@ void failLimits(const std::string& who, const puma::Solutions& s, const puma::Li
         int i;
         if (const double most = (q - limits.upper).cwiseMax(limits.lower - q).maxCoeff(&i); most < least) least = most, joint = i, angle = q[i];
     }
-    fail(kLimits, who, joint + 1, percent(part) + " %", "angle [rad]", number(angle), allowed({"", 0, limits.lower[joint], limits.upper[joint]}));
+    fail(kLimits, who, joint + 1, number(angle), percent(part), allowed({"", 0, limits.lower[joint], limits.upper[joint]}));
 }
 
 Pino& Mover::pino() {
@@ -72,7 +79,7 @@ void Mover::verify(const Now& now, PathMotion& trial, const std::vector<Guard>& 
         const auto step = trial.next(senses, next);
         const double part = trial.part();
         switch (step) {
-            case Motion::Step::unreachable: fail(kUnreachable, name(), text(trial.here().tool.p), percent(part));
+            case Motion::Step::unreachable: failReach(name(), now.settings.frames, trial.here().tool, part);
             case Motion::Step::limits: failLimits(name(), trial.solutions(), limits.angles, part);
             case Motion::Step::singular: {
                 auto& s = trial.solutions();

@@ -13,7 +13,9 @@
 
 namespace robot {
 
-// None of the solutions is within the limits: names the joint that is least outside.   part: of the way
+// The arm does not reach a place.   part: of the way
+[[noreturn]] void failReach(const std::string& who, const Frames& frames, const Place& place, double part);
+// None of the solutions is within the limits: names the joint that is least outside.
 [[noreturn]] void failLimits(const std::string& who, const puma::Solutions& s, const puma::Limits& limits, double part);
 
 class Mover : public sorma::Service {

@@ -156,7 +156,7 @@ Knot Mvpos::knot(const double* f, const Now& now, const Knot& after) {
     out.q = after.q;
     Posture posture;
     switch (posture.find(now.settings.frames, now.settings.limits, out.tool, after.q, out.q)) {
-        case Posture::unreachable: fail(kUnreachable, name(), text(out.tool.p), "100");
+        case Posture::unreachable: failReach(name(), now.settings.frames, out.tool, 1);
         case Posture::limits: failLimits(name(), posture.solutions, now.settings.limits.angles, 1);
         case Posture::singular:
         case Posture::none: break;

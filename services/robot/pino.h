@@ -67,8 +67,6 @@ public:
     void guardChanged(const Guard& guard);
     std::vector<Guard> guards(const sorma::Service& user, const std::string& names, const sorma::PrincipalPointer& author) const;
     const std::string& ownGuards() const { return guards_; }
-    // A hand that has been weighed.
-    void takeCalibration(double mass, const Vector3d& centre, const Wrench& offset);
 
 private:
     static std::vector<double> list(const Joints& q) { return {q.data(), q.data() + 6}; }

@@ -271,8 +271,7 @@ void Pino::status(Message& m) {
     const bool inWords = !m.words.empty();
     m.clear();
     if (!control_) {
-        m.text = inWords ? "the control task does not run" : "";
-        m.code = inWords ? 0 : 1;
+        m.text = "the control task does not run";
         return;
     }
     const Now n = now();
@@ -323,8 +322,11 @@ void Pino::power(Message& m) {
 }
 
 void Pino::turnOff() {
-    Held held(*this);
-    control_->sleep();
+    {
+        Held held(*this);
+        control_->sleep();
+    }
+    for (auto& reply : std::exchange(waking_, {})) reply.fail(error(kPower, name(), "EXEC power off came before it had some"));
 }
 
 void Pino::park(Message& m) {
@@ -473,7 +475,7 @@ sorma::Error Pino::errorOf(const Ending& e, const std::string& who, const Now& n
         case Outcome::limits: return error(kTarget, who, "the arm has stopped at " + at + " m, before a place outside of the joints' limits");
         case Outcome::singular: return error(kTarget, who, "the arm has stopped at " + at + " m, too near to a singularity");
         case Outcome::gate:
-            return error(kLimits, who, e.joint, "where it has stopped", e.trip.what, number(e.trip.value), allowed(e.trip));
+            return error(kGate, who, e.joint, e.trip.what, number(e.trip.value), allowed(e.trip), at);
         case Outcome::sensorLost: return error(kSensor, who, "a guard needs it; the arm has stopped at " + at + " m");
     }
     return error(kStopped, who, stopped.empty() ? std::string("by somebody") : stopped, at);
@@ -496,14 +498,6 @@ void Pino::guardChanged(const Guard& guard) {
     if (!control_) return;
     Held held(*this);
     control_->replaceGuard(guard);
-}
-
-void Pino::takeCalibration(double mass, const Vector3d& centre, const Wrench& offset) {
-    Held held(*this);
-    handMass_ = mass;
-    handCentre_.assign(centre.data(), centre.data() + 3);
-    sensorOffset_.assign(offset.data(), offset.data() + 6);
-    if (control_) control_->settings = settings();
 }
 
 // ---- what others see ----
