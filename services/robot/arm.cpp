@@ -35,7 +35,8 @@ Arm::Readers Arm::look() const {
             return;
         }
         if (reader->shape().floats == floats) return;
-        r.problem = "records of snapshot buffer " + key + " have " + std::to_string(reader->shape().floats) + " floats instead of " +
+        r.problem = "records of snapshot buffer " + key + " have " + std::to_string(reader->shape().floats) +
+                    " floats instead of " +
                     std::to_string(floats);
         reader.reset();
     };
@@ -98,7 +99,8 @@ void Arm::write(double time, const Joints& q, const Joints& qdot, Mode mode) noe
 
 void Arm::record(double time, const Place& tool, const Joints& q, const Wrench& felt) noexcept {
     if (!pose_) return;
-    std::array<double, kPoseFloats> f{time, tool.p.x(), tool.p.y(), tool.p.z(), tool.r.w(), tool.r.x(), tool.r.y(), tool.r.z()};
+    std::array<double, kPoseFloats> f{time, tool.p.x(), tool.p.y(), tool.p.z(), tool.r.w(), tool.r.x(), tool.r.y(),
+                                      tool.r.z()};
     std::copy_n(q.data(), 6, &f[8]);
     pose_->write(f.data(), nullptr);
     std::array<double, kForceFloats> w{time};

@@ -43,7 +43,6 @@ public:
     void attach(Readers readers);
     bool attached() const { return readers_.state && !readers_.state->retired(); }
     const std::string& problem() const { return readers_.problem; }
-    const std::string& prefix() const { return prefix_; }
 
     // The newest state. False: there is none, or it is no state (not finite).   age: [s] since it was written.
     bool read(ArmState& state, double& age) noexcept;

@@ -18,7 +18,8 @@ struct Load {
     double forceResidual = 0, momentResidual = 0;       // root of the mean square
 };
 
-// Least squares over at least three orientations, in which gravity acts along different axes of the tool. False: they are too alike.
+// Least squares over at least three orientations, in which gravity acts along different axes of the tool. False: they are
+// too alike.
 bool weigh(const std::vector<Weighing>& weighings, Load& load);
 
 class Calibrate final : public Mover {
@@ -29,7 +30,6 @@ public:
     void exec(sorma::Message& m) override;
 
 private:
-    friend class Mover;
     Job::Plan plan(const Now& now);
     void save(const std::vector<std::string>& words, const Load& load);
 

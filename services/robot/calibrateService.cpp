@@ -1,4 +1,5 @@
-// calibrate -- weighs the hand: holds it still in several orientations, and finds its mass, its centre and the sensor's offset.
+// calibrate -- weighs the hand: holds it still in several orientations, and finds its mass, its centre, and the offset of
+// the sensor.
 //
 //     calibrate CTRL -file hand.dict
 //     calibrate EXEC
@@ -37,7 +38,8 @@ public:
     std::vector<Weighing> weighings() const {
         std::vector<Weighing> out;
         for (std::size_t i = 0; i < sums_.size(); ++i)
-            if (sums_[i].count > 0) out.push_back({orientations_[i].conjugate() * Vector3d::UnitZ(), sums_[i].felt / sums_[i].count});
+            if (sums_[i].count > 0) out.push_back({orientations_[i].conjugate() * Vector3d::UnitZ(),
+                                                   sums_[i].felt / sums_[i].count});
         return out;
     }
 
@@ -57,8 +59,11 @@ private:
 
 // As options of the arm.
 std::vector<std::string> wordsOf(const Load& load) {
-    auto list = [](const auto& v) { return sorma::toText(sorma::Value(std::vector<double>(v.data(), v.data() + v.size()))); };
-    return {"-handMass", sorma::toText(sorma::Value(load.mass)), "-handCentre", list(load.centre), "-sensorOffset", list(load.offset)};
+    auto list = [](const auto& v) {
+        return sorma::toText(sorma::Value(std::vector<double>(v.data(), v.data() + v.size())));
+    };
+    return {"-handMass", sorma::toText(sorma::Value(load.mass)), "-handCentre", list(load.centre), "-sensorOffset",
+            list(load.offset)};
 }
 
 }  // namespace
@@ -66,7 +71,8 @@ std::vector<std::string> wordsOf(const Load& load) {
 bool weigh(const std::vector<Weighing>& weighings, Load& load) {
     const auto n = Eigen::Index(weighings.size());
     if (n < 3) return false;
-    // The sensor shows the force that carries the hand: m g up + offset; and its moment about the sensor: centre x (m g up) + offset.
+    // The sensor shows the force that carries the hand: m g up + offset; and its moment about the sensor: centre x (m g up)
+    // + offset.
     Eigen::MatrixXd a(3 * n, 4), b(3 * n, 6);
     Eigen::VectorXd f(3 * n), m(3 * n);
     for (Eigen::Index i = 0; i < n; ++i) {
@@ -98,19 +104,26 @@ sorma::Class Calibrate::describe() {
     auto c = sorma::Class::of<Calibrate>("calibrate", "weighs the hand with the wrist's sensor");
     Mover::describe<Calibrate>(c);
     c.vector("-postures", &Calibrate::postures_, {.unit = "rad", .low = -10, .high = 10,
-                                                  .help = "joint angles of at least three postures, 6 each; empty: the present one, the wrist turned"})
-        .real("-jointSpeed", &Calibrate::jointSpeed_, {.unit = "rad/s", .low = 0.01, .high = 2, .help = "of the fastest joint between them"})
-        .real("-rest", &Calibrate::rest_, {.unit = "s", .low = 0.1, .high = 60, .help = "at each of them; what is felt in its second half counts"})
-        .real("-mostResidual", &Calibrate::mostResidual_, {.unit = "N", .low = 0.001, .high = 100, .help = "with more than that the result is refused"})
-        .text("-file", &Calibrate::file_, {.help = "dictionary to write the result to, as the entry ARM.calibration; empty: none"})
-        .writes(floats, sorma::exactly(12), "", "mass [kg], centre from the sensor [m] (3), the sensor's offset [N] (3) [N m] (3), residuals [N] [N m]")
+                                                  .help = "joint angles of at least three postures, 6 each; empty: the "
+                                                          "present one, the wrist turned"})
+        .real("-jointSpeed", &Calibrate::jointSpeed_, {.unit = "rad/s", .low = 0.01, .high = 2,
+                                                       .help = "of the fastest joint between them"})
+        .real("-rest", &Calibrate::rest_, {.unit = "s", .low = 0.1, .high = 60,
+                                           .help = "at each of them; what is felt in its second half counts"})
+        .real("-mostResidual", &Calibrate::mostResidual_, {.unit = "N", .low = 0.001, .high = 100,
+                                                           .help = "with more than that the result is refused"})
+        .text("-file", &Calibrate::file_, {.help = "dictionary to write the result to, as the entry ARM.calibration; "
+                                                   "empty: none"})
+        .writes(floats, sorma::exactly(12), "", "mass [kg], centre from the sensor [m] (3), the sensor's offset [N] (3) [N "
+                                                "m] (3), residuals [N] [N m]")
         .example("calibrate CTRL -rest 0.5");
     return c;
 }
 
 void Calibrate::changed(std::span<const sorma::Option* const>) {
     if (postures_.size() % 6 != 0 || (!postures_.empty() && postures_.size() < 18))
-        fail(kOrder, name(), "-postures", "6 numbers for each of at least three postures, got " + std::to_string(postures_.size()));
+        fail(kOrder, name(), "-postures", "6 numbers for each of at least three postures, got " +
+                                          std::to_string(postures_.size()));
 }
 
 void Calibrate::exec(Message& m) {
@@ -120,9 +133,11 @@ void Calibrate::exec(Message& m) {
                Load load;
                const auto weighings = static_cast<Weigher&>(motion).weighings();
                if (!weigh(weighings, load))
-                   fail(kCalibration, name(), "the orientations are too alike, or too few; -postures must turn the hand so that gravity acts along all its axes");
+                   fail(kCalibration, name(), "the orientations are too alike, or too few; -postures must turn the hand so "
+                                              "that gravity acts along all its axes");
                if (load.forceResidual > mostResidual_)
-                   fail(kCalibration, name(), "the residual is " + number(load.forceResidual) + " N, -mostResidual " + number(mostResidual_) +
+                   fail(kCalibration, name(), "the residual is " + number(load.forceResidual) + " N, -mostResidual " +
+                        number(mostResidual_) +
                                                   ": something touches the hand, or it moves");
                const auto words = wordsOf(load);
                save(words, load);

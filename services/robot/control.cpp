@@ -93,7 +93,8 @@ void Control::tick(std::int64_t time, double period) noexcept {
     const double now = double(time) * 1e-9 + (settings.labClock ? 0 : arm.clockOffset());
     // What has been is the mean speed of the last period; the set-point's own is half a period ahead of it.
     const Joints speed = qdot_.isZero(0) ? Joints(Joints::Zero()) : Joints(qdot_ + 0.5 * (qdot_ - before));
-    const Mode mode = phase_ == Phase::off ? Mode::off : phase_ == Phase::moving || phase_ == Phase::braking ? Mode::run : Mode::hold;
+    const bool runs = phase_ == Phase::moving || phase_ == Phase::braking;
+    const Mode mode = phase_ == Phase::off ? Mode::off : runs ? Mode::run : Mode::hold;
     // Waking begins with one that says "off": after a reset that is what the other side waits for.
     arm.write(now + period, q_, speed, phase_ == Phase::waking && waited_ == 0 ? Mode::off : mode);
     if (phase_ == Phase::waking) waited_ += period;
@@ -150,7 +151,7 @@ void Control::move(double period) noexcept {
     if (phase_ == Phase::moving && needsForce_ && !sensed_) failMotion(Outcome::sensorLost, true);
     Joints q = q_;
     if (onPath_) {
-        const Senses senses{period, tool_, sensed_, raw_, settings.frames.toolOf(state_.q).r * felt_.head<3>()};
+        const Senses senses{period, sensed_, raw_, settings.frames.toolOf(state_.q).r * felt_.head<3>()};
         switch (motion_->next(senses, q)) {
             case Motion::Step::going: break;
             case Motion::Step::done:
@@ -209,7 +210,8 @@ bool Control::passes(const Joints& q, const Joints& qdot, double period, Ending&
         constexpr double kTolerance = 1e-9;
         if (!(q[i] >= l.angles.lower[i] - kTolerance && q[i] <= l.angles.upper[i] + kTolerance))
             why.trip = {"angle [rad]", q[i], l.angles.lower[i], l.angles.upper[i]};
-        else if (!(std::fabs(qdot[i]) <= kSpeedSlack * l.speed[i])) why.trip = {"speed [rad/s]", std::fabs(qdot[i]), 0, l.speed[i]};
+        else if (!(std::fabs(qdot[i]) <= kSpeedSlack * l.speed[i]))
+            why.trip = {"speed [rad/s]", std::fabs(qdot[i]), 0, l.speed[i]};
         else if (!(acceleration <= kAccelerationSlack * l.acceleration[i]) && phase_ != Phase::holding)
             why.trip = {"acceleration [rad/s2]", acceleration, 0, l.acceleration[i]};
         else continue;

@@ -2,10 +2,11 @@
 //
 //     read state and forces  ->  power  ->  motion  ->  guards  ->  gate  ->  set-point, records
 //
-// The gate is the last layer, and stands apart from motions and guards: whatever they want, no set-point leaves the joints' limits
-// of angle, speed and acceleration, and more force at the wrist than it may bear stops the arm.
+// The gate is the last layer, and stands apart from motions and guards: whatever they want, no set-point leaves the joints'
+// limits of angle, speed and acceleration, and more force at the wrist than it may bear stops the arm.
 //
-// Threads:   tick() and requestStop() by any thread, one tick at a time; everything else by the SORM's thread, between ticks.
+// Threads:   tick() and requestStop() by any thread, one tick at a time; everything else by the SORM's thread, between
+// ticks.
 // Allocates: never in tick().
 #pragma once
 

@@ -9,8 +9,9 @@
 
 namespace robot {
 
-extern const sorma::Prototype kHardware, kTask, kPower, kPowerLost, kSilent, kBusy, kWord, kTarget, kValue, kUnreachable, kTooClose, kLimits, kGate,
-    kSingular, kSpeed, kGuard, kWouldTrip, kOverload, kOverloaded, kSensor, kStopped, kGone, kNotAGuard, kNotAnArm, kIncrements, kName,
+extern const sorma::Prototype kHardware, kTask, kPower, kPowerLost, kSilent, kBusy, kWord, kTarget, kValue, kUnreachable,
+    kTooClose, kLimits, kGate, kSingular, kSpeed, kGuard, kWouldTrip, kOverload, kOverloaded, kSensor, kStopped, kGone,
+    kNotAGuard, kNotAnArm, kIncrements, kName,
     kNoContact, kCalibration, kFile, kOrder;
 
 std::string number(double x);               // four digits

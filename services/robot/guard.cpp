@@ -8,7 +8,8 @@ namespace robot {
 namespace {
 
 constexpr std::array<const char*, 3> kPosition = {"x of the tool [m]", "y of the tool [m]", "z of the tool [m]"};
-constexpr std::array<const char*, 6> kFelt = {"force x [N]", "force y [N]", "force z [N]", "moment x [N m]", "moment y [N m]", "moment z [N m]"};
+constexpr std::array<const char*, 6> kFelt = {"force x [N]", "force y [N]", "force z [N]", "moment x [N m]",
+                                              "moment y [N m]", "moment z [N m]"};
 
 bool contains(const Box& box, const Vector3d& p) {
     constexpr double kTolerance = 1e-9;     // what ends on the border of a box is in it
@@ -48,7 +49,8 @@ bool Guard::check(const View& view, Trip& trip) const {
         !within("distance from the wrist's singularity", view.singular.wrist, singular.wrist, kAny))
         return false;
     if (!view.sensed) return true;
-    if (!within("force [N]", view.felt.head<3>().norm(), 0, force) || !within("moment [N m]", view.felt.tail<3>().norm(), 0, moment)) return false;
+    if (!within("force [N]", view.felt.head<3>().norm(), 0, force)) return false;
+    if (!within("moment [N m]", view.felt.tail<3>().norm(), 0, moment)) return false;
     Wrench felt = view.felt;
     if (worldForces) felt << view.tool.r * view.felt.head<3>(), view.tool.r * view.felt.tail<3>();
     for (int i = 0; i < 6; ++i)

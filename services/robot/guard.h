@@ -43,7 +43,9 @@ struct Guard {
     Wrench low = Wrench::Constant(-kAny), high = Wrench::Constant(kAny);        // pattern of forces and moments
     puma::Distances singular{0, 0, 0};      // at least
 
-    bool feels() const { return force < kAny || moment < kAny || (low.array() > -kAny).any() || (high.array() < kAny).any(); }
+    bool feels() const {
+        return force < kAny || moment < kAny || (low.array() > -kAny).any() || (high.array() < kAny).any();
+    }
     // False: it trips, for that reason.
     bool check(const View& view, Trip& trip) const;
 };

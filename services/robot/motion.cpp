@@ -5,7 +5,8 @@
 
 namespace robot {
 
-Posture::Fault Posture::find(const Frames& frames, const ArmLimits& limits, const Place& place, const Joints& near, Joints& q) noexcept {
+Posture::Fault Posture::find(const Frames& frames, const ArmLimits& limits, const Place& place, const Joints& near,
+                             Joints& q) noexcept {
     puma::inverse(frames.flangeOf(place), near, limits.angles, Joints::Ones(), solutions);
     if (solutions.reach != puma::Solutions::reachable) return unreachable;
     if (solutions.count == 0) return Fault::limits;
@@ -31,7 +32,8 @@ void Increments::next(double period) noexcept {
     // In a new direction only as fast as the old one allows.
     if (left > 0 && !stopping_) rate_ *= std::max(0.0, direction_.dot(way) / left), direction_ = way / left;
     const double step = acceleration_ * period;
-    const double most = stopping_ ? 0 : std::min(speed_, std::max(0.0, std::sqrt(step * step / 4 + 2 * acceleration_ * left) - step / 2));
+    const double stoppable = std::max(0.0, std::sqrt(step * step / 4 + 2 * acceleration_ * left) - step / 2);
+    const double most = stopping_ ? 0 : std::min(speed_, stoppable);
     rate_ = std::clamp(most, std::max(0.0, rate_ - step), rate_ + step);
     if (!stopping_ && rate_ * period >= left) at_ = wanted_, rate_ = 0;
     else at_ += direction_ * rate_ * period;
@@ -58,7 +60,8 @@ Motion::Step PathMotion::next(const Senses& senses, Joints& q) noexcept {
     const double there = leg.profile.duration();
     if (time_ > there && leg.pause > 0) resting(leg_, (time_ - there) / leg.pause, senses);
     if (increments_) increments_->next(senses.period);
-    const bool over = time_ >= there + (braking_ ? 0 : leg.pause) && (!increments_ || increments_->still()) && (braking_ || !stays_);
+    const bool over = time_ >= there + (braking_ ? 0 : leg.pause) && (!increments_ || increments_->still()) &&
+        (braking_ || !stays_);
     const Knot knot = leg.path.at(leg.profile.at(time_));
     if (leg.path.kind() == Path::Kind::joints) {
         q = knot.q;

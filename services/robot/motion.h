@@ -30,7 +30,6 @@ struct Posture {
 // What a motion sees of the world in a tick.
 struct Senses {
     double period = 0;                      // [s]
-    Place tool;                             // of the last set-point
     bool sensed = false;
     Wrench raw = Wrench::Zero();            // as the wrist's sensor says it
     Vector3d pressed = {0, 0, 0};           // [N] from outside on the hand, world axes
@@ -50,11 +49,13 @@ public:
     virtual double looksAhead() const { return 0; }
 };
 
-// Relative displacements that somebody else writes: each record's floats 1 .. 6 (x y z [m], rotation vector [rad], world axes) are
+// Relative displacements that somebody else writes: each record's floats 1 .. 6 (x y z [m], rotation vector [rad], world
+// axes) are
 // added to where the tool shall be. It goes there within speed and acceleration.
 class Increments {
 public:
-    Increments(const std::string& key, double speed, double acceleration, double metresPerRadian);      // fails with shmem::Failure
+    // fails with shmem::Failure
+    Increments(const std::string& key, double speed, double acceleration, double metresPerRadian);
     static constexpr std::size_t kFloats = 7;
 
     const shmem::Shape& shape() const { return reader_.shape(); }
@@ -96,7 +97,8 @@ public:
 
 protected:
     // In the pause of a leg. rested: part of it that has passed.
-    virtual void resting(std::size_t leg, double rested, const Senses& senses) noexcept { (void)leg, (void)rested, (void)senses; }
+    virtual void resting(std::size_t leg, double rested, const Senses& senses) noexcept { (void)leg, (void)rested,
+        (void)senses; }
 
 private:
     const Frames frames_;

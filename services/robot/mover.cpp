@@ -30,7 +30,8 @@ void failLimits(const std::string& who, const puma::Solutions& s, const puma::Li
     int joint = 0;
     for (auto& q : s.q) {
         int i;
-        if (const double most = (q - limits.upper).cwiseMax(limits.lower - q).maxCoeff(&i); most < least) least = most, joint = i, angle = q[i];
+        const double most = (q - limits.upper).cwiseMax(limits.lower - q).maxCoeff(&i);
+        if (most < least) least = most, joint = i, angle = q[i];
     }
     fail(kLimits, who, joint + 1, number(angle), percent(part), allowed({"", 0, limits.lower[joint], limits.upper[joint]}));
 }
@@ -83,7 +84,8 @@ void Mover::verify(const Now& now, PathMotion& trial, const std::vector<Guard>& 
             case Motion::Step::limits: failLimits(name(), trial.solutions(), limits.angles, part);
             case Motion::Step::singular: {
                 auto& s = trial.solutions();
-                fail(kSingular, name(), text(trial.here().tool.p), percent(part), singularities(s.near[std::size_t(s.order[0])]));
+                fail(kSingular, name(), text(trial.here().tool.p), percent(part),
+                     singularities(s.near[std::size_t(s.order[0])]));
             }
             case Motion::Step::done: over = true; break;
             case Motion::Step::going: break;
@@ -91,11 +93,13 @@ void Mover::verify(const Now& now, PathMotion& trial, const std::vector<Guard>& 
         const Joints rate = (next - q) / now.period;
         for (int i = 0; i < 6; ++i) {
             auto within = [&](const char* what, double value, double low, double high) {
-                if (!(value >= low && value <= high)) fail(kSpeed, name(), i + 1, what, number(value), percent(part), allowed({"", 0, low, high}));
+                if (value >= low && value <= high) return;
+                fail(kSpeed, name(), i + 1, what, number(value), percent(part), allowed({"", 0, low, high}));
             };
             within("an angle [rad] of", next[i], limits.angles.lower[i] - 1e-9, limits.angles.upper[i] + 1e-9);
             within("a speed [rad/s] of", std::fabs(rate[i]), 0, limits.speed[i]);
-            if (!over) within("an acceleration [rad/s2] of", std::fabs(rate[i] - qdot[i]) / now.period, 0, 1.5 * limits.acceleration[i]);
+            if (!over) within("an acceleration [rad/s2] of", std::fabs(rate[i] - qdot[i]) / now.period, 0,
+                              1.5 * limits.acceleration[i]);
         }
         q = next, qdot = rate;
         View view;
@@ -106,7 +110,8 @@ void Mover::verify(const Now& now, PathMotion& trial, const std::vector<Guard>& 
         before = view.tool.p;
         Trip trip;
         for (auto& g : guards)
-            if (!g.check(view, trip)) fail(kWouldTrip, name(), g.name, percent(part), trip.what, number(trip.value), allowed(trip));
+            if (!g.check(view, trip))
+                fail(kWouldTrip, name(), g.name, percent(part), trip.what, number(trip.value), allowed(trip));
     }
 }
 
@@ -125,10 +130,6 @@ void Mover::launch(sorma::Message& m, std::function<Job::Plan(const Now&)> plan,
         publish("progress", told);
     };
     p.submit(std::move(job), [&] { return later(m); });
-}
-
-void Mover::appendPlace(std::vector<double>& floats, const Place& place) {
-    floats.insert(floats.end(), {place.p.x(), place.p.y(), place.p.z(), place.r.w(), place.r.x(), place.r.y(), place.r.z()});
 }
 
 }  // namespace robot

@@ -25,13 +25,18 @@ public:
 protected:
     template <class S> static void describe(sorma::Class& c) {
         c.service("-arm", &S::arm_, {.help = "the arm, of class pino; empty: pino"})
-            .text("-guards", &S::guards_, {.help = "names of guards (class wspc) that hold while it moves, besides those of the arm"})
-            .choice("-whenBusy", &S::whenBusy_, {"refuse", "queue"}, {.help = "when somebody else moves the arm: fail, or wait for the turn"})
+            .text("-guards", &S::guards_, {.help = "names of guards (class wspc) that hold while it moves, besides those "
+                                                   "of the arm"})
+            .choice("-whenBusy", &S::whenBusy_, {"refuse", "queue"},
+                    {.help = "when somebody else moves the arm: fail, or wait for the turn"})
             .real("-speed", &S::speed_, {.unit = "m/s", .low = 0.001, .high = 1.5, .help = "of the tool on straight lines"})
-            .real("-acceleration", &S::acceleration_, {.unit = "m/s2", .low = 0.01, .high = 5, .help = "of the tool on straight lines; also how it brakes"})
-            .real("-turnSpeed", &S::turnSpeed_, {.unit = "rad/s", .low = 0.01, .high = 5, .help = "of turns of the tool on straight lines"})
+            .real("-acceleration", &S::acceleration_, {.unit = "m/s2", .low = 0.01, .high = 5,
+                                                       .help = "of the tool on straight lines; also how it brakes"})
+            .real("-turnSpeed", &S::turnSpeed_, {.unit = "rad/s", .low = 0.01, .high = 5,
+                                                 .help = "of turns of the tool on straight lines"})
             .action({"-stop", "", "stop its motion: the next tick of the control task begins to brake", 0, 0,
-                     [](Service& s, sorma::Args, sorma::Message& m) { static_cast<S&>(s).stopNow(m); }, sorma::Right::call, true})
+                     [](Service& s, sorma::Args, sorma::Message& m) { static_cast<S&>(s).stopNow(m); }, sorma::Right::call,
+                         true})
             .conduct(sorma::Conduct::concurrent);
     }
 
@@ -46,8 +51,8 @@ protected:
     // The guards that are going to hold. Fails with ROBOT SENSOR when one needs a sensor that is silent.
     std::vector<Guard> guards(const Now& now);
     // Have the arm moved.
-    void launch(sorma::Message& m, std::function<Job::Plan(const Now&)> plan, std::function<void(sorma::Message&, const Now&, Motion&)> finish);
-    static void appendPlace(std::vector<double>& floats, const Place& place);
+    void launch(sorma::Message& m, std::function<Job::Plan(const Now&)> plan, std::function<void(sorma::Message&, const Now&,
+        Motion&)> finish);
 
     sorma::Reference arm_;
     std::string guards_, whenBusy_ = "refuse";

@@ -13,8 +13,6 @@ public:
     void exec(sorma::Message& m) override;
 
 private:
-    friend class Mover;
-
     std::size_t width() const;              // floats of a position
     void tellDry(sorma::Message& m, const std::vector<double>& given);
     Job::Plan plan(const Now& now, const std::vector<double>& given, bool follows);

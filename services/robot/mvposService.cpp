@@ -17,22 +17,30 @@ sorma::Class Mvpos::describe() {
     using enum sorma::Field;
     auto c = sorma::Class::of<Mvpos>("mvpos", "moves the arm to a position");
     Mover::describe<Mvpos>(c);
-    c.choice("-as", &Mvpos::as_, {"joints", "pose", "matrix"}, {.help = "what a position is: 6 joint angles [rad]; position [m] and quaternion w x y z of the tool; "
+    c.choice("-as", &Mvpos::as_, {"joints", "pose", "matrix"}, {.help = "what a position is: 6 joint angles [rad]; "
+                                                                "position [m] and quaternion w x y z of the tool; "
                                                                         "three rows of its 4x4 matrix"})
-        .choice("-move", &Mvpos::move_, {"joints", "line"}, {.help = "what is interpolated: joint angles, or the tool on a straight line"})
-        .text("-relativeTo", &Mvpos::relativeTo_, {.help = "frame of the position: world; tool, as it is at the begin; or a taught name"})
+        .choice("-move", &Mvpos::move_, {"joints", "line"}, {.help = "what is interpolated: joint angles, or the tool on a "
+                                                                     "straight line"})
+        .text("-relativeTo", &Mvpos::relativeTo_, {.help = "frame of the position: world; tool, as it is at the begin; or "
+                                                           "a taught name"})
         .vector("-target", &Mvpos::target_, {.help = "position of an EXEC without floats, as -as says it; empty: none"})
-        .real("-jointSpeed", &Mvpos::jointSpeed_, {.unit = "rad/s", .low = 0.001, .high = 5, .help = "of the fastest joint, with -move joints"})
-        .real("-jointAcceleration", &Mvpos::jointAcceleration_, {.unit = "rad/s2", .low = 0.01, .high = 20, .help = "of the fastest joint, with -move joints"})
+        .real("-jointSpeed", &Mvpos::jointSpeed_, {.unit = "rad/s", .low = 0.001, .high = 5,
+                                                   .help = "of the fastest joint, with -move joints"})
+        .real("-jointAcceleration", &Mvpos::jointAcceleration_, {.unit = "rad/s2", .low = 0.01, .high = 20,
+                                                                 .help = "of the fastest joint, with -move joints"})
         .real("-blend", &Mvpos::blend_, {.unit = "m or rad", .low = 0, .high = 1,
-                                         .help = "how far from the positions of EXEC via their corners may be cut; 0: the arm rests there"})
-        .text("-increments", &Mvpos::increments_, {.help = "key of a snapshot buffer: floats 1 .. 6 of each record displace the tool, x y z [m] and rotation "
+                                         .help = "how far from the positions of EXEC via their corners may be cut; 0: the "
+                                                 "arm rests there"})
+        .text("-increments", &Mvpos::increments_, {.help = "key of a snapshot buffer: floats 1 .. 6 of each record "
+                                                           "displace the tool, x y z [m] and rotation "
                                                            "vector [rad], world axes; with -move line"})
         .flag("-dry", &Mvpos::dry_, {.help = "check everything, say what would happen, move nothing"})
         .action("-teach", &Mvpos::teach, "name", "keep where the arm is as the recipe of mvpos.NAME", 1, 1)
         .words("?follow | via?")
         .reads(floats, {}, "m, rad", "a position: 6, 7 or 12 floats by -as, none for -target; via: several of them")
-        .writes(floats, sorma::between(0, 13), "", "where it has been sent: position [m] (3) and quaternion (4) of the tool, joint angles [rad] (6)")
+        .writes(floats, sorma::between(0, 13), "", "where it has been sent: position [m] (3) and quaternion (4) of the "
+                                                   "tool, joint angles [rad] (6)")
         .writes(text, {}, "", "with -dry: what would happen; the code is 1 when it would be refused")
         .example("mvpos CTRL -move line -speed 0.1");
     return c;
@@ -42,14 +50,16 @@ void Mvpos::born() { changed({}); }
 
 void Mvpos::changed(std::span<const sorma::Option* const>) {
     if (!target_.empty() && target_.size() != width())
-        fail(kOrder, name(), "-target", "-as " + as_ + " needs " + std::to_string(width()) + " numbers, not " + std::to_string(target_.size()));
+        fail(kOrder, name(), "-target", "-as " + as_ + " needs " + std::to_string(width()) + " numbers, not " +
+             std::to_string(target_.size()));
 }
 
 std::size_t Mvpos::width() const { return as_ == "joints" ? 6 : as_ == "pose" ? 7 : 12; }
 
 void Mvpos::exec(Message& m) {
     const std::string word = m.words.empty() ? "" : m.words[0];
-    if (m.words.size() > 1 || (word != "" && word != "follow" && word != "via")) fail(kWord, name(), m.words.back(), "follow or via");
+    if (m.words.size() > 1 || (word != "" && word != "follow" && word != "via"))
+        fail(kWord, name(), m.words.back(), "follow or via");
     std::vector<double> given = m.floats;
     for (std::size_t i = 0; i < given.size(); ++i)
         if (!std::isfinite(given[i])) fail(kValue, name(), i + 1, number(given[i]));
@@ -60,12 +70,13 @@ void Mvpos::exec(Message& m) {
     if (given.empty() && !follows) given = target_;
     const std::size_t n = width();
     if (!follows && (given.empty() || (word == "via" ? given.size() % n != 0 : given.size() != n)))
-        fail(kTarget, name(), "-as " + as_ + " needs " + std::to_string(n) + " floats" + (word == "via" ? " for each position" : "") + ", got " +
-                                  std::to_string(given.size()) + (given.empty() && target_.empty() ? ", and there is no -target" : ""));
+        fail(kTarget, name(), "-as " + as_ + " needs " + std::to_string(n) + " floats" +
+                                  (word == "via" ? " for each position" : "") + ", got " + std::to_string(given.size()) +
+                                  (given.empty() ? ", and there is no -target" : ""));
     if (dry_) return tellDry(m, given);
     launch(m, [this, given, follows](const Now& now) { return plan(now, given, follows); },
            [](Message& reply, const Now& now, Motion&) {
-               appendPlace(reply.floats, now.tool);
+               append(reply.floats, now.tool);
                reply.floats.insert(reply.floats.end(), now.q.data(), now.q.data() + 6);
            });
 }
@@ -98,7 +109,8 @@ Job::Plan Mvpos::plan(const Now& now, const std::vector<double>& given, bool fol
             fail(kIncrements, name(), f.what());
         }
         if (increments->shape().floats != Increments::kFloats)
-            fail(kIncrements, name(), "records of snapshot buffer " + increments_ + " have " + std::to_string(increments->shape().floats) +
+            fail(kIncrements, name(), "records of snapshot buffer " + increments_ + " have " +
+                 std::to_string(increments->shape().floats) +
                                           " floats instead of " + std::to_string(Increments::kFloats));
         motion->follow(std::move(increments), follows, acceleration_);
     }
@@ -112,7 +124,8 @@ std::vector<PathMotion::Leg> Mvpos::legs(const Now& now, const std::vector<doubl
     };
     auto ready = [&](const Path& path) {
         if (line) return this->line(path, speed_);
-        return PathMotion::Leg{path, Profile(path.length(), std::min(jointSpeed_, path.fastest(jointAcceleration_)), jointAcceleration_), 0};
+        return PathMotion::Leg{path, Profile(path.length(), std::min(jointSpeed_, path.fastest(jointAcceleration_)),
+                                             jointAcceleration_), 0};
     };
     std::vector<PathMotion::Leg> out;
     Knot at{now.q, now.tool};
@@ -148,7 +161,8 @@ Knot Mvpos::knot(const double* f, const Now& now, const Knot& after) {
         local.r.normalize();
     } else {
         const puma::Pose t = Eigen::Map<const puma::Pose>(f);
-        if (!puma::isPose(t)) fail(kTarget, name(), "the left 3x3 of the matrix is not a rotation: its columns must have length 1 and right angles");
+        if (!puma::isPose(t)) fail(kTarget, name(), "the left 3x3 of the matrix is not a rotation: its columns must have "
+                                                    "length 1 and right angles");
         const Eigen::Matrix3d r = t.leftCols<3>();
         local = {t.col(3), Quaterniond(r)};
     }
@@ -168,7 +182,8 @@ Knot Mvpos::taught(const std::string& who, const Now& now) {
     const auto object = sorm().get("mvpos." + who, author("-relativeTo"));
     auto* other = dynamic_cast<Mvpos*>(object.get());
     if (!other || other->target_.empty() || other->relativeTo_ != "world")
-        fail(kName, name(), "-relativeTo " + who + ": mvpos." + who + " has no -target in the world; CTRL -teach " + who + " keeps one");
+        fail(kName, name(), "-relativeTo " + who + ": mvpos." + who + " has no -target in the world; CTRL -teach " +
+                                  who + " keeps one");
     return other->knot(other->target_.data(), now, {now.q, now.tool});
 }
 

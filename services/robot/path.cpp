@@ -36,7 +36,8 @@ void Profile::brake(double t) {
     braking_ = true, brakeAt_ = t, brakeFrom_ = from, brakeSpeed_ = speed;
 }
 
-Path::Path(Kind kind, const Knot& start, double metresPerRadian) : kind_(kind), start_(start), metresPerRadian_(metresPerRadian) {}
+Path::Path(Kind kind, const Knot& start, double metresPerRadian) : kind_(kind), start_(start),
+    metresPerRadian_(metresPerRadian) {}
 
 double Path::distance(const Knot& a, const Knot& b) const {
     if (kind_ == Kind::joints) return (b.q - a.q).cwiseAbs().maxCoeff();

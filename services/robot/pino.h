@@ -65,7 +65,8 @@ public:
     void stopMotion(const std::string& why);    // what is under way; the next tick begins to brake
     bool moves(const std::string& who) const { return job_ && job_->who == who; }
     void guardChanged(const Guard& guard);
-    std::vector<Guard> guards(const sorma::Service& user, const std::string& names, const sorma::PrincipalPointer& author) const;
+    std::vector<Guard> guards(const sorma::Service& user, const std::string& names,
+                              const sorma::PrincipalPointer& author) const;
     const std::string& ownGuards() const { return guards_; }
 
 private:

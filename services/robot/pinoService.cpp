@@ -4,7 +4,8 @@
 //     pino EXEC                   -> where it is, what it feels
 //     pino CTRL -stop             the next tick of the control task begins to brake
 //
-// It makes a cycle of its own for the control task, cycle.NAME, and is itself the step that reads the sensors and writes the set-point.
+// It makes a cycle of its own for the control task, cycle.NAME, and is itself the step that reads the sensors and writes
+// the set-point.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -26,10 +27,6 @@ Joints joints(const std::vector<double>& v) { return Eigen::Map<const Joints>(v.
 Vector3d vector(const std::vector<double>& v) { return Eigen::Map<const Vector3d>(v.data()); }
 std::string percent(double part) { return std::to_string(int(std::lround(100 * part))) + " %"; }
 
-void append(std::vector<double>& to, const Place& place) {
-    to.insert(to.end(), {place.p.x(), place.p.y(), place.p.z(), place.r.w(), place.r.x(), place.r.y(), place.r.z()});
-}
-
 // For the length of a block no tick uses the arm.
 using Held = sorma::BetweenTicks;
 
@@ -43,40 +40,62 @@ sorma::Class Pino::describe() {
     using enum sorma::Field;
     const std::string by = ", by joint";
     return sorma::Class::of<Pino>("pino", "an arm: its control task, its power, and where it is")
-        .real("-interval", &Pino::interval_, {.unit = "s", .low = 0.001, .high = 0.1, .help = "from one tick of the control task to the next"})
-        .flag("-labTime", &Pino::labTime_, {.help = "ticks are due by the other side's time (its buffer lab.clock), not by the machine's", .fixed = true})
-        .integer("-priority", &Pino::priority_, {.low = 0, .high = 99, .help = "of the control task, as of class cycle", .fixed = true})
+        .real("-interval", &Pino::interval_, {.unit = "s", .low = 0.001, .high = 0.1,
+                                              .help = "from one tick of the control task to the next"})
+        .flag("-labTime", &Pino::labTime_, {.help = "ticks are due by the other side's time (its buffer lab.clock), not by "
+                                                    "the machine's", .fixed = true})
+        .integer("-priority", &Pino::priority_, {.low = 0, .high = 99, .help = "of the control task, as of class cycle",
+                                                 .fixed = true})
         .text("-prefix", &Pino::prefix_, {.help = "before the names of all buffers: another arm's", .fixed = true})
-        .text("-tasks", &Pino::tasks_, {.help = "control tasks of other services that are executed in each tick before this one: names, or requests as for cycle"})
+        .text("-tasks", &Pino::tasks_, {.help = "control tasks of other services that are executed in each tick before "
+                                                "this one: names, or requests as for cycle"})
         .flag("-sensors", &Pino::sensors_, {.help = "read the wrist's force and moment"})
-        .flag("-gravityCompensation", &Pino::compensate_, {.help = "take the hand's weight and inertia off what the wrist feels"})
-        .flag("-records", &Pino::records_, {.help = "write the buffers tool.pose and tool.force in each tick", .fixed = true})
+        .flag("-gravityCompensation", &Pino::compensate_, {.help = "take the hand's weight and inertia off what the wrist "
+                                                                   "feels"})
+        .flag("-records", &Pino::records_, {.help = "write the buffers tool.pose and tool.force in each tick",
+                                            .fixed = true})
         .text("-guards", &Pino::guards_, {.help = "names of guards (class wspc) that hold in every motion"})
-        .vector("-lower", &Pino::lower_, {.unit = "rad", .low = -10, .high = 10, .help = "least angles" + by, .minLength = 6, .maxLength = 6})
-        .vector("-upper", &Pino::upper_, {.unit = "rad", .low = -10, .high = 10, .help = "largest angles" + by, .minLength = 6, .maxLength = 6})
-        .vector("-maxSpeed", &Pino::speed_, {.unit = "rad/s", .low = 0.001, .high = 100, .help = "that no set-point exceeds" + by, .minLength = 6, .maxLength = 6})
+        .vector("-lower", &Pino::lower_, {.unit = "rad", .low = -10, .high = 10, .help = "least angles" + by, .minLength = 6,
+                                          .maxLength = 6})
+        .vector("-upper", &Pino::upper_, {.unit = "rad", .low = -10, .high = 10, .help = "largest angles" + by,
+                                          .minLength = 6, .maxLength = 6})
+        .vector("-maxSpeed", &Pino::speed_, {.unit = "rad/s", .low = 0.001, .high = 100,
+                                             .help = "that no set-point exceeds" + by, .minLength = 6, .maxLength = 6})
         .vector("-maxAcceleration", &Pino::acceleration_,
-                {.unit = "rad/s2", .low = 0.001, .high = 1000, .help = "the same; also how it brakes when it cannot stay on its path" + by, .minLength = 6, .maxLength = 6})
-        .vector("-base", &Pino::base_, {.unit = "m", .low = -10, .high = 10, .help = "the robot's base in the world", .minLength = 3, .maxLength = 3})
-        .vector("-tool", &Pino::tool_, {.unit = "m", .low = -2, .high = 2, .help = "the tool in the flange's frame", .minLength = 3, .maxLength = 3})
-        .real("-handMass", &Pino::handMass_, {.unit = "kg", .low = 0, .high = 10, .help = "of what the wrist's sensor carries; see calibrate"})
-        .vector("-handCentre", &Pino::handCentre_, {.unit = "m", .low = -1, .high = 1, .help = "its centre from the sensor, tool axes", .minLength = 3, .maxLength = 3})
-        .vector("-sensorOffset", &Pino::sensorOffset_, {.unit = "N, N m", .low = -1000, .high = 1000, .help = "what the sensor shows when nothing is there",
+                {.unit = "rad/s2", .low = 0.001, .high = 1000, .help = "the same; also how it brakes when it cannot stay "
+                                                                       "on its path" + by, .minLength = 6, .maxLength = 6})
+        .vector("-base", &Pino::base_, {.unit = "m", .low = -10, .high = 10, .help = "the robot's base in the world",
+                                        .minLength = 3, .maxLength = 3})
+        .vector("-tool", &Pino::tool_, {.unit = "m", .low = -2, .high = 2, .help = "the tool in the flange's frame",
+                                        .minLength = 3, .maxLength = 3})
+        .real("-handMass", &Pino::handMass_, {.unit = "kg", .low = 0, .high = 10,
+                                              .help = "of what the wrist's sensor carries; see calibrate"})
+        .vector("-handCentre", &Pino::handCentre_, {.unit = "m", .low = -1, .high = 1,
+                                                    .help = "its centre from the sensor, tool axes", .minLength = 3,
+                                                        .maxLength = 3})
+        .vector("-sensorOffset", &Pino::sensorOffset_, {.unit = "N, N m", .low = -1000, .high = 1000,
+                                                        .help = "what the sensor shows when nothing is there",
                                                          .minLength = 6, .maxLength = 6})
-        .real("-forceFilter", &Pino::forceFilter_, {.unit = "s", .low = 1e-4, .high = 1, .help = "time constant of the low-pass for forces"})
-        .real("-wristForce", &Pino::wristForce_, {.unit = "N", .low = 1, .high = 1000, .help = "more than that at the wrist stops the arm, whatever moves it"})
+        .real("-forceFilter", &Pino::forceFilter_, {.unit = "s", .low = 1e-4, .high = 1,
+                                                    .help = "time constant of the low-pass for forces"})
+        .real("-wristForce", &Pino::wristForce_, {.unit = "N", .low = 1, .high = 1000,
+                                                  .help = "more than that at the wrist stops the arm, whatever moves it"})
         .real("-wristMoment", &Pino::wristMoment_, {.unit = "N m", .low = 0.1, .high = 100, .help = "the same"})
-        .vector("-parkPosture", &Pino::park_, {.unit = "rad", .low = -10, .high = 10, .help = "where EXEC park goes" + by, .minLength = 6, .maxLength = 6})
-        .real("-parkSpeed", &Pino::parkSpeed_, {.unit = "rad/s", .low = 0.01, .high = 2, .help = "of the fastest joint on the way there"})
+        .vector("-parkPosture", &Pino::park_, {.unit = "rad", .low = -10, .high = 10, .help = "where EXEC park goes" + by,
+                                               .minLength = 6, .maxLength = 6})
+        .real("-parkSpeed", &Pino::parkSpeed_, {.unit = "rad/s", .low = 0.01, .high = 2,
+                                                .help = "of the fastest joint on the way there"})
         .action("-start", &Pino::start, "", "begin the control task; EXEC power on does it by itself")
         .action("-end", &Pino::end, "", "end the control task; the arm must have no power")
         .action({"-stop", "", "stop the motion under way: the next tick begins to brake", 0, 0,
                  [](Service& s, Args a, Message& m) { static_cast<Pino&>(s).stop(a, m); }, sorma::Right::call, true})
         .words("?park | power on|off | reset | status?")
         .writes(floats, sorma::between(0, 19), "",
-                "without words and status: the tool's position [m] (3) and quaternion w x y z (4), measured; joint angles [rad] (6); force [N] and "
+                "without words and status: the tool's position [m] (3) and quaternion w x y z (4), measured; joint angles "
+                "[rad] (6); force [N] and "
                 "moment [N m] from outside on the hand, tool axes (6)")
-        .writes(ints, sorma::between(0, 3), "", "without words and status: power; cause of its loss, 0 for none; whether it is moving")
+        .writes(ints, sorma::between(0, 3), "", "without words and status: power; cause of its loss, 0 for none; whether "
+                                                "it is moving")
         .writes(text, {}, "", "status: in clear text")
         .conduct(sorma::Conduct::concurrent)
         .realtime()
@@ -92,14 +111,18 @@ void Pino::born() { changed({}); }
 void Pino::changed(std::span<const sorma::Option* const> options) {
     for (std::size_t i = 0; i < 6; ++i) {
         const std::string joint = std::to_string(i + 1);
-        if (lower_[i] > upper_[i]) fail(kOrder, name(), "-lower", number(lower_[i]) + " of joint " + joint + " is above its -upper " + number(upper_[i]));
+        if (lower_[i] > upper_[i])
+            fail(kOrder, name(), "-lower", number(lower_[i]) + " of joint " + joint +
+                                             " is above its -upper " + number(upper_[i]));
         if (park_[i] < lower_[i] || park_[i] > upper_[i])
-            fail(kOrder, name(), "-parkPosture", number(park_[i]) + " of joint " + joint + " is outside " + number(lower_[i]) + " .. " + number(upper_[i]));
+            fail(kOrder, name(), "-parkPosture", number(park_[i]) + " of joint " + joint + " is outside " +
+                 number(lower_[i]) + " .. " + number(upper_[i]));
     }
     if (!control_) return;
     if (job_)
         for (auto* o : options)
-            if (o->name == "-lower" || o->name == "-upper" || o->name == "-base" || o->name == "-tool" || o->name == "-interval")
+            if (o->name == "-lower" || o->name == "-upper" || o->name == "-base" || o->name == "-tool" ||
+                o->name == "-interval")
                 fail(kBusy, name(), job_->who, job_->caller, percent(control_->part()));
     control_->settings = settings();
     for (auto* o : options) {
@@ -146,7 +169,8 @@ void Pino::run() {
     const auto dot = name().find('.');
     cycle_ = sorm().get("cycle." + (dot == std::string::npos ? name() : name().substr(dot + 1)));
     try {
-        std::vector<std::string> words{"-period", number(interval_), "-priority", std::to_string(priority_), "-steps", steps()};
+        std::vector<std::string> words{"-period", number(interval_), "-priority", std::to_string(priority_), "-steps",
+                                       steps()};
         if (labTime_) words.insert(words.end(), {"-clock", prefix_ + "lab.clock"});
         configureCycle(std::move(words));
         configureCycle({"-start"});
@@ -282,7 +306,8 @@ void Pino::status(Message& m) {
     if (!inWords) return;
     Held held(*this);
     m.text = std::string("control task ") + toText(control_->phase()) + "\n";
-    m.text += control_->heard() ? "other side there" : "other side silent" + (control_->arm.problem().empty() ? "" : ": " + control_->arm.problem());
+    m.text += control_->heard() ? "other side there" : "other side silent" + (control_->arm.problem().empty() ? "" : ": " +
+        control_->arm.problem());
     m.text += std::string("\npower ") + (n.state.power ? "on" : "off") + ", cause of its loss " + toText(n.state.cause);
     m.text += std::string("\nwrist ") + (control_->overloaded() ? "overloaded" : n.sensed ? "sensed" : "not sensed");
     if (job_) m.text += "\nmoved by " + job_->who + " for " + job_->caller + ", " + percent(control_->part());
@@ -314,7 +339,7 @@ void Pino::power(Message& m) {
     needHardware();
     {
         Held held(*this);
-        if (control_->phase() == Phase::holding || control_->phase() == Phase::moving || control_->phase() == Phase::braking) return m.clear();
+        if (control_->phase() != Phase::off && control_->phase() != Phase::waking) return m.clear();
         control_->wake();
     }
     waking_.push_back(later(m));
@@ -326,7 +351,8 @@ void Pino::turnOff() {
         Held held(*this);
         control_->sleep();
     }
-    for (auto& reply : std::exchange(waking_, {})) reply.fail(error(kPower, name(), "EXEC power off came before it had some"));
+    for (auto& reply : std::exchange(waking_, {}))
+        reply.fail(error(kPower, name(), "EXEC power off came before it had some"));
 }
 
 void Pino::park(Message& m) {
@@ -338,7 +364,8 @@ void Pino::park(Message& m) {
         // A motion so slow that every joint can follow.
         const double acceleration = std::min(1.0, n.settings.limits.acceleration.minCoeff());
         Profile profile(path.length(), std::min(parkSpeed_, n.settings.limits.speed.minCoeff()), acceleration);
-        return Job::Plan{std::make_unique<PathMotion>(n.settings.frames, n.settings.limits, std::vector<PathMotion::Leg>{{path, profile, 0}}),
+        return Job::Plan{std::make_unique<PathMotion>(n.settings.frames, n.settings.limits,
+                                                      std::vector<PathMotion::Leg>{{path, profile, 0}}),
                          guards(*this, guards_, author("-guards"))};
     };
     job->finish = [this](Message&, const Now&, Motion&) { turnOff(); };
@@ -414,7 +441,8 @@ void Pino::ended() {
         tell(on ? "power.on" : "power.off", toText(n.state.cause));
         for (auto& reply : std::exchange(waking_, {})) {
             if (on) reply.complete();
-            else if (ending.outcome == Outcome::silent) reply.fail(error(kHardware, name(), "nobody writes its buffer " + prefix_ + "arm.state any more"));
+            else if (ending.outcome == Outcome::silent)
+                reply.fail(error(kHardware, name(), "nobody writes its buffer " + prefix_ + "arm.state any more"));
             else reply.fail(errorOf(ending, name(), n, {}));
         }
         return;
@@ -471,8 +499,10 @@ sorma::Error Pino::errorOf(const Ending& e, const std::string& who, const Now& n
             if (n.state.cause != Cause::none) return error(kPowerLost, who, toText(n.state.cause), name());
             return error(kPower, who, "its other side does not give it any, or has taken it, and says no cause");
         case Outcome::silent: return error(kSilent, who, name());
-        case Outcome::unreachable: return error(kTarget, who, "the arm has stopped at " + at + " m, before a place that it does not reach");
-        case Outcome::limits: return error(kTarget, who, "the arm has stopped at " + at + " m, before a place outside of the joints' limits");
+        case Outcome::unreachable: return error(kTarget, who, "the arm has stopped at " + at + " m, before a place that it "
+                                                "does not reach");
+        case Outcome::limits: return error(kTarget, who, "the arm has stopped at " + at + " m, before a place outside of "
+                                           "the joints' limits");
         case Outcome::singular: return error(kTarget, who, "the arm has stopped at " + at + " m, too near to a singularity");
         case Outcome::gate:
             return error(kGate, who, e.joint, e.trip.what, number(e.trip.value), allowed(e.trip), at);

@@ -5,6 +5,8 @@
 // Allocates: never.
 #pragma once
 
+#include <vector>
+
 #include <Eigen/Geometry>
 
 #include <puma/puma.h>
@@ -29,8 +31,14 @@ struct Frames {
     puma::Pose flangeOf(const Place& tool) const;   // in the base frame, as puma::inverse takes it
 };
 
+// Position and quaternion, as messages have them.
+inline void append(std::vector<double>& floats, const Place& place) {
+    floats.insert(floats.end(), {place.p.x(), place.p.y(), place.p.z(), place.r.w(), place.r.x(), place.r.y(), place.r.z()});
+}
+
 // A place that is given in the frame of another one.
-inline Place operator*(const Place& frame, const Place& local) { return {frame.p + frame.r * local.p, (frame.r * local.r).normalized()}; }
+inline Place operator*(const Place& frame, const Place& local) { return {frame.p + frame.r * local.p,
+    (frame.r * local.r).normalized()}; }
 
 // The angle between two orientations [rad], 0 .. pi.
 inline double turnBetween(const Quaterniond& a, const Quaterniond& b) { return a.angularDistance(b); }

@@ -13,7 +13,8 @@ public:
         double acceleration, retreat;       // [m/s2], [m] back at the end
     };
     // transfer: to where the approach begins. Then on a straight line to `to`, the tool as it is there.
-    PushMotion(const Frames& frames, const ArmLimits& limits, PathMotion transfer, const Place& from, const Vector3d& to, const Manner& manner);
+    PushMotion(const Frames& frames, const ArmLimits& limits, PathMotion transfer, const Place& from, const Vector3d& to,
+               const Manner& manner);
 
     Step next(const Senses& senses, Joints& q) noexcept override;
     void brake() noexcept override;
@@ -49,7 +50,6 @@ public:
     void exec(sorma::Message& m) override;
 
 private:
-    friend class Mover;
     Job::Plan plan(const Now& now, const std::vector<double>& f);
 
     double approachSpeed_ = 0.03, pushSpeed_ = 0.03, contactForce_ = 2, mostForce_ = 8, retreat_ = 0.01;

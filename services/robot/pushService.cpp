@@ -10,7 +10,8 @@ namespace robot {
 
 using sorma::Message;
 
-PushMotion::PushMotion(const Frames& frames, const ArmLimits& limits, PathMotion transfer, const Place& from, const Vector3d& to, const Manner& manner)
+PushMotion::PushMotion(const Frames& frames, const ArmLimits& limits, PathMotion transfer, const Place& from,
+                       const Vector3d& to, const Manner& manner)
     : frames_(frames), limits_(limits), transfer_(std::move(transfer)), from_(from), direction_((to - from.p).normalized()),
       length_((to - from.p).norm()), manner_(manner) {}
 
@@ -50,7 +51,8 @@ double PushMotion::wantedSpeed(double force, double period) noexcept {
     if (phase_ == Phase::push || phase_ == Phase::approach) {
         const bool pushes = phase_ == Phase::push;
         // The more it resists, the slower; beyond the most force it is let go back.
-        const double wanted = pushes ? manner_.pushSpeed * std::clamp((manner_.most - force) / (manner_.most - manner_.contact), -1.0, 1.0)
+        const double wanted = pushes
+            ? manner_.pushSpeed * std::clamp((manner_.most - force) / (manner_.most - manner_.contact), -1.0, 1.0)
                                      : manner_.approachSpeed;
         stuck_ = std::fabs(speed_) < 5e-4 ? stuck_ + period : 0;
         if (left > 1e-5 && !(pushes && stuck_ > 1)) return wanted > 0 ? towards(left, wanted) : wanted;
@@ -71,19 +73,27 @@ sorma::Class Push::describe() {
     using enum sorma::Field;
     auto c = sorma::Class::of<Push>("push", "pushes something with one straight finger");
     Mover::describe<Push>(c);
-    c.real("-approachSpeed", &Push::approachSpeed_, {.unit = "m/s", .low = 0.001, .high = 0.1, .help = "until there is contact; the faster, the harder it hits"})
-        .real("-pushSpeed", &Push::pushSpeed_, {.unit = "m/s", .low = 0.001, .high = 0.1, .help = "with the object, at the force of contact"})
-        .real("-contactForce", &Push::contactForce_, {.unit = "N", .low = 0.2, .high = 50, .help = "against the motion: that is contact"})
-        .real("-mostForce", &Push::mostForce_, {.unit = "N", .low = 0.3, .high = 50, .help = "against the motion: there the push stands still; with more it gives way"})
+    c.real("-approachSpeed", &Push::approachSpeed_, {.unit = "m/s", .low = 0.001, .high = 0.1,
+                                                     .help = "until there is contact; the faster, the harder it hits"})
+        .real("-pushSpeed", &Push::pushSpeed_, {.unit = "m/s", .low = 0.001, .high = 0.1,
+                                                .help = "with the object, at the force of contact"})
+        .real("-contactForce", &Push::contactForce_, {.unit = "N", .low = 0.2, .high = 50,
+                                                      .help = "against the motion: that is contact"})
+        .real("-mostForce", &Push::mostForce_, {.unit = "N", .low = 0.3, .high = 50,
+                                                .help = "against the motion: there the push stands still; with more it "
+                                                        "gives way"})
         .real("-retreat", &Push::retreat_, {.unit = "m", .low = 0, .high = 0.2, .help = "how far it goes back at the end"})
-        .reads(floats, sorma::exactly(6), "m", "where the approach begins, where the push ends (3 each), of the tool in the world", -10, 10)
-        .writes(floats, sorma::exactly(5), "", "where the contact was [m] (3), how far the object was pushed [m], largest force [N]")
+        .reads(floats, sorma::exactly(6), "m", "where the approach begins, where the push ends (3 each), of the tool in "
+                                               "the world", -10, 10)
+        .writes(floats, sorma::exactly(5), "", "where the contact was [m] (3), how far the object was pushed [m], largest "
+                                               "force [N]")
         .example("push CTRL -contactForce 2");
     return c;
 }
 
 void Push::changed(std::span<const sorma::Option* const>) {
-    if (mostForce_ <= contactForce_) fail(kOrder, name(), "-mostForce", number(mostForce_) + " N must be above -contactForce " + number(contactForce_));
+    if (mostForce_ <= contactForce_) fail(kOrder, name(), "-mostForce",
+                                          number(mostForce_) + " N must be above -contactForce " + number(contactForce_));
 }
 
 void Push::exec(Message& m) {
@@ -94,7 +104,8 @@ void Push::exec(Message& m) {
            [this, length = (to - from).norm()](Message& reply, const Now&, Motion& motion) {
                auto& push = static_cast<PushMotion&>(motion);
                if (!push.touched) fail(kNoContact, name(), number(length), number(push.peak), number(contactForce_));
-               reply.floats = {push.contact.x(), push.contact.y(), push.contact.z(), push.reached - push.contactWay, push.peak};
+               reply.floats = {push.contact.x(), push.contact.y(), push.contact.z(), push.reached - push.contactWay,
+                               push.peak};
            });
 }
 
@@ -110,8 +121,10 @@ Job::Plan Push::plan(const Now& now, const std::vector<double>& f) {
     PathMotion trial(frames, limits, {line(there, speed_), line(along, std::max(approachSpeed_, pushSpeed_))});
     verify(now, trial, all);
     // Where it feels something it stops harder than on its way.
-    const PushMotion::Manner manner{approachSpeed_, pushSpeed_, contactForce_, mostForce_, std::max(acceleration_, 1.0), retreat_};
-    return {std::make_unique<PushMotion>(frames, limits, PathMotion(frames, limits, {line(there, speed_)}), from, to.p, manner), std::move(all)};
+    const PushMotion::Manner manner{approachSpeed_, pushSpeed_, contactForce_, mostForce_, std::max(acceleration_, 1.0),
+                                    retreat_};
+    return {std::make_unique<PushMotion>(frames, limits, PathMotion(frames, limits, {line(there, speed_)}), from, to.p,
+                                         manner), std::move(all)};
 }
 
 }  // namespace robot

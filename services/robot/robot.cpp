@@ -7,6 +7,7 @@
 
 extern "C" SORMA_EXPORT int Robot_Init(Tcl_Interp* interp) {
     return sorma::provide(interp, "sorma::service::robot", "1.0",
-                          {robot::Pino::describe(), robot::Mvpos::describe(), robot::Wspc::describe(), robot::Push::describe(),
+                          {robot::Pino::describe(), robot::Mvpos::describe(), robot::Wspc::describe(),
+                           robot::Push::describe(),
                            robot::Calibrate::describe()});
 }

@@ -13,15 +13,21 @@ sorma::Class Wspc::describe() {
     using enum sorma::Field;
     auto c = sorma::Class::of<Wspc>("wspc", "guards motions of an arm: workspace, speed, forces, singularities");
     c.vector("-inside", &Wspc::inside_, {.unit = "m", .low = -10, .high = 10,
-                                         .help = "boxes in one of which the tool must be, each x x y y z z; empty: anywhere"})
-        .vector("-outside", &Wspc::outside_, {.unit = "m", .low = -10, .high = 10, .help = "boxes in none of which the tool may be"})
+                                         .help = "boxes in one of which the tool must be, each x x y y z z; empty: "
+                                                 "anywhere"})
+        .vector("-outside", &Wspc::outside_, {.unit = "m", .low = -10, .high = 10,
+                                              .help = "boxes in none of which the tool may be"})
         .real("-speed", &Wspc::speed_, {.unit = "m/s", .low = 0.001, .high = Guard::kAny, .help = "of the tool, at most"})
-        .real("-force", &Wspc::force_, {.unit = "N", .low = 0.1, .high = Guard::kAny, .help = "on the hand, in whatever direction, at most"})
+        .real("-force", &Wspc::force_, {.unit = "N", .low = 0.1, .high = Guard::kAny,
+                                        .help = "on the hand, in whatever direction, at most"})
         .real("-moment", &Wspc::moment_, {.unit = "N m", .low = 0.01, .high = Guard::kAny, .help = "the same"})
-        .vector("-pattern", &Wspc::pattern_, {.unit = "N, N m", .help = "least and largest force x y z and moment x y z, 12 numbers; empty: any"})
+        .vector("-pattern", &Wspc::pattern_, {.unit = "N, N m",
+                                              .help = "least and largest force x y z and moment x y z, 12 numbers; empty: "
+                                                      "any"})
         .choice("-frame", &Wspc::frame_, {"tool", "world"}, {.help = "axes of the pattern"})
         .vector("-singular", &Wspc::singular_, {.unit = "m, m, 1", .low = 0, .high = 1,
-                                                .help = "distances to keep from the singularities of shoulder, elbow and wrist, as puma EXEC distances says them",
+                                                .help = "distances to keep from the singularities of shoulder, elbow and "
+                                                        "wrist, as puma EXEC distances says them",
                                                 .minLength = 3, .maxLength = 3})
         .service("-arm", &Wspc::arm_, {.help = "the arm that EXEC looks at; empty: pino"})
         .writes(ints, sorma::exactly(1), "", "1: all is as it must be; 0: it would trip")
@@ -41,16 +47,20 @@ Guard Wspc::guard() const {
         for (std::size_t i = 0; i < list.size(); i += 6) {
             Box box{{list[i], list[i + 2], list[i + 4]}, {list[i + 1], list[i + 3], list[i + 5]}};
             if ((box.low.array() > box.high.array()).any())
-                fail(kOrder, name(), option, "box " + std::to_string(i / 6 + 1) + " must have its lower bound before its upper one: x x y y z z");
+                fail(kOrder, name(), option, "box " + std::to_string(i / 6 + 1) + " must have its lower bound before its "
+                     "upper one: x x y y z z");
             out.push_back(box);
         }
     };
     boxes("-inside", inside_, g.inside);
     boxes("-outside", outside_, g.outside);
-    if (!pattern_.empty() && pattern_.size() != 12) fail(kOrder, name(), "-pattern", "12 numbers, got " + std::to_string(pattern_.size()));
+    if (!pattern_.empty() && pattern_.size() != 12) fail(kOrder, name(), "-pattern",
+                                                         "12 numbers, got " + std::to_string(pattern_.size()));
     for (std::size_t i = 0; i < pattern_.size() / 2; ++i) {
         g.low[int(i)] = pattern_[2 * i], g.high[int(i)] = pattern_[2 * i + 1];
-        if (!(pattern_[2 * i] <= pattern_[2 * i + 1])) fail(kOrder, name(), "-pattern", "the lower bound of component " + std::to_string(i + 1) + " is above its upper one");
+        if (!(pattern_[2 * i] <= pattern_[2 * i + 1])) fail(kOrder, name(), "-pattern",
+                                                            "the lower bound of component " +
+                                                                std::to_string(i + 1) + " is above its upper one");
     }
     return g;
 }
