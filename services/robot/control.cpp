@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kSilent = 0.1;             // [s], and at least three periods: then nobody is there
 constexpr double kPatience = 1.5;           // [s] until the power must have come
+constexpr double kOffFirst = 0.05;          // [s] of "off" before it: the other side may look at the newest set-point only
 constexpr double kSpeedSlack = 1.05, kAccelerationSlack = 2;    // of the gate: what rounding and corners of speed may add
 const Vector3d kGravity(0, 0, -9.81);       // [m/s2]
 
@@ -96,7 +97,7 @@ void Control::tick(std::int64_t time, double period) noexcept {
     const bool runs = phase_ == Phase::moving || phase_ == Phase::braking;
     const Mode mode = phase_ == Phase::off ? Mode::off : runs ? Mode::run : Mode::hold;
     // Waking begins with one that says "off": after a reset that is what the other side waits for.
-    arm.write(now + period, q_, speed, phase_ == Phase::waking && waited_ == 0 ? Mode::off : mode);
+    arm.write(now + period, q_, speed, phase_ == Phase::waking && waited_ < kOffFirst ? Mode::off : mode);
     if (phase_ == Phase::waking) waited_ += period;
     arm.record(state_.time, settings.frames.toolOf(state_.q), state_.q, felt_);
 }
@@ -131,7 +132,7 @@ void Control::sense(double period) noexcept {
 void Control::followPower() noexcept {
     if (phase_ == Phase::off) return;
     if (phase_ == Phase::waking) {
-        if (heard_ && state_.power && waited_ > 0) {
+        if (heard_ && state_.power && waited_ > kOffFirst) {
             phase_ = Phase::holding, q_ = state_.q, qdot_.setZero();
             ending_.outcome = Outcome::done;
             return finish();
