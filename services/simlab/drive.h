@@ -85,7 +85,7 @@ private:
     bool measuring_ = false, measured_ = false;
     double stopTime_ = 0, stillSince_ = 0;
     Joints stopFrom_{};
-    std::array<double, 3> stopTool_{}, lastTool_{};
+    std::array<double, 3> stopTool_{};
     Stopped stop_;
 };
 
