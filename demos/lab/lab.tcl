@@ -1,0 +1,73 @@
+# lab.tcl -- the laboratory: its daemons, the operator's panel where there is a display, and a programme of motions.
+#
+#     ./bootstrap run lab          the daemons end with it; exit code 0: each motion went as it should
+#
+# -speed N: of lab time, 0 is as fast as the machine can. -once: it ends with the programme, even when there is a panel.
+
+package require sorma
+package require sorma::options
+
+namespace eval lab {
+    variable Here [file dirname [file normalize [info script]]]
+    variable Heard {}           ;# what has come of a program: ready, or how it ended
+}
+
+# A program whose lines are shown as they come; at its end lab::Heard says how. Programs are in sessions of their own: Ctrl-C is for this
+# one, which ends them.
+proc lab::start args {
+    set pipe [open [list | setsid {*}$args 2>@1] r]
+    fconfigure $pipe -blocking 0
+    fileevent $pipe readable [list lab::Read $pipe]
+    return $pipe
+}
+proc lab::Read pipe {
+    variable Heard
+    while {[gets $pipe line] >= 0} {
+        puts $line
+        if {[string match "*| ready: *" $line]} {
+            set Heard ready
+        }
+    }
+    if {[eof $pipe]} {
+        set Heard [End $pipe]
+    }
+}
+proc lab::End pipe {
+    fconfigure $pipe -blocking 1
+    return [expr {[catch {close $pipe}] ? "failed" : "ended"}]
+}
+
+proc lab::run {} {
+    variable Here
+    variable Heard
+    set options [sorma::options::parse {-speed {any 1} -once flag} $::argv]
+    set launch [start sorma-launch [file join $Here lab.launch]]
+    try {
+        vwait lab::Heard
+        if {$Heard ne "ready"} {
+            return 1
+        }
+        set windows [expr {[info exists ::env(DISPLAY)] && ![catch {package require Tk}]}]
+        if {$windows} {
+            uplevel #0 [list source [file join $Here panel.tcl]]
+        } else {
+            puts "no display: the operator's panel is left out"
+        }
+        start [info nameofexecutable] [file join $Here programme.tcl] [dict get $options -speed]
+        vwait lab::Heard
+        set code [expr {$Heard ne "ended"}]
+        if {$windows && ![dict get $options -once]} {
+            puts "The panel is yours; close it to end."
+            tkwait window .
+        }
+        return $code
+    } finally {
+        if {$launch in [chan names]} {
+            exec kill -TERM {*}[pid $launch]
+            fileevent $launch readable {}
+            End $launch
+        }
+    }
+}
+
+exit [lab::run]

@@ -1,0 +1,181 @@
+# panel.tcl -- the operator's panel of the laboratory, in the main window. Nothing in it waits: a daemon that stands still shows as
+# stale, and the emergency stop goes to the hardware by itself.
+
+package require Tk
+package require sorma::panel
+package require sorma::chart
+package require sorma::image
+package require sorma::trailview
+package require sorma::world
+
+namespace eval panel {
+    variable Hardware simlab@lab
+    variable Arm pino@robot
+    variable Jogging {}                 ;# the request of the button that is held down
+    variable Said {}                    ;# what the last one has said
+    variable Watched {}                 ;# values that are told while there is a window
+}
+
+# A request whose answer is shown in the line at the bottom.
+proc panel::send {name args} {
+    return [sorma::async -command [list ::panel::Answered $name] $name {*}$args]
+}
+proc panel::Answered {name future} {
+    variable Said
+    catch {$future result} Said
+    $future destroy
+    set Said [string map {\n { }} $Said]
+}
+
+proc panel::Ignored future {
+    catch {$future result}
+    $future destroy
+}
+
+# A button that runs a request as long as it is held down.
+proc panel::hold {w text name args} {
+    ttk::button $w -text $text -width 4
+    bind $w <ButtonPress-1> [list ::panel::Begin $name $args]
+    bind $w <KeyPress-space> [list ::panel::Begin $name $args]
+    foreach event {<ButtonRelease-1> <KeyRelease-space> <Leave> <FocusOut>} {
+        bind $w $event [list ::panel::End $name]
+    }
+    return $w
+}
+proc panel::Begin {name words} {
+    variable Jogging
+    if {$Jogging eq {}} {
+        set Jogging [sorma::async -command [list ::panel::Jogged $name] $name EXEC {*}$words]
+    }
+}
+proc panel::Jogged {name future} {
+    variable Jogging
+    set Jogging {}
+    Answered $name $future
+}
+proc panel::End name {
+    variable Jogging
+    if {$Jogging ne {}} {
+        sorma::async -command ::panel::Ignored $name CTRL -stop
+    }
+}
+
+# What the hand feels, as the arm tells it: forces as traces, and where the tool is.
+proc panel::Felt {- - told} {
+    variable Place
+    dict for {- value} $told {
+        if {[dict get $value state] ne "live"} {
+            set Place "no news of the arm: [dict get $value why]"
+            continue
+        }
+        if {![dict exists $value value floats]} {
+            set Place [dict get $value value text]
+            continue
+        }
+        set floats [dict get $value value floats]
+        foreach axis {x y z} force [lrange $floats 13 15] {
+            .chart sample $axis $force
+        }
+        lassign $floats x y z
+        set Place [format {tool at %.3f %.3f %.3f m} $x $y $z]
+    }
+}
+
+# Lamps of guards: green, it is as it must be.
+proc panel::Guarded {lamp - - told} {
+    dict for {- value} $told {
+        set good [expr {[dict get $value state] eq "live" && [dict exists $value value ints] ? [lindex [dict get $value value ints] 0] : -1}]
+        $lamp configure -foreground [dict get {1 #2a8c3c 0 #c03028 -1 #909090} [expr {$good eq {} ? -1 : $good}]]
+    }
+}
+
+proc panel::build {} {
+    variable Hardware
+    variable Arm
+    variable Watched
+    variable Place "where is the arm?"
+    set gap [sorma::style pixels 6]
+    wm title . "Laboratory"
+    pack [ttk::frame .f -padding $gap] -fill both -expand 1
+    grid columnconfigure .f 0 -weight 1
+    grid rowconfigure .f 0 -weight 1
+
+    sorma::image .picture -name $Hardware -request {EXEC view} -every 200 -width 640 -height 480
+    sorma::stripchart .chart -span 20 -low -15 -high 15 -width 480 -height 140
+    foreach {axis colour} {x #c03028 y #2a8c3c z #2858c0} {
+        .chart trace $axis -text "force $axis \[N\]" -colour $colour
+    }
+    sorma::trailview .trail -height 4
+
+    ttk::frame .side
+    # Never hidden: it stands above all else, and the window is as tall as it at least.
+    button .side.stop -text "EMERGENCY STOP" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
+        -font TkHeadingFont -pady 10 -command [list panel::send $Hardware CTRL -emergencyStop] -takefocus 1
+    pack .side.stop -fill x
+    ttk::frame .side.power
+    set column 0
+    foreach {text name request} [list Reset $Hardware {CTRL -reset} "Power on" $Arm {EXEC power on} "Power off" $Arm {EXEC power off} \
+            Park $Arm {EXEC park} Stop $Arm {CTRL -stop}] {
+        set w .side.power.b[incr column]
+        grid [ttk::button $w -text $text -command [list panel::send $name {*}$request]] -row [expr {($column - 1) / 3}] -column [expr {($column - 1) % 3}] \
+            -sticky ew -padx 1 -pady 1
+    }
+    grid columnconfigure .side.power {0 1 2} -weight 1
+    pack .side.power -fill x -pady $gap
+
+    ttk::labelframe .side.jog -text "Jog: as long as you hold it"
+    set row 0
+    foreach {text place} {x {1 0 0} y {0 1 0} z {0 0 1}} {
+        foreach {sign column} {- 1 + 2} {
+            set to [lmap c $place {expr {$sign eq "+" ? 0.1 * $c : -0.1 * $c}}]
+            grid [hold .side.jog.t$text$column $sign mvpos.jog@robot FMSG 7 {*}$to 1 0 0 0] -row $row -column $column -padx 1 -pady 1
+        }
+        grid [ttk::label .side.jog.t$text -text "tool $text"] -row $row -column 0 -sticky w -padx $gap
+        incr row
+    }
+    set row 0
+    foreach joint {1 2 3 4 5 6} {
+        foreach {sign column} {- 4 + 5} {
+            set to [lrepeat 6 0]
+            lset to $joint-1 ${sign}0.3
+            grid [hold .side.jog.j$joint$column $sign mvpos.jogJoint@robot FMSG 6 {*}$to] -row $row -column $column -padx 1 -pady 1
+        }
+        grid [ttk::label .side.jog.j$joint -text "joint $joint"] -row $row -column 3 -sticky w -padx $gap
+        incr row
+    }
+    pack .side.jog -fill x
+
+    ttk::labelframe .side.poses -text "Poses"
+    ttk::entry .side.poses.name
+    .side.poses.name insert 0 home
+    ttk::button .side.poses.teach -text Teach -command {panel::send mvpos@robot CTRL -teach [.side.poses.name get]}
+    ttk::button .side.poses.go -text "Go there" -command {panel::send mvpos.[.side.poses.name get]@robot EXEC}
+    grid .side.poses.name .side.poses.teach .side.poses.go -sticky ew -padx 1 -pady 1
+    grid columnconfigure .side.poses 0 -weight 1
+    pack .side.poses -fill x -pady $gap
+
+    ttk::labelframe .side.guards -text "Guards: as it must be?"
+    foreach guard {room noTable} {
+        set lamp .side.guards.l$guard
+        pack [ttk::label $lamp -text "\u25cf wspc.$guard" -foreground #909090] -anchor w -padx $gap
+        lappend Watched [sorma::world value wspc.$guard@robot EXEC -every 500 -command [list ::panel::Guarded $lamp]]
+    }
+    pack .side.guards -fill x
+    pack [ttk::label .side.place -textvariable ::panel::Place] -anchor w -pady $gap
+
+    grid .picture -in .f -row 0 -column 0 -sticky nsew
+    grid .chart -in .f -row 1 -column 0 -sticky ew -pady $gap
+    grid .trail -in .f -row 2 -column 0 -sticky ew
+    grid .side -in .f -row 0 -column 1 -rowspan 3 -sticky ns -padx $gap
+    grid [ttk::label .said -textvariable ::panel::Said -wraplength 760] -in .f -row 3 -column 0 -columnspan 2 -sticky w
+    lappend Watched [sorma::world value $Arm {EXEC status} -every 50 -command ::panel::Felt]
+    bind .side <Destroy> {foreach token $::panel::Watched {sorma::world unwatch $token}}
+    # Looking makes nothing: the guards are made here.
+    foreach guard {room noTable} {
+        sorma::async -command ::panel::Ignored wspc.$guard@robot CTRL -dump
+    }
+    bind . <Escape> [list panel::send $Arm CTRL -stop]
+    update idletasks
+    wm minsize . [winfo reqwidth .side.power] [winfo reqheight .side.stop]
+}
+panel::build
