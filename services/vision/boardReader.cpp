@@ -18,6 +18,7 @@ constexpr double kRound = 0.6, kDistance = 0.03;
 constexpr double kSizeSpread = 0.35;                        // of the logarithm of a token's area
 constexpr double kOccupied = 0.15, kUncertain = 0.6;
 constexpr double kAstray = 0.3;                             // of the distance of two fields: nobody's
+constexpr double kBeside = 0.75;                            // of it: beside the board; where four fields meet it is 0.71
 
 double fit(const Eigen::Vector2d& offset, double sigma, double area, double expected) {
     double size = std::log(area / expected);
@@ -106,7 +107,7 @@ Situation readBoard(const std::vector<Blob>& blobs, const View& view, const Boar
         }
         Field& field = fields[first];
         if (b.area < 0.2 * field.area) continue;                    // a gleam
-        if (-most > 1) continue;                                    // beside the board: the heap
+        if (-most > kBeside) continue;                              // the heap
         double phi = fitOf(field, b);
         const char* colour = b.colour == red ? "red" : "yellow";
         if (phi <= kOccupied || -most > kAstray) {
