@@ -88,9 +88,9 @@ snit::widget ::sorma::execform {
     }
     method Show {} {}
 
-    # What the example of the class says, for each entry.
+    # What the example of the class says, for each entry; of another method it says nothing.
     method Example table {
-        set words [lrange [dict get $table example] 2 end]
+        set words [if {[lindex [dict get $table example] 1] eq "EXEC"} {lrange [dict get $table example] 2 end}]
         set from [lsearch -regexp $words {^[TFIA]MSG$}]
         set from [expr {$from < 0 ? [llength $words] : $from}]
         if {[catch {::sorma::message::fromList [list RET 0 {*}[lrange $words $from end]]} said]} {
