@@ -223,6 +223,7 @@ std::vector<std::string> Runner::start(Plan plan, const Schedule& schedule, std:
     thread_ = std::thread([this, schedule, &refused, &started] {
         refused = apply(schedule, "sorma-cycle");
         touchStack();
+        startClock();
         started.set(1);
         run();
     });
@@ -392,12 +393,16 @@ void Runner::checkBudget(Service& service, const sorma::ThreadEffort& since) con
 
 // ---- the runner's thread ----
 
-void Runner::run() {
+// From now on time counts: whoever has started it may turn the clock at once.
+void Runner::startClock() {
     current_ = this;
     time_ = clock_->now();
     next_ = {time_ + plan_.period, plan_.period, true};
     due_.store(nanoseconds() + plan_.period, std::memory_order_relaxed);
     quarter_.store(plan_.period / 4, std::memory_order_relaxed);
+}
+
+void Runner::run() {
     while (next_.goesOn) {
         Rest why = rest();
         if (why == Rest::stop) break;

@@ -143,6 +143,7 @@ private:
     void report(const std::string& step, sorma::Trail trail);
     void report(const std::string& step, sorma::Entry entry);
 
+    void startClock();
     void run();
     Rest rest();
     void begin();
