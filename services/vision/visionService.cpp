@@ -56,7 +56,25 @@ cv::Mat pictureOf(const std::string& who, const std::string& whose, Message& m, 
 
 // ---- the table of colours ----
 
-class Hsvtable : public sorma::Service {
+using TablePointer = std::shared_ptr<vision::ColourTable>;
+
+// What has a table of colours from a file.
+class Coloured : public sorma::Service {
+protected:
+    // For this author, who must be allowed to read the file; null: there is no file.
+    TablePointer load(const std::string& file, const sorma::PrincipalPointer& author, std::string* origin = nullptr) const {
+        if (file.empty()) return nullptr;
+        sorm().access.need(author, sorma::Right::files, sorma::realPath(file), name());
+        try {
+            std::string line;
+            return std::make_shared<vision::ColourTable>(vision::ColourTable::load(file, origin ? *origin : line));
+        } catch (const std::runtime_error& e) {
+            fail(kTable, name(), e.what());
+        }
+    }
+};
+
+class Hsvtable : public Coloured {
 public:
     static sorma::Class describe() {
         using enum sorma::Field;
@@ -76,11 +94,17 @@ public:
             .example("hsvtable EXEC code FMSG 3 204 15 10");
     }
 
-    void born() override { load(file_, author("-file")); }
+    void born() override {
+        if (auto table = load(file_, author("-file"), &origin_)) table_ = table;
+    }
     sorma::Commit prepare(const sorma::Change& change) override {
-        if (!change.concerns("-file")) return nullptr;
-        load(change.get<std::string>("-file"), change.author("-file"));
-        return nullptr;
+        std::string origin;
+        auto next = change.concerns("-file") ? load(change.get<std::string>("-file"), change.author("-file"), &origin) : nullptr;
+        if (!next) return nullptr;
+        return [this, next, origin]() mutable {
+            std::swap(table_, next);
+            std::swap(origin_, origin);
+        };
     }
 
     void exec(Message& m) override {
@@ -91,7 +115,7 @@ public:
         cv::Mat picture = pictureOf(name(), "what it got", m, word == "train" ? 4 : 3);
         if (word == "train") return train(picture, m);
         cv::Mat colours, hsv;
-        table_.classify(picture, colours, hsv);
+        table_->classify(picture, colours, hsv);
         m.any.assign(colours.data, colours.data + colours.total());
         m.floats.resize(3);
         m.words.clear();
@@ -104,19 +128,10 @@ public:
     }
 
 private:
-    void load(const std::string& file, const sorma::PrincipalPointer& author) {
-        if (file.empty()) return;
-        sorm().access.need(author, sorma::Right::files, sorma::realPath(file), name());
-        try {
-            table_ = vision::ColourTable::load(file, origin_);
-        } catch (const std::runtime_error& e) {
-            fail(kTable, name(), e.what());
-        }
-    }
     void save(const std::string& file, Message& m) {
         sorm().access.need(m.author, sorma::Right::files, sorma::realPath(file), name());
         try {
-            table_.save(file, origin_);
+            table_->save(file, origin_);
         } catch (const std::runtime_error& e) {
             fail(kTable, name(), e.what());
         }
@@ -130,7 +145,7 @@ private:
         }
         const auto code = vision::codeOf(rgb[0], rgb[1], rgb[2]);
         m.clear();
-        m.ints = {code, table_[code]};
+        m.ints = {code, (*table_)[code]};
     }
     void train(const cv::Mat& picture, Message& m) {
         const std::size_t pixels = picture.total();
@@ -140,20 +155,20 @@ private:
     }
     void learn(sorma::Args, Message& m) {
         if (training_.pictures() == 0) fail(kUntrained, name());
-        table_ = training_.table();
+        table_ = std::make_shared<vision::ColourTable>(training_.table());
         origin_ = std::to_string(training_.pictures()) + " pictures, " + std::to_string(training_.clusters()) + " clusters, " +
                   fmt::format("{:%Y-%m-%d}", fmt::localtime(std::time(nullptr)));
         m.text = origin_;
     }
 
     std::string file_, origin_;
-    vision::ColourTable table_;
+    TablePointer table_ = std::make_shared<vision::ColourTable>();
     vision::Training training_;
 };
 
 // ---- those that look at a picture ----
 
-class Looker : public sorma::Service {
+class Looker : public Coloured {
 public:
     void exec(Message& m) override {
         check(m);
@@ -242,17 +257,6 @@ private:
         job->reply.complete();
     }
 
-    std::shared_ptr<vision::ColourTable> load(const std::string& file, const sorma::PrincipalPointer& author) {
-        if (file.empty()) return nullptr;
-        sorm().access.need(author, sorma::Right::files, sorma::realPath(file), name());
-        try {
-            std::string origin;
-            return std::make_shared<vision::ColourTable>(vision::ColourTable::load(file, origin));
-        } catch (const std::runtime_error& e) {
-            fail(kTable, name(), e.what());
-        }
-    }
-
     Eigen::Isometry3d frame(const std::vector<double>& v, const std::string& whose) const {
         Eigen::Quaterniond q(v[3], v[4], v[5], v[6]);
         if (!(std::abs(q.norm() - 1) < 1e-3)) fail(kUnit, name(), v[3], v[4], v[5], v[6], whose, q.norm());
@@ -268,7 +272,7 @@ protected:
     std::vector<double> at_{0.57, 0, 0.45, 0, 1, 0, 0}, mount_{0.115, 0, -0.150, 0.703233, -0.0739128, -0.0739128, 0.703233};
     double fieldOfView_ = 1.0122909661567112;
     std::string tableFile_;
-    std::shared_ptr<vision::ColourTable> table_;
+    TablePointer table_;
     cv::Mat colours_, hsv_;
     vision::BlobFinder finder_;
 };
