@@ -148,17 +148,18 @@ bool LineEditor::waitForInput() {
     showHint();
     ready_ = false;
     Tcl_CreateFileHandler(0, TCL_READABLE, readable, this);
-    while (!ready_) {
+    while (true) {
+        // Before waiting, too: a signal that came while a hint was computed has had its wake-up already.
+        if (settle()) continue;
         if (interrupted_ || signals.interrupted()) {
             Tcl_DeleteFileHandler(0);
             hideHint();
             how_ = How::interrupt;
             return false;
         }
+        if (ready_) return true;
         Tcl_DoOneEvent(TCL_ALL_EVENTS);
-        settle();
     }
-    return true;
 }
 
 int LineEditor::takeByte(unsigned char& byte) {
@@ -190,7 +191,7 @@ int LineEditor::getChar(EditLine* el, wchar_t* c) {
     return 1;
 }
 
-void LineEditor::settle() {
+bool LineEditor::settle() {
     if (signals.continued()) {
         // The shell may have left the terminal as it likes it.
         el_wset(el_, EL_PREP_TERM, 0);
@@ -204,7 +205,9 @@ void LineEditor::settle() {
         el_resize(el_);
         width_ = std::max(columns(), kNarrowest);
     }
-    if (away_) redraw();
+    if (!away_) return false;
+    redraw();
+    return true;
 }
 
 // ---- the screen ----

@@ -85,7 +85,7 @@ private:
     void aside(const char* bytes, int size);    // somebody is about to write
     void redraw();                              // after that
     void put(std::string_view bytes);
-    void settle();                              // after an event: the size of the window, output, being continued
+    bool settle();                              // the size of the window, output, being continued; whether it drew
 
     EditLine* el_ = nullptr;
     HistoryW* history_;
