@@ -2,10 +2,13 @@
 #include "rows.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 
 #include "interpreter.h"
 #include "psom/psom.h"
 #include "puma/puma.h"
+#include "track/abg.h"
 
 namespace bench {
 
@@ -16,6 +19,8 @@ const std::vector<Case> kCases = {
      .mostNs = 900},
     {.row = "PSOM", .what = "EXEC complete of psom by reference, 3x3x3 nodes, 7 components, 4 steps", .floor = "the function, called directly",
      .mostNs = 1000},
+    {.row = "TRACK", .what = "EXEC of track by reference: a measurement of three axes at irregular times", .floor = "the filter, called directly",
+     .mostNs = 150},
 };
 
 void inverse(Table& table, Interpreter& interpreter) {
@@ -79,6 +84,41 @@ void complete(Table& table, Interpreter& interpreter) {
                   }));
 }
 
+// A target on a sine, seen every 40 to 110 ms: so the gains are computed for each measurement.
+class Seen {
+public:
+    void next(double* f) {
+        pause_ = pause_ > 0.1 ? 0.04 : pause_ + 0.007;
+        time_ += pause_;
+        const double x = 0.1 * std::sin(2.5 * time_);
+        f[0] = time_, f[1] = x, f[2] = -x, f[3] = 0.5 * x;
+    }
+private:
+    double time_ = 0, pause_ = 0.04;
+};
+
+void track(Table& table, Interpreter& interpreter) {
+    constexpr std::size_t kAxes = 3;
+    auto object = interpreter.sorm().get("track.bench");
+    sorma::Message m;
+    Seen seen, again;
+    track::Filter filter(kAxes);
+    const track::Settings settings;
+    std::array<double, 1 + kAxes> given;
+    table.measure(kCases[2],
+                  repeat([&] {
+                      m.floats.resize(1 + kAxes);
+                      seen.next(m.floats.data());
+                      object.exec(m);
+                      keep(m);
+                  }),
+                  repeat([&] {
+                      again.next(given.data());
+                      auto taken = filter.update(settings, given[0], std::span(given).subspan(1));
+                      keep(taken);
+                  }));
+}
+
 }  // namespace
 
 void laboratory(Table& table) {
@@ -86,6 +126,7 @@ void laboratory(Table& table) {
     Interpreter interpreter;
     if (table.wants(kCases[0].row)) inverse(table, interpreter);
     if (table.wants(kCases[1].row)) complete(table, interpreter);
+    if (table.wants(kCases[2].row)) track(table, interpreter);
 }
 
 }  // namespace bench

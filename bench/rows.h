@@ -13,7 +13,7 @@ void asynchronous(Table& table);        // FUTURE CTRL_busy STREAM PUBLISH FUTUR
 void snapshot(Table& table);            // M
 void cycle(Table& table);               // CYCLE
 void circuit(Table& table);             // CIRCUIT
-void laboratory(Table& table);          // PUMA_inverse PSOM; where there is Eigen
+void laboratory(Table& table);          // PUMA_inverse PSOM TRACK; where there is Eigen
 void vision(Table& table);              // BALL BOARD; where there is OpenCV
 void growth(Table& table);              // each of them beside much else
 

@@ -30,10 +30,11 @@ apply {dir {
         }
         package ifneeded sorma::service::$name 1.0 $script
     }
-    # Modules that hold more classes than one: the plant asks for sorma::service::CLASS.
+    # Modules that hold classes of other names: the plant asks for sorma::service::CLASS.
     foreach {module classes} {
         robot {calibrate mvpos pino push wspc}
         shmem {shmem_w shmem_r}
+        track {trajectory}
         units {sum gain matrix clip lowpass integrator delay table select sine noise probe}
         vision {hsvtable findball findbrdmarker getbrdsit getdisk}
     } {
