@@ -35,7 +35,7 @@ apply {dir {
         robot {calibrate mvpos pino push wspc}
         shmem {shmem_w shmem_r}
         track {trajectory}
-        units {sum gain matrix clip lowpass integrator delay table select sine noise probe}
+        units {sum gain matrix clip squash lowpass integrator delay table select sine noise probe}
         vision {hsvtable findball findbrdmarker getbrdsit getdisk}
     } {
         if {![file exists [file join $dir services $module$end]]} continue

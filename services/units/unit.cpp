@@ -27,6 +27,6 @@ void Unit::failWidth(std::size_t width, std::size_t got) const { fail(kWidth, na
 extern "C" SORMA_EXPORT int Units_Init(Tcl_Interp* interp) {
     using namespace units;
     return sorma::provide(interp, "sorma::service::units", "1.0",
-                          {describeSum(), describeGain(), describeMatrix(), describeClip(), describeLowpass(), describeIntegrator(),
+                          {describeSum(), describeGain(), describeMatrix(), describeClip(), describeSquash(), describeLowpass(), describeIntegrator(),
                            describeDelay(), describeTable(), describeSelect(), describeSine(), describeNoise(), describeProbe()});
 }

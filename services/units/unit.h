@@ -1,4 +1,4 @@
-// unit.h -- what the units of circuits have in common: sum, gain, matrix, clip, lowpass, integrator, delay, table, select,
+// unit.h -- what the units of circuits have in common: sum, gain, matrix, clip, squash, lowpass, integrator, delay, table, select,
 // sine, noise, probe.
 //
 // All of them are steps that a cycle may take: EXEC takes nothing from the heap, not even the first time in a circuit.
@@ -12,7 +12,7 @@
 
 namespace units {
 
-sorma::Class describeSum(), describeGain(), describeMatrix(), describeClip(), describeLowpass(), describeIntegrator(),
+sorma::Class describeSum(), describeGain(), describeMatrix(), describeClip(), describeSquash(), describeLowpass(), describeIntegrator(),
     describeDelay(), describeTable(), describeSelect(), describeSine(), describeNoise(), describeProbe();
 
 class Unit : public sorma::Service {
