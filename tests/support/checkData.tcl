@@ -21,11 +21,3 @@ proc difference {one other} {
     }
     return [tcl::mathfunc::max 0.0 {*}[lmap x $one y $other {expr {abs($x - $y)}}]]
 }
-
-# Evaluate a script that fails; error code without SORMA, and message.
-proc failure script {
-    if {![catch {uplevel 1 $script} message options]} {
-        return "ok: $message"
-    }
-    return [list [lrange [dict get $options -errorcode] 1 end] $message]
-}

@@ -27,6 +27,14 @@ proc ::cleanupTests {} {
     }
 }
 
+# Evaluate a script that fails; error code without SORMA, and message.
+proc failure script {
+    if {![catch {uplevel 1 $script} message options]} {
+        return "ok: $message"
+    }
+    return [list [lrange [dict get $options -errorcode] 1 end] $message]
+}
+
 # suite overAllTransports nameVar where script: run script with nameVar holding what stands after @, for the daemon
 # by Unix-domain socket and by TCP. Returns the list of results.
 namespace eval suite {
