@@ -1,0 +1,78 @@
+# dry.tcl -- a game without robot and camera: drycarry and drysight do by requests to simlab what carry and getBrdSit do by hand and eye.
+#
+#     drycarry -lab simlab@lab            drycarry EXEC FMSG 6 3 3 0 4 4 0
+#     drysight -lab simlab@lab            drysight EXEC
+
+package require sorma
+
+# What both know of the laboratory.
+oo::class create ::checkers::laboratory {
+    superclass sorma::Service
+
+    # Tokens that lie at a place, the lowest first: {name z}.
+    method At {file rank} {
+        set here {}
+        foreach token [my Tokens] {
+            lassign $token name f r - - z
+            if {abs($f - $file) < 0.3 && abs($r - $rank) < 0.3} {
+                lappend here [list $name $z]
+            }
+        }
+        return [lsort -real -index 1 $here]
+    }
+    method Tokens {} {
+        return [split [lindex [[my cget -lab] DBX -tokens] 3] \n]
+    }
+}
+
+oo::class create ::sorma::service::drycarry {
+    superclass ::checkers::laboratory
+    sorma::purpose "puts tokens from field to field, without a robot"
+    sorma::option -lab service -default simlab -help "the laboratory"
+    sorma::reads floats 6 "" "from: file, rank, tokens underneath; to: the same"
+    sorma::writes floats 3 "" "how far beside the field it lies, file and rank; seconds"
+    sorma::example "drycarry CTRL -help"
+
+    method exec message {
+        lassign [dict get $message floats] file rank underneath toFile toRank above
+        set underneath [expr {int($underneath)}]
+        set above [expr {int($above)}]
+        set here [my At $file $rank]
+        if {[llength $here] <= $underneath} {
+            return -code error -errorcode [list SORMA CARRY EMPTY [my name]] \
+                "[my name]: at $file $rank lie [llength $here] tokens; there is none above $underneath"
+        }
+        set there [llength [my At $toFile $toRank]]
+        if {$there != $above} {
+            return -code error -errorcode [list SORMA CARRY OCCUPIED [my name]] "[my name]: at $toFile $toRank lie $there tokens, not $above"
+        }
+        foreach token [lrange $here $underneath end] {
+            [my cget -lab] CTRL -move [lindex $token 0] $toFile $toRank $above
+            incr above
+        }
+        return {floats {0 0 0}}
+    }
+}
+
+oo::class create ::sorma::service::drysight {
+    superclass ::checkers::laboratory
+    sorma::purpose "says what stands on the board, without a camera"
+    sorma::option -lab service -default simlab -help "the laboratory"
+    sorma::option -width int -range {8 10} -default 8 -help "files of the board"
+    sorma::writes text 0.. "" "a character for each field: . nothing, or the first letter of a colour; the last rank first"
+    sorma::example "drysight CTRL -help"
+
+    method exec message {
+        set width [my cget -width]
+        set fields [lrepeat [expr {$width * $width}] .]
+        foreach token [my Tokens] {
+            lassign $token name file rank
+            if {$file < 0.5 || $file >= $width + 0.5 || $rank < 0.5 || $rank >= $width + 0.5} continue
+            lset fields [expr {($width - round($rank)) * $width + round($file) - 1}] [string index $name 0]
+        }
+        return [dict create text [join $fields {}]]
+    }
+}
+
+package provide sorma::service::drycarry 1.0
+package provide sorma::service::drysight 1.0
