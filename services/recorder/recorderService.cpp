@@ -1,0 +1,189 @@
+// recorder -- all buffers of a run in a file: recorded, played again as if the hardware were there, and as tables.
+//
+//     recorder.run CTRL -file run.rec -prefix demo. -record       until CTRL -stop
+//     recorder.run EXEC play                                      writes the buffers again; answers at the end
+//     recorder.run EXEC export tables                             tables/arm.state.csv and so on
+#include <sorma.h>
+
+#include <sstream>
+
+#include "tape.h"
+
+namespace {
+
+using recorder::Figures;
+using recorder::Job;
+using recorder::Plan;
+using sorma::Args;
+using sorma::Message;
+using sorma::Severity;
+
+const sorma::Prototype kFile{Severity::error, "RECORDER FILE", 1, "{}: {}"};
+const sorma::Prototype kNoFile{Severity::error, "OPTION MISSING", 2, "{}: {} is empty: it must name the recording"};
+const sorma::Prototype kBuffer{Severity::error, "RECORDER BUFFER", 1,
+                               "{}: a buffer cannot be written: {}; -buffers chooses, -prefix keeps runs apart"};
+const sorma::Prototype kBusy{Severity::error, "RECORDER BUSY", 1, "{}: it is {} {}; CTRL -stop ends that"};
+const sorma::Prototype kIdle{Severity::error, "RECORDER IDLE", 1, "{}: nothing is under way that could be stopped"};
+const sorma::Prototype kWord{Severity::error, "RECORDER WORD", 2, "{}: bad words \"{}\": must be export FOLDER, list, or play"};
+
+class Recorder : public sorma::Service {
+public:
+    static sorma::Class describe() {
+        using enum sorma::Field;
+        return sorma::Class::of<Recorder>("recorder", "records snapshot buffers in a file, plays them again, makes tables of them")
+            .text("-file", &Recorder::file_, {.help = "the recording"})
+            .text("-prefix", &Recorder::prefix_,
+                  {.help = "of the buffers' keys; a recording does not contain it, so it may be played with another one"})
+            .text("-buffers", &Recorder::buffers_, {.help = "patterns of keys, without the prefix; what fits none is left out"})
+            .text("-clock", &Recorder::clock_,
+                  {.help = "play: the buffer whose float 0 is the time to play by; empty, or not recorded: the time of writing"})
+            .real("-speed", &Recorder::speed_,
+                  {.unit = "1", .low = 0, .high = 1000, .help = "play: recorded seconds in a second; 0: as fast as it goes"})
+            .flag("-partial", &Recorder::partial_, {.help = "a file that has been cut is taken up to there"})
+            .action("-record", &Recorder::record, "", "begin to record; what is in the file is replaced")
+            .action("-stop", &Recorder::stop, "", "end what is under way; says how much that was", 0, 0, sorma::Right::call)
+            .conduct(sorma::Conduct::concurrent)
+            .words("play|list|export ?folder?")
+            .writes(ints, {}, "", "play, export: records, buffers")
+            .example("recorder.example CTRL -buffers {arm.* lab.clock}");
+    }
+
+    ~Recorder() override { leaving(); }
+    void leaving() override {
+        job_.reset();
+        charge_.clear();
+    }
+
+    void exec(Message& m) override {
+        const std::vector<std::string> words(m.words.begin(), m.words.end());
+        const bool makesTables = words.size() == 2 && words[0] == "export";
+        if (!makesTables && !(words.size() == 1 && (words[0] == "play" || words[0] == "list"))) {
+            std::string all;
+            for (auto& word : words) all += (all.empty() ? "" : " ") + word;
+            fail(kWord, name(), all);
+        }
+        Plan plan = begin(words[0] == "play" ? "playing" : makesTables ? "making tables of" : "reading");
+        if (makesTables) {
+            plan.folder = words[1];
+            sorm().access.need(m.author, sorma::Right::files, sorma::realPath(plan.folder), name());
+        }
+        if (words[0] == "play") {
+            charge_ = sorma::Charge(sorm().budget.ofCaller(), sorma::Account::Use::segments);
+            plan.charge = [this](std::size_t bytes) { charge_.need(name(), bytes); };
+            return start(m, [plan](Job& job, Message&) { return recorder::play(job, plan); });
+        }
+        if (makesTables) return start(m, [plan](Job& job, Message&) { return recorder::exportTables(job, plan); });
+        start(m, [plan](Job& job, Message& answer) { return recorder::list(job, plan, answer.text); });
+    }
+
+    void dumpState(std::string& out) const override {
+        out += "# state " + (busy() ? what_ : "idle") + "\n";
+    }
+
+private:
+    bool busy() const { return job_ && !job_->ended(); }
+
+    // What the options say. Fails when something is under way.
+    Plan begin(const char* what) {
+        if (busy()) fail(kBusy, name(), what_, file_);
+        if (file_.empty()) fail(kNoFile, name(), "-file");
+        sorm().access.need(author("-file"), sorma::Right::files, sorma::realPath(file_), name());
+        job_.reset();
+        what_ = what;
+        Plan plan;
+        plan.file = file_;
+        plan.prefix = prefix_;
+        plan.program = sorm().daemonName.empty() ? sorma::Caller::self().program : sorm().daemonName;
+        std::istringstream patterns(buffers_);
+        for (std::string p; patterns >> p;) plan.buffers.push_back(p);
+        plan.clock = clock_;
+        plan.speed = speed_;
+        plan.partial = partial_;
+        return plan;
+    }
+
+    template <class Work> void start(Message& m, Work work) {
+        sorma::Reply reply = later(m);
+        reply.message().clear();
+        job_ = std::make_unique<Job>(
+            [work, reply](Job& job) { return work(job, reply.message()); },
+            [this, reply](const Figures& figures, std::exception_ptr error) {
+                charge_.clear();
+                if (error) return reply.fail(refusal(error));
+                if (reply.message().text.empty()) reply.message().ints = {std::int64_t(figures.records), std::int64_t(figures.buffers)};
+                reply.complete();
+            });
+        reply.onCancel([this] {
+            if (job_) job_->stop();
+        });
+    }
+
+    // What a job has thrown, in this object's words.
+    sorma::Error refusal(std::exception_ptr error) const {
+        using sorma::MessageArg;
+        try {
+            std::rethrow_exception(error);
+        } catch (const sorma::Error& e) {
+            return e;
+        } catch (const shmem::Failure& e) {
+            return sorma::Error(sorma::makeEntry(kBuffer, {MessageArg::of(name()), MessageArg::of(std::string(e.what()))}));
+        } catch (const std::exception& e) {
+            return sorma::Error(sorma::makeEntry(kFile, {MessageArg::of(name()), MessageArg::of(std::string(e.what()))}));
+        }
+    }
+
+    void record(Args, Message&) {
+        const Plan plan = begin("recording");
+        std::shared_ptr<recorder::Recording> recording;
+        try {
+            recording = std::make_shared<recorder::Recording>(plan);
+        } catch (const recorder::FileError& e) {
+            fail(kFile, name(), e.what());
+        }
+        auto ended = [this, box = sorm().mailbox(), weak = std::weak_ptr<Recorder*>(alive_)](const Figures& figures, std::exception_ptr error) {
+            figures_ = figures;
+            error_ = error;
+            // Nobody waits for it, so it is told.
+            if (error) box->post([weak] {
+                if (auto self = weak.lock()) (*self)->tell();
+            });
+        };
+        error_ = nullptr;
+        job_ = std::make_unique<Job>([recording](Job& job) { return recording->run(job); }, ended);
+    }
+
+    void tell() {
+        Message m;
+        m.text = refusal(error_).what();
+        publishState("broken", m);
+        sorm().announce("broken", m.text, {name()});
+    }
+
+    void stop(Args, Message& m) {
+        const bool records = what_ == "recording" && job_;
+        if (!records && !busy()) fail(kIdle, name());
+        job_->stop();
+        if (!records) return;
+        job_.reset();                       // waits until the file is complete
+        if (error_) throw refusal(std::exchange(error_, nullptr));
+        m.text += std::to_string(figures_.records) + " records of " + std::to_string(figures_.buffers) + " buffers, " +
+                  std::to_string(figures_.lost) + " lost, in " + file_;
+        m.ints = {std::int64_t(figures_.records), std::int64_t(figures_.buffers), std::int64_t(figures_.lost)};
+    }
+
+    std::string file_, prefix_, buffers_ = "*", clock_ = "arm.state";
+    double speed_ = 1;
+    bool partial_ = false;
+    std::string what_;
+    Figures figures_;                       // of the recording; written by its thread, read when that has ended
+    std::exception_ptr error_;
+    std::shared_ptr<Recorder*> alive_ = std::make_shared<Recorder*>(this);      // work in the mailbox asks
+    sorma::Charge charge_;                  // of what is played, to whoever plays it
+    std::unique_ptr<Job> job_;              // last: its thread uses what is above
+};
+
+}  // namespace
+
+extern "C" SORMA_EXPORT int Recorder_Init(Tcl_Interp* interp) {
+    return sorma::provide(interp, "sorma::service::recorder", "1.0", {Recorder::describe()});
+}

@@ -1,0 +1,90 @@
+// tape.h -- recording buffers, playing them, and making tables of them: each runs in a thread of its own until its end or until it
+// is stopped.
+#pragma once
+
+#include <condition_variable>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <set>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "recording.h"
+
+namespace recorder {
+
+struct Plan {
+    std::string file, prefix, program;
+    std::vector<std::string> buffers;       // patterns of keys, without the prefix
+    std::string clock;                      // this buffer's float 0 is the time to play by; empty, or not recorded: wall time
+    double speed = 1;                       // recorded seconds in a second; 0: as fast as it goes
+    bool partial = false;
+    std::string folder;                     // of tables
+    std::function<void(std::size_t bytes)> charge;      // play: so much shared memory is about to be used; fails when that is too much
+
+    bool wants(const std::string& key) const;
+};
+
+struct Figures {
+    std::uint64_t records = 0, lost = 0;    // lost: overwritten before they were read
+    std::size_t buffers = 0;
+};
+
+// Something that takes its time, in a thread. The work looks now and then whether it is to stop; done gets what it has thrown, or null.
+class Job {
+public:
+    using Work = std::function<Figures(Job&)>;
+    using Done = std::function<void(Figures, std::exception_ptr)>;      // on the job's thread
+    Job(Work work, Done done);
+    ~Job();                                 // stops it, and waits for that
+    void stop();
+    // Rest until a time [ns, monotonic]. False: it is to stop.
+    bool rest(std::int64_t until);
+    bool ended() const;
+
+private:
+    mutable std::mutex mutex_;
+    std::condition_variable changed_;
+    bool stop_ = false, ended_ = false;
+    std::thread thread_;
+};
+
+// A recording that is being made.
+class Recording {
+public:
+    // Begins: what is written into the buffers from now on will be in the file. Fails with a FileError.
+    explicit Recording(Plan plan);
+    // Takes the records until the job is stopped, with all that has come by then.
+    Figures run(Job& job);
+
+private:
+    struct Source {
+        shmem::Reader reader;
+        std::uint32_t channel;
+        std::uint64_t next;                 // record to be taken next
+    };
+    void look();                            // for buffers that are not taken yet
+    void take(Source& source);
+    void takeAll();
+
+    const Plan plan_;
+    RecordingWriter out_;
+    std::map<std::string, Source> sources_; // by their keys
+    std::set<std::string> seen_;            // all keys that there were
+    std::vector<Record> batch_;             // of one look at all buffers; the first used_ of them, the others are there to be used again
+    std::size_t used_ = 0;
+    std::int64_t nextLook_ = 0;
+    Figures figures_;
+};
+
+// A recording is read through before the first record is played. Fails with a FileError, or a shmem::Failure when a buffer
+// cannot be written.
+Figures play(Job& job, const Plan& plan);
+// A file KEY.csv in plan.folder for each buffer.
+Figures exportTables(Job& job, const Plan& plan);
+// A line for each buffer: key, floats, bytes of any, records, seconds from the first to the last, records that are missing.
+Figures list(Job& job, const Plan& plan, std::string& text);
+
+}  // namespace recorder
