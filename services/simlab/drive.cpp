@@ -11,6 +11,7 @@ constexpr Joints kMostSpeed = {1.92, 1.51, 2.40, 5.34, 5.09, 5.74};      // [rad
 constexpr Joints kBrake = {97.6, 186.4, 89.4, 24.2, 20.1, 21.3};         // [N m]
 constexpr double kBrakeDelay = 0.020;       // [s] until the brakes have closed
 constexpr double kNear = 0.05;              // [rad] power comes back when a set-point is so near to the arm
+constexpr double kSlowest = 0.002;          // [rad/s] below, friction is compensated in part: a joint that shall rest must not creep
 constexpr double kStill = 0.002;            // [rad/s]
 constexpr double kStillFor = 0.05;          // [s]
 constexpr double kFarAhead = 1;             // [s] a set-point may be due so late
@@ -30,7 +31,7 @@ const char* toText(Cause cause) {
     return kNames[std::size_t(cause)];
 }
 
-Drive::Drive(Scene& scene) : scene_(scene) {
+Drive::Drive(Scene& scene) : scene_(scene), wanted_(std::size_t(scene.model->nv)), needed_(wanted_.size()) {
     for (std::size_t i = 0; i < 6; ++i) {
         const int s = scene.servo[i];
         gain_[i] = scene.model->actuator_gainprm[mjNGAIN * s];
@@ -141,6 +142,7 @@ Drive::Point Drive::reference(double now) const {
         for (std::size_t i = 0; i < 6; ++i) {
             p.q[i] = slowFrom_.q[i] + slowFrom_.speed[i] * (length > 0 ? t * (1 + rest) / 2 : 0);
             p.speed[i] = slowFrom_.speed[i] * rest;
+            p.acceleration[i] = t < length ? -slowFrom_.speed[i] / length : 0;
         }
         return p;
     }
@@ -153,6 +155,7 @@ Drive::Point Drive::reference(double now) const {
     for (std::size_t i = 0; i < 6; ++i) {
         p.speed[i] = from_.speed[i] + part * (next_.speed[i] - from_.speed[i]);
         p.q[i] = from_.q[i] + part * (next_.q[i] - from_.q[i]) + beyond * next_.speed[i];
+        p.acceleration[i] = part < 1 ? (next_.speed[i] - from_.speed[i]) / (next_.due - from_.due) : 0;
     }
     return p;
 }
@@ -220,11 +223,20 @@ void Drive::control(mjData& d, double now) {
         brake(true);
         brakeAt_ = -1;
     }
-    if (power()) {
-        const Point at = reference(now);
-        for (std::size_t i = 0; i < 6; ++i) d.ctrl[scene_.servo[i]] = at.q[i] + damping_[i] / gain_[i] * at.speed[i];
-    }
+    if (power()) follow(d, reference(now));
     watch(d, now);
+}
+
+// Servos alone would be behind by what friction and inertia take over their stiffness: more than half a millimetre at the tool.
+void Drive::follow(mjData& d, const Point& at) {
+    for (std::size_t i = 0; i < 6; ++i) wanted_[std::size_t(scene_.armDof[i])] = at.acceleration[i];
+    mj_mulM(scene_.model.get(), &d, needed_.data(), wanted_.data());
+    for (std::size_t i = 0; i < 6; ++i) {
+        const int dof = scene_.armDof[i];
+        const double torque = needed_[std::size_t(dof)] + friction_[i] * std::clamp(at.speed[i] / kSlowest, -1.0, 1.0) +
+                              (damping_[i] + scene_.model->dof_damping[dof]) * at.speed[i];
+        d.ctrl[scene_.servo[i]] = at.q[i] + torque / gain_[i];
+    }
 }
 
 // How far it comes from the first moment of a stop.

@@ -1,7 +1,8 @@
 // drive.h -- the arm's servos, their power, and the stops that act by themselves.
 //
 // Set-points come with the time at which they are to be reached. In between the drive interpolates positions and speeds linearly, and
-// goes on at the last speed while the next one is late. What makes it stop:
+// goes on at the last speed while the next one is late. The motors bear the arm's weight and, before there is an error, what its inertia
+// and friction take on the way that is asked for. What makes it stop:
 //
 //     category 0   power off at once, the brakes engage 20 ms later: emergency stop, table force, wrist force
 //     category 1   decelerates along its path, then brakes and goes without power: no set-point for three periods, one that breaks
@@ -15,6 +16,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "scene.h"
 
@@ -57,10 +59,11 @@ public:
 
 private:
     enum class Phase { braked, powered, slowing };
-    struct Point { double due = 0; Joints q{}, speed{}; };
+    struct Point { double due = 0; Joints q{}, speed{}, acceleration{}; };
 
     Point reference(double now) const;
     void slow(Cause cause, std::string why, double now);
+    void follow(mjData& d, const Point& at);
     void switchServos(bool on);
     void brake(bool on);
     void watch(const mjData& d, double now);
@@ -69,6 +72,7 @@ private:
 
     Scene& scene_;
     Joints gain_, damping_, friction_, actual_{};
+    std::vector<mjtNum> wanted_, needed_;   // accelerations of all joints of the model, and the torques that they take
     Phase phase_ = Phase::braked;
     Cause cause_ = Cause::none;
     std::string why_;
