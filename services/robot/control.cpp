@@ -79,6 +79,7 @@ void Control::quiet() const {
 void Control::tick(std::int64_t time, double period) noexcept {
     double age = 0;
     heard_ = arm.read(state_, age) && age < std::max(kSilent, 3 * period);
+    knows_ = knows_ || heard_;
     sense(period);
     followPower();
     const Joints before = qdot_;

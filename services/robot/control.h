@@ -72,6 +72,7 @@ public:
 
     Phase phase() const { return phase_; }
     bool heard() const { return heard_; }               // the other side speaks
+    bool knows() const { return knows_; }               // where the arm is: the other side has spoken
     bool sensed() const { return sensed_; }
     bool overloaded() const { return overloaded_; }     // since; acknowledge() allows motions again
     const ArmState& state() const { return state_; }
@@ -93,7 +94,7 @@ private:
 
     Phase phase_ = Phase::off;
     ArmState state_;
-    bool heard_ = false, sensed_ = false;
+    bool heard_ = false, knows_ = false, sensed_ = false;
     Wrench raw_ = Wrench::Zero(), felt_ = Wrench::Zero();
     bool overloaded_ = false, armed_ = true;            // armed: it has felt less than that since
 

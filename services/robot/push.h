@@ -38,6 +38,7 @@ private:
     const Manner manner_;
     Phase phase_ = Phase::transfer;
     bool over_ = false;
+    double force_ = 0;                      // [N] against the motion, in the last tick
     double way_ = 0, speed_ = 0, back_ = 0, stuck_ = 0;     // [m], [m/s], [m], [s] that it has not got on
     Posture posture_;
 };

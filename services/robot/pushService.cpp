@@ -45,9 +45,13 @@ double PushMotion::wantedSpeed(double force, double period) noexcept {
         return std::min(speed, std::sqrt(2 * manner_.acceleration * std::max(0.0, distance - std::fabs(speed_) * period)));
     };
     if (phase_ == Phase::approach && force >= manner_.contact) {
-        touched = true, contact = from_.p + way_ * direction_, contactWay = way_;
+        // It was between the last tick and this one that the force grew to that of contact.
+        const double part = (manner_.contact - force_) / (force - force_);
+        touched = true, contactWay = way_ - (force_ < manner_.contact ? 1 - part : 0) * speed_ * period;
+        contact = from_.p + contactWay * direction_;
         phase_ = Phase::push;
     }
+    force_ = force;
     if (phase_ == Phase::push || phase_ == Phase::approach) {
         const bool pushes = phase_ == Phase::push;
         // The more it resists, the slower; beyond the most force it is let go back.
