@@ -1,0 +1,436 @@
+# figures.tcl ?-OPTION N ...? -- what the simulated laboratory and its robot hold: random motions, lines, descents, and faults at random
+# moments, counted and measured. Prints a table; exit code 0: nothing was outside what it must hold.
+#
+#     -lines N -motions N -descents N -faults N    how many of each; of the motions a fifth leads through forbidden space, a tenth is
+#                                                  cancelled, a tenth is stopped; of faults N of each kind
+#     -kind PATTERN   of faults: only those whose name fits
+#     -seed N    of what is random              -speed N    of lab time; 0: as fast as it goes, in lockstep, so nothing is lost
+#
+# Daemons and buffers are its own: it may run beside another laboratory.
+
+package require sorma
+package require sorma::options
+package require sorma::service::shmem
+
+namespace eval figures {
+    variable Lab simlab@figuresLab[pid]
+    variable At @figuresRobot[pid]
+    variable Prefix figures[pid].
+    variable Down {0 1 0 0}                         ;# the tool points at the table
+    variable Room {0.25 0.85 -0.5 0.5 -0.02 0.9}    ;# where the tool may be: the guard
+    variable Running {}                             ;# dict: daemon -> its pipe
+    variable Rows {}                                ;# of the table: what, target, measured, whether it holds
+    variable Stopped {}                             ;# the last event `stopped` of the laboratory
+    variable Poses {}                               ;# records of tool.pose that nobody has looked at
+    variable Unseen 0                               ;# records of it that were overwritten before
+}
+
+# ---- daemons ----
+
+# launch DAEMON CLASS RECIPES -- of a class's package.
+proc figures::launch {daemon class recipes} {
+    variable Running
+    close [file tempfile dict]
+    try {
+        set file [open $dict w]
+        puts $file $recipes
+        close $file
+        set pipe [open [list | sormad -name $daemon -package sorma::service::$class -dict $dict 2>@stderr] r]
+        if {![string match "ready *" [gets $pipe]]} {
+            return -code error "sormad -name $daemon did not start"
+        }
+        dict set Running $daemon $pipe
+    } finally {
+        file delete $dict
+    }
+}
+proc figures::signal {daemon name} {
+    variable Running
+    exec kill -$name {*}[pid [dict get $Running $daemon]]
+    if {$name in {KILL TERM}} {
+        catch {close [dict get $Running $daemon]}
+        dict unset Running $daemon
+    }
+}
+proc figures::startLab {} {
+    variable Prefix
+    variable Settings
+    variable Lab
+    launch figuresLab[pid] simlab \
+        "simlab -prefix $Prefix -lockstep arm.set -speed [dict get $Settings -speed] -seed [dict get $Settings -seed]"
+    $Lab CTRL -dump
+}
+proc figures::startRobot {} {
+    variable Prefix
+    variable Room
+    variable At
+    launch figuresRobot[pid] robot [string map [list %prefix $Prefix %room $Room] {
+        wspc.room -inside {%room}
+        pino -prefix %prefix -labTime -guards wspc.room
+        mvpos.joints -as pose -move joints -jointSpeed 0.8
+        mvpos.line -as pose -move line
+        push -approachSpeed 0.03 -contactForce 2
+    }]
+    pino$At CTRL -start
+}
+proc figures::powerOn {} {
+    variable At
+    pino$At EXEC power on
+}
+
+# ---- what is random ----
+
+proc figures::uniform {low high} {
+    return [expr {$low + rand() * ($high - $low)}]
+}
+# A place above the table that the tool reaches, pointing down.
+proc figures::place {{low 0.08} {high 0.35}} {
+    variable Down
+    return [list [uniform 0.42 0.66] [uniform -0.22 0.22] [uniform $low $high] {*}$Down]
+}
+# Beside the guard's room, or in the table.
+proc figures::forbidden {} {
+    variable Down
+    if {rand() < 0.5} {
+        return [list [uniform 0.42 0.66] [uniform -0.22 0.22] [uniform -0.2 -0.03] {*}$Down]
+    }
+    return [list [uniform 0.35 0.45] [expr {(rand() < 0.5 ? -1 : 1) * [uniform 0.52 0.57]}] [uniform 0.1 0.3] {*}$Down]
+}
+
+# ---- what is measured ----
+
+# Where the tool has been since the last call: time, x y z, quaternion, 6 joint angles of each tick.
+proc figures::poses {} {
+    variable Poses
+    collect
+    set all $Poses
+    set Poses {}
+    return $all
+}
+proc figures::collect {} {
+    variable Poses
+    variable Unseen
+    if {![catch {shmem_r.pose exec since} reply] && [dict exists $reply floats]} {
+        lappend Poses {*}[dict get $reply floats]
+        incr Unseen [lindex [dict get $reply ints] 0]
+    }
+}
+# How far [m] a place is outside the room; 0: inside.
+proc figures::outside {x y z} {
+    variable Room
+    lassign $Room x1 x2 y1 y2 z1 z2
+    return [expr {max(0, $x1 - $x, $x - $x2, $y1 - $y, $y - $y2, $z1 - $z, $z - $z2)}]
+}
+proc figures::distance {a b} {
+    return [expr {sqrt([tcl::mathop::+ {*}[lmap x [lrange $a 0 2] y [lrange $b 0 2] {expr {($x - $y) ** 2}}]])}]
+}
+# Of a point from the line between two.
+proc figures::fromLine {p a b} {
+    set along 0
+    set square 0
+    foreach x [lrange $p 0 2] u [lrange $a 0 2] v [lrange $b 0 2] {
+        set along [expr {$along + ($x - $u) * ($v - $u)}]
+        set square [expr {$square + ($v - $u) ** 2}]
+    }
+    set part [expr {min(1, max(0, $along / $square))}]
+    return [distance $p [lmap u [lrange $a 0 2] v [lrange $b 0 2] {expr {$u + $part * ($v - $u)}}]]
+}
+proc figures::tool {} {
+    variable At
+    # While the robot hears nothing of its hardware it does not know.
+    waitUntil {[dict exists [set reply [pino$At exec]] floats]}
+    return [lrange [dict get $reply floats] 0 6]
+}
+proc figures::waitUntil condition {
+    set end [expr {[clock milliseconds] + 20000}]
+    while {![uplevel 1 [list expr $condition]]} {
+        if {[clock milliseconds] > $end} {
+            return -code error "waited 20 s for $condition"
+        }
+        collect
+        after 2 {set ::figures::Tick 1}
+        vwait ::figures::Tick
+    }
+}
+# A motion that must succeed.
+proc figures::go {mover args} {
+    set future [sorma::async $mover EXEC {*}[if {[llength $args] > 0} {list FMSG [llength $args]}] {*}$args]
+    try {
+        waitUntil {[$future done]}
+        return [$future result]
+    } finally {
+        $future destroy
+    }
+}
+
+# Wait for a request; returns the symbol of its error, or "done".
+proc figures::outcome future {
+    try {
+        waitUntil {[$future done]}
+        $future result
+        return done
+    } on error {- options} {
+        return [lindex [dict get $options -errorcode] 2]
+    } finally {
+        $future destroy
+    }
+}
+proc figures::row {what target measured holds} {
+    variable Rows
+    lappend Rows [list $what $target $measured $holds]
+    puts [format {%-44s %-30s %-60s %s} $what $target $measured [expr {$holds ? "yes" : "NO"}]]
+    flush stdout
+}
+proc figures::millimetres metres { return [format %.2f [expr {1e3 * $metres}]] }
+
+# ---- the sections of the table ----
+
+proc figures::lines n {
+    variable At
+    set worst [set sum [set samples 0]]
+    go mvpos.line$At {*}[place]
+    for {set i 0} {$i < $n} {incr i} {
+        set from [tool]
+        poses
+        set to [place]
+        mvpos.line$At CTRL -speed [uniform 0.05 0.5]
+        go mvpos.line$At {*}$to
+        foreach {t x y z - - - - - - - - - -} [poses] {
+            set off [fromLine [list $x $y $z] $from $to]
+            set worst [expr {max($worst, $off)}]
+            set sum [expr {$sum + $off}]
+            incr samples
+        }
+    }
+    mvpos.line$At CTRL -speed 0.2
+    row "$n Cartesian lines, 0.05 to 0.5 m/s" "off the line <= 0.5 mm" \
+        "at most [millimetres $worst] mm, mean [millimetres [expr {$sum / max(1, $samples)}]] mm of $samples places" [expr {$worst <= 0.5e-3}]
+}
+
+proc figures::motions n {
+    variable At
+    set worst 0
+    set outcomes {}
+    set wrong 0
+    go mvpos.line$At {*}[place]
+    poses
+    for {set i 0} {$i < $n} {incr i} {
+        # Of ten: two through forbidden space, one cancelled, one stopped.
+        set kind [lindex {forbidden forbidden cancelled stopped plain plain plain plain plain plain} [expr {$i % 10}]]
+        set mover mvpos.[expr {rand() < 0.5 ? "line" : "joints"}]$At
+        set to [expr {$kind eq "forbidden" ? [forbidden] : [place]}]
+        set from [tool]
+        set future [sorma::async $mover EXEC FMSG 7 {*}$to]
+        if {$kind in {cancelled stopped}} {
+            set part [uniform 0.05 0.9]
+            set way [distance $from $to]
+            waitUntil {[distance [tool] $from] > $part * $way || [$future done]}
+        }
+        switch -- $kind {
+            cancelled { $future cancel; $future destroy; set came cancelled }
+            stopped { $mover CTRL -stop; set came [outcome $future] }
+            default { set came [outcome $future] }
+        }
+        if {$kind eq "cancelled"} {
+            waitUntil {[lindex [dict get [pino$At exec] ints] 2] == 0}
+        }
+        dict incr outcomes "$kind: $came"
+        # A motion may be over before it is stopped. Forbidden ones are refused with their reason, and nothing moves.
+        if {![string match [dict get {forbidden GUARD plain done cancelled cancelled stopped {[Sd]*}} $kind] $came]} {
+            incr wrong
+            puts "motion [expr {$i + 1}], $kind, to [lrange $to 0 2]: $came"
+        }
+        if {$kind eq "forbidden" && [distance $from [tool]] > 1e-3} {
+            incr wrong
+            puts "motion [expr {$i + 1}] was refused, and moved"
+        }
+        foreach {t x y z - - - - - - - - - -} [poses] {
+            set worst [expr {max($worst, [outside $x $y $z])}]
+        }
+    }
+    row "$n random motions with guards" "none outside, refusals named" \
+        "outside by [millimetres $worst] mm; [join [lmap {k v} [lsort -stride 2 $outcomes] {set - "$v $k"}] {, }]" [expr {$worst < 1e-3 && $wrong == 0}]
+}
+
+proc figures::descents n {
+    variable At
+    variable Down
+    set heights {}
+    set peak 0
+    # The hand is weighed where there is room for its turns.
+    go mvpos.line$At 0.55 0 0.3 {*}$Down
+    go calibrate$At
+    for {set i 0} {$i < $n} {incr i} {
+        # Beside the board: bare table.
+        lassign [list [uniform 0.40 0.66] [uniform 0.2 0.24]] x y
+        go mvpos.line$At $x $y 0.03 {*}$Down
+        set floats [lrange [go push$At $x $y 0.0155 $x $y 0.0035] end-4 end]
+        lappend heights [lindex $floats 2]
+        set peak [expr {max($peak, [lindex $floats 4])}]
+    }
+    set sorted [lsort -real $heights]
+    set off [tcl::mathfunc::max {*}[lmap z $heights {expr {abs($z - 0.005)}}]]
+    row "$n guarded descents at 0.03 m/s" "within 0.5 mm, peak <= 15 N" \
+        "contact at [millimetres [lindex $sorted 0]] to [millimetres [lindex $sorted end]] mm (true 5.00), peak [format %.1f $peak] N" \
+        [expr {$off <= 0.5e-3 && $peak <= 15}]
+}
+
+# ---- faults: in a random motion, at a random moment, the arm must come to rest by itself, and not move again before a person's reset ----
+
+proc figures::Heard event {
+    variable Stopped
+    # Also told: that the subscription has found the laboratory again.
+    if {[regexp {^(.*): stood after (\S+) s, the tool came (\S+) mm} [dict get $event text] - cause seconds way]} {
+        set Stopped [list $cause $seconds $way]
+    }
+}
+proc figures::waitStopped {} {
+    variable Stopped
+    waitUntil {$Stopped ne {}}
+}
+
+# Power is refused until the hardware has been reset.
+proc figures::resetFirst {} {
+    variable Lab
+    variable At
+    waitStopped
+    set before [tool]
+    if {![catch {powerOn} message options]} {
+        return -code error "power came without a reset"
+    }
+    if {[lindex [dict get $options -errorcode] 2] ne "POWER"} {
+        return -code error "without a reset: $message"
+    }
+    if {[distance [tool] $before] > 1e-3} {
+        return -code error "the arm moved by [millimetres [distance [tool] $before]] mm without a reset"
+    }
+    $Lab CTRL -reset
+    pino$At EXEC reset
+    powerOn
+}
+
+# Each: what it is called, what it must come to, how the caller hears of it, what makes it, and what is done after it.
+proc figures::kinds {} {
+    return {
+        "-stop" {stops; the arm holds} STOPPED {$Mover CTRL -stop} {}
+        "emergency stop" {category 0, measured} POWER {$Lab CTRL -emergencyStop} {resetFirst}
+        "set-points lost" {category 1, <= 0.25 s} POWER {
+            signal figuresRobot[pid] STOP
+            waitStopped
+            signal figuresRobot[pid] CONT
+        } {resetFirst}
+        "robot daemon killed" {category 1, <= 0.25 s} LOST {signal figuresRobot[pid] KILL; waitStopped} {startRobot; resetFirst}
+        "simlab killed" {brakes; silent is said} SILENT {signal figuresLab[pid] KILL} {
+            startLab
+            if {![catch {go mvpos.line$At {*}[place]}]} {
+                return -code error "the arm moved before it was given power"
+            }
+            powerOn
+        }
+        "table force" {category 0, measured} {[PO][OV][WE]*} {} {
+            resetFirst
+            go mvpos.line$At {*}[lreplace [tool] 2 2 0.1]
+        }
+    }
+}
+
+proc figures::faults n {
+    variable At
+    variable Lab
+    variable Down
+    variable Stopped
+    variable Settings
+    foreach {what target expected make recover} [kinds] {
+        if {![string match [dict get $Settings -kind] $what]} continue
+        set ways [set times {}]
+        set wrong 0
+        for {set i 1} {$i <= $n} {incr i} {
+            try {
+                go mvpos.line$At {*}[place 0.15]
+                set Stopped {}
+                set from [tool]
+                if {$what eq "table force"} {
+                    # Beside the board the table is bare.
+                    go mvpos.line$At [uniform 0.4 0.66] [uniform 0.2 0.24] 0.05 {*}$Down
+                    set Mover mvpos.line$At
+                    set to [lreplace [tool] 2 2 -0.015]
+                    mvpos.line$At CTRL -speed [uniform 0.05 0.3]
+                } else {
+                    set Mover mvpos.joints$At
+                    set to [place 0.15]
+                }
+                set future [sorma::async $Mover EXEC FMSG 7 {*}$to]
+                if {$make ne {}} {
+                    set part [uniform 0.05 0.8]
+                    set way [distance $from $to]
+                    waitUntil {[distance [tool] $from] > $part * $way || [$future done]}
+                    if {[$future done]} {       # a short way: another one
+                        outcome $future
+                        incr i -1
+                        continue
+                    }
+                    eval $make
+                }
+                set came [outcome $future]
+                eval $recover
+                mvpos.line$At CTRL -speed 0.2
+                if {![string match $expected $came]} {
+                    incr wrong
+                    puts "$what $i: the caller heard $came instead of $expected"
+                }
+                if {$Stopped ne {}} {
+                    lappend times [lindex $Stopped 1]
+                    lappend ways [lindex $Stopped 2]
+                }
+            } on error message {
+                incr wrong
+                puts "$what $i: $message"
+                break
+            }
+        }
+        set measured "$wrong wrong"
+        if {[llength $ways] > 0} {
+            set longest [tcl::mathfunc::max {*}$times]
+            append measured "; the tool came at most [tcl::mathfunc::max {*}$ways] mm, in at most [format %.2f $longest] s"
+            incr wrong [expr {[string match "category 1*" $target] && $longest > 0.25}]
+        }
+        row "$n x $what" $target $measured [expr {$wrong == 0}]
+        if {$wrong > 0 && $i <= $n} return
+    }
+}
+
+proc figures::run {} {
+    variable Settings [sorma::options::parse {-lines {any 100} -motions {any 1000} -descents {any 100} -faults {any 50} -kind {any *} -seed {any 1} -speed {any 0}} \
+        $::argv]
+    variable Prefix
+    variable Lab
+    variable Rows
+    variable Unseen
+    variable Running
+    expr {srand([dict get $Settings -seed])}
+    try {
+        startLab
+        startRobot
+        sorma::create shmem_r.pose -key ${Prefix}tool.pose
+        sorma::subscribe $Lab -event stopped -command figures::Heard
+        powerOn
+        foreach section {lines motions descents faults} {
+            set n [dict get $Settings -$section]
+            if {$n > 0} {
+                $section $n
+            }
+        }
+    } finally {
+        foreach daemon [dict keys $Running] {
+            catch {signal $daemon TERM}
+        }
+    }
+    if {$Unseen > 0} {
+        puts "$Unseen places of the tool were not looked at: the machine is busy"
+    }
+    set wrong [llength [lsearch -all -exact -index 3 $Rows 0]]
+    puts [expr {$wrong == 0 ? "[llength $Rows] figures, all as they should be" : "$wrong of [llength $Rows] figures are not as they should be"}]
+    return [expr {$wrong > 0}]
+}
+
+exit [figures::run]
