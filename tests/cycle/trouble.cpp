@@ -35,6 +35,7 @@ public:
             .real("-slowPrepare", &Trouble::slowPrepare_, {.unit = "s", .low = 0, .help = "its preparation takes so long"})
             .action("-thread", &Trouble::thread, "", "name of the thread that executes this")
             .action("-wait", &Trouble::wait, "s", "take so long", 1, 1)
+            .action("-ctrl", &Trouble::ctrlOf, "object word", "in the midst of this request, CTRL of another object", 2, 2)
             .action("-lose", &Trouble::lose, "", "be quick, but lose the processor to the rival")
             .action("-actions", &Trouble::actions, "", "safe actions taken so far, by all objects of the class")
             .action("-asleep", &Trouble::isAsleep, "", "does any of them sleep?")
@@ -127,6 +128,12 @@ private:
         m.text = name;
     }
     void wait(sorma::Args args, sorma::Message&) { doze(std::stod(args[0])); }
+    void ctrlOf(sorma::Args args, sorma::Message& m) {
+        sorma::Message request;
+        request.words = {std::string(args[1])};
+        sorm().get(args[0])->invoke(sorma::Method::ctrl, request);
+        m.text = "done in the midst";
+    }
     void lose(sorma::Args, sorma::Message&) { rival_->takeProcessor(); }
     void actions(sorma::Args, sorma::Message& m) { m.text = std::to_string(::actions); }
     void isAsleep(sorma::Args, sorma::Message& m) { m.text = std::to_string(int(asleep)); }
