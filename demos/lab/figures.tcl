@@ -88,6 +88,10 @@ proc figures::place {{low 0.08} {high 0.35}} {
     variable Down
     return [list [uniform 0.42 0.66] [uniform -0.22 0.22] [uniform $low $high] {*}$Down]
 }
+# x y beside the board, on the side without spare tokens: the table is bare there.
+proc figures::beside {} {
+    return [list [uniform 0.40 0.66] [uniform -0.24 -0.2]]
+}
 # Beside the guard's room, or in the table.
 proc figures::forbidden {} {
     variable Down
@@ -261,8 +265,7 @@ proc figures::descents n {
     go mvpos.line$At 0.55 0 0.3 {*}$Down
     go calibrate$At
     for {set i 0} {$i < $n} {incr i} {
-        # Beside the board: bare table.
-        lassign [list [uniform 0.40 0.66] [uniform 0.2 0.24]] x y
+        lassign [beside] x y
         go mvpos.line$At $x $y 0.03 {*}$Down
         set floats [lrange [go push$At $x $y 0.0155 $x $y 0.0035] end-4 end]
         lappend heights [lindex $floats 2]
@@ -350,8 +353,7 @@ proc figures::faults n {
                 set Stopped {}
                 set from [tool]
                 if {$what eq "table force"} {
-                    # Beside the board the table is bare.
-                    go mvpos.line$At [uniform 0.4 0.66] [uniform 0.2 0.24] 0.05 {*}$Down
+                    go mvpos.line$At {*}[beside] 0.05 {*}$Down
                     set Mover mvpos.line$At
                     set to [lreplace [tool] 2 2 -0.015]
                     mvpos.line$At CTRL -speed [uniform 0.05 0.3]

@@ -37,6 +37,15 @@ proc lab::End pipe {
     return [expr {[catch {close $pipe}] ? "failed" : "ended"}]
 }
 
+# End one that runs still, and wait for that.
+proc lab::finish pipe {
+    if {$pipe in [chan names]} {
+        exec kill -TERM {*}[pid $pipe]
+        fileevent $pipe readable {}
+        End $pipe
+    }
+}
+
 proc lab::run {} {
     variable Here
     variable Heard
@@ -62,12 +71,10 @@ proc lab::run {} {
         }
         return $code
     } finally {
-        if {$launch in [chan names]} {
-            exec kill -TERM {*}[pid $launch]
-            fileevent $launch readable {}
-            End $launch
-        }
+        finish $launch
     }
 }
 
-exit [lab::run]
+if {[file normalize $argv0] eq [file normalize [info script]]} {
+    exit [lab::run]
+}

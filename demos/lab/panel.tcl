@@ -81,12 +81,15 @@ proc panel::Felt {- - told} {
     }
 }
 
-# Lamps of guards: green, it is as it must be.
-proc panel::Guarded {lamp - - told} {
+# Lamps of guards: all is as it must be, or not, or nobody knows.
+proc panel::Guarded {lamp guard - - told} {
     dict for {- value} $told {
-        set good [expr {[dict get $value state] eq "live" && [dict exists $value value ints] ? [lindex [dict get $value value ints] 0] : -1}]
-        $lamp configure -foreground [dict get {1 #2a8c3c 0 #c03028 -1 #909090} [expr {$good eq {} ? -1 : $good}]]
+        set holds [expr {[dict get $value state] eq "live" && [dict exists $value value ints] ? [lindex [dict get $value value ints] 0] : {}}]
+        Lamp $lamp $guard [expr {$holds eq {} ? "gone" : $holds ? "good" : "alarm"}]
     }
+}
+proc panel::Lamp {lamp guard state} {
+    $lamp configure -text "[sorma::style::mark $state] wspc.$guard" -foreground [sorma::style::colour $state]
 }
 
 proc panel::build {} {
@@ -102,7 +105,8 @@ proc panel::build {} {
 
     sorma::image .picture -name $Hardware -request {EXEC view} -every 200 -width 640 -height 480
     sorma::stripchart .chart -span 20 -low -15 -high 15 -width 480 -height 140
-    foreach {axis colour} {x #c03028 y #2a8c3c z #2858c0} {
+    # Seen on light and on dark backgrounds.
+    foreach {axis colour} {x #e0443c y #2fa04a z #4a86f0} {
         .chart trace $axis -text "force $axis \[N\]" -colour $colour
     }
     sorma::trailview .trail -height 4
@@ -154,11 +158,12 @@ proc panel::build {} {
     grid columnconfigure .side.poses 0 -weight 1
     pack .side.poses -fill x -pady $gap
 
-    ttk::labelframe .side.guards -text "Guards: as it must be?"
+    ttk::labelframe .side.guards -text "Guards: does each one hold now?"
     foreach guard {room noTable} {
         set lamp .side.guards.l$guard
-        pack [ttk::label $lamp -text "\u25cf wspc.$guard" -foreground #909090] -anchor w -padx $gap
-        lappend Watched [sorma::world value wspc.$guard@robot EXEC -every 500 -command [list ::panel::Guarded $lamp]]
+        pack [ttk::label $lamp] -anchor w -padx $gap
+        Lamp $lamp $guard gone
+        lappend Watched [sorma::world value wspc.$guard@robot EXEC -every 500 -command [list ::panel::Guarded $lamp $guard]]
     }
     pack .side.guards -fill x
     pack [ttk::label .side.place -textvariable ::panel::Place] -anchor w -pady $gap

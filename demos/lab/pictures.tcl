@@ -1,0 +1,70 @@
+# pictures.tcl WHAT FILE ?THEME? -- a picture of the laboratory for a page: WHAT is scene, as the free camera sees it, or panel, the
+# operator's, with everything running. PNG.
+#
+#     xvfb-run -a -s "-screen 0 1600x1200x24" tclsh8.6 pictures.tcl panel panel.png
+#
+# It needs a display; the panel's also Tk's package Img, and the names of the daemons that `./bootstrap run lab` uses.
+
+package require Tk
+
+namespace eval pictures {
+    variable Here [file dirname [file normalize [info script]]]
+}
+source [file join $pictures::Here lab.tcl]
+
+proc pictures::scene file {
+    package require sorma::service::simlab
+    sorma::create simlab.picture -prefix picture[pid]. -paused 1 -shadows 1
+    simlab.picture CTRL -person 0.75 0.1 0.12
+    simlab.picture EXEC FMSG 1 0.5
+    [image create photo -data [dict get [simlab.picture exec -floats {140 -25 1.9 0.45 0 0.2} view] any]] write $file -format png
+    return 0
+}
+
+proc pictures::panel {file theme} {
+    variable Here
+    package require img::window
+    if {$theme ne {}} {
+        catch {package require awthemes}
+        package require ttk::theme::$theme
+        ttk::style theme use $theme
+    }
+    set launch [lab::start sorma-launch [file join $Here lab.launch]]
+    try {
+        vwait lab::Heard
+        if {$lab::Heard ne "ready"} {
+            return 1
+        }
+        uplevel #0 [list source [file join $Here panel.tcl]]
+        wm geometry . +0+0
+        simlab@lab CTRL -speed 1
+        pino@robot EXEC power on
+        calibrate@robot EXEC
+        # Something to see in the charts: the table is felt.
+        set push [sorma::async push.down@robot EXEC FMSG 6 0.42 0.22 0.02 0.42 0.22 0.004]
+        $push wait
+        Until {[image width [.picture photo]] > 100 && [llength [.chart data z]] > 200 && [.side.guards.lroom cget -foreground] eq [sorma::style::colour good]}
+        raise .
+        update
+        [image create photo -format window -data .] write $file -format png
+        return 0
+    } finally {
+        lab::finish $launch
+    }
+}
+proc pictures::Until condition {
+    while {![uplevel 1 [list expr $condition]]} {
+        after 20 {set ::pictures::Tick 1}
+        vwait ::pictures::Tick
+    }
+}
+
+lassign $argv what file theme
+switch -- $what {
+    scene { exit [pictures::scene $file] }
+    panel { exit [pictures::panel $file $theme] }
+    default {
+        puts stderr "usage: pictures.tcl scene|panel FILE ?THEME?"
+        exit 2
+    }
+}
