@@ -109,9 +109,11 @@ void Laboratory::endAll() {
 }
 
 void Laboratory::halt() {
+    ++wanted_;                      // a thread that goes as fast as it can gives the lock to nobody else
     {
         std::lock_guard lock(mutex_);
         stop_ = true;
+        --wanted_;
     }
     wake_.notify_all();
     if (thread_.joinable()) thread_.join();
