@@ -163,6 +163,8 @@ public:
 
     ~Manus() override { halt(); }
 
+    std::vector<sorma::Reference> parts() const override { return {}; }     // the speaker is not called in ticks
+
     void born() override { check(); }
 
     void changed(std::span<const sorma::Option* const> options) override {
@@ -741,8 +743,7 @@ private:
         if (!speaker_ || words.empty()) return;
         Message m;
         m.words = sorma::splitWords(words);
-        // Not on behalf of the request, whose end would end this as well.
-        sorm().mailbox()->post([speaker = speaker_, m] { speaker->oneway(sorma::Method::exec, m); });
+        speaker_->oneway(sorma::Method::exec, std::move(m));
     }
 
     // options
