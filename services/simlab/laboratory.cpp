@@ -318,7 +318,9 @@ bool Laboratory::grab(std::unique_lock<std::mutex>& lock) {
     s.seed = setup_.seed * 1'000'003 + ++grabs_;
     pending_.push_back({time_, time_ + settings_.latency, request_, exposure_, grabs_, false, {}});
     pictures.take(std::move(s), [this, number = grabs_](Image image) {
+        ++wanted_;                  // as in halt()
         std::lock_guard guard(mutex_);
+        --wanted_;
         for (auto& grab : pending_)
             if (grab.number == number) {
                 grab.done = true;
