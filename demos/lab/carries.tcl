@@ -1,0 +1,313 @@
+# carries.tcl ?-carries N? ?-faults M? ?-seed S? ?-speed F? ?-table FILE? -- tokens are carried in the laboratory, and it is
+# measured how well: over random fields, boards, light and shadows; then while something goes wrong. The daemons of lab.launch must run.
+#
+# A fault is well when it is healed (the token lies where it should) or named: the error says what it was. Exit code 0: all were.
+
+package require sorma
+package require sorma::options
+source [file join [file dirname [file normalize [info script]]] colours.tcl]
+
+namespace eval carries {
+    variable Lab simlab@lab
+    variable Carry carry@robot
+    variable Hand manus@hand
+    variable Transform transform@transform
+    variable Lookers {findbrdmarker@eye getbrdsit@eye getdisk@eye}
+    variable Prefix demo.               ;# of the laboratory's buffers
+    variable Place {0 0 0}              ;# of the board: by how much it has been moved
+    variable Inject {}                  ;# phase of carry -> script, when it has ended
+    variable Peak 0                     ;# [N] at the hand, of the present carry
+    # What is done, and how it may be named; placed: it is healed.
+    variable Faults {
+        shifted   {placed EARLY EMPTY}
+        stolen    {UNSEEN}
+        lost      {LOST}
+        board     {placed SHIFTED}
+        occupied  {OCCUPIED}
+        dark      {EYE UNSEEN}
+        hand      {AWAY}
+        vision    {AWAY}
+    }
+}
+
+# ---- the laboratory ----
+
+proc carries::prepare {table speed} {
+    variable Lab
+    variable Carry
+    variable Hand
+    variable Transform
+    variable Lookers
+    variable Prefix
+    if {$table eq {}} {
+        set table [file join [file normalize $::env(SORMA_RUNTIME_DIR)] board.hsv]
+        colours::learn $table
+    }
+    foreach looker $Lookers {
+        $looker CTRL -table $table
+    }
+    $Lab CTRL -speed $speed
+    $Lab EXEC step FMSG 1 0.2
+    Power
+    $Hand EXEC release
+    $Transform CTRL -dump
+    scene
+    # A token under the open sky teaches what one looks like beside the tool.
+    $Lab CTRL -move red_1 4 4
+    puts "correction learned: [dict get [$Transform exec -floats {4 4 0} learnGrasp] text]"
+    sorma::create shmem_r.force -key ${Prefix}tool.force
+    sorma::subscribe $Carry -event phase -command carries::Phase
+}
+
+# Another scene: the board moved, tokens on random fields, other light. Returns the fields: dict {file rank} -> token.
+proc carries::scene {{count 8}} {
+    variable Lab
+    variable Place
+    variable Transform
+    set free [fields]
+    set tokens {}
+    foreach colour {red yellow} {
+        for {set i 1} {$i <= 14} {incr i} {
+            $Lab CTRL -steal ${colour}_$i
+        }
+    }
+    set place [list [uniform 0.02] [uniform 0.03] [uniform 0.2]]
+    $Lab CTRL -board {*}[lmap to $place from $Place {expr {$to - $from}}]
+    set Place $place
+    $Lab CTRL -light [expr {1 + [uniform 0.2]}] -shadows [expr {rand() < 0.5}]
+    foreach colour {red yellow} {
+        for {set i 1} {$i <= $count} {incr i} {
+            set field [taken free]
+            $Lab CTRL -move ${colour}_$i {*}[lmap x $field {expr {$x + [uniform 0.04]}}]
+            dict set tokens $field ${colour}_$i
+        }
+    }
+    $Transform EXEC learnBoard
+    return $tokens
+}
+proc carries::fields {} {
+    set dark {}
+    foreach file {1 2 3 4 5 6 7 8} {
+        foreach rank {1 2 3 4 5 6 7 8} {
+            if {($file + $rank) % 2 == 0} {
+                lappend dark [list $file $rank]
+            }
+        }
+    }
+    return $dark
+}
+proc carries::uniform most {
+    return [expr {$most * (2 * rand() - 1)}]
+}
+# One of a list, taken out of it.
+proc carries::taken listVar {
+    upvar 1 $listVar list
+    set k [expr {int(rand() * [llength $list])}]
+    set one [lindex $list $k]
+    set list [lreplace $list $k $k]
+    return $one
+}
+# How far a token is from a field [m].
+proc carries::away {token field} {
+    variable Lab
+    foreach line [split [lindex [$Lab DBX -tokens] 3] \n] {
+        if {[lindex $line 0] eq $token} {
+            return [expr {0.045 * hypot([lindex $line 1] - [lindex $field 0], [lindex $line 2] - [lindex $field 1])}]
+        }
+    }
+}
+
+# ---- one carry ----
+
+proc carries::Phase event {
+    variable Inject
+    set phase [dict get $event text]
+    if {[dict exists $Inject $phase]} {
+        set script [dict get $Inject $phase]
+        set Inject {}
+        uplevel #0 $script
+    }
+}
+# Returns a dict: outcome (placed, or the error's symbol), text, off [m] of the field, seconds of lab time, peak [N].
+proc carries::carry {token from to} {
+    variable Carry
+    variable Peak 0
+    catch {shmem_r.force exec since}
+    set call [sorma::async $Carry exec -floats [concat $from 0 $to 0]]
+    while {![$call done]} {
+        set ::carries::Tick 0
+        after 50 {set ::carries::Tick 1}
+        vwait ::carries::Tick
+        Feel
+    }
+    set failed [catch {$call wait} result how]
+    $call destroy
+    Feel
+    set off [away $token $to]
+    if {$failed} {
+        set code [dict get $how -errorcode]
+        set outcome [expr {[lindex $code 1] eq "CARRY" ? [lindex $code 2] : [join [lrange $code 1 2]]}]
+        return [dict create outcome $outcome text $result off $off seconds 0 peak $Peak]
+    }
+    return [dict create outcome placed text {} off $off seconds [lindex [dict get $result floats] 2] peak $Peak]
+}
+proc carries::Feel {} {
+    variable Peak
+    set records [shmem_r.force exec since]
+    foreach {- x y z - - -} [expr {[dict exists $records floats] ? [dict get $records floats] : {}}] {
+        set Peak [expr {max($Peak, sqrt($x * $x + $y * $y + $z * $z))}]
+    }
+}
+proc carries::Power {} {
+    variable Lab
+    catch {$Lab CTRL -reset}
+    pino@robot EXEC power on
+}
+# Before the next one: an arm with power, an open hand.
+proc carries::recover {} {
+    variable Hand
+    variable Carry
+    Power
+    set end [expr {[clock seconds] + 30}]
+    while {[catch {$Hand EXEC release} text]} {
+        if {[clock seconds] > $end} {
+            return -code error "the hand does not come back: $text"
+        }
+        after 200
+    }
+    $Carry CTRL -released
+}
+
+# ---- faults: each returns the phase of carry behind which it strikes ({}: before), and what it does ----
+
+proc carries::Strike {fault token from to tokens} {
+    variable Lab
+    variable Place
+    switch $fault {
+        shifted {
+            set angle [uniform 3.1416]
+            set at [list [expr {[lindex $from 0] + 0.006 / 0.045 * cos($angle)}] [expr {[lindex $from 1] + 0.006 / 0.045 * sin($angle)}]]
+            return [list look [list $Lab CTRL -move $token {*}$at]]
+        }
+        stolen {
+            return [list {} [list $Lab CTRL -steal $token]]
+        }
+        lost {
+            return [list lift [list $Lab CTRL -steal $token]]
+        }
+        board {
+            set by [list [expr {rand() < 0.5 ? 0.012 : -0.012}] [uniform 0.01] [uniform 0.02]]
+            set Place [lmap a $Place b $by {expr {$a + $b}}]
+            return [list {} [list $Lab CTRL -board {*}$by]]
+        }
+        occupied {
+            set other [lindex [lmap {- name} $tokens {expr {$name eq $token ? [continue] : $name}}] 0]
+            return [list {} [list $Lab CTRL -move $other {*}$to]]
+        }
+        dark {
+            return [list {} [list $Lab CTRL -light 0.02]]
+        }
+        hand {
+            return [list [lindex {preshape lift} [expr {int(2 * rand())}]] {exec kill -KILL [carries::pid hand]}]
+        }
+        vision {
+            return [list preshape {exec kill -STOP [carries::pid eye]}]
+        }
+    }
+}
+proc carries::Undo fault {
+    variable Lab
+    switch $fault {
+        dark {
+            $Lab CTRL -light 1
+        }
+        vision {
+            exec kill -CONT [pid eye]
+        }
+    }
+}
+proc carries::pid daemon {
+    foreach d [sorma::daemons] {
+        if {[dict get $d name] eq $daemon} {
+            return [regexp -inline {\d+(?=\]$)} [dict get $d identity]]
+        }
+    }
+}
+
+# ---- the table ----
+
+proc carries::row {what value target well} {
+    puts [format {%-52s %-28s %-26s %s} $what $value $target [expr {$well ? "yes" : "NO"}]]
+    return $well
+}
+
+proc carries::run args {
+    variable Faults
+    variable Inject
+    variable Carry
+    set o [sorma::options::parse {-carries {any 200} -faults {any 100} -seed {any 1} -speed {any 0} -table {any {}}} $args]
+    expr {srand([dict get $o -seed])}
+    prepare [dict get $o -table] [dict get $o -speed]
+    set count [dict get $o -carries]
+    set placed [set unnoticed [set worst [set slowest [set peak 0]]]]
+    for {set i 1} {$i <= $count} {incr i} {
+        set tokens [scene]
+        set from [lindex [dict keys $tokens] [expr {int(rand() * [dict size $tokens])}]]
+        set free [lmap f [fields] {expr {[dict exists $tokens $f] ? [continue] : $f}}]
+        set one [carry [dict get $tokens $from] $from [set to [taken free]]]
+        set off [dict get $one off]
+        if {[dict get $one outcome] ne "placed"} {
+            puts "$i: [dict get $one text]"
+            recover
+        } elseif {$off <= 0.002} {
+            incr placed
+            set worst [expr {max($worst, $off)}]
+        } else {
+            puts [format {%d: {%s} to {%s}: placed %.1f mm from the middle} $i $from $to [expr {1e3 * $off}]]
+            incr unnoticed [expr {$off > 0.01}]
+        }
+        set slowest [expr {max($slowest, [dict get $one seconds])}]
+        set peak [expr {max($peak, [dict get $one peak])}]
+    }
+    set wrong {}
+    set well 0
+    set faults [dict get $o -faults]
+    $Carry CTRL -patience 3
+    for {set i 1} {$i <= $faults} {incr i} {
+        set fault [lindex [dict keys $Faults] [expr {($i - 1) % [dict size $Faults]}]]
+        set tokens [scene]
+        set from [lindex [dict keys $tokens] [expr {int(rand() * [dict size $tokens])}]]
+        set free [lmap f [fields] {expr {[dict exists $tokens $f] ? [continue] : $f}}]
+        set to [taken free]
+        set token [dict get $tokens $from]
+        lassign [Strike $fault $token $from $to $tokens] phase script
+        if {$phase eq {}} {
+            uplevel #0 $script
+        } else {
+            set Inject [list $phase $script]
+        }
+        set one [carry $token $from $to]
+        set Inject {}
+        Undo $fault
+        set outcome [dict get $one outcome]
+        if {$outcome in [dict get $Faults $fault] && ($outcome ne "placed" || [dict get $one off] <= 0.002)} {
+            incr well
+        } else {
+            lappend wrong [format {%d: %s: %s, %.1f mm from its goal; %s} $i $fault $outcome [expr {1e3 * [dict get $one off]}] [dict get $one text]]
+        }
+        set peak [expr {max($peak, [dict get $one peak])}]
+        recover
+    }
+    puts [join $wrong \n]
+    set all [list \
+        [row "$count carries, placed within 2 mm" "$placed, at most [format %.2f [expr {1e3 * $worst}]] mm" all [expr {$placed == $count}]] \
+        [row "drops unnoticed" $unnoticed 0 [expr {$unnoticed == 0}]] \
+        [row "lab time of a carry, at most" [format {%.2f s} $slowest] "8 s" [expr {$slowest <= 8}]] \
+        [row "$faults carries with a fault, healed or named" $well all [expr {$well == $faults}]] \
+        [row "largest force on the hand" [format {%.1f N} $peak] "15 N" [expr {$peak <= 15}]]]
+    return [expr {0 in $all}]
+}
+
+if {[file normalize $argv0] eq [file normalize [info script]]} {
+    exit [carries::run {*}$argv]
+}
