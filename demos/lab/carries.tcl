@@ -25,8 +25,8 @@ namespace eval carries {
         board     {placed SHIFTED}
         occupied  {OCCUPIED}
         dark      {EYE UNSEEN}
-        hand      {AWAY}
-        vision    {AWAY}
+        hand      {placed AWAY}
+        vision    {placed AWAY}
     }
 }
 
@@ -208,10 +208,11 @@ proc carries::Strike {fault token from to tokens} {
             return [list {} [list $Lab CTRL -light 0.02]]
         }
         hand {
-            return [list [lindex {preshape lift} [expr {int(2 * rand())}]] {exec kill -KILL [carries::pid hand]}]
+            return [list [lindex {preshape lift} [expr {int(2 * rand())}]] [list exec kill -KILL [pid hand]]]
         }
         vision {
-            return [list preshape {exec kill -STOP [carries::pid eye]}]
+            variable Stopped [pid eye]
+            return [list preshape [list exec kill -STOP $Stopped]]
         }
     }
 }
@@ -222,7 +223,8 @@ proc carries::Undo fault {
             $Lab CTRL -light 1
         }
         vision {
-            exec kill -CONT [pid eye]
+            variable Stopped
+            exec kill -CONT $Stopped
         }
     }
 }
@@ -269,7 +271,6 @@ proc carries::run args {
         set slowest [expr {max($slowest, [dict get $one seconds])}]
         set peak [expr {max($peak, [dict get $one peak])}]
     }
-    set wrong {}
     set well 0
     set faults [dict get $o -faults]
     $Carry CTRL -patience 3
@@ -293,12 +294,11 @@ proc carries::run args {
         if {$outcome in [dict get $Faults $fault] && ($outcome ne "placed" || [dict get $one off] <= 0.002)} {
             incr well
         } else {
-            lappend wrong [format {%d: %s: %s, %.1f mm from its goal; %s} $i $fault $outcome [expr {1e3 * [dict get $one off]}] [dict get $one text]]
+            puts [format {%d: %s: %s, %.1f mm from its goal; %s} $i $fault $outcome [expr {1e3 * [dict get $one off]}] [dict get $one text]]
         }
         set peak [expr {max($peak, [dict get $one peak])}]
         recover
     }
-    puts [join $wrong \n]
     set all [list \
         [row "$count carries, placed within 2 mm" "$placed, at most [format %.2f [expr {1e3 * $worst}]] mm" all [expr {$placed == $count}]] \
         [row "drops unnoticed" $unnoticed 0 [expr {$unnoticed == 0}]] \

@@ -258,16 +258,25 @@ oo::class create ::sorma::service::carry {
             set Under [dict get [my Ask -transform exec under] floats]
         }
         ::sorma::service::transform::fresh [my cget -picture] [my cget -pose]
-        set colours [expr {[my cget -colour] eq "any" ? {red yellow} : [list [my cget -colour]]}]
-        foreach colour $colours {
+        set best {0 0 0 0}
+        foreach colour [expr {[my cget -colour] eq "any" ? {red yellow} : [my cget -colour]}] {
             try {
                 set disk [dict get [my Ask -disk exec -floats $Under -text $colour] floats]
-                return [dict get [my Ask -transform exec -floats [lrange $disk 0 1] correct] floats]
+                if {[lindex $disk 3] > [lindex $best 3]} {
+                    set best $disk
+                }
             } trap {SORMA VISION DISK} text {
                 lappend said $text
             }
         }
-        my Fault UNSEEN "there is no token: [join $said {; }]"
+        if {[lindex $best 3] == 0} {
+            my Fault UNSEEN "there is no token: [join $said {; }]"
+        }
+        try {
+            return [dict get [my Ask -transform exec -floats [lrange $best 0 1] correct] floats]
+        } trap {SORMA TRANSFORM OUTSIDE} text {
+            my Fault UNSEEN $text
+        }
     }
 
     # By how much the board has been moved [m]. Where it lies now is known from then on.
@@ -405,8 +414,7 @@ oo::class create ::sorma::service::carry {
             my Fault $symbol $text {*}$code
         }
         set ended [my LabTime]
-        dict incr Times $phase 0
-        dict set Times $phase [expr {[dict get $Times $phase] + $ended - $begun}]
+        dict set Times $phase [expr {([dict exists $Times $phase] ? [dict get $Times $phase] : 0) + $ended - $begun}]
         my publish phase -text $phase -floats [list $begun $ended]
         return $result
     }
