@@ -35,13 +35,12 @@ oo::class create ::sorma::service::carry {
     sorma::option -verify enum -choices {look board none} -default look -help "how it makes sure that the token lies where it should: one look at\
         it; at the board's markers, too"
     sorma::option -patience double -unit s -range {0.1 1000} -default 10 -help "how long somebody in another process may take"
-    sorma::option -transfer service -default mvpos.transfer -help "moves the tool freely, on lines to poses in the world (class mvpos)"
-    sorma::option -approach service -default mvpos.approach -help "the same where something may be touched; its guards say what is contact"
-    sorma::option -arm service -default pino -help "whose tool it is (class pino)"
-    sorma::option -hand service -default manus -help "grasps and releases (class manus)"
+    sorma::option -transfer service -help "moves the tool freely, on lines to poses in the world (class mvpos)"
+    sorma::option -approach service -help "the same where something may be touched; its guards say what is contact"
+    sorma::option -hand service -help "grasps and releases (class manus)"
     sorma::option -tips service -help "answers what the hand feels: a record of hand.state; none: nobody watches the token on its way"
-    sorma::option -transform service -default transform -help "knows where things are (class transform)"
-    sorma::option -disk service -default getDisk -help "sees a token (class getDisk)"
+    sorma::option -transform service -help "knows where things are (class transform)"
+    sorma::option -disk service -help "sees a token (class getDisk)"
     sorma::option -picture service -help "answers a picture; its first float is its time"
     sorma::option -pose service -help "answers where the tool is: floats lab time, position, quaternion"
     sorma::option -speaker service -help "is told what went wrong (EXEC TMSG); none: nobody"
@@ -73,8 +72,10 @@ oo::class create ::sorma::service::carry {
         set Times {}
         set from [lrange [dict get $message floats] 0 2]
         set to [lrange [dict get $message floats] 3 5]
+        set Phase begin
+        sorma::atCancel [namespace code {my Stop}]
         try {
-            my Step begin Begin
+            my Begin
             set begun [my LabTime]
             my Pick $from
             set off [my Put $from $to]
@@ -95,6 +96,11 @@ oo::class create ::sorma::service::carry {
     }
 
     method Begin {} {
+        foreach part {-transfer -approach -hand -transform -disk -pose} {
+            if {[my cget $part] eq {}} {
+                my Fault PART "$part names nobody: the recipe must" $part
+            }
+        }
         if {$Holds} {
             my Fault HOLDS "the hand still holds a token: take it, and say \"[my name] CTRL -released\""
         }
@@ -404,9 +410,9 @@ oo::class create ::sorma::service::carry {
             return -options $how $text
         } on error {text how} {
             set code [lrange [dict get $how -errorcode] 1 end]
-            set symbol FAILED
+            set symbol [expr {$Stopped || [sorma::cancelled] ? "STOPPED" : "FAILED"}]
             foreach {pattern named} {{COMM *} AWAY {ROBOT STOPPED*} STOPPED {ROBOT *} ARM {VISION *} EYE {TRANSFORM *} PLACE {SHMEM *} SENSOR} {
-                if {[string match $pattern $code]} {
+                if {$symbol eq "FAILED" && [string match $pattern $code]} {
                     set symbol $named
                     break
                 }
@@ -430,12 +436,12 @@ oo::class create ::sorma::service::carry {
         }
     }
     method Signal {text place} {
-        foreach {option words} [list -speaker [list exec -text $text] -laser [list exec -floats [lrange [my Goal $place] 0 2] point]] {
+        foreach {option words} {-speaker {list exec -text $text} -laser {list exec -floats [lrange [my Goal $place] 0 2] point}} {
             if {[my cget $option] eq {}} {
                 continue
             }
             try {
-                my Ask $option {*}$words
+                my Ask $option {*}[eval $words]
             } on error said {
                 sorma::warn {CARRY SIGNAL} "[my name]: $option: $said"
             }

@@ -26,11 +26,12 @@ oo::class create ::sorma::service::transform {
         -help "the camera (x right, y down, z forward) in the tool's frame: position, quaternion w x y z"
     sorma::option -fieldOfView double -unit rad -range {0.05 3} -default 1.0122909661567112 -help "of the camera, from the top row to the bottom row"
     sorma::option -size vector -unit pixels -length 2 -default {500 500} -help "width and height of its pictures"
+    sorma::option -mostResidual double -unit pixels -range {0.01 100} -default 1 -help "with more than that learnCamera fails"
     sorma::option -colour enum -choices {red yellow} -default red -help "of the token that learnGrasp looks at"
     sorma::option -boardMap service -default psom.board -help "map of the board (class psom)"
     sorma::option -graspMap service -default psom.grasp -help "map of the correction (class psom)"
-    sorma::option -finder service -default findBrdMarker -help "finds the markers"
-    sorma::option -disk service -default getDisk -help "finds a token"
+    sorma::option -finder service -help "finds the markers"
+    sorma::option -disk service -help "finds a token"
     sorma::option -mover service -help "moves the tool on lines, to a pose in the world (class mvpos); none: it is moved by somebody else"
     sorma::option -hand service -help "centres the token before learnGrasp by closing on it (class manus); none: it stands in the middle"
     sorma::option -picture service -help "answers a picture; its first float is its time"
@@ -98,11 +99,8 @@ oo::class create ::sorma::service::transform {
             [expr {$z / [lindex [my cget -token] 1]}]]]
     }
     # Where the markers are on the table, for a place of the board.
-    method MarkersAt {x y yaw} {
-        lassign [my cget -markers] behind aside
-        return [lmap side {-1 1} {
-            list [expr {$x - cos($yaw) * $behind - sin($yaw) * $side * $aside}] [expr {$y - sin($yaw) * $behind + cos($yaw) * $side * $aside}]
-        }]
+    method MarkersAt board {
+        return [::sorma::service::transform::markersAt $board [my cget -markers]]
     }
 
     # ---- the picture from the survey pose ----
@@ -160,6 +158,7 @@ oo::class create ::sorma::service::transform {
     # ---- learning ----
 
     method LearnBoard {} {
+        my Need learnBoard -finder
         set before [my cget -board]
         if {[my cget -mover] ne {}} {
             my Go [my cget -survey]
@@ -169,7 +168,7 @@ oo::class create ::sorma::service::transform {
         my configure -board $board
         my MakeBoardMap
         set moved 0
-        foreach old [my MarkersAt {*}$before] new [my MarkersAt {*}$board] {
+        foreach old [my MarkersAt $before] new [my MarkersAt $board] {
             set moved [expr {max($moved, hypot([lindex $new 0] - [lindex $old 0], [lindex $new 1] - [lindex $old 1]))}]
         }
         my Note board [format {moved %.1f mm} [expr {1e3 * $moved}]]
@@ -178,9 +177,7 @@ oo::class create ::sorma::service::transform {
 
     # The tool above the token; then to the four corners around it. What is seen there is the map.
     method LearnGrasp {file rank h} {
-        if {[my cget -mover] eq {}} {
-            sorma::fail {TRANSFORM MOVER} "[my name]: learnGrasp visits four places: set -mover to who moves the arm"
-        }
+        my Need learnGrasp -mover -disk
         lassign [my World $file $rank $h] x y z
         lassign [my cget -board] - - yaw
         set down [list 0 [expr {cos($yaw / 2)}] [expr {sin($yaw / 2)}] 0]
@@ -235,8 +232,42 @@ oo::class create ::sorma::service::transform {
         my Go [list $x $y $over {*}$down]
     }
 
+    # From poses around the survey pose, tilted and turned, the markers are looked at. How the camera is mounted, what it sees of the
+    # world, and where the board lies is what fits best.
+    method LearnCamera {} {
+        my Need learnCamera -mover -finder -pose
+        set views {}
+        foreach {dx dy dz a b c} {0 0 0 0 0 0   0.03 0 -0.05 0 0.1 0   -0.03 0 0.02 0 -0.1 0.1   0 0.05 0 0.12 0 0.2   0 -0.05 0 -0.12 0 -0.2
+                0.02 0.03 -0.06 0.08 0.08 -0.25   -0.02 -0.03 0.03 -0.08 0.08 0.25   0.02 -0.04 -0.03 0.06 -0.1 0   0 0 -0.08 0 0 0.3} {
+            lassign [my cget -survey] x y z q0 q1 q2 q3
+            set turned [::sorma::service::transform::turned [list $q0 $q1 $q2 $q3] [list $a $b $c]]
+            my Go [concat [expr {$x + $dx}] [expr {$y + $dy}] [expr {$z + $dz}] $turned]
+            ::sorma::service::transform::fresh [my cget -picture] [my cget -pose]
+            set pixels [lrange [dict get [[my cget -finder] exec] floats] 0 3]
+            lappend views [lrange [dict get [[my cget -pose] exec] floats] 1 7] $pixels
+        }
+        my Go [my cget -survey]
+        set guess [list [my cget -mount] [my cget -fieldOfView] [my cget -board]]
+        lassign [::sorma::service::transform::calibrated $guess $views [my cget -markers] [my cget -size]] mount fieldOfView board residual
+        if {$residual > [my cget -mostResidual]} {
+            sorma::fail {TRANSFORM CALIBRATION} [format {%s: the markers are off by %.2f pixels, -mostResidual is %.2f: they are not what was\
+                seen, or -mount is too far from the truth} [my name] $residual [my cget -mostResidual]]
+        }
+        my configure -mount $mount -fieldOfView $fieldOfView -board $board
+        [my cget -finder] CTRL -mount $mount -fieldOfView $fieldOfView
+        my Note camera [format {residual %.2f pixels} $residual]
+        return [dict create floats [concat $mount $fieldOfView $residual] text [dict get $Learned camera]]
+    }
+
     # ---- what it does with others ----
 
+    method Need {word args} {
+        foreach part $args {
+            if {[my cget $part] eq {}} {
+                sorma::fail [list TRANSFORM PART $part] "[my name]: $word needs $part, which names nobody"
+            }
+        }
+    }
     method Go pose {
         [my cget -mover] exec -floats $pose
     }
@@ -289,6 +320,98 @@ proc ::sorma::service::transform::pixelOf {point tool mount fieldOfView size} {
 # A displacement along the axes of a tool that points down and is turned by yaw, in the world's axes.
 proc ::sorma::service::transform::aside {dx dy yaw} {
     return [list [expr {cos($yaw) * $dx + sin($yaw) * $dy}] [expr {sin($yaw) * $dx - cos($yaw) * $dy}]]
+}
+
+# A quaternion, turned by a small rotation vector in its own frame.
+proc ::sorma::service::transform::turned {q by} {
+    set angle [expr {max(1e-12, sqrt([Product $by $by]))}]
+    set s [expr {sin($angle / 2) / $angle}]
+    lassign $q w x y z
+    lassign [lmap b $by {expr {$s * $b}}] a b c
+    set d [expr {cos($angle / 2)}]
+    return [list [expr {$w * $d - $x * $a - $y * $b - $z * $c}] [expr {$w * $a + $x * $d + $y * $c - $z * $b}] \
+        [expr {$w * $b - $x * $c + $y * $d + $z * $a}] [expr {$w * $c + $x * $b - $y * $a + $z * $d}]]
+}
+proc ::sorma::service::transform::markersAt {board markers} {
+    lassign $board x y yaw
+    lassign $markers behind aside
+    return [lmap side {-1 1} {
+        list [expr {$x - cos($yaw) * $behind - sin($yaw) * $side * $aside}] [expr {$y - sin($yaw) * $behind + cos($yaw) * $side * $aside}] 0
+    }]
+}
+
+# ---- the camera that fits best what was seen: Gauss-Newton, with Levenberg's term ----
+
+# guess: mount, field of view, board; views: pose of the tool, pixels of both markers, and so on. Returns mount, field of view, board,
+# and the rms of what is left [pixels].
+proc ::sorma::service::transform::calibrated {guess views markers size} {
+    set steps [lrepeat 10 0.0]
+    set left [Residuals $guess $views $markers $size]
+    set damping 1e-3
+    for {set round 0} {$round < 30} {incr round} {
+        # Columns of the Jacobian.
+        set columns {}
+        for {set k 0} {$k < 10} {incr k} {
+            set moved [Residuals [Changed $guess [lreplace $steps $k $k 1e-6]] $views $markers $size]
+            lappend columns [lmap m $moved l $left {expr {($m - $l) / 1e-6}}]
+        }
+        set rows [lmap one $columns {concat [lmap other $columns {Product $one $other}] [expr {-[Product $one $left]}]}]
+        for {set k 0} {$k < 10} {incr k} {
+            lset rows $k $k [expr {[lindex $rows $k $k] * (1 + $damping)}]
+        }
+        set change [Solved $rows]
+        set next [Changed $guess $change]
+        set leftNext [Residuals $next $views $markers $size]
+        if {[Product $leftNext $leftNext] > [Product $left $left]} {
+            set damping [expr {10 * $damping}]
+            continue
+        }
+        set guess $next
+        set left $leftNext
+        set damping [expr {$damping / 10}]
+        if {[Product $change $change] < 1e-18} {
+            break
+        }
+    }
+    return [concat $guess [expr {sqrt([Product $left $left] / [llength $left])}]]
+}
+proc ::sorma::service::transform::Residuals {camera views markers size} {
+    lassign $camera mount fieldOfView board
+    set left {}
+    foreach {tool pixels} $views {
+        foreach marker [markersAt $board $markers] {u v} $pixels {
+            lassign [pixelOf $marker $tool $mount $fieldOfView $size] a b
+            lappend left [expr {$a - $u}] [expr {$b - $v}]
+        }
+    }
+    return $left
+}
+proc ::sorma::service::transform::Changed {camera by} {
+    lassign $camera mount fieldOfView board
+    return [list [concat [lmap a [lrange $mount 0 2] b [lrange $by 0 2] {expr {$a + $b}}] [turned [lrange $mount 3 6] [lrange $by 3 5]]] \
+        [expr {$fieldOfView + [lindex $by 6]}] [lmap a $board b [lrange $by 7 9] {expr {$a + $b}}]]
+}
+proc ::sorma::service::transform::Product {a b} {
+    set sum 0
+    foreach x $a y $b {
+        set sum [expr {$sum + $x * $y}]
+    }
+    return $sum
+}
+# Rows of a system of linear equations with its right side: symmetric and positive, so without pivots.
+proc ::sorma::service::transform::Solved rows {
+    set n [llength $rows]
+    for {set k 0} {$k < $n} {incr k} {
+        set pivot [lindex $rows $k]
+        for {set i 0} {$i < $n} {incr i} {
+            if {$i != $k} {
+                set factor [expr {[lindex $rows $i $k] / [lindex $pivot $k]}]
+                lset rows $i [lmap a [lindex $rows $i] b $pivot {expr {$a - $factor * $b}}]
+            }
+        }
+    }
+    set k -1
+    return [lmap row $rows {expr {[lindex $row end] / [lindex $row [incr k]]}}]
 }
 
 package provide sorma::service::transform 1.0
