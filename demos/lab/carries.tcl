@@ -40,7 +40,7 @@ proc carries::prepare {table speed} {
     variable Lookers
     variable Prefix
     if {$table eq {}} {
-        set table [file join [file normalize $::env(SORMA_RUNTIME_DIR)] board.hsv]
+        set table [file join [file dirname [dict get [lindex [sorma::daemons] 0] socket]] board.hsv]
         colours::learn $table
     }
     foreach looker $Lookers {

@@ -164,10 +164,8 @@ oo::class create ::sorma::service::carry {
     method Grasp {} {
         try {
             set tips [dict get [my Ask -hand exec grasp] floats]
-        } trap {SORMA COMM} {text how} {
-            return -options $how $text
-        } on error text {
-            my Fault EMPTY "the hand has grasped nothing: $text"
+        } trap {SORMA HAND EMPTY} text - trap {SORMA HAND UNEVEN} text {
+            my Fault EMPTY $text
         }
         if {[my Least $tips] < [my cget -leastForce]} {
             my Fault EMPTY "the fingertips feel [my Newtons $tips], a token [my cget -leastForce] N at each"
@@ -411,7 +409,7 @@ oo::class create ::sorma::service::carry {
         } on error {text how} {
             set code [lrange [dict get $how -errorcode] 1 end]
             set symbol [expr {$Stopped || [sorma::cancelled] ? "STOPPED" : "FAILED"}]
-            foreach {pattern named} {{COMM *} AWAY {ROBOT STOPPED*} STOPPED {ROBOT *} ARM {VISION *} EYE {TRANSFORM *} PLACE {SHMEM *} SENSOR} {
+            foreach {pattern named} {{COMM *} AWAY {ROBOT STOPPED*} STOPPED {ROBOT *} ARM {HAND *} HAND {VISION *} EYE {TRANSFORM *} PLACE {SHMEM *} SENSOR} {
                 if {$symbol eq "FAILED" && [string match $pattern $code]} {
                     set symbol $named
                     break
