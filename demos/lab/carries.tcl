@@ -1,5 +1,6 @@
-# carries.tcl ?-carries N? ?-faults M? ?-seed S? ?-speed F? ?-table FILE? -- tokens are carried in the laboratory, and it is
-# measured how well: over random fields, boards, light and shadows; then while something goes wrong. The daemons of lab.launch must run.
+# carries.tcl ?-carries N? ?-faults M? ?-cancels K? ?-seed S? ?-speed F? ?-table FILE? -- tokens are carried in the laboratory, and it
+# is measured how well: over random fields, boards, light and shadows; then while something goes wrong; then given up at random moments.
+# The daemons of lab.launch must run.
 #
 # A fault is well when it is healed (the token lies where it should) or named: the error says what it was. Exit code 0: all were.
 
@@ -17,6 +18,7 @@ namespace eval carries {
     variable Place {0 0 0}              ;# of the board: by how much it has been moved
     variable Inject {}                  ;# phase of carry -> script, when it has ended
     variable Peak 0                     ;# [N] at the hand, of the present carry
+    variable Off {0 0}                  ;# most by which the markers were wrong: [m] on the board, [rad] of its yaw
     # What is done, and how it may be named; placed: it is healed.
     variable Faults {
         shifted   {placed EARLY EMPTY}
@@ -56,6 +58,7 @@ proc carries::prepare {table speed} {
     $Lab CTRL -move red_1 4 4
     puts "correction learned: [dict get [$Transform exec -floats {4 4 0} learnGrasp] text]"
     sorma::create shmem_r.force -key ${Prefix}tool.force
+    sorma::create shmem_r.place -key ${Prefix}tool.pose
     sorma::subscribe $Carry -event phase -command carries::Phase
 }
 
@@ -83,7 +86,29 @@ proc carries::scene {{count 8}} {
         }
     }
     $Transform EXEC learnBoard
+    Compare
     return $tokens
+}
+# What transform says of the tokens that are on the board, and where they are.
+proc carries::Compare {} {
+    variable Lab
+    variable Transform
+    variable Off
+    set on [lsearch -all -inline -not -regexp [split [lindex [$Lab DBX -tokens] 3] \n] {^\S+ (9|-|0\.[0-4]|\d\d)}]
+    lassign $Off most mostYaw
+    set places {}
+    foreach line $on {
+        lassign $line - file rank x y
+        lassign [dict get [$Transform exec -floats [list $file $rank 0] boardToWorld] floats] u v
+        set most [expr {max($most, hypot($x - $u, $y - $v))}]
+        lappend places [list [expr {$rank + 0.1 * $file}] $x $y $u $v]
+    }
+    # The yaw: from the nearest to the farthest one.
+    set places [lsort -real -index 0 $places]
+    lassign [lindex $places 0] - x0 y0 u0 v0
+    lassign [lindex $places end] - x y u v
+    set turn [expr {atan2($y - $y0, $x - $x0) - atan2($v - $v0, $u - $u0)}]
+    set Off [list $most [expr {max($mostYaw, abs(atan2(sin($turn), cos($turn))))}]]
 }
 proc carries::fields {} {
     set dark {}
@@ -178,6 +203,42 @@ proc carries::recover {} {
     $Carry CTRL -released
 }
 
+# One that is given up at a random moment. Returns by how much the arm still moves [m] from 0.3 s on after nobody wants it any more, in
+# as much time; empty: the carry was over before.
+proc carries::givenUp {from to} {
+    variable Carry
+    variable Peak 0
+    set call [sorma::async $Carry exec -floats [concat $from 0 $to 0]]
+    set until [expr {[now] + 0.1 + 6 * rand()}]
+    while {![$call done] && [now] < $until} {
+        after 2 {set ::carries::Tick 1}
+        vwait ::carries::Tick
+    }
+    if {[$call done]} {
+        $call destroy
+        return {}
+    }
+    $call cancel
+    $call destroy
+    while {![regexp -line {^# phase ?$} [lindex [$Carry CTRL -dump] 3]]} {
+        after 20
+    }
+    set places {}
+    foreach wait {0.3 0.3} {
+        set until [expr {[now] + $wait}]
+        while {[now] < $until} {
+            after 2
+        }
+        lappend places [lrange [dict get [shmem_r.place exec] floats] 1 3]
+    }
+    Feel
+    lassign [concat {*}$places] x y z u v w
+    return [expr {sqrt(($x - $u) ** 2 + ($y - $v) ** 2 + ($z - $w) ** 2)}]
+}
+proc carries::now {} {
+    return [lindex [dict get [shmem_r.place exec] floats] 0]
+}
+
 # ---- faults: each returns the phase of carry behind which it strikes ({}: before), and what it does ----
 
 proc carries::Strike {fault token from to tokens} {
@@ -247,8 +308,11 @@ proc carries::run args {
     variable Faults
     variable Inject
     variable Carry
-    set o [sorma::options::parse {-carries {any 200} -faults {any 100} -seed {any 1} -speed {any 0} -table {any {}}} $args]
+    variable Off
+    variable Peak
+    set o [sorma::options::parse {-carries {any 200} -faults {any 100} -cancels {any 50} -seed {any 1} -speed {any 0} -table {any {}}} $args]
     expr {srand([dict get $o -seed])}
+    fconfigure stdout -buffering line
     prepare [dict get $o -table] [dict get $o -speed]
     set count [dict get $o -carries]
     set placed [set unnoticed [set worst [set slowest [set peak 0]]]]
@@ -299,11 +363,28 @@ proc carries::run args {
         set peak [expr {max($peak, [dict get $one peak])}]
         recover
     }
+    set given [set still 0]
+    $Carry CTRL -patience 10
+    while {$given < [dict get $o -cancels]} {
+        set tokens [scene]
+        set free [lmap f [fields] {expr {[dict exists $tokens $f] ? [continue] : $f}}]
+        set moves [givenUp [lindex [dict keys $tokens] 0] [taken free]]
+        if {$moves ne {}} {
+            incr given
+            incr still [expr {$moves < 3e-4}]
+            set peak [expr {max($peak, $Peak)}]
+        }
+        recover
+    }
+    lassign $Off most yaw
     set all [list \
+        [row "board by its markers, at most off" [format {%.2f mm, %.2f degrees} [expr {1e3 * $most}] [expr {$yaw * 57.29578}]] \
+            "1 mm, 0.3 degrees" [expr {$most <= 1e-3 && $yaw <= 0.3 / 57.29578}]] \
         [row "$count carries, placed within 2 mm" "$placed, at most [format %.2f [expr {1e3 * $worst}]] mm" all [expr {$placed == $count}]] \
         [row "drops unnoticed" $unnoticed 0 [expr {$unnoticed == 0}]] \
         [row "lab time of a carry, at most" [format {%.2f s} $slowest] "8 s" [expr {$slowest <= 8}]] \
         [row "$faults carries with a fault, healed or named" $well all [expr {$well == $faults}]] \
+        [row "$given carries given up, the arm stands" $still all [expr {$still == $given}]] \
         [row "largest force on the hand" [format {%.1f N} $peak] "15 N" [expr {$peak <= 15}]]]
     return [expr {0 in $all}]
 }

@@ -9,6 +9,9 @@
 package require sorma
 package require sorma::service::transform
 
+namespace eval ::sorma::service::carry {
+    variable Active {}          ;# the object that carries: there is one arm, and one hand, in a process
+}
 oo::class create ::sorma::service::carry {
     superclass sorma::Service
 
@@ -66,28 +69,26 @@ oo::class create ::sorma::service::carry {
     }
 
     method exec message {
-        set Stopped 0
-        set Checked 0
-        set Under {}
-        set Times {}
+        set Phase begin
+        my Begin
+        sorma::atCancel [namespace code {my Stop}]
         set from [lrange [dict get $message floats] 0 2]
         set to [lrange [dict get $message floats] 3 5]
-        set Phase begin
-        sorma::atCancel [namespace code {my Stop}]
         try {
-            my Begin
             set begun [my LabTime]
             my Pick $from
             set off [my Put $from $to]
             return [dict create floats [concat $off [expr {[my LabTime] - $begun}]]]
         } trap {SORMA CARRY} {text how} {
             if {[lindex [dict get $how -errorcode] 2] ne "STOPPED"} {
+                my publish fault -text $text
                 my Safe
                 my Signal $text $from
             }
             return -options $how $text
         } finally {
             set Phase {}
+            set ::sorma::service::carry::Active {}
         }
     }
 
@@ -95,6 +96,7 @@ oo::class create ::sorma::service::carry {
         return [join [concat [list "holds $Holds" "phase $Phase"] [lmap {phase seconds} $Times {format "%s %.2f s" $phase $seconds}]] \n]
     }
 
+    # What must be so before anything moves.
     method Begin {} {
         foreach part {-transfer -approach -hand -transform -disk -pose} {
             if {[my cget $part] eq {}} {
@@ -104,6 +106,15 @@ oo::class create ::sorma::service::carry {
         if {$Holds} {
             my Fault HOLDS "the hand still holds a token: take it, and say \"[my name] CTRL -released\""
         }
+        upvar #0 ::sorma::service::carry::Active active
+        if {$active ne {}} {
+            my Fault BUSY "$active carries" $active
+        }
+        set active [my name]
+        set Stopped 0
+        set Checked 0
+        set Under {}
+        set Times {}
     }
 
     # ---- taking a token ----
@@ -137,9 +148,9 @@ oo::class create ::sorma::service::carry {
         set opening [my Begun -hand exec release]
         try {
             my Fly [my Over [my Goal $place]]
-            my Answer -hand $opening
+            $opening wait
         } finally {
-            catch {$opening destroy}
+            $opening destroy
         }
     }
 
@@ -239,7 +250,6 @@ oo::class create ::sorma::service::carry {
     # Down to a height above what the token stands on; slowly at the end, and no farther than to the first contact.
     method Lower {place height} {
         lassign [my Goal $place] - - z
-        lassign [my Pose] x y
         set pose [my Pose]
         set low [expr {$z + $height}]
         set slow [expr {$low + [my cget -slowZone]}]
@@ -363,12 +373,20 @@ oo::class create ::sorma::service::carry {
                 yield
                 my Feel
             }
-            my Answer $mover $motion
+            $motion wait
+        } trap {SORMA CARRY LOST} {text how} {
+            # The next motion begins when this one has ended.
+            [my cget $mover] CTRL -stop
+            catch {$motion wait}
+            return -options $how $text
         } finally {
-            catch {$motion destroy}
+            $motion destroy
         }
     }
     method Stop {} {
+        if {$Phase eq {}} {
+            return
+        }
         set Stopped 1
         foreach mover {-transfer -approach} {
             [my cget $mover] CTRL -stop
@@ -377,19 +395,16 @@ oo::class create ::sorma::service::carry {
 
     # ---- others ----
 
-    # A request to whom an option names: begun, and its answer.
+    # A request to whom an option names: begun; and its answer.
     method Begun {option args} {
         return [sorma::async -timeout [expr {int(1e3 * [my cget -patience])}] [my cget $option] {*}$args]
-    }
-    method Answer {option request} {
-        return [$request wait]
     }
     method Ask {option args} {
         set request [my Begun $option {*}$args]
         try {
             return [$request wait]
         } finally {
-            catch {$request destroy}
+            $request destroy
         }
     }
 
