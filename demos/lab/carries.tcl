@@ -60,6 +60,7 @@ proc carries::prepare {table speed} {
     sorma::create shmem_r.force -key ${Prefix}tool.force
     sorma::create shmem_r.place -key ${Prefix}tool.pose
     sorma::subscribe $Carry -event phase -command carries::Phase
+    $Carry CTRL -patience 30
 }
 
 # Another scene: the board moved, tokens on random fields, other light. Returns the fields: dict {file rank} -> token.
@@ -337,7 +338,7 @@ proc carries::run args {
     }
     set well 0
     set faults [dict get $o -faults]
-    $Carry CTRL -patience 3
+    $Carry CTRL -patience 8
     for {set i 1} {$i <= $faults} {incr i} {
         set fault [lindex [dict keys $Faults] [expr {($i - 1) % [dict size $Faults]}]]
         set tokens [scene]
@@ -364,7 +365,6 @@ proc carries::run args {
         recover
     }
     set given [set still 0]
-    $Carry CTRL -patience 10
     while {$given < [dict get $o -cancels]} {
         set tokens [scene]
         set free [lmap f [fields] {expr {[dict exists $tokens $f] ? [continue] : $f}}]

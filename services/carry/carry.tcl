@@ -37,7 +37,7 @@ oo::class create ::sorma::service::carry {
     sorma::option -relearn flag -default 1 -help "look for the board's markers when a token is not where it should be"
     sorma::option -verify enum -choices {look board none} -default look -help "how it makes sure that the token lies where it should: one look at\
         it; at the board's markers, too"
-    sorma::option -patience double -unit s -range {0.1 1000} -default 10 -help "how long somebody in another process may take"
+    sorma::option -patience double -unit s -range {0.1 1000} -default 10 -help "how long who is asked may take, but for those who move the arm"
     sorma::option -transfer service -help "moves the tool freely, on lines to poses in the world (class mvpos)"
     sorma::option -approach service -help "the same where something may be touched; its guards say what is contact"
     sorma::option -hand service -help "grasps and releases (class manus)"
@@ -395,9 +395,10 @@ oo::class create ::sorma::service::carry {
 
     # ---- others ----
 
-    # A request to whom an option names: begun; and its answer.
+    # A request to whom an option names: begun; and its answer. Who moves the arm takes the time that the way takes.
     method Begun {option args} {
-        return [sorma::async -timeout [expr {int(1e3 * [my cget -patience])}] [my cget $option] {*}$args]
+        set patience [expr {$option in {-transfer -approach} ? 0 : int(1e3 * [my cget -patience])}]
+        return [sorma::async -timeout $patience [my cget $option] {*}$args]
     }
     method Ask {option args} {
         set request [my Begun $option {*}$args]
