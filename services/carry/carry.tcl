@@ -271,7 +271,7 @@ oo::class create ::sorma::service::carry {
         if {$Under eq {}} {
             set Under [dict get [my Ask -transform exec under] floats]
         }
-        ::sorma::service::transform::fresh [my cget -picture] [my cget -pose]
+        ::sorma::service::transform::fresh [my cget -picture] [my cget -pose] [my cget -patience]
         set best {0 0 0 0}
         foreach colour [expr {[my cget -colour] eq "any" ? {red yellow} : [my cget -colour]}] {
             try {

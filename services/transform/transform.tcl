@@ -282,14 +282,19 @@ oo::class create ::sorma::service::transform {
     }
 }
 
-# Returns when there is a picture that was taken after this was called. picture, pose: who answers them; empty: nobody waits.
+# Returns when there is a picture that was taken after this was called. picture, pose: who answers them; empty: whoever sees has a new one
+# taken. Fails when none comes within so many seconds.
 namespace eval ::sorma::service::transform {}
-proc ::sorma::service::transform::fresh {picture pose} {
+proc ::sorma::service::transform::fresh {picture pose {patience 10}} {
     if {$picture eq {} || $pose eq {}} {
         return
     }
     set since [lindex [dict get [$pose exec] floats] 0]
+    set end [expr {[clock milliseconds] + 1000 * $patience}]
     while {[lindex [dict get [$picture exec] floats] 0] <= $since && ![sorma::cancelled]} {
+        if {[clock milliseconds] > $end} {
+            sorma::fail {VISION PICTURE} "there is no new picture since $patience s; the camera stands, or is away"
+        }
         after 5 [info coroutine]
         yield
     }
