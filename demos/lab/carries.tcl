@@ -187,20 +187,24 @@ proc carries::Feel {} {
 proc carries::Power {} {
     variable Lab
     catch {$Lab CTRL -reset}
-    pino@robot EXEC power on
+    Until {pino@robot EXEC power on}
+}
+# Try until it goes well, for a minute at most.
+proc carries::Until script {
+    set end [expr {[clock seconds] + 60}]
+    while {[catch {uplevel 1 $script} result how]} {
+        if {[clock seconds] > $end} {
+            return -options $how $result
+        }
+        after 200
+    }
 }
 # Before the next one: an arm with power, an open hand.
 proc carries::recover {} {
     variable Hand
     variable Carry
     Power
-    set end [expr {[clock seconds] + 30}]
-    while {[catch {$Hand EXEC release} text]} {
-        if {[clock seconds] > $end} {
-            return -code error "the hand does not come back: $text"
-        }
-        after 200
-    }
+    Until {$Hand EXEC release}
     $Carry CTRL -released
 }
 
