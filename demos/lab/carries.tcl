@@ -41,12 +41,16 @@ proc carries::prepare {table speed} {
     variable Transform
     variable Lookers
     variable Prefix
-    if {$table eq {}} {
+    set own [expr {$table eq {}}]
+    if {$own} {
         set table [file join [file dirname [dict get [lindex [sorma::daemons] 0] socket]] board.hsv]
         colours::learn $table
     }
     foreach looker $Lookers {
         $looker CTRL -table $table
+    }
+    if {$own} {
+        file delete $table
     }
     $Lab CTRL -speed $speed
     $Lab EXEC step FMSG 1 0.2
