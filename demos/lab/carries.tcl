@@ -74,11 +74,7 @@ proc carries::scene {{count 8}} {
     variable Transform
     set free [fields]
     set tokens {}
-    foreach colour {red yellow} {
-        for {set i 1} {$i <= 14} {incr i} {
-            $Lab CTRL -steal ${colour}_$i
-        }
-    }
+    clear
     set place [list [uniform 0.02] [uniform 0.03] [uniform 0.2]]
     $Lab CTRL -board {*}[lmap to $place from $Place {expr {$to - $from}}]
     set Place $place
@@ -114,6 +110,29 @@ proc carries::Compare {} {
     lassign [lindex $places end] - x y u v
     set turn [expr {atan2($y - $y0, $x - $x0) - atan2($v - $v0, $u - $u0)}]
     set Off [list $most [expr {max($mostYaw, abs(atan2(sin($turn), cos($turn))))}]]
+}
+proc carries::clear {} {
+    variable Lab
+    foreach colour {red yellow} {
+        for {set i 1} {$i <= 14} {incr i} {
+            $Lab CTRL -steal ${colour}_$i
+        }
+    }
+}
+# All tokens as at the beginning of a game.
+proc carries::game {} {
+    variable Lab
+    clear
+    set red [set yellow 0]
+    foreach field [fields] {
+        lassign $field file rank
+        if {$rank > 5} {
+            $Lab CTRL -move red_[incr red] $file $rank
+        } elseif {$rank < 4} {
+            $Lab CTRL -move yellow_[incr yellow] $file $rank
+        }
+    }
+    $Lab CTRL -light 1 -shadows 0
 }
 proc carries::fields {} {
     set dark {}
@@ -384,6 +403,7 @@ proc carries::run args {
         }
         recover
     }
+    game
     lassign $Off most yaw
     set all [list \
         [row "board by its markers, at most off" [format {%.2f mm, %.2f degrees} [expr {1e3 * $most}] [expr {$yaw * 57.29578}]] \
