@@ -50,6 +50,9 @@ proc ::classPage::Options table {
         if {$name in [dict get $table fixed]} {
             lappend facts "Only a recipe may set it"
         }
+        if {[dict exists $table hints $name expert]} {
+            lappend facts "For experts"
+        }
         append out "\n\[opt_def $name \"[Quoted $argument]\"]\n[plain $help]"
         append out [join [linsert $facts 0 {}] {. }]
         append out ". Default: [if {$default eq {}} {string cat none} else {plain $default}]"

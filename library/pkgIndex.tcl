@@ -33,6 +33,7 @@ apply {dir {
     # Modules that hold classes of other names: the plant asks for sorma::service::CLASS.
     foreach {module classes} {
         robot {calibrate mvpos pino push wspc}
+        hand {manus}
         shmem {shmem_w shmem_r}
         track {trajectory}
         units {sum gain matrix clip squash lowpass integrator delay table select sine noise probe}

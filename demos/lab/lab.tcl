@@ -1,8 +1,8 @@
-# lab.tcl -- the laboratory: its daemons, the operator's panel where there is a display, and a programme of motions.
+# lab.tcl -- the laboratory: its daemons, the operator's panel where there is a display, a programme of motions, and ten tokens carried.
 #
-#     ./bootstrap run lab          the daemons end with it; exit code 0: each motion went as it should
+#     ./bootstrap run lab          the daemons end with it; exit code 0: all went as it should
 #
-# -speed N: of lab time, 0 is as fast as the machine can. -once: it ends with the programme, even when there is a panel.
+# -speed N: of lab time, 0 is as fast as the machine can. -carries N: so many tokens. -once: it ends then, even when there is a panel.
 
 package require sorma
 package require sorma::options
@@ -49,7 +49,7 @@ proc lab::finish pipe {
 proc lab::run {} {
     variable Here
     variable Heard
-    set options [sorma::options::parse {-speed {any 1} -once flag} $::argv]
+    set options [sorma::options::parse {-speed {any 1} -carries {any 10} -once flag} $::argv]
     set launch [start sorma-launch [file join $Here lab.launch]]
     try {
         vwait lab::Heard
@@ -62,9 +62,13 @@ proc lab::run {} {
         } else {
             puts "no display: the operator's panel is left out"
         }
-        start [info nameofexecutable] [file join $Here programme.tcl] [dict get $options -speed]
-        vwait lab::Heard
-        set code [expr {$Heard ne "ended"}]
+        set code 0
+        foreach words [list [list programme.tcl [dict get $options -speed]] \
+                [list carries.tcl -speed [dict get $options -speed] -carries [dict get $options -carries] -faults 0 -cancels 0]] {
+            start [info nameofexecutable] [file join $Here [lindex $words 0]] {*}[lrange $words 1 end]
+            vwait lab::Heard
+            set code [expr {$code || $Heard ne "ended"}]
+        }
         if {$windows && ![dict get $options -once]} {
             puts "The panel is yours; close it to end."
             tkwait window .

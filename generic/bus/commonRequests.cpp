@@ -321,10 +321,14 @@ void CommonRequests::info(Service& s, Args args, Message& reply) {
     reply.text += out;
 }
 
+void CommonRequests::help(Service& s, Args args, Message& m) {
+    if (!args.empty() && args[0] != "expert") fail(kUnknownWord, s.name(), args[0], "expert, after -help");
+    addLine(m, s.type().helpText(s.name(), !args.empty()));
+}
+
 const std::vector<Action>& CommonRequests::actions() {
     static const std::vector<Action> list = {
-        {"-help", "", "purpose, options, signature, example", 0, 0,
-         [](Service& s, Args, Message& m) { addLine(m, s.type().helpText(s.name())); }, Right::inspect, true},
+        {"-help", "?expert?", "purpose, options, signature, example; expert: also the options that few need", 0, 1, help, Right::inspect, true},
         {"-dump", "", "all state inside, as CTRL would read it again", 0, 0,
          [](Service& s, Args, Message& m) { addLine(m, s.dump()); }, Right::inspect},
         {"-save", "?flavor?", "write the options as this name's recipe, or that of another flavor, into the dictionary", 0, 1,

@@ -190,6 +190,7 @@ std::string Option::hints() const {
     put("kind", toText(spec.kind));
     put("names", listOf(spec.names));
     put("group", spec.group);
+    put("expert", spec.expert ? "1" : "");
     return out;
 }
 
@@ -456,13 +457,18 @@ std::string Class::signatureText() const {
     return out;
 }
 
-std::string Class::helpText(std::string_view object) const {
+std::string Class::helpText(std::string_view object, bool expert) const {
     std::string out(object);
     out += " -- " + purpose_;
     if (!options_.empty()) {
         out += "\noptions";
+        std::size_t hidden = 0;
         for (std::size_t i = 0; i < options_.size(); ++i) {
             auto& o = options_[i];
+            if (o.spec.expert && !expert) {
+                ++hidden;
+                continue;
+            }
             std::string left = o.name, right = o.spec.help;
             if (o.type == Type::flag) left += " ?boolean?";
             else left += std::string(" ") + toText(o.type);
@@ -477,6 +483,7 @@ std::string Class::helpText(std::string_view object) const {
             if (!facts.empty()) right += " (" + facts + ")";
             appendRow(out, left, right);
         }
+        if (hidden > 0) appendRow(out, "and " + std::to_string(hidden) + " for experts", "CTRL -help expert shows them");
     }
     if (!actions_.empty()) {
         out += "\nactions";

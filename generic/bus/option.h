@@ -69,6 +69,7 @@ struct Spec {
     Kind kind = Kind::plain;
     std::vector<std::string> names = {};            // vector: of its elements
     std::string group = {};                         // options of one group stand together
+    bool expert = false;                            // help and panels do not show it until somebody asks
 };
 
 struct Option {
@@ -82,7 +83,7 @@ struct Option {
     std::function<void(Service&, Reference)> refer = nullptr;
 
     std::string range() const;      // for people and panels: "0.01 .. 1.5", "largo adagio ...", "" when anything goes
-    // A dict of what is said for those who look at it: warn and alarm {low high} (an open end is empty), kind, names, group.
+    // A dict of what is said for those who look at it: warn and alarm {low high} (an open end is empty), kind, names, group, expert.
     std::string hints() const;
     std::string limitsText() const;     // "warning outside 10 .. 60, alarm above 90"
     std::string misfit() const;         // what of that does not go with the type; empty: nothing
@@ -241,7 +242,7 @@ public:
     void dropUndeclared(Message& m) const;
     void checkReply(std::string_view object, const Message& m) const;       // fails with SERVICE FAILED
 
-    std::string helpText(std::string_view object) const;
+    std::string helpText(std::string_view object, bool expert = false) const;     // expert: those options, too
     std::string signatureText() const;
 
 private:

@@ -72,6 +72,7 @@ struct CommonRequests {
     static const std::vector<Action>& actions();
     static const std::vector<Action>& inspections();
 
+    static void help(Service& s, Args args, Message& reply);
     static void why(Service& s, Args args, Message& reply);
     static void diff(Service& s, Args args, Message& reply);
     static void stats(Service& s, Args args, Message& reply);

@@ -137,7 +137,7 @@ int OptionObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
         if (objc < 3 || objc % 2 == 0)
             return wrongArgs(interp, objv, "-name type ?-unit u? ?-range {low high}? ?-choices list? ?-length n? ?-default value? "
                                            "?-fixed boolean? ?-warn {low high}? ?-alarm {low high}? ?-kind file|colour|time? "
-                                           "?-names list? ?-group name? ?-help text?");
+                                           "?-names list? ?-group name? ?-expert boolean? ?-help text?");
         TclClass& c = target(i, objv[0]);
         OptionDeclaration d;
         Option& o = d.option;
@@ -180,9 +180,11 @@ int OptionObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
                 o.spec.names = listStrings(value);
             } else if (word == "-group") {
                 o.spec.group = toUtf8(value);
+            } else if (word == "-expert") {
+                o.spec.expert = toBoolean(value);
             } else {
                 bad(objv[0], "unknown word \"" + toUtf8(objv[k]) + "\": must be " +
-                                 oneOf({"-alarm", "-choices", "-default", "-fixed", "-group", "-help", "-kind", "-length", "-names", "-range",
+                                 oneOf({"-alarm", "-choices", "-default", "-expert", "-fixed", "-group", "-help", "-kind", "-length", "-names", "-range",
                                         "-unit", "-warn"}));
             }
         }

@@ -24,13 +24,16 @@ proc ::sorma::layout::of groups {
     return [if {$groups ne {}} {dict create groups $groups hidden {}}]
 }
 
-# ::sorma::layout byGroup OPTIONS HINTS -- as the class says it: hints of its table.
+# ::sorma::layout byGroup OPTIONS HINTS -- as the class says it: hints of its table. Options for experts are hidden.
 proc ::sorma::layout::byGroup {options hints} {
     set groups [dict create {} {}]
     foreach option $options {
         dict lappend groups [if {[dict exists $hints $option group]} {dict get $hints $option group}] $option
     }
-    return [dict create groups $groups hidden {}]
+    return [dict create groups $groups hidden [lmap option $options {
+        if {![dict exists $hints $option expert]} continue
+        set option
+    }]]
 }
 
 # ::sorma::layout complete LAYOUT OPTIONS -- exactly with these options, each once.

@@ -316,7 +316,11 @@ snit::widget ::sorma::panel {
     method Laid {} {
         if {$rows eq {}} return
         set hints [dict get [$subject table] hints]
-        set layout [::sorma::layout complete [if {$given ne {}} {set given} else {::sorma::layout byGroup [dict keys $rows] $hints}] [dict keys $rows]]
+        set known [if {$given ne {}} {set given} else {::sorma::layout byGroup [dict keys $rows] $hints}]
+        if {$given eq {} && $options(-options) ne {}} {
+            dict set known hidden {}      ;# asked for by name: shown, for experts or not
+        }
+        set layout [::sorma::layout complete $known [dict keys $rows]]
         foreach child [winfo children $inner] {
             if {[string match $inner.group* $child]} {
                 destroy $child

@@ -109,9 +109,11 @@ void Laboratory::endAll() {
 }
 
 void Laboratory::halt() {
+    ++wanted_;                      // a thread that goes as fast as it can gives the lock to nobody else
     {
         std::lock_guard lock(mutex_);
         stop_ = true;
+        --wanted_;
     }
     wake_.notify_all();
     if (thread_.joinable()) thread_.join();
@@ -316,7 +318,9 @@ bool Laboratory::grab(std::unique_lock<std::mutex>& lock) {
     s.seed = setup_.seed * 1'000'003 + ++grabs_;
     pending_.push_back({time_, time_ + settings_.latency, request_, exposure_, grabs_, false, {}});
     pictures.take(std::move(s), [this, number = grabs_](Image image) {
+        ++wanted_;                  // as in halt()
         std::lock_guard guard(mutex_);
+        --wanted_;
         for (auto& grab : pending_)
             if (grab.number == number) {
                 grab.done = true;

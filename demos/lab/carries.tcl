@@ -1,0 +1,422 @@
+# carries.tcl ?-carries N? ?-faults M? ?-cancels K? ?-seed S? ?-speed F? ?-table FILE? -- tokens are carried in the laboratory, and it
+# is measured how well: over random fields, boards, light and shadows; then while something goes wrong; then given up at random moments.
+# The daemons of lab.launch must run.
+#
+# A fault is well when it is healed (the token lies where it should) or named: the error says what it was. Exit code 0: all were.
+
+package require sorma
+package require sorma::options
+source [file join [file dirname [file normalize [info script]]] colours.tcl]
+
+namespace eval carries {
+    variable Lab simlab@lab
+    variable Carry carry@robot
+    variable Hand manus@hand
+    variable Transform transform@transform
+    variable Lookers {findbrdmarker@eye getbrdsit@eye getdisk@eye}
+    variable Prefix demo.               ;# of the laboratory's buffers
+    variable Place {0 0 0}              ;# of the board: by how much it has been moved
+    variable Inject {}                  ;# phase of carry -> script, when it has ended
+    variable Peak 0                     ;# [N] at the hand, of the present carry
+    variable Off {0 0}                  ;# most by which the markers were wrong: [m] on the board, [rad] of its yaw
+    # What is done, and how it may be named; placed: it is healed.
+    variable Faults {
+        shifted   {placed EARLY EMPTY}
+        stolen    {UNSEEN}
+        lost      {LOST}
+        board     {placed SHIFTED}
+        occupied  {OCCUPIED}
+        dark      {EYE UNSEEN}
+        hand      {placed AWAY}
+        vision    {placed AWAY}
+    }
+}
+
+# ---- the laboratory ----
+
+proc carries::prepare {table speed} {
+    variable Lab
+    variable Carry
+    variable Hand
+    variable Transform
+    variable Lookers
+    variable Prefix
+    set own [expr {$table eq {}}]
+    if {$own} {
+        set table [file join [file dirname [dict get [lindex [sorma::daemons] 0] socket]] board.hsv]
+        colours::learn $table
+    }
+    foreach looker $Lookers {
+        $looker CTRL -table $table
+    }
+    if {$own} {
+        file delete $table
+    }
+    $Lab CTRL -speed $speed
+    $Lab EXEC step FMSG 1 0.2
+    Power
+    $Hand EXEC release
+    $Transform CTRL -dump
+    scene
+    # A token under the open sky teaches what one looks like beside the tool.
+    $Lab CTRL -move red_1 4 4
+    puts "correction learned: [dict get [$Transform exec -floats {4 4 0} learnGrasp] text]"
+    sorma::create shmem_r.force -key ${Prefix}tool.force
+    sorma::create shmem_r.place -key ${Prefix}tool.pose
+    sorma::subscribe $Carry -event phase -command carries::Phase
+    $Carry CTRL -patience 30
+}
+
+# Another scene: the board moved, tokens on random fields, other light. Returns the fields: dict {file rank} -> token.
+proc carries::scene {{count 8}} {
+    variable Lab
+    variable Place
+    variable Transform
+    set free [fields]
+    set tokens {}
+    clear
+    set place [list [uniform 0.02] [uniform 0.03] [uniform 0.2]]
+    $Lab CTRL -board {*}[lmap to $place from $Place {expr {$to - $from}}]
+    set Place $place
+    $Lab CTRL -light [expr {1 + [uniform 0.2]}] -shadows [expr {rand() < 0.5}]
+    foreach colour {red yellow} {
+        for {set i 1} {$i <= $count} {incr i} {
+            set field [taken free]
+            $Lab CTRL -move ${colour}_$i {*}[lmap x $field {expr {$x + [uniform 0.04]}}]
+            dict set tokens $field ${colour}_$i
+        }
+    }
+    $Transform EXEC learnBoard
+    Compare
+    return $tokens
+}
+# What transform says of the tokens that are on the board, and where they are.
+proc carries::Compare {} {
+    variable Lab
+    variable Transform
+    variable Off
+    set on [lsearch -all -inline -not -regexp [split [lindex [$Lab DBX -tokens] 3] \n] {^\S+ (9|-|0\.[0-4]|\d\d)}]
+    lassign $Off most mostYaw
+    set places {}
+    foreach line $on {
+        lassign $line - file rank x y
+        lassign [dict get [$Transform exec -floats [list $file $rank 0] boardToWorld] floats] u v
+        set most [expr {max($most, hypot($x - $u, $y - $v))}]
+        lappend places [list [expr {$rank + 0.1 * $file}] $x $y $u $v]
+    }
+    # The yaw: from the nearest to the farthest one.
+    set places [lsort -real -index 0 $places]
+    lassign [lindex $places 0] - x0 y0 u0 v0
+    lassign [lindex $places end] - x y u v
+    set turn [expr {atan2($y - $y0, $x - $x0) - atan2($v - $v0, $u - $u0)}]
+    set Off [list $most [expr {max($mostYaw, abs(atan2(sin($turn), cos($turn))))}]]
+}
+proc carries::clear {} {
+    variable Lab
+    foreach colour {red yellow} {
+        for {set i 1} {$i <= 14} {incr i} {
+            $Lab CTRL -steal ${colour}_$i
+        }
+    }
+}
+# All tokens as at the beginning of a game.
+proc carries::game {} {
+    variable Lab
+    clear
+    set red [set yellow 0]
+    foreach field [fields] {
+        lassign $field file rank
+        if {$rank > 5} {
+            $Lab CTRL -move red_[incr red] $file $rank
+        } elseif {$rank < 4} {
+            $Lab CTRL -move yellow_[incr yellow] $file $rank
+        }
+    }
+    $Lab CTRL -light 1 -shadows 0
+}
+proc carries::fields {} {
+    set dark {}
+    foreach file {1 2 3 4 5 6 7 8} {
+        foreach rank {1 2 3 4 5 6 7 8} {
+            if {($file + $rank) % 2 == 0} {
+                lappend dark [list $file $rank]
+            }
+        }
+    }
+    return $dark
+}
+proc carries::uniform most {
+    return [expr {$most * (2 * rand() - 1)}]
+}
+# One of a list, taken out of it.
+proc carries::taken listVar {
+    upvar 1 $listVar list
+    set k [expr {int(rand() * [llength $list])}]
+    set one [lindex $list $k]
+    set list [lreplace $list $k $k]
+    return $one
+}
+# How far a token is from a field [m].
+proc carries::away {token field} {
+    variable Lab
+    foreach line [split [lindex [$Lab DBX -tokens] 3] \n] {
+        if {[lindex $line 0] eq $token} {
+            return [expr {0.045 * hypot([lindex $line 1] - [lindex $field 0], [lindex $line 2] - [lindex $field 1])}]
+        }
+    }
+}
+
+# ---- one carry ----
+
+proc carries::Phase event {
+    variable Inject
+    set phase [dict get $event text]
+    if {[dict exists $Inject $phase]} {
+        set script [dict get $Inject $phase]
+        set Inject {}
+        uplevel #0 $script
+    }
+}
+# Returns a dict: outcome (placed, or the error's symbol), text, off [m] of the field, seconds of lab time, peak [N].
+proc carries::carry {token from to} {
+    variable Carry
+    variable Peak 0
+    catch {shmem_r.force exec since}
+    set call [sorma::async $Carry exec -floats [concat $from 0 $to 0]]
+    while {![$call done]} {
+        set ::carries::Tick 0
+        after 50 {set ::carries::Tick 1}
+        vwait ::carries::Tick
+        Feel
+    }
+    set failed [catch {$call wait} result how]
+    $call destroy
+    Feel
+    set off [away $token $to]
+    if {$failed} {
+        set code [dict get $how -errorcode]
+        set outcome [expr {[lindex $code 1] eq "CARRY" ? [lindex $code 2] : [join [lrange $code 1 2]]}]
+        return [dict create outcome $outcome text $result off $off seconds 0 peak $Peak]
+    }
+    return [dict create outcome placed text {} off $off seconds [lindex [dict get $result floats] 2] peak $Peak]
+}
+proc carries::Feel {} {
+    variable Peak
+    set records [shmem_r.force exec since]
+    foreach {- x y z - - -} [expr {[dict exists $records floats] ? [dict get $records floats] : {}}] {
+        set Peak [expr {max($Peak, sqrt($x * $x + $y * $y + $z * $z))}]
+    }
+}
+proc carries::Power {} {
+    variable Lab
+    catch {$Lab CTRL -reset}
+    Until {pino@robot EXEC power on}
+}
+# Try until it goes well, for a minute at most.
+proc carries::Until script {
+    set end [expr {[clock seconds] + 60}]
+    while {[catch {uplevel 1 $script} result how]} {
+        if {[clock seconds] > $end} {
+            return -options $how $result
+        }
+        after 200
+    }
+}
+# Before the next one: an arm with power, an open hand.
+proc carries::recover {} {
+    variable Hand
+    variable Carry
+    Power
+    Until {$Hand EXEC release}
+    $Carry CTRL -released
+}
+
+# One that is given up at a random moment. Returns by how much the arm still moves [m] from 0.3 s on after nobody wants it any more, in
+# as much time; empty: the carry was over before.
+proc carries::givenUp {from to} {
+    variable Carry
+    variable Peak 0
+    set call [sorma::async $Carry exec -floats [concat $from 0 $to 0]]
+    set until [expr {[now] + 0.1 + 6 * rand()}]
+    while {![$call done] && [now] < $until} {
+        after 2 {set ::carries::Tick 1}
+        vwait ::carries::Tick
+    }
+    if {[$call done]} {
+        $call destroy
+        return {}
+    }
+    $call cancel
+    $call destroy
+    while {![regexp -line {^# phase ?$} [lindex [$Carry CTRL -dump] 3]]} {
+        after 20
+    }
+    set places {}
+    foreach wait {0.3 0.3} {
+        set until [expr {[now] + $wait}]
+        while {[now] < $until} {
+            after 2
+        }
+        lappend places [lrange [dict get [shmem_r.place exec] floats] 1 3]
+    }
+    Feel
+    lassign [concat {*}$places] x y z u v w
+    return [expr {sqrt(($x - $u) ** 2 + ($y - $v) ** 2 + ($z - $w) ** 2)}]
+}
+proc carries::now {} {
+    return [lindex [dict get [shmem_r.place exec] floats] 0]
+}
+
+# ---- faults: each returns the phase of carry behind which it strikes ({}: before), and what it does ----
+
+proc carries::Strike {fault token from to tokens} {
+    variable Lab
+    variable Place
+    switch $fault {
+        shifted {
+            set angle [uniform 3.1416]
+            set at [list [expr {[lindex $from 0] + 0.006 / 0.045 * cos($angle)}] [expr {[lindex $from 1] + 0.006 / 0.045 * sin($angle)}]]
+            return [list look [list $Lab CTRL -move $token {*}$at]]
+        }
+        stolen {
+            return [list {} [list $Lab CTRL -steal $token]]
+        }
+        lost {
+            return [list lift [list $Lab CTRL -steal $token]]
+        }
+        board {
+            set by [list [expr {rand() < 0.5 ? 0.012 : -0.012}] [uniform 0.01] [uniform 0.02]]
+            set Place [lmap a $Place b $by {expr {$a + $b}}]
+            return [list {} [list $Lab CTRL -board {*}$by]]
+        }
+        occupied {
+            set other [lindex [lmap {- name} $tokens {expr {$name eq $token ? [continue] : $name}}] 0]
+            return [list {} [list $Lab CTRL -move $other {*}$to]]
+        }
+        dark {
+            return [list {} [list $Lab CTRL -light 0.02]]
+        }
+        hand {
+            return [list [lindex {preshape lift} [expr {int(2 * rand())}]] [list exec kill -KILL [pid hand]]]
+        }
+        vision {
+            variable Stopped [pid eye]
+            return [list preshape [list exec kill -STOP $Stopped]]
+        }
+    }
+}
+proc carries::Undo fault {
+    variable Lab
+    switch $fault {
+        dark {
+            $Lab CTRL -light 1
+        }
+        vision {
+            variable Stopped
+            exec kill -CONT $Stopped
+        }
+    }
+}
+proc carries::pid daemon {
+    foreach d [sorma::daemons] {
+        if {[dict get $d name] eq $daemon} {
+            return [regexp -inline {\d+(?=\]$)} [dict get $d identity]]
+        }
+    }
+}
+
+# ---- the table ----
+
+proc carries::row {what value target well} {
+    puts [format {%-52s %-28s %-26s %s} $what $value $target [expr {$well ? "yes" : "NO"}]]
+    return $well
+}
+
+proc carries::run args {
+    variable Faults
+    variable Inject
+    variable Carry
+    variable Off
+    variable Peak
+    set o [sorma::options::parse {-carries {any 200} -faults {any 100} -cancels {any 50} -seed {any 1} -speed {any 0} -table {any {}}} $args]
+    expr {srand([dict get $o -seed])}
+    fconfigure stdout -buffering line
+    prepare [dict get $o -table] [dict get $o -speed]
+    set count [dict get $o -carries]
+    set placed [set unnoticed [set worst [set slowest [set peak 0]]]]
+    for {set i 1} {$i <= $count} {incr i} {
+        set tokens [scene]
+        set from [lindex [dict keys $tokens] [expr {int(rand() * [dict size $tokens])}]]
+        set free [lmap f [fields] {expr {[dict exists $tokens $f] ? [continue] : $f}}]
+        set one [carry [dict get $tokens $from] $from [set to [taken free]]]
+        set off [dict get $one off]
+        if {[dict get $one outcome] ne "placed"} {
+            puts "$i: [dict get $one text]"
+            recover
+        } elseif {$off <= 0.002} {
+            incr placed
+            set worst [expr {max($worst, $off)}]
+        } else {
+            puts [format {%d: {%s} to {%s}: placed %.1f mm from the middle} $i $from $to [expr {1e3 * $off}]]
+            incr unnoticed [expr {$off > 0.01}]
+        }
+        set slowest [expr {max($slowest, [dict get $one seconds])}]
+        set peak [expr {max($peak, [dict get $one peak])}]
+    }
+    set well 0
+    set faults [dict get $o -faults]
+    $Carry CTRL -patience 8
+    for {set i 1} {$i <= $faults} {incr i} {
+        set fault [lindex [dict keys $Faults] [expr {($i - 1) % [dict size $Faults]}]]
+        set tokens [scene]
+        set from [lindex [dict keys $tokens] [expr {int(rand() * [dict size $tokens])}]]
+        set free [lmap f [fields] {expr {[dict exists $tokens $f] ? [continue] : $f}}]
+        set to [taken free]
+        set token [dict get $tokens $from]
+        lassign [Strike $fault $token $from $to $tokens] phase script
+        if {$phase eq {}} {
+            uplevel #0 $script
+        } else {
+            set Inject [list $phase $script]
+        }
+        set one [carry $token $from $to]
+        set Inject {}
+        Undo $fault
+        set outcome [dict get $one outcome]
+        if {$outcome in [dict get $Faults $fault] && ($outcome ne "placed" || [dict get $one off] <= 0.002)} {
+            incr well
+        } else {
+            puts [format {%d: %s: %s, %.1f mm from its goal; %s} $i $fault $outcome [expr {1e3 * [dict get $one off]}] [dict get $one text]]
+        }
+        set peak [expr {max($peak, [dict get $one peak])}]
+        recover
+    }
+    set given [set still 0]
+    while {$given < [dict get $o -cancels]} {
+        set tokens [scene]
+        set free [lmap f [fields] {expr {[dict exists $tokens $f] ? [continue] : $f}}]
+        set moves [givenUp [lindex [dict keys $tokens] 0] [taken free]]
+        if {$moves ne {}} {
+            incr given
+            incr still [expr {$moves < 3e-4}]
+            set peak [expr {max($peak, $Peak)}]
+        }
+        recover
+    }
+    game
+    lassign $Off most yaw
+    set all [list \
+        [row "board by its markers, at most off" [format {%.2f mm, %.2f degrees} [expr {1e3 * $most}] [expr {$yaw * 57.29578}]] \
+            "1 mm, 0.3 degrees" [expr {$most <= 1e-3 && $yaw <= 0.3 / 57.29578}]] \
+        [row "$count carries, placed within 2 mm" "$placed, at most [format %.2f [expr {1e3 * $worst}]] mm" all [expr {$placed == $count}]] \
+        [row "drops unnoticed" $unnoticed 0 [expr {$unnoticed == 0}]] \
+        [row "lab time of a carry, at most" [format {%.2f s} $slowest] "8 s" [expr {$slowest <= 8}]] \
+        [row "$faults carries with a fault, healed or named" $well all [expr {$well == $faults}]] \
+        [row "$given carries given up, the arm stands" $still all [expr {$still == $given}]] \
+        [row "largest force on the hand" [format {%.1f N} $peak] "15 N" [expr {$peak <= 15}]]]
+    return [expr {0 in $all}]
+}
+
+if {[file normalize $argv0] eq [file normalize [info script]]} {
+    exit [carries::run {*}$argv]
+}
