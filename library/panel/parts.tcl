@@ -6,11 +6,11 @@ package require sorma::style
 package require sorma::subject
 package provide sorma::parts 1.0
 
-# ::sorma::parts::answer METHOD STATUS VALUE -- an answer for a method of a widget, as mymethod gives it, unless the widget is gone meanwhile.
+# ::sorma::parts::answer METHOD WORD ... -- an answer for a method of a widget, as mymethod gives it, unless the widget is gone meanwhile.
 namespace eval ::sorma::parts {}
-proc ::sorma::parts::answer {method status value} {
+proc ::sorma::parts::answer {method args} {
     if {[namespace exists [lindex $method 1]]} {        ;# that of the instance
-        uplevel #0 [list {*}$method $status $value]
+        uplevel #0 [list {*}$method {*}$args]
     }
 }
 
@@ -66,5 +66,51 @@ snit::macro ::sorma::parts {needs live} {
     }
     method subject {} {
         return $subject
+    }
+}
+
+# ::sorma::runParts -- one request at a time, which can be cancelled; closing the window does not. The widget has methods Runs, called while it
+# runs, with part (0 to 1, or empty) and text of its progress, and Ran STATUS VALUE, when it is answered.
+snit::macro ::sorma::runParts {} {
+    variable running {}         ;# token of the request, as the subject gives it
+    variable began 0            ;# ms
+    variable progress {{} {}}   ;# part and text of it, as far as the class publishes that
+    variable timer {}
+
+    # For how long it has run already [s].
+    method Seconds {} {
+        return [expr {([clock milliseconds] - $began) / 1000.0}]
+    }
+    method Run words {
+        set began [clock milliseconds]
+        set progress {{} {}}
+        set running [$subject ask $words [list ::sorma::parts::answer [mymethod Answer]] [list ::sorma::parts::answer [mymethod Progress]]]
+        $self Tick
+    }
+    method Tick {} {
+        after cancel $timer
+        set timer [after 500 [mymethod Tick]]
+        $self Runs {*}$progress
+    }
+    # One number from 0 to 1 is the part that is done; else its text says it.
+    method Progress event {
+        set part [if {[dict exists $event floats]} {dict get $event floats}]
+        set known [expr {[llength $part] == 1 && $part >= 0 && $part <= 1}]
+        set progress [list [if {$known} {set part}] [if {[dict exists $event text]} {lindex [split [dict get $event text] \n] 0}]]
+        $self Runs {*}$progress
+    }
+    method Answer {status value} {
+        after cancel $timer
+        set running {}
+        $self Ran $status $value
+    }
+    method running {} {
+        return [expr {$running ne {}}]
+    }
+    method cancel {} {
+        return [expr {$subject ne {} && [$subject cancel $running]}]
+    }
+    destructor {
+        after cancel $timer
     }
 }
