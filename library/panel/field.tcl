@@ -29,6 +29,9 @@ snit::macro ::sorma::fieldParts {} {
             $inside configure $option $value
         }
         if {$subject ne {}} {
+            if {$option eq "-seen"} {
+                $self Listen
+            }
             $self Show
         }
     }

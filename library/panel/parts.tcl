@@ -34,10 +34,15 @@ snit::macro ::sorma::parts {needs live} {
             }
         }
         set subject [::sorma::subject of $options(-name) -live $options(-live)]
-        set listener [$subject listen [mymethod Told]]
+        $self Listen
         bind $win <Destroy> +[mymethod Ended %W]
         bind $win <FocusIn> [mymethod Focused]
         $self Told table {}
+    }
+    # Of what nobody can see no values are told.
+    method Listen {} {
+        $subject unlisten $listener
+        set listener [$subject listen [mymethod Told] [if {![info exists options(-seen)] || $options(-seen)} {set options(-option)}]]
     }
     # Tk tells that to the windows around one, too.
     method Focused {} {
@@ -60,9 +65,7 @@ snit::macro ::sorma::parts {needs live} {
             }
             $self Build
         }
-        if {$what ne "values" || $options(-option) in $changed} {
-            $self Show
-        }
+        $self Show
     }
     method subject {} {
         return $subject

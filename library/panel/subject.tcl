@@ -75,7 +75,7 @@ oo::define ::sorma::subject::Subject {
     variable following                      ;# dict: -option -> 1: sent again meanwhile, to be applied when that has been answered
     variable faults                         ;# dict: -option -> {state why}, of what could not be set
     variable denied                         ;# why we may not set anything; empty: nothing is known of that
-    variable listeners                      ;# dict: token -> command prefix
+    variable listeners                      ;# dict: token -> {command prefix, option}
     variable underway                       ;# dict: token -> {number prefix}, of requests that are under way; prefix: for progress
     variable progress                       ;# token of what listens to progress; empty: nobody wanted to hear of it
     variable last
@@ -334,19 +334,20 @@ oo::define ::sorma::subject::Subject {
 
     # ---- who looks ----
 
-    # listen PREFIX -- PREFIX is called with table (the table has come, or another one), with state, or with values and a list of options.
-    # Returns a token for unlisten.
-    method listen prefix {
+    # listen PREFIX ?OPTION? -- PREFIX is called with table (the table has come, or another one), with state, or with values and a list of
+    # options. OPTION: values are told of this one alone; empty: of none. Returns a token for unlisten.
+    method listen {prefix {option *}} {
         set id listener[incr last]
-        dict set listeners $id $prefix
+        dict set listeners $id [list $prefix $option]
         return $id
     }
     method unlisten id {
         dict unset listeners $id
     }
     method Tell {options {what values}} {
-        dict for {id prefix} $listeners {
-            if {[dict exists $listeners $id]} {
+        dict for {id listener} $listeners {
+            lassign $listener prefix option
+            if {($what ne "values" || $option eq "*" || $option in $options) && [dict exists $listeners $id]} {
                 ::sorma::world deliver $prefix [list $what $options]
             }
         }
