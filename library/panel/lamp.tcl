@@ -1,4 +1,5 @@
-# lamp.tcl -- what is only looked at: sorma::led, a lamp; sorma::meter, a number within its limits; sorma::status, how an object's daemon is.
+# lamp.tcl -- what is only looked at: sorma::led, a lamp; sorma::meter, a number within its limits; sorma::reading, what an object answers;
+# sorma::status, how an object's daemon is.
 
 package require sorma::parts
 package provide sorma::lamp 1.0
@@ -100,6 +101,55 @@ snit::widget ::sorma::meter {
         $win.bar itemconfigure level -fill [::sorma::style colour [expr {$state eq "live" ? "good" : $state}]]
         $win.mark configure -text [::sorma::style mark $state] -foreground [::sorma::style colour $state]
         $win.digits configure -text [string trimright "[expr {[string is double -strict $value] ? [format $options(-format) $value] : $value}] $unit"]
+    }
+}
+
+# ::sorma::reading .w -name SO ?-request {EXEC ...}? ?-part P? ?-index N? ?-unit U? ?-every MS? -- what an object answers, asked again and again:
+# a part of the reply, or the first that is not empty; of numbers all, or one, counted from 0.
+snit::widget ::sorma::reading {
+    ::sorma::parts -name 0
+    option -request -default EXEC -readonly 1
+    option -part -default {}
+    option -index -default {}
+    option -unit -default {}
+    option -every -default 1000 -readonly 1
+    variable told {value {} state asking why {}}
+    variable token {}
+    constructor args {
+        $self configurelist $args
+        ttk::label $win.text -anchor w
+        ttk::label $win.mark
+        pack $win.text $win.mark -side left
+        $self Begin
+        set token [$subject value $options(-request) $options(-every) [list ::sorma::parts::answer [mymethod Valued]]]
+    }
+    destructor {
+        ::sorma::world unwatch $token
+    }
+    method Build {} {}
+    method Valued {what object values} {
+        set told [lindex [dict values $values] 0]
+        $self Show
+    }
+    # shows -- {STATE TEXT}
+    method shows {} {
+        set reply [dict get $told value]
+        set parts [expr {$options(-part) ne {} ? [list $options(-part)] : {text floats ints words}}]
+        set text {}
+        foreach part $parts {
+            if {$text ne {} || ![dict exists $reply $part]} continue
+            set text [dict get $reply $part]
+            if {$part in {floats ints words}} {
+                set text [lmap item $text {expr {$part eq "floats" && [string is double -strict $item] ? [format %.6g $item] : $item}}]
+                set text [join [if {$options(-index) ne {}} {list [lindex $text $options(-index)]} else {set text}]]
+            }
+        }
+        return [list [dict get $told state] [string trimright "$text $options(-unit)"]]
+    }
+    method Show {} {
+        lassign [$self shows] state text
+        $win.mark configure -text [::sorma::style mark $state] -foreground [::sorma::style colour $state]
+        $win.text configure -text [if {$text eq {}} {dict get $told why} else {set text}]
     }
 }
 

@@ -14,6 +14,42 @@ proc ::sorma::parts::answer {method args} {
     }
 }
 
+# ::sorma::parts::mark PARENT N STATE WHY -- the mark before row N of a grid, in the label mark N, and why below its field.
+proc ::sorma::parts::mark {parent n state why} {
+    set colour [::sorma::style colour $state]
+    $parent.mark$n configure -text [::sorma::style mark $state] -foreground $colour
+    $parent.why$n configure -text $why -foreground $colour
+    if {$why ne {} && [winfo manager $parent.field$n] eq "grid"} {
+        grid $parent.why$n
+    } else {
+        grid remove $parent.why$n
+    }
+}
+
+# ::sorma::parts::fieldMenu MENU SUBJECT OPTION CAN -- what is done to an option. CAN: it may be changed.
+proc ::sorma::parts::fieldMenu {menu subject option can} {
+    set edited [expr {$option in [$subject edited] ? "normal" : "disabled"}]
+    $menu add command -label "Apply $option" -underline 0 -state [expr {$can ? $edited : "disabled"}] -command [list $subject apply $option]
+    $menu add command -label "Revert $option" -underline 0 -state $edited -command [list $subject revert $option]
+    $menu add separator
+    $menu add command -label "Copy as a request" -underline 0 -command [list ::sorma::parts::copy $menu $subject $option]
+    if {[dict get [$subject option $option] type] in {int double}} {
+        $menu add command -label "Plot this" -underline 0 -command [list ::sorma::window chart [$subject name] $option]
+    }
+}
+proc ::sorma::parts::copy {window subject option} {
+    clipboard clear -displayof $window
+    clipboard append -displayof $window -- [list [$subject name] CTRL $option [dict get [$subject get $option] value]]
+}
+
+# ::sorma::parts::popupAt WINDOW X Y -- where a menu opens: at the pointer, or below the window when a key has opened it.
+proc ::sorma::parts::popupAt {window x y} {
+    if {$x eq "??" || $x <= 0} {
+        return [list [expr {[winfo rootx $window] + 5}] [expr {[winfo rooty $window] + [winfo height $window]}]]
+    }
+    return [list $x $y]
+}
+
 # ::sorma::parts NEEDS LIVE -- options -name, -option and -live, and the subject. NEEDS: those of the options that must be given. LIVE: default
 # of -live, in ms. A constructor ends with $self Begin. The widget has methods Build, called when the table, and facts with it, has come or
 # changed, and Show, called when there is something else to show.

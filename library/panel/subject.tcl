@@ -206,6 +206,23 @@ oo::define ::sorma::subject::Subject {
         }
         return $told
     }
+    # The mark of an option, as sorma::style has it, and what is to be told beside it.
+    method mark option {
+        set told [my get $option]
+        set hints [dict get [my option $option] hints]
+        set state [dict get $told state]
+        set zone [::sorma::subject::zone $hints [dict get $told live]]
+        if {$state eq "theirs"} {
+            set by [expr {[dict get $told by] ne {} ? [dict get $told by] : "somebody"}]
+            set at [clock format [expr {[dict get $told at] / 1000}] -format %H:%M:%S]
+            return [list theirs "$by has set it to [dict get $told live] at $at"]
+        } elseif {$state eq "live" && $zone ne "live"} {
+            lassign [dict get $hints $zone] low high
+            set outside [expr {$low eq {} ? "above $high" : $high eq {} ? "below $low" : "outside $low .. $high"}]
+            return [list $zone "[dict get {warn warning alarm alarm} $zone]: $outside"]
+        }
+        return [list $state [dict get $told why]]
+    }
     # Options that were typed and not applied.
     method edited {} {
         return [dict keys $drafts]
@@ -283,6 +300,10 @@ oo::define ::sorma::subject::Subject {
             dict set underway $id [list $number $told]
         }
         return $id
+    }
+    # value REQUEST MS PREFIX -- {EXEC ...} is asked again every MS; as sorma::world value, whose token it returns.
+    method value {request ms prefix} {
+        return [::sorma::world value $service@[::sorma::world use $where] $request -every $ms -command $prefix]
     }
     # cancel TOKEN -- give that request up: its prefix is called with error, and the object is told. Was it under way?
     method cancel id {
