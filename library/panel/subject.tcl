@@ -314,8 +314,8 @@ oo::define ::sorma::subject::Subject {
         dict unset underway $id
     }
     method Progressed event {
-        dict for {id facts} $underway {
-            lassign $facts number told
+        dict for {id request} $underway {
+            lassign $request number told
             if {$told ne {} && $number eq [dict get $event request]} {
                 ::sorma::world deliver $told [list $event]
             }
