@@ -142,7 +142,7 @@ proc html::pictured {page body pictures} {
             if {$name in {panel console}} {
                 append windows $image
             }
-        } elseif {[regexp -indices "<dt><a name=\"\[^\"]*\"><b class=\"cmd\">sorma::$name</b>(?:(?!</dt>).)*</dt>\\s*<dd>" $body at]} {
+        } elseif {[regexp -indices [string map [list NAME $name] {<dt><a name="[^"]*"><b class="cmd">(?:<a [^>]*>)?sorma::NAME(?:</a>)?</b>(?:(?!</dt>).)*</dt>\s*<dd>}] $body at]} {
             set end [lindex $at 1]
             set body "[string range $body 0 $end]<p>$image</p>[string range $body $end+1 end]"
         }

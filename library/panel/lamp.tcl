@@ -5,9 +5,10 @@ package require sorma::parts
 package provide sorma::lamp 1.0
 
 # ::sorma::led .w -name SO -option -OPTION ?-good PATTERN? ?-bad PATTERN? ?-text text? -- a lamp that shows the value of an option: green when it
-# fits one pattern, red when it fits the other, grey while it is not known or old.
+# fits one pattern, red when it fits the other, grey while it is not known or old. Outside of the limits of the class it is yellow or red;
+# of an option that has some, what lies inside is good, unless a pattern says else.
 snit::widget ::sorma::led {
-    option -good -default {[1-9]*}
+    option -good -default {}
     option -bad -default {}
     option -text -default {}
     ::sorma::parts {-name -option} 500
@@ -21,18 +22,27 @@ snit::widget ::sorma::led {
         $self Begin
     }
     method Build {} {}
-    # good, bad, off or stale
+    # good, warn, bad, off or stale
     method shows {} {
         set told [$subject get $options(-option)]
-        if {[dict get $told state] in {asking stale gone refused}} {
+        if {[dict get $told state] in {asking stale gone refused} || $facts eq {}} {
             return stale
         }
         set value [dict get $told live]
-        return [expr {$options(-bad) ne {} && [string match $options(-bad) $value] ? "bad" : [string match $options(-good) $value] ? "good" : "off"}]
+        set limits [dict filter [dict get $facts hints] key warn alarm]
+        set zone [::sorma::subject zone $limits $value]
+        if {$options(-bad) ne {} && [string match $options(-bad) $value] || $zone eq "alarm"} {
+            return bad
+        } elseif {$zone eq "warn"} {
+            return warn
+        }
+        set good [if {$options(-good) ne {}} {set options(-good)} elseif {$limits ne {}} {string cat *} else {string cat {[1-9]*}}]
+        return [expr {[string match $good $value] ? "good" : "off"}]
     }
     method Show {} {
         $win.lamp itemconfigure lamp -fill [switch -- [$self shows] {
             good { ::sorma::style colour good }
+            warn { ::sorma::style colour warn }
             bad { ::sorma::style colour refused }
             off { string cat {} }
             stale { ::sorma::style colour asking }
