@@ -38,7 +38,9 @@ snit::widget ::sorma::execform {
         grid $win.reply - - - - $win.bar -sticky nsew
         grid remove $win.reply $win.bar $win.part
         grid columnconfigure $win 4 -weight 1
-        bind $win.cancel <Escape> [mymethod cancel]
+        foreach part {go cancel} {
+            bind $win.$part <Escape> [mymethod cancel]
+        }
         $self configurelist $args
         $self Begin
     }

@@ -136,7 +136,7 @@ fconfigure $scott -blocking 0 -buffering line
 set worst 0
 for {set i 1} {$i <= 20} {incr i} {
     unset -nocomplain shownThere
-    set value 42.[expr {$i + 10}]
+    set value $i.5
     puts $scott "dials.a@$d CTRL -dial3 $value"
     until {[gets $::scott line] >= 0}
     set answered [clock milliseconds]
