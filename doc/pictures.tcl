@@ -1,6 +1,7 @@
 # pictures.tcl FOLDER -- pictures of windows for the web pages, NAME.png each, of real objects of a daemon.
 #
-# Needs Tk with libtk-img, and Xvfb, which it starts; where one of them is missing it says so, and FOLDER has no pictures.
+# Needs Tk with libtk-img and snit, and Xvfb, which it starts. What is missing, or what fails, it says, and goes on: a manual without pictures is
+# one, too.
 
 namespace eval pictures {
     variable Classes {
@@ -73,11 +74,14 @@ namespace eval pictures {
 # What is missing for pictures; empty: nothing.
 proc pictures::Missing {} {
     if {[auto_execok Xvfb] eq {}} {
-        return "Xvfb is not installed"
+        return "Xvfb"
     }
-    set script {if {[catch {package require Tk; package require img::window; package require img::png; package require snit} m]} {puts $m}; exit}
-    catch {exec [info nameofexecutable] << $script 2>@1} said
-    return [lindex [split $said \n] 0]
+    catch {package require no.such.package}     ;# `package versions` knows what has been looked for
+    foreach name {Tk img::window img::png snit} {
+        if {[package versions $name] eq {}} {
+            return "package $name"
+        }
+    }
 }
 
 proc pictures::until condition {
@@ -177,9 +181,8 @@ proc pictures::make folder {
     file delete -force $folder
     file mkdir $folder
     set missing [Missing]
-    # Without a display Tk says so; everything else that is said is a reason.
-    if {$missing ne {} && ![regexp {no display name|couldn't connect to display} $missing]} {
-        puts "no pictures of windows in the manual: $missing"
+    if {$missing ne {}} {
+        puts "no pictures of windows in the manual: $missing is not installed"
         return
     }
     set temporary [exec mktemp -d]
@@ -195,7 +198,9 @@ proc pictures::make folder {
         if {![string match "ready *" [gets $daemon]]} {
             error "sormad does not start"
         }
-        exec [info nameofexecutable] [info script] -draw $folder >@ stdout 2>@ stderr
+        exec [info nameofexecutable] [info script] -draw $folder 2>@1
+    } on error message {
+        puts "not all pictures of windows are in the manual: $message"
     } finally {
         catch {close $daemon}
         exec sh -c {kill "$@"} kill {*}[pid $server]

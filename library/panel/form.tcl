@@ -141,19 +141,16 @@ snit::widget ::sorma::form {
     }
     method Each method {
         dict for {name pair} $subjects {
-            set mine [lmap option [[lindex $pair 0] edited] {if {![$self Has $name $option]} continue; set option}]
+            set mine [$self Edited $name]
             if {$mine ne {}} {
                 [lindex $pair 0] $method {*}$mine
             }
         }
     }
-    method Has {name option} {
-        foreach entry $entries {
-            if {[dict get $entry name] eq $name && [dict get $entry what] eq $option} {
-                return 1
-            }
-        }
-        return 0
+    # Options of an object that stand here, and were typed and not applied.
+    method Edited name {
+        set here [lmap entry $entries {if {[dict get $entry name] ne $name} continue; dict get $entry what}]
+        return [lmap option [[lindex [dict get $subjects $name] 0] edited] {if {$option ni $here} continue; set option}]
     }
 
     # ---- as text ----
@@ -319,8 +316,8 @@ snit::widget ::sorma::form {
             }
         }
         set edited "disabled"
-        foreach {other -} [concat {*}[dict values $subjects]] {
-            if {[$other edited] ne {}} {
+        foreach other [dict keys $subjects] {
+            if {[$self Edited $other] ne {}} {
                 set edited "!disabled"
             }
         }
