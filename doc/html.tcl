@@ -1,6 +1,7 @@
-# html.tcl FOLDER MANUAL SOURCE -- the manual and the tutorials as web pages, with contents and index.
+# html.tcl FOLDER MANUAL SOURCE ?PICTURES? -- the manual and the tutorials as web pages, with contents and index.
 #
-# FOLDER is made anew. MANUAL holds the pages as doc/pages.tcl has made them; SOURCE is the folder with README.md and doc.
+# FOLDER is made anew. MANUAL holds the pages as doc/pages.tcl has made them; SOURCE is the folder with README.md and doc. PICTURES holds those
+# of widgets as doc/pictures.tcl has made them, NAME.png: each stands below the command sorma::NAME, and those of whole windows in the README.
 # Needs tcllib's doctools, and cmark-gfm for Markdown. Every link between the pages leads somewhere: tests/html.test follows them.
 
 package require Tcl 8.6-
@@ -16,9 +17,10 @@ dt { margin-top: .8em } dd > p:first-child { margin-top: 0 } .doctools_requireme
 table { border-collapse: collapse } td, th { padding: .2em .8em .2em 0; text-align: left; vertical-align: top }
 nav { font-size: 14px; margin-bottom: 1.5em } a[href] { color: #05a } a { color: inherit }
 .option, .opt, p code, li code, td code { white-space: nowrap }
+dd > p > img, .windows img { max-width: 100%; border: 1px solid #ccc }
 .index { columns: 3 14em } .index p { margin: 0 }
 }
-    variable Tutorials {first-tcl first-cpp two-hosts embedding moving testing}
+    variable Tutorials {first-tcl first-cpp first-panel two-hosts embedding moving testing}
     variable Formats {wire snapshot benchmark}
     variable Pages {}       ;# dict: file.html -> {kind title about}, in the order of the contents
     variable Words {}       ;# list of {word file.html anchor}
@@ -129,9 +131,31 @@ proc html::manual {name text} {
     return $body
 }
 
+# ---- pictures ----
+
+# A page of the manual with the pictures of its commands; the README, with those of windows behind the paragraph that tells of them.
+proc html::pictured {page body pictures} {
+    foreach path [lsort $pictures] {
+        set name [file rootname [file tail $path]]
+        set image "<img src=\"$name.png\" alt=\"sorma::$name\">"
+        if {$page eq "README.html"} {
+            if {$name in {panel console}} {
+                append windows $image
+            }
+        } elseif {[regexp -indices [string map [list NAME $name] {<dt><a name="[^"]*"><b class="cmd">(?:<a [^>]*>)?sorma::NAME(?:</a>)?</b>(?:(?!</dt>).)*</dt>\s*<dd>}] $body at]} {
+            set end [lindex $at 1]
+            set body "[string range $body 0 $end]<p>$image</p>[string range $body $end+1 end]"
+        }
+    }
+    if {[info exists windows]} {
+        regsub {<code>sorma::panel</code>.*?</p>} $body "&<p class=\"windows\">$windows</p>" body
+    }
+    return $body
+}
+
 # ---- all of it ----
 
-proc html::make {folder manual source} {
+proc html::make {folder manual source {pictures {}}} {
     variable Style
     variable Tutorials
     variable Formats
@@ -140,6 +164,10 @@ proc html::make {folder manual source} {
     file delete -force $folder
     file mkdir $folder
     write [file join $folder style.css] [string trim $Style]
+    set pictures [if {$pictures ne {}} {glob -nocomplain -directory $pictures *.png}]
+    foreach picture $pictures {
+        file copy $picture $folder
+    }
 
     # What there is, before the first page is made: pages link to each other.
     dict set Pages README.html {readme SORMA {what it is, and a tour}}
@@ -166,6 +194,9 @@ proc html::make {folder manual source} {
         lassign $facts kind title
         set text [dict get $sources $file]
         set body [if {$kind eq "manual"} {manual [file rootname $file] $text} else {markdown $text}]
+        if {$file in {panel.html README.html}} {
+            set body [pictured $file $body $pictures]
+        }
         write [file join $folder $file] [frame $title $body]
     }
 

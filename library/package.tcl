@@ -19,7 +19,8 @@ apply {{} {
         field {entry slider vector choice check field button}
         execform execform
         chart stripchart
-        lamp {led meter status}
+        form form
+        lamp {led meter reading status}
         image image
         trailview trailview
         panel panel

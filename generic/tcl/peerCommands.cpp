@@ -19,7 +19,7 @@ namespace sorma {
 
 namespace {
 
-const Prototype kMethod{Severity::error, "REQUEST SYNTAX", 0, "bad method \"{}\": must be ask, destroy, facts, health, subscribe, or unsubscribe"};
+const Prototype kMethod{Severity::error, "REQUEST SYNTAX", 0, "bad method \"{}\": must be ask, cancel, destroy, facts, health, subscribe, or unsubscribe"};
 const Prototype kRequest{Severity::error, "REQUEST SYNTAX", 0, "bad request \"{}\": must be CTRL, DBX, or EXEC"};
 const Prototype kOption{Severity::error, "REQUEST SYNTAX", 0, "bad option \"{}\": must be {}"};
 const Prototype kNumber{Severity::error, "REQUEST SYNTAX", 0, "{} expects a whole number from {}, got \"{}\""};
@@ -72,12 +72,14 @@ public:
     }
 
     void ask(int objc, Tcl_Obj* const objv[]);
+    bool cancel(Tcl_Obj* given);
     void subscribe(int objc, Tcl_Obj* const objv[]);
     Tcl_Obj* facts() const;
 
     Interpreter& interpreter;
     std::shared_ptr<Connection> connection;             // null: this process
     std::map<std::string, std::unique_ptr<Listening>> subscriptions;
+    std::map<std::uint64_t, Future> asked;              // by number: what is under way
     std::uint64_t last = 0;
     Tcl_Command token = nullptr;
 };
@@ -103,21 +105,24 @@ std::int64_t number(const char* option, Tcl_Obj* given, std::int64_t otherwise, 
     return n;
 }
 
-// $peer ask ?-timeout ms? ?-command prefix? NAME EXEC|CTRL|DBX ?word ...?: calls prefix STATUS VALUE
+// $peer ask ?-timeout ms? ?-command prefix? NAME EXEC|CTRL|DBX ?word ...?: its number; calls prefix STATUS VALUE
 void PeerCommand::ask(int objc, Tcl_Obj* const objv[]) {
     Obj timeout, prefix(Tcl_NewObj());
     int at = takeOptions(objc, objv, 2, {{"-timeout", &timeout}, {"-command", &prefix}});
-    std::int64_t ms = number("-timeout", timeout, 5000, 1);
+    std::int64_t ms = number("-timeout", timeout, 5000, 0);
     std::string method = at + 1 < objc ? toUtf8(objv[at + 1]) : std::string();
     if (method != "EXEC" && method != "CTRL" && method != "DBX") fail(kRequest, method);
-    auto pending = std::make_shared<Pending>(interpreter.sorm, Deadline::in(ms), nullptr, nullptr);
+    auto pending = std::make_shared<Pending>(interpreter.sorm, ms > 0 ? Deadline::in(ms) : Deadline(), nullptr, nullptr);
     std::span<Tcl_Obj* const> words(objv + at + 2, std::size_t(objc - at - 2));
     if (method == "EXEC") readParts(words, pending->message);
     else
         for (auto* w : words) pending->message.words.push_back(toUtf8(w));
-    Future(pending).then([weak = weak_from_this(), prefix](Future f) {
+    Future future(pending);
+    const std::uint64_t itsNumber = pending->number();
+    future.then([weak = weak_from_this(), prefix, itsNumber](Future f) {
         auto self = weak.lock();
         if (!self || self->interpreter.closing()) return;
+        self->asked.erase(itsNumber);
         Interpreter& i = self->interpreter;
         try {
             Message& m = f.result();
@@ -129,6 +134,14 @@ void PeerCommand::ask(int objc, Tcl_Obj* const objv[]) {
         }
     });
     connection->begin(pending, toUtf8(objv[at]), method == "EXEC" ? Method::exec : method == "CTRL" ? Method::ctrl : Method::dbx);
+    asked.emplace(itsNumber, future);
+    Tcl_SetObjResult(interpreter.interp, Tcl_NewWideIntObj(Tcl_WideInt(itsNumber)));
+}
+
+// $peer cancel NUMBER: was it under way? Its prefix is called with COMM CANCELLED, and its service is told
+bool PeerCommand::cancel(Tcl_Obj* given) {
+    auto found = asked.find(std::uint64_t(number("cancel", given, 0, 0)));
+    return found != asked.end() && found->second.cancel();
 }
 
 // $peer subscribe ?-event pattern? ?-queue n? ?-command prefix? NAME: a token; while it is connected. Only if there is such an object
@@ -175,6 +188,10 @@ int PeerObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const obj
         if (!self->connection && method != "subscribe" && method != "unsubscribe" && method != "destroy") fail(kSelf, std::string(method));
         if (method == "ask") return self->ask(objc, objv), TCL_OK;
         if (method == "subscribe") return self->subscribe(objc, objv), TCL_OK;
+        if (method == "cancel") {
+            if (objc != 3) return Tcl_WrongNumArgs(interp, 2, objv, "number"), TCL_ERROR;
+            return Tcl_SetObjResult(interp, i.constants.integer(self->cancel(objv[2]))), TCL_OK;
+        }
         if (method == "facts") return Tcl_SetObjResult(interp, self->facts()), TCL_OK;
         if (method == "destroy") return Tcl_DeleteCommandFromToken(interp, self->token), TCL_OK;
         if (method == "unsubscribe") {

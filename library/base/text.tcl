@@ -36,6 +36,26 @@ proc ::sorma::text::styled {table words} {
     return $settings
 }
 
+# ::sorma::text::readFile FILE, writeFile FILE TEXT -- in UTF-8.
+proc ::sorma::text::readFile file {
+    set channel [open $file]
+    try {
+        fconfigure $channel -encoding utf-8
+        return [read $channel]
+    } finally {
+        close $channel
+    }
+}
+proc ::sorma::text::writeFile {file text} {
+    set channel [open $file w]
+    try {
+        fconfigure $channel -encoding utf-8
+        puts -nonewline $channel $text
+    } finally {
+        close $channel
+    }
+}
+
 # A text as a pattern of string match that fits nothing else.
 proc ::sorma::text::escape text {
     return [string map {\\ \\\\ * \\* ? \\? \[ \\\[ \] \\\]} $text]

@@ -26,7 +26,7 @@ package require sorma::news
 package provide sorma::world 1.0
 
 namespace eval ::sorma::world {
-    namespace export watch unwatch get keys add forget value listen ask names find objects recount counted pulse heard use line hook unhook hint lead deliver
+    namespace export watch unwatch get keys add forget value listen ask cancel names find objects recount counted pulse heard use line hook unhook hint lead deliver
     namespace import -force ::sorma::news::hook ::sorma::news::unhook ::sorma::news::hint ::sorma::news::deliver
     namespace ensemble create
 
@@ -54,9 +54,10 @@ namespace eval ::sorma::world {
     variable Wanted             ;# dict: daemon -> 1: somebody waits for these, they come first
     variable Opening            ;# daemons to which a line is to be made
     variable Local              ;# line to this process: it only subscribes
+    variable Here               ;# dict: number -> future, of requests to this process that are under way
     variable Beaten             ;# ms, when Beat was last there
     if {![info exists Last]} {
-        foreach name {Daemons Added Passing Led Twins Work Wanted Opening Local} {
+        foreach name {Daemons Added Passing Led Twins Work Wanted Opening Local Here} {
             set $name {}
         }
         foreach name {Last Running Beaten} {
@@ -273,15 +274,23 @@ proc ::sorma::world::listen {name args} {
 # ::sorma::world::ask DAEMON REQUEST ?-timeout ms? -command PREFIX --
 #       Send a request, NAME EXEC|CTRL|DBX word ..., to a daemon that is known. PREFIX is called with ok and the reply (a dict), or
 #       with error and the list of message and error code.
+# Arguments:
+#       ms      default 5000; 0: however long it takes
+# Results:
+#       Its number, for cancel; what its service publishes meanwhile carries it. Empty when it cannot be sent: PREFIX is told why.
 proc ::sorma::world::ask {daemon request args} {
     variable Lines
-    set options [::sorma::options::parse {-timeout {{whole 1 {}} 5000} -command any} $args]
+    variable Here
+    set options [::sorma::options::parse {-timeout {{whole 0 {}} 5000} -command any} $args]
     set command [dict get $options -command]
     if {$daemon eq "self"} {
-        if {[catch {::sorma::async -timeout [dict get $options -timeout] -command [list ::sorma::world::AnswerHere $command] {*}$request} message failure]} {
-            after 0 [list ::sorma::world::deliver $command [list error [list $message [dict get $failure -errorcode]]]]
+        if {[catch {::sorma::async -timeout [dict get $options -timeout] -command [list ::sorma::world::AnswerHere $command] {*}$request} future failure]} {
+            after 0 [list ::sorma::world::deliver $command [list error [list $future [dict get $failure -errorcode]]]]
+            return
         }
-        return
+        set number [$future request]
+        dict set Here $number $future
+        return $number
     }
     if {![info exists Lines($daemon)] || [dict get $Lines($daemon) peer] eq {}} {
         set known [get $daemon]
@@ -289,11 +298,26 @@ proc ::sorma::world::ask {daemon request args} {
         after 0 [list ::sorma::world::deliver $command [list error [list "$daemon: $why" [list SORMA COMM REFUSED $daemon]]]]
         return
     }
-    [dict get $Lines($daemon) peer] ask -timeout [dict get $options -timeout] -command $command {*}$request
-    return
+    return [[dict get $Lines($daemon) peer] ask -timeout [dict get $options -timeout] -command $command {*}$request]
+}
+
+# ::sorma::world::cancel DAEMON NUMBER -- give a request up: its PREFIX is called with error, COMM CANCELLED, and its service is told. Was it
+# under way?
+proc ::sorma::world::cancel {daemon number} {
+    variable Here
+    if {$daemon eq "self"} {
+        return [expr {[dict exists $Here $number] && [[dict get $Here $number] cancel]}]
+    }
+    set line [line $daemon]
+    return [expr {$line ne {} && [$line cancel $number]}]
 }
 
 proc ::sorma::world::AnswerHere {command future} {
+    variable Here
+    set number [$future request]
+    if {[dict exists $Here $number] && [dict get $Here $number] eq $future} {
+        dict unset Here $number
+    }
     set failed [catch {::sorma::Aside [list $future result]} result options]
     $future destroy
     if {$failed} {

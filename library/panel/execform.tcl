@@ -9,40 +9,49 @@ package provide sorma::execform 1.0
 #       What the class reads, with names, units and lengths, filled in as in its example. A class that declares nothing has one entry for words
 #       as they are typed behind EXEC.
 # Methods:
-#       execute; words: of the request; answer: what came of it last, ok and the reply, or error and a message
-# Event <<SormaReplied>> comes after each answer.
+#       execute; cancel, when it runs; running: does it; words: of the request; answer: what came of it last, ok and the reply, or error and a
+#       message
+# Event <<SormaReplied>> comes after each answer. What a class publishes as progress is shown while it runs.
 snit::widget ::sorma::execform {
     ::sorma::parts -name 0
+    ::sorma::runParts
     option -state -default normal -configuremethod SetState
     variable parts {}           ;# list: field least most, of each entry, in their order
     variable answer {}
-    variable began 0            ;# ms
-    variable timer {}
 
     constructor args {
         set pad [::sorma::style pixels 4]
         ttk::frame $win.in
         ttk::button $win.go -text Execute -command [mymethod execute] -underline 0
+        ttk::button $win.cancel -text Cancel -command [mymethod cancel] -state disabled
         ttk::label $win.lamp -width 2
+        ttk::progressbar $win.part -maximum 1.0 -length [::sorma::style pixels 120]
         ttk::label $win.time -font [::sorma::style font small]
         text $win.reply -height 4 -width 40 -wrap word -state disabled -font [::sorma::style font fixed] -relief flat -borderwidth 0 \
             -background [ttk::style lookup . -background] -foreground [ttk::style lookup . -foreground] -takefocus 0 \
             -yscrollcommand [list $win.bar set]
         ttk::scrollbar $win.bar -command [list $win.reply yview]
-        grid $win.in - - - -sticky ew
-        grid $win.go $win.lamp $win.time -sticky w -pady $pad
-        grid $win.reply - - $win.bar -sticky nsew
-        grid remove $win.reply $win.bar
-        grid columnconfigure $win 2 -weight 1
+        grid $win.in - - - - - -sticky ew
+        grid $win.go $win.cancel $win.lamp $win.part $win.time -sticky w -pady $pad
+        grid configure $win.cancel -padx $pad
+        grid configure $win.part -padx [list 0 $pad]
+        grid $win.reply - - - - $win.bar -sticky nsew
+        grid remove $win.reply $win.bar $win.part
+        grid columnconfigure $win 4 -weight 1
+        foreach part {go cancel} {
+            bind $win.$part <Escape> [mymethod cancel]
+        }
         $self configurelist $args
         $self Begin
     }
-    destructor {
-        after cancel $timer
-    }
     method SetState {option value} {
         set options($option) $value
-        $win.go state [expr {$value eq "normal" ? "!disabled" : "disabled"}]
+        $self Enable
+    }
+    # What runs can be cancelled, also where nothing can be begun.
+    method Enable {} {
+        $win.go state [expr {$options(-state) eq "normal" && $running eq {} ? "!disabled" : "disabled"}]
+        $win.cancel state [expr {$running ne {} ? "!disabled" : "disabled"}]
     }
     method Build {} {
         set table [$subject table]
@@ -74,6 +83,7 @@ snit::widget ::sorma::execform {
             ttk::label $win.in.help$n -text $help -font [::sorma::style font small] -foreground [::sorma::style colour asking] \
                 -wraplength [::sorma::style pixels 380] -justify left
             bind $win.in.entry$n <Return> [mymethod execute]
+            bind $win.in.entry$n <Escape> [mymethod cancel]
             $win.in.entry$n insert 0 $value
             if {[lindex $row 0] eq "any"} {
                 destroy $win.in.length$n
@@ -161,14 +171,14 @@ snit::widget ::sorma::execform {
         }
     }
     method execute {} {
-        if {$options(-state) ne "normal" || $subject eq {}} return
+        if {$options(-state) ne "normal" || $running ne {} || $subject eq {}} return
         if {[catch {$self words} words]} {
-            return [$self Replied error [list $words {}]]
+            set began [clock milliseconds]
+            return [$self Ran error [list $words {}]]
         }
         $self Light sending
-        set began [clock milliseconds]
-        $self Count
-        $subject ask $words [list ::sorma::parts::answer [mymethod Replied]]
+        $self Run $words
+        $self Enable
     }
     method Browse entry {
         set file [tk_getOpenFile -parent $win]
@@ -177,14 +187,18 @@ snit::widget ::sorma::execform {
             $entry insert 0 $file
         }
     }
-    # How long it takes already.
-    method Count {} {
-        set seconds [expr {([clock milliseconds] - $began) / 1000}]
-        $win.time configure -text [if {$seconds > 0} {string cat "$seconds s"}]
-        set timer [after 1000 [mymethod Count]]
+    # How long it takes already, and how far it is.
+    method Runs {part text} {
+        set seconds [expr {int([$self Seconds])}]
+        $win.time configure -text [join [concat [if {$seconds > 0} {list "$seconds s"}] [if {$text ne {}} {list $text}]] ", "]
+        if {$part ne {}} {
+            $win.part configure -value $part
+            grid $win.part
+        }
     }
-    method Replied {status value} {
-        after cancel $timer
+    method Ran {status value} {
+        $self Enable
+        grid remove $win.part
         if {$status eq "ok"} {
             $self Light [expr {[dict get $value code] > 0 ? "warn" : "good"}]
             set text [::sorma::show $value -as dict -colour 0 -width 0 -writes [dict get [$subject table] writes]]
@@ -194,7 +208,7 @@ snit::widget ::sorma::execform {
             set text [lindex $value 0]
             set answer [list error $text]
         }
-        $win.time configure -text "[expr {$began > 0 ? [clock milliseconds] - $began : 0}] ms"
+        $win.time configure -text "[expr {[clock milliseconds] - $began}] ms"
         grid $win.reply $win.bar
         $win.reply configure -state normal
         $win.reply replace 1.0 end $text

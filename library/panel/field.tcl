@@ -29,6 +29,9 @@ snit::macro ::sorma::fieldParts {} {
             $inside configure $option $value
         }
         if {$subject ne {}} {
+            if {$option eq "-seen"} {
+                $self Listen
+            }
             $self Show
         }
     }
@@ -378,9 +381,11 @@ proc ::sorma::field {window facts args} {
     return [::sorma::$widget $window {*}$args]
 }
 
-# ::sorma::button .w -name NAME -request {CTRL -start} ?-text text? ?-command prefix? -- runs a request, and shows that it runs, that it is
-# done, or why it failed. prefix gets ok and the reply, or error and a list of message and code.
+# ::sorma::button .w -name NAME -request {CTRL -start} ?-text text? ?-command prefix? -- runs a request, and shows that it runs, for how long
+# or how far it is, that it is done, or why it failed. What runs can be cancelled: by Escape, and by a button that appears after a moment.
+# prefix gets ok and the reply, or error and a list of message and code.
 snit::widget ::sorma::button {
+    ::sorma::runParts
     hulltype ttk::frame
     option -name -default {} -readonly 1
     option -request -default EXEC
@@ -390,13 +395,15 @@ snit::widget ::sorma::button {
     component button
     component lamp
     variable subject {}
-    variable running 0
     variable answer {}
     constructor args {
         install button using ttk::button $win.button -command [mymethod invoke]
         install lamp using ttk::label $win.lamp -width 2 -anchor center
+        ttk::button $win.cancel -text \u2715 -width 2 -style Toolbutton -command [mymethod cancel]
+        ::sorma::style tip $win.cancel "Cancel (Escape)"
         pack $button -side left -fill x -expand 1
         pack $lamp -side left
+        bind $button <Escape> [mymethod cancel]
         $self configurelist $args
         if {$options(-name) eq {}} {
             return -code error -errorcode {SORMA REQUEST SYNTAX} "sorma::button: -name must say of which object"
@@ -426,12 +433,21 @@ snit::widget ::sorma::button {
         return $answer
     }
     method invoke {} {
-        incr running
+        if {$running ne {} || $subject eq {}} return
         $self Light sending running {}
-        $subject ask $options(-request) [list ::sorma::parts::answer [mymethod Answered]]
+        $self Run $options(-request)
     }
-    method Answered {status value} {
-        incr running -1
+    method Runs {part text} {
+        set seconds [$self Seconds]
+        if {$seconds >= 0.4} {
+            pack $win.cancel -side right
+        }
+        if {$part ne {} || $seconds >= 1} {
+            $lamp configure -width 5 -text [if {$part ne {}} {format "%.0f %%" [expr {100 * $part}]} else {format "%d s" [expr {int($seconds)}]}]
+        }
+    }
+    method Ran {status value} {
+        pack forget $win.cancel
         if {$status eq "ok"} {
             $self Light good ok $value
         } else {
@@ -444,6 +460,6 @@ snit::widget ::sorma::button {
     }
     method Light {state what value} {
         set answer [list $what $value]
-        $lamp configure -text [::sorma::style mark $state] -foreground [::sorma::style colour $state]
+        $lamp configure -width 2 -text [::sorma::style mark $state] -foreground [::sorma::style colour $state]
     }
 }

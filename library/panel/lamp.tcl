@@ -1,12 +1,14 @@
-# lamp.tcl -- what is only looked at: sorma::led, a lamp; sorma::meter, a number within its limits; sorma::status, how an object's daemon is.
+# lamp.tcl -- what is only looked at: sorma::led, a lamp; sorma::meter, a number within its limits; sorma::reading, what an object answers;
+# sorma::status, how an object's daemon is.
 
 package require sorma::parts
 package provide sorma::lamp 1.0
 
 # ::sorma::led .w -name SO -option -OPTION ?-good PATTERN? ?-bad PATTERN? ?-text text? -- a lamp that shows the value of an option: green when it
-# fits one pattern, red when it fits the other, grey while it is not known or old.
+# fits one pattern, red when it fits the other, grey while it is not known or old. Outside of the limits of the class it is yellow or red;
+# of an option that has some, what lies inside is good, unless a pattern says else.
 snit::widget ::sorma::led {
-    option -good -default {[1-9]*}
+    option -good -default {}
     option -bad -default {}
     option -text -default {}
     ::sorma::parts {-name -option} 500
@@ -20,18 +22,27 @@ snit::widget ::sorma::led {
         $self Begin
     }
     method Build {} {}
-    # good, bad, off or stale
+    # good, warn, bad, off or stale
     method shows {} {
         set told [$subject get $options(-option)]
-        if {[dict get $told state] in {asking stale gone refused}} {
+        if {[dict get $told state] in {asking stale gone refused} || $facts eq {}} {
             return stale
         }
         set value [dict get $told live]
-        return [expr {$options(-bad) ne {} && [string match $options(-bad) $value] ? "bad" : [string match $options(-good) $value] ? "good" : "off"}]
+        set limits [dict filter [dict get $facts hints] key warn alarm]
+        set zone [::sorma::subject zone $limits $value]
+        if {$options(-bad) ne {} && [string match $options(-bad) $value] || $zone eq "alarm"} {
+            return bad
+        } elseif {$zone eq "warn"} {
+            return warn
+        }
+        set good [if {$options(-good) ne {}} {set options(-good)} elseif {$limits ne {}} {string cat *} else {string cat {[1-9]*}}]
+        return [expr {[string match $good $value] ? "good" : "off"}]
     }
     method Show {} {
         $win.lamp itemconfigure lamp -fill [switch -- [$self shows] {
             good { ::sorma::style colour good }
+            warn { ::sorma::style colour warn }
             bad { ::sorma::style colour refused }
             off { string cat {} }
             stale { ::sorma::style colour asking }
@@ -100,6 +111,55 @@ snit::widget ::sorma::meter {
         $win.bar itemconfigure level -fill [::sorma::style colour [expr {$state eq "live" ? "good" : $state}]]
         $win.mark configure -text [::sorma::style mark $state] -foreground [::sorma::style colour $state]
         $win.digits configure -text [string trimright "[expr {[string is double -strict $value] ? [format $options(-format) $value] : $value}] $unit"]
+    }
+}
+
+# ::sorma::reading .w -name SO ?-request {EXEC ...}? ?-part P? ?-index N? ?-unit U? ?-every MS? -- what an object answers, asked again and again:
+# a part of the reply, or the first that is not empty; of numbers all, or one, counted from 0.
+snit::widget ::sorma::reading {
+    ::sorma::parts -name 0
+    option -request -default EXEC -readonly 1
+    option -part -default {}
+    option -index -default {}
+    option -unit -default {}
+    option -every -default 1000 -readonly 1
+    variable told {value {} state asking why {}}
+    variable token {}
+    constructor args {
+        $self configurelist $args
+        ttk::label $win.text -anchor w
+        ttk::label $win.mark
+        pack $win.text $win.mark -side left
+        $self Begin
+        set token [$subject value $options(-request) $options(-every) [list ::sorma::parts::answer [mymethod Valued]]]
+    }
+    destructor {
+        ::sorma::world unwatch $token
+    }
+    method Build {} {}
+    method Valued {what object values} {
+        set told [lindex [dict values $values] 0]
+        $self Show
+    }
+    # shows -- {STATE TEXT}
+    method shows {} {
+        set reply [dict get $told value]
+        set parts [expr {$options(-part) ne {} ? [list $options(-part)] : {text floats ints words}}]
+        set text {}
+        foreach part $parts {
+            if {$text ne {} || ![dict exists $reply $part]} continue
+            set text [dict get $reply $part]
+            if {$part in {floats ints words}} {
+                set text [lmap item $text {expr {$part eq "floats" && [string is double -strict $item] ? [format %.6g $item] : $item}}]
+                set text [join [if {$options(-index) ne {}} {list [lindex $text $options(-index)]} else {set text}]]
+            }
+        }
+        return [list [dict get $told state] [string trimright "$text $options(-unit)"]]
+    }
+    method Show {} {
+        lassign [$self shows] state text
+        $win.mark configure -text [::sorma::style mark $state] -foreground [::sorma::style colour $state]
+        $win.text configure -text [if {$text eq {}} {dict get $told why} else {set text}]
     }
 }
 

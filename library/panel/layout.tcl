@@ -9,6 +9,7 @@
 # Options before the first group have no title; options that a layout does not name stand behind it. A layout is a dict of groups (a list of
 # title and options ...) and hidden (options); the empty text is none.
 
+package require sorma::text
 package provide sorma::layout 1.0
 
 namespace eval ::sorma::layout {
@@ -128,20 +129,8 @@ proc ::sorma::layout::parse {text {where layout}} {
 
 # ::sorma::layout read FILE, write FILE LAYOUT
 proc ::sorma::layout::read file {
-    set channel [open $file]
-    try {
-        fconfigure $channel -encoding utf-8
-        return [parse [::read $channel] $file]
-    } finally {
-        close $channel
-    }
+    return [parse [::sorma::text::readFile $file] $file]
 }
 proc ::sorma::layout::write {file layout} {
-    set channel [open $file w]
-    try {
-        fconfigure $channel -encoding utf-8
-        puts -nonewline $channel [text $layout]
-    } finally {
-        close $channel
-    }
+    ::sorma::text::writeFile $file [text $layout]
 }

@@ -415,38 +415,15 @@ snit::widget ::sorma::panel {
         foreach option $changed {
             if {![dict exists $rows $option]} continue
             set n [dict get $rows $option]
-            lassign [$self Mark [$subject get $option] [$subject option $option]] mark why
-            if {[dict get $marks $option] ne [list $mark $why]} {
-                dict set marks $option [list $mark $why]
-                set colour [::sorma::style colour $mark]
-                $inner.mark$n configure -text [::sorma::style mark $mark] -foreground $colour
-                $inner.why$n configure -text $why -foreground $colour
-                if {$why ne {} && [winfo manager $inner.field$n] eq "grid"} {
-                    grid $inner.why$n
-                } else {
-                    grid remove $inner.why$n
-                }
+            set mark [$subject mark $option]
+            if {[dict get $marks $option] ne $mark} {
+                dict set marks $option $mark
+                ::sorma::parts::mark $inner $n {*}$mark
             }
         }
         set edited [expr {[llength [$subject edited]] > 0 ? "!disabled" : "disabled"}]
         $win.apply.apply state [expr {$readOnly ? "disabled" : $edited}]
         $win.apply.revert state $edited
-    }
-    # The mark of an option, and what stands below it.
-    method Mark {told facts} {
-        set state [dict get $told state]
-        set zone [::sorma::subject zone [dict get $facts hints] [dict get $told live]]
-        if {$state eq "theirs"} {
-            set by [expr {[dict get $told by] ne {} ? [dict get $told by] : "somebody"}]
-            set at [clock format [expr {[dict get $told at] / 1000}] -format %H:%M:%S]
-            return [list theirs "$by has set it to [dict get $told live] at $at"]
-        } elseif {$state eq "live" && $zone ne "live"} {
-            return [list $zone "[dict get {warn warning alarm alarm} $zone]: [Outside {*}[dict get $facts hints $zone]]"]
-        }
-        return [list $state [dict get $told why]]
-    }
-    proc Outside {low high} {
-        return [expr {$low eq {} ? "above $high" : $high eq {} ? "below $low" : "outside $low .. $high"}]
     }
     method Say {text {state live}} {
         $win.said configure -text $text -foreground [::sorma::style colour $state]
@@ -496,10 +473,7 @@ snit::widget ::sorma::panel {
     # The menu of the field at a window, or of the panel.
     method Popup {window x y} {
         if {[string match $win.messages* $window] || [string match $win.exec* $window]} return
-        if {$x eq "??" || $x <= 0} {
-            set x [expr {[winfo rootx $window] + 5}]
-            set y [expr {[winfo rooty $window] + [winfo height $window]}]
-        }
+        lassign [::sorma::parts::popupAt $window $x $y] x y
         destroy $win.menu
         menu $win.menu -tearoff 0
         set option {}
@@ -514,17 +488,9 @@ snit::widget ::sorma::panel {
         tk_popup $win.menu $x $y
     }
     method FieldMenu {menu option} {
-        set can [expr {$readOnly ? "disabled" : "normal"}]
-        set edited [expr {$option in [$subject edited] ? "normal" : "disabled"}]
-        $menu add command -label "Apply $option" -underline 0 -state [expr {$readOnly ? "disabled" : $edited}] -command [list $subject apply $option]
-        $menu add command -label "Revert $option" -underline 0 -state $edited -command [list $subject revert $option]
-        $menu add command -label "Undo what was set last" -underline 0 -state $can -command [mymethod Do {CTRL -undo}]
-        $menu add separator
-        $menu add command -label "Copy as a request" -underline 0 -command [mymethod Copy $option]
+        ::sorma::parts::fieldMenu $menu $subject $option [expr {!$readOnly}]
+        $menu add command -label "Undo what was set last" -underline 0 -state [expr {$readOnly ? "disabled" : "normal"}] -command [mymethod Do {CTRL -undo}]
         $menu add command -label "Why this value" -underline 0 -command [mymethod Do [list DBX -why $option]]
-        if {[dict get [$subject option $option] type] in {int double}} {
-            $menu add command -label "Plot this" -underline 0 -command [list ::sorma::window chart [$subject name] $option]
-        }
         $menu add separator
         $menu add command -label "Move up" -underline 5 -command [mymethod move $option -1]
         $menu add command -label "Move down" -underline 5 -command [mymethod move $option 1]
@@ -550,9 +516,5 @@ snit::widget ::sorma::panel {
         if {$file ne {} && [catch {$self $method $file} message]} {
             $self Say $message refused
         }
-    }
-    method Copy option {
-        clipboard clear -displayof $win
-        clipboard append -displayof $win -- [list [$subject name] CTRL $option [dict get [$subject get $option] value]]
     }
 }

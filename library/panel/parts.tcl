@@ -6,12 +6,48 @@ package require sorma::style
 package require sorma::subject
 package provide sorma::parts 1.0
 
-# ::sorma::parts::answer METHOD STATUS VALUE -- an answer for a method of a widget, as mymethod gives it, unless the widget is gone meanwhile.
+# ::sorma::parts::answer METHOD WORD ... -- an answer for a method of a widget, as mymethod gives it, unless the widget is gone meanwhile.
 namespace eval ::sorma::parts {}
-proc ::sorma::parts::answer {method status value} {
+proc ::sorma::parts::answer {method args} {
     if {[namespace exists [lindex $method 1]]} {        ;# that of the instance
-        uplevel #0 [list {*}$method $status $value]
+        uplevel #0 [list {*}$method {*}$args]
     }
+}
+
+# ::sorma::parts::mark PARENT N STATE WHY -- the mark before row N of a grid, in the label mark N, and why below its field.
+proc ::sorma::parts::mark {parent n state why} {
+    set colour [::sorma::style colour $state]
+    $parent.mark$n configure -text [::sorma::style mark $state] -foreground $colour
+    $parent.why$n configure -text $why -foreground $colour
+    if {$why ne {} && [winfo manager $parent.field$n] eq "grid"} {
+        grid $parent.why$n
+    } else {
+        grid remove $parent.why$n
+    }
+}
+
+# ::sorma::parts::fieldMenu MENU SUBJECT OPTION CAN -- what is done to an option. CAN: it may be changed.
+proc ::sorma::parts::fieldMenu {menu subject option can} {
+    set edited [expr {$option in [$subject edited] ? "normal" : "disabled"}]
+    $menu add command -label "Apply $option" -underline 0 -state [expr {$can ? $edited : "disabled"}] -command [list $subject apply $option]
+    $menu add command -label "Revert $option" -underline 0 -state $edited -command [list $subject revert $option]
+    $menu add separator
+    $menu add command -label "Copy as a request" -underline 0 -command [list ::sorma::parts::copy $menu $subject $option]
+    if {[dict get [$subject option $option] type] in {int double}} {
+        $menu add command -label "Plot this" -underline 0 -command [list ::sorma::window chart [$subject name] $option]
+    }
+}
+proc ::sorma::parts::copy {window subject option} {
+    clipboard clear -displayof $window
+    clipboard append -displayof $window -- [list [$subject name] CTRL $option [dict get [$subject get $option] value]]
+}
+
+# ::sorma::parts::popupAt WINDOW X Y -- where a menu opens: at the pointer, or below the window when a key has opened it.
+proc ::sorma::parts::popupAt {window x y} {
+    if {$x eq "??" || $x <= 0} {
+        return [list [expr {[winfo rootx $window] + 5}] [expr {[winfo rooty $window] + [winfo height $window]}]]
+    }
+    return [list $x $y]
 }
 
 # ::sorma::parts NEEDS LIVE -- options -name, -option and -live, and the subject. NEEDS: those of the options that must be given. LIVE: default
@@ -34,10 +70,15 @@ snit::macro ::sorma::parts {needs live} {
             }
         }
         set subject [::sorma::subject of $options(-name) -live $options(-live)]
-        set listener [$subject listen [mymethod Told]]
+        $self Listen
         bind $win <Destroy> +[mymethod Ended %W]
         bind $win <FocusIn> [mymethod Focused]
         $self Told table {}
+    }
+    # Of what nobody can see no values are told.
+    method Listen {} {
+        $subject unlisten $listener
+        set listener [$subject listen [mymethod Told] [if {![info exists options(-seen)] || $options(-seen)} {set options(-option)}]]
     }
     # Tk tells that to the windows around one, too.
     method Focused {} {
@@ -60,11 +101,55 @@ snit::macro ::sorma::parts {needs live} {
             }
             $self Build
         }
-        if {$what ne "values" || $options(-option) in $changed} {
-            $self Show
-        }
+        $self Show
     }
     method subject {} {
         return $subject
+    }
+}
+
+# ::sorma::runParts -- one request at a time, which can be cancelled; closing the window does not. The widget has methods Runs, called while it
+# runs, with part (0 to 1, or empty) and text of its progress, and Ran STATUS VALUE, when it is answered.
+snit::macro ::sorma::runParts {} {
+    variable running {}         ;# token of the request, as the subject gives it
+    variable began 0            ;# ms
+    variable progress {{} {}}   ;# part and text of it, as far as the class publishes that
+    variable timer {}
+
+    # For how long it has run already [s].
+    method Seconds {} {
+        return [expr {([clock milliseconds] - $began) / 1000.0}]
+    }
+    method Run words {
+        set began [clock milliseconds]
+        set progress {{} {}}
+        set running [$subject ask $words [list ::sorma::parts::answer [mymethod Answer]] [list ::sorma::parts::answer [mymethod Progress]]]
+        $self Tick
+    }
+    method Tick {} {
+        after cancel $timer
+        set timer [after 500 [mymethod Tick]]
+        $self Runs {*}$progress
+    }
+    # One number from 0 to 1 is the part that is done; else its text says it.
+    method Progress event {
+        set part [if {[dict exists $event floats]} {dict get $event floats}]
+        set known [expr {[llength $part] == 1 && $part >= 0 && $part <= 1}]
+        set progress [list [if {$known} {set part}] [if {[dict exists $event text]} {lindex [split [dict get $event text] \n] 0}]]
+        $self Runs {*}$progress
+    }
+    method Answer {status value} {
+        after cancel $timer
+        set running {}
+        $self Ran $status $value
+    }
+    method running {} {
+        return [expr {$running ne {}}]
+    }
+    method cancel {} {
+        return [expr {$subject ne {} && [$subject cancel $running]}]
+    }
+    destructor {
+        after cancel $timer
     }
 }

@@ -54,6 +54,14 @@ proc ::sorma::subject::zone {hints value} {
     return live
 }
 
+# An answer for a subject, unless that has gone meanwhile.
+proc ::sorma::subject::answered {subject id prefix status value} {
+    if {[info object isa object $subject]} {
+        $subject Answered $id
+        ::sorma::world::deliver $prefix [list $status $value]
+    }
+}
+
 if {![info object isa object ::sorma::subject::Subject]} {oo::class create ::sorma::subject::Subject}
 oo::define ::sorma::subject::Subject {
     variable name service where key         ;# NAME, and its parts; key: of the daemon, empty as long as that is not known
@@ -67,14 +75,16 @@ oo::define ::sorma::subject::Subject {
     variable following                      ;# dict: -option -> 1: sent again meanwhile, to be applied when that has been answered
     variable faults                         ;# dict: -option -> {state why}, of what could not be set
     variable denied                         ;# why we may not set anything; empty: nothing is known of that
-    variable listeners                      ;# dict: token -> command prefix
+    variable listeners                      ;# dict: token -> {command prefix, option}
+    variable underway                       ;# dict: token -> {number prefix}, of requests that are under way; prefix: for progress
+    variable progress                       ;# token of what listens to progress; empty: nobody wanted to hear of it
     variable last
 
     constructor given {
         set name $given
         lassign [::sorma::table locate $name] service where
         set users [set live [set last 0]]
-        set key [set token [set table [set facts [set added [set denied {}]]]]]
+        set key [set token [set table [set facts [set added [set denied [set underway [set progress {}]]]]]]]
         if {$where ne {} && $where ni [::sorma::world names]} {
             set added [::sorma::world add $where]
         }
@@ -102,7 +112,8 @@ oo::define ::sorma::subject::Subject {
         }
     }
     destructor {
-        catch {::sorma::world unwatch $token}
+        ::sorma::world unwatch $token
+        ::sorma::world unwatch $progress
         ::sorma::world unhook [list [self] Heard]
         if {$added ne {}} {
             ::sorma::world forget $added
@@ -195,6 +206,23 @@ oo::define ::sorma::subject::Subject {
         }
         return $told
     }
+    # The mark of an option, as sorma::style has it, and what is to be told beside it.
+    method mark option {
+        set told [my get $option]
+        set hints [dict get [my option $option] hints]
+        set state [dict get $told state]
+        set zone [::sorma::subject::zone $hints [dict get $told live]]
+        if {$state eq "theirs"} {
+            set by [expr {[dict get $told by] ne {} ? [dict get $told by] : "somebody"}]
+            set at [clock format [expr {[dict get $told at] / 1000}] -format %H:%M:%S]
+            return [list theirs "$by has set it to [dict get $told live] at $at"]
+        } elseif {$state eq "live" && $zone ne "live"} {
+            lassign [dict get $hints $zone] low high
+            set outside [expr {$low eq {} ? "above $high" : $high eq {} ? "below $low" : "outside $low .. $high"}]
+            return [list $zone "[dict get {warn warning alarm alarm} $zone]: $outside"]
+        }
+        return [list $state [dict get $told why]]
+    }
     # Options that were typed and not applied.
     method edited {} {
         return [dict keys $drafts]
@@ -253,15 +281,44 @@ oo::define ::sorma::subject::Subject {
             my apply $option
         }
     }
-    # ask WORDS PREFIX -- a request: {EXEC ...}, {CTRL ...} or {DBX ...}. PREFIX is called with ok and the reply, or with error and a list
-    # of message and code.
-    method ask {words prefix} {
+    # ask WORDS PREFIX ?PROGRESS? -- a request: {EXEC ...}, {CTRL ...} or {DBX ...}. PREFIX is called with ok and the reply, or with error and a
+    # list of message and code, unless the subject has gone; PROGRESS with each event progress that the object publishes meanwhile for this
+    # request. EXEC may take as long as it wants. Returns a token, for cancel.
+    method ask {words prefix {told {}}} {
         if {$key eq {}} {
             set key [::sorma::world find $where]
         }
+        if {$told ne {} && $progress eq {} && $key ne {}} {
+            set progress [::sorma::world listen $service@$key -event progress -command [list [self] Progressed]]
+        }
+        set id request[incr last]
+        set ms [expr {[lindex $words 0] eq "EXEC" ? 0 : 60000}]
         # Words that are no request are an answer too.
-        if {[catch {::sorma::world ask $key [list $service {*}$words] -timeout 60000 -command $prefix} message failure]} {
-            after 0 [list ::sorma::world deliver $prefix [list error [list $message [dict get $failure -errorcode]]]]
+        if {[catch {::sorma::world ask $key [list $service {*}$words] -timeout $ms -command [list ::sorma::subject::answered [self] $id $prefix]} number failure]} {
+            after 0 [list ::sorma::world::deliver $prefix [list error [list $number [dict get $failure -errorcode]]]]
+        } else {
+            dict set underway $id [list $number $told]
+        }
+        return $id
+    }
+    # value REQUEST MS PREFIX -- {EXEC ...} is asked again every MS; as sorma::world value, whose token it returns.
+    method value {request ms prefix} {
+        return [::sorma::world value $service@[::sorma::world use $where] $request -every $ms -command $prefix]
+    }
+    # cancel TOKEN -- give that request up: its prefix is called with error, and the object is told. Was it under way?
+    method cancel id {
+        lassign [if {[dict exists $underway $id]} {dict get $underway $id}] number
+        return [expr {$number ne {} && [::sorma::world cancel $key $number]}]
+    }
+    method Answered id {
+        dict unset underway $id
+    }
+    method Progressed event {
+        dict for {id request} $underway {
+            lassign $request number told
+            if {$told ne {} && $number eq [dict get $event request]} {
+                ::sorma::world deliver $told [list $event]
+            }
         }
     }
     method Applied {words status value} {
@@ -298,19 +355,20 @@ oo::define ::sorma::subject::Subject {
 
     # ---- who looks ----
 
-    # listen PREFIX -- PREFIX is called with table (the table has come, or another one), with state, or with values and a list of options.
-    # Returns a token for unlisten.
-    method listen prefix {
+    # listen PREFIX ?OPTION? -- PREFIX is called with table (the table has come, or another one), with state, or with values and a list of
+    # options. OPTION: values are told of this one alone; empty: of none. Returns a token for unlisten.
+    method listen {prefix {option *}} {
         set id listener[incr last]
-        dict set listeners $id $prefix
+        dict set listeners $id [list $prefix $option]
         return $id
     }
     method unlisten id {
         dict unset listeners $id
     }
     method Tell {options {what values}} {
-        dict for {id prefix} $listeners {
-            if {[dict exists $listeners $id]} {
+        dict for {id listener} $listeners {
+            lassign $listener prefix option
+            if {($what ne "values" || $option eq "*" || $option in $options) && [dict exists $listeners $id]} {
                 ::sorma::world deliver $prefix [list $what $options]
             }
         }
@@ -371,5 +429,5 @@ oo::define ::sorma::subject::Subject {
         my Tell [if {[dict exists $told *]} {dict keys $values} else {dict keys $told}]
     }
 
-    export Heard Valued Applied End
+    export Heard Valued Applied Answered Progressed End
 }

@@ -5,7 +5,7 @@ package require sorma::style
 package provide sorma::window 1.0
 
 namespace eval ::sorma::window {
-    namespace export panel chart open place file
+    namespace export panel chart form open place file
     namespace ensemble create
     variable Geometries         ;# dict: toplevel -> {KEY geometry}, as it was last
     variable Last
@@ -15,8 +15,8 @@ namespace eval ::sorma::window {
     }
 }
 
-# ::sorma::window panel NAME, chart NAME -OPTION -- a window with the panel of an object, or with the values of an option over time; the
-# same one when it is open already. Returns the toplevel.
+# ::sorma::window panel NAME, chart NAME -OPTION, form FILE -- a window with the panel of an object, with the values of an option over time,
+# or with a form; the same one when it is open already. Returns the toplevel.
 proc ::sorma::window::panel name {
     package require sorma::panel
     return [open [list panel $name] $name ::sorma::panel $name]
@@ -27,6 +27,12 @@ proc ::sorma::window::chart {name option} {
         ::sorma::stripchart $window
         $window plot $option $name $option
     }}} $name $option]
+}
+
+proc ::sorma::window::form path {
+    package require sorma::form
+    set path [::file normalize $path]
+    return [open [list form $path] [::file rootname [::file tail $path]] ::sorma::form -file $path]
 }
 
 # ::sorma::window open KEY TITLE COMMAND ?ARG ...? -- a window that KEY stands for, filled by COMMAND WINDOW ARG ..., unless it is there.

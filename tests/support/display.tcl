@@ -19,18 +19,31 @@ proc display::run {script words} {
         set Missing "Xvfb is not installed"
         return
     }
-    set pipe [open |[list Xvfb -displayfd 1 -screen 0 1280x1024x24 -nolisten tcp 2> /dev/null] r]
-    set number [gets $pipe]
-    if {![string is integer -strict $number]} {
+    set pipe [start]
+    if {$pipe eq {}} {
         set Missing "Xvfb does not start"
         return
     }
-    set ::env(DISPLAY) :$number
     set ::env(SORMA_TEST_DISPLAY) 1
     set failed [catch {exec [info nameofexecutable] $script {*}$words >@ stdout 2>@ stderr < /dev/null}]
+    end $pipe
+    exit $failed
+}
+
+# display::start -- an X server, which env(DISPLAY) names from now on; empty: it does not start. end SERVER
+proc display::start {} {
+    set pipe [open |[list Xvfb -displayfd 1 -screen 0 1280x1024x24 -nolisten tcp 2> /dev/null] r]
+    set number [gets $pipe]
+    if {![string is integer -strict $number]} {
+        catch {close $pipe}
+        return
+    }
+    set ::env(DISPLAY) :$number
+    return $pipe
+}
+proc display::end pipe {
     exec sh -c {kill "$@"} kill [pid $pipe]
     catch {close $pipe}
-    exit $failed
 }
 
 # display::click WINDOW ?x y? -- press and release the left button there.

@@ -100,6 +100,57 @@ catch {exec kill {*}[pid $turner]}
 catch {close $turner}
 pause 500
 
+# A second panel in a process of its own, and scott as third; each says when it shows what scott has set.
+set other [open |[list [info nameofexecutable] << [string map [list @D $d] {
+    package require Tk
+    package require sorma
+    pack [sorma::panel .p dials.a@@D -live 0] -fill both -expand 1
+    set last {}
+    proc look {} {
+        after 1 look
+        catch {
+            set shown [[.p field -dial3].entry.entry get]
+            if {$shown ne $::last} {
+                set ::last $shown
+                puts "$shown [clock milliseconds]"
+                flush stdout
+            }
+        }
+    }
+    look
+    vwait forever
+}] 2> /dev/null] r]
+fconfigure $other -blocking 0
+proc heard value {
+    while {[gets $::other line] >= 0} {
+        lassign $line shown at
+        if {$shown eq $value} {
+            set ::shownThere $at
+        }
+    }
+    return [info exists ::shownThere]
+}
+pause 2000
+set scott [open |scott r+]
+fconfigure $scott -blocking 0 -buffering line
+set worst 0
+for {set i 1} {$i <= 20} {incr i} {
+    unset -nocomplain shownThere
+    set value $i.5
+    puts $scott "dials.a@$d CTRL -dial3 $value"
+    until {[gets $::scott line] >= 0}
+    set answered [clock milliseconds]
+    until {[[.p field -dial3].entry.entry get] eq $::value}
+    set here [clock milliseconds]
+    until {[heard $::value]}
+    set worst [expr {max($worst, $here - $answered, $shownThere - $answered)}]
+}
+tell "scott sets it: both of two panels show it, the longest of 20 \[ms]" $worst
+catch {exec kill {*}[pid $scott]}
+catch {close $scott}
+catch {exec kill {*}[pid $other]}
+catch {close $other}
+
 set daemonPid [daemon info $d pid]
 exec kill -STOP $daemonPid
 set began [clock milliseconds]

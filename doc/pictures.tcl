@@ -1,0 +1,216 @@
+# pictures.tcl FOLDER -- pictures of windows for the web pages, NAME.png each, of real objects of a daemon.
+#
+# Needs Tk with libtk-img and snit, and Xvfb, which it starts. What is missing, or what fails, it says, and goes on: a manual without pictures is
+# one, too.
+
+namespace eval pictures {
+    variable Classes {
+        package require sorma
+        oo::class create arm {
+            superclass sorma::Service
+            sorma::conduct concurrent
+            sorma::purpose "moves a gripper"
+            sorma::option -speed double -unit m/s -range {0 1.5} -default 0.5 -warn {0 1.2} -alarm {0 1.4} -group Motion -help "while loaded"
+            sorma::option -at vector -length 3 -unit m -default {0.4 0.1 0.25} -names {x y z} -group Motion -help "place"
+            sorma::option -gripper enum -choices {open closed soft} -default soft -group Gripper -help "how it holds"
+            sorma::option -force double -unit N -range {0 40} -default 12 -warn {{} 30} -group Gripper -help "of the fingers"
+            sorma::option -lamp flag -default 1 -group Gripper -help "light at the fingers"
+            sorma::reads floats 3 m "place"
+            sorma::writes floats 1 s "how long it took"
+            sorma::example "arm EXEC FMSG 3 0.4 0.2 0.3"
+            sorma::action -stop {} "stop where it is" {}
+            method exec message {
+                my publish progress -floats 0.42 -text "second of four places"
+                sorma::atCancel [info coroutine]
+                yield
+                return {}
+            }
+        }
+        oo::class create camera {
+            superclass sorma::Service
+            method exec message {
+                set pixels {}
+                for {set y 0} {$y < 120} {incr y} {
+                    for {set x 0} {$x < 160} {incr x} {
+                        append pixels [binary format c [expr {($x / 20 + $y / 20) % 2 ? 60 + $x / 2 : 190 - $y / 2}]]
+                    }
+                }
+                return [dict create any "P5\n160 120\n255\n$pixels"]
+            }
+        }
+    }
+    # name: command, its arguments. N stands for a name at the daemon: arm.left becomes arm.left@pictures.
+    variable Widgets {
+        panel      {sorma::panel arm.left@pictures}
+        form       {sorma::form -entries {
+            group Arm
+            arm.left@pictures -speed
+            arm.left@pictures -gripper
+            arm.left@pictures -force -show meter
+            group Kitchen
+            foo.cell@pictures -where -text {Where to serve}
+            foo.cell@pictures -breakfast -show led
+            foo.cell@pictures EXEC -part text -text Menu
+        }}
+        slider     {sorma::slider -name arm.left@pictures -option -speed}
+        entry      {sorma::entry -name foo.cell@pictures -option -where}
+        vector     {sorma::vector -name arm.left@pictures -option -at}
+        choice     {sorma::choice -name arm.left@pictures -option -gripper}
+        check      {sorma::check -name arm.left@pictures -option -lamp -text "light at the fingers"}
+        button     {sorma::button -name foo.cell@pictures -request EXEC -text Serve}
+        execform   {sorma::execform -name arm.left@pictures}
+        led        {sorma::led -name arm.left@pictures -option -lamp -text "light at the fingers"}
+        meter      {sorma::meter -name arm.left@pictures -option -force}
+        reading    {sorma::reading -name foo.cell@pictures -part text}
+        status     {sorma::status -name arm.left@pictures}
+        stripchart {sorma::stripchart -span 20 -width 420 -height 160}
+        image      {sorma::image -name camera.hand@pictures -every 200 -width 320 -height 240 -zoom 2}
+        trailview  {sorma::trailview -keys arm.*@* -height 4}
+        console    {sorma::console}
+    }
+    variable Bound 20000        ;# ms for which something is waited for
+}
+
+# What is missing for pictures; empty: nothing.
+proc pictures::Missing {} {
+    if {[auto_execok Xvfb] eq {}} {
+        return "Xvfb"
+    }
+    catch {package require no.such.package}     ;# `package versions` knows what has been looked for
+    foreach name {Tk img::window img::png snit} {
+        if {[package versions $name] eq {}} {
+            return "package $name"
+        }
+    }
+}
+
+proc pictures::until condition {
+    variable Bound
+    set end [expr {[clock milliseconds] + $Bound}]
+    while {![uplevel 1 [list expr $condition]]} {
+        if {[clock milliseconds] > $end} {
+            return -code error "waited in vain for $condition"
+        }
+        after 10 {set ::pictures::tick 1}
+        vwait ::pictures::tick
+    }
+}
+
+# ---- the child, which has a display ----
+
+proc pictures::draw folder {
+    variable Widgets
+    package require Tk
+    package require sorma
+    package require img::window
+    package require img::png
+    ttk::style theme use clam
+    . configure -background [ttk::style lookup . -background]
+    foreach object {arm.left foo.cell camera.hand} {
+        $object@pictures CTRL -dump
+    }
+    foo.cell@pictures CTRL -where garden -tempo presto -breakfast -freshJuice
+    foreach {name words} $Widgets {
+        if {$name eq "console" && [package versions sorma::console] eq {}} continue
+        destroy {*}[winfo children .]
+        wm geometry . {}
+        set words [lassign $words command]
+        pack [$command .w {*}$words] -fill both -expand 1 -padx 8 -pady 8
+        Ready $name
+        update
+        set picture [image create photo -format window -data .]
+        $picture write [file join $folder $name.png] -format png
+        image delete $picture
+    }
+}
+
+# Wait until a window shows what it has to.
+proc pictures::Ready name {
+    switch -- $name {
+        panel {
+            until {[winfo exists .w.exec.in.entry1]}
+            until {![catch {[.w field -speed].entry.entry get} speed] && $speed ne {}}
+            [.w subject] edit -speed 1.3
+            arm.left@pictures CTRL -force 33
+            until {[[.w subject] get -force] ne {} && [dict get [[.w subject] get -force] live] == 33}
+        }
+        form {
+            until {[winfo exists .w.grid.field5.entry] && [[.w item 7] shows] ne {asking {}} && [lindex [[.w item 3] shows] 0] eq "warn"}
+        }
+        execform {
+            until {[winfo exists .w.in.entry3] || [winfo exists .w.in.entry1]}
+            .w execute
+            until {[winfo ismapped .w.part]}
+        }
+        button {
+            .w invoke
+            until {[lindex [.w answer] 0] eq "ok"}
+        }
+        reading { until {[lindex [.w shows] 0] eq "live"} }
+        status { until {[.w shows] eq "alive"} }
+        image { until {[.w answer] eq "ok"} }
+        stripchart {
+            foreach trace {x y} {
+                for {set i 0} {$i <= 200} {incr i} {
+                    .w sample $trace [expr {sin($i / 20.0 + ($trace eq "y")) * exp($i / -300.0)}] [expr {$i / 10.0 - 20}]
+                }
+            }
+        }
+        trailview {
+            foreach words {{CTRL -speed 7} {CTRL -gripper shut} {CTRL -speeed 1}} {
+                catch {arm.left@pictures {*}$words}
+            }
+            until {[llength [.w messages]] >= 3}
+        }
+        console {}
+        default {
+            set option [.w cget -option]
+            [.w subject] revert             ;# what was typed in the panel before
+            until {[dict get [[.w subject] get $option] state] eq "live"}
+        }
+    }
+    # What is drawn at the next idle moment is drawn, too.
+    after 50 {set ::pictures::tick 1}
+    vwait ::pictures::tick
+}
+
+# ---- the parent ----
+
+proc pictures::make folder {
+    variable Classes
+    file delete -force $folder
+    file mkdir $folder
+    set missing [Missing]
+    if {$missing ne {}} {
+        puts "no pictures of windows in the manual: $missing is not installed"
+        return
+    }
+    set temporary [exec mktemp -d]
+    set ::env(SORMA_RUNTIME_DIR) $temporary
+    set ::env(XDG_STATE_HOME) $temporary
+    set script [open [file join $temporary classes.tcl] w]
+    puts $script $Classes
+    close $script
+    set server [open |[list Xvfb -displayfd 1 -screen 0 1280x1024x24 -nolisten tcp 2> /dev/null] r]
+    set daemon [open |[list sormad -name pictures -until-eof -script [file join $temporary classes.tcl]] r+]
+    try {
+        set ::env(DISPLAY) :[gets $server]
+        if {![string match "ready *" [gets $daemon]]} {
+            error "sormad does not start"
+        }
+        exec [info nameofexecutable] [info script] -draw $folder 2>@1
+    } on error message {
+        puts "not all pictures of windows are in the manual: $message"
+    } finally {
+        catch {close $daemon}
+        exec sh -c {kill "$@"} kill {*}[pid $server]
+        catch {close $server}
+        file delete -force $temporary
+    }
+}
+
+if {[lindex $argv 0] eq "-draw"} {
+    pictures::draw [lindex $argv 1]
+    exit
+}
+pictures::make [lindex $argv 0]

@@ -1,0 +1,392 @@
+# form.tcl -- sorma::form, chosen options and reply parts of several objects in one grid. As text, one entry a line, that people write too:
+#
+#     # a cell
+#     group Kitchen
+#     foo.cell@robot -where -text "Where to serve"
+#     foo.cell@robot -tempo
+#     group Belt
+#     cycle.belt@robot -period -show meter
+#     host@robot {EXEC load} -part floats -index 0 -text Load
+#
+# A line is a list: the title of a group; or an object, an option of it or a request {EXEC ...}, and how that is shown. Nothing of it is
+# evaluated.
+
+package require sorma::field
+package require sorma::lamp
+package require sorma::options
+package require sorma::text
+package require sorma::window
+package provide sorma::form 1.0
+
+# ::sorma::form .w ?-entries TEXT? ?-file FILE? ?-live ms? ?-apply now|later? ?-state normal|readonly? --
+#       A grid of the widgets that fit. The objects need not be there.
+# Methods:
+#       apply, revert; entries: as text; add LINE, remove N, move N STEP; load FILE, save FILE; item N: the widget of an entry, counted from 0
+#       as they stand
+snit::widget ::sorma::form {
+    hulltype ttk::frame
+    option -entries -default {} -configuremethod SetEntries -cgetmethod GetEntries
+    option -file -default {} -readonly 1
+    option -live -default 1000 -readonly 1
+    option -apply -default later -configuremethod SetShared
+    option -state -default normal -configuremethod SetShared
+    variable entries {}         ;# list of dicts: name, what, settings; of a group its title is the name, and what is empty
+    variable subjects {}        ;# dict: NAME -> {subject listener}
+    variable marks {}           ;# dict: n -> {mark why} that are shown
+    variable asked {}           ;# in the line that asks for an entry
+    variable timer {}
+    typevariable Option {-text any -show {{choice field led meter} field}}
+    typevariable Reply {-text any -part {{choice text floats ints words code} {}} -index {{whole 0 {}} {}} -unit any -every {{whole 10 {}} 1000}}
+
+    constructor args {
+        set pad [::sorma::style pixels 6]
+        ttk::frame $win.grid
+        ttk::frame $win.ask
+        ttk::label $win.ask.label -text "Add: OBJECT -option"
+        ttk::entry $win.ask.entry -textvariable [myvar asked]
+        pack $win.ask.label -side left -padx [list 0 $pad]
+        pack $win.ask.entry -side left -fill x -expand 1
+        bind $win.ask.entry <Return> [mymethod Asked]
+        bind $win.ask.entry <Escape> [list grid remove $win.ask]
+        ttk::label $win.said -wraplength [::sorma::style pixels 400] -justify left -foreground [::sorma::style colour refused]
+        ttk::frame $win.apply
+        ttk::button $win.apply.apply -text Apply -command [mymethod apply] -underline 0
+        ttk::button $win.apply.revert -text Revert -command [mymethod revert] -underline 0
+        pack $win.apply.apply $win.apply.revert -side left -padx [list 0 $pad]
+        foreach {part sticky} {grid nsew ask ew said ew apply ew} {
+            grid $win.$part -sticky $sticky -padx $pad -pady [list $pad 0]
+        }
+        grid configure $win.apply -pady $pad
+        grid remove $win.ask $win.said
+        grid columnconfigure $win 0 -weight 1
+        grid rowconfigure $win 0 -weight 1
+        foreach {key script} [list <Alt-a> [mymethod apply] <Alt-r> [mymethod revert]] {
+            bind [$self Tag] $key "$script; break"
+        }
+        foreach event {<Button-3> <Key-Menu> <Shift-F10>} {
+            bind [$self Tag] $event "[mymethod Popup %W %X %Y]; break"
+        }
+        $self configurelist $args
+        if {$options(-file) ne {}} {
+            $self load $options(-file)
+        }
+        $self Soon
+    }
+    destructor {
+        after cancel $timer
+        foreach event [bind SormaForm$win] {
+            bind SormaForm$win $event {}
+        }
+        $self Release
+    }
+    method Tag {} {
+        return SormaForm$win
+    }
+    method Release {} {
+        foreach {subject listener} [concat {*}[dict values $subjects]] {
+            $subject unlisten $listener
+            $subject release
+        }
+        set subjects {}
+    }
+
+    # ---- what programs say ----
+
+    method entries {} {
+        return [join [lmap entry $entries {Line $entry}] \n]\n
+    }
+    method GetEntries option {
+        return [$self entries]
+    }
+    method SetEntries {option text} {
+        $self Take [Parse $text -entries]
+    }
+    method load file {
+        $self Take [Parse [::sorma::text::readFile $file] $file]
+    }
+    method save file {
+        ::sorma::text::writeFile $file [$self entries]
+    }
+    method add line {
+        $self Take [concat $entries [Parse $line entry]]
+    }
+    method remove n {
+        $self Number $n
+        $self Take [lreplace $entries $n $n]
+    }
+    method move {n step} {
+        set to [expr {[$self Number $n] + $step}]
+        if {$to >= 0 && $to < [llength $entries]} {
+            $self Take [linsert [lreplace $entries $n $n] $to [lindex $entries $n]]
+        }
+    }
+    method item n {
+        return $win.grid.field[$self Number $n]
+    }
+    method Number n {
+        if {![string is integer -strict $n] || $n < 0 || $n >= [llength $entries]} {
+            return -code error -errorcode {SORMA REQUEST SYNTAX} "expected the number of an entry, below [llength $entries], got \"$n\""
+        }
+        return $n
+    }
+    # Each object gets what was typed in one request; other options of it, typed elsewhere, are left alone.
+    method apply {} {
+        if {$options(-state) eq "normal"} {
+            $self Each apply
+        }
+    }
+    method revert {} {
+        $self Each revert
+        focus $win
+    }
+    method Each method {
+        dict for {name pair} $subjects {
+            set mine [$self Edited $name]
+            if {$mine ne {}} {
+                [lindex $pair 0] $method {*}$mine
+            }
+        }
+    }
+    # Options of an object that stand here, and were typed and not applied.
+    method Edited name {
+        set here [lmap entry $entries {if {[dict get $entry name] ne $name} continue; dict get $entry what}]
+        return [lmap option [[lindex [dict get $subjects $name] 0] edited] {if {$option ni $here} continue; set option}]
+    }
+
+    # ---- as text ----
+
+    proc Parse {text where} {
+        set found {}
+        set n 0
+        foreach line [split $text \n] {
+            incr n
+            set line [string trim $line]
+            if {$line eq {} || [string match #* $line]} continue
+            if {[catch {Entry $line} entry failure]} {
+                return -code error -errorcode [dict get $failure -errorcode] "$where:$n: $entry"
+            }
+            lappend found $entry
+        }
+        return $found
+    }
+    proc Entry line {
+        set expected {expected "group TITLE", "OBJECT -OPTION ..." or "OBJECT {EXEC ...} ..."}
+        if {[catch {lassign $line name what}]} {
+            return -code error -errorcode {SORMA REQUEST SYNTAX} "$expected; \"$line\" is no list"
+        }
+        if {$name eq "group" && [llength $line] > 1} {
+            return [dict create name [join [lrange $line 1 end]] what {} settings {}]
+        }
+        set table [if {[regexp {^-\S+$} $what]} {set Option} elseif {[catch {lindex $what 0} head] || $head ne "EXEC"} {
+            return -code error -errorcode {SORMA REQUEST SYNTAX} "$expected, got \"$line\""
+        } else {
+            set Reply
+        }]
+        ::sorma::resolve $name
+        return [dict create name $name what $what settings [::sorma::options::parse $table [lrange $line 2 end]]]
+    }
+    # What is as it would be without is left out.
+    proc Line entry {
+        dict with entry {
+            if {$what eq {}} {
+                return [list group $name]
+            }
+            set otherwise [::sorma::options::defaults [if {[string match -* $what]} {set Option} else {set Reply}]]
+            return [string map {\n " "} [list $name $what {*}[dict filter $settings script {option value} {expr {$value ne [dict get $otherwise $option]}}]]]
+        }
+    }
+
+    # ---- building ----
+
+    method Take given {
+        set before $subjects
+        set subjects {}
+        set entries $given
+        foreach entry $entries {
+            dict with entry {
+                if {$what ne {} && ![dict exists $subjects $name]} {
+                    set subject [::sorma::subject of $name -live $options(-live)]
+                    dict set subjects $name [list $subject [$subject listen [mymethod Told $name]]]
+                }
+            }
+        }
+        foreach {subject listener} [concat {*}[dict values $before]] {
+            $subject unlisten $listener
+            $subject release
+        }
+        $self Soon
+    }
+    method SetShared {option value} {
+        set options($option) $value
+        $self Soon
+    }
+    method Soon {} {
+        after cancel $timer
+        set timer [after idle [mymethod Build]]
+    }
+    method Told {name what changed} {
+        if {![dict exists $subjects $name]} return
+        if {$what eq "table"} {
+            $self Soon
+        } else {
+            $self Shown $name
+        }
+    }
+    method Build {} {
+        if {![winfo exists $win]} return
+        destroy {*}[winfo children $win.grid]
+        set marks {}
+        set pad [::sorma::style pixels 4]
+        set row 0
+        set n 0
+        foreach entry $entries {
+            dict with entry {
+                if {$what eq {}} {
+                    ttk::label $win.grid.field$n -text $name -font [::sorma::style font strong]
+                    grid $win.grid.field$n -row [incr row] -column 1 -columnspan 3 -sticky w -pady [list [expr {2 * $pad}] 0]
+                } else {
+                    $self Row $n $name $what $settings
+                    grid $win.grid.mark$n -row [incr row] -column 0
+                    grid $win.grid.label$n -row $row -column 1 -sticky w -padx [list 0 $pad]
+                    grid $win.grid.field$n -row $row -column 2 -sticky ew -pady [list $pad 0]
+                    grid $win.grid.unit$n -row $row -column 3 -sticky w -padx $pad
+                    grid $win.grid.why$n -row [incr row] -column 2 -columnspan 2 -sticky w
+                    grid remove $win.grid.why$n
+                    ::sorma::style tip $win.grid.label$n "$name $what"
+                }
+            }
+            incr n
+        }
+        grid columnconfigure $win.grid 2 -weight 1
+        if {$entries eq {}} {
+            grid [ttk::label $win.grid.none -text "nothing is chosen yet: the right button or the Menu key adds an option of an object" \
+                -wraplength [::sorma::style pixels 360]]
+        }
+        ::sorma::style tag $win [$self Tag]
+        foreach name [dict keys $subjects] {
+            $self Shown $name
+        }
+    }
+    # The widgets of an entry; of an option, as long as nobody knows what it is, a label stands there.
+    method Row {n name what settings} {
+        set subject [lindex [dict get $subjects $name] 0]
+        set parent $win.grid
+        set unit {}
+        set isOption [string match -* $what]
+        ttk::label $parent.mark$n -width 2 -anchor center
+        ttk::label $parent.why$n -font [::sorma::style font small] -wraplength [::sorma::style pixels 300] -justify left
+        if {!$isOption} {
+            ::sorma::reading $parent.field$n -name $name -request $what {*}[dict remove $settings -text]
+        } elseif {[catch {$subject option $what} facts]} {
+            ttk::label $parent.field$n -text [if {[$subject table] eq {}} {string cat \u2026}]
+        } else {
+            set unit [dict get $facts unit]
+            switch -- [dict get $settings -show] {
+                field { ::sorma::field $parent.field$n $facts -name $name -option $what -apply $options(-apply) -state $options(-state) }
+                led { ::sorma::led $parent.field$n -name $name -option $what }
+                meter {
+                    ::sorma::meter $parent.field$n -name $name -option $what
+                    set unit {}         ;# it shows that itself
+                }
+            }
+            bind $parent.field$n <<SormaBuilt>> [list ::sorma::style tag $parent.field$n [$self Tag]]
+        }
+        ttk::label $parent.unit$n -text $unit
+        set text [dict get $settings -text]
+        ttk::label $parent.label$n -text [if {$text ne {}} {set text} elseif {$isOption} {string range $what 1 end} else {join [lrange $what 1 end]}]
+    }
+    method Shown name {
+        set subject [lindex [dict get $subjects $name] 0]
+        set n -1
+        foreach entry $entries {
+            incr n
+            set what [dict get $entry what]
+            if {[dict get $entry name] ne $name || ![string match -* $what] || ![winfo exists $win.grid.why$n]} continue
+            set shown [if {[$subject table] eq {}} {
+                set told [$subject get $what]
+                list [dict get $told state] [dict get $told why]
+            } elseif {[catch {$subject mark $what} mark]} {
+                list gone $mark
+            } else {
+                set mark
+            }]
+            if {![dict exists $marks $n] || [dict get $marks $n] ne $shown} {
+                dict set marks $n $shown
+                ::sorma::parts::mark $win.grid $n {*}$shown
+            }
+        }
+        set edited "disabled"
+        foreach other [dict keys $subjects] {
+            if {[$self Edited $other] ne {}} {
+                set edited "!disabled"
+            }
+        }
+        $win.apply.apply state [expr {$options(-state) eq "normal" ? $edited : "disabled"}]
+        $win.apply.revert state $edited
+        if {$options(-apply) eq "now" && $edited eq "disabled"} {
+            grid remove $win.apply
+        } else {
+            grid $win.apply
+        }
+    }
+
+    # ---- menus ----
+
+    method Popup {window x y} {
+        if {[string match $win.ask* $window]} return
+        lassign [::sorma::parts::popupAt $window $x $y] x y
+        destroy $win.menu
+        menu $win.menu -tearoff 0
+        if {[regexp {^\.\D+(\d+)} [string range $window [string length $win.grid] end] -> n] && [string match $win.grid.* $window]} {
+            $self EntryMenu $win.menu $n
+        }
+        $win.menu add command -label "Add \u2026" -underline 0 -command [mymethod Ask]
+        $win.menu add command -label "Load form \u2026" -underline 0 -command [mymethod AskFile load tk_getOpenFile]
+        $win.menu add command -label "Save form \u2026" -underline 0 -command [mymethod AskFile save tk_getSaveFile]
+        tk_popup $win.menu $x $y
+    }
+    method EntryMenu {menu n} {
+        set entry [lindex $entries $n]
+        dict with entry {
+            if {$what ne {}} {
+                set subject [lindex [dict get $subjects $name] 0]
+                if {![catch {$subject option $what}]} {
+                    ::sorma::parts::fieldMenu $menu $subject $what [expr {$options(-state) eq "normal"}]
+                    $menu add separator
+                }
+                $menu add command -label "Panel of $name" -underline 0 -command [list ::sorma::window panel $name]
+            }
+            foreach {label script} [list "Move up" [mymethod move $n -1] "Move down" [mymethod move $n 1] Remove [mymethod remove $n]] {
+                $menu add command -label $label -command $script
+            }
+            $menu add separator
+        }
+    }
+    method Ask {} {
+        grid $win.ask
+        focus $win.ask.entry
+    }
+    method Asked {} {
+        if {[catch {$self add $asked} message]} {
+            return [$self Say $message]
+        }
+        set asked {}
+        grid remove $win.ask
+        $self Say {}
+    }
+    method AskFile {method command} {
+        set file [$command -parent $win -defaultextension .form -filetypes {{Form .form} {All *}}]
+        if {$file ne {}} {
+            catch {$self $method $file} message
+            $self Say $message
+        }
+    }
+    method Say text {
+        $win.said configure -text $text
+        if {$text ne {}} {
+            grid $win.said
+        } else {
+            grid remove $win.said
+        }
+    }
+}
