@@ -103,7 +103,8 @@ proc panel::build {} {
     grid columnconfigure .f 0 -weight 1
     grid rowconfigure .f 0 -weight 1
 
-    sorma::image .picture -name $Hardware -request {EXEC view} -every 200 -width 640 -height 480
+    sorma::image .picture -name $Hardware -request {EXEC view} -every 200 -width 640 -height 480 \
+        -zoom [expr {max(1, [sorma::style pixels 100] / 100)}]
     sorma::stripchart .chart -span 20 -low -15 -high 15 -width 480 -height 140
     # Seen on light and on dark backgrounds.
     foreach {axis colour} {x #e0443c y #2fa04a z #4a86f0} {
