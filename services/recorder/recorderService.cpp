@@ -144,17 +144,17 @@ private:
             figures_ = figures;
             error_ = error;
             // Nobody waits for it, so it is told.
-            if (error) box->post([weak] {
-                if (auto self = weak.lock()) (*self)->tell();
+            if (error) box->post([weak, error] {
+                if (auto self = weak.lock()) (*self)->tell(error);
             });
         };
         error_ = nullptr;
         job_ = std::make_unique<Job>([recording](Job& job) { return recording->run(job); }, ended);
     }
 
-    void tell() {
+    void tell(std::exception_ptr error) {
         Message m;
-        m.text = refusal(error_).what();
+        m.text = refusal(error).what();
         publishState("broken", m);
         sorm().announce("broken", m.text, {name()});
     }
