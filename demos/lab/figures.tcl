@@ -27,7 +27,7 @@ namespace eval figures {
 
 # ---- daemons ----
 
-# launch DAEMON CLASS RECIPES -- of a class's package.
+# launch DAEMON CLASS RECIPES -- of a class's package. It ends with this script, however that ends.
 proc figures::launch {daemon class recipes} {
     variable Running
     close [file tempfile dict]
@@ -35,7 +35,7 @@ proc figures::launch {daemon class recipes} {
         set file [open $dict w]
         puts $file $recipes
         close $file
-        set pipe [open [list | sormad -name $daemon -package sorma::service::$class -dict $dict 2>@stderr] r]
+        set pipe [open [list | sormad -name $daemon -package sorma::service::$class -dict $dict -until-eof 2>@stderr] r+]
         if {![string match "ready *" [gets $pipe]]} {
             return -code error "sormad -name $daemon did not start"
         }
