@@ -37,7 +37,7 @@ apply {dir {
         shmem {shmem_w shmem_r}
         track {trajectory}
         units {sum gain matrix clip squash lowpass integrator delay table select sine noise probe}
-        vision {hsvtable findball findbrdmarker getbrdsit getdisk}
+        vision {hsvtable findball findbrdmarker getbrdsit getdisk grab classify blobs moments}
     } {
         if {![file exists [file join $dir services $module$end]]} continue
         foreach name $classes {

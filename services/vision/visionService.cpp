@@ -16,21 +16,23 @@
 #include "ball.h"
 #include "boardReader.h"
 #include "colourTable.h"
+#include "coloured.h"
+#include "drawing.h"
+#include "steps.h"
 
 namespace {
 
 using sorma::Message;
 using sorma::Severity;
+using vision::Coloured;
+using vision::TablePointer;
+using vision::kNoPicture;
+using vision::kNoTable;
+using vision::kTable;
+using vision::pictureOf;
 
 const sorma::Prototype kWord{Severity::error, "VISION WORD", 2, "{}: bad word \"{}\": must be one of {}"};
 const sorma::Prototype kFloats{Severity::error, "VISION FLOATS", 1, "{}: EXEC expects {}, got {} floats"};
-const sorma::Prototype kNoPicture{Severity::error, "VISION PICTURE", 1,
-                                  "{}: there is no picture: set -picture to an object that answers one, or bring one in EXEC"};
-const sorma::Prototype kPicture{Severity::error, "VISION PICTURE", 1,
-                                "{}: {} is no picture: {}; it must be floats time, width, height, and 3 bytes for each pixel"};
-const sorma::Prototype kNoTable{Severity::error, "VISION TABLE", 1,
-                                "{}: it knows no colours: set -table to a file that hsvtable has written"};
-const sorma::Prototype kTable{Severity::error, "VISION TABLE", 1, "{}: {}"};
 const sorma::Prototype kPose{Severity::error, "VISION POSE", 1, "{}: {} answered {} floats; a pose is time, position 3, quaternion 4 (w x y z)"};
 const sorma::Prototype kUnit{Severity::error, "VISION POSE", 1, "{}: the quaternion {} {} {} {} of {} has the length {}; it must be 1"};
 const sorma::Prototype kMarkers{Severity::error, "VISION MARKERS", 1, "{}: no board: {}"};
@@ -39,40 +41,6 @@ const sorma::Prototype kDisk{Severity::error, "VISION DISK", 1, "{}: no {} token
 const sorma::Prototype kColour{Severity::error, "VISION WORD", 2, "{}: bad colour \"{}\": must be red, violet, or yellow"};
 const sorma::Prototype kLabels{Severity::error, "VISION PICTURE", 1, "{}: the labels of {} are missing: after 3 bytes for each pixel there must be one with its colour, 0 to 3"};
 const sorma::Prototype kUntrained{Severity::error, "VISION TABLE", 1, "{}: nothing has been learned yet: EXEC train a labelled picture first"};
-
-constexpr double kMostSide = 8192;          // [pixels]
-
-// A picture of a message, without a copy: it lives as long as the message.
-cv::Mat pictureOf(const std::string& who, const std::string& whose, Message& m, std::size_t planes = 3) {
-    auto wrong = [&](const std::string& why) { sorma::fail(kPicture, who, whose, why); };
-    if (m.floats.size() < 3) wrong("it has " + std::to_string(m.floats.size()) + " floats");
-    const double w = m.floats[1], h = m.floats[2];
-    if (!(w >= 1 && w <= kMostSide && h >= 1 && h <= kMostSide)) wrong("its size is " + sorma::numberText(w) + " x " + sorma::numberText(h));
-    const auto width = std::size_t(w), height = std::size_t(h);
-    if (m.any.size() < planes * width * height)
-        wrong("its size is " + std::to_string(width) + " x " + std::to_string(height) + ", and it has " + std::to_string(m.any.size()) + " bytes");
-    return cv::Mat(int(height), int(width), CV_8UC3, m.any.data());
-}
-
-// ---- the table of colours ----
-
-using TablePointer = std::shared_ptr<vision::ColourTable>;
-
-// What has a table of colours from a file.
-class Coloured : public sorma::Service {
-protected:
-    // For this author, who must be allowed to read the file; null: there is no file.
-    TablePointer load(const std::string& file, const sorma::PrincipalPointer& author, std::string* origin = nullptr) const {
-        if (file.empty()) return nullptr;
-        sorm().access.need(author, sorma::Right::files, sorma::realPath(file), name());
-        try {
-            std::string line;
-            return std::make_shared<vision::ColourTable>(vision::ColourTable::load(file, origin ? *origin : line));
-        } catch (const std::runtime_error& e) {
-            fail(kTable, name(), e.what());
-        }
-    }
-};
 
 class Hsvtable : public Coloured {
 public:
@@ -171,14 +139,17 @@ private:
 class Looker : public Coloured {
 public:
     void exec(Message& m) override {
+        const bool debug = !m.words.empty() && m.words[0] == "debug";
+        if (debug) m.words.erase(m.words.begin());
         check(m);
         if (!m.any.empty()) {
             cv::Mat picture = pictureOf(name(), "what it got", m);
             Message out;
-            look(picture, m.floats[0], m, viewOf(picture, at_, "-at"), out);
+            see(debug, picture, m.floats[0], m, viewOf(picture, at_, "-at"), out);
             m.any.clear();
             m.words.clear();
-            m.floats.swap(out.floats), m.ints.swap(out.ints), m.text.swap(out.text);
+            m.floats.swap(out.floats), m.ints.swap(out.ints), m.text.swap(out.text), m.any.swap(out.any);
+            m.code = out.code;
             return;
         }
         if (!picture_) fail(kNoPicture, name());
@@ -187,6 +158,7 @@ public:
         job->asked.floats = m.floats;
         job->asked.words = m.words;
         job->asked.text = m.text;
+        job->debug = debug;
         job->reply = later(m);
         job->reply.onCancel([weak = std::weak_ptr(job)] {
             if (auto j = weak.lock(); j && j->under) j->under.cancel();
@@ -204,7 +176,9 @@ public:
 
 protected:
     // What is asked, before anybody is.
-    virtual void check(const Message&) const {}
+    virtual void check(const Message& m) const {
+        if (!m.words.empty()) fail(kWord, name(), m.words[0], "debug");
+    }
     // The answer to asked, of what there is in a picture.
     virtual void look(const cv::Mat& picture, double time, const Message& asked, const vision::View& view, Message& answer) = 0;
 
@@ -215,6 +189,7 @@ protected:
             .vector("-mount", &S::mount_, {.low = -100, .high = 100, .help = "the camera (x right, y down, z forward) in the tool's frame [m], [1]: position, quaternion",
                                            .minLength = 7, .maxLength = 7})
             .real("-fieldOfView", &S::fieldOfView_, {.unit = "rad", .low = 0.05, .high = 3, .help = "of the lens, from the top row to the bottom row"});
+        c.words("?debug?").writes(sorma::Field::any, {}, "", "debug: the picture with what was found in it, PPM");
         if (colours) c.text("-table", &S::tableFile_, {.help = "file with the table of colours, as hsvtable has written it"});
         return c;
     }
@@ -222,7 +197,9 @@ protected:
     const std::vector<vision::Blob>& blobs(const cv::Mat& picture) {
         if (!table_) fail(kNoTable, name());
         table_->classify(picture, colours_, hsv_);
-        return finder_.find(colours_, 8);
+        const auto& found = finder_.find(colours_, 8);
+        if (drawing_) drawing_->blobs(found);
+        return found;
     }
 
     void born() override { table_ = load(tableFile_, author("-table")); }
@@ -237,6 +214,7 @@ private:
         sorma::Reply reply;
         sorma::Future under;
         Message asked, picture;
+        bool debug = false;
     };
 
     template <class Next> void ask(const std::shared_ptr<Job>& job, const sorma::Reference& object, Next next) {
@@ -253,8 +231,28 @@ private:
     void finish(const std::shared_ptr<Job>& job, const std::vector<double>& pose, const std::string& whose) {
         cv::Mat picture = pictureOf(name(), "what " + picture_->name() + " answered", job->picture);
         job->reply.message().clear();
-        look(picture, job->picture.floats[0], job->asked, viewOf(picture, pose, whose), job->reply.message());
+        see(job->debug, picture, job->picture.floats[0], job->asked, viewOf(picture, pose, whose), job->reply.message());
         job->reply.complete();
+    }
+
+    // For debug the answer is the picture with what was found in it; why nothing was is its text, and the code is 1.
+    void see(bool debug, const cv::Mat& picture, double time, const Message& asked, const vision::View& view, Message& answer) {
+        if (!debug) return look(picture, time, asked, view, answer);
+        vision::Drawing drawing(picture);
+        drawing_ = &drawing;
+        try {
+            look(picture, time, asked, view, answer);
+        } catch (const sorma::Error& e) {
+            answer.clear();
+            answer.text = e.what();
+            answer.code = 1;
+        } catch (...) {
+            drawing_ = nullptr;
+            throw;
+        }
+        drawing_ = nullptr;
+        if (answer.code) drawing.text(4, 14, answer.text, vision::Drawing::bad);
+        drawing.ppm(answer.any);
     }
 
     Eigen::Isometry3d frame(const std::vector<double>& v, const std::string& whose) const {
@@ -275,6 +273,7 @@ protected:
     TablePointer table_;
     cv::Mat colours_, hsv_;
     vision::BlobFinder finder_;
+    vision::Drawing* drawing_ = nullptr;    // what is seen is drawn, in a request for debug
 };
 
 class FindBall : public Looker {
@@ -287,7 +286,7 @@ public:
             .real("-roundness", &FindBall::round_, {.unit = "1", .low = 0, .high = 1, .help = "least b/a, of what the lens makes of a ball there, from 15 pixels of radius on; else 0.8"})
             .real("-solidity", &FindBall::solid_, {.unit = "1", .low = 0, .high = 1, .help = "least part of its ellipse that is bright"})
             .real("-second", &FindBall::second_, {.unit = "1", .low = 0, .high = 1, .help = "another one as large as that, of its area, makes it ambiguous"})
-            .words("?window?")
+            .words("?debug? ?window?")
             .reads(floats, sorma::between(0, 16), "pixels", "window: u, v of its middle, width, height; with a picture: after time, width, height")
             .reads(any, {}, "", "a picture; none: -picture is asked")
             .writes(floats, sorma::exactly(9), "", "lab time, u, v, area, radius [pixels], eccentricity, angle [rad], code, time when done: a record of ball.obs")
@@ -315,6 +314,11 @@ protected:
         answer.floats = {time, s.u, s.v, s.area, s.radius, s.eccentricity, s.angle, double(s.verdict), time};
         answer.text = vision::kVerdicts[int(s.verdict)];
         if (s.limit != 0) answer.text += ": " + sorma::numberText(s.measured) + ", the limit is " + sorma::numberText(s.limit);
+        if (!drawing_) return;
+        const auto colour = s.verdict == vision::Verdict::valid ? vision::Drawing::good : vision::Drawing::bad;
+        if (window) drawing_->box(window->x, window->y, window->x + window->width, window->y + window->height, vision::Drawing::note);
+        drawing_->text(4, 14, answer.text, colour);
+        if (s.area > 0) drawing_->circle(s.u, s.v, s.radius, colour), drawing_->cross(s.u, s.v, colour);
     }
 
 private:
@@ -338,6 +342,14 @@ protected:
     vision::BoardPose board(const std::vector<vision::Blob>& blobs, const vision::View& view) const {
         auto pose = vision::findMarkers(blobs, view, shape());
         if (!pose.trouble.empty()) fail(kMarkers, name(), pose.trouble);
+        if (drawing_) {
+            const double side = field_ * double(fields_) / 2;
+            const auto corner = [&](double x, double y) { return view.pixelOf(pose.world(x, y, 0)); };
+            const Eigen::Vector2d corners[] = {corner(side, side), corner(side, -side), corner(-side, -side), corner(-side, side)};
+            for (std::size_t i = 0; i < 4; ++i) drawing_->line(corners[i], corners[(i + 1) % 4], vision::Drawing::good);
+            drawing_->text(pose.a.x() + 8, pose.a.y(), "A", vision::Drawing::good);
+            drawing_->text(pose.b.x() + 8, pose.b.y(), "B", vision::Drawing::good);
+        }
         return pose;
     }
 
@@ -353,7 +365,8 @@ public:
         return onBoard<FindBrdMarker>(sorma::Class::of<FindBrdMarker>("findbrdmarker", "where the board lies, by its two violet markers"))
             .reads(floats, sorma::between(0, 16), "", "nothing, or a picture's time, width, height")
             .reads(any, {}, "", "a picture; none: -picture is asked")
-            .writes(floats, sorma::exactly(7), "", "pixels u v of the large marker, u v of the small one; x, y [m], yaw [rad] of the board in the world");
+            .writes(floats, sorma::exactly(7), "", "pixels u v of the large marker, u v of the small one; x, y [m], yaw [rad] of the board in the world")
+            .writes(text, {}, "", "debug: why no board was found");
     }
 
 protected:
@@ -378,7 +391,15 @@ public:
 protected:
     void look(const cv::Mat& picture, double time, const Message&, const vision::View& view, Message& answer) override {
         const auto& found = blobs(picture);
-        auto s = vision::readBoard(found, view, shape(), board(found, view));
+        const auto pose = board(found, view);
+        auto s = vision::readBoard(found, view, shape(), pose);
+        if (drawing_)
+            for (std::size_t i = 0; i < s.symbols.size(); ++i) {
+                const auto n = std::size_t(fields_);
+                const double rank = double(n - 1 - i / n), file = double(i % n), middle = double(n) / 2 - 0.5;
+                const auto at = view.pixelOf(pose.world((middle - rank) * field_, (file - middle) * field_, token_[1]));
+                drawing_->text(at.x() - 4, at.y() + 4, s.symbols.substr(i, 1), s.symbols[i] == '?' ? vision::Drawing::bad : vision::Drawing::note);
+            }
         if (!s.trouble.empty()) {
             agree_ = 0;
             fail(kBoard, name(), s.trouble);
@@ -409,11 +430,13 @@ public:
             .reads(text, {}, "", "red, yellow or violet; none: red")
             .reads(any, {}, "", "a picture; none: -picture is asked")
             .writes(floats, sorma::exactly(4), "", "u, v [pixels], area [pixels], how well it fits (0 to 1)")
+            .writes(text, {}, "", "debug: why no token was found")
             .example("getdisk CTRL -radius 30");
     }
 
 protected:
     void check(const Message& m) const override {
+        Looker::check(m);
         if (m.floats.size() != (m.any.empty() ? 2 : 5)) fail(kFloats, name(), m.any.empty() ? "u and v" : "time, width, height, u and v", m.floats.size());
         colourOf(m.text);
     }
@@ -422,8 +445,10 @@ protected:
         const auto colour = colourOf(asked.text);
         const auto disk = vision::findDisk(blobs(picture), colour, {u, v}, radius_, error_);
         auto refuse = [&](const std::string& why) { fail(kDisk, name(), vision::kColourNames[colour], u, v, why); };
+        if (drawing_) drawing_->circle(u, v, radius_, vision::Drawing::note), drawing_->cross(u, v, vision::Drawing::note);
         if (!disk.blob) refuse("nothing in the picture has that colour");
         const auto& b = *disk.blob;
+        if (drawing_) drawing_->cross(b.u, b.v, vision::Drawing::good);
         if (b.clipped) refuse("what fits best is cut off by the border of the picture");
         if (disk.fit < 0.1) refuse("what fits best is at " + sorma::numberText(b.u) + " " + sorma::numberText(b.v) + ", and fits " + sorma::numberText(disk.fit));
         if (double part = b.area / disk.expectedArea; part < 0.6 || part > 1.5)
@@ -444,6 +469,7 @@ private:
 }  // namespace
 
 extern "C" SORMA_EXPORT int Vision_Init(Tcl_Interp* interp) {
-    return sorma::provide(interp, "sorma::service::vision", "1.0",
-                          {Hsvtable::describe(), FindBall::describe(), FindBrdMarker::describe(), GetBrdSit::describe(), GetDisk::describe()});
+    std::vector<sorma::Class> classes{Hsvtable::describe(), FindBall::describe(), FindBrdMarker::describe(), GetBrdSit::describe(), GetDisk::describe()};
+    for (auto& step : vision::steps()) classes.push_back(std::move(step));
+    return sorma::provide(interp, "sorma::service::vision", "1.0", std::move(classes));
 }

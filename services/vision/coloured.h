@@ -1,0 +1,30 @@
+// coloured.h -- what the classes of the module have in common: pictures in messages, and tables of colours from files.
+//
+// A picture is a record as camera.image has it: floats time, width, height ...; any: red, green, blue, 8 bits each, top row first.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include <sorma.h>
+
+#include "colourTable.h"
+
+namespace vision {
+
+extern const sorma::Prototype kNoPicture, kPicture, kNoTable, kTable;
+
+// A picture of a message, without a copy: it lives as long as the message. planes: bytes that there must be for each pixel; type: of
+// OpenCV, what those that begin it are. Fails with VISION PICTURE; whose: where it comes from.
+cv::Mat pictureOf(const std::string& who, const std::string& whose, sorma::Message& m, std::size_t planes = 3, int type = CV_8UC3);
+
+using TablePointer = std::shared_ptr<ColourTable>;
+
+// What has a table of colours from a file.
+class Coloured : public sorma::Service {
+protected:
+    // For this author, who must be allowed to read the file; null: there is no file. Fails with VISION TABLE.
+    TablePointer load(const std::string& file, const sorma::PrincipalPointer& author, std::string* origin = nullptr) const;
+};
+
+}  // namespace vision
