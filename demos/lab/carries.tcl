@@ -333,7 +333,8 @@ proc carries::pid daemon {
 
 # Each of these returns rows of the table: what, measured, wanted, well.
 
-proc carries::Well count {
+# Lab time is judged at speed 1 only: when it goes faster, what the machine needs for itself counts many times.
+proc carries::Well {count speed} {
     set placed [set unnoticed [set worst [set slowest 0]]]
     for {set i 1} {$i <= $count} {incr i} {
         set tokens [scene]
@@ -355,7 +356,7 @@ proc carries::Well count {
     }
     return [list "$count carries, placed within 2 mm" "$placed, at most [format %.2f [expr {1e3 * $worst}]] mm" all [expr {$placed == $count}] \
         "drops unnoticed" $unnoticed 0 [expr {$unnoticed == 0}] \
-        "lab time of a carry, at most" [format {%.2f s} $slowest] "8 s" [expr {$slowest <= 8}]]
+        "lab time of a carry, at most" [format {%.2f s} $slowest] "8 s at speed 1" [expr {$speed != 1 || $slowest <= 8}]]
 }
 
 proc carries::Faulty count {
@@ -410,7 +411,7 @@ proc carries::run args {
     expr {srand([dict get $o -seed])}
     fconfigure stdout -buffering line
     prepare [dict get $o -table] [dict get $o -speed]
-    set rows [Well [dict get $o -carries]]
+    set rows [Well [dict get $o -carries] [dict get $o -speed]]
     # Parts that are away are given up sooner.
     $Carry CTRL -patience 8
     lappend rows {*}[Faulty [dict get $o -faults]]
