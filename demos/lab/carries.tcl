@@ -17,7 +17,7 @@ namespace eval carries {
     variable Prefix demo.               ;# of the laboratory's buffers
     variable Place {0 0 0}              ;# of the board: by how much it has been moved
     variable Inject {}                  ;# phase of carry -> script, when it has ended
-    variable Peak 0                     ;# [N] at the hand, of the present carry
+    variable Peak 0                     ;# [N] at the hand
     variable Off {0 0}                  ;# most by which the markers were wrong: [m] on the board, [rad] of its yaw
     # What is done, and how it may be named; placed: it is healed.
     variable Faults {
@@ -156,6 +156,13 @@ proc carries::taken listVar {
     set list [lreplace $list $k $k]
     return $one
 }
+proc carries::oneOf list {
+    return [taken list]
+}
+# A field without a token.
+proc carries::empty tokens {
+    return [oneOf [lmap field [fields] {expr {[dict exists $tokens $field] ? [continue] : $field}}]]
+}
 # How far a token is from a field [m].
 proc carries::away {token field} {
     variable Lab
@@ -177,11 +184,9 @@ proc carries::Phase event {
         uplevel #0 $script
     }
 }
-# Returns a dict: outcome (placed, or the error's symbol), text, off [m] of the field, seconds of lab time, peak [N].
+# Returns a dict: outcome (placed, or the error's symbol), text, off [m] of the field, seconds of lab time.
 proc carries::carry {token from to} {
     variable Carry
-    variable Peak 0
-    catch {shmem_r.force exec since}
     set call [sorma::async $Carry exec -floats [concat $from 0 $to 0]]
     while {![$call done]} {
         set ::carries::Tick 0
@@ -196,9 +201,9 @@ proc carries::carry {token from to} {
     if {$failed} {
         set code [dict get $how -errorcode]
         set outcome [expr {[lindex $code 1] eq "CARRY" ? [lindex $code 2] : [join [lrange $code 1 2]]}]
-        return [dict create outcome $outcome text $result off $off seconds 0 peak $Peak]
+        return [dict create outcome $outcome text $result off $off seconds 0]
     }
-    return [dict create outcome placed text {} off $off seconds [lindex [dict get $result floats] 2] peak $Peak]
+    return [dict create outcome placed text {} off $off seconds [lindex [dict get $result floats] 2]]
 }
 proc carries::Feel {} {
     variable Peak
@@ -235,7 +240,6 @@ proc carries::recover {} {
 # as much time; empty: the carry was over before.
 proc carries::givenUp {from to} {
     variable Carry
-    variable Peak 0
     set call [sorma::async $Carry exec -floats [concat $from 0 $to 0]]
     set until [expr {[now] + 0.1 + 6 * rand()}]
     while {![$call done] && [now] < $until} {
@@ -327,28 +331,16 @@ proc carries::pid daemon {
 
 # ---- the table ----
 
-proc carries::row {what value target well} {
-    puts [format {%-52s %-28s %-26s %s} $what $value $target [expr {$well ? "yes" : "NO"}]]
-    return $well
-}
+# Each of these returns rows of the table: what, measured, wanted, well.
 
-proc carries::run args {
-    variable Faults
-    variable Inject
-    variable Carry
-    variable Off
-    variable Peak
-    set o [sorma::options::parse {-carries {any 200} -faults {any 100} -cancels {any 50} -seed {any 1} -speed {any 0} -table {any {}}} $args]
-    expr {srand([dict get $o -seed])}
-    fconfigure stdout -buffering line
-    prepare [dict get $o -table] [dict get $o -speed]
-    set count [dict get $o -carries]
-    set placed [set unnoticed [set worst [set slowest [set peak 0]]]]
+# Lab time is judged at speed 1 only: when it goes faster, what the machine needs for itself counts many times.
+proc carries::Well {count speed} {
+    set placed [set unnoticed [set worst [set slowest 0]]]
     for {set i 1} {$i <= $count} {incr i} {
         set tokens [scene]
-        set from [lindex [dict keys $tokens] [expr {int(rand() * [dict size $tokens])}]]
-        set free [lmap f [fields] {expr {[dict exists $tokens $f] ? [continue] : $f}}]
-        set one [carry [dict get $tokens $from] $from [set to [taken free]]]
+        set from [oneOf [dict keys $tokens]]
+        set to [empty $tokens]
+        set one [carry [dict get $tokens $from] $from $to]
         set off [dict get $one off]
         if {[dict get $one outcome] ne "placed"} {
             puts "$i: [dict get $one text]"
@@ -361,17 +353,21 @@ proc carries::run args {
             incr unnoticed [expr {$off > 0.01}]
         }
         set slowest [expr {max($slowest, [dict get $one seconds])}]
-        set peak [expr {max($peak, [dict get $one peak])}]
     }
+    return [list "$count carries, placed within 2 mm" "$placed, at most [format %.2f [expr {1e3 * $worst}]] mm" all [expr {$placed == $count}] \
+        "drops unnoticed" $unnoticed 0 [expr {$unnoticed == 0}] \
+        "lab time of a carry, at most" [format {%.2f s} $slowest] "8 s at speed 1" [expr {$speed != 1 || $slowest <= 8}]]
+}
+
+proc carries::Faulty count {
+    variable Faults
+    variable Inject
     set well 0
-    set faults [dict get $o -faults]
-    $Carry CTRL -patience 8
-    for {set i 1} {$i <= $faults} {incr i} {
+    for {set i 1} {$i <= $count} {incr i} {
         set fault [lindex [dict keys $Faults] [expr {($i - 1) % [dict size $Faults]}]]
         set tokens [scene]
-        set from [lindex [dict keys $tokens] [expr {int(rand() * [dict size $tokens])}]]
-        set free [lmap f [fields] {expr {[dict exists $tokens $f] ? [continue] : $f}}]
-        set to [taken free]
+        set from [oneOf [dict keys $tokens]]
+        set to [empty $tokens]
         set token [dict get $tokens $from]
         lassign [Strike $fault $token $from $to $tokens] phase script
         if {$phase eq {}} {
@@ -388,32 +384,48 @@ proc carries::run args {
         } else {
             puts [format {%d: %s: %s, %.1f mm from its goal; %s} $i $fault $outcome [expr {1e3 * [dict get $one off]}] [dict get $one text]]
         }
-        set peak [expr {max($peak, [dict get $one peak])}]
         recover
     }
-    set given [set still 0]
-    while {$given < [dict get $o -cancels]} {
+    return [list "$count carries with a fault, healed or named" $well all [expr {$well == $count}]]
+}
+
+proc carries::GivenUp count {
+    set still 0
+    for {set i 0} {$i < $count} {} {
         set tokens [scene]
-        set free [lmap f [fields] {expr {[dict exists $tokens $f] ? [continue] : $f}}]
-        set moves [givenUp [lindex [dict keys $tokens] 0] [taken free]]
+        set moves [givenUp [lindex [dict keys $tokens] 0] [empty $tokens]]
         if {$moves ne {}} {
-            incr given
+            incr i
             incr still [expr {$moves < 3e-4}]
-            set peak [expr {max($peak, $Peak)}]
         }
         recover
     }
+    return [list "$count carries given up, the arm stands" $still all [expr {$still == $count}]]
+}
+
+proc carries::run args {
+    variable Carry
+    variable Off
+    variable Peak
+    set o [sorma::options::parse {-carries {any 200} -faults {any 100} -cancels {any 50} -seed {any 1} -speed {any 0} -table {any {}}} $args]
+    expr {srand([dict get $o -seed])}
+    fconfigure stdout -buffering line
+    prepare [dict get $o -table] [dict get $o -speed]
+    set rows [Well [dict get $o -carries] [dict get $o -speed]]
+    # Parts that are away are given up sooner.
+    $Carry CTRL -patience 8
+    lappend rows {*}[Faulty [dict get $o -faults]]
+    $Carry CTRL -patience 30
+    lappend rows {*}[GivenUp [dict get $o -cancels]]
     game
     lassign $Off most yaw
-    set all [list \
-        [row "board by its markers, at most off" [format {%.2f mm, %.2f degrees} [expr {1e3 * $most}] [expr {$yaw * 57.29578}]] \
-            "1 mm, 0.3 degrees" [expr {$most <= 1e-3 && $yaw <= 0.3 / 57.29578}]] \
-        [row "$count carries, placed within 2 mm" "$placed, at most [format %.2f [expr {1e3 * $worst}]] mm" all [expr {$placed == $count}]] \
-        [row "drops unnoticed" $unnoticed 0 [expr {$unnoticed == 0}]] \
-        [row "lab time of a carry, at most" [format {%.2f s} $slowest] "8 s" [expr {$slowest <= 8}]] \
-        [row "$faults carries with a fault, healed or named" $well all [expr {$well == $faults}]] \
-        [row "$given carries given up, the arm stands" $still all [expr {$still == $given}]] \
-        [row "largest force on the hand" [format {%.1f N} $peak] "15 N" [expr {$peak <= 15}]]]
+    lappend rows "board by its markers, at most off" [format {%.2f mm, %.2f degrees} [expr {1e3 * $most}] [expr {$yaw * 57.29578}]] \
+        "1 mm, 0.3 degrees" [expr {$most <= 1e-3 && $yaw <= 0.3 / 57.29578}] \
+        "largest force on the hand" [format {%.1f N} $Peak] "15 N" [expr {$Peak <= 15}]
+    foreach {what measured wanted well} $rows {
+        puts [format {%-46s %-26s %-20s %s} $what $measured $wanted [expr {$well ? "yes" : "NO"}]]
+        lappend all $well
+    }
     return [expr {0 in $all}]
 }
 

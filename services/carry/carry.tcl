@@ -44,7 +44,8 @@ oo::class create ::sorma::service::carry {
     sorma::option -tips service -help "answers what the hand feels: a record of hand.state; none: nobody watches the token on its way"
     sorma::option -transform service -help "knows where things are (class transform)"
     sorma::option -disk service -help "sees a token (class getDisk)"
-    sorma::option -picture service -help "answers a picture; its first float is its time"
+    sorma::option -rest double -unit s -range {0 10} -default 0.1 -help "of the arm before it looks: its servos need a moment"
+    sorma::option -picture service -help "answers a picture, its first float is its time: it must be new; none: who sees has a new one taken"
     sorma::option -pose service -help "answers where the tool is: floats lab time, position, quaternion"
     sorma::option -speaker service -help "is told what went wrong (EXEC TMSG); none: nobody"
     sorma::option -laser service -help "points at where it went wrong (EXEC point FMSG 3); none: nobody"
@@ -271,7 +272,7 @@ oo::class create ::sorma::service::carry {
         if {$Under eq {}} {
             set Under [dict get [my Ask -transform exec under] floats]
         }
-        ::sorma::service::transform::fresh [my cget -picture] [my cget -pose] [my cget -patience]
+        ::sorma::service::transform::fresh [my cget -picture] [my cget -pose] [my cget -rest] [my cget -patience]
         set best {0 0 0 0}
         foreach colour [expr {[my cget -colour] eq "any" ? {red yellow} : [my cget -colour]}] {
             try {

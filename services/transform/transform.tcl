@@ -34,7 +34,8 @@ oo::class create ::sorma::service::transform {
     sorma::option -disk service -help "finds a token"
     sorma::option -mover service -help "moves the tool on lines, to a pose in the world (class mvpos); none: it is moved by somebody else"
     sorma::option -hand service -help "centres the token before learnGrasp by closing on it (class manus); none: it stands in the middle"
-    sorma::option -picture service -help "answers a picture; its first float is its time"
+    sorma::option -rest double -unit s -range {0 10} -default 0.1 -help "of the arm before it looks: its servos need a moment"
+    sorma::option -picture service -help "answers a picture, its first float is its time: it must be new; none: who sees has a new one taken"
     sorma::option -pose service -help "answers where the tool is: floats lab time, position, quaternion"
     sorma::words "boardToWorld|worldToBoard|boardToImage|imageToBoard|worldToImage|imageToWorld|correct|under|learnBoard|learnGrasp|learnCamera"
     sorma::reads floats 0..3 "" "board: file, rank, h (tokens underneath); world: x, y, z \[m\]; image: u, v \[pixels\], and how many\
@@ -163,7 +164,7 @@ oo::class create ::sorma::service::transform {
         if {[my cget -mover] ne {}} {
             my Go [my cget -survey]
         }
-        ::sorma::service::transform::fresh [my cget -picture] [my cget -pose]
+        ::sorma::service::transform::fresh [my cget -picture] [my cget -pose] [my cget -rest]
         set board [lrange [dict get [[my cget -finder] exec] floats] 4 6]
         my configure -board $board
         my MakeBoardMap
@@ -242,7 +243,7 @@ oo::class create ::sorma::service::transform {
             lassign [my cget -survey] x y z q0 q1 q2 q3
             set turned [::sorma::service::transform::turned [list $q0 $q1 $q2 $q3] [list $a $b $c]]
             my Go [concat [expr {$x + $dx}] [expr {$y + $dy}] [expr {$z + $dz}] $turned]
-            ::sorma::service::transform::fresh [my cget -picture] [my cget -pose]
+            ::sorma::service::transform::fresh [my cget -picture] [my cget -pose] [my cget -rest]
             set pixels [lrange [dict get [[my cget -finder] exec] floats] 0 3]
             lappend views [lrange [dict get [[my cget -pose] exec] floats] 1 7] $pixels
         }
@@ -273,7 +274,7 @@ oo::class create ::sorma::service::transform {
     }
     # Where a token is seen in a picture that is taken now.
     method See {point pose} {
-        ::sorma::service::transform::fresh [my cget -picture] [my cget -pose]
+        ::sorma::service::transform::fresh [my cget -picture] [my cget -pose] [my cget -rest]
         return [lrange [dict get [[my cget -disk] exec -floats [my PixelOf $point $pose] -text [my cget -colour]] floats] 0 1]
     }
     method Note {what measured} {
@@ -282,20 +283,23 @@ oo::class create ::sorma::service::transform {
     }
 }
 
-# Returns when there is a picture that was taken after this was called. picture, pose: who answers them; empty: whoever sees has a new one
-# taken. Fails when none comes within so many seconds.
+# Returns when the arm has rested for so many seconds of lab time, and there is a picture that was taken then. picture, pose: who answers
+# them; no picture: whoever sees has a new one taken; no pose: nobody waits. Fails when it takes longer than patience [s].
 namespace eval ::sorma::service::transform {}
-proc ::sorma::service::transform::fresh {picture pose {patience 10}} {
-    if {$picture eq {} || $pose eq {}} {
+proc ::sorma::service::transform::fresh {picture pose rest {patience 10}} {
+    if {$pose eq {}} {
         return
     }
-    set since [lindex [dict get [$pose exec] floats] 0]
+    set since [expr {[lindex [dict get [$pose exec] floats] 0] + $rest}]
     set end [expr {[clock milliseconds] + 1000 * $patience}]
-    while {[lindex [dict get [$picture exec] floats] 0] <= $since && ![sorma::cancelled]} {
-        if {[clock milliseconds] > $end} {
-            sorma::fail {VISION PICTURE} "there is no new picture since $patience s; the camera stands, or is away"
+    while {[lindex [dict get [$pose exec] floats] 0] < $since || ($picture ne {} && [lindex [dict get [$picture exec] floats] 0] <= $since)} {
+        if {[sorma::cancelled]} {
+            return
         }
-        after 5 [info coroutine]
+        if {[clock milliseconds] > $end} {
+            sorma::fail {VISION PICTURE} "there is no new picture since $patience s; the camera stands, or the laboratory"
+        }
+        after 2 [info coroutine]
         yield
     }
 }
