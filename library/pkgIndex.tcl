@@ -15,8 +15,8 @@ apply {dir {
         json line message options text timer usage
         elsewhere events load news table value world
         complete listing manual reply trail
-        chart execform field form image lamp layout panel parts style subject trailview window
-        await daemon doctor inspect launch launchDaemon launchFile launchForward observe record scott shell
+        arrangement chart console execform field form image lamp layout panel parts style subject trailview window
+        await daemon doctor inspect launch launchDaemon launchFile launchForward observe record scott scottwish shell
     } {
         package ifneeded sorma::$name 1.0 [list source -encoding utf-8 [file join $dir $name.tcl]]
     }

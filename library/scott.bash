@@ -1,4 +1,4 @@
-# scott.bash -- completion of scott's command line in bash. What there is scott says itself: commands, and the objects of all daemons.
+# scott.bash -- completion of scott's and scottwish's command lines in bash. What there is scott says itself: commands, and the objects of all daemons.
 
 _scott() {
     local current="${COMP_WORDS[COMP_CWORD]}" line="${COMP_LINE:0:COMP_POINT}" words word
@@ -12,4 +12,4 @@ _scott() {
     local before="${word%"$current"}"
     COMPREPLY=("${COMPREPLY[@]#"$before"}")
 }
-complete -o bashdefault -o default -F _scott scott
+complete -o bashdefault -o default -F _scott scott scottwish

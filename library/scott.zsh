@@ -1,5 +1,5 @@
-#compdef scott
-# scott.zsh -- completion of scott's command line in zsh, as file _scott in its function path. What there is scott says itself:
+#compdef scott scottwish
+# scott.zsh -- completion of scott's and scottwish's command lines in zsh, as file _scott in its function path. What there is scott says itself:
 # commands, and the objects of all daemons.
 
 # The word at the cursor as far as it goes, perhaps an empty one; all of them as scott would get them, without their quotes.

@@ -50,13 +50,15 @@ proc ::sorma::style::Dark {} {
     return [expr {0.3 * $r + 0.6 * $g + 0.1 * $b < 0x7000}]
 }
 
-# ::sorma::style::font KIND -- plain, strong, small or fixed: names of fonts, made at first use from Tk's own.
+# ::sorma::style::font KIND -- plain, strong, small, fixed or fixedStrong: names of fonts, made at first use from Tk's own.
 proc ::sorma::style::font kind {
     set name sorma-$kind
     if {$name ni [::font names]} {
-        set own [::font actual [dict get {plain TkDefaultFont strong TkDefaultFont small TkSmallCaptionFont fixed TkFixedFont} $kind]]
+        set own [::font actual [dict get {
+            plain TkDefaultFont strong TkDefaultFont small TkSmallCaptionFont fixed TkFixedFont fixedStrong TkFixedFont
+        } $kind]]
         ::font create $name {*}$own
-        if {$kind eq "strong"} {
+        if {$kind in {strong fixedStrong}} {
             ::font configure $name -weight bold
         }
     }

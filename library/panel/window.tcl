@@ -5,7 +5,7 @@ package require sorma::style
 package provide sorma::window 1.0
 
 namespace eval ::sorma::window {
-    namespace export panel chart form open place file
+    namespace export panel chart form open place geometry all file
     namespace ensemble create
     variable Geometries         ;# dict: toplevel -> {KEY geometry}, as it was last
     variable Last
@@ -16,14 +16,14 @@ namespace eval ::sorma::window {
 }
 
 # ::sorma::window panel NAME, chart NAME -OPTION, form FILE -- a window with the panel of an object, with the values of an option over time,
-# or with a form; the same one when it is open already. Returns the toplevel.
+# or with a form; the same one when it is open already. Returns the toplevel. Their keys are those that arrangement.tcl has for the same.
 proc ::sorma::window::panel name {
     package require sorma::panel
-    return [open [list panel $name] $name ::sorma::panel $name]
+    return [open [list panel -name $name] $name ::sorma::panel $name]
 }
 proc ::sorma::window::chart {name option} {
     package require sorma::chart
-    return [open [list chart $name $option] "$name $option" {apply {{window name option} {
+    return [open [list stripchart -plot [list [list $name $option]]] "$name $option stripchart" {apply {{window name option} {
         ::sorma::stripchart $window
         $window plot $option $name $option
     }}} $name $option]
@@ -32,7 +32,7 @@ proc ::sorma::window::chart {name option} {
 proc ::sorma::window::form path {
     package require sorma::form
     set path [::file normalize $path]
-    return [open [list form $path] [::file rootname [::file tail $path]] ::sorma::form -file $path]
+    return [open [list form -file $path] [::file rootname [::file tail $path]] ::sorma::form -file $path]
 }
 
 # ::sorma::window open KEY TITLE COMMAND ?ARG ...? -- a window that KEY stands for, filled by COMMAND WINDOW ARG ..., unless it is there.
@@ -72,6 +72,17 @@ proc ::sorma::window::place {top key} {
     bind $top <Destroy> +[list ::sorma::window::Gone %W $top]
 }
 
+# ::sorma::window geometry TOPLEVEL GEOMETRY -- as wm geometry, within the screen.
+proc ::sorma::window::geometry {top geometry} {
+    wm geometry $top [Inside $top $geometry]
+}
+
+# ::sorma::window all -- those that are open: toplevel -> KEY.
+proc ::sorma::window::all {} {
+    variable Geometries
+    return [dict map {top known} $Geometries {lindex $known 0}]
+}
+
 proc ::sorma::window::Moved {window top} {
     variable Geometries
     if {$window eq $top && [dict exists $Geometries $top]} {
@@ -93,11 +104,14 @@ proc ::sorma::window::Gone {window top} {
 
 # A geometry, WIDTHxHEIGHT+X+Y, so that all of the window is on the screen.
 proc ::sorma::window::Inside {top geometry} {
-    if {![regexp {^(\d+)x(\d+)\+(-?\d+)\+(-?\d+)$} $geometry -> width height x y]} {
+    if {![regexp {^(\d+)x(\d+)(?:\+(-?\d+)\+(-?\d+))?$} $geometry -> width height x y]} {
         return {}
     }
     set width [expr {max(50, min($width, [winfo vrootwidth $top]))}]
     set height [expr {max(50, min($height, [winfo vrootheight $top]))}]
+    if {$x eq {}} {
+        return ${width}x$height
+    }
     set x [expr {max(0, min($x, [winfo vrootwidth $top] - $width))}]
     set y [expr {max(0, min($y, [winfo vrootheight $top] - $height))}]
     return ${width}x$height+$x+$y

@@ -93,15 +93,9 @@ proc ::sorma::scott::ShellWords words {
     Put [lsearch -all -inline -glob [concat [::sorma::shell::commands] [dict keys [::sorma::usage::options scott]]] [::sorma::text::escape $partial]*]
 }
 
-# The words that can end a line of the prompt, each with what of its last word stands before it.
 proc ::sorma::scott::PutWords {line {before {}}} {
     prepare
-    set text $before$line
-    ::sorma::complete $text [string length $text]           ;# asks the daemons
-    ::sorma::await settle 300
-    set found [::sorma::complete $text [string length $text]]
-    set head [string range $text [string length $before] [dict get $found from]-1]
-    Put [lmap word [dict get $found words] {string cat $head $word}]
+    Put [::sorma::shell::endings $line $before]
 }
 
 proc ::sorma::scott::Put words {

@@ -138,6 +138,17 @@ proc ::sorma::shell::hint {pending line point} {
     return [dict get [::sorma::complete $pending$line [expr {[string length $pending] + $point}]] hint]
 }
 
+# ::sorma::shell::endings LINE ?BEFORE? -- for a shell: the words that can end LINE when BEFORE stands before it, each with what of its last
+# word is there already.
+proc ::sorma::shell::endings {line {before {}}} {
+    set text $before$line
+    ::sorma::complete $text [string length $text]           ;# asks the daemons
+    ::sorma::await settle 300
+    set found [::sorma::complete $text [string length $text]]
+    set head [string range $text [string length $before] [dict get $found from]-1]
+    return [lmap word [dict get $found words] {string cat $head $word}]
+}
+
 # ---- history: one command a line, a newline in it as \n and a backslash as \\ ----
 
 # ::sorma::shell::recall --

@@ -1,0 +1,200 @@
+# arrangement.tcl -- windows that stand together, as a file: one line for each, plain text that people write too.
+#
+#     # the kitchen
+#     console -geometry 800x400+0+0
+#     panel -name foo.a@robot -options "-tempo -where" -geometry 420x500+820+0
+#     stripchart -plot "probe.y@robot -value" -span 30
+#
+# Words are quoted as in requests; # begins a comment. A file is read and never evaluated. Every option of a kind is one of its widget, but
+# -geometry (WIDTHxHEIGHT+X+Y; without it, or without its place, the window comes where it was last) and -plot.
+
+package require sorma
+package require sorma::options
+package provide sorma::arrangement 1.0
+
+namespace eval ::sorma::arrangement {
+    namespace export parse text console open save
+    namespace ensemble create
+    # kind -> package, command and options that a line may have. The command is called with the window and the options that were given.
+    variable Kinds {
+        console {sorma::console ::sorma::console {-keep {{whole 1 {}}}}}
+        panel {sorma::panel ::sorma::arrangement::Panel {
+            -name {{word {a service object}}} -options any -groups any -layout {{word {a file}}} -live {{whole 1 {}}} -apply {{choice now later}}
+            -state {{choice normal readonly}}}}
+        stripchart {sorma::chart ::sorma::arrangement::Chart {
+            -plot {{collect {an object and its option}}} -span any -low any -high any -interval {{whole 1 {}}} -paused boolean}}
+        form {sorma::form ::sorma::form {
+            -file {{word {a file}}} -live {{whole 1 {}}} -apply {{choice now later}} -state {{choice normal readonly}}}}
+        image {sorma::image ::sorma::image {
+            -name {{word {a service object}}} -request {{word {a request}}} -every {{whole 0 {}}} -size any -zoom any}}
+        trailview {sorma::trailview ::sorma::trailview {-keys {{word {a pattern}}} -severity any -keep {{whole 1 {}}}}}
+    }
+    variable Needs {panel -name form -file image -name}
+    variable Console {}         ;# the toplevel that a line "console" is about; empty: it opens one
+}
+
+# ::sorma::arrangement parse TEXT ?WHERE? --
+#       Read an arrangement.
+# Arguments:
+#       WHERE   the name of the file, for errors
+# Results:
+#       List of two: windows, each a list of kind and dict of its options; errors, each a line WHERE:LINE: ...
+proc ::sorma::arrangement::parse {text {where arrangement}} {
+    set windows {}
+    set wrong {}
+    set n 0
+    foreach line [split $text \n] {
+        incr n
+        try {
+            set words [lassign [::sorma::SplitWords $line] kind]
+            if {$kind ne {}} {
+                lappend windows [Window $kind $words]
+            }
+        } trap {SORMA REQUEST SYNTAX} message {
+            lappend wrong "$where:$n: $message"
+        }
+    }
+    return [list $windows $wrong]
+}
+
+# A window's kind and the options that were given.
+proc ::sorma::arrangement::Window {kind words} {
+    variable Kinds
+    variable Needs
+    if {![dict exists $Kinds $kind]} {
+        Fail "bad kind of window \"$kind\": must be [::sorma::options::oneOf [lsort [dict keys $Kinds]]]"
+    }
+    set table [dict replace [lindex [dict get $Kinds $kind] 2] -geometry {{word {WIDTHxHEIGHT+X+Y}}}]
+    set defaults [::sorma::options::defaults $table]
+    set settings [dict filter [::sorma::options::parse $table $words] script {option value} {expr {$value ne [dict get $defaults $option]}}]
+    if {[dict exists $Needs $kind] && ![dict exists $settings [dict get $Needs $kind]]} {
+        Fail "$kind: [dict get $Needs $kind] must say what it shows"
+    }
+    if {[dict exists $settings -geometry] && ![regexp {^\d+x\d+(\+-?\d+\+-?\d+)?$} [dict get $settings -geometry]]} {
+        Fail "$kind: -geometry expects WIDTHxHEIGHT+X+Y, got \"[dict get $settings -geometry]\""
+    }
+    foreach plot [if {[dict exists $settings -plot]} {dict get $settings -plot}] {
+        if {[catch {llength $plot} n] || $n != 2 || ![string match -?* [lindex $plot 1]]} {
+            Fail "$kind: -plot expects an object and its option, got \"$plot\""
+        }
+    }
+    return [list $kind $settings]
+}
+proc ::sorma::arrangement::Fail message {
+    return -code error -errorcode {SORMA REQUEST SYNTAX} $message
+}
+
+# ::sorma::arrangement text WINDOWS -- as parse has them, as text.
+proc ::sorma::arrangement::text windows {
+    set lines {}
+    foreach window $windows {
+        lassign $window kind settings
+        set line $kind
+        dict for {option value} $settings {
+            foreach word [if {$option eq "-plot"} {set value} else {list $value}] {
+                append line " $option [Quoted $word]"
+            }
+        }
+        lappend lines $line\n
+    }
+    return [join $lines {}]
+}
+proc ::sorma::arrangement::Quoted word {
+    if {[regexp {^[\w./:=@%+,*-]+$} $word]} {
+        return $word
+    }
+    return \"[string map {\\ \\\\ \" \\\" \n \\n \r \\r \t \\t} $word]\"
+}
+
+# ::sorma::arrangement console TOPLEVEL -- lines "console" are about this one.
+proc ::sorma::arrangement::console top {
+    variable Console $top
+    ::sorma::window place $top console
+}
+
+# ::sorma::arrangement open FILE -- open all its windows. Returns the errors, a line for each; the others are open.
+proc ::sorma::arrangement::open file {
+    set channel [::open $file]
+    try {
+        fconfigure $channel -encoding utf-8
+        lassign [parse [read $channel] $file] windows wrong
+    } finally {
+        close $channel
+    }
+    foreach window $windows {
+        if {[catch {Show {*}$window} message]} {
+            lappend wrong "$file: [lindex $window 0]: $message"
+        }
+    }
+    return $wrong
+}
+proc ::sorma::arrangement::Show {kind settings} {
+    variable Kinds
+    variable Console
+    package require sorma::window
+    lassign [dict get $Kinds $kind] package command
+    set geometry [if {[dict exists $settings -geometry]} {dict get $settings -geometry}]
+    set settings [dict remove $settings -geometry]
+    if {$kind eq "console" && [winfo exists $Console]} {
+        set top $Console
+        [Widget $top] configure {*}$settings
+    } else {
+        package require $package
+        set top [::sorma::window open [list $kind {*}$settings] [Title $kind $settings] $command {*}$settings]
+    }
+    if {$geometry ne {}} {
+        ::sorma::window geometry $top $geometry
+    }
+    return $top
+}
+proc ::sorma::arrangement::Title {kind settings} {
+    foreach option {-name -plot -file -keys} {
+        if {[dict exists $settings $option]} {
+            return "[join [dict get $settings $option] {, }][if {$kind ne "panel"} {string cat " " $kind}]"
+        }
+    }
+    return $kind
+}
+proc ::sorma::arrangement::Panel {window args} {
+    ::sorma::panel $window [dict get $args -name] {*}[dict remove $args -name]
+}
+proc ::sorma::arrangement::Chart {window args} {
+    ::sorma::stripchart $window {*}[dict remove $args -plot]
+    foreach plot [if {[dict exists $args -plot]} {dict get $args -plot}] {
+        $window plot [if {[llength [dict get $args -plot]] > 1} {set plot} else {lindex $plot 1}] {*}$plot
+    }
+}
+
+# ::sorma::arrangement save FILE -- the windows of these kinds that are open.
+proc ::sorma::arrangement::save file {
+    variable Kinds
+    package require sorma::window
+    set windows {}
+    dict for {top key} [::sorma::window all] {
+        set settings [lassign $key kind]
+        if {[dict exists $Kinds $kind]} {
+            lappend windows [list $kind [dict replace [Now $kind $settings [Widget $top]] -geometry [wm geometry $top]]]
+        }
+    }
+    set channel [::open $file w]
+    try {
+        fconfigure $channel -encoding utf-8
+        puts -nonewline $channel "# saved by scottwish\n[text $windows]"
+    } finally {
+        close $channel
+    }
+}
+# What the toplevel shows.
+proc ::sorma::arrangement::Widget top {
+    return [string trimright $top .].w
+}
+# Options as they are by now: of those that the widget has, all that are not as ever.
+proc ::sorma::arrangement::Now {kind settings widget} {
+    variable Kinds
+    foreach option [dict keys [lindex [dict get $Kinds $kind] 2]] {
+        if {![catch {$widget configure $option} facts] && [lindex $facts 4] ne [lindex $facts 3]} {
+            dict set settings $option [lindex $facts 4]
+        }
+    }
+    return $settings
+}

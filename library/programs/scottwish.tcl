@@ -1,0 +1,193 @@
+# scottwish.tcl -- the program scottwish: scott's prompt in a window, with panels beside it. The same as scott, for who has a display.
+
+package require sorma
+package require sorma::options
+package require sorma::shell
+package require sorma::usage
+package provide sorma::scottwish 1.0
+
+namespace eval ::sorma::scottwish {
+    variable Options {-panel {{word {a file}}}  --version flag  --help flag  -h flag}
+    variable File {}        ;# the arrangement that was opened or saved last
+    variable Ended          ;# set when the window is closed
+}
+
+# ::sorma::scottwish::main --
+#       Run the program scottwish.
+# Arguments:
+#       words   command line, as the manual says
+# Results:
+#       Exit code of the program.
+proc ::sorma::scottwish::main words {
+    variable Options
+    variable Ended
+    if {[lindex $words 0] eq "--complete"} {
+        ShellWords [lrange $words 1 end]
+        return 0
+    }
+    try {
+        set settings [::sorma::options::leading $Options words]
+    } trap {SORMA REQUEST SYNTAX} message {
+        puts stderr "scottwish: $message"
+        puts stderr [::sorma::usage::program scottwish]
+        return 2
+    }
+    if {[dict get $settings --help] || [dict get $settings -h]} {
+        puts [::sorma::usage::program scottwish]
+        return 0
+    }
+    if {[dict get $settings --version]} {
+        puts "scottwish, SORMA [package present sorma], Tcl [info patchlevel]"
+        return 0
+    }
+    # Tk would read the command line as its own.
+    set ::argv {}
+    set ::argc 0
+    if {[catch {package require Tk} message]} {
+        puts stderr "scottwish: it cannot open a window: $message; scott does the same in a terminal"
+        return 1
+    }
+    Window
+    if {[dict get $settings -panel] ne {}} {
+        Open [dict get $settings -panel]
+    }
+    foreach name $words {
+        Try [list panel $name]
+    }
+    vwait ::sorma::scottwish::Ended
+    if {[::sorma::shell::records]} {
+        ::sorma::record::stop
+    }
+    destroy .
+    return 0
+}
+
+# What can stand for the last word of a command line, a line each; names of files are the shell's.
+proc ::sorma::scottwish::ShellWords words {
+    package require sorma::complete
+    set partial [lindex $words end]
+    if {[lindex $words end-1] eq "-panel"} return
+    if {[string match -* $partial]} {
+        puts [join [lsearch -all -inline -glob [dict keys [::sorma::usage::options scottwish]] $partial*] \n]
+        return
+    }
+    ::sorma::shell::prepare
+    puts [join [::sorma::shell::endings $partial "::sorma::scottwish::panel "] \n]
+}
+
+# The window with the console, and its menu.
+proc ::sorma::scottwish::Window {} {
+    package require sorma::arrangement
+    package require sorma::console
+    package require sorma::window
+    wm title . scottwish
+    wm protocol . WM_DELETE_WINDOW {set ::sorma::scottwish::Ended 1}
+    menu .menu -tearoff 0
+    menu .menu.file -tearoff 0
+    .menu add cascade -label File -underline 0 -menu .menu.file
+    foreach {label key command} {
+        "Open arrangement..." Ctrl-O Choose
+        "Save arrangement" Ctrl-S Save
+        "Save arrangement as..." {} SaveAs
+    } {
+        .menu.file add command -label $label -underline [expr {$command eq "SaveAs" ? 17 : 0}] -accelerator $key \
+            -command [list ::sorma::scottwish::Try $command]
+    }
+    .menu.file add separator
+    .menu.file add command -label Quit -underline 0 -accelerator Ctrl-D -command {set ::sorma::scottwish::Ended 1}
+    menu .menu.panels -tearoff 0 -postcommand ::sorma::scottwish::Panels
+    .menu add cascade -label Panels -underline 0 -menu .menu.panels
+    . configure -menu .menu
+    pack [::sorma::console .w -output 1 -command {set ::sorma::scottwish::Ended 1}] -fill both -expand 1
+    # Before those of the text, which mean something else.
+    bind SormaWish <Control-o> {::sorma::scottwish::Try Choose; break}
+    bind SormaWish <Control-s> {::sorma::scottwish::Try Save; break}
+    ::sorma::style tag .w SormaWish
+    interp bgerror {} ::sorma::scottwish::BackgroundError
+    ::sorma::shell::word panel ::sorma::scottwish::panel
+    ::sorma::shell::word arrangement ::sorma::scottwish::Arrangement
+    ::sorma::arrangement console .
+    focus .w.text
+    update
+}
+
+# Objects that are known, each with its panel.
+proc ::sorma::scottwish::Panels {} {
+    .menu.panels delete 0 end
+    set names [lmap key [::sorma::world keys *@*] {
+        if {[string match sorma::* $key]} continue
+        regsub {@self$} $key {}
+    }]
+    foreach name [lrange $names 0 39] {
+        .menu.panels add command -label $name -command [list ::sorma::scottwish::Try [list panel $name]]
+    }
+    if {$names eq {}} {
+        .menu.panels add command -label "none is known yet; type panel NAME" -state disabled
+    }
+}
+
+# ::sorma::scottwish::panel NAME -- its panel in a window beside the console.
+proc ::sorma::scottwish::panel name {
+    ::sorma::window panel $name
+    return
+}
+
+proc ::sorma::scottwish::Arrangement {word file} {
+    switch -- $word {
+        open { Open $file }
+        save { SaveTo $file }
+        default { ::sorma::usage::wrong arrangement }
+    }
+}
+proc ::sorma::scottwish::Open file {
+    variable File
+    try {
+        set wrong [::sorma::arrangement open $file]
+        set File $file
+    } on error message {
+        set wrong [list $message]
+    }
+    foreach message $wrong {
+        .w write "scottwish: $message\n" error
+    }
+}
+proc ::sorma::scottwish::SaveTo file {
+    variable File
+    ::sorma::arrangement save $file
+    set File $file
+    .w write "saved to $file; scottwish -panel $file opens it again\n"
+}
+
+proc ::sorma::scottwish::Choose {} {
+    set file [tk_getOpenFile -parent .]
+    if {$file ne {}} {
+        Open $file
+    }
+}
+proc ::sorma::scottwish::Save {} {
+    variable File
+    if {$File ne {}} {
+        SaveTo $File
+    } else {
+        SaveAs
+    }
+}
+proc ::sorma::scottwish::SaveAs {} {
+    variable File
+    set file [tk_getSaveFile -parent . -initialfile [file tail $File]]
+    if {$file ne {}} {
+        SaveTo $file
+    }
+}
+
+# What fails is said in the console, not in a dialog.
+proc ::sorma::scottwish::Try script {
+    if {[catch $script message]} {
+        .w write "scottwish: $message\n" error
+    }
+}
+proc ::sorma::scottwish::BackgroundError {message options} {
+    if {[winfo exists .w]} {
+        .w write "background error: $message\n" error
+    }
+}
