@@ -25,6 +25,8 @@ apply {{} {
         trailview trailview
         panel panel
         window window
+        console console
+        arrangement arrangement
     } {
         foreach command $commands {
             namespace eval ::sorma::[namespace qualifiers $command] {}
