@@ -66,7 +66,7 @@ namespace eval pictures {
         stripchart {sorma::stripchart -span 20 -width 420 -height 160}
         image      {sorma::image -name camera.hand@pictures -every 200 -width 320 -height 240 -zoom 2}
         trailview  {sorma::trailview -keys arm.*@* -height 4}
-        console    {sorma::console}
+        console    {sorma::console -width 84 -height 22}
     }
     variable Bound 20000        ;# ms for which something is waited for
 }
@@ -162,7 +162,15 @@ proc pictures::Ready name {
             }
             until {[llength [.w messages]] >= 3}
         }
-        console {}
+        console {
+            foreach line {{foo.cell@pictures EXEC} {arm.left@pictures CTRL -speed 7} {ls *@pictures}} {
+                .w execute $line
+                until {![.w running]}
+            }
+            .w unfold
+            .w.text insert end "arm.left@pictures CTRL -gripper "
+            until {[.w.hint cget -text] ne {}}
+        }
         default {
             set option [.w cget -option]
             [.w subject] revert             ;# what was typed in the panel before
