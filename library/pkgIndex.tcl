@@ -15,7 +15,7 @@ apply {dir {
         json line message options text timer usage
         elsewhere events load news table value world
         complete listing manual reply trail
-        arrangement chart console execform field form image lamp layout panel parts style subject trailview window
+        arrangement chart console execform field form image lamp layout painter panel parts style subject trailview window
         await daemon doctor inspect launch launchDaemon launchFile launchForward observe record scott scottwish shell
     } {
         package ifneeded sorma::$name 1.0 [list source -encoding utf-8 [file join $dir $name.tcl]]

@@ -376,6 +376,10 @@ proc figures::faults n {
                 set came [outcome $future]
                 eval $recover
                 mvpos.line$At CTRL -speed 0.2
+                if {$make ne {} && $came eq "done" && [distance [tool] $to] < 1e-3} {       # before anything happened: another one
+                    incr i -1
+                    continue
+                }
                 if {![string match $expected $came]} {
                     incr wrong
                     puts "$what $i: the caller heard $came instead of $expected"

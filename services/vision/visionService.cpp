@@ -52,6 +52,7 @@ public:
                      [](sorma::Service& s, sorma::Args args, Message& m) { static_cast<Hsvtable&>(s).save(args[0], m); },
                      sorma::Right::inspect, true})
             .action("-learn", &Hsvtable::learn, "", "make the table of all pictures that EXEC train was given")
+            .action("-forget", &Hsvtable::forget, "", "forget these pictures; the table stays until the next -learn")
             .words("code|classify|train")
             .reads(floats, sorma::between(3, 16), "", "code: red, green, blue (0 to 255); others: a picture's time, width, height")
             .reads(any, {}, "", "classify: RGB, 3 bytes for each pixel; train: the same, then a byte for each pixel with its colour: 0 background, "
@@ -128,6 +129,8 @@ private:
                   fmt::format("{:%Y-%m-%d}", fmt::localtime(std::time(nullptr)));
         m.text = origin_;
     }
+
+    void forget(sorma::Args, Message&) { training_ = {}; }
 
     std::string file_, origin_;
     TablePointer table_ = std::make_shared<vision::ColourTable>();
