@@ -133,24 +133,36 @@ proc html::manual {name text} {
 
 # ---- pictures ----
 
-# A page of the manual with the pictures of its commands; the README, with those of windows behind the paragraph that tells of them.
+# What pictures the README has, behind the paragraph that has these words first.
+set html::Shown {
+    panel,console {<code>sorma::panel</code>}
+    lab-scene,lab-panel,lab-reading {simulated laboratory with an arm}
+}
+
+# A page of the manual with the pictures of its commands; the README with its own.
 proc html::pictured {page body pictures} {
-    foreach path [lsort $pictures] {
-        set name [file rootname [file tail $path]]
-        set image "<img src=\"$name.png\" alt=\"sorma::$name\">"
-        if {$page eq "README.html"} {
-            if {$name in {panel console}} {
-                append windows $image
+    variable Shown
+    set names [lmap path [lsort $pictures] {file rootname [file tail $path]}]
+    if {$page eq "README.html"} {
+        dict for {wanted words} $Shown {
+            set images [join [lmap name [split $wanted ,] {if {$name ni $names} continue; Image $name}] {}]
+            if {$images ne {}} {
+                regsub "$words.*?</p>" $body "&<p class=\"windows\">$images</p>" body
             }
-        } elseif {[regexp -indices [string map [list NAME $name] {<dt><a name="[^"]*"><b class="cmd">(?:<a [^>]*>)?sorma::NAME(?:</a>)?</b>(?:(?!</dt>).)*</dt>\s*<dd>}] $body at]} {
+        }
+        return $body
+    }
+    foreach name $names {
+        if {[regexp -indices [string map [list NAME $name] {<dt><a name="[^"]*"><b class="cmd">(?:<a [^>]*>)?sorma::NAME(?:</a>)?</b>(?:(?!</dt>).)*</dt>\s*<dd>}] $body at]} {
             set end [lindex $at 1]
-            set body "[string range $body 0 $end]<p>$image</p>[string range $body $end+1 end]"
+            set body "[string range $body 0 $end]<p>[Image $name]</p>[string range $body $end+1 end]"
         }
     }
-    if {[info exists windows]} {
-        regsub {<code>sorma::panel</code>.*?</p>} $body "&<p class=\"windows\">$windows</p>" body
-    }
     return $body
+}
+proc html::Image name {
+    set alt [if {[string match lab-* $name]} {string cat "the laboratory: [string range $name 4 end]"} else {string cat sorma::$name}]
+    return "<img src=\"$name.png\" alt=\"$alt\">"
 }
 
 # ---- all of it ----

@@ -1,4 +1,5 @@
-# pictures.tcl FOLDER -- pictures of windows for the web pages, NAME.png each, of real objects of a daemon.
+# pictures.tcl FOLDER -- pictures of windows for the web pages, NAME.png each, of real objects of a daemon; and of the laboratory, lab-WHAT.png, as
+# demos/lab/pictures.tcl makes them, where its services are.
 #
 # Needs Tk with libtk-img and snit, and Xvfb, which it starts. What is missing, or what fails, it says, and goes on: a manual without pictures is
 # one, too.
@@ -38,6 +39,27 @@ namespace eval pictures {
                 return [dict create any "P5\n160 120\n255\n$pixels"]
             }
         }
+        # Two red tokens and a yellow one on a board, in light that is not even.
+        oo::class create eye {
+            superclass sorma::Service
+            method exec message {
+                set pixels {}
+                for {set y 0} {$y < 240} {incr y} {
+                    for {set x 0} {$x < 320} {incr x} {
+                        set colour [expr {($x / 80 + $y / 80) % 2 ? {64 107 64} : {226 219 195}}]
+                        foreach {u v token} {120 40 {204 15 10} 200 120 {204 15 10} 40 120 {242 204 13}} {
+                            if {($x - $u) ** 2 + ($y - $v) ** 2 < 900} {
+                                set colour $token
+                            }
+                        }
+                        foreach part $colour {
+                            append pixels [format %c [expr {int(min(255, $part * (0.8 + $x / 800.0) + rand() * 8))}]]
+                        }
+                    }
+                }
+                return [dict create any "P6\n320 240\n255\n$pixels"]
+            }
+        }
     }
     # name: command, its arguments. N stands for a name at the daemon: arm.left becomes arm.left@pictures.
     variable Widgets {
@@ -65,10 +87,12 @@ namespace eval pictures {
         status     {sorma::status -name arm.left@pictures}
         stripchart {sorma::stripchart -span 20 -width 420 -height 160}
         image      {sorma::image -name camera.hand@pictures -every 200 -width 320 -height 240 -zoom 2}
+        painter    {sorma::painter -name hsvtable.board@pictures -picture eye.left@pictures}
         trailview  {sorma::trailview -keys arm.*@* -height 4}
         console    {sorma::console -width 84 -height 22}
     }
     variable Bound 20000        ;# ms for which something is waited for
+    variable Lab [file join [file dirname [file dirname [file normalize [info script]]]] demos lab pictures.tcl]
 }
 
 # What is missing for pictures; empty: nothing.
@@ -111,7 +135,7 @@ proc pictures::draw folder {
     }
     foo.cell@pictures CTRL -where garden -tempo presto -breakfast -freshJuice
     foreach {name words} $Widgets {
-        if {$name eq "console" && [package versions sorma::console] eq {}} continue
+        if {$name eq "painter" && [catch {hsvtable.board@pictures CTRL -dump}]} continue       ;# built without OpenCV
         destroy {*}[winfo children .]
         wm geometry . {}
         set words [lassign $words command]
@@ -162,6 +186,14 @@ proc pictures::Ready name {
             }
             until {[llength [.w messages]] >= 3}
         }
+        painter {
+            until {[string match "Paint with *" [.w said]]}
+            foreach {colour stroke} {0 {20 20 60 60} 0 {260 20 300 60} 1 {110 30 130 50} 2 {30 110 50 130}} {
+                .w paint $colour {*}$stroke
+            }
+            .w learn
+            until {[string match "Learned: *" [.w said]]}
+        }
         console {
             foreach line {{foo.cell@pictures EXEC} {arm.left@pictures CTRL -speed 7} {ls *@pictures}} {
                 .w execute $line
@@ -184,8 +216,21 @@ proc pictures::Ready name {
 
 # ---- the parent ----
 
+# Is the laboratory built, with someone who can draw it?
+proc pictures::lab {} {
+    return [expr {![catch {exec [info nameofexecutable] << {
+        package require sorma
+        foreach name {simlab vision robot hand carry} {
+            package require sorma::service::$name
+        }
+        sorma::create simlab.probe -prefix probe[pid]. -paused 1
+        simlab.probe exec camera
+    }}]}]
+}
+
 proc pictures::make folder {
     variable Classes
+    variable Lab
     file delete -force $folder
     file mkdir $folder
     set missing [Missing]
@@ -207,6 +252,9 @@ proc pictures::make folder {
             error "sormad does not start"
         }
         exec [info nameofexecutable] [info script] -draw $folder 2>@1
+        foreach what [if {[lab]} {string cat {scene reading panel}}] {
+            exec timeout 60 [info nameofexecutable] $Lab $what [file join $folder lab-$what.png] 2>@1
+        }
     } on error message {
         puts "not all pictures of windows are in the manual: $message"
     } finally {

@@ -22,6 +22,7 @@ apply {{} {
         form form
         lamp {led meter reading status}
         image image
+        painter painter
         trailview trailview
         panel panel
         window window

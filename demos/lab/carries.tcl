@@ -403,6 +403,14 @@ proc carries::GivenUp count {
     return [list "$count carries given up, the arm stands" $still all [expr {$still == $count}]]
 }
 
+# Rows of the table: what, what was measured, what is wanted, whether it is well. Returns the last of each.
+proc carries::Report args {
+    return [lmap {what measured wanted well} $args {
+        puts [format {%-46s %-26s %-20s %s} $what $measured $wanted [expr {$well ? "yes" : "NO"}]]
+        set well
+    }]
+}
+
 proc carries::run args {
     variable Carry
     variable Off
@@ -411,21 +419,17 @@ proc carries::run args {
     expr {srand([dict get $o -seed])}
     fconfigure stdout -buffering line
     prepare [dict get $o -table] [dict get $o -speed]
-    set rows [Well [dict get $o -carries] [dict get $o -speed]]
+    set all [Report {*}[Well [dict get $o -carries] [dict get $o -speed]]]
     # Parts that are away are given up sooner.
     $Carry CTRL -patience 8
-    lappend rows {*}[Faulty [dict get $o -faults]]
+    lappend all {*}[Report {*}[Faulty [dict get $o -faults]]]
     $Carry CTRL -patience 30
-    lappend rows {*}[GivenUp [dict get $o -cancels]]
+    lappend all {*}[Report {*}[GivenUp [dict get $o -cancels]]]
     game
     lassign $Off most yaw
-    lappend rows "board by its markers, at most off" [format {%.2f mm, %.2f degrees} [expr {1e3 * $most}] [expr {$yaw * 57.29578}]] \
+    lappend all {*}[Report "board by its markers, at most off" [format {%.2f mm, %.2f degrees} [expr {1e3 * $most}] [expr {$yaw * 57.29578}]] \
         "1 mm, 0.3 degrees" [expr {$most <= 1e-3 && $yaw <= 0.3 / 57.29578}] \
-        "largest force on the hand" [format {%.1f N} $Peak] "15 N" [expr {$Peak <= 15}]
-    foreach {what measured wanted well} $rows {
-        puts [format {%-46s %-26s %-20s %s} $what $measured $wanted [expr {$well ? "yes" : "NO"}]]
-        lappend all $well
-    }
+        "largest force on the hand" [format {%.1f N} $Peak] "15 N" [expr {$Peak <= 15}]]
     return [expr {0 in $all}]
 }
 

@@ -1,16 +1,18 @@
-# pictures.tcl WHAT FILE ?THEME? -- a picture of the laboratory for a page: WHAT is scene, as the free camera sees it, or panel, the
-# operator's, with everything running. PNG.
+# pictures.tcl WHAT FILE ?THEME? -- a picture of the laboratory for a page: WHAT is scene, as the free camera sees it; reading, a board with
+# what getBrdSit takes it for; or panel, the operator's, with everything running. PNG.
 #
 #     xvfb-run -a -s "-screen 0 1600x1200x24" tclsh8.6 pictures.tcl panel panel.png
 #
-# It needs a display; the panel's also Tk's package Img, and the names of the daemons that `./bootstrap run lab` uses.
+# It needs a display; the panel's also Tk's package Img, and a runtime folder where no daemon has the name of one of the laboratory's.
 
 package require Tk
 
 namespace eval pictures {
     variable Here [file dirname [file normalize [info script]]]
 }
-source [file join $pictures::Here lab.tcl]
+foreach name {lab boards colours} {
+    source [file join $pictures::Here $name.tcl]
+}
 
 proc pictures::scene file {
     package require sorma::service::simlab
@@ -18,6 +20,23 @@ proc pictures::scene file {
     simlab.picture CTRL -person 0.75 0.1 0.12
     simlab.picture EXEC FMSG 1 0.5
     [image create photo -data [dict get [simlab.picture exec -floats {140 -25 1.9 0.45 0 0.2} view] any]] write $file -format png
+    return 0
+}
+
+# A board that stands askew, in the middle of a game.
+proc pictures::reading file {
+    package require sorma::service::simlab
+    expr {srand(4)}
+    set table $file.hsv
+    try {
+        colours::learn $table
+        boards::prepare $table picture[pid].
+        boards::next
+        boards::read
+        [image create photo -data [dict get [getBrdSit.boards exec debug] any]] write $file -format png
+    } finally {
+        file delete $table
+    }
     return 0
 }
 
@@ -29,7 +48,8 @@ proc pictures::panel {file theme} {
         package require ttk::theme::$theme
         ttk::style theme use $theme
     }
-    set launch [lab::start sorma-launch [file join $Here lab.launch]]
+    set folder [exec mktemp -d]
+    set launch [lab::start sorma-launch [own $folder]]
     try {
         vwait lab::Heard
         if {$lab::Heard ne "ready"} {
@@ -37,7 +57,7 @@ proc pictures::panel {file theme} {
         }
         uplevel #0 [list source [file join $Here panel.tcl]]
         wm geometry . +0+0
-        simlab@lab CTRL -speed 1
+        simlab@lab CTRL -speed 0
         pino@robot EXEC power on
         calibrate@robot EXEC
         # Something to see in the charts: the table is felt.
@@ -50,7 +70,20 @@ proc pictures::panel {file theme} {
         return 0
     } finally {
         lab::finish $launch
+        file delete -force $folder
     }
+}
+# The laboratory with buffers of its own: another one may run. Returns its launch file.
+proc pictures::own folder {
+    variable Here
+    foreach name {lab.launch lab.dict} {
+        set in [open [file join $Here $name]]
+        set out [open [file join $folder $name] w]
+        puts -nonewline $out [string map [list demo. picture[pid].] [read $in]]
+        close $in
+        close $out
+    }
+    return [file join $folder lab.launch]
 }
 proc pictures::Until condition {
     while {![uplevel 1 [list expr $condition]]} {
@@ -62,9 +95,10 @@ proc pictures::Until condition {
 lassign $argv what file theme
 switch -- $what {
     scene { exit [pictures::scene $file] }
+    reading { exit [pictures::reading $file] }
     panel { exit [pictures::panel $file $theme] }
     default {
-        puts stderr "usage: pictures.tcl scene|panel FILE ?THEME?"
+        puts stderr "usage: pictures.tcl scene|reading|panel FILE ?THEME?"
         exit 2
     }
 }
