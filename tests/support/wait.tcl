@@ -1,7 +1,7 @@
 # wait.tcl -- tests wait for facts, never for time.
 
 # waitFor condition ?bound?: run the event loop until the expression is true; an error after bound milliseconds.
-proc waitFor {condition {bound 10000}} {
+proc waitFor {condition {bound 30000}} {
     set end [expr {[clock milliseconds] + $bound}]
     while {![uplevel 1 [list expr $condition]]} {
         if {[clock milliseconds] > $end} {
