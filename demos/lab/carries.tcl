@@ -18,7 +18,7 @@ namespace eval carries {
     variable Place {0 0 0}              ;# of the board: by how much it has been moved
     variable Inject {}                  ;# phase of carry -> script, when it has ended
     variable Peak 0                     ;# [N] at the hand
-    variable Off {0 0}                  ;# most by which the markers were wrong: [m] on the board, [rad] of its yaw
+    variable Off {0 0 0}                ;# most by which a marker was wrong [m], the board's yaw [rad], a token before it is looked at [m]
     # What is done, and how it may be named; placed: it is healed.
     variable Faults {
         shifted   {placed EARLY EMPTY}
@@ -90,18 +90,16 @@ proc carries::scene {{count 8}} {
     Compare
     return $tokens
 }
-# What transform says of the tokens that are on the board, and where they are.
+# What transform says of the tokens that are on the board and of the markers, and where they are.
 proc carries::Compare {} {
     variable Lab
     variable Transform
     variable Off
     set on [lsearch -all -inline -not -regexp [split [lindex [$Lab DBX -tokens] 3] \n] {^\S+ (9|-|0\.[0-4]|\d\d)}]
-    lassign $Off most mostYaw
     set places {}
     foreach line $on {
         lassign $line - file rank x y
-        lassign [dict get [$Transform exec -floats [list $file $rank 0] boardToWorld] floats] u v
-        set most [expr {max($most, hypot($x - $u, $y - $v))}]
+        lassign [World $file $rank] u v
         lappend places [list [expr {$rank + 0.1 * $file}] $x $y $u $v]
     }
     # The yaw: from the nearest to the farthest one.
@@ -109,7 +107,24 @@ proc carries::Compare {} {
     lassign [lindex $places 0] - x0 y0 u0 v0
     lassign [lindex $places end] - x y u v
     set turn [expr {atan2($y - $y0, $x - $x0) - atan2($v - $v0, $u - $u0)}]
-    set Off [list $most [expr {max($mostYaw, abs(atan2(sin($turn), cos($turn))))}]]
+    set tokens [lmap place $places {lassign $place - x y u v; expr {hypot($x - $u, $y - $v)}}]
+    # Where the markers are: as far off as that yaw and the nearest token say.
+    lassign [$Transform cget -markers] behind aside
+    set field [$Transform cget -field]
+    set middle [expr {([$Transform cget -fields] + 1) / 2.0}]
+    set markers [lmap side {1 -1} {
+        lassign [World [expr {$middle + $side * $aside / $field}] [expr {$middle + $behind / $field}]] u v
+        set x [expr {$x0 + cos($turn) * ($u - $u0) - sin($turn) * ($v - $v0)}]
+        set y [expr {$y0 + sin($turn) * ($u - $u0) + cos($turn) * ($v - $v0)}]
+        expr {hypot($x - $u, $y - $v)}
+    }]
+    lassign $Off most mostYaw mostToken
+    set Off [list [tcl::mathfunc::max $most {*}$markers] [expr {max($mostYaw, abs(atan2(sin($turn), cos($turn))))}] \
+        [tcl::mathfunc::max $mostToken {*}$tokens]]
+}
+proc carries::World {file rank} {
+    variable Transform
+    return [lrange [dict get [$Transform exec -floats [list $file $rank 0] boardToWorld] floats] 0 1]
 }
 proc carries::clear {} {
     variable Lab
@@ -396,7 +411,11 @@ proc carries::GivenUp count {
         set moves [givenUp [lindex [dict keys $tokens] 0] [empty $tokens]]
         if {$moves ne {}} {
             incr i
-            incr still [expr {$moves < 3e-4}]
+            if {$moves < 3e-4} {
+                incr still
+            } else {
+                puts [format {%d: given up, and the tool still came %.2f mm} $i [expr {1e3 * $moves}]]
+            }
         }
         recover
     }
@@ -426,9 +445,10 @@ proc carries::run args {
     $Carry CTRL -patience 30
     lappend all {*}[Report {*}[GivenUp [dict get $o -cancels]]]
     game
-    lassign $Off most yaw
-    lappend all {*}[Report "board by its markers, at most off" [format {%.2f mm, %.2f degrees} [expr {1e3 * $most}] [expr {$yaw * 57.29578}]] \
+    lassign $Off most yaw token
+    lappend all {*}[Report "markers, at most off" [format {%.2f mm, %.2f degrees} [expr {1e3 * $most}] [expr {$yaw * 57.29578}]] \
         "1 mm, 0.3 degrees" [expr {$most <= 1e-3 && $yaw <= 0.3 / 57.29578}] \
+        "tokens, before they are looked at" [format {%.2f mm} [expr {1e3 * $token}]] "3 mm" [expr {$token <= 3e-3}] \
         "largest force on the hand" [format {%.1f N} $Peak] "15 N" [expr {$Peak <= 15}]]
     return [expr {0 in $all}]
 }
