@@ -258,8 +258,29 @@ std::string Service::recipe() const {
     return out;
 }
 
+namespace {
+
+// While a daemon serves a peer's request it does not wait for a third one: that one may be silent, or wait for this one. What is
+// wrong with a name elsewhere is told when it is used.
+class OnTrust {
+public:
+    explicit OnTrust(Sorm& sorm) : sorm_(sorm), was_(sorm.unhurried) {
+        if (CallContext::currentClient()) sorm.unhurried = true;
+    }
+    ~OnTrust() { sorm_.unhurried = was_; }
+    OnTrust(const OnTrust&) = delete;
+    OnTrust& operator=(const OnTrust&) = delete;
+
+private:
+    Sorm& sorm_;
+    const bool was_;
+};
+
+}  // namespace
+
 Reference subService(Service& user, const std::string& name, const PrincipalPointer& author) {
     if (name.empty()) return {};
+    OnTrust onTrust(user.sorm());
     Reference found = user.sorm().get(name, author);
     // What the class does with it, it does as the owner; so whoever has named it must have the right to that. Elsewhere that
     // daemon judges.
