@@ -270,8 +270,9 @@ proc carries::givenUp {from to} {
     while {![regexp -line {^# phase ?$} [lindex [$Carry CTRL -dump] 3]]} {
         after 20
     }
+    # As fast as it goes, lab time passes while the stop is under way.
     set places {}
-    foreach wait {0.3 0.3} {
+    foreach wait {1 0.3} {
         set until [expr {[now] + $wait}]
         while {[now] < $until} {
             after 2
