@@ -129,8 +129,8 @@ snit::widget ::sorma::panel {
         foreach event {<Button-3> <Key-Menu> <Shift-F10>} {
             bind [$self Tag] $event "[mymethod Popup %W %X %Y]; break"      ;# a scale would jump there
         }
-        $self Table
         $self Switched
+        $self Table
     }
 
     method Ended window {
@@ -225,12 +225,14 @@ snit::widget ::sorma::panel {
             $inner.field$row configure -apply $options(-apply) -state $options(-state)
         }
         if {[winfo exists $win.exec]} {
-            set state [expr {$readOnly ? "disabled" : "normal"}]
-            $win.exec configure -state $state
-            foreach child [winfo children $win.actions] {
-                $child configure -state $state
-            }
+            $self EnableActions
             $self Shown [dict keys $rows]
+        }
+    }
+    method EnableActions {} {
+        set state [expr {$readOnly ? "disabled" : "normal"}]
+        foreach part [list $win.exec {*}[winfo children $win.actions]] {
+            $part configure -state $state
         }
     }
 
@@ -274,11 +276,7 @@ snit::widget ::sorma::panel {
     # All windows of it know the panel's keys, its menu and its wheel.
     method Tagged window {
         ::sorma::style tag $window [$self Tag]
-        if {$window ne $win} {
-            ::sorma::style bindWheel $window $canvas
-        } else {
-            ::sorma::style bindWheel $canvas $canvas
-        }
+        ::sorma::style bindWheel [expr {$window eq $win ? $canvas : $window}] $canvas
     }
 
     # A button for each action; what stops stands above, where it cannot be scrolled away.
@@ -303,6 +301,7 @@ snit::widget ::sorma::panel {
             }
             ::sorma::style tip $button $help
         }
+        $self EnableActions
     }
     method Act {word text} {
         if {[catch {llength $text}]} {
@@ -383,8 +382,9 @@ snit::widget ::sorma::panel {
         after cancel $seenTimer
         set seenTimer [after idle [mymethod Look]]
     }
-    # Fields that are out of sight cost nothing.
+    # Fields that are out of sight cost nothing. As long as nothing has its place, none is in sight.
     method Look {} {
+        if {[winfo height $canvas] <= 1 || [winfo height $inner] <= 1} return
         set top [$canvas canvasy 0]
         set bottom [$canvas canvasy [winfo height $canvas]]
         foreach n [dict values $rows] {

@@ -65,7 +65,7 @@ proc shares ms {
     return [lmap pid $pids b $before {format %.1f%% [expr {([ticks $pid] - $b) * 1000.0 / $took}]}]
 }
 proc tell {what value} {
-    puts [format "%-62s %s" $what $value]
+    puts [format "%-70s %s" $what $value]
     flush stdout
 }
 
@@ -80,10 +80,17 @@ eye.a@$d CTRL -dump
 set subject [sorma::subject of dials.a@$d]
 until {[$subject table] ne {} && [dict get [$subject get -dial1] state] eq "live"}
 
-set began [clock microseconds]
-pack [sorma::panel .p dials.a@$d -live 0] -fill both -expand 1
-update
-tell "40 options opened, to the last pixel \[ms]" [expr {([clock microseconds] - $began) / 1000}]
+# The machine may be busy with other things: the least of several is what it costs.
+set opened {}
+foreach turn {1 2 3 4 5 6} {
+    destroy .p
+    update
+    set began [clock microseconds]
+    pack [sorma::panel .p dials.a@$d -live 0] -fill both -expand 1
+    update
+    lappend opened [expr {([clock microseconds] - $began) / 1000}]
+}
+tell "40 options opened, to the last pixel: the first, the least of 5 \[ms]" "[lindex $opened 0] [tcl::mathfunc::min {*}[lrange $opened 1 end]]"
 
 tell "at rest: share of a core (client, X server)" [shares 2000]
 # They change in the daemon by a process of its own, so that the client alone is measured.
