@@ -6,7 +6,8 @@
 #     stripchart -plot "probe.y@robot -value" -span 30
 #
 # Words are quoted as in requests; # begins a comment. A file is read and never evaluated. Every option of a kind is one of its widget, but
-# -geometry (WIDTHxHEIGHT+X+Y; without it, or without its place, the window comes where it was last) and -plot.
+# -geometry (WIDTHxHEIGHT+X+Y; without it, or without its place, the window comes where it was last) and -plot. Other files that are named
+# there count from the folder of the file.
 
 package require sorma
 package require sorma::options
@@ -121,12 +122,24 @@ proc ::sorma::arrangement::open file {
     } finally {
         close $channel
     }
+    set folder [file dirname [file normalize $file]]
     foreach window $windows {
-        if {[catch {Show {*}$window} message]} {
-            lappend wrong "$file: [lindex $window 0]: $message"
+        lassign $window kind settings
+        if {[catch {Show $kind [Located $settings $folder]} message]} {
+            lappend wrong "$file: $kind: $message"
         }
     }
     return $wrong
+}
+# Settings with full names of the files in them; and with those in the folder named from there, so that it can be moved as a whole.
+proc ::sorma::arrangement::Located {settings folder} {
+    return [dict map {option value} $settings {if {$option in {-layout -file}} {file join $folder $value} else {set value}}]
+}
+proc ::sorma::arrangement::Relative {settings folder} {
+    return [dict map {option value} $settings {
+        set path [if {$option in {-layout -file}} {file normalize $value}]
+        if {[string equal -length [string length $folder/] $folder/ $path]} {string range $path [string length $folder/] end} else {set value}
+    }]
 }
 proc ::sorma::arrangement::Show {kind settings} {
     variable Kinds
@@ -170,10 +183,12 @@ proc ::sorma::arrangement::save file {
     variable Kinds
     package require sorma::window
     set windows {}
+    set folder [file dirname [file normalize $file]]
     dict for {top key} [::sorma::window all] {
         set settings [lassign $key kind]
         if {[dict exists $Kinds $kind]} {
-            lappend windows [list $kind [dict replace [Now $kind $settings [Widget $top]] -geometry [wm geometry $top]]]
+            set settings [Relative [Now $kind $settings [Widget $top]] $folder]
+            lappend windows [list $kind [dict replace $settings -geometry [wm geometry $top]]]
         }
     }
     set channel [::open $file w]

@@ -311,7 +311,7 @@ snit::widget ::sorma::console {
     method Fold trail {
         lappend folds [incr Last]
         set n [llength [lmap entry $trail {if {[::sorma::trail::isStack $entry]} continue; set entry}]]
-        $self Above "  \u25b8 trail: $n message[expr {$n == 1 ? {} : "s"}]" [list fold fold$Last] "\n" {}
+        $self Above "  " {} "\u25b8 trail: $n message[expr {$n == 1 ? {} : "s"}]" [list fold fold$Last] "\n" {}
         $self Insert [::sorma::showTrail $trail -width [$self Columns] -colour 1]\n detail$Last
         $raw tag configure detail$Last -elide 1
     }
@@ -329,12 +329,16 @@ snit::widget ::sorma::console {
         }
         if {$n ni $folds || $n eq {}} return
         set hidden [$raw tag cget detail$n -elide]
+        set typing [expr {[$raw dlineinfo insert] ne {}}]
         $raw tag configure detail$n -elide [expr {!$hidden}]
-        set mark "[lindex [$raw tag ranges fold$n] 0] + 2 chars"
+        set mark [lindex [$raw tag ranges fold$n] 0]
         $raw insert "$mark + 1 chars" [expr {$hidden ? "\u25be" : "\u25b8"}] [$raw tag names $mark]
         $raw delete $mark
         foreach {from to} [lrange [$raw tag ranges detail$n] 0 1] {
             $raw see [expr {$hidden ? "$to - 1 chars" : $mark}]
+        }
+        if {$typing} {
+            $raw see insert
         }
     }
 

@@ -1,4 +1,5 @@
-# window.tcl -- windows of their own for panels and charts. Each comes back where it was and as large as it was, as far as the screen reaches.
+# window.tcl -- windows of their own for panels and charts. Each comes back where it was and as large as it was, as far as the screen reaches;
+# one that has never been there opens beside the others.
 
 package require Tk
 package require sorma::style
@@ -59,14 +60,17 @@ proc ::sorma::window::open {key title command args} {
     return $top
 }
 
-# ::sorma::window place TOPLEVEL KEY -- where the window of that key was last, within the screen; from now on its place is remembered.
+# ::sorma::window place TOPLEVEL KEY -- where the window of that key was last, within the screen, or beside those that are open; from now on
+# its place is remembered.
 proc ::sorma::window::place {top key} {
     variable Geometries
-    dict set Geometries $top [list $key {}]
     set remembered [Read]
     if {[dict exists $remembered $key]} {
-        wm geometry $top [Inside $top [dict get $remembered $key]]
+        geometry $top [dict get $remembered $key]
+    } else {
+        wm geometry $top [Beside $top [dict keys $Geometries]]
     }
+    dict set Geometries $top [list $key {}]
     wm maxsize $top [winfo vrootwidth $top] [winfo vrootheight $top]
     bind $top <Configure> +[list ::sorma::window::Moved %W $top]
     bind $top <Destroy> +[list ::sorma::window::Gone %W $top]
@@ -85,9 +89,16 @@ proc ::sorma::window::all {} {
 
 proc ::sorma::window::Moved {window top} {
     variable Geometries
-    if {$window eq $top && [dict exists $Geometries $top]} {
-        dict set Geometries $top [lreplace [dict get $Geometries $top] 1 1 [wm geometry $top]]
+    if {$window ne $top || ![dict exists $Geometries $top]} return
+    set geometry [wm geometry $top]
+    # One that has grown with what is in it, as when the table of an object has come, stays on the screen.
+    if {[winfo width $top] == [winfo reqwidth $top] && [winfo height $top] == [winfo reqheight $top]} {
+        regexp {\+.*} [Inside $top $geometry] place
+        if {![string match *$place $geometry]} {
+            wm geometry $top $place
+        }
     }
+    dict set Geometries $top [lreplace [dict get $Geometries $top] 1 1 $geometry]
 }
 
 proc ::sorma::window::Gone {window top} {
@@ -112,11 +123,59 @@ proc ::sorma::window::Inside {top geometry} {
     if {$x eq {}} {
         return ${width}x$height
     }
-    set x [expr {max(0, min($x, [winfo vrootwidth $top] - $width))}]
-    set y [expr {max(0, min($y, [winfo vrootheight $top] - $height))}]
-    return ${width}x$height+$x+$y
+    return ${width}x$height+[join [OnScreen $top $x $y $width $height] +]
 }
 
+# Where a window of the size that it wants covers least of the others: beside one of them, or below. If it would hide the most of another one
+# everywhere, a little off the last one, so that both can be seen. Empty: there are no others, and the window manager knows best.
+proc ::sorma::window::Beside {top others} {
+    if {$others eq {}} {
+        return {}
+    }
+    update idletasks
+    set width [winfo reqwidth $top]
+    set height [winfo reqheight $top]
+    set gap [::sorma::style pixels 12]
+    set taken [lmap other $others {Area $other}]
+    lassign [lindex $taken end] left up
+    set least [expr {$width * $height / 2}]
+    set best [list [expr {$left + 3 * $gap}] [expr {$up + 3 * $gap}]]
+    set beside [lmap area $taken {list [expr {[lindex $area 2] + $gap}] [lindex $area 1]}]
+    set below [lmap area $taken {list [lindex $area 0] [expr {[lindex $area 3] + 3 * $gap}]}]       ;# its title stands above a window
+    foreach place [concat $beside $below] {
+        lassign [OnScreen $top {*}$place $width $height] x y
+        set covered [Covered $taken $x $y [expr {$x + $width}] [expr {$y + $height}]]
+        if {$covered < $least} {
+            set least $covered
+            set best [list $x $y]
+        }
+    }
+    lassign [OnScreen $top {*}$best $width $height] x y
+    return +$x+$y
+}
+proc ::sorma::window::Covered {areas left up right down} {
+    return [tcl::mathop::+ {*}[lmap area $areas {
+        lassign $area l u r d
+        expr {max(0, min($right, $r) - max($left, $l)) * max(0, min($down, $d) - max($up, $u))}
+    }]]
+}
+# The place next to x and y where all of a window of that size is on the screen.
+proc ::sorma::window::OnScreen {top x y width height} {
+    return [list [expr {max(0, min($x, [winfo vrootwidth $top] - $width))}] [expr {max(0, min($y, [winfo vrootheight $top] - $height))}]]
+}
+
+# Left, upper, right and lower edge; of one that is not on the screen yet, as it will be.
+proc ::sorma::window::Area top {
+    if {[winfo ismapped $top]} {
+        lassign [list [winfo rootx $top] [winfo rooty $top] [winfo width $top] [winfo height $top]] x y width height
+    } else {
+        set x [set y 0]
+        regexp {([+-]\d+)([+-]\d+)$} [wm geometry $top] -> x y
+        set width [winfo reqwidth $top]
+        set height [winfo reqheight $top]
+    }
+    return [list [expr {$x}] [expr {$y}] [expr {$x + $width}] [expr {$y + $height}]]
+}
 # ::sorma::window file -- where that is remembered: lines of a key and a geometry. Empty: nowhere.
 proc ::sorma::window::file {} {
     global env

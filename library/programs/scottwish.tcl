@@ -10,6 +10,7 @@ namespace eval ::sorma::scottwish {
     variable Options {-panel {{word {a file}}}  --version flag  --help flag  -h flag}
     variable File {}        ;# the arrangement that was opened or saved last
     variable Ended          ;# set when the window is closed
+    variable Ready 0        ;# has each daemon said what it has
 }
 
 # ::sorma::scottwish::main --
@@ -54,7 +55,9 @@ proc ::sorma::scottwish::main words {
     foreach name $words {
         Try [list panel $name]
     }
-    vwait ::sorma::scottwish::Ended
+    if {![info exists Ended]} {
+        vwait ::sorma::scottwish::Ended
+    }
     if {[::sorma::shell::records]} {
         ::sorma::record::stop
     }
@@ -107,22 +110,48 @@ proc ::sorma::scottwish::Window {} {
     ::sorma::shell::word panel ::sorma::scottwish::panel
     ::sorma::shell::word arrangement ::sorma::scottwish::Arrangement
     ::sorma::arrangement console .
+    # As long as somebody watches, the model knows all objects.
+    ::sorma::world watch *@* -events {object.made object.removed world.ready} -command ::sorma::scottwish::Heard
     focus .w.text
     update
 }
 
-# Objects that are known, each with its panel.
+# Objects that are known, those of a daemon together; each opens its panel.
 proc ::sorma::scottwish::Panels {} {
+    variable Ready
     .menu.panels delete 0 end
-    set names [lmap key [::sorma::world keys *@*] {
-        if {[string match sorma::* $key]} continue
-        regsub {@self$} $key {}
-    }]
-    foreach name [lrange $names 0 39] {
-        .menu.panels add command -label $name -command [list ::sorma::scottwish::Try [list panel $name]]
+    destroy {*}[winfo children .menu.panels]
+    set n 0
+    foreach daemon [::sorma::world keys] {
+        set names [lmap object [::sorma::world objects $daemon] {
+            set name [dict get $object name]
+            if {[string match sorma::* $name] || $name eq "sorm"} continue
+            set name
+        }]
+        if {$names eq {}} continue
+        set menu [menu .menu.panels.daemon[incr n] -tearoff 0]
+        .menu.panels add cascade -label [expr {$daemon eq "self" ? "here" : $daemon}] -menu $menu
+        foreach name [lrange $names 0 39] {
+            set name [expr {$daemon eq "self" ? $name : "$name@$daemon"}]
+            $menu add command -label $name -command [list ::sorma::scottwish::Try [list panel $name]]
+        }
+        if {[llength $names] > 40} {
+            $menu add command -label "[expr {[llength $names] - 40}] more; type panel NAME" -state disabled
+        }
     }
-    if {$names eq {}} {
-        .menu.panels add command -label "none is known yet; type panel NAME" -state disabled
+    if {$n == 0} {
+        .menu.panels add command -state disabled \
+            -label [expr {$Ready ? "no object is there yet; type panel NAME" : "asking the daemons \u2026"}]
+    }
+}
+# The menu is filled when it opens. If nothing was known then, the first that comes comes into it.
+proc ::sorma::scottwish::Heard {event key what} {
+    variable Ready
+    if {$event eq "world.ready"} {
+        set Ready 1
+    }
+    if {[winfo children .menu.panels] eq {}} {
+        Panels
     }
 }
 
