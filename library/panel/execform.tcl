@@ -27,16 +27,17 @@ snit::widget ::sorma::execform {
         ttk::label $win.lamp -width 2
         ttk::progressbar $win.part -maximum 1.0 -length [::sorma::style pixels 120]
         ttk::label $win.time -font [::sorma::style font small]
+        ttk::frame $win.out
         text $win.reply -height 4 -width 40 -wrap word -state disabled -font [::sorma::style font fixed] -relief flat -borderwidth 0 \
             -background [ttk::style lookup . -background] -foreground [ttk::style lookup . -foreground] -takefocus 0 \
-            -yscrollcommand [list $win.bar set]
-        ttk::scrollbar $win.bar -command [list $win.reply yview]
-        grid $win.in - - - - - -sticky ew
+            -yscrollcommand [list ::sorma::parts::scrolled $win.bar]
+        grid $win.in - - - - -sticky ew
         grid $win.go $win.cancel $win.lamp $win.part $win.time -sticky w -pady $pad
         grid configure $win.cancel -padx $pad
         grid configure $win.part -padx [list 0 $pad]
-        grid $win.reply - - - - $win.bar -sticky nsew
-        grid remove $win.reply $win.bar $win.part
+        grid $win.out - - - - -sticky nsew
+        ::sorma::parts::withBar $win.out $win.reply $win.bar
+        grid remove $win.out $win.part
         grid columnconfigure $win 4 -weight 1
         foreach part {go cancel} {
             bind $win.$part <Escape> [mymethod cancel]
@@ -209,7 +210,7 @@ snit::widget ::sorma::execform {
             set answer [list error $text]
         }
         $win.time configure -text "[expr {[clock milliseconds] - $began}] ms"
-        grid $win.reply $win.bar
+        grid $win.out
         $win.reply configure -state normal
         $win.reply replace 1.0 end $text
         set lines [tcl::mathop::+ {*}[lmap line [split $text \n] {expr {1 + [string length $line] / 50}}]]

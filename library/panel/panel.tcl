@@ -61,8 +61,8 @@ snit::widget ::sorma::panel {
         ttk::label $win.head.purpose -foreground [::sorma::style colour asking]
         ttk::checkbutton $win.head.readonly -text "read only" -variable [myvar readOnly] -command [mymethod Switched] -underline 5
         ttk::frame $win.head.stop
-        grid $win.head.name $win.head.state $win.head.readonly $win.head.stop -sticky ew -padx [list 0 $pad]
-        grid $win.head.purpose - - -sticky w
+        grid $win.head.name x $win.head.readonly $win.head.stop -sticky ew -padx [list 0 $pad]
+        grid $win.head.purpose -row 1 -columnspan 3 -sticky w
         grid configure $win.head.stop -rowspan 2
         grid columnconfigure $win.head 1 -weight 1
         # What can be set.
@@ -75,13 +75,11 @@ snit::widget ::sorma::panel {
         ttk::frame $win.body
         install canvas using canvas $win.body.canvas -highlightthickness 0 -borderwidth 0 -background [ttk::style lookup . -background] \
             -yscrollcommand [mymethod Scrolled] -width [::sorma::style pixels 420] -height [::sorma::style pixels 240]
-        ttk::scrollbar $win.body.bar -command [list $canvas yview]
         install inner using ttk::frame $canvas.inner
         $canvas create window 0 0 -anchor nw -window $inner -tags inner
         bind $inner <Configure> [mymethod Sized]
         bind $canvas <Configure> "[list $canvas] itemconfigure inner -width %w"
-        pack $win.body.bar -side right -fill y
-        pack $canvas -side left -fill both -expand 1
+        ::sorma::parts::withBar $win.body $canvas $win.body.bar
         ttk::frame $win.apply
         ttk::button $win.apply.apply -text Apply -command [mymethod apply] -underline 0
         ttk::button $win.apply.revert -text Revert -command [mymethod revert] -underline 0
@@ -106,17 +104,16 @@ snit::widget ::sorma::panel {
         raise $win.exec
         pack $win.exec -in $win.what -fill both -expand 1
         bind $win.exec <<SormaReplied>> [list event generate $win <<SormaReplied>>]
-        grid $win.head -sticky ew -padx $pad -pady [list $pad $small]
-        grid $win.find -sticky ew -padx $pad -pady $small
-        grid $win.body -sticky nsew -padx $pad -pady $small
-        foreach part {apply ask said actions} {
-            grid $win.$part -sticky ew -padx $pad -pady $small
+        $self Head
+        set row -1
+        foreach part {head find body apply ask said actions what} {
+            grid $win.$part -row [incr row] -sticky [expr {$part eq "body" ? "nsew" : "ew"}] -padx $pad -pady $small
         }
-        grid remove $win.ask $win.said
-        grid $win.what -sticky ew -padx $pad -pady [list $small $pad]
+        grid remove $win.find $win.apply $win.ask $win.said $win.what
         # What went wrong: folded until somebody wants to see it.
-        ttk::checkbutton $win.trail -text "Trail" -variable [myvar trailShown] -command [mymethod Unfold] -style Toolbutton -underline 0
-        grid $win.trail -sticky w -padx $pad -pady [list 0 $small]
+        ttk::checkbutton $win.trail -variable [myvar trailShown] -command [mymethod Unfold] -style Toolbutton -underline 2
+        $self Unfold
+        grid $win.trail -row [incr row] -sticky w -padx $pad -pady [list 0 $small]
         grid columnconfigure $win 0 -weight 1
         grid rowconfigure $win 2 -weight 1
         bind $win <Destroy> +[mymethod Ended %W]
@@ -240,6 +237,11 @@ snit::widget ::sorma::panel {
         if {$subject eq {}} return
         if {$what eq "table"} {
             $self Table
+        } elseif {[$subject table] eq {}} {
+            $self Empty
+        }
+        if {$what eq "state"} {
+            $self Head
         }
         $self Shown [if {$what eq "values"} {set changed} else {dict keys $rows}]
     }
@@ -247,8 +249,10 @@ snit::widget ::sorma::panel {
     # The table has come, or it is another one.
     method Table {} {
         set table [$subject table]
-        if {$table eq {}} return
-        $win.head.purpose configure -text "[dict get $table class]: [dict get $table purpose]"
+        if {$table eq {}} {
+            return [$self Empty]
+        }
+        $win.head.purpose configure -text [string trimright "[dict get $table class]: [dict get $table purpose]" ": "]
         set all [lmap item [dict get $table options] {lindex $item 0}]
         set chosen [expr {$options(-options) eq {} ? $all : [lmap option $options(-options) {if {$option ni $all} continue; set option}]}]
         destroy {*}[winfo children $inner]
@@ -269,9 +273,34 @@ snit::widget ::sorma::panel {
             }
         }
         grid columnconfigure $inner 2 -weight 1
+        grid $win.what
+        if {$rows ne {}} {
+            grid $win.apply
+        } else {
+            $self None "the class has no options: nothing can be set"
+        }
         $self Actions $table
         $self Laid
         $self Tagged $win
+    }
+    # Where options stand when there are some. Why they are not there the status says, unless it is the daemon that says it.
+    method None text {
+        destroy $inner.none
+        grid [ttk::label $inner.none -text $text -wraplength $room -justify left] -row 0 -column 0 -columnspan 4 -sticky w
+    }
+    method Empty {} {
+        set told [$subject get {}]
+        set why [if {[dict get $told state] eq "gone"} {string cat ": [dict get $told why]"}]
+        $self None [expr {[dict get $told state] eq "asking" ? "asking \u2026"
+            : "Nothing is known of [$subject name] yet$why. The panel fills itself as soon as the object answers."}]
+    }
+    # A reason has a line of its own.
+    method Head {} {
+        if {[dict get [$subject state] why] eq {}} {
+            grid $win.head.state -row 0 -column 1 -columnspan 1 -sticky ew
+        } else {
+            grid $win.head.state -row 2 -column 0 -columnspan 4 -sticky ew
+        }
     }
     # All windows of it know the panel's keys, its menu and its wheel.
     method Tagged window {
@@ -352,7 +381,7 @@ snit::widget ::sorma::panel {
                 set any 1
                 set n [dict get $rows $option]
                 grid $inner.mark$n -row [incr row] -column 0
-                grid $inner.label$n -row $row -column 1 -sticky w -padx [list 0 $pad]
+                grid $inner.label$n -row $row -column 1 -sticky w -padx [list 0 [expr {2 * $pad}]]
                 grid $inner.field$n -row $row -column 2 -sticky ew -pady [list $pad 0]
                 grid $inner.unit$n -row $row -column 3 -sticky w -padx $pad
                 grid $inner.why$n -row [incr row] -column 2 -columnspan 2 -sticky w
@@ -372,13 +401,12 @@ snit::widget ::sorma::panel {
         after cancel $seenTimer
         set seenTimer [after idle [mymethod Look]]
         destroy $inner.none
-        if {$first eq {} && [dict size $rows] > 0} {
-            grid [ttk::label $inner.none -text [expr {$wanted ne {} ? "no option has \"$wanted\" in its name or its help" : "all options are hidden"}]] \
-                -row 0 -column 0 -columnspan 4 -sticky w
+        if {$first eq {}} {
+            $self None [expr {$wanted ne {} ? "no option has \"$wanted\" in its name or its help" : "all options are hidden: the menu of the right button shows them"}]
         }
     }
     method Scrolled {first last} {
-        $win.body.bar set $first $last
+        ::sorma::parts::scrolled $win.body.bar $first $last
         after cancel $seenTimer
         set seenTimer [after idle [mymethod Look]]
     }
@@ -457,13 +485,14 @@ snit::widget ::sorma::panel {
         uplevel #0 [list {*}$prefix $asked]
     }
     method Unfold {} {
+        $win.trail configure -text "[expr {$trailShown ? "\u25be" : "\u25b8"}] Trail"
         if {$trailShown && ![winfo exists $win.messages]} {
             set name [$subject name]
             ::sorma::trailview $win.messages -keys [string map {* \\* ? \\? [ \\[} [if {[string first @ $name] < 0} {string cat $name@self} else {set name}]]
             grid $win.messages -sticky nsew -padx [::sorma::style pixels 6] -pady [list 0 [::sorma::style pixels 6]]
         } elseif {$trailShown} {
             grid $win.messages
-        } else {
+        } elseif {[winfo exists $win.messages]} {
             grid remove $win.messages
         }
     }

@@ -26,6 +26,24 @@ proc ::sorma::parts::mark {parent n state why} {
     }
 }
 
+# ::sorma::parts::withBar FRAME VIEW BAR -- a window that scrolls and its scrollbar fill a frame; its -yscrollcommand calls scrolled, and where all
+# can be seen there is no bar. Its room stays: else what wraps there would make it come and go without end.
+proc ::sorma::parts::withBar {frame view bar} {
+    ttk::scrollbar $bar -command [list $view yview]
+    grid $view $bar -in $frame -sticky nsew
+    grid columnconfigure $frame 0 -weight 1
+    grid columnconfigure $frame 1 -minsize [winfo reqwidth $bar]
+    grid rowconfigure $frame 0 -weight 1
+}
+proc ::sorma::parts::scrolled {bar first last} {
+    $bar set $first $last
+    if {$first <= 0 && $last >= 1} {
+        grid remove $bar
+    } else {
+        grid $bar
+    }
+}
+
 # ::sorma::parts::fieldMenu MENU SUBJECT OPTION CAN -- what is done to an option. CAN: it may be changed.
 proc ::sorma::parts::fieldMenu {menu subject option can} {
     set edited [expr {$option in [$subject edited] ? "normal" : "disabled"}]
