@@ -255,7 +255,8 @@ snit::widget ::sorma::vector {
 snit::widget ::sorma::slider {
     ::sorma::fieldParts
     option -length -default 140
-    variable position 0
+    variable position 0         ;# in steps from the low end: keys and clicks beside the knob go one step, or ten, whatever the range is
+    variable step 1
     constructor args {
         $self configurelist $args
         install editor using ttk::scale $win.scale -variable [myvar position] -length [::sorma::style pixels $options(-length)] \
@@ -268,22 +269,28 @@ snit::widget ::sorma::slider {
     }
     method Build {} {
         if {[dict get $facts low] ne {} && [dict get $facts high] ne {}} {
-            $editor configure -from [dict get $facts low] -to [dict get $facts high]
+            set range [$self Range]
+            set step [expr {[dict get $facts type] eq "int" ? max(1, round($range / 100)) : $range / 100}]
+            $editor configure -from 0 -to [expr {$range / $step}]
         }
     }
-    method Moved value {
+    method Range {} {
+        set range [expr {double([dict get $facts high]) - [dict get $facts low]}]
+        return [expr {$range > 0 ? $range : 1.0}]
+    }
+    method Moved place {
         if {$showing || $facts eq {}} return
+        set value [expr {[dict get $facts low] + $place * $step}]
         $self Edited [if {[dict get $facts type] eq "int"} {expr {round($value)}} else {$self Rounded $value}]
     }
-    # As many digits as pixels of the scale can tell.
+    # As many digits as pixels of the scale can tell, within the range.
     method Rounded value {
-        set step [expr {([$editor cget -to] - [$editor cget -from]) / max(1.0, [winfo width $editor])}]
-        set digits [expr {$step > 0 ? max(0, int(ceil(-log10($step)))) : 3}]
-        return [expr {double([format %.*f $digits $value])}]
+        set digits [expr {max(0, int(ceil(-log10([$self Range] / max(100, [winfo width $editor])))))}]
+        return [expr {double(max([dict get $facts low], min([dict get $facts high], [format %.*f $digits $value])))}]
     }
     method Put value {
-        if {[string is double -strict $value]} {
-            set position $value
+        if {[string is double -strict $value] && $value == $value && $facts ne {}} {        ;# NaN has no place
+            set position [expr {($value - [dict get $facts low]) / double($step)}]
         }
     }
     method Enable state {
