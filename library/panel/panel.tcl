@@ -440,10 +440,14 @@ snit::widget ::sorma::panel {
     # ---- marks and messages ----
 
     method Shown changed {
+        set known [dict get [$subject state] why]       ;# it stands at the top, once
         foreach option $changed {
             if {![dict exists $rows $option]} continue
             set n [dict get $rows $option]
             set mark [$subject mark $option]
+            if {[lindex $mark 0] eq "stale" && [lindex $mark 1] eq $known} {
+                set mark {stale {}}
+            }
             if {[dict get $marks $option] ne $mark} {
                 dict set marks $option $mark
                 ::sorma::parts::mark $inner $n {*}$mark
