@@ -40,6 +40,7 @@ snit::widget ::sorma::panel {
     variable room 380           ;# pixels, for messages below fields
     variable wanted {}          ;# what is searched for
     variable searchable 12      ;# options: with more there is a field to search in
+    variable headed {}          ;# what the head tells
     variable trailShown 0
     variable atOnce 0
     variable readOnly 0
@@ -59,6 +60,7 @@ snit::widget ::sorma::panel {
         ttk::label $win.head.name -text [$subject name] -font [::sorma::style font strong]
         ::sorma::status $win.head.state -name [$subject name]
         ttk::label $win.head.purpose -foreground [::sorma::style colour asking]
+        ttk::label $win.head.gone -foreground [::sorma::style colour gone]
         ttk::checkbutton $win.head.readonly -text "read only" -variable [myvar readOnly] -command [mymethod Switched] -underline 5
         ttk::frame $win.head.stop
         grid $win.head.name x $win.head.readonly $win.head.stop -sticky ew -padx [list 0 $pad]
@@ -236,13 +238,11 @@ snit::widget ::sorma::panel {
     method Told {what changed} {
         if {$subject eq {}} return
         if {$what eq "table"} {
-            $self Table
+            return [$self Table]
         } elseif {[$subject table] eq {}} {
             $self Empty
         }
-        if {$what eq "state"} {
-            $self Head
-        }
+        $self Head
         $self Shown [if {$what eq "values"} {set changed} else {dict keys $rows}]
     }
 
@@ -282,6 +282,8 @@ snit::widget ::sorma::panel {
         $self Actions $table
         $self Laid
         $self Tagged $win
+        $self Head
+        $self Shown [dict keys $rows]
     }
     # Where options stand when there are some. Why they are not there the status says, unless it is the daemon that says it.
     method None text {
@@ -294,12 +296,22 @@ snit::widget ::sorma::panel {
         $self None [expr {[dict get $told state] eq "asking" ? "asking \u2026"
             : "Nothing is known of [$subject name] yet$why. The panel fills itself as soon as the object answers."}]
     }
-    # A reason has a line of its own.
+    # What holds for all fields stands at the top, once, and not below each of them.
     method Head {} {
+        set told [$subject get {}]
+        set now [list [dict get [$subject state] why] [dict get $told state] [dict get $told why] [expr {[$subject table] ne {}}]]
+        if {$now eq $headed} return
+        set headed $now
         if {[dict get [$subject state] why] eq {}} {
             grid $win.head.state -row 0 -column 1 -columnspan 1 -sticky ew
         } else {
-            grid $win.head.state -row 2 -column 0 -columnspan 4 -sticky ew
+            grid $win.head.state -row 2 -column 0 -columnspan 4 -sticky ew      ;# a reason has a line of its own
+        }
+        if {[dict get $told state] eq "gone" && [lindex $now 3]} {
+            $win.head.gone configure -text "[::sorma::style mark gone] [dict get $told why] yet: a request makes it, such as Execute"
+            grid $win.head.gone -row 3 -column 0 -columnspan 4 -sticky w
+        } else {
+            grid remove $win.head.gone
         }
     }
     # All windows of it know the panel's keys, its menu and its wheel.
@@ -440,13 +452,13 @@ snit::widget ::sorma::panel {
     # ---- marks and messages ----
 
     method Shown changed {
-        set known [dict get [$subject state] why]       ;# it stands at the top, once
+        set known [list [dict get [$subject state] why] [dict get [$subject get {}] why]]         ;# it stands at the top
         foreach option $changed {
             if {![dict exists $rows $option]} continue
             set n [dict get $rows $option]
             set mark [$subject mark $option]
-            if {[lindex $mark 0] eq "stale" && [lindex $mark 1] eq $known} {
-                set mark {stale {}}
+            if {[lindex $mark 0] in {stale gone} && [lindex $mark 1] in $known} {
+                lset mark 1 {}
             }
             if {[dict get $marks $option] ne $mark} {
                 dict set marks $option $mark

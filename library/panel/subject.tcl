@@ -426,7 +426,7 @@ oo::define ::sorma::subject::Subject {
         if {$table eq {}} {
             my Describe
         }
-        my Tell [if {[dict exists $told *]} {dict keys $values} else {dict keys $told}]
+        my Tell [dict keys [if {[dict exists $told *]} {dict merge $facts $values} else {set told}]]
     }
 
     export Heard Valued Applied Answered Progressed End

@@ -84,6 +84,9 @@ proc ::sorma::scottwish::Window {} {
     package require sorma::console
     package require sorma::window
     wm title . scottwish
+    if {[option get . tkTheme TkTheme] eq {}} {
+        ttk::style theme use clam
+    }
     wm protocol . WM_DELETE_WINDOW {set ::sorma::scottwish::Ended 1}
     menu .menu -tearoff 0
     menu .menu.file -tearoff 0
