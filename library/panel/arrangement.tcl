@@ -6,8 +6,8 @@
 #     stripchart -plot "probe.y@robot -value" -span 30
 #
 # Words are quoted as in requests; # begins a comment. A file is read and never evaluated. Every option of a kind is one of its widget, but
-# -geometry (WIDTHxHEIGHT+X+Y; without it, or without its place, the window comes where it was last) and -plot. Other files that are named
-# there count from the folder of the file.
+# -geometry (WIDTHxHEIGHT+X+Y; without it, or without its place, the window comes where it was last); -plot may come several times. Other files
+# that are named there count from the folder of the file.
 
 package require sorma
 package require sorma::options
@@ -22,7 +22,7 @@ namespace eval ::sorma::arrangement {
         panel {sorma::panel ::sorma::arrangement::Panel {
             -name {{word {a service object}}} -options any -groups any -layout {{word {a file}}} -live {{whole 1 {}}} -apply {{choice now later}}
             -state {{choice normal readonly}}}}
-        stripchart {sorma::chart ::sorma::arrangement::Chart {
+        stripchart {sorma::chart ::sorma::stripchart {
             -plot {{collect {an object and its option}}} -span any -low any -high any -interval {{whole 1 {}}} -paused boolean}}
         form {sorma::form ::sorma::form {
             -file {{word {a file}}} -live {{whole 1 {}}} -apply {{choice now later}} -state {{choice normal readonly}}}}
@@ -75,8 +75,8 @@ proc ::sorma::arrangement::Window {kind words} {
         Fail "$kind: -geometry expects WIDTHxHEIGHT+X+Y, got \"[dict get $settings -geometry]\""
     }
     foreach plot [if {[dict exists $settings -plot]} {dict get $settings -plot}] {
-        if {[catch {llength $plot} n] || $n != 2 || ![string match -?* [lindex $plot 1]]} {
-            Fail "$kind: -plot expects an object and its option, got \"$plot\""
+        if {[catch {llength $plot} n] || $n < 2 || $n % 2 || ![regexp {^(?:-\S+|EXEC\y.*)$} [lindex $plot 1]]} {
+            Fail "$kind: -plot expects an object and its option, or a request EXEC, got \"$plot\""
         }
     }
     return [list $kind $settings]
@@ -171,13 +171,6 @@ proc ::sorma::arrangement::Title {kind settings} {
 proc ::sorma::arrangement::Panel {window args} {
     ::sorma::panel $window [dict get $args -name] {*}[dict remove $args -name]
 }
-proc ::sorma::arrangement::Chart {window args} {
-    ::sorma::stripchart $window {*}[dict remove $args -plot]
-    foreach plot [if {[dict exists $args -plot]} {dict get $args -plot}] {
-        $window plot [if {[llength [dict get $args -plot]] > 1} {set plot} else {lindex $plot 1}] {*}$plot
-    }
-}
-
 # ::sorma::arrangement save FILE -- the windows of these kinds that are open.
 proc ::sorma::arrangement::save file {
     variable Kinds

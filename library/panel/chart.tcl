@@ -6,17 +6,17 @@
 package require Tk
 package require snit
 package require sorma::options
-package require sorma::style
-package require sorma::subject
+package require sorma::parts
 package provide sorma::chart 1.0
 
 # ::sorma::stripchart .w ?options? --
 #       Options: -span seconds that are shown (10), -low and -high (empty: as the numbers need), -width, -height, -interval (ms between two
-#       drawings, 33), -paused
+#       drawings, 33), -paused, -plot (list of plots from the beginning, each as the method takes it, behind the name)
 # Methods:
 #       trace NAME ?-text t? ?-colour c?        one more line; that is done by sample as well
 #       sample NAME VALUE ?TIME?                a point; time: s, default now. NaN makes a gap, an infinity too
-#       plot NAME SO -OPTION                    the values of an option of a service object, as they change
+#       plot NAME SO -OPTION ?-index n?         the values of an option of a service object, as they change; of a vector one element
+#       plot NAME SO {EXEC ...} ?-part P? ?-index n? ?-every ms?    a number of what it answers, as sorma::reading has it
 #       forget NAME, clear                      traces; clear: their points
 #       data NAME                               list of {time value}, s since the chart was made
 #       pause ?BOOL?, csv, export FILE          FILE.csv, FILE.png (with package Img), FILE.pdf (with ghostscript) or FILE.ps
@@ -29,8 +29,9 @@ snit::widget ::sorma::stripchart {
     option -height -default 160
     option -interval -default 33
     option -paused -default 0 -configuremethod SetPaused
+    option -plot -default {} -readonly 1
     component canvas
-    variable traces {}          ;# dict: name -> {line text colour times values subject token option}
+    variable traces {}          ;# dict: name -> {line text colour times values subject token what part index}; what: -option or {EXEC ...}
     variable fresh {}           ;# dict: name -> {time value ...} that are to be drawn
     variable origin 0           ;# ms, when the chart was made
     variable shown 0            ;# s, at the right edge
@@ -47,10 +48,15 @@ snit::widget ::sorma::stripchart {
         bind $canvas <Configure> [mymethod Rebuild]
         bind $canvas <space> [mymethod pause]
         bind $canvas <ButtonPress-1> [list focus $canvas]
-        bind $canvas <Button-3> [mymethod Menu %X %Y]
+        foreach event {<Button-3> <Key-Menu> <Shift-F10>} {
+            bind $canvas $event [mymethod Menu %X %Y]
+        }
         bind $canvas <plus> [mymethod Zoom 0.5]
         bind $canvas <minus> [mymethod Zoom 2]
         bind $win <Destroy> +[mymethod Ended %W]
+        foreach plot $options(-plot) {
+            $self plot [if {[llength $options(-plot)] > 1} {set plot} else {lindex $plot 1}] {*}$plot
+        }
         set timer [after $options(-interval) [mymethod Tick]]
     }
     method Ended window {
@@ -71,7 +77,7 @@ snit::widget ::sorma::stripchart {
             set colour [lindex $Colours [expr {[dict size $traces] % [llength $Colours]}]]
         }
         dict set traces $name [dict create text [if {[dict get $facts -text] ne {}} {dict get $facts -text} else {set name}] colour $colour \
-            times {} values {} subject {} token {} option {}]
+            times {} values {} subject {} token {} what {} part {} index {}]
         $self Rebuild
     }
     method sample {name value {time {}}} {
@@ -86,28 +92,50 @@ snit::widget ::sorma::stripchart {
         }
         dict lappend fresh $name $time $value
     }
-    method plot {name so option} {
-        $self trace $name -text "$so $option"
+    method plot {name so what args} {
+        set facts [::sorma::options::parse {-part {{choice floats ints words text code} {}} -index {{whole 0 {}} {}} -every {{whole 10 {}} 1000}} $args]
+        set index [dict get $facts -index]
+        $self trace $name -text [string trimright "$so $what $index"]
         $self Unplot $name
-        set subject [::sorma::subject of $so -live 100]
+        set isOption [string match -* $what]
+        set subject [::sorma::subject of $so -live [expr {$isOption ? 100 : 0}]]
         dict set traces $name subject $subject
-        dict set traces $name option $option
-        dict set traces $name token [$subject listen [mymethod Told $name]]
+        dict set traces $name what $what
+        dict set traces $name part [dict get $facts -part]
+        dict set traces $name index $index
+        set prefix [list ::sorma::parts::answer [mymethod Told $name]]
+        dict set traces $name token [if {$isOption} {$subject listen $prefix $what} else {$subject value $what [dict get $facts -every] $prefix}]
     }
     method Unplot name {
         dict with traces $name {
             if {$subject ne {}} {
-                $subject unlisten $token
+                if {[string match -* $what]} {
+                    $subject unlisten $token
+                } else {
+                    ::sorma::world unwatch $token
+                }
                 $subject release
             }
             set subject {}
         }
     }
-    method Told {name what changed} {
+    # Of an option: what and changed; of a request: value, the object, and what it answers.
+    method Told {name about changed {told {}}} {
         if {![dict exists $traces $name] || [dict get $traces $name subject] eq {}} return
-        set told [[dict get $traces $name subject] get [dict get $traces $name option]]
-        if {[string is double -strict [dict get $told live]] && [dict get $told state] ni {stale gone asking}} {
-            $self sample $name [dict get $told live]
+        dict with traces $name {
+            if {[string match -* $what]} {
+                set told [$subject get $what]
+                set number [dict get $told live]
+                if {$index ne {}} {
+                    set number [lindex [regexp -all -inline {\S+} $number] $index]
+                }
+            } else {
+                set told [lindex [dict values $told] 0]
+                set number [lindex [::sorma::parts::ofReply [dict get $told value] $part $index] 1]
+            }
+        }
+        if {[string is double -strict $number] && [dict get $told state] ni {stale gone asking refused}} {
+            $self sample $name $number
         }
     }
     method forget name {
@@ -127,6 +155,7 @@ snit::widget ::sorma::stripchart {
         $self Rebuild
     }
     method data name {
+        $self Draw
         $self Take
         return [lmap t [dict get $traces $name times] v [dict get $traces $name values] {list $t $v}]
     }
@@ -134,6 +163,7 @@ snit::widget ::sorma::stripchart {
         $self configure -paused [expr {$on eq {} ? !$options(-paused) : $on}]
     }
     method csv {} {
+        $self Draw
         $self Take
         set lines [list trace,time,value]
         dict for {name trace} $traces {
@@ -218,6 +248,9 @@ snit::widget ::sorma::stripchart {
     }
     method Tick {} {
         set timer [after $options(-interval) [mymethod Tick]]
+        $self Draw
+    }
+    method Draw {} {
         if {$options(-paused) || ![winfo ismapped $canvas]} return
         set points [$self Take]
         set now [$self Now]
@@ -257,7 +290,7 @@ snit::widget ::sorma::stripchart {
         return [expr {[winfo height $canvas] - 1 - ($v - $low) * ([winfo height $canvas] - 2) / ($high - $low)}]
     }
     method Append {name points} {
-        set ids [$canvas find withtag line&&[list $name]]
+        set ids [$canvas find withtag "line&&\"[string map {\\ \\\\ \" \\\"} $name]\""]
         if {[llength $ids] == 0 || ![dict exists $traces $name]} {
             return [$self Rebuild]
         }
@@ -357,7 +390,7 @@ snit::widget ::sorma::stripchart {
         $win.menu add command -label "Longer" -accelerator - -command [mymethod Zoom 2]
         $win.menu add command -label "Clear" -command [mymethod clear]
         $win.menu add command -label "Save ..." -command [mymethod Save]
-        tk_popup $win.menu $x $y
+        tk_popup $win.menu {*}[::sorma::parts::popupAt $canvas $x $y]
     }
     method Save {} {
         set file [tk_getSaveFile -parent $win -defaultextension .csv -filetypes {{Table .csv} {Picture .png} {{Vector picture} .pdf} {PostScript .ps}}]

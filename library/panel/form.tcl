@@ -353,6 +353,8 @@ snit::widget ::sorma::form {
                 if {![catch {$subject option $what}]} {
                     ::sorma::parts::fieldMenu $menu $subject $what [expr {$options(-state) eq "normal"}]
                     $menu add separator
+                } elseif {![string match -* $what]} {
+                    ::sorma::parts::plotEntry $menu $name $what {*}[dict filter $settings key -part -index -every]
                 }
                 $menu add command -label "Panel of $name" -underline 0 -command [list ::sorma::window panel $name]
             }

@@ -143,16 +143,12 @@ snit::widget ::sorma::reading {
     }
     # shows -- {STATE TEXT}
     method shows {} {
-        set reply [dict get $told value]
-        set parts [expr {$options(-part) ne {} ? [list $options(-part)] : {text floats ints words}}]
-        set text {}
-        foreach part $parts {
-            if {$text ne {} || ![dict exists $reply $part]} continue
-            set text [dict get $reply $part]
-            if {$part in {floats ints words}} {
-                set text [lmap item $text {expr {$part eq "floats" && [string is double -strict $item] ? [format %.6g $item] : $item}}]
-                set text [join [if {$options(-index) ne {}} {list [lindex $text $options(-index)]} else {set text}]]
-            }
+        lassign [::sorma::parts::ofReply [dict get $told value] $options(-part) $options(-index)] part text
+        if {$part eq "floats"} {
+            set text [lmap item $text {expr {[string is double -strict $item] ? [format %.6g $item] : $item}}]
+        }
+        if {$part in {floats ints words}} {
+            set text [join $text]
         }
         return [list [dict get $told state] [string trimright "$text $options(-unit)"]]
     }

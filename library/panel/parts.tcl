@@ -44,6 +44,17 @@ proc ::sorma::parts::scrolled {bar first last} {
     }
 }
 
+# ::sorma::parts::ofReply REPLY PART INDEX -- {PART VALUE}; if PART is empty, the first of text, floats, ints and words that is there. Of a list
+# the items, or that of INDEX.
+proc ::sorma::parts::ofReply {reply part index} {
+    foreach part [if {$part ne {}} {list $part} else {list text floats ints words}] {
+        if {[dict exists $reply $part] && [dict get $reply $part] ne {}} {
+            set value [dict get $reply $part]
+            return [list $part [if {$part in {floats ints words} && $index ne {}} {lrange $value $index $index} else {set value}]]
+        }
+    }
+}
+
 # ::sorma::parts::fieldMenu MENU SUBJECT OPTION CAN -- what is done to an option. CAN: it may be changed.
 proc ::sorma::parts::fieldMenu {menu subject option can} {
     set edited [expr {$option in [$subject edited] ? "normal" : "disabled"}]
@@ -51,9 +62,17 @@ proc ::sorma::parts::fieldMenu {menu subject option can} {
     $menu add command -label "Revert $option" -underline 0 -state $edited -command [list $subject revert $option]
     $menu add separator
     $menu add command -label "Copy as a request" -underline 0 -command [list ::sorma::parts::copy $menu $subject $option]
-    if {[dict get [$subject option $option] type] in {int double}} {
-        $menu add command -label "Plot this" -underline 0 -command [list ::sorma::window chart [$subject name] $option]
+    switch -- [dict get [$subject option $option] type] {
+        int - double { plotEntry $menu [$subject name] $option }
+        vector {
+            set n [llength [regexp -all -inline {\S+} [dict get [$subject get $option] live]]]
+            plotEntry $menu [$subject name] $option -index [lrange {0 1 2 3 4 5 6 7} 0 $n-1]
+        }
     }
+}
+# ::sorma::parts::plotEntry MENU NAME WHAT ?-option value ...? -- what sorma::window chart takes.
+proc ::sorma::parts::plotEntry {menu args} {
+    $menu add command -label "Plot this" -underline 0 -command [list ::sorma::window chart {*}$args]
 }
 proc ::sorma::parts::copy {window subject option} {
     clipboard clear -displayof $window

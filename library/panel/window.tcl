@@ -16,18 +16,19 @@ namespace eval ::sorma::window {
     }
 }
 
-# ::sorma::window panel NAME, chart NAME -OPTION, form FILE -- a window with the panel of an object, with the values of an option over time,
-# or with a form; the same one when it is open already. Returns the toplevel. Their keys are those that arrangement.tcl has for the same.
+# ::sorma::window panel NAME, chart NAME WHAT ?-option value ...?, form FILE -- a window with the panel of an object, with numbers of it over
+# time (as stripchart plot has them; -index may be several), or with a form; the same one when it is open already. Returns the toplevel. Their keys are those that arrangement.tcl has for the same.
 proc ::sorma::window::panel name {
     package require sorma::panel
     return [open [list panel -name $name] $name ::sorma::panel $name]
 }
-proc ::sorma::window::chart {name option} {
+proc ::sorma::window::chart {name what args} {
     package require sorma::chart
-    return [open [list stripchart -plot [list [list $name $option]]] "$name $option stripchart" {apply {{window name option} {
-        ::sorma::stripchart $window
-        $window plot $option $name $option
-    }}} $name $option]
+    set plots [list [list $name $what {*}$args]]
+    if {[dict exists $args -index] && [llength [dict get $args -index]] > 1} {
+        set plots [lmap index [dict get $args -index] {list $name $what {*}[dict replace $args -index $index]}]
+    }
+    return [open [list stripchart -plot $plots] "$name $what stripchart" ::sorma::stripchart -plot $plots]
 }
 
 proc ::sorma::window::form path {
