@@ -43,9 +43,10 @@ snit::widget ::sorma::stripchart {
         set origin [clock milliseconds]
         $self configurelist $args
         install canvas using canvas $win.canvas -width [::sorma::style pixels $options(-width)] -height [::sorma::style pixels $options(-height)] \
-            -highlightthickness 0 -background [ttk::style lookup TEntry -fieldbackground {} white] -takefocus 1
+            -highlightthickness 0 -takefocus 1
         pack $canvas -fill both -expand 1
         bind $canvas <Configure> [mymethod Rebuild]
+        bind $win <<ThemeChanged>> [mymethod Rebuild]
         bind $canvas <space> [mymethod pause]
         bind $canvas <ButtonPress-1> [list focus $canvas]
         foreach event {<Button-3> <Key-Menu> <Shift-F10>} {
@@ -347,6 +348,7 @@ snit::widget ::sorma::stripchart {
         set scale [$self Range]
         lassign $scale low high
         $canvas delete all
+        $canvas configure -background [ttk::style lookup TEntry -fieldbackground {} white]
         set ink [ttk::style lookup . -foreground {} black]
         set step [::sorma::style step [expr {$high - $low}]]
         for {set v [expr {ceil($low / $step) * $step}]} {$v <= $high + 1e-9 * $step} {set v [expr {$v + $step}]} {
@@ -370,6 +372,10 @@ snit::widget ::sorma::stripchart {
             $self Line $name $part
             $canvas create text $x $y -anchor ne -text [dict get $trace text] -fill [dict get $trace colour] -font [::sorma::style font small]
             incr y [font metrics [::sorma::style font small] -linespace]
+        }
+        if {$traces eq {}} {
+            $canvas create text [expr {[winfo width $canvas] / 2}] [expr {[winfo height $canvas] / 2}] -fill [::sorma::style colour asking] \
+                -text "nothing is plotted yet: \"Plot this\" in the menu of a field" -font [::sorma::style font small]
         }
         if {$options(-paused)} {
             $canvas create text [expr {[winfo width $canvas] / 2}] 3 -anchor n -text "paused" -fill $ink -font [::sorma::style font small]

@@ -29,7 +29,7 @@ snit::widget ::sorma::execform {
         ttk::label $win.time -font [::sorma::style font small]
         ttk::frame $win.out
         text $win.reply -height 4 -width 40 -wrap word -state disabled -font [::sorma::style font fixed] -relief flat -borderwidth 0 \
-            -background [ttk::style lookup . -background] -foreground [ttk::style lookup . -foreground] -takefocus 0 \
+            -highlightthickness 0 -takefocus 0 \
             -yscrollcommand [list ::sorma::parts::scrolled $win.bar]
         grid $win.in - - - - -sticky ew
         grid $win.go $win.cancel $win.lamp $win.part $win.time -sticky w -pady $pad
@@ -97,7 +97,9 @@ snit::widget ::sorma::execform {
         }
         grid columnconfigure $win.in 1 -weight 1
     }
-    method Show {} {}
+    method Show {} {
+        $win.reply configure -background [ttk::style lookup . -background] -foreground [ttk::style lookup . -foreground]
+    }
 
     # What the example of the class says, for each entry; of another method it says nothing.
     method Example table {

@@ -74,6 +74,7 @@ snit::widget ::sorma::panel {
         pack $win.find.label -side left -padx [list 0 $pad]
         pack $win.find.entry -side left -fill x -expand 1
         bind $win.find.entry <KeyRelease> [mymethod Arrange]
+        bind $win.find.entry <Escape> [mymethod search {}]
         ttk::frame $win.body
         install canvas using canvas $win.body.canvas -highlightthickness 0 -borderwidth 0 -background [ttk::style lookup . -background] \
             -yscrollcommand [mymethod Scrolled] -width [::sorma::style pixels 420] -height [::sorma::style pixels 240]
@@ -128,8 +129,18 @@ snit::widget ::sorma::panel {
         foreach event {<Button-3> <Key-Menu> <Shift-F10>} {
             bind [$self Tag] $event "[mymethod Popup %W %X %Y]; break"      ;# a scale would jump there
         }
+        bind $win <<ThemeChanged>> [mymethod Looks]
         $self Switched
         $self Table
+    }
+    # What ttk does not colour by itself.
+    method Looks {} {
+        $canvas configure -background [ttk::style lookup . -background]
+        foreach {part state} {purpose asking gone gone} {
+            $win.head.$part configure -foreground [::sorma::style colour $state]
+        }
+        set marks [dict map {option mark} $marks {string cat {}}]
+        $self Shown [dict keys $rows]
     }
 
     method Ended window {

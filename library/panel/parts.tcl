@@ -110,6 +110,7 @@ snit::macro ::sorma::parts {needs live} {
         $self Listen
         bind $win <Destroy> +[mymethod Ended %W]
         bind $win <FocusIn> [mymethod Focused]
+        bind $win <<ThemeChanged>> [mymethod Told state {}]
         $self Told table {}
     }
     # Of what nobody can see no values are told.
