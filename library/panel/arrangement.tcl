@@ -171,6 +171,7 @@ proc ::sorma::arrangement::Title {kind settings} {
 proc ::sorma::arrangement::Panel {window args} {
     ::sorma::panel $window [dict get $args -name] {*}[dict remove $args -name]
 }
+
 # ::sorma::arrangement save FILE -- the windows of these kinds that are open.
 proc ::sorma::arrangement::save file {
     variable Kinds

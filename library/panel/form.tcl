@@ -66,6 +66,7 @@ snit::widget ::sorma::form {
         foreach event {<Button-3> <Key-Menu> <Shift-F10>} {
             bind [$self Tag] $event "[mymethod Popup %W %X %Y]; break"
         }
+        bind $win <<ThemeChanged>> [mymethod Soon]
         $self configurelist $args
         if {$options(-file) ne {}} {
             $self load $options(-file)

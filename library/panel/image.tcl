@@ -40,7 +40,7 @@ snit::widget ::sorma::image {
         $self configurelist $args
         install canvas using canvas $win.canvas -highlightthickness 0 -borderwidth 0 -background [ttk::style lookup . -background] \
             -width [::sorma::style pixels $options(-width)] -height [::sorma::style pixels $options(-height)] \
-            -xscrollcommand [mymethod Scrolled x] -yscrollcommand [mymethod Scrolled y]
+            -xscrollcommand [list ::sorma::parts::scrolled $win.x] -yscrollcommand [list ::sorma::parts::scrolled $win.y]
         ttk::scrollbar $win.x -orient horizontal -command [list $canvas xview]
         ttk::scrollbar $win.y -command [list $canvas yview]
         ttk::label $win.below -font [::sorma::style font small] -anchor w
@@ -70,16 +70,6 @@ snit::widget ::sorma::image {
             set subject {}
         }
         ::image delete $photo $drawn
-    }
-
-    # A bar is there while there is something to scroll.
-    method Scrolled {axis first last} {
-        $win.$axis set $first $last
-        if {$first <= 0 && $last >= 1} {
-            grid remove $win.$axis
-        } else {
-            grid $win.$axis
-        }
     }
 
     # ---- what programs say ----

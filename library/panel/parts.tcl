@@ -27,7 +27,8 @@ proc ::sorma::parts::mark {parent n state why} {
 }
 
 # ::sorma::parts::withBar FRAME VIEW BAR -- a window that scrolls and its scrollbar fill a frame; its -yscrollcommand calls scrolled, and where all
-# can be seen there is no bar. Its room stays: else what wraps there would make it come and go without end.
+# can be seen there is no bar. Its room stays: else what wraps there would make it come and go without end. scrolled BAR FIRST LAST is for any
+# bar in a grid.
 proc ::sorma::parts::withBar {frame view bar} {
     ttk::scrollbar $bar -command [list $view yview]
     grid $view $bar -in $frame -sticky nsew
