@@ -11,6 +11,7 @@ package require sorma::panel
 package require sorma::chart
 package require sorma::image
 source [file join [file dirname [file normalize [info script]]] daemon.tcl]
+source [file join [file dirname [file normalize [info script]]] wait.tcl]
 
 set script {
     package require sorma
