@@ -31,13 +31,14 @@ snit::widget ::sorma::stripchart {
     option -paused -default 0 -configuremethod SetPaused
     option -plot -default {} -readonly 1
     component canvas
-    variable traces {}          ;# dict: name -> {line text colour times values subject token what part index}; what: -option or {EXEC ...}
+    variable traces {}          ;# dict: name -> {number text colour times values subject token what part index}; colour: empty: of its number;
+                                ;# what: -option or {EXEC ...}
     variable fresh {}           ;# dict: name -> {time value ...} that are to be drawn
     variable origin 0           ;# ms, when the chart was made
     variable shown 0            ;# s, at the right edge
     variable scale {}           ;# {low high} that is drawn
     variable timer {}
-    typevariable Colours {#1a5fb4 #c01c28 #26a269 #e5a50a #813d9c #986a44 #2190a4 #77767b}
+    variable made 0             ;# traces, so far
 
     constructor args {
         set origin [clock milliseconds]
@@ -73,12 +74,9 @@ snit::widget ::sorma::stripchart {
     method trace {name args} {
         set facts [::sorma::options::parse {-colour any -text any} $args]
         if {[dict exists $traces $name]} return
-        set colour [dict get $facts -colour]
-        if {$colour eq {}} {
-            set colour [lindex $Colours [expr {[dict size $traces] % [llength $Colours]}]]
-        }
-        dict set traces $name [dict create text [if {[dict get $facts -text] ne {}} {dict get $facts -text} else {set name}] colour $colour \
-            times {} values {} subject {} token {} what {} part {} index {}]
+        dict set traces $name [dict create number $made text [if {[dict get $facts -text] ne {}} {dict get $facts -text} else {set name}] \
+            colour [dict get $facts -colour] times {} values {} subject {} token {} what {} part {} index {}]
+        incr made
         $self Rebuild
     }
     method sample {name value {time {}}} {
@@ -123,17 +121,17 @@ snit::widget ::sorma::stripchart {
     # Of an option: what and changed; of a request: value, the object, and what it answers.
     method Told {name about changed {told {}}} {
         if {![dict exists $traces $name] || [dict get $traces $name subject] eq {}} return
-        dict with traces $name {
-            if {[string match -* $what]} {
-                set told [$subject get $what]
-                set number [dict get $told live]
-                if {$index ne {}} {
-                    set number [lindex [regexp -all -inline {\S+} $number] $index]
-                }
-            } else {
-                set told [lindex [dict values $told] 0]
-                set number [lindex [::sorma::parts::ofReply [dict get $told value] $part $index] 1]
+        set trace [dict get $traces $name]
+        set index [dict get $trace index]
+        if {[string match -* [dict get $trace what]]} {
+            set told [[dict get $trace subject] get [dict get $trace what]]
+            set number [dict get $told live]
+            if {$index ne {}} {
+                set number [lindex [regexp -all -inline {\S+} $number] $index]
             }
+        } else {
+            set told [lindex [dict values $told] 0]
+            set number [lindex [::sorma::parts::ofReply [dict get $told value] [dict get $trace part] $index] 1]
         }
         if {[string is double -strict $number] && [dict get $told state] ni {stale gone asking refused}} {
             $self sample $name $number
@@ -370,7 +368,7 @@ snit::widget ::sorma::stripchart {
                 }
             }
             $self Line $name $part
-            $canvas create text $x $y -anchor ne -text [dict get $trace text] -fill [dict get $trace colour] -font [::sorma::style font small]
+            $canvas create text $x $y -anchor ne -text [dict get $trace text] -fill [$self Colour $name] -font [::sorma::style font small]
             incr y [font metrics [::sorma::style font small] -linespace]
         }
         if {$traces eq {}} {
@@ -381,12 +379,16 @@ snit::widget ::sorma::stripchart {
             $canvas create text [expr {[winfo width $canvas] / 2}] 3 -anchor n -text "paused" -fill $ink -font [::sorma::style font small]
         }
     }
+    method Colour name {
+        set colour [dict get $traces $name colour]
+        return [if {$colour ne {}} {set colour} else {::sorma::style series [dict get $traces $name number]}]
+    }
     method Line {name coordinates} {
         if {[llength $coordinates] == 0} return
         if {[llength $coordinates] == 2} {
             lappend coordinates {*}$coordinates
         }
-        $canvas create line $coordinates -fill [dict get $traces $name colour] -tags [list points line $name]
+        $canvas create line $coordinates -fill [$self Colour $name] -tags [list points line $name]
     }
     method Menu {x y} {
         destroy $win.menu

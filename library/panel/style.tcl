@@ -6,7 +6,7 @@ package require Tk
 package provide sorma::style 1.0
 
 namespace eval ::sorma::style {
-    namespace export pixels mark colour font step tag tip bindWheel
+    namespace export pixels mark colour series font step tag tip bindWheel
     namespace ensemble create
     # state: mark, colour on a light background, colour on a dark one
     variable States {
@@ -22,6 +22,10 @@ namespace eval ::sorma::style {
         alarm   {!  #c01c28 #ff7b72}
         warn    {!  #8a5a00 #cd9309}
         good    {✓  #26872b #57e389}
+    }
+    # of lines beside each other, on a light background and on a dark one
+    variable Series {
+        {#1a5fb4 #62a0ea} {#c01c28 #ff7b72} {#26a269 #57e389} {#e5a50a #f8e45c} {#813d9c #dc8add} {#986a44 #cdab8f} {#2190a4 #5bc8d8} {#77767b #c0bfbc}
     }
 }
 
@@ -41,6 +45,12 @@ proc ::sorma::style::mark state {
 proc ::sorma::style::colour state {
     variable States
     return [lindex [dict get $States $state] [expr {[Dark] ? 2 : 1}]]
+}
+
+# ::sorma::style::series N -- the colour of the N-th of several lines, from 0.
+proc ::sorma::style::series n {
+    variable Series
+    return [lindex $Series [expr {$n % [llength $Series]}] [Dark]]
 }
 
 # Is the theme's background dark?
@@ -112,9 +122,12 @@ proc ::sorma::style::tag {window tag} {
     }
 }
 
-# Themes that draw marks and arrows themselves make them as large as on a display of 96 dots per inch; Tk 9 knows better.
+# Themes that draw marks and arrows themselves make them as large as on a display of 96 dots per inch; Tk 9 knows better, and so does awthemes
+# where tksvg is installed.
 proc ::sorma::style::Fit {} {
-    if {[info exists ::tk::scalingPct] || [pixels 100] < 125 || [ttk::style theme use] ni {alt clam classic default}} return
+    set theme [ttk::style theme use]
+    if {[info exists ::tk::scalingPct] || [pixels 100] < 125} return
+    if {$theme ni {alt clam classic default} && !([string match aw* $theme] && [package provide tksvg] eq {})} return
     foreach {style option size} {TCheckbutton -indicatorsize 10 TRadiobutton -indicatorsize 10 TCombobox -arrowsize 12 TScrollbar -arrowsize 12} {
         if {[ttk::style lookup $style $option] ne [pixels $size]} {
             ttk::style configure $style $option [pixels $size]
