@@ -6,6 +6,7 @@ package require sorma::browserSearch
 package require sorma::browserText
 package require sorma::browserTree
 package require sorma::panel
+package require sorma::text
 package provide sorma::browser 1.0
 
 # ::sorma::browser .w --
@@ -70,6 +71,7 @@ snit::widget ::sorma::browser {
             $win.menu add cascade -label $label -underline 0 -menu $win.menu.$name
         }
         set entries [list file "Save the view\u2026" Ctrl+S s [mymethod AskSave] file "Copy the view" Ctrl+Y y [mymethod copy] \
+            file "Listen to the events, or stop" Ctrl+L l [mymethod Do events listen] file "Pause the log, or go on" Ctrl+P p [mymethod Do log pause] \
             file Quit Ctrl+Q q [list destroy $top] view Search Ctrl+F f [list focus $win.left.search.bar.entry] \
             view Tree Ctrl+T t [list focus $tree.tree]]
         set number 0
@@ -123,13 +125,12 @@ snit::widget ::sorma::browser {
         clipboard append -displayof $win -- [$self text]
     }
     method save file {
-        set channel [open $file w]
-        fconfigure $channel -encoding utf-8
-        try {
-            puts $channel [$self text]
-        } finally {
-            close $channel
-        }
+        ::sorma::text::writeFile $file [$self text]\n
+    }
+    # A command of a tab, which is shown meanwhile.
+    method Do {name method} {
+        $tabs select $tabs.$name
+        $tabs.$name $method
     }
     method AskSave {} {
         set file [tk_getSaveFile -parent $win -defaultextension .txt]

@@ -20,7 +20,7 @@ snit::widget ::sorma::browserEvents {
         $self configurelist $args
         set pad [::sorma::style pixels 6]
         ttk::frame $win.bar
-        ttk::button $win.bar.listen -text Listen -underline 0 -command [mymethod listen] -state disabled
+        ttk::button $win.bar.listen -text Listen -command [mymethod listen] -state disabled
         ttk::label $win.bar.name -text "Choose an object."
         pack $win.bar.listen $win.bar.name -side left -padx [list 0 $pad]
         pack $win.bar -side top -fill x -padx $pad -pady $pad
@@ -29,7 +29,6 @@ snit::widget ::sorma::browserEvents {
         ttk::scrollbar $win.scroll -command [list $win.tree yview]
         pack $win.scroll -side right -fill y
         pack $win.tree -side left -fill both -expand 1
-        bind $win <Alt-l> [mymethod listen]
         bind $win <Destroy> +[mymethod Ended %W]
     }
     method Ended window {
@@ -44,7 +43,7 @@ snit::widget ::sorma::browserEvents {
         $self Show
     }
     method Show {} {
-        $win.bar.listen configure -state [expr {$name eq {} ? "disabled" : "normal"}] -text [expr {[dict exists $tokens $name] ? "Stop" : "Listen"}]
+        $win.bar.listen configure -state [expr {$name eq {} ? "disabled" : "normal"}] -text [expr {[dict exists $tokens $name] ? "Stop (Ctrl-L)" : "Listen (Ctrl-L)"}]
         set others [llength [dict keys [dict remove $tokens $name]]]
         $win.bar.name configure -text "[if {$name eq {}} {string cat "Choose an object."} else {::sorma::text::cut [::sorma::text::clean $name] 60}][if {$others > 0} {
             string cat "  (and $others more)"

@@ -2,7 +2,9 @@
 
 package require sorma
 package require sorma::options
+package require sorma::text
 package require sorma::usage
+package require sorma::world
 package provide sorma::browse 1.0
 
 namespace eval ::sorma::browse {
@@ -12,6 +14,12 @@ namespace eval ::sorma::browse {
 # ::sorma::browse::main WORDS -- run the program: the exit code, once its window is closed.
 proc ::sorma::browse::main words {
     variable Options
+    if {[lindex $words 0] eq "--complete"} {
+        foreach word [Complete [lrange $words 1 end]] {
+            puts $word
+        }
+        return 0
+    }
     try {
         set settings [::sorma::options::leading $Options words]
         foreach address $words {
@@ -47,4 +55,16 @@ proc ::sorma::browse::main words {
     wm withdraw .
     tkwait window [::sorma::window open browser SORMA ::sorma::browser]
     return 0
+}
+
+# What can stand for the last word of a command line: see library/scott.bash.
+proc ::sorma::browse::Complete words {
+    variable Options
+    if {[lindex $words end-1] eq "--theme"} {
+        catch {package require no.such.package}     ;# `package names` knows what has been looked for
+        set found [concat {alt clam classic default} [lmap name [lsearch -all -inline -glob [package names] ttk::theme::*] {namespace tail $name}]]
+    } else {
+        set found [concat [dict keys $Options --*] [::sorma::world names]]
+    }
+    return [lsort -unique [lsearch -all -inline -glob $found [::sorma::text::escape [lindex $words end]]*]]
 }
