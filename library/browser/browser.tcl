@@ -1,5 +1,6 @@
 # browser.tcl -- sorma::browser: the bus in one window. Left what there is, and a search; right what was chosen, in tabs, and a log.
 
+package require sorma::browserDict
 package require sorma::browserEvents
 package require sorma::browserLog
 package require sorma::browserSearch
@@ -24,7 +25,8 @@ snit::widget ::sorma::browser {
     variable timer {}           ;# until the choice rests
     variable at {}              ;# option at which the panel is to be opened
     typevariable Help {apply {text {dict get [::sorma::table parse $text] help}}}
-    typevariable Titles {panel Panel help Help statistics Statistics audit Audit events Events log Log}
+    typevariable Titles {panel Panel help Help statistics Statistics audit Audit
+        dictionary Dictionary events Events log Log}
 
     constructor {} {
         set pad [::sorma::style pixels 6]
@@ -40,6 +42,7 @@ snit::widget ::sorma::browser {
         foreach name {help statistics audit} {
             ::sorma::browserText $tabs.$name
         }
+        ::sorma::browserDict $tabs.dictionary
         ::sorma::browserEvents $tabs.events
         ::sorma::browserLog $tabs.log
         dict for {name title} $Titles {
@@ -153,6 +156,7 @@ snit::widget ::sorma::browser {
         $win.state configure -text [if {$daemon ne {}} {
             ::sorma::text::clean [string trimright "[dict get $daemon name]  [dict get $daemon address]  [dict get $daemon state]  [dict get $daemon why]"]
         }]
+        $tabs.dictionary about $key
         $tabs.events about [if {$kind eq "object"} {$self Name $key $name}]
         $self Show[string totitle $kind] $key $name
     }

@@ -8,6 +8,7 @@ package require snit
 package require sorma::style
 package require sorma::table
 package require sorma::text
+package require sorma::timer
 package provide sorma::browserText 1.0
 
 # ::sorma::browserText .w --
@@ -39,6 +40,7 @@ snit::widget ::sorma::browserText {
     method Ended window {
         if {$window eq $win} {
             after cancel $timer
+            ::sorma::timer::cancel $win
             ::sorma::world unhook [mymethod Heard]
         }
     }
@@ -67,11 +69,11 @@ snit::widget ::sorma::browserText {
     }
     method Heard {event about dict} {
         if {[winfo ismapped $win] && [lindex $about 1] in $requests} {
-            after idle [mymethod Later]
+            ::sorma::timer::once $win 20 {*}[mymethod Later]
         }
     }
     method Later {} {
-        if {[winfo exists $win] && [llength $requests] > 0} {
+        if {[llength $requests] > 0} {
             $self Show
         }
     }
