@@ -2,6 +2,7 @@
 
 package require sorma::browserDict
 package require sorma::browserEvents
+package require sorma::browserGraph
 package require sorma::browserLog
 package require sorma::browserSearch
 package require sorma::browserText
@@ -26,7 +27,7 @@ snit::widget ::sorma::browser {
     variable at {}              ;# option at which the panel is to be opened
     typevariable Help {apply {text {dict get [::sorma::table parse $text] help}}}
     typevariable Titles {panel Panel help Help statistics Statistics audit Audit
-        dictionary Dictionary events Events log Log}
+        dictionary Dictionary events Events graph Graph log Log}
 
     constructor {} {
         set pad [::sorma::style pixels 6]
@@ -44,6 +45,7 @@ snit::widget ::sorma::browser {
         }
         ::sorma::browserDict $tabs.dictionary
         ::sorma::browserEvents $tabs.events
+        ::sorma::browserGraph $tabs.graph
         ::sorma::browserLog $tabs.log
         dict for {name title} $Titles {
             $tabs add $tabs.$name -text $title -underline 0
@@ -128,7 +130,11 @@ snit::widget ::sorma::browser {
         clipboard append -displayof $win -- [$self text]
     }
     method save file {
-        ::sorma::text::writeFile $file [$self text]\n
+        if {[$tabs select] eq "$tabs.graph"} {
+            $tabs.graph save $file
+        } else {
+            ::sorma::text::writeFile $file [$self text]\n
+        }
     }
     # A command of a tab, which is shown meanwhile.
     method Do {name method} {
@@ -136,7 +142,8 @@ snit::widget ::sorma::browser {
         $tabs.$name $method
     }
     method AskSave {} {
-        set file [tk_getSaveFile -parent $win -defaultextension .txt]
+        set types [if {[$tabs select] eq "$tabs.graph"} {list {PDF .pdf} {Picture .png} {PostScript .ps}}]
+        set file [tk_getSaveFile -parent $win -defaultextension .txt -filetypes [list {*}$types {Text .txt}]]
         if {$file ne {} && [catch {$self save $file} message]} {
             tk_messageBox -parent $win -icon error -message $message
         }
