@@ -3,6 +3,7 @@
 package require sorma::browserDict
 package require sorma::browserEvents
 package require sorma::browserGraph
+package require sorma::browserLaunch
 package require sorma::browserLog
 package require sorma::browserSearch
 package require sorma::browserText
@@ -27,7 +28,7 @@ snit::widget ::sorma::browser {
     variable at {}              ;# option at which the panel is to be opened
     typevariable Help {apply {text {dict get [::sorma::table parse $text] help}}}
     typevariable Titles {panel Panel help Help statistics Statistics audit Audit
-        dictionary Dictionary events Events graph Graph log Log}
+        dictionary Dictionary events Events graph Graph launch Launch log Log}
 
     constructor {} {
         set pad [::sorma::style pixels 6]
@@ -46,9 +47,10 @@ snit::widget ::sorma::browser {
         ::sorma::browserDict $tabs.dictionary
         ::sorma::browserEvents $tabs.events
         ::sorma::browserGraph $tabs.graph
+        ::sorma::browserLaunch $tabs.launch
         ::sorma::browserLog $tabs.log
         dict for {name title} $Titles {
-            $tabs add $tabs.$name -text $title -underline 0
+            $tabs add $tabs.$name -text $title -underline [expr {$name eq "launch" ? 2 : 0}]
         }
         ttk::label $tabs.panel.none -justify left -anchor nw -padding $pad -text "Choose an object at the left, or search (Ctrl-F)."
         pack $tabs.panel.none -fill both -expand 1

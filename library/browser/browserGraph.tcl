@@ -209,8 +209,8 @@ snit::widget ::sorma::browserGraph {
             if {![dict exists $place [list caller $caller]] || ![dict exists $place [list object $object]]} continue
             set from [dict get $place [list caller $caller]]
             set to [dict get $place [list object $object]]
-            set middle [expr {($left + $right) / 2}]
-            $canvas create line $left $from $middle $from $middle $to [expr {$right - $pad}] $to -smooth 1 -arrow last \
+            set bend [expr {($right - $left) * 0.4}]
+            $canvas create line $left $from [expr {$left + $bend}] $from [expr {$right - $bend}] $to [expr {$right - $pad}] $to -smooth 1 -arrow last \
                 -width [expr {$rate > 0 ? [::sorma::style pixels [expr {1 + 1.4 * log10(1 + $rate) ** 1.5}]] : 1}] \
                 -fill [if {$rate > 0} {::sorma::style colour mine} else {set grey}]
         }
