@@ -126,17 +126,30 @@ snit::widget ::sorma::browserLaunch {
             }]
             if {[llength $missing] > 0} continue
             if {[catch {
-                set pipe [::open |[list [auto_execok sorma-launch] --only $name $file </dev/null 2>@1]]
+                set pipe [::open |[list {*}[$self Launcher] --only $name $file </dev/null 2>@1]]
             } message]} {
                 $self Put "$name: $message"
                 $self Failed $name
                 continue
             }
             chan configure $pipe -blocking 0 -encoding utf-8
+            catch {chan configure $pipe -profile replace}           ;# Tcl 9 is strict otherwise
             dict set pipes $name $pipe
             $self State $name starts
             chan event $pipe readable [list ::sorma::parts::answer [mymethod Said $name]]
         }
+    }
+    # The one that lies beside this program, else the one along PATH.
+    method Launcher {} {
+        set beside [file join [file dirname [file normalize $::argv0]] sorma-launch]
+        if {[file executable $beside]} {
+            return [list $beside]
+        }
+        set found [auto_execok sorma-launch]
+        if {$found eq {}} {
+            return -code error -errorcode {SORMA REQUEST SYNTAX} "there is no sorma-launch along PATH, which starts daemons; put its folder there"
+        }
+        return $found
     }
     method Said name {
         set pipe [dict get $pipes $name]
