@@ -20,7 +20,8 @@ snit::widget ::sorma::browserLaunch {
     option -keep -default 5000 -readonly 1
     component tree
     component output
-    variable file {}
+    variable file {}            ;# that was read
+    variable typed {}           ;# in the entry
     variable daemons {}         ;# dict: NAME -> settings, as the file has them
     variable states {}          ;# dict: NAME -> state
     variable pipes {}           ;# dict: NAME -> pipe to its launcher
@@ -30,7 +31,7 @@ snit::widget ::sorma::browserLaunch {
         set pad [::sorma::style pixels 4]
         ttk::frame $win.bar
         ttk::label $win.bar.label -text "Launch file"
-        ttk::entry $win.bar.file -textvariable [myvar file]
+        ttk::entry $win.bar.file -textvariable [myvar typed]
         ttk::button $win.bar.read -text "Read" -command [mymethod Open]
         ttk::button $win.bar.browse -text "Browse\u2026" -command [mymethod Browse]
         pack $win.bar.label -side left -padx [list 0 $pad]
@@ -80,7 +81,8 @@ snit::widget ::sorma::browserLaunch {
             return -code error -errorcode {SORMA REQUEST SYNTAX} "$file: its daemons run ([join [dict keys $pipes] {, }]); stop them before another file is read"
         }
         set read [::sorma::launchFile::read $path]
-        set file $path
+        set file [file normalize $path]
+        set typed $path
         set daemons $read
         set states {}
         $tree delete [$tree children {}]
@@ -97,7 +99,7 @@ snit::widget ::sorma::browserLaunch {
         }
         $self StartDue
     }
-    # Those that come after others end first.
+    # Those that come after others are told first.
     method stop args {
         foreach name [if {[llength $args] > 0} {set args} else {lreverse [::sorma::launchFile::startOrder $daemons]}] {
             if {[dict exists $pipes $name]} {
@@ -204,14 +206,14 @@ snit::widget ::sorma::browserLaunch {
     # ---- the window ----
 
     method Open {} {
-        if {[catch {$self open $file} message]} {
+        if {[catch {$self open $typed} message]} {
             $self Put $message
         }
     }
     method Browse {} {
         set path [tk_getOpenFile -parent $win -filetypes {{{Launch files} .launch} {{All files} *}}]
         if {$path ne {}} {
-            set file $path
+            set typed $path
             $self Open
         }
     }
