@@ -136,6 +136,7 @@ proc html::manual {name text} {
 # What pictures the README has, behind the paragraph that has these words first.
 set html::Shown {
     panel,console {<code>sorma::panel</code>}
+    browser {<code>sorma-browser</code> is the bus}
     lab-scene,lab-panel,lab-reading {simulated laboratory with an arm}
 }
 

@@ -90,6 +90,7 @@ namespace eval pictures {
         painter    {sorma::painter -name hsvtable.board@pictures -picture eye.left@pictures}
         trailview  {sorma::trailview -keys arm.*@* -height 4}
         console    {sorma::console -width 84 -height 22}
+        browser    {sorma::browser}
     }
     variable Bound 20000        ;# ms for which something is waited for
     variable Lab [file join [file dirname [file dirname [file normalize [info script]]]] demos lab pictures.tcl]
@@ -171,6 +172,11 @@ proc pictures::Ready name {
             until {[lindex [.w answer] 0] eq "ok"}
         }
         reading { until {[lindex [.w shows] 0] eq "live"} }
+        browser {
+            until {{arm.left@pictures} in [.w tree keys]}
+            .w choose {object pictures arm.left}
+            until {[string match "*-speed 0.5*" [.w text]]}
+        }
         status { until {[.w shows] eq "alive"} }
         image { until {[.w answer] eq "ok"} }
         stripchart {

@@ -28,6 +28,7 @@ apply {{} {
         window window
         console console
         arrangement arrangement
+        browser browser
     } {
         foreach command $commands {
             namespace eval ::sorma::[namespace qualifiers $command] {}

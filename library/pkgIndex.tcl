@@ -16,7 +16,8 @@ apply {dir {
         elsewhere events load news table value world
         complete listing manual reply trail
         arrangement chart console execform field form image lamp layout painter panel parts style subject trailview window
-        await daemon doctor inspect launch launchDaemon launchFile launchForward observe record scott scottwish shell
+        browser browserDict browserEvents browserGraph browserLaunch browserLog browserSearch browserText browserTree
+        await browse daemon doctor inspect launch launchDaemon launchFile launchForward observe record scott scottwish shell
     } {
         package ifneeded sorma::$name 1.0 [list source -encoding utf-8 [file join $dir $name.tcl]]
     }

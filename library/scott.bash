@@ -1,4 +1,5 @@
-# scott.bash -- completion of scott's and scottwish's command lines in bash. What there is scott says itself: commands, and the objects of all daemons.
+# scott.bash -- completion of the command lines of scott, scottwish and sorma-browser in bash. What there is they say themselves: commands, and
+# what is at all daemons.
 
 _scott() {
     local current="${COMP_WORDS[COMP_CWORD]}" line="${COMP_LINE:0:COMP_POINT}" words word
@@ -12,4 +13,4 @@ _scott() {
     local before="${word%"$current"}"
     COMPREPLY=("${COMPREPLY[@]#"$before"}")
 }
-complete -o bashdefault -o default -F _scott scott scottwish
+complete -o bashdefault -o default -F _scott scott scottwish sorma-browser

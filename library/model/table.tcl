@@ -244,7 +244,8 @@ proc ::sorma::table::Answered {key status value} {
         Failed $key {*}$value
     } else {
         set came [expr {max([clock milliseconds], [dict get $Answers($key) came] + 1)}]
-        set Answers($key) [dict create asked [dict get $Answers($key) asked] open 0 came $came text [dict get $value text] error {} code {}]
+        set text [if {[dict exists $value text]} {dict get $value text}]        ;# an answer may be empty
+        set Answers($key) [dict create asked [dict get $Answers($key) asked] open 0 came $came text $text error {} code {}]
     }
     ::sorma::world hint answer $key
 }

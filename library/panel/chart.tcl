@@ -180,23 +180,7 @@ snit::widget ::sorma::stripchart {
                 puts -nonewline $out [$self csv]
                 close $out
             }
-            .png {
-                package require img::window
-                package require img::png
-                set picture [image create photo -format window -data $canvas]
-                $picture write $file -format png
-                image delete $picture
-            }
-            .ps { $canvas postscript -file $file -colormode color }
-            .pdf {
-                if {[auto_execok gs] eq {}} {
-                    return -code error -errorcode {SORMA REQUEST SYNTAX} "$file: ghostscript is not installed; it makes PDF of PostScript (apt-get install ghostscript)"
-                }
-                exec gs -q -dNOPAUSE -dBATCH -dEPSCrop -sDEVICE=pdfwrite -sOutputFile=$file - << [$canvas postscript -colormode color]
-            }
-            default {
-                return -code error -errorcode {SORMA REQUEST SYNTAX} "$file: the name of a picture or table ends in .csv, .pdf, .png or .ps"
-            }
+            default { ::sorma::parts::picture $canvas $file }
         }
         return $file
     }

@@ -88,6 +88,31 @@ proc ::sorma::parts::popupAt {window x y} {
     return [list $x $y]
 }
 
+# ::sorma::parts::picture CANVAS FILE -- all of it, in FILE.png (as it is on the screen; package Img), FILE.pdf (ghostscript) or FILE.ps.
+proc ::sorma::parts::picture {canvas file} {
+    lassign [$canvas cget -scrollregion] x y right bottom
+    set part [if {$bottom ne {}} {list -x $x -y $y -width [expr {$right - $x}] -height [expr {$bottom - $y}]}]
+    switch -- [string tolower [file extension $file]] {
+        .png {
+            package require img::window
+            package require img::png
+            set picture [image create photo -format window -data $canvas]
+            $picture write $file -format png
+            image delete $picture
+        }
+        .ps { $canvas postscript -file $file -colormode color {*}$part }
+        .pdf {
+            if {[auto_execok gs] eq {}} {
+                return -code error -errorcode {SORMA REQUEST SYNTAX} "$file: ghostscript is not installed; it makes PDF of PostScript (apt-get install ghostscript)"
+            }
+            exec gs -q -dNOPAUSE -dBATCH -dEPSCrop -sDEVICE=pdfwrite -sOutputFile=$file - << [$canvas postscript -colormode color {*}$part]
+        }
+        default {
+            return -code error -errorcode {SORMA REQUEST SYNTAX} "$file: the name of a picture or table ends in .csv, .pdf, .png or .ps"
+        }
+    }
+}
+
 # ::sorma::parts NEEDS LIVE -- options -name, -option and -live, and the subject. NEEDS: those of the options that must be given. LIVE: default
 # of -live, in ms. A constructor ends with $self Begin. The widget has methods Build, called when the table, and facts with it, has come or
 # changed, and Show, called when there is something else to show.

@@ -3,22 +3,27 @@
 package require Tk
 package require snit
 package require sorma::style
+package require sorma::text
 package require sorma::world
 package provide sorma::trailview 1.0
 
-# ::sorma::trailview .w ?-keys PATTERN? ?-severity LIST? ?-keep n? ?-height lines? --
-#       -keys of sorma::world, default *@*: trails of all objects; -severity: which are shown, default {error warning}; -keep: how many
+# ::sorma::trailview .w ?-keys PATTERN? ?-severity LIST? ?-object PART? ?-text PART? ?-paused BOOLEAN? ?-keep n? ?-height lines? --
+#       -keys of sorma::world, default *@*: trails of all objects; -severity: which are shown, default {error warning}; -object, -text: a
+#       part of NAME@DAEMON (a pattern) and of the message; -keep: how many; -paused: the list holds still, what comes is kept
 # Methods:
-#       clear; messages: list of dicts as sorma::world tells them
+#       clear; messages: those that are wanted, dicts as sorma::world tells them, also while it is paused; text: what is shown, in lines
 snit::widget ::sorma::trailview {
     hulltype ttk::frame
     option -keys -default *@* -readonly 1
-    option -severity -default {error warning}
+    option -severity -default {error warning} -configuremethod Choose
+    option -object -default {} -configuremethod Choose
+    option -text -default {} -configuremethod Choose
+    option -paused -default 0 -configuremethod Choose
     option -keep -default 500
     option -height -default 6 -readonly 1
     component tree
     variable token {}
-    variable messages {}        ;# dict: item of the tree -> message
+    variable kept {}            ;# list of {KEY MESSAGE}
 
     constructor args {
         $self configurelist $args
@@ -44,38 +49,67 @@ snit::widget ::sorma::trailview {
         }
     }
     method Told {event key message} {
-        if {![winfo exists $tree] || [dict get $message severity] ni $options(-severity)} return
-        set below [expr {[lindex [$tree yview] 1] >= 1.0}]
+        if {![winfo exists $tree]} return
         if {[dict get $message lost] > 0} {
-            $self Add [dict merge $message [dict create text "[dict get $message lost] messages were lost here" severity warning]] $key
+            $self Keep $key [dict merge $message [dict create text "[dict get $message lost] messages were lost here" severity warning]]
         }
-        $self Add $message $key
+        $self Keep $key $message
+    }
+    method Keep {key message} {
+        dict set message text [string range [dict get $message text] 0 2000]    ;# strangers write as much as they like
+        lappend kept [list $key $message]
+        if {[llength $kept] > 1.2 * $options(-keep)} {
+            set kept [lrange $kept end-[expr {$options(-keep) - 1}] end]
+        }
+        if {$options(-paused) || ![$self Wanted $key $message]} return
+        set below [expr {[lindex [$tree yview] 1] >= 1.0}]
+        $self Add $key $message
         set items [$tree children {}]
         if {[llength $items] > $options(-keep)} {
-            set gone [lrange $items 0 end-$options(-keep)]
-            $tree delete $gone
-            set messages [dict remove $messages {*}$gone]
+            $tree delete [lrange $items 0 end-$options(-keep)]
         }
         if {$below} {
             $tree see [lindex [$tree children {}] end]
         }
     }
-    method Add {message key} {
-        set ms [expr {[dict get $message time] / 1000}]
-        set item [$tree insert {} end -tags [dict get $message severity] -values [list \
-            [clock format [expr {$ms / 1000}] -format %H:%M:%S].[format %03d [expr {$ms % 1000}]] [string map {@self {}} $key] \
-            [string map {\n { }} [dict get $message text]]]]
-        dict set messages $item $message
+    method Wanted {key message} {
+        return [expr {[dict get $message severity] in $options(-severity) && [string match -nocase *$options(-object)* $key]
+            && [string match -nocase *[::sorma::text::escape $options(-text)]* [dict get $message text]]}]
+    }
+    method Add {key message} {
+        $tree insert {} end -tags [list [dict get $message severity]] -values [list [::sorma::text::time [dict get $message time]] \
+            {*}[lmap text [list [string map {@self {}} $key] [dict get $message text]] {::sorma::text::clean [string map {\n { }} $text]}]]
+    }
+    # Other messages are wanted: show what is kept of them.
+    method Choose {option value} {
+        set options($option) $value
+        if {$tree eq {} || $options(-paused)} return
+        $tree delete [$tree children {}]
+        foreach item [lrange $kept end-[expr {$options(-keep) - 1}] end] {
+            if {[$self Wanted {*}$item]} {
+                $self Add {*}$item
+            }
+        }
+        $tree yview moveto 1
     }
     method Copy {} {
         clipboard clear -displayof $win
-        clipboard append -displayof $win -- [join [lmap item [$tree selection] {join [$tree item $item -values]}] \n]
+        clipboard append -displayof $win -- [$self Lines [$tree selection]]
+    }
+    method Lines items {
+        return [join [lmap item $items {join [$tree item $item -values] "  "}] \n]
+    }
+    method text {} {
+        return [$self Lines [$tree children {}]]
     }
     method clear {} {
         $tree delete [$tree children {}]
-        set messages {}
+        set kept {}
     }
     method messages {} {
-        return [dict values $messages]
+        return [lmap item $kept {
+            if {![$self Wanted {*}$item]} continue
+            lindex $item 1
+        }]
     }
 }

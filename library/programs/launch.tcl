@@ -46,7 +46,7 @@ proc ::sorma::launch::main words {
     variable Times
     try {
         set settings [::sorma::options::leading {
-            --times flag  --check flag  --list flag  --options flag  --help flag  -help flag  -h flag
+            --times flag  --only {{collect {the name of a daemon}}}  --check flag  --list flag  --options flag  --help flag  -help flag  -h flag
         } words]
     } trap {SORMA REQUEST SYNTAX} message {
         return [Misused $message]
@@ -70,6 +70,17 @@ proc ::sorma::launch::main words {
     } trap {SORMA LAUNCH FILE} message {
         puts stderr [regsub -all -line ^ $message {sorma-launch: }]
         return 2
+    }
+    if {[llength ${--only}] > 0} {
+        foreach name ${--only} {
+            if {![dict exists $daemons $name]} {
+                return [Misused "--only \"$name\": $file has no such daemon; it has [join [dict keys $daemons] {, }]"]
+            }
+        }
+        # Those that are left out run already, or are not wanted.
+        set daemons [dict map {name settings} [dict filter $daemons script {name settings} {expr {$name in ${--only}}}] {
+            dict replace $settings -after [lmap other [dict get $settings -after] {if {$other ni ${--only}} continue; set other}]
+        }]
     }
     try {
         if {${--check}} {

@@ -1,0 +1,228 @@
+# browser.tcl -- sorma::browser: the bus in one window. Left what there is, and a search; right what was chosen, in tabs, and a log.
+
+package require sorma::browserDict
+package require sorma::browserEvents
+package require sorma::browserGraph
+package require sorma::browserLaunch
+package require sorma::browserLog
+package require sorma::browserSearch
+package require sorma::browserText
+package require sorma::browserTree
+package require sorma::panel
+package require sorma::text
+package provide sorma::browser 1.0
+
+# ::sorma::browser .w --
+#       A frame; the window around it gets its menu. It asks nobody itself: what it shows is what the model knows, or is told.
+# Methods:
+#       choose PLACE ?OPTION?: as if it was clicked, its panel at that option; tree, search: those parts; tab NAME ?select?: the
+#       window of a tab, brought to the front; text: what the tab in front shows; copy; save FILE
+snit::widget ::sorma::browser {
+    hulltype ttk::frame
+    component tree -public tree
+    component search -public search
+    component tabs
+    variable place {}           ;# what is shown, as the tree has it
+    variable panel {}           ;# the panel that is shown; empty: none
+    variable timer {}           ;# until the choice rests
+    variable at {}              ;# option at which the panel is to be opened
+    typevariable Help {apply {text {dict get [::sorma::table parse $text] help}}}
+    typevariable Titles {panel Panel help Help statistics Statistics audit Audit
+        dictionary Dictionary events Events graph Graph launch Launch log Log}
+
+    constructor {} {
+        set pad [::sorma::style pixels 6]
+        ttk::panedwindow $win.panes -orient horizontal
+        ttk::frame $win.left
+        install tree using ::sorma::browserTree $win.left.tree -command [mymethod Chosen]
+        install search using ::sorma::browserSearch $win.left.search -tree $tree -command [mymethod Found]
+        pack $search -side top -fill x -padx $pad
+        pack $tree -side top -fill both -expand 1
+        lower $tree $search                                 ;# the search comes first by Tab
+        install tabs using ttk::notebook $win.tabs -width [::sorma::style pixels 560] -height [::sorma::style pixels 480]
+        ttk::frame $tabs.panel
+        foreach name {help statistics audit} {
+            ::sorma::browserText $tabs.$name
+        }
+        ::sorma::browserDict $tabs.dictionary
+        ::sorma::browserEvents $tabs.events
+        ::sorma::browserGraph $tabs.graph
+        ::sorma::browserLaunch $tabs.launch
+        ::sorma::browserLog $tabs.log
+        dict for {name title} $Titles {
+            $tabs add $tabs.$name -text $title -underline [expr {$name eq "launch" ? 2 : 0}]
+        }
+        ttk::label $tabs.panel.none -justify left -anchor nw -padding $pad -text "Choose an object at the left, or search (Ctrl-F)."
+        pack $tabs.panel.none -fill both -expand 1
+        ttk::label $win.state -anchor w -padding [list $pad 2]
+        $win.panes add $win.left -weight 1
+        $win.panes add $tabs -weight 3
+        pack $win.state -side bottom -fill x
+        pack $win.panes -fill both -expand 1
+        $self Menu
+        bind $win <Destroy> +[mymethod Ended %W]
+    }
+    method Ended window {
+        if {$window eq $win} {
+            after cancel $timer
+        }
+    }
+
+    # ---- keys ----
+
+    method Menu {} {
+        set top [winfo toplevel $win]
+        menu $win.menu -tearoff 0
+        foreach {name label} {file File view View} {
+            menu $win.menu.$name -tearoff 0
+            $win.menu add cascade -label $label -underline 0 -menu $win.menu.$name
+        }
+        set entries [list file "Save the view\u2026" Ctrl+S s [mymethod AskSave] file "Copy the view" Ctrl+Y y [mymethod copy] \
+            file "Listen to the events, or stop" Ctrl+L l [mymethod Do events listen] file "Pause the log, or go on" Ctrl+P p [mymethod Do log pause] \
+            file Quit Ctrl+Q q [list destroy $top] view Search Ctrl+F f [list focus $win.left.search.bar.entry] \
+            view Tree Ctrl+T t [list focus $tree.tree]]
+        set number 0
+        dict for {name title} $Titles {
+            lappend entries view $title Ctrl+[incr number] Key-$number [mymethod tab $name select]
+        }
+        foreach {menu label shown key script} $entries {
+            $win.menu.$menu add command -label $label -accelerator $shown -command $script
+            bind $top <Control-$key> "$script; break"
+        }
+        ttk::notebook::enableTraversal $tabs
+        $top configure -menu $win.menu
+    }
+
+    # ---- what programs say ----
+
+    method tab {name {select {}}} {
+        if {$select ne {}} {
+            $tabs select $tabs.$name
+            focus $tabs
+        }
+        return $tabs.$name
+    }
+    method choose {what {option {}}} {
+        set at $option
+        $tree choose $what
+        if {$option ne {}} {
+            $tabs select $tabs.panel
+            $self Chosen $what
+        }
+    }
+    method Found {what option} {
+        $self choose $what $option
+    }
+    method text {} {
+        set name [lindex [split [$tabs select] .] end]
+        if {$name ne "panel"} {
+            return [$tabs.$name text]
+        }
+        if {$panel eq {}} {
+            return [$tabs.panel.none cget -text]
+        }
+        set subject [$panel subject]
+        set table [$subject table]
+        return [join [list [$subject name] {*}[if {$table ne {}} {
+            lmap option [dict get $table options] {string cat "[lindex $option 0] [list [dict get [$subject get [lindex $option 0]] value]]"}
+        }]] \n]
+    }
+    method copy {} {
+        clipboard clear -displayof $win
+        clipboard append -displayof $win -- [$self text]
+    }
+    method save file {
+        if {[$tabs select] eq "$tabs.graph"} {
+            $tabs.graph save $file
+        } else {
+            ::sorma::text::writeFile $file [$self text]\n
+        }
+    }
+    # A command of a tab, which is shown meanwhile.
+    method Do {name method} {
+        $tabs select $tabs.$name
+        $tabs.$name $method
+    }
+    method AskSave {} {
+        set types [if {[$tabs select] eq "$tabs.graph"} {list {PDF .pdf} {Picture .png} {PostScript .ps}}]
+        set file [tk_getSaveFile -parent $win -defaultextension .txt -filetypes [list {*}$types {Text .txt}]]
+        if {$file ne {} && [catch {$self save $file} message]} {
+            tk_messageBox -parent $win -icon error -message $message
+        }
+    }
+
+    # ---- what was chosen ----
+
+    # Whoever runs through the tree with the arrow keys makes no panel for each row.
+    method Chosen what {
+        set place $what
+        after cancel $timer
+        set timer [after 60 [mymethod Show]]
+    }
+    method Show {} {
+        lassign $place kind key name
+        set daemon [::sorma::world get $key]
+        $win.state configure -text [if {$daemon ne {}} {
+            ::sorma::text::clean [string trimright "[dict get $daemon name]  [dict get $daemon address]  [dict get $daemon state]  [dict get $daemon why]"]
+        }]
+        $tabs.dictionary about $key
+        $tabs.events about [if {$kind eq "object"} {$self Name $key $name}]
+        $self Show[string totitle $kind] $key $name
+    }
+    method Name {key name} {
+        return [if {$key eq "self"} {set name} else {string cat $name@$key}]
+    }
+    method ShowObject {key name} {
+        $tabs.statistics ask $key [list "CALLS AND THEIR TIMES" [list sorm DBX -look $name -stats] {} "THE LAST MESSAGES" [list sorm DBX -look $name -trail] {}]
+        $tabs.audit ask $key [list "WHO SENT WHICH CTRL" [list sorm DBX -look $name -audit] {}]
+        $tabs.help ask $key [list {} [list sorm DBX -describe $name] $Help]
+        $self Panel [$self Name $key $name]
+    }
+    method ShowClass {key name} {
+        $tabs.help ask $key [list {} [list sorm DBX -describe $name.?] $Help]
+        foreach tab {statistics audit} {
+            $tabs.$tab show "Choose an object of the class."
+        }
+        $self Panel {}
+    }
+    method ShowDaemon {key name} {
+        $tabs.help ask $key [list CLASSES {sorm CTRL -classes} {}]
+        $tabs.statistics ask $key [list STATISTICS {sorm CTRL -statistics} {} CONNECTIONS {sorm CTRL -connections} {} BUDGETS {sorm DBX -budgets} {}]
+        $tabs.audit ask $key [list "WHAT WAS REFUSED" {sorm DBX -denied} {} "WHO MAY DO WHAT" {sorm CTRL -policy} {}]
+        $self Panel {}
+    }
+    # The panel of an object. One in which something was typed and not applied stays, and comes again with its object.
+    method Panel name {
+        if {$panel ne {}} {
+            if {[[$panel subject] name] ne $name} {
+                if {[llength [[$panel subject] edited]] > 0} {
+                    pack forget $panel
+                } else {
+                    destroy $panel
+                }
+                set panel {}
+            }
+        }
+        if {$name eq {}} {
+            pack $tabs.panel.none -fill both -expand 1
+            return
+        }
+        pack forget $tabs.panel.none
+        if {$panel eq {}} {
+            foreach child [winfo children $tabs.panel] {
+                if {[winfo class $child] eq "Panel" && [[$child subject] name] eq $name} {
+                    set panel $child
+                }
+            }
+            if {$panel eq {}} {
+                set panel [::sorma::panel $tabs.panel.p[incr Last] $name]
+            }
+            pack $panel -fill both -expand 1
+        }
+        if {$at ne {}} {
+            $panel search $at
+            set at {}
+        }
+    }
+    typevariable Last 0
+}

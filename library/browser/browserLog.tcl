@@ -1,0 +1,52 @@
+# browserLog.tcl -- sorma::browserLog: the messages of all daemons as they come, chosen by severity, object and text; it can be paused.
+
+package require Tk
+package require snit
+package require sorma::style
+package require sorma::trailview
+package provide sorma::browserLog 1.0
+
+# ::sorma::browserLog .w -- the last 5000 messages, the newest below.
+# Methods:
+#       text: what is shown, in lines; messages: those that are wanted, also while it is paused; pause ?BOOLEAN?
+snit::widget ::sorma::browserLog {
+    hulltype ttk::frame
+    component trails
+    variable severity warning   ;# the least that is shown
+    variable object {}          ;# a part of NAME@DAEMON
+    variable wanted {}          ;# a part of the text
+    variable paused 0
+    delegate method text to trails
+    delegate method messages to trails
+
+    constructor {} {
+        set pad [::sorma::style pixels 4]
+        ttk::frame $win.bar
+        ttk::label $win.bar.severityLabel -text "At least"
+        ttk::combobox $win.bar.severity -values {error warning verbose} -width 8 -state readonly -textvariable [myvar severity]
+        ttk::label $win.bar.objectLabel -text "Object"
+        ttk::entry $win.bar.object -width 10 -textvariable [myvar object]
+        ttk::label $win.bar.textLabel -text "Text"
+        ttk::entry $win.bar.text -width 10 -textvariable [myvar wanted]
+        ttk::checkbutton $win.bar.pause -text "Pause (Ctrl-P)" -variable [myvar paused]
+        pack {*}[winfo children $win.bar] -side left -padx [list 0 $pad]
+        pack configure $win.bar.object $win.bar.text -fill x -expand 1
+        install trails using ::sorma::trailview $win.trails -keep 5000
+        pack $win.bar -side top -fill x -padx $pad -pady $pad
+        pack $trails -side top -fill both -expand 1
+        foreach {name option} {severity -severity object -object wanted -text paused -paused} {
+            trace add variable [myvar $name] write [mymethod Set $option]
+        }
+    }
+    method pause {{boolean {}}} {
+        set paused [expr {$boolean eq {} ? !$paused : $boolean}]
+    }
+    method Set {option args} {
+        $trails configure $option [switch -- $option {
+            -severity { lrange {error warning verbose} 0 [lsearch {error warning verbose} $severity] }
+            -object { string cat $object }
+            -text { string cat $wanted }
+            -paused { string cat $paused }
+        }]
+    }
+}

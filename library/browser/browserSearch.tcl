@@ -1,0 +1,169 @@
+# browserSearch.tcl -- sorma::browserSearch: find a word in names of objects and of options, their units and help texts, while it is typed.
+#
+# Names come from the tree, texts from the tables of classes: those are asked for when somebody searches first, and nothing is made.
+
+package require Tk
+package require snit
+package require sorma::style
+package require sorma::table
+package require sorma::text
+package require sorma::timer
+package provide sorma::browserSearch 1.0
+
+# ::sorma::browserSearch .w -tree TREE ?-command PREFIX? ?-most n? --
+#       PREFIX is called with the PLACE of what was chosen, as the tree has it, and an option or nothing. At most -most are shown (200).
+# Methods:
+#       search WORD; found: list of {TEXT PLACE OPTION}, as it was found last; text
+snit::widget ::sorma::browserSearch {
+    hulltype ttk::frame
+    option -tree -default {}
+    option -command -default {}
+    option -most -default 200
+    variable wanted {}
+    variable found {}
+    variable index {}           ;# dict: {KEY CLASS} -> list of OPTION {its name, unit and help}, flat
+    variable missing {}         ;# dict: {KEY CLASS} -> 1: its table has not come yet
+
+    constructor args {
+        $self configurelist $args
+        ttk::frame $win.bar
+        ttk::label $win.bar.label -text "Search" -underline 2
+        ttk::entry $win.bar.entry -textvariable [myvar wanted]
+        pack $win.bar.label -side left -padx [list 0 [::sorma::style pixels 6]]
+        pack $win.bar.entry -side left -fill x -expand 1
+        pack $win.bar -side top -fill x -pady [::sorma::style pixels 4]
+        ttk::treeview $win.list -show tree -selectmode browse -yscrollcommand [list $win.scroll set]
+        ttk::scrollbar $win.scroll -command [list $win.list yview]
+        bind $win.bar.entry <FocusIn> [mymethod Learn]
+        trace add variable [myvar wanted] write [mymethod Typed]
+        bind $win.bar.entry <Escape> [mymethod search {}]
+        bind $win.bar.entry <Return> [mymethod Choose 0]
+        bind $win.bar.entry <Down> [mymethod Down]
+        bind $win.list <<TreeviewSelect>> [mymethod Selected]
+        bind $win.list <Escape> [mymethod search {}]
+        bind $win <Destroy> +[mymethod Ended %W]
+        ::sorma::world hook answer [mymethod Answered]
+    }
+    method Ended window {
+        if {$window eq $win} {
+            ::sorma::timer::cancel $win
+            ::sorma::world unhook [mymethod Answered]
+        }
+    }
+    method found {} {
+        return $found
+    }
+    method text {} {
+        return [join [lmap item $found {lindex $item 0}] \n]
+    }
+    method search word {
+        set wanted $word
+    }
+
+    # ---- what is known ----
+
+    # Texts of classes that are not in the index yet.
+    method Learn {} {
+        foreach class [$options(-tree) classes] {
+            if {![dict exists $index $class]} {
+                $self LearnClass $class
+            }
+        }
+    }
+    method LearnClass class {
+        lassign $class daemon name
+        # Its own table has no such name; an object of that flavor is not made by the question.
+        set where [if {$daemon ne "self"} {string cat @$daemon}]
+        if {[catch {::sorma::table describe $name.?$where} table] || $table eq {}} {
+            dict set missing $class 1
+            return
+        }
+        dict unset missing $class
+        set texts {}
+        foreach option [dict get $table options] {
+            lassign $option word type unit range default value help
+            lappend texts $word "$word $unit $help"
+        }
+        dict set index $class $texts
+    }
+    method Answered {event about dict} {
+        if {[dict size $missing] > 0} {
+            ::sorma::timer::once $win 50 {*}[mymethod More]
+        }
+    }
+    method More {} {
+        foreach class [dict keys $missing] {
+            $self LearnClass $class
+        }
+        if {$wanted ne {}} {
+            $self Show
+        }
+    }
+
+    # ---- looking ----
+
+    method Typed args {
+        $self Learn
+        $self Show
+    }
+    method Show {} {
+        if {$wanted eq {}} {
+            set found {}
+            pack forget $win.list $win.scroll
+            return
+        }
+        $self Find
+        set chosen [$win.list selection]
+        $win.list delete [$win.list children {}]
+        foreach item $found {
+            $win.list insert {} end -text [lindex $item 0]
+        }
+        $win.list configure -height [expr {max(1, min(12, [llength $found]))}]
+        if {[llength $found] == 0} {
+            $win.list insert {} end -text "nothing is called so"
+        }
+        pack $win.scroll -side right -fill y
+        pack $win.list -side left -fill both -expand 1
+    }
+    method Find {} {
+        set pattern *[::sorma::text::escape $wanted]*
+        set found {}
+        foreach key [lsort -dictionary [lsearch -all -inline -nocase -glob [$options(-tree) keys] $pattern]] {
+            lappend found [list [$self Line [string map {@self {}} $key]] [$options(-tree) of $key] {}]
+            if {[llength $found] >= $options(-most)} return
+        }
+        dict for {class texts} $index {
+            lassign $class daemon name
+            set object [$options(-tree) first $class]
+            if {$object eq {}} continue
+            foreach {option text} $texts {
+                if {[string match -nocase $pattern $text]} {
+                    lappend found [list [$self Line "$name $text"] [list object $daemon $object] $option]
+                    if {[llength $found] >= $options(-most)} return
+                }
+            }
+        }
+    }
+    method Line text {
+        return [::sorma::text::cut [string map {\n { }} [::sorma::text::clean [string range $text 0 300]]] 120]
+    }
+    method Down {} {
+        set first [lindex [$win.list children {}] 0]
+        if {$first ne {}} {
+            focus $win.list
+            $win.list focus $first
+            $win.list selection set [list $first]
+        }
+    }
+    method Selected {} {
+        set item [lindex [$win.list selection] 0]
+        if {$item ne {}} {
+            $self Choose [$win.list index $item]
+        }
+    }
+    method Choose number {
+        if {$number < [llength $found]} {
+            uplevel #0 [list {*}$options(-command) {*}[lrange [lindex $found $number] 1 2]]
+        }
+    }
+}
