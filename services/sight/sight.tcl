@@ -25,6 +25,7 @@ oo::class create ::sorma::service::sight {
     sorma::option -samples int -range {1 1000} -default 4 -help "pictures that are averaged at each place"
     sorma::option -rest double -unit s -range {0 10} -default 0.4 -help "of the arm before it looks, by the pictures' time"
     sorma::option -patience double -unit s -range {0.1 1000} -default 20 -help "how long it waits for a valid picture"
+    sorma::option -margin double -range {0 10} -default 0.7 -help "how far beyond the map, of its width, its answer still counts: coarse, but it leads back"
     sorma::option -stream flag -default 0 -help "tell -result about each picture"
     sorma::reads floats 0..9 "" "a record of ball.obs; none: the newest one of -seen"
     sorma::writes floats 2..7 "" "time, x y z \[m\] in the tool frame, residual, code; learn: mean and largest error \[m\] in between"
@@ -41,7 +42,7 @@ oo::class create ::sorma::service::sight {
         my changed -file
     }
     method changed options {
-        if {"-file" in $options} {
+        if {"-file" in $options || "-margin" in $options} {
             my Load
         }
         if {[my cget -stream] && $Loop eq {}} {
@@ -116,7 +117,7 @@ oo::class create ::sorma::service::sight {
         if {$map eq {}} {
             return
         }
-        $map CTRL -metric {0 0 0 1 1 1} -scale 1 -margin 0.1
+        $map CTRL -metric {0 0 0 1 1 1} -scale 1 -margin [my cget -margin]
         if {[file exists [my cget -file]]} {
             $map CTRL -map [my cget -file]
         }
