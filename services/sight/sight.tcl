@@ -25,7 +25,7 @@ oo::class create ::sorma::service::sight {
     sorma::option -samples int -range {1 1000} -default 4 -help "pictures that are averaged at each place"
     sorma::option -rest double -unit s -range {0 10} -default 0.4 -help "of the arm before it looks, by the pictures' time"
     sorma::option -patience double -unit s -range {0.1 1000} -default 20 -help "how long it waits for a valid picture"
-    sorma::option -margin double -range {0 10} -default 0.7 -help "how far beyond the map, of its width, its answer still counts: coarse, but it leads back"
+    sorma::option -margin double -range {0 10} -default 1 -help "how far beyond the map, of its width, its answer still counts: coarse, but it leads back"
     sorma::option -stream flag -default 0 -help "tell -result about each picture"
     sorma::reads floats 0..9 "" "a record of ball.obs; none: the newest one of -seen"
     sorma::writes floats 2..7 "" "time, x y z \[m\] in the tool frame, residual, code; learn: mean and largest error \[m\] in between"
