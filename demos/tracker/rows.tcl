@@ -310,7 +310,7 @@ proc rows::kill {daemon count} {
     for {set k 0} {$k < $count} {incr k} {
         foreach d [sorma::daemons] {
             if {[dict get $d name] eq $daemon && [dict get $d state] eq "alive"} {
-                exec kill -KILL [dict get $d pid]
+                exec kill -KILL [regexp -inline {\d+(?=\]$)} [dict get $d identity]]
             }
         }
         lassign [truth] - - - begin

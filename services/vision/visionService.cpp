@@ -288,7 +288,7 @@ public:
         return looking<FindBall>(sorma::Class::of<FindBall>("findball", "where a bright ball is in a picture, and whether that is to be believed"), false)
             .integer("-threshold", &FindBall::threshold_, {.unit = "1", .low = 1, .high = 255, .help = "what is not darker is the ball"})
             .vector("-radius", &FindBall::radius_, {.unit = "pixels", .low = 1, .high = 4096, .help = "least and largest", .minLength = 2, .maxLength = 2})
-            .real("-roundness", &FindBall::round_, {.unit = "1", .low = 0, .high = 1, .help = "least b/a, of what the lens makes of a ball there, from 15 pixels of radius on; else 0.8"})
+            .real("-roundness", &FindBall::roundness_, {.unit = "1", .low = 0, .high = 1, .help = "least b/a, of what the lens makes of a ball there, from 15 pixels of radius on; else 0.8"})
             .real("-solidity", &FindBall::solid_, {.unit = "1", .low = 0, .high = 1, .help = "least part of its ellipse that is bright"})
             .real("-second", &FindBall::second_, {.unit = "1", .low = 0, .high = 1, .help = "another one as large as that, of its area, makes it ambiguous"})
             .service("-results", &FindBall::results_, {.help = "is told of each picture while -stream is set: floats of a record of ball.obs, as shmem_w takes them"})
@@ -331,7 +331,7 @@ protected:
             const double* w = asked.floats.data() + (asked.any.empty() ? 0 : 3);
             window = cv::Rect(int(w[0] - w[2] / 2), int(w[1] - w[3] / 2), int(std::max(1.0, w[2])), int(std::max(1.0, w[3])));
         }
-        const vision::BallRules rules{.threshold = int(threshold_), .least = radius_[0], .most = radius_[1], .round = round_, .solid = solid_, .second = second_};
+        const vision::BallRules rules{.threshold = int(threshold_), .least = radius_[0], .most = radius_[1], .round = roundness_, .solid = solid_, .second = second_};
         const auto s = ball_.find(picture, view.lens, rules, window);
         answer.floats = {time, s.u, s.v, s.area, s.radius, s.eccentricity, s.angle, double(s.verdict), time};
         answer.text = vision::kVerdicts[int(s.verdict)];
@@ -351,8 +351,8 @@ private:
         m.words = {"next", "1"};
         if (counter_ > 0) m.words.push_back(std::to_string(counter_));
         next_ = picture_->async(sorma::Method::exec, std::move(m));
-        next_.then([self = sorma::Reference(this), this](sorma::Future picture) {
-            if (!stream_) return;
+        next_.then([self = sorma::Reference(this), this, round = round_](sorma::Future picture) {
+            if (round != round_) return;
             try {
                 take(picture.result());
                 trouble_.clear();
@@ -367,6 +367,7 @@ private:
         });
     }
     void end() {
+        ++round_;
         pause_ = {};
         if (auto next = std::exchange(next_, {})) next.cancel();
         counter_ = 0;
@@ -381,12 +382,13 @@ private:
         if (stamped) answer.floats[8] += double(sorma::monotonicNow() - m.ints[1]) * 1e-9;
         ++counts_[std::size_t(answer.floats[7])];
         answer.text.clear();
-        results_->async(sorma::Method::exec, std::move(answer));
+        results_->invoke(sorma::Method::exec, answer);
     }
 
     sorma::Reference results_;
     bool stream_ = false;
     sorma::Future next_;                    // while it streams
+    unsigned round_ = 0;                    // of streaming: what an older one has asked for is not looked at
     sorma::Timer pause_;
     std::uint64_t counter_ = 0;             // of the last picture
     std::array<std::uint64_t, std::size(vision::kVerdicts)> counts_{};
@@ -394,7 +396,7 @@ private:
 
     std::int64_t threshold_ = 250;
     std::vector<double> radius_{4, 120};
-    double round_ = 0.96, solid_ = 0.95, second_ = 0.3;
+    double roundness_ = 0.96, solid_ = 0.95, second_ = 0.3;
     vision::BallFinder ball_;
 };
 
