@@ -8,6 +8,7 @@ proc tracker::figures {} {
     rows::jumps 30
     rows::hidden 25
     rows::lost 10
+    rows::push
     rows::kill argus 20
     rows::kill sight 20
 }

@@ -327,6 +327,24 @@ proc rows::kill {daemon count} {
     row "$daemon killed, $count times" "back within 15 mm in [ms [expr {$never ? {} : [quantile $back 0.5]}]] ms, [expr {$count - $never}] of $count" \
         "each time" [expr {$never == 0}]
 }
+# Somebody pushes the hand while the ball rests: the tool gives way as a spring does, beyond the null radius of 2 N.
+proc rows::push {} {
+    variable Ball
+    variable Lab
+    ball still {*}$Ball
+    sample 2
+    set stiffness {}
+    foreach force {10 20} {
+        $Lab CTRL -push [list 0 $force 0] 2
+        sample 1.5
+        set away [quantile [lmap s [sample 0.4] {expr {[lindex $s 5] - [lindex $s 2]}}] 0.5]
+        lappend stiffness [expr {($force - 2) / max(1e-6, $away)}]
+        sample 1.5
+    }
+    set back [most [lmap s [sample 0.5] {off $s}]]
+    row "hand pushed with 10 and 20 N" "[join [lmap k $stiffness {format %.0f $k}] {, }] N/m, then [mm $back] mm off" "270 .. 330 N/m, 3 mm" \
+        [expr {abs([lindex $stiffness 0] - 300) <= 30 && abs([lindex $stiffness 1] - 300) <= 30 && $back < 0.003}]
+}
 # The control task: ticks, and what was skipped.
 proc rows::ticks {} {
     set text [lindex [cycle.pino@robot DBX -stats] 3]

@@ -20,6 +20,7 @@ proc tracker::minute {} {
     rows::jumps 4
     rows::hidden 2
     rows::lost 1
+    rows::push
 }
 
 proc tracker::run rowsCmd {
