@@ -335,7 +335,7 @@ proc rows::push {} {
     sample 2
     set stiffness {}
     foreach force {10 20} {
-        $Lab CTRL -push [list 0 $force 0] 2
+        $Lab CTRL -push 0 $force 0 2
         sample 1.5
         set away [quantile [lmap s [sample 0.4] {expr {[lindex $s 5] - [lindex $s 2]}}] 0.5]
         lappend stiffness [expr {($force - 2) / max(1e-6, $away)}]
