@@ -45,7 +45,11 @@ proc rows::learn again {
     puts "the arm shows itself where a ball is: 27 places, then 8 between them"
     set told [sorma::subscribe sight.ball@sight -event progress -command {apply {event {puts "  [dict get $event text]"}}}]
     try {
-        wait [sorma::async -timeout 0 sight.ball@sight EXEC learn]
+        set task [sorma::async -timeout 0 sight.ball@sight EXEC learn]
+        while {![$task done]} {
+            nap 100
+        }
+        puts "  [lindex [wait $task] 3]"
     } finally {
         sorma::unsubscribe $told
     }

@@ -48,7 +48,7 @@ oo::class create ::sorma::service::sight {
         if {[my cget -stream] && $Loop eq {}} {
             set Loop [namespace current]::loop
             coroutine $Loop my Stream
-            after 0 $Loop
+            after 0 [list catch $Loop]
         }
     }
     method leaving {} {
@@ -56,6 +56,7 @@ oo::class create ::sorma::service::sight {
             catch {rename $Loop {}}
         }
     }
+    method dump {} { return "told $Told" }
 
     method exec message {
         set words [dict get $message words]
@@ -88,7 +89,7 @@ oo::class create ::sorma::service::sight {
                 # No picture, no map, nobody who wants to know: each of them may be otherwise soon.
                 if {[lrange [dict get $options -errorcode] 1 2] ne {SHMEM TIMEOUT}} {
                     set counter {}
-                    after 100 [info coroutine]
+                    after 100 [list catch [info coroutine]]
                     yield
                 }
             }
