@@ -49,7 +49,7 @@ proc rows::learn again {
         while {![$task done]} {
             nap 100
         }
-        puts "  [lindex [wait $task] 3]"
+        wait $task
     } finally {
         sorma::unsubscribe $told
     }
