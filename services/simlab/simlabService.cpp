@@ -113,9 +113,10 @@ public:
                          [](Service& s, Args, Message& m) {
                              m.text += static_cast<Simlab&>(s).lab([](Laboratory& l) { return l.props.tokens(); });
                          }})
-            .inspection({"-ball", "", "where the ball is: x y z", 0, 0,
+            .inspection({"-ball", "", "where the ball is: x y z; as a float, lab time", 0, 0,
                          [](Service& s, Args, Message& m) {
-                             m.text += static_cast<Simlab&>(s).lab([](Laboratory& l) {
+                             m.text += static_cast<Simlab&>(s).lab([&](Laboratory& l) {
+                                 m.floats.assign(1, l.now());
                                  const simlab::Point p = l.props.ballAt(l.now());
                                  return sorma::numberText(p[0]) + " " + sorma::numberText(p[1]) + " " + sorma::numberText(p[2]);
                              });

@@ -67,8 +67,10 @@ bool Filter::accepted(const Settings& settings, double t, std::span<const double
         off += residual * residual;
         apart += step * step;
     }
+    // The longer nothing was measured, the farther it may have gone another way; a refused measurement is one, too.
+    const double pause = t - time_ <= settings.expiry && beyond_ == 0 ? std::max(1.0, (t - time_) / settings.interval) : 1;
     const double gate = settings.gate * settings.gate;
-    if (off <= gate) return true;
+    if (off <= gate * pause * pause) return true;
     // Neighbours in a row; and never one record twice.
     beyond_ = beyond_ > 0 && apart <= gate ? beyond_ + (t > doubtfulAt_) : 1;
     std::copy(z.begin(), z.end(), doubtful_.begin());

@@ -28,6 +28,7 @@ private:
     Settings settings() const;                  // as the options say
     void need(const sorma::Message& m, const char* task, std::size_t count, const char* what) const;
     void measure(sorma::Message& m);
+    void wait(sorma::Message& m, const sorma::Tick* tick) const;
     void predict(sorma::Message& m) const;
     void tellGains(sorma::Message& m) const;
     void start(sorma::Message& m);

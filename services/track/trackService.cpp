@@ -8,6 +8,7 @@
 #include "track.h"
 
 #include <cmath>
+#include <limits>
 
 namespace track {
 
@@ -103,14 +104,22 @@ void Track::need(const Message& m, const char* task, std::size_t count, const ch
 
 void Track::measure(Message& m) {
     const std::size_t n = filter_.axes();
-    need(m, "a measurement", 1 + n, "time, then a position for each axis");
     const auto* tick = sorma::Tick::current();
     if (predict_ && !tick) [[unlikely]] fail(kTick, name());
+    if (m.floats.size() == 1 + n && std::isnan(m.floats[0])) return wait(m, tick);
+    need(m, "a measurement", 1 + n, "time, then a position for each axis");
     const Taken taken = filter_.update(settings_, m.floats[0], std::span(m.floats).subspan(1));
     ++counts_[std::size_t(taken)];
     m.clear();
     if (taken != Taken::used) [[unlikely]] m.text = kTaken[std::size_t(taken)];
     answer(m, predict_ ? double(tick->time) * 1e-9 : filter_.time());
+}
+
+// A tick in which nothing has been measured. Before the first measurement nobody knows where the target is: nan.
+void Track::wait(Message& m, const sorma::Tick* tick) const {
+    m.clear();
+    if (filter_.begun()) return answer(m, predict_ ? double(tick->time) * 1e-9 : filter_.time());
+    m.floats.assign(3 * filter_.axes(), std::numeric_limits<double>::quiet_NaN());
 }
 
 void Track::answer(Message& m, double time) const {

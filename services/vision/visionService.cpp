@@ -35,6 +35,7 @@ const sorma::Prototype kWord{Severity::error, "VISION WORD", 2, "{}: bad word \"
 const sorma::Prototype kFloats{Severity::error, "VISION FLOATS", 1, "{}: EXEC expects {}, got {} floats"};
 const sorma::Prototype kPose{Severity::error, "VISION POSE", 1, "{}: {} answered {} floats; a pose is time, position 3, quaternion 4 (w x y z)"};
 const sorma::Prototype kUnit{Severity::error, "VISION POSE", 1, "{}: the quaternion {} {} {} {} of {} has the length {}; it must be 1"};
+const sorma::Prototype kStream{Severity::error, "OPTION MISSING", 2, "{}: {} is not set; -stream needs -picture and -results"};
 const sorma::Prototype kMarkers{Severity::error, "VISION MARKERS", 1, "{}: no board: {}"};
 const sorma::Prototype kBoard{Severity::error, "VISION BOARD", 1, "{}: the board cannot be read: {}"};
 const sorma::Prototype kDisk{Severity::error, "VISION DISK", 1, "{}: no {} token near {} {}: {}"};
@@ -263,11 +264,12 @@ private:
         if (!(std::abs(q.norm() - 1) < 1e-3)) fail(kUnit, name(), v[3], v[4], v[5], v[6], whose, q.norm());
         return Eigen::Translation3d(v[0], v[1], v[2]) * q.normalized();
     }
+
+protected:
     vision::View viewOf(const cv::Mat& picture, const std::vector<double>& tool, const std::string& whose) const {
         return {vision::Lens::of(picture.cols, picture.rows, fieldOfView_), frame(tool, whose) * frame(mount_, "-mount")};
     }
 
-protected:
     sorma::Reference picture_, pose_;
     // Above the middle of the board, looking down; and the camera of the laboratory's hand, 12 degrees towards the tool's axis.
     std::vector<double> at_{0.57, 0, 0.45, 0, 1, 0, 0}, mount_{0.115, 0, -0.150, 0.703233, -0.0739128, -0.0739128, 0.703233};
@@ -286,15 +288,32 @@ public:
         return looking<FindBall>(sorma::Class::of<FindBall>("findball", "where a bright ball is in a picture, and whether that is to be believed"), false)
             .integer("-threshold", &FindBall::threshold_, {.unit = "1", .low = 1, .high = 255, .help = "what is not darker is the ball"})
             .vector("-radius", &FindBall::radius_, {.unit = "pixels", .low = 1, .high = 4096, .help = "least and largest", .minLength = 2, .maxLength = 2})
-            .real("-roundness", &FindBall::round_, {.unit = "1", .low = 0, .high = 1, .help = "least b/a, of what the lens makes of a ball there, from 15 pixels of radius on; else 0.8"})
+            .real("-roundness", &FindBall::roundness_, {.unit = "1", .low = 0, .high = 1, .help = "least b/a, of what the lens makes of a ball there, from 15 pixels of radius on; else 0.8"})
             .real("-solidity", &FindBall::solid_, {.unit = "1", .low = 0, .high = 1, .help = "least part of its ellipse that is bright"})
             .real("-second", &FindBall::second_, {.unit = "1", .low = 0, .high = 1, .help = "another one as large as that, of its area, makes it ambiguous"})
+            .service("-results", &FindBall::results_, {.help = "is told of each picture while -stream is set: floats of a record of ball.obs, as shmem_w takes them"})
+            .flag("-stream", &FindBall::stream_, {.help = "look at each picture that -picture, a shmem_r, brings, and tell -results; the ball is looked for "
+                                                          "in the whole picture"})
             .words("?debug? ?window?")
             .reads(floats, sorma::between(0, 16), "pixels", "window: u, v of its middle, width, height; with a picture: after time, width, height")
             .reads(any, {}, "", "a picture; none: -picture is asked")
             .writes(floats, sorma::exactly(9), "", "lab time, u, v, area, radius [pixels], eccentricity, angle [rad], code, time when done: a record of ball.obs")
             .writes(text, {}, "", "what the code says: valid, none, clipped, size, shape, occluded or ambiguous, with what was measured")
             .example("findball CTRL -threshold 240");
+    }
+
+    void born() override {
+        Looker::born();
+        changed({});
+    }
+    void changed(std::span<const sorma::Option* const>) override {
+        if (stream_ && (!picture_ || !results_)) fail(kStream, name(), picture_ ? "-results" : "-picture");
+        if (stream_ != bool(next_)) stream_ ? askNext() : end();
+    }
+    void leaving() override { end(); }
+    void dumpState(std::string& out) const override {
+        for (std::size_t i = 0; i < std::size(counts_); ++i) out += std::string("# ") + vision::kVerdicts[i] + " " + std::to_string(counts_[i]) + "\n";
+        if (!trouble_.empty()) out += "# trouble " + trouble_ + "\n";
     }
 
 protected:
@@ -312,7 +331,7 @@ protected:
             const double* w = asked.floats.data() + (asked.any.empty() ? 0 : 3);
             window = cv::Rect(int(w[0] - w[2] / 2), int(w[1] - w[3] / 2), int(std::max(1.0, w[2])), int(std::max(1.0, w[3])));
         }
-        const vision::BallRules rules{.threshold = int(threshold_), .least = radius_[0], .most = radius_[1], .round = round_, .solid = solid_, .second = second_};
+        const vision::BallRules rules{.threshold = int(threshold_), .least = radius_[0], .most = radius_[1], .round = roundness_, .solid = solid_, .second = second_};
         const auto s = ball_.find(picture, view.lens, rules, window);
         answer.floats = {time, s.u, s.v, s.area, s.radius, s.eccentricity, s.angle, double(s.verdict), time};
         answer.text = vision::kVerdicts[int(s.verdict)];
@@ -325,9 +344,59 @@ protected:
     }
 
 private:
+    // ---- pictures one after another ----
+
+    void askNext() {
+        Message m;
+        m.words = {"next", "1"};
+        if (counter_ > 0) m.words.push_back(std::to_string(counter_));
+        next_ = picture_->async(sorma::Method::exec, std::move(m));
+        next_.then([self = sorma::Reference(this), this, round = round_](sorma::Future picture) {
+            if (round != round_) return;
+            try {
+                take(picture.result());
+                trouble_.clear();
+            } catch (const sorma::Error& e) {
+                if (!e.is("SHMEM TIMEOUT")) trouble_ = e.what(), counter_ = 0;
+            } catch (const std::exception& e) {
+                trouble_ = e.what();
+            }
+            if (trouble_.empty()) return askNext();
+            constexpr std::int64_t kPause = 50'000'000;     // [ns]
+            pause_ = sorm().loop().after(sorma::monotonicNow() + kPause, [this] { askNext(); });
+        });
+    }
+    void end() {
+        ++round_;
+        pause_ = {};
+        if (auto next = std::exchange(next_, {})) next.cancel();
+        counter_ = 0;
+    }
+    void take(Message& m) {
+        const bool stamped = m.ints.size() >= 2;
+        if (stamped) counter_ = std::uint64_t(m.ints[0]);
+        const cv::Mat picture = pictureOf(name(), "what " + picture_->name() + " answered", m);
+        Message answer;
+        look(picture, m.floats[0], Message(), viewOf(picture, at_, "-at"), answer);
+        // Lab time goes as the machine's clock does since the picture was published.
+        if (stamped) answer.floats[8] += double(sorma::monotonicNow() - m.ints[1]) * 1e-9;
+        ++counts_[std::size_t(answer.floats[7])];
+        answer.text.clear();
+        results_->invoke(sorma::Method::exec, answer);
+    }
+
+    sorma::Reference results_;
+    bool stream_ = false;
+    sorma::Future next_;                    // while it streams
+    unsigned round_ = 0;                    // of streaming: what an older one has asked for is not looked at
+    sorma::Timer pause_;
+    std::uint64_t counter_ = 0;             // of the last picture
+    std::array<std::uint64_t, std::size(vision::kVerdicts)> counts_{};
+    std::string trouble_;
+
     std::int64_t threshold_ = 250;
     std::vector<double> radius_{4, 120};
-    double round_ = 0.96, solid_ = 0.95, second_ = 0.3;
+    double roundness_ = 0.96, solid_ = 0.95, second_ = 0.3;
     vision::BallFinder ball_;
 };
 

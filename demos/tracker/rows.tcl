@@ -1,0 +1,367 @@
+# rows.tcl -- the rows of the tracker's table: each makes the ball do something while the arm follows, and measures how well that went.
+#
+# The daemons of tracker.launch must run. What counts is the laboratory's truth: where the ball is, and where the arm is.
+
+package require sorma
+
+namespace eval rows {
+    variable Lab simlab@lab
+    variable Follow follow.ball@robot
+    variable Ball {0.56 0 0.12}         ;# where it rests
+    variable Above 0.3                  ;# [m] the tool above the ball
+    variable Down {0 1 0 0}             ;# the tool points at the table
+    variable Sine 0.4                   ;# [Hz]
+    variable Task {}                    ;# the request that follows
+    variable Table {}                   ;# what, measured, target, whether it is met
+    variable Records {}                 ;# all samples: t, ball 3, tool 3
+}
+foreach {name key} {pose tool.pose rel target.rel} {
+    sorma::so::dict CTRL -add shmem_r.$name [list -key tracker.$key]
+}
+
+# ---- the laboratory ----
+
+proc rows::prepare speed {
+    variable Lab
+    variable Ball
+    variable Above
+    variable Down
+    $Lab CTRL -speed $speed
+    ball still {*}$Ball
+    pino@robot EXEC power on
+    lassign $Ball x y z
+    mvpos.learn@robot EXEC FMSG 7 $x $y [expr {$z + $Above}] {*}$Down
+}
+proc rows::ball args {
+    variable Lab
+    $Lab CTRL -ball {*}$args
+}
+# Learn the map, or take it as it was learned before.
+proc rows::learn again {
+    if {!$again && ![catch {sight.ball@sight EXEC FMSG 9 0 249.5 262.5 1150 19 0 0 0 0}]} {
+        puts "the map has been learned before"
+        return
+    }
+    puts "the arm shows itself where a ball is: 27 places, then 8 between them"
+    set told [sorma::subscribe sight.ball@sight -event progress -command {apply {event {puts "  [dict get $event text]"}}}]
+    try {
+        set task [sorma::async -timeout 0 sight.ball@sight EXEC learn]
+        while {![$task done]} {
+            nap 100
+        }
+        wait $task
+    } finally {
+        sorma::unsubscribe $told
+    }
+}
+proc rows::wait future {
+    try {
+        return [$future wait]
+    } finally {
+        $future destroy
+    }
+}
+proc rows::follow {} {
+    variable Task
+    variable Follow
+    set Task [sorma::async -timeout 0 $Follow EXEC]
+}
+# Fails with what has ended it, if something has.
+proc rows::unfollow {} {
+    variable Task
+    variable Follow
+    if {$Task eq {}} {
+        return
+    }
+    $Follow CTRL -stop
+    set task $Task
+    set Task {}
+    try {
+        wait $task
+    } trap {SORMA ROBOT STOPPED} {} {}
+}
+proc rows::nap ms {
+    after $ms {set rows::Napped 1}
+    vwait rows::Napped
+}
+
+# ---- samples ----
+
+# Where the ball is, and when: x y z t.
+proc rows::truth {} {
+    variable Lab
+    set reply [$Lab DBX -ball]
+    return [list {*}[lindex $reply 3] [lindex $reply end]]
+}
+
+# Sample for so many seconds of lab time; the script is run before each sample and may read its time, now. Returns lists
+# t ball(3) tool(3).
+proc rows::sample {seconds {script {}}} {
+    variable Task
+    variable Records
+    shmem_r.pose exec since
+    set poses {}
+    set balls {}
+    lassign [truth] - - - begin
+    for {set now $begin} {$now < $begin + $seconds} {} {
+        eval $script
+        lassign [truth] x y z now
+        lappend balls [list $now $x $y $z]
+        set news [shmem_r.pose exec since]
+        if {[dict exists $news floats]} {
+            lappend poses {*}[dict get $news floats]
+        }
+        if {[$Task done]} {
+            wait [set task $Task][set Task {}]
+        }
+        nap 15
+    }
+    set samples [Meet $poses $balls]
+    lappend Records {*}$samples
+    return $samples
+}
+# The tool's place at the times of the ball's.
+proc rows::Meet {poses balls} {
+    set samples {}
+    set last {}
+    set queue $balls
+    foreach {t x y z - - - - - - - - - -} $poses {
+        while {[llength $queue] > 0 && $last ne {} && [lindex $queue 0 0] <= $t} {
+            set queue [lassign $queue ball]
+            lassign $last t0 x0 y0 z0
+            set part [expr {$t > $t0 ? ([lindex $ball 0] - $t0) / ($t - $t0) : 1}]
+            if {$part >= 0} {
+                lappend samples [list {*}$ball [expr {$x0 + $part * ($x - $x0)}] [expr {$y0 + $part * ($y - $y0)}] [expr {$z0 + $part * ($z - $z0)}]]
+            }
+        }
+        set last [list $t $x $y $z]
+    }
+    return $samples
+}
+
+# ---- what is made of them ----
+
+# [m] How far the tool is from where it should be.
+proc rows::off sample {
+    variable Above
+    lassign $sample - bx by bz x y z
+    return [expr {sqrt(($x - $bx) ** 2 + ($y - $by) ** 2 + ($z - $bz - $Above) ** 2)}]
+}
+proc rows::rms numbers {
+    set sum 0.0
+    foreach x $numbers {
+        set sum [expr {$sum + $x * $x}]
+    }
+    return [expr {sqrt($sum / max(1, [llength $numbers]))}]
+}
+proc rows::most numbers { return [::tcl::mathfunc::max {*}$numbers] }
+proc rows::quantile {numbers q} { return [lindex [lsort -real $numbers] [expr {int($q * ([llength $numbers] - 1) + 0.5)}]] }
+# [m/s] The tool's, between samples that are at least 40 ms apart.
+proc rows::speeds samples {
+    set speeds {}
+    set from [lindex $samples 0]
+    foreach to $samples {
+        set dt [expr {[lindex $to 0] - [lindex $from 0]}]
+        if {$dt >= 0.04} {
+            lappend speeds [list [lindex $to 0] [expr {sqrt([::tcl::mathop::+ {*}[lmap a [lrange $from 4 6] b [lrange $to 4 6] {expr {($b - $a) ** 2}}]]) / $dt}]]
+            set from $to
+        }
+    }
+    return $speeds
+}
+# [s] How far the tool's motion along y is behind the ball's, by the phase of the sine.
+proc rows::lag {samples frequency} {
+    set w [expr {8 * atan(1) * $frequency}]
+    foreach sums {a b c d} {
+        set $sums 0.0
+    }
+    foreach sample $samples {
+        lassign $sample t - by - - y
+        set a [expr {$a + $by * cos($w * $t)}]
+        set b [expr {$b + $by * sin($w * $t)}]
+        set c [expr {$c + $y * cos($w * $t)}]
+        set d [expr {$d + $y * sin($w * $t)}]
+    }
+    return [expr {atan2($a * $d - $b * $c, $a * $c + $b * $d) / $w}]
+}
+# When the tool has been near and slow from then on: [s] after `begin`; none: never.
+proc rows::locked {samples begin {near 0.003} {slow 0.010}} {
+    set late $begin
+    foreach sample $samples {
+        if {[off $sample] >= $near} {
+            set late [lindex $sample 0]
+        }
+    }
+    foreach speed [speeds $samples] {
+        if {[lindex $speed 1] >= $slow && [lindex $speed 0] > $late} {
+            set late [lindex $speed 0]
+        }
+    }
+    return [expr {$late >= [lindex $samples end 0] - 0.1 ? {} : $late - $begin}]
+}
+
+# ---- the table ----
+
+proc rows::row {what measured target met} {
+    variable Table
+    lappend Table [list $what $measured $target $met]
+    puts [format {%-34s %-44s %-36s %s} $what $measured $target [expr {$met ? "yes" : "NO"}]]
+}
+proc rows::mm x { return [format %.2f [expr {1e3 * $x}]] }
+proc rows::ms x { return [expr {$x eq {} ? "never" : [format %.0f [expr {1e3 * $x}]]}] }
+
+proc rows::rest seconds {
+    variable Ball
+    ball still {*}$Ball
+    sample 2
+    set samples [sample $seconds]
+    set off [rms [lmap s $samples {off $s}]]
+    set speed [rms [lmap s [speeds $samples] {lindex $s 1}]]
+    row "ball at rest" "[mm $off] mm rms, [mm $speed] mm/s rms" "0.5 mm, 3 mm/s" [expr {$off <= 0.0005 && $speed <= 0.003}]
+}
+# The camera's delay varies from 40 to 110 ms.
+proc rows::Delay {} {
+    variable Lab
+    $Lab CTRL -cameraLatency [expr {0.04 + 0.07 * rand()}]
+}
+proc rows::sine seconds {
+    variable Ball
+    variable Sine
+    variable Lab
+    ball sine {*}$Ball 0 0.1 0 $Sine
+    sample 4
+    set samples [sample $seconds rows::Delay]
+    $Lab CTRL -cameraLatency 0.05
+    set errors [lmap s $samples {off $s}]
+    set lag [lag $samples $Sine]
+    set off [rms $errors]
+    set most [most $errors]
+    row "sine 0.1 m, $Sine Hz, varying delay" "[mm $off] mm rms, [mm $most] mm at most, lag [ms $lag] ms" "6.5 mm, 12 mm, -30 .. 30 ms" \
+        [expr {$off <= 0.0065 && $most <= 0.012 && abs($lag) <= 0.03}]
+}
+proc rows::jumps count {
+    variable Ball
+    lassign $Ball x y z
+    set times {}
+    set over 0
+    ball still $x [expr {$y - 0.05}] $z
+    sample 3
+    set side 1
+    for {set k 0} {$k < $count} {incr k} {
+        lassign [truth] - - - begin
+        set goal [expr {$y + $side * 0.05}]
+        ball still $x $goal $z
+        set samples [sample 2]
+        lappend times [locked $samples $begin]
+        set over [most [list $over {*}[lmap s $samples {expr {$side * ([lindex $s 5] - $goal)}}]]]
+        set side [expr {-$side}]
+    }
+    set reached [lsearch -all -inline -not -exact $times {}]
+    set median [expr {[llength $reached] < $count ? {} : [quantile $times 0.5]}]
+    set late [expr {$median eq {} ? {} : [quantile $times 0.95]}]
+    row "jump of 0.1 m, $count times" "locked on in [ms $median] ms, p95 [ms $late] ms, over [mm $over] mm" "597 ms, 647 ms, 5 mm" \
+        [expr {$median ne {} && $median <= 0.597 && $late <= 0.647 && $over < 0.005}]
+}
+proc rows::hidden count {
+    variable Ball
+    variable Sine
+    variable Lab
+    ball sine {*}$Ball 0 0.1 0 $Sine
+    sample 4
+    set worst 0
+    for {set k 0} {$k < $count} {incr k} {
+        $Lab CTRL -lamp 0
+        set samples [sample 0.3]
+        $Lab CTRL -lamp 1
+        lappend samples {*}[sample 1.5]
+        set worst [most [list $worst {*}[lmap s $samples {off $s}]]]
+        sample 0.4
+    }
+    row "hidden for 0.3 s on the sine" "[mm $worst] mm at most" "45 mm" [expr {$worst <= 0.045}]
+}
+# The ball stops where it is hidden, and waits there.
+proc rows::lost count {
+    variable Ball
+    variable Sine
+    variable Lab
+    set found {}
+    set creep 0
+    for {set k 0} {$k < $count} {incr k} {
+        ball sine {*}$Ball 0 0.1 0 $Sine
+        sample [expr {3 + rand()}]
+        lassign [truth] x y z
+        $Lab CTRL -lamp 0
+        ball still $x $y $z
+        sample 1.7
+        set creep [most [list $creep {*}[lmap s [speeds [sample 0.3]] {lindex $s 1}]]]
+        set before [lindex [shmem_r.rel EXEC] end-2]
+        $Lab CTRL -lamp 1
+        lassign [truth] - - - begin
+        lappend found [locked [sample 2.5] $begin]
+    }
+    set never [llength [lsearch -all -exact $found {}]]
+    set late [expr {$never ? {} : [most $found]}]
+    row "hidden for 2 s, $count times" "[mm $creep] mm/s then; locked on again in [ms $late] ms" "5 mm/s, 1000 ms" \
+        [expr {$creep <= 0.005 && !$never && $late <= 1}]
+}
+# A daemon is killed while the ball moves; the launcher starts it again.
+proc rows::kill {daemon count} {
+    variable Ball
+    variable Sine
+    ball sine {*}$Ball 0 0.1 0 $Sine
+    sample 3
+    set back {}
+    for {set k 0} {$k < $count} {incr k} {
+        foreach d [sorma::daemons] {
+            if {[dict get $d name] eq $daemon && [dict get $d state] eq "alive"} {
+                exec kill -KILL [regexp -inline {\d+(?=\]$)} [dict get $d identity]]
+            }
+        }
+        lassign [truth] - - - begin
+        set samples [sample [expr {3.5 + rand()}]]
+        set late $begin
+        foreach s $samples {
+            if {[off $s] > 0.015} {
+                set late [lindex $s 0]
+            }
+        }
+        lappend back [expr {$late >= [lindex $samples end 0] - 0.2 ? {} : $late - $begin}]
+    }
+    set never [llength [lsearch -all -exact $back {}]]
+    row "$daemon killed, $count times" "back within 15 mm in [ms [expr {$never ? {} : [quantile $back 0.5]}]] ms, [expr {$count - $never}] of $count" \
+        "each time" [expr {$never == 0}]
+}
+# Somebody pushes the hand while the ball rests: the tool gives way as a spring does, beyond the null radius of 2 N.
+proc rows::push {} {
+    variable Ball
+    variable Lab
+    ball still {*}$Ball
+    sample 2
+    set stiffness {}
+    foreach force {10 20} {
+        $Lab CTRL -push 0 $force 0 2
+        sample 1.5
+        set away [quantile [lmap s [sample 0.4] {expr {[lindex $s 5] - [lindex $s 2]}}] 0.5]
+        lappend stiffness [expr {($force - 2) / max(1e-6, $away)}]
+        sample 1.5
+    }
+    set back [most [lmap s [sample 0.5] {off $s}]]
+    row "hand pushed with 10 and 20 N" "[join [lmap k $stiffness {format %.0f $k}] {, }] N/m, then [mm $back] mm off" "270 .. 330 N/m, 3 mm" \
+        [expr {abs([lindex $stiffness 0] - 300) <= 30 && abs([lindex $stiffness 1] - 300) <= 30 && $back < 0.003}]
+}
+# The control task: ticks, and what was skipped.
+proc rows::ticks {} {
+    set text [lindex [cycle.pino@robot DBX -stats] 3]
+    regexp {ticks (\d+) skipped (\d+)} $text - ticks skipped
+    regexp {jitter of the beginning: (.*?), longest} $text - jitter
+    row "control tick" "$skipped of $ticks skipped; begins late $jitter" "0" [expr {$skipped == 0}]
+}
+proc rows::save file {
+    variable Records
+    set channel [open $file w]
+    puts $channel "time,ballX,ballY,ballZ,toolX,toolY,toolZ"
+    foreach record $Records {
+        puts $channel [join $record ,]
+    }
+    close $channel
+}

@@ -1,0 +1,57 @@
+# tracker.tcl -- an arm that follows a ball by sight, and the table that says how well, in about a minute.
+#
+#     ./bootstrap run tracker      the daemons end with it; exit code 0: it followed to the end
+#
+# -learn: teach the map anew, even when there is one. -speed N: of lab time. -csv FILE: where ball and tool were. -figures: count each row
+# for so long that the numbers mean something, and kill daemons (figures.tcl).
+
+package require sorma
+package require sorma::options
+
+namespace eval tracker {
+    variable Here [file dirname [file normalize [info script]]]
+}
+source [file join $tracker::Here .. lab lab.tcl]
+source [file join $tracker::Here rows.tcl]
+
+proc tracker::minute {} {
+    rows::rest 8
+    rows::sine 12
+    rows::jumps 4
+    rows::hidden 2
+    rows::lost 1
+    rows::push
+}
+
+proc tracker::run rowsCmd {
+    variable Here
+    set options [sorma::options::parse {-learn flag -speed {any 1} -csv {any {}}} $::argv]
+    set launch [lab::start sorma-launch [file join $Here tracker.launch]]
+    try {
+        vwait lab::Heard
+        if {$lab::Heard ne "ready"} {
+            return 1
+        }
+        rows::prepare [dict get $options -speed]
+        rows::learn [dict get $options -learn]
+        rows::follow
+        puts [format {%-34s %-44s %-36s %s} what measured target met]
+        {*}$rowsCmd
+        rows::ticks
+        rows::unfollow
+        if {[dict get $options -csv] ne {}} {
+            rows::save [dict get $options -csv]
+        }
+        pino@robot EXEC park
+        return 0
+    } on error {- info} {
+        puts stderr [dict get $info -errorinfo]
+        return 1
+    } finally {
+        lab::finish $launch
+    }
+}
+
+if {[file normalize $argv0] eq [file normalize [info script]]} {
+    exit [tracker::run tracker::minute]
+}

@@ -1,0 +1,125 @@
+// follow -- the arm goes after a target that somebody else computes tick by tick.
+//
+//     follow.ball EXEC            until CTRL -stop
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "errors.h"
+#include "follow.h"
+
+namespace robot {
+
+using sorma::Message;
+
+namespace {
+
+constexpr std::int64_t kLook = 50'000'000;  // [ns] between two looks for the target's buffer
+
+}  // namespace
+
+FollowMotion::FollowMotion(const Frames& frames, const ArmLimits& limits, const Place& from, const Manner& given)
+    : manner(given), frames_(frames), limits_(limits) {
+    course_.position = from.p;
+    turn_.orientation = from.r;
+}
+
+Motion::Step FollowMotion::next(const Senses& senses, Joints& q) noexcept {
+    const double period = senses.period;
+    std::array<double, kTarget> f;
+    if (!braking_ && read(period, f)) {
+        ++followed;
+        course_.step(period, Eigen::Map<Vector3d>(&f[0]), Eigen::Map<Vector3d>(&f[7]), manner.line, Eigen::Map<Vector3d>(&f[10]));
+        turn_.step(period, Quaterniond(f[3], f[4], f[5], f[6]).normalized(), manner.turn);
+    } else {
+        waited += !braking_;
+        // Its own place as a target at rest: it slows down as hard as it may.
+        course_.step(period, course_.position, Vector3d::Zero(), manner.line);
+        turn_.step(period, turn_.orientation, manner.turn);
+    }
+    switch (posture_.find(frames_, limits_, {course_.position, turn_.orientation}, q, q)) {
+        case Posture::unreachable: return Step::unreachable;
+        case Posture::limits: return Step::limits;
+        case Posture::singular: return Step::singular;
+        case Posture::none: break;
+    }
+    return braking_ && course_.velocity.norm() < 1e-9 && turn_.velocity.norm() < 1e-9 ? Step::done : Step::going;
+}
+
+bool FollowMotion::read(double period, std::array<double, kTarget>& f) noexcept {
+    auto* reader = target.reader();
+    shmem::Stamp stamp;
+    if (!reader || reader->latest(f.data(), nullptr, stamp) != shmem::Outcome::read) return false;
+    const double age = double(shmem::nanoseconds() - stamp.monotonic) * 1e-9;
+    if (age > std::max(manner.patience, 3 * period)) return false;
+    const bool finite = std::all_of(f.begin(), f.end(), [](double x) { return std::fabs(x) < 1e6; });
+    if (finite && std::fabs(Quaterniond(f[3], f[4], f[5], f[6]).norm() - 1) < 1e-3) return true;
+    ++wrong;
+    return false;
+}
+
+sorma::Class Follow::describe() {
+    using enum sorma::Field;
+    auto c = sorma::Class::of<Follow>("follow", "goes after a target that somebody else computes tick by tick");
+    Mover::describe<Follow>(c);
+    c.text("-target", &Follow::target_, {.help = "key of the buffer with the target: position, quaternion, velocity, a velocity that is added", .fixed = true})
+        .real("-turnAcceleration", &Follow::turnAcceleration_, {.unit = "rad/s2", .low = 0.01, .high = 50, .help = "of turns of the tool"})
+        .real("-soft", &Follow::soft_, {.unit = "1/s", .low = 0, .high = 1000, .help = "at the target: speed by distance; 0: stop as fast as it can be done"})
+        .real("-stiff", &Follow::stiff_, {.unit = "1/s", .low = 0, .high = 1000, .help = "the same, -near from it; it rises in between"})
+        .real("-near", &Follow::near_, {.unit = "m", .low = 1e-6, .high = 1, .help = "distance for -stiff"})
+        .real("-patience", &Follow::patience_, {.unit = "s", .low = 0.001, .high = 10, .help = "a target that is older is none: the tool comes to rest, and waits"})
+        .reads(floats, sorma::exactly(0), "", "nothing")
+        .example("follow CTRL -speed 0.5 -acceleration 2");
+    return c;
+}
+
+FollowMotion::Manner Follow::manner() const {
+    constexpr double kBrake = 8.0 / 9;
+    return {{speed_, acceleration_, kBrake, soft_, stiff_, near_},
+            {turnSpeed_, turnAcceleration_, kBrake, soft_, stiff_, 0.05}, patience_};
+}
+
+FollowMotion* Follow::motion() const {
+    auto* p = dynamic_cast<Pino*>(arm_ ? arm_.get() : sorm().find("pino"));
+    return p && p->moves(name()) ? motion_ : nullptr;
+}
+
+// Everything but -target may change while it moves.
+void Follow::changed(std::span<const sorma::Option* const>) {
+    if (auto* m = motion()) {
+        sorma::BetweenTicks between(pino());
+        m->manner = manner();
+    }
+}
+
+void Follow::exec(Message& m) {
+    m.clear();
+    launch(m, [this](const Now& now) {
+               auto next = std::make_unique<FollowMotion>(now.settings.frames, now.settings.limits, now.tool, manner());
+               motion_ = next.get();
+               motion_->target.use(motion_->target.look(target_, problem_));
+               timer_ = sorm().loop().after(sorma::monotonicNow() + kLook, [this] { watch(); });
+               return Job::Plan{std::move(next), guards(now)};
+           },
+           [](Message&, const Now&, Motion&) {});
+}
+
+// The target's writer may come late, and may be replaced.
+void Follow::watch() {
+    auto* m = motion();
+    if (!m) return;
+    timer_ = sorm().loop().after(sorma::monotonicNow() + kLook, [this] { watch(); });
+    if (m->target.attached()) return;
+    auto found = m->target.look(target_, problem_);
+    sorma::BetweenTicks between(pino());
+    m->target.use(std::move(found));
+}
+
+void Follow::dumpState(std::string& out) const {
+    if (auto* m = motion())
+        out += "# followed " + std::to_string(m->followed) + "\n# waited " + std::to_string(m->waited) + "\n# wrong " +
+               std::to_string(m->wrong) + "\n";
+    if (!problem_.empty()) out += "# missing " + problem_ + "\n";
+}
+
+}  // namespace robot

@@ -1,0 +1,52 @@
+// sighting.h -- where something that a camera of the tool has seen is in the world: a unit that trusts nobody.
+//
+// A measurement is older than the tick that uses it. So it is combined with where the tool was when the picture was taken,
+// from the records of its poses. Each that cannot be used is counted by its reason, and nothing comes out in that tick.
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include <sorma.h>
+
+#include "place.h"
+#include "tap.h"
+
+namespace robot {
+
+class Sighting final : public sorma::Service {
+public:
+    static sorma::Class describe();
+    void born() override;
+    void changed(std::span<const sorma::Option* const>) override;
+    void exec(sorma::Message& m) override;
+    std::vector<sorma::Pin> pins(std::string_view, std::size_t) const override;
+    void dumpState(std::string& out) const override { tell(out, "# "); }
+
+private:
+    // What has become of a record of the seen.
+    enum Fate { used, refused, outside, old, future, late, unknown, damaged, lost };
+    static constexpr const char* kFates[] = {"used", "refused", "outside", "old", "future", "late", "noPose", "damaged", "lost"};
+
+    void watch();
+    void forget(sorma::Args, sorma::Message&);
+    bool now(double& time) noexcept;                            // [s] lab time, as of the newest pose
+    Fate look(double now, std::array<double, 4>& out) noexcept; // out: t z
+    bool poseAt(double time, Place& place) const noexcept;
+    void tell(std::string& out, const std::string& before) const;
+
+    std::string seenKey_ = "target.rel", posesKey_ = "tool.pose", seenProblem_, posesProblem_;
+    double longest_ = 0.5, residual_ = sorma::kInfinity;
+    std::vector<double> inside_;
+
+    static constexpr std::size_t kSeen = 6, kPose = 8, kPoseMost = 64;
+    Tap seen_{kSeen, kSeen}, poses_{kPose, kPoseMost};
+    std::uint64_t counter_ = 0;             // of the record that was looked at last
+    double last_ = -sorma::kInfinity;       // [s] time of the one that was used last
+    double offset_ = 0;                     // [s] the tick's clock less lab time
+    std::array<std::uint64_t, std::size(kFates)> fates_{};
+    sorma::Timer timer_;
+};
+
+}  // namespace robot
