@@ -30,6 +30,8 @@ oo::class create ::sorma::service::drycarry {
     sorma::purpose "puts tokens from field to field, without a robot"
     sorma::option -lab service -default simlab -help "the laboratory"
     sorma::reads floats 6 "" "from: file, rank, tokens underneath; to: the same"
+    sorma::reads ints 0..1 "" "how many tokens are carried together: all that lie there"
+    sorma::reads text * "" "their colour"
     sorma::writes floats 3 "" "how far beside the field it lies, file and rank; seconds"
     sorma::example "drycarry CTRL -help"
 
@@ -46,11 +48,15 @@ oo::class create ::sorma::service::drycarry {
         if {$there != $above} {
             return -code error -errorcode [list SORMA CARRY OCCUPIED [my name]] "[my name]: at $toFile $toRank lie $there tokens, not $above"
         }
-        foreach token [lrange $here $underneath end] {
-            [my cget -lab] CTRL -move [lindex $token 0] $toFile $toRank $above
-            incr above
-        }
+        my Put [lmap token [lrange $here $underneath end] {lindex $token 0}] $toFile $toRank $above
         return {floats {0 0 0}}
+    }
+    # Tokens, the lowest first, on so many others.
+    method Put {names file rank above} {
+        foreach name $names {
+            [my cget -lab] CTRL -move $name $file $rank $above
+            set above [expr {$above + 1}]
+        }
     }
 }
 

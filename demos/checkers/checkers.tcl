@@ -1,0 +1,63 @@
+# checkers.tcl -- a game of the robot against a person, in the laboratory.
+#
+#     ./bootstrap run checkers        the daemons end with it; exit code 0: the game was ended by the rules
+#
+# -speed N: of lab time, 0 is as fast as the machine can; default: 1 with a window, else 0. -variant braz|engl. -level N: the robot's.
+# -personLevel N, -faults F, -seed N: of the person. -human mouse: you play, in the window. -go: go on with the game that was interrupted.
+# -folder F: where its files are. -position FEN: it begins so. -once: it ends with the game, even when there is a window.
+
+source [file join [file dirname [file normalize [info script]]] session.tcl]
+package require sorma::options
+
+namespace eval checkersGame {
+    variable Last {}            ;# move that was told last
+}
+
+proc checkersGame::Show told {
+    variable Last
+    switch [dict get $told state] {
+        validate - answer {
+            puts "[dict get $told state] [dict get $told move]"
+        }
+    }
+}
+
+proc checkersGame::folder {} {
+    set base [expr {[info exists ::env(XDG_STATE_HOME)] ? $::env(XDG_STATE_HOME) : [file join $::env(HOME) .local state]}]
+    return [file join $base sorma checkers]
+}
+
+proc checkersGame::run {} {
+    set o [sorma::options::parse {-speed any -variant {{choice braz engl} braz} -level {any 5} -personLevel {any 3} -faults {any 0} -seed {any 1}
+        -human {{choice sim mouse} sim} -go flag -folder any -position any -once flag} $::argv]
+    dict with o {}
+    fconfigure stdout -buffering line
+    set windows [expr {[info exists ::env(DISPLAY)] && ![catch {package require Tk}]}]
+    set folder [expr {${-folder} eq {} ? [folder] : ${-folder}}]
+    if {!${-go}} {
+        file delete [file join $folder checkers.game] [file join $folder human.game]
+    }
+    set speed [expr {${-speed} ne {} ? ${-speed} : $windows}]
+    set settings [dict create \
+        checkers [list -variant ${-variant} -position ${-position} -look [expr {$speed == 0 ? 10 : 100}]] \
+        draughts.engine [list -level ${-level}] \
+        human.sim [list -variant ${-variant} -position ${-position} -level ${-personLevel} -faults ${-faults} -seed ${-seed}]]
+    try {
+        session::begin $folder $settings $speed
+        set session::Watch checkersGame::Show
+        if {!$windows} {
+            puts "no display: the window is left out"
+        }
+        set figures [session::play]
+        dict for {name value} $figures {
+            puts "$name [join $value]"
+        }
+        return [expr {[lindex [dict get $figures result] 0] ni {1-0 0-1 1/2-1/2} || [lindex [dict get $figures wrong_readings_accepted] 0] > 0}]
+    } finally {
+        session::end
+    }
+}
+
+if {[file normalize $argv0] eq [file normalize [info script]]} {
+    exit [checkersGame::run]
+}

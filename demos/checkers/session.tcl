@@ -1,0 +1,149 @@
+# session.tcl -- the daemons of checkers.launch, and games in them that are watched and counted.
+#
+#     session::begin FOLDER SETTINGS SPEED        files of the game and its daemons are in the folder
+#     session::play                               until the game is over; a dict of figures
+#     session::end
+
+package require sorma
+foreach file {lab/lab lab/colours checkers/tokens} {
+    source [file join [file dirname [file dirname [file normalize [info script]]]] $file.tcl]
+}
+
+namespace eval session {
+    variable Here [file dirname [file normalize [info script]]]
+    variable Lab simlab@lab
+    variable Checkers checkers@player
+    variable Human human.sim@human
+    variable Launch {}          ;# pipe of the launcher
+    variable Watch {}           ;# command that gets what the plot tells: a dict
+    variable Wrong 0            ;# readings that were believed and are not so
+    variable Lost 0             ;# robot's moves after which tokens lay elsewhere than it believes
+    variable Faults 0           ;# of the person
+    variable Named 0            ;# those of which he was told
+    variable Pieces {}          ;# position, in which the next move is played
+}
+
+# ::session::settle FOLDER SETTINGS -- a folder with a table of colours, and what the daemons read: dict, object -> options.
+proc session::settle {folder settings} {
+    file mkdir $folder
+    cd $folder
+    if {![file exists board.hsv]} {
+        colours::learn board.hsv
+    }
+    set out [open settings w]
+    puts $out $settings
+    close $out
+}
+
+proc session::begin {folder settings speed} {
+    variable Here
+    variable Lab
+    variable Launch
+    variable Checkers
+    variable Human
+    settle $folder $settings
+    set Launch [lab::start sorma-launch [file join $Here checkers.launch]]
+    vwait lab::Heard
+    if {$lab::Heard ne "ready"} {
+        return -code error -errorcode {CHECKERS LAUNCH} "the daemons of checkers.launch could not be started; what they said stands above"
+    }
+    $Lab CTRL -speed $speed
+    sorma::subscribe $Checkers -event plot -queue 10000 -command session::Plot
+    sorma::subscribe $Checkers -event said -queue 10000 -command session::Said
+    sorma::subscribe $Human -event person -queue 10000 -command session::Person
+}
+proc session::end {} {
+    variable Launch
+    lab::finish $Launch
+}
+
+# ---- one game ----
+
+# Until it is over, whatever happens to the player's daemon. The figures: dict of name -> {value unit}.
+proc session::play {} {
+    variable Checkers
+    variable Wrong 0
+    variable Lost 0
+    variable Faults 0
+    variable Named 0
+    set begun [clock milliseconds]
+    set labTime [labTime]
+    while 1 {
+        set call [sorma::async -timeout 0 -command {set ::session::Ended} $Checkers exec play]
+        vwait ::session::Ended
+        set failed [catch {$call result} came how]
+        $call destroy
+        if {!$failed} break
+        if {[lindex [dict get $how -errorcode] 1] ne "COMM"} {
+            return -options $how $came
+        }
+        after 500 {set ::session::Tick 1}
+        vwait ::session::Tick
+    }
+    set wall [expr {([clock milliseconds] - $begun) / 1e3}]
+    set lab [expr {[labTime] - $labTime}]
+    lassign [dict get $came ints] carries looks troubles shifts moves
+    return [dict create result [list [dict get $came text] {}] moves_of_the_person [list $moves 1] carries [list $carries 1] looks [list $looks 1] \
+        troubles [list $troubles 1] board_moved [list $shifts 1] wrong_readings_accepted [list $Wrong 1] tokens_lost_unnoticed [list $Lost 1] \
+        faults_of_the_person [list $Faults 1] faults_named [list $Named 1] \
+        lab_time [list [format %.0f $lab] s] wall_time [list [format %.0f $wall] s] speed [list [format %.1f [expr {$lab / max(0.001, $wall)}]] 1]]
+}
+proc session::labTime {} {
+    variable Lab
+    regexp {# time (\S+) s} [lindex [$Lab CTRL -dump] 3] - time
+    return $time
+}
+
+proc session::Plot event {
+    variable Watch
+    variable Wrong
+    variable Lost
+    if {![dict exists $event text]} {
+        return
+    }
+    set told [dict get $event text]
+    # The arm has not taken a token yet, or it is away: what lies there is what the game says.
+    switch [dict get $told state] {
+        answer { incr Wrong [expr {![Agrees $told]}] }
+        played { incr Lost [expr {![Agrees $told]}] }
+    }
+    if {$Watch ne {}} {
+        {*}$Watch $told
+    }
+}
+# Do the tokens lie as the position says? Tokens beside the board do not count.
+proc session::Agrees told {
+    variable Lab
+    set width [expr {[regexp {GameType "20} [dict get $told pdn]] ? 10 : 8}]
+    set is {}
+    foreach line [split [lindex [$Lab DBX -tokens] 3] \n] {
+        lassign $line name file rank
+        set place [list [expr {round($file)}] [expr {round($rank)}]]
+        if {$file > 0.5 && $rank > 0.5 && $file < $width + 0.5 && $rank < $width + 0.5} {
+            dict lappend is $place [lindex [split $name _] 0]
+        }
+    }
+    return [expr {[lsort -stride 2 $is] eq [lsort -stride 2 [::checkers::tokens lie $width [dict get $told position]]]}]
+}
+proc session::Said event {
+    if {[dict exists $event text]} {
+        puts "    \"[dict get $event text]\""
+    }
+}
+proc session::Person event {
+    variable Faults
+    variable Named
+    if {![dict exists $event text]} {
+        return
+    }
+    set told [dict get $event text]
+    switch [dict get $told state] {
+        fault {
+            incr Faults
+            puts "    (the person: [dict get $told kind])"
+        }
+        told {
+            incr Named [expr {[dict get $told text] ne {}}]
+        }
+    }
+}
