@@ -250,6 +250,7 @@ oo::class create ::sorma::service::human {
         }
         set suffix [string map {. -} [my name]]
         set game [::checkers::game new draughts.$suffix [my cget -file]]
+        draughts.$suffix configure -colours yr
         set engine draughts.$suffix-thinks
         $engine configure -level [my cget -level] -seed [my cget -seed] -endgames 0 -idle 1
         [my cget -eye] configure -width [expr {[my cget -variant] eq "intl" ? 10 : 8}]
@@ -259,7 +260,7 @@ oo::class create ::sorma::service::human {
         set heard [expr {[my cget -robot] eq {} ? {} : [sorma::subscribe [my cget -robot] -event said -command [namespace code {my Heard}]]}]
         try {
             if {![$game resume] || [$game over]} {
-                draughts.$suffix configure -variant [my cget -variant] -colours yr
+                draughts.$suffix configure -variant [my cget -variant]
                 $game begin [my cget -position] [::checkers::tokens spares [$game width]]
                 my SetOut [$game lies]
             }

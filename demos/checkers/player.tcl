@@ -157,6 +157,10 @@ oo::class create ::checkers::player {
         set move [$Game intended]
         my Enter answer move $move
         my Say [expr {$again ? "I go on with $move." : "I play $move."}]
+        if {$again} {
+            my Load
+            [my Setting -engine] exec play $move
+        }
         my Shifted
         set transfers [lindex [$Game plan $move] 0]
         set lies [my Stages $transfers]
@@ -178,14 +182,18 @@ oo::class create ::checkers::player {
         $Game play $move [lindex $lies end]
         my Note played move $move
     }
+    # After it the engine is ahead of the game by the robot's move.
     method Think {} {
-        my variable Game
-        set engine [my Setting -engine]
-        $engine configure -variant [[$Game draughts] cget -variant]
-        $engine exec -text [$Game pdn] pdn
-        set came [$engine exec go]
+        my Load
+        set came [[my Setting -engine] exec go]
         my Note thought move [dict get $came text] score [lindex [dict get $came floats] 0] seconds [lindex [dict get $came floats] 1]
         return [dict get $came text]
+    }
+    method Load {} {
+        my variable Game
+        set draughts [$Game draughts]
+        [my Setting -engine] configure -variant [$draughts cget -variant] -colours [$draughts cget -colours]
+        [my Setting -engine] exec -text [$Game pdn] pdn
     }
     method Shifted {} {
         if {[my Setting -board] eq {}} {
@@ -210,6 +218,10 @@ oo::class create ::checkers::player {
             set seen [lsearch -exact $stages $sight]
             if {$seen >= 0} {
                 return $seen
+            }
+            # The person is quick, and has answered the move already.
+            if {$sight ne {} && [dict get [[my Setting -engine] exec -text $sight explain] code] == 0} {
+                return [expr {[llength $stages] - 1}]
             }
             my Trouble [expr {$sight eq {} ? $text
                 : "The board is not as it should be. Please put it in order: [my Difference $sight [lindex $stages $near]]."}] \

@@ -72,6 +72,7 @@ oo::class create ::sorma::service::checkers {
         set Player [::checkers::player new $Game -robot [my cget -robot] -still [my cget -still] -look [my cget -look] -patience [my cget -patience] \
             -carry [my cget -carry] -sight [my cget -sight] -engine [my cget -engine] -board [expr {[my cget -board] eq {} ? {} : [namespace code {my Moved}]}] \
             -say [namespace code {my Say}] -watch [namespace code {my Watch}]]
+        [my cget -game] configure -colours yr
         try {
             if {![$Game resume] || [$Game over]} {
                 my Begin
@@ -107,7 +108,7 @@ oo::class create ::sorma::service::checkers {
     }
     method Begin {} {
         set Counts {}
-        [my cget -game] configure -variant [my cget -variant] -colours yr
+        [my cget -game] configure -variant [my cget -variant]
         $Game begin [my cget -position] [::checkers::tokens spares [$Game width]]
         my Watch begin {}
         my Say "A new game. [expr {[$Game side] eq [my cget -robot] ? "I begin." : "It is your turn."}]"

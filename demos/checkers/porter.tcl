@@ -12,6 +12,7 @@ oo::class create ::sorma::service::porter {
     sorma::option -hand service -default manus -help "holds (class manus)"
     sorma::option -transform service -default transform -help "knows where things are (class transform)"
     sorma::option -approach service -default mvpos.approach -help "moves the tool down, to the first contact"
+    sorma::option -fields int -range {4 26} -default 8 -help "files of the board: beyond them is the heap, where a token need not lie exactly"
     sorma::option -place double -unit m -range {0 0.1} -default 0.0061 -help "height of the tool above what a token is put on"
     sorma::reads floats 6 "" "from: file, rank, tokens underneath; to: the same"
     sorma::reads ints 0..1 "" "how many tokens are carried together, default 1"
@@ -32,7 +33,8 @@ oo::class create ::sorma::service::porter {
             my Recover $transfer
         }
         my Learn $transfer $stack $colour
-        [my cget -carry] CTRL -stack $stack -colour $colour
+        set beside [expr {[lindex $transfer 3] < 0.5 || [lindex $transfer 3] > [my cget -fields] + 0.5}]
+        [my cget -carry] CTRL -stack $stack -colour $colour -verify [expr {$beside ? "none" : "look"}]
         set Ready 0
         set came [[my cget -carry] exec -floats $transfer]
         set Ready 1
