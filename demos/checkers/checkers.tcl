@@ -9,12 +9,12 @@
 source [file join [file dirname [file normalize [info script]]] session.tcl]
 package require sorma::options
 
-namespace eval checkersGame {
-    variable Last {}            ;# move that was told last
-}
+namespace eval checkersGame {}
 
-proc checkersGame::Show told {
-    variable Last
+proc checkersGame::Show {windows told} {
+    if {$windows} {
+        checkersWindow::plot $told
+    }
     switch [dict get $told state] {
         validate - answer {
             puts "[dict get $told state] [dict get $told move]"
@@ -41,16 +41,24 @@ proc checkersGame::run {} {
     set settings [dict create \
         checkers [list -variant ${-variant} -position ${-position} -look [expr {$speed == 0 ? 10 : 100}]] \
         draughts.engine [list -level ${-level}] \
-        human.sim [list -variant ${-variant} -position ${-position} -level ${-personLevel} -faults ${-faults} -seed ${-seed}]]
+        human.sim [list -variant ${-variant} -position ${-position} -level ${-personLevel} -faults ${-faults} -seed ${-seed} -mouse [expr {${-human} eq "mouse"}]]]
     try {
         session::begin $folder $settings $speed
-        set session::Watch checkersGame::Show
-        if {!$windows} {
+        if {$windows} {
+            uplevel #0 [list source [file join $session::Here window.tcl]]
+            set checkersWindow::Speed $speed
+            checkersWindow::build [expr {${-human} eq "mouse"}] 8
+        } else {
             puts "no display: the window is left out"
         }
+        set session::Watch [list checkersGame::Show $windows]
         set figures [session::play]
         dict for {name value} $figures {
             puts "$name [join $value]"
+        }
+        if {$windows && !${-once}} {
+            puts "The window is yours; close it to end."
+            tkwait window .
         }
         return [expr {[lindex [dict get $figures result] 0] ni {1-0 0-1 1/2-1/2} || [lindex [dict get $figures wrong_readings_accepted] 0] > 0}]
     } finally {

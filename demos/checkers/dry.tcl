@@ -80,5 +80,23 @@ oo::class create ::sorma::service::drysight {
     }
 }
 
+# Move the board [m, rad], and what lies beside it as well.
+proc ::checkers::moveBoard {lab dx dy turn} {
+    set beside {}
+    foreach line [lsort -real -index 5 [split [lindex [$lab DBX -tokens] 3] \n]] {
+        lassign $line name file rank - - z
+        if {$file < 0.5 || $file > 8.5} {
+            lappend beside [list $name $file $rank [expr {round($z / 0.008 - 0.5)}]]
+        }
+    }
+    $lab CTRL -board $dx $dy $turn
+    foreach token $beside {
+        lassign $token name file rank above
+        if {$file > -4 && $file < 12 && $rank > -4 && $rank < 12} {
+            catch {$lab CTRL -move $name $file $rank $above}
+        }
+    }
+}
+
 package provide sorma::service::drycarry 1.0
 package provide sorma::service::drysight 1.0

@@ -214,7 +214,7 @@ oo::class create ::checkers::person {
     method Faultturned {} {
         my variable Lab Turned
         set Turned [expr {[info exists Turned] ? -$Turned : 1}]
-        $Lab CTRL -board 0 [expr {0.012 * $Turned}] [expr {0.05 * $Turned}]
+        ::checkers::moveBoard $Lab 0 [expr {0.012 * $Turned}] [expr {0.05 * $Turned}]
     }
 }
 
@@ -233,6 +233,7 @@ oo::class create ::sorma::service::human {
     sorma::option -faults double -range {0 1} -default 0 -help "before so many of his moves he does something wrong"
     sorma::option -kinds string -default {illegal nudged two back stolen turned} -help "what he does wrong"
     sorma::option -file string -kind file -default {} -help "his memory of the game; empty: none"
+    sorma::option -mouse flag -default 0 -help "he only sets out the tokens: a real person plays"
     sorma::words "play"
     sorma::conduct concurrent
     sorma::action -new {} "give up this game" {if {$Player ne {}} {$Player order new}} -right call
@@ -245,8 +246,8 @@ oo::class create ::sorma::service::human {
     }
 
     method exec message {
-        if {$Player ne {}} {
-            sorma::fail {HUMAN BUSY} "[my name]: he plays already"
+        while {$Player ne {}} {
+            sorma::await sleep 20
         }
         set suffix [string map {. -} [my name]]
         set game [::checkers::game new draughts.$suffix [my cget -file]]
@@ -263,6 +264,9 @@ oo::class create ::sorma::service::human {
                 draughts.$suffix configure -variant [my cget -variant]
                 $game begin [my cget -position] [::checkers::tokens spares [$game width]]
                 my SetOut [$game lies]
+            }
+            if {[my cget -mouse]} {
+                return {text *}
             }
             set result [$Player play]
             $game forget

@@ -250,7 +250,7 @@ oo::class create ::checkers::player {
             sorma::await sleep [my Setting -look]
             return 0
         }
-        my Note carried transfer $transfer
+        my Note carried transfer $transfer lies [::checkers::tokens after $lies $transfer]
         return 1
     }
 

@@ -17,10 +17,9 @@ namespace eval session {
     variable Launch {}          ;# pipe of the launcher
     variable Watch {}           ;# command that gets what the plot tells: a dict
     variable Wrong 0            ;# readings that were believed and are not so
-    variable Lost 0             ;# robot's moves after which tokens lay elsewhere than it believes
+    variable Lost 0             ;# carries after which tokens lay elsewhere than the robot believes
     variable Faults 0           ;# of the person
     variable Named 0            ;# those of which he was told
-    variable Pieces {}          ;# position, in which the next move is played
 }
 
 # ::session::settle FOLDER SETTINGS -- a folder with a table of colours, and what the daemons read: dict, object -> options.
@@ -51,6 +50,20 @@ proc session::begin {folder settings speed} {
     sorma::subscribe $Checkers -event plot -queue 10000 -command session::Plot
     sorma::subscribe $Checkers -event said -queue 10000 -command session::Said
     sorma::subscribe $Human -event person -queue 10000 -command session::Person
+}
+# Another game with the same daemons.
+proc session::again settings {
+    variable Human
+    variable Checkers
+    settle [pwd] $settings
+    $Human configure {*}[dict get $settings human.sim]
+    $Human CTRL -new
+    $Checkers CTRL -new
+    sorma::async -timeout 0 -command session::Ignored $Human exec play
+}
+proc session::Ignored future {
+    catch {$future result}
+    $future destroy
 }
 proc session::end {} {
     variable Launch
@@ -102,28 +115,41 @@ proc session::Plot event {
         return
     }
     set told [dict get $event text]
-    # The arm has not taken a token yet, or it is away: what lies there is what the game says.
+    # Then the person is quiet: the arm is over the board, or about to be.
     switch [dict get $told state] {
-        answer { incr Wrong [expr {![Agrees $told]}] }
-        played { incr Lost [expr {![Agrees $told]}] }
+        answer {
+            set width [expr {[regexp {GameType "20} [dict get $told pdn]] ? 10 : 8}]
+            incr Wrong [Differs $width [::checkers::tokens lie $width [dict get $told position]]]
+        }
+        carried { incr Lost [Differs [expr {[regexp {GameType "20} [dict get $told pdn]] ? 10 : 8}] [dict get $told lies]] }
     }
     if {$Watch ne {}} {
         {*}$Watch $told
     }
 }
-# Do the tokens lie as the position says? Tokens beside the board do not count.
-proc session::Agrees told {
+# Do the tokens on the board lie otherwise than they should? What is in the person's hand, high above the board, does not count.
+proc session::Differs {width should} {
     variable Lab
-    set width [expr {[regexp {GameType "20} [dict get $told pdn]] ? 10 : 8}]
     set is {}
-    foreach line [split [lindex [$Lab DBX -tokens] 3] \n] {
-        lassign $line name file rank
+    foreach line [lsort -real -index 5 [split [lindex [$Lab DBX -tokens] 3] \n]] {
+        lassign $line name file rank - - z
         set place [list [expr {round($file)}] [expr {round($rank)}]]
-        if {$file > 0.5 && $rank > 0.5 && $file < $width + 0.5 && $rank < $width + 0.5} {
+        if {$file > 0.5 && $rank > 0.5 && $file < $width + 0.5 && $rank < $width + 0.5 && $z < 0.03} {
             dict lappend is $place [lindex [split $name _] 0]
         }
     }
-    return [expr {[lsort -stride 2 $is] eq [lsort -stride 2 [::checkers::tokens lie $width [dict get $told position]]]}]
+    set should [dict filter $should script {place -} {expr {[lindex $place 0] >= 1 && [lindex $place 0] <= $width}}]
+    if {[lsort -stride 2 $is] eq [lsort -stride 2 $should]} {
+        return 0
+    }
+    foreach place [lsort -unique [concat [dict keys $is] [dict keys $should]]] {
+        set a [expr {[dict exists $is $place] ? [dict get $is $place] : "nothing"}]
+        set b [expr {[dict exists $should $place] ? [dict get $should $place] : "nothing"}]
+        if {$a ne $b} {
+            puts "    (at $place lies $a, the game says $b)"
+        }
+    }
+    return 1
 }
 proc session::Said event {
     if {[dict exists $event text]} {

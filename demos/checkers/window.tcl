@@ -39,7 +39,7 @@ proc checkersWindow::build {mouse width} {
     set gap [sorma::style pixels 6]
     set size [sorma::style pixels 380]
     pack [ttk::frame .f -padding $gap] -fill both -expand 1
-    ttk::label .title -textvariable checkersWindow::Head -font TkHeadingFont
+    ttk::label .title -textvariable ::checkersWindow::Head -font TkHeadingFont
     foreach {w text} {game "The game" eye "What the eye sees, and how certain"} {
         ttk::labelframe .$w -text $text
     }
@@ -97,16 +97,16 @@ proc checkersWindow::Settings gap {
     ttk::spinbox .settings.level -from 1 -to 10 -width 4 -command {checkersWindow::send draughts.engine@player CTRL -level [.settings.level get]}
     .settings.level set 5
     ttk::label .settings.tspeed -text "Speed (0: all it can)"
-    ttk::spinbox .settings.speed -from 0 -to 20 -width 4 -textvariable checkersWindow::Speed \
+    ttk::spinbox .settings.speed -from 0 -to 20 -width 4 -textvariable ::checkersWindow::Speed \
         -command {checkersWindow::send simlab@lab CTRL -speed $checkersWindow::Speed}
-    ttk::checkbutton .settings.voice -text "Speak aloud" -variable checkersWindow::Voice \
+    ttk::checkbutton .settings.voice -text "Speak aloud" -variable ::checkersWindow::Voice \
         -command {checkersWindow::send speaker@voice CTRL -output [expr {$checkersWindow::Voice ? "sound" : "log"}]}
     grid .settings.new .settings.resign -sticky ew -padx 2 -pady 2
     grid .settings.reset .settings.voice -sticky ew -padx 2 -pady 2
     grid .settings.tlevel .settings.level -sticky w -padx 2 -pady 2
     grid .settings.tspeed .settings.speed -sticky w -padx 2 -pady 2
     grid columnconfigure .settings {0 1} -weight 1
-    grid [ttk::label .settings.thoughts -textvariable checkersWindow::Thoughts -wraplength [sorma::style pixels 320]] -columnspan 2 -sticky w -pady $gap
+    grid [ttk::label .settings.thoughts -textvariable ::checkersWindow::Thoughts -wraplength [sorma::style pixels 320]] -columnspan 2 -sticky w -pady $gap
 }
 
 # ---- daemons ----
