@@ -15,7 +15,7 @@ oo::class create ::checkers::boardview {
     constructor {canvas args} {
         my variable Canvas Settings Lies Certain Dragged
         set Settings [sorma::options::parse {-width {any 8} -drop any -size {any 400}} $args]
-        set Canvas [canvas $canvas -width [dict get $Settings -size] -height [dict get $Settings -size] -highlightthickness 0 -takefocus 0]
+        set Canvas [canvas $canvas -width [dict get $Settings -size] -height [dict get $Settings -size] -highlightthickness 0 -takefocus 0 -background [ttk::style lookup TFrame -background]]
         set Lies [set Certain [set Dragged {}]]
         bind $canvas <Configure> [list [self] draw]
         if {[dict get $Settings -drop] ne {}} {
@@ -35,12 +35,12 @@ oo::class create ::checkers::boardview {
     method lie lies { my variable Lies; set Lies $lies; my draw }
     method certain values { my variable Certain; set Certain $values; my draw }
 
-    # ---- where things are: room for a heap at each side, and for the letters ----
+    # ---- where things are: around the board is room for the letters ----
 
     method Width {} { my variable Settings; return [dict get $Settings -width] }
     method Field {} {
         my variable Canvas
-        return [expr {min([winfo width $Canvas], [winfo height $Canvas]) / ([my Width] + 2.4)}]
+        return [expr {min([winfo width $Canvas], [winfo height $Canvas]) / ([my Width] + 1.2)}]
     }
     # The middle of a place, in pixels.
     method At {file rank} {

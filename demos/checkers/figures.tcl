@@ -4,9 +4,8 @@
 # seconds of wall time one of the daemons is killed. -shifts: so often the board is moved during a game. Exit code 0: all games were ended
 # by the rules, nothing wrong was believed, no token was lost without being noticed, each fault was named.
 
-foreach file {session dry} {
-    source [file join [file dirname [file normalize [info script]]] $file.tcl]
-}
+source [file join [file dirname [file normalize [info script]]] session.tcl]
+package require sorma::service::drycarry
 package require sorma::options
 
 namespace eval checkersFigures {

@@ -9,7 +9,8 @@ package provide checkers::game 1.0
 oo::class create ::checkers::game {
     # draughts: name of an object of class draughts; file: to keep the game in, empty: nowhere.
     constructor {draughts file} {
-        my variable Draughts File Lies Intended
+        my variable Draughts File Lies Intended Before
+        set Before {}
         set Draughts $draughts
         set File $file
         set Lies {}
@@ -108,12 +109,25 @@ oo::class create ::checkers::game {
 
     # Play a move, after which LIES is where the tokens are.
     method play {move lies} {
-        my variable Draughts Lies Intended
+        my variable Draughts Lies Intended Before
         set played [dict get [$Draughts exec play $move] text]
+        set Before $Lies
         set Lies $lies
         set Intended {}
         my Keep
         return $played
+    }
+
+    # Where the tokens lay before the last move; empty: that is not known.
+    method before {} { my variable Before; return $Before }
+
+    # The last move is taken back.
+    method back {} {
+        my variable Draughts Lies Before
+        $Draughts exec undo
+        set Lies $Before
+        set Before {}
+        my intend {}
     }
 
     # What a camera must see when tokens lie so: a character for each field, Black's row first.

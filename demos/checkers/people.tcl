@@ -7,9 +7,8 @@
 
 package require sorma
 package require sorma::service::draughts
-foreach file {tokens game player dry} {
-    source [file join [file dirname [file normalize [info script]]] $file.tcl]
-}
+package require checkers::player
+package require sorma::service::drycarry
 
 # His eye sees the tokens as they are, when the arm is away.
 oo::class create ::sorma::service::humaneye {
@@ -32,6 +31,7 @@ oo::class create ::sorma::service::humanhand {
     sorma::option -seconds double -unit s -range {0.05 10} -default 0.5 -help "for each way: to the token, with it, and away"
     sorma::option -step double -unit s -range {0.01 1} -default 0.04 -help "between two places of the token on its way"
     sorma::option -height double -range {1 20} -default 5 -help "so many tokens high it is taken over the others"
+    sorma::option -stay flag -default 0 -help "the hand stays over the board, since there is more to do"
     sorma::option -away vector -unit m -length 3 -default {1.2 0.2 0.3} -help "where the hand comes from"
 
     method Put {names file rank above} {
@@ -41,7 +41,6 @@ oo::class create ::sorma::service::humanhand {
         lassign $line - fromFile fromRank x y z
         lassign [my World $tokens $file $rank] u v
         set seconds [my cget -seconds]
-        $lab CTRL -person {*}[my cget -away]
         my Reach [list $x $y [expr {$z + 0.03}]] $seconds
         set steps [expr {max(1, int($seconds / [my cget -step]))}]
         for {set k 1} {$k < $steps} {incr k} {
@@ -54,8 +53,10 @@ oo::class create ::sorma::service::humanhand {
             my Reach [list [expr {$x + $part * ($u - $x)}] [expr {$y + $part * ($v - $y)}] 0.08] [my cget -step]
         }
         next $names $file $rank $above
-        my Reach [my cget -away] $seconds
-        $lab CTRL -person away
+        if {![my cget -stay]} {
+            my Reach [my cget -away] $seconds
+            $lab CTRL -person away
+        }
     }
     # The hand goes there meanwhile.
     method Reach {place seconds} {
@@ -91,21 +92,31 @@ oo::class create ::checkers::person {
 
     # faults: how often, 0 to 1; kinds: which; lab: the laboratory
     constructor {game lab faults kinds args} {
-        my variable Lab Faults Kinds Heard
+        my variable Lab Faults Kinds Heard Robot
+        set Robot {}
         set Lab $lab
         set Faults $faults
         set Kinds $kinds
         set Heard {}
         next $game {*}$args
     }
-    # The robot has said something.
+    # The robot has said that something is wrong.
     method heard text { my variable Heard; lappend Heard $text }
 
+    # In which state of the plot it is.
+    method robot state { my variable Robot; set Robot $state }
+
     method Answer {} {
-        my variable Faults Kinds Game
+        my variable Faults Kinds Game Heard Robot
+        # It looks once more before it says that it is his turn.
+        set end [expr {[clock milliseconds] + 20000}]
+        while {$Robot in {thought answer carry carried verify played} && [clock milliseconds] < $end} {
+            sorma::await sleep 20
+        }
         if {[$Game intended] eq {} && rand() < $Faults} {
             set kind [lindex $Kinds [expr {int(rand() * [llength $Kinds])}]]
-            my Note fault kind $kind
+            my Note [expr {$kind in {back turned} ? "harmless" : "fault"}] kind $kind
+            set Heard {}
             my Fault$kind
         }
         next
@@ -113,12 +124,16 @@ oo::class create ::checkers::person {
     # Until he has been told what is wrong; for so long he insists.
     method Listen {} {
         my variable Heard
-        set Heard {}
-        sorma::await until 60000 {$Heard ne {}}
+        set end [expr {[clock milliseconds] + 60000}]
+        while {$Heard eq {} && [clock milliseconds] < $end} {
+            sorma::await sleep 20
+        }
         my Note told text [lindex $Heard 0]
     }
-    method Move {from to {underneath 0}} {
-        [my Setting -carry] exec -floats [list {*}$from $underneath {*}$to 0]
+    # more: his hand stays over the board, so nobody believes what is seen.
+    method Move {from to {more 0}} {
+        [my Setting -carry] configure -stay $more
+        [my Setting -carry] exec -floats [list {*}$from 0 {*}$to 0]
     }
     # One of his tokens, and a field that is empty, as places.
     method Own {} {
@@ -157,7 +172,7 @@ oo::class create ::checkers::person {
     method Faultnudged {} {
         set from [my Own]
         if {$from eq {}} return
-        set beside [list [expr {[lindex $from 0] + ([lindex $from 0] > 4 ? -0.5 : 0.5)}] [lindex $from 1]]
+        set beside [list [expr {[lindex $from 0] + ([lindex $from 0] > 4 ? -0.55 : 0.55)}] [lindex $from 1]]
         my Move $from $beside
         my Listen
         my Move $beside $from
@@ -176,13 +191,12 @@ oo::class create ::checkers::person {
             if {[llength $done] == 2} break
         }
         if {[llength $done] < 2} return
-        foreach one $done {
-            my Move {*}$one
-        }
+        lassign $done first second
+        my Move {*}$first 1
+        my Move {*}$second
         my Listen
-        foreach one [lreverse $done] {
-            my Move {*}[lreverse $one]
-        }
+        my Move {*}[lreverse $second] 1
+        my Move {*}[lreverse $first]
     }
     # He moves, and takes it back before anybody believes it.
     method Faultback {} {
@@ -192,7 +206,7 @@ oo::class create ::checkers::person {
         set from [::checkers::tokens place [$Game width] $from]
         set to [::checkers::tokens place [$Game width] $to]
         if {[llength [dict get [$Game lies] $from]] == 1} {
-            my Move $from $to
+            my Move $from $to 1
             my Move $to $from
         }
     }
@@ -258,7 +272,7 @@ oo::class create ::sorma::service::human {
         expr {srand([my cget -seed] + 1)}
         set Player [::checkers::person new $game [my cget -lab] [my cget -faults] [my cget -kinds] -robot [my cget -colour] -engine $engine \
             -carry [my cget -hand] -sight [my cget -eye] -still 2 -look 20 -watch [namespace code {my Watch}]]
-        set heard [expr {[my cget -robot] eq {} ? {} : [sorma::subscribe [my cget -robot] -event said -command [namespace code {my Heard}]]}]
+        set heard [expr {[my cget -robot] eq {} ? {} : [sorma::subscribe [my cget -robot] -event * -queue 1000 -command [namespace code {my Heard}]]}]
         try {
             if {![$game resume] || [$game over]} {
                 draughts.$suffix configure -variant [my cget -variant]
@@ -284,8 +298,16 @@ oo::class create ::sorma::service::human {
         }
     }
     method Heard event {
-        if {$Player ne {}} {
-            $Player heard [dict get $event text]
+        if {$Player eq {}} {
+            return
+        }
+        switch [dict get $event event] {
+            said {
+                if {[dict get $event words] eq "trouble"} {
+                    $Player heard [dict get $event text]
+                }
+            }
+            plot { $Player robot [dict get $event text state] }
         }
     }
     method Watch {what facts} {

@@ -76,7 +76,13 @@ oo::class create ::checkers::player {
         my variable Game
         while {![$Game over]} {
             if {[$Game side] eq [my Setting -robot]} {
-                my Answer
+                try {
+                    my Answer
+                } trap {CHECKERS BACK} {} {
+                    $Game back
+                    my Note back
+                    my Say "You take back your move. It is your turn."
+                }
             } else {
                 my Await
             }
@@ -126,12 +132,15 @@ oo::class create ::checkers::player {
                 if {[dict get $reply code] == 0} {
                     my Enter validate move $text
                     lassign [$Game plan $text] - lies
-                    my Say "You play [$Game play $text $lies]."
+                    my Say "You play [my Spelled $text]."
+                    $Game play $text $lies
                     return
                 }
                 if {[dict get $reply code] == 1} {
                     set text {}
                     my Well
+                } elseif {$text ne {}} {
+                    append text ". You may play [my Legal]."
                 }
             }
             # Perhaps he is not ready.
@@ -142,6 +151,21 @@ oo::class create ::checkers::player {
             }
             sorma::await sleep [my Setting -look]
         }
+    }
+
+    # A move as people say it: origin and target.
+    method Spelled move {
+        my variable Game
+        lassign [regexp -inline {^(\d+)([-x])(\d+)} $move] - from sign to
+        return [my Field {*}[::checkers::tokens place [$Game width] $from]]$sign[my Field {*}[::checkers::tokens place [$Game width] $to]]
+    }
+    method Field {file rank} {
+        return [string index abcdefghij [expr {$file - 1}]]$rank
+    }
+    method Legal {} {
+        my variable Game
+        set moves [lmap move [dict get [[$Game draughts] exec legal] text] {my Spelled $move}]
+        return [join [lrange $moves 0 5] ", "][expr {[llength $moves] > 6 ? ", and others" : ""}]
     }
 
     # ---- the robot's turn ----
@@ -156,7 +180,7 @@ oo::class create ::checkers::player {
         }
         set move [$Game intended]
         my Enter answer move $move
-        my Say [expr {$again ? "I go on with $move." : "I play $move."}]
+        my Say [expr {$again ? "I go on with [my Spelled $move]." : "I play [my Spelled $move]."}]
         if {$again} {
             my Load
             [my Setting -engine] exec play $move
@@ -210,6 +234,7 @@ oo::class create ::checkers::player {
     # How many transfers are done, as the board looks; waits until it looks as after one of them. Two stages may look the same when a
     # token comes from the heap, or goes there: NEAR is meant then, which was the last that is known.
     method Found {stages {near 0}} {
+        my variable Game
         while 1 {
             lassign [my Still] sight text
             if {$sight ne {} && $sight eq [lindex $stages $near]} {
@@ -218,6 +243,9 @@ oo::class create ::checkers::player {
             set seen [lsearch -exact $stages $sight]
             if {$seen >= 0} {
                 return $seen
+            }
+            if {$near == 0 && [$Game before] ne {} && $sight eq [$Game sight [$Game before]]} {
+                throw {CHECKERS BACK} "the person has taken back the move"
             }
             # The person is quick, and has answered the move already.
             if {$sight ne {} && [dict get [[my Setting -engine] exec -text $sight explain] code] == 0} {
@@ -262,7 +290,7 @@ oo::class create ::checkers::player {
         for {set i 0} {$i < $width * $width} {incr i} {
             set should [string index $expected $i]
             if {[string index $seen $i] ne $should} {
-                set name [string index abcdefghij [expr {$i % $width}]][expr {$width - $i / $width}]
+                set name [my Field [expr {$i % $width + 1}] [expr {$width - $i / $width}]]
                 lappend fields "$name should [expr {$should eq "." ? "be empty" : $should eq "r" ? "have a red token" : "have a yellow token"}]"
             }
         }

@@ -6,9 +6,7 @@
 
 package require sorma
 package require sorma::service::draughts
-foreach file {tokens game player} {
-    source [file join [file dirname [file normalize [info script]]] $file.tcl]
-}
+package require checkers::player
 
 oo::class create ::sorma::service::checkers {
     superclass sorma::Service
@@ -128,7 +126,7 @@ oo::class create ::sorma::service::checkers {
         my publish plot -text $State
     }
     method Say text {
-        my publish said -text $text
+        my publish said -text $text [dict get $State state]
         if {[my cget -speaker] ne {}} {
             sorma::async -command [list ::checkers::spoken] [my cget -speaker] exec -text $text
         }

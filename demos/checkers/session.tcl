@@ -5,9 +5,10 @@
 #     session::end
 
 package require sorma
-foreach file {lab/lab lab/colours checkers/tokens} {
+foreach file {lab/lab lab/colours checkers/packages} {
     source [file join [file dirname [file dirname [file normalize [info script]]]] $file.tcl]
 }
+package require checkers::tokens
 
 namespace eval session {
     variable Here [file dirname [file normalize [info script]]]
@@ -111,7 +112,7 @@ proc session::Plot event {
     variable Watch
     variable Wrong
     variable Lost
-    if {![dict exists $event text]} {
+    if {[dict get $event event] ne "plot"} {
         return
     }
     set told [dict get $event text]
@@ -152,20 +153,20 @@ proc session::Differs {width should} {
     return 1
 }
 proc session::Said event {
-    if {[dict exists $event text]} {
+    if {[dict get $event event] eq "said"} {
         puts "    \"[dict get $event text]\""
     }
 }
 proc session::Person event {
     variable Faults
     variable Named
-    if {![dict exists $event text]} {
+    if {[dict get $event event] ne "person"} {
         return
     }
     set told [dict get $event text]
     switch [dict get $told state] {
-        fault {
-            incr Faults
+        fault - harmless {
+            incr Faults [expr {[dict get $told state] eq "fault"}]
             puts "    (the person: [dict get $told kind])"
         }
         told {

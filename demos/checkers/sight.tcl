@@ -31,7 +31,9 @@ oo::class create ::sorma::service::sight {
             my Go
         }
         if {[dict get $message words] eq "board"} {
-            return [dict create floats [expr {1e3 * [lindex [dict get [[my cget -transform] exec learnBoard] floats] 3]}]]
+            set known [string match "*board learned*" [lindex [[my cget -transform] CTRL -dump] 3]]
+            set moved [lindex [dict get [[my cget -transform] exec learnBoard] floats] 3]
+            return [dict create floats [expr {$known ? 1e3 * $moved : 0}]]
         }
         ::sorma::service::transform::fresh {} [my cget -pose] [my cget -rest]
         set seen [[my cget -reader] exec]

@@ -1,6 +1,7 @@
 # start.tcl -- for scripts of daemons: an object begins to play, with the settings that the file "settings" has in the daemon's folder:
 # a dict, name of an object -> its options.
 
+namespace eval ::checkers {}
 proc ::checkers::start name {
     if {[file exists settings]} {
         set in [open settings]

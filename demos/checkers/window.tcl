@@ -6,9 +6,9 @@
 package require Tk
 package require sorma::image
 package require sorma::style
-foreach file {tokens boardview} {
-    source [file join [file dirname [file normalize [info script]]] $file.tcl]
-}
+source [file join [file dirname [file normalize [info script]]] packages.tcl]
+package require checkers::tokens
+package require checkers::boardview
 
 namespace eval checkersWindow {
     variable Plot {person "the person's turn" validate "a move is accepted" think "the robot thinks" answer "the robot has decided" carry "the arm carries"
@@ -36,8 +36,13 @@ proc checkersWindow::Answered {name future} {
 
 proc checkersWindow::build {mouse width} {
     wm title . "Draughts with a robot"
+    if {[ttk::style theme use] eq "default"} {
+        ttk::style theme use clam
+    }
+    set back [ttk::style lookup TFrame -background]
+    . configure -background $back
     set gap [sorma::style pixels 6]
-    set size [sorma::style pixels 380]
+    set size [sorma::style pixels 400]
     pack [ttk::frame .f -padding $gap] -fill both -expand 1
     ttk::label .title -textvariable ::checkersWindow::Head -font TkHeadingFont
     foreach {w text} {game "The game" eye "What the eye sees, and how certain"} {
@@ -47,10 +52,16 @@ proc checkersWindow::build {mouse width} {
     checkers::boardview create eyeBoard .eye.board -width $width -size $size
     pack .game.board .eye.board -fill both -expand 1
     ttk::labelframe .camera -text "The camera in the hand"
-    sorma::image .camera.picture -name getbrdsit@eye -request {EXEC debug} -every 1000 -width 330 -height 330
+    sorma::image .camera.picture -name getbrdsit@eye -request {EXEC debug} -every 1000 -width 500 -height 500
     pack .camera.picture -fill both -expand 1
 
     ttk::labelframe .moves -text "Moves"
+    foreach {option element} {background -fieldbackground foreground -foreground} {
+        set colour [ttk::style lookup TEntry $element]
+        if {$colour ne {}} {
+            option add *Text.$option $colour
+        }
+    }
     text .moves.text -width 24 -height 9 -wrap word -state disabled -takefocus 0
     pack .moves.text -fill both -expand 1
     ttk::labelframe .talk -text "What is said"
@@ -191,7 +202,7 @@ proc checkersWindow::plot told {
     Head
 }
 proc checkersWindow::Said event {
-    if {[dict exists $event text] && [winfo exists .said]} {
+    if {[dict get $event event] eq "said" && [winfo exists .said]} {
         Write .said "[dict get $event text]\n"
     }
 }
@@ -202,7 +213,7 @@ proc checkersWindow::Write {w text {tag {}}} {
     $w configure -state disabled
 }
 proc checkersWindow::Seen event {
-    if {![dict exists $event text] || ![winfo exists .eye.board]} {
+    if {[dict get $event event] ne "seen" || ![winfo exists .eye.board]} {
         return
     }
     set seen [dict get $event text]
