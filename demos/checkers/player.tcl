@@ -126,7 +126,9 @@ oo::class create ::checkers::player {
         set times 0
         while 1 {
             lassign [my Still] sight text
-            if {$sight ne {}} {
+            if {[string match {*[?]*} $sight]} {
+                set text "I cannot see clearly what stands on [my Unclear $sight]. Please put each token into the middle of its field."
+            } elseif {$sight ne {}} {
                 set reply [[$Game draughts] exec -text $sight explain]
                 set text [expr {[dict exists $reply text] ? [dict get $reply text] : {}}]
                 if {[dict get $reply code] == 0} {
@@ -280,6 +282,13 @@ oo::class create ::checkers::player {
         }
         my Note carried transfer $transfer lies [::checkers::tokens after $lies $transfer]
         return 1
+    }
+
+    # Fields of which the eye is not certain.
+    method Unclear sight {
+        my variable Game
+        set width [$Game width]
+        return [join [lmap i [lsearch -all [split $sight {}] {[?]}] {my Field [expr {$i % $width + 1}] [expr {$width - $i / $width}]}] ", "]
     }
 
     # Fields that differ, in words.

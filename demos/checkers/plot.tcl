@@ -29,18 +29,15 @@ oo::class create ::sorma::service::checkers {
     sorma::action -new {} "give up this game and begin another one" {my Order new} -right call
     sorma::action -resign {} "the person gives up" {my Order resign} -right call
     sorma::writes text * "" "play: the result; state: a dict, as event plot tells it"
-    sorma::writes ints 0..5 "" "of this game: carries, verified looks, what went wrong, times that the board was moved, moves"
     sorma::example "checkers EXEC state"
 
     variable Game Player    ;# objects; empty: none
     variable State          ;# dict: state, what the last event of the plot has told
-    variable Counts         ;# dict: state -> how often it was entered, in this game
     variable Waiting        ;# coroutines that wait for the result
 
     method born {} {
         set Game [set Player {}]
         set State {state idle}
-        set Counts {}
         set Waiting {}
     }
 
@@ -101,11 +98,9 @@ oo::class create ::sorma::service::checkers {
         }
     }
     method Result {} {
-        set counts [lmap what {carried verify trouble shifted validate} {expr {[dict exists $Counts $what] ? [dict get $Counts $what] : 0}}]
-        return [dict create text [dict get $State result] ints $counts]
+        return [dict create text [dict get $State result]]
     }
     method Begin {} {
-        set Counts {}
         [my cget -game] configure -variant [my cget -variant]
         $Game begin [my cget -position] [::checkers::tokens spares [$Game width]]
         my Watch begin {}
@@ -121,7 +116,6 @@ oo::class create ::sorma::service::checkers {
 
     # What the player tells.
     method Watch {what facts} {
-        dict incr Counts $what
         set State [dict merge [list state $what position [$Game position] pdn [$Game pdn] side [$Game side]] $facts]
         my publish plot -text $State
     }

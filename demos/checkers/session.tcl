@@ -19,6 +19,7 @@ namespace eval session {
     variable Watch {}           ;# command that gets what the plot tells: a dict
     variable Wrong 0            ;# readings that were believed and are not so
     variable Lost 0             ;# carries after which tokens lay elsewhere than the robot believes
+    variable Counts {}          ;# state of the plot -> how often it was entered, in this game
     variable Faults 0           ;# of the person
     variable Named 0            ;# those of which he was told
 }
@@ -80,6 +81,7 @@ proc session::play {} {
     variable Lost 0
     variable Faults 0
     variable Named 0
+    variable Counts {}
     set begun [clock milliseconds]
     set labTime [labTime]
     while 1 {
@@ -96,7 +98,8 @@ proc session::play {} {
     }
     set wall [expr {([clock milliseconds] - $begun) / 1e3}]
     set lab [expr {[labTime] - $labTime}]
-    lassign [dict get $came ints] carries looks troubles shifts moves
+    lassign [lmap state {carried verify trouble shifted validate} {expr {[dict exists $Counts $state] ? [dict get $Counts $state] : 0}}] \
+        carries looks troubles shifts moves
     return [dict create result [list [dict get $came text] {}] moves_of_the_person [list $moves 1] carries [list $carries 1] looks [list $looks 1] \
         troubles [list $troubles 1] board_moved [list $shifts 1] wrong_readings_accepted [list $Wrong 1] tokens_lost_unnoticed [list $Lost 1] \
         faults_of_the_person [list $Faults 1] faults_named [list $Named 1] \
@@ -109,6 +112,7 @@ proc session::labTime {} {
 }
 
 proc session::Plot event {
+    variable Counts
     variable Watch
     variable Wrong
     variable Lost
@@ -116,6 +120,7 @@ proc session::Plot event {
         return
     }
     set told [dict get $event text]
+    dict incr Counts [dict get $told state]
     # Then the person is quiet: the arm is over the board, or about to be.
     switch [dict get $told state] {
         answer {
