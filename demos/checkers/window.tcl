@@ -24,7 +24,7 @@ namespace eval checkersWindow {
 }
 
 proc checkersWindow::send {name args} {
-    sorma::async -command [list checkersWindow::Answered $name] $name {*}$args
+    sorma::async -timeout 0 -command [list checkersWindow::Answered $name] $name {*}$args
 }
 # What fails is shown with what is said.
 proc checkersWindow::Answered {name future} {
@@ -98,10 +98,7 @@ proc checkersWindow::build {mouse width} {
 
 proc checkersWindow::Settings gap {
     ttk::labelframe .settings -text "Settings"
-    ttk::button .settings.new -text "New game (Ctrl-N)" -command {
-        checkersWindow::send human.sim@human CTRL -new
-        checkersWindow::send checkers@player CTRL -new
-    }
+    ttk::button .settings.new -text "New game (Ctrl-N)" -command checkersWindow::New
     ttk::button .settings.resign -text "Resign (Ctrl-R)" -command {checkersWindow::send checkers@player CTRL -resign}
     ttk::button .settings.reset -text "Power: reset" -command {checkersWindow::send simlab@lab CTRL -reset}
     ttk::label .settings.tlevel -text "Level"
@@ -118,6 +115,14 @@ proc checkersWindow::Settings gap {
     grid .settings.tspeed .settings.speed -sticky w -padx 2 -pady 2
     grid columnconfigure .settings {0 1} -weight 1
     grid [ttk::label .settings.thoughts -textvariable ::checkersWindow::Thoughts -wraplength [sorma::style pixels 320]] -columnspan 2 -sticky w -pady $gap
+}
+
+# Both give up their game, and begin another one.
+proc checkersWindow::New {} {
+    foreach name {human.sim@human checkers@player} {
+        send $name CTRL -new
+        send $name EXEC play
+    }
 }
 
 # ---- daemons ----
