@@ -107,7 +107,7 @@ oo::class create ::checkers::person {
     method robot state { my variable Robot; set Robot $state }
 
     method Answer {} {
-        my variable Faults Kinds Game Heard Robot
+        my variable Faults Kinds Game Robot
         # It looks once more before it says that it is his turn.
         set end [expr {[clock milliseconds] + 20000}]
         while {$Robot in {thought answer carry carried verify played} && [clock milliseconds] < $end} {
@@ -115,11 +115,15 @@ oo::class create ::checkers::person {
         }
         if {[$Game intended] eq {} && rand() < $Faults} {
             set kind [lindex $Kinds [expr {int(rand() * [llength $Kinds])}]]
-            my Note [expr {$kind in {back turned} ? "harmless" : "fault"}] kind $kind
-            set Heard {}
             my Fault$kind
         }
         next
+    }
+    # He does it now. What he is told from here on is about that.
+    method Doing {kind {state fault}} {
+        my variable Heard
+        set Heard {}
+        my Note $state kind $kind
     }
     # Until he has been told what is wrong; for so long he insists.
     method Listen {} {
@@ -162,6 +166,7 @@ oo::class create ::checkers::person {
             set from [my Own]
             set to [my Empty]
             if {$from ne {} && [my Wrong $from $to]} {
+                my Doing illegal
                 my Move $from $to
                 my Listen
                 my Move $to $from
@@ -173,6 +178,7 @@ oo::class create ::checkers::person {
         set from [my Own]
         if {$from eq {}} return
         set beside [list [expr {[lindex $from 0] + ([lindex $from 0] > 4 ? -0.55 : 0.55)}] [lindex $from 1]]
+        my Doing nudged
         my Move $from $beside
         my Listen
         my Move $beside $from
@@ -192,6 +198,7 @@ oo::class create ::checkers::person {
         }
         if {[llength $done] < 2} return
         lassign $done first second
+        my Doing two
         my Move {*}$first 1
         my Move {*}$second
         my Listen
@@ -206,6 +213,7 @@ oo::class create ::checkers::person {
         set from [::checkers::tokens place [$Game width] $from]
         set to [::checkers::tokens place [$Game width] $to]
         if {[llength [dict get [$Game lies] $from]] == 1} {
+            my Doing back harmless
             my Move $from $to 1
             my Move $to $from
         }
@@ -218,6 +226,7 @@ oo::class create ::checkers::person {
             lassign $line name file rank - - z
             if {[string match ${other}_* $name] && $z < 0.007 && [dict exists [$Game lies] [list [expr {round($file)}] [expr {round($rank)}]]]
                     && $file < [$Game width] + 0.5 && [llength [dict get [$Game lies] [list [expr {round($file)}] [expr {round($rank)}]]]] == 1} {
+                my Doing stolen
                 $Lab CTRL -steal $name
                 my Listen
                 $Lab CTRL -move $name [expr {round($file)}] [expr {round($rank)}]
@@ -227,6 +236,7 @@ oo::class create ::checkers::person {
     }
     method Faultturned {} {
         my variable Lab Turned
+        my Doing turned harmless
         set Turned [expr {[info exists Turned] ? -$Turned : 1}]
         ::checkers::moveBoard $Lab 0 [expr {0.012 * $Turned}] [expr {0.05 * $Turned}]
     }
