@@ -52,6 +52,11 @@ proc checkersGame::run {} {
             puts "no display: the window is left out"
         }
         set session::Watch [list checkersGame::Show $windows]
+        # The plot may have begun before somebody watched.
+        set now [dict get [$session::Checkers exec state] text]
+        if {[dict exists $now position]} {
+            Show $windows $now
+        }
         set figures [session::play]
         dict for {name value} $figures {
             puts "$name [join $value]"
