@@ -4,7 +4,7 @@ apply {folder {
     foreach {file packages} {
         tokens checkers::tokens   game checkers::game   player checkers::player   boardview checkers::boardview
         dry {sorma::service::drycarry sorma::service::drysight}
-        people {sorma::service::human sorma::service::humaneye sorma::service::humanhand}
+        body {sorma::service::humaneye sorma::service::humanhand}   person checkers::person   people sorma::service::human
         plot sorma::service::checkers   sight sorma::service::sight   porter sorma::service::porter
     } {
         foreach package $packages {

@@ -122,12 +122,10 @@ proc session::Plot event {
     set told [dict get $event text]
     dict incr Counts [dict get $told state]
     # Then the person is quiet: the arm is over the board, or about to be.
+    set width [::checkers::tokens width [dict get $told pdn]]
     switch [dict get $told state] {
-        answer {
-            set width [expr {[regexp {GameType "20} [dict get $told pdn]] ? 10 : 8}]
-            incr Wrong [Differs $width [::checkers::tokens lie $width [dict get $told position]]]
-        }
-        carried { incr Lost [Differs [expr {[regexp {GameType "20} [dict get $told pdn]] ? 10 : 8}] [dict get $told lies]] }
+        answer { incr Wrong [Differs $width [::checkers::tokens lie $width [dict get $told position]]] }
+        carried { incr Lost [Differs $width [dict get $told lies]] }
     }
     if {$Watch ne {}} {
         {*}$Watch $told

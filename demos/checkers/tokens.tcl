@@ -11,7 +11,7 @@ package require Tcl 8.6-
 package provide checkers::tokens 1.0
 
 namespace eval ::checkers::tokens {
-    namespace export lie place spares heap after transfers
+    namespace export width lie place spares heap after transfers
     namespace ensemble create
 
     variable Most 6             ;# tokens on each other, of a heap
@@ -32,6 +32,11 @@ proc ::checkers::tokens::lie {width position} {
         }
     }
     return $lies
+}
+
+# ::checkers::tokens::width PDN -- files of the board of a game.
+proc ::checkers::tokens::width pdn {
+    return [expr {[regexp {GameType "20} $pdn] ? 10 : 8}]
 }
 
 # ::checkers::tokens::place WIDTH SQUARE -- the place of a square; they are numbered along the rows from Black's side.

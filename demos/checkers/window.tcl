@@ -182,7 +182,7 @@ proc checkersWindow::plot told {
     }
     set State [dict get $told state]
     set Side [expr {$State eq "over" ? {} : [dict get $told side]}]
-    set width [expr {[regexp {GameType "20} [dict get $told pdn]] ? 10 : 8}]
+    set width [::checkers::tokens width [dict get $told pdn]]
     switch $State {
         begin { set Clock {white 0 black 0} }
         thought { set Thoughts "I think: [dict get $told move], [format %+.1f [dict get $told score]] men, [format %.1f [dict get $told seconds]] s" }
