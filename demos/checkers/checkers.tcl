@@ -34,7 +34,10 @@ proc checkersGame::run {} {
     fconfigure stdout -buffering line
     set windows [expr {[info exists ::env(DISPLAY)] && ![catch {package require Tk}]}]
     set folder [expr {${-folder} eq {} ? [folder] : ${-folder}}]
-    if {!${-go}} {
+    set go [expr {${-go} && [file exists [file join $folder checkers.game]]}]
+    if {$go} {
+        session::remember $folder
+    } else {
         file delete [file join $folder checkers.game] [file join $folder human.game]
     }
     set speed [expr {${-speed} ne {} ? ${-speed} : $windows}]
@@ -44,6 +47,10 @@ proc checkersGame::run {} {
         human.sim [list -variant ${-variant} -position ${-position} -level ${-personLevel} -faults ${-faults} -seed ${-seed} -mouse [expr {${-human} eq "mouse"}]]]
     try {
         session::begin $folder $settings $speed
+        if {$go} {
+            # A simulated laboratory begins as for a new game.
+            $session::Human CTRL -setOut
+        }
         if {$windows} {
             uplevel #0 [list source [file join $session::Here window.tcl]]
             set checkersWindow::Speed $speed

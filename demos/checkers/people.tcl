@@ -29,10 +29,11 @@ oo::class create ::sorma::service::human {
     sorma::words "play"
     sorma::conduct concurrent
     sorma::action -new {} "give up this game" {if {$Player ne {}} {$Player order new}} -right call
+    sorma::action -setOut {} "put the tokens where his game says that they lie" {if {$Player ne {}} {my SetOut [$Game lies]}} -right call
     sorma::writes text * "" "the result"
     sorma::example "human CTRL -help"
 
-    variable Player
+    variable Player Game    ;# objects; Player empty: he does not play
     method born {} {
         set Player {}
     }
@@ -42,36 +43,36 @@ oo::class create ::sorma::service::human {
             sorma::await sleep 20
         }
         set suffix [string map {. -} [my name]]
-        set game [::checkers::game new draughts.$suffix [my cget -file]]
+        set Game [::checkers::game new draughts.$suffix [my cget -file]]
         draughts.$suffix configure -colours yr
         set engine draughts.$suffix-thinks
         $engine configure -level [my cget -level] -seed [my cget -seed] -endgames 0 -idle 1
         [my cget -eye] configure -width [expr {[my cget -variant] eq "intl" ? 10 : 8}]
         expr {srand([my cget -seed] + 1)}
-        set Player [::checkers::person new $game [my cget -lab] [my cget -faults] [my cget -kinds] -robot [my cget -colour] -engine $engine \
+        set Player [::checkers::person new $Game [my cget -lab] [my cget -faults] [my cget -kinds] -robot [my cget -colour] -engine $engine \
             -carry [my cget -hand] -sight [my cget -eye] -still 2 -look 20 -watch [namespace code {my Watch}]]
         set heard [expr {[my cget -robot] eq {} ? {} : [sorma::subscribe [my cget -robot] -event * -queue 1000 -command [namespace code {my Heard}]]}]
         try {
-            if {![$game resume] || [$game over]} {
+            if {![$Game resume] || [$Game over]} {
                 draughts.$suffix configure -variant [my cget -variant]
-                $game begin [my cget -position] [::checkers::tokens spares [$game width]]
-                my SetOut [$game lies]
+                $Game begin [my cget -position] [::checkers::tokens spares [$Game width]]
+                my SetOut [$Game lies]
             }
             if {[my cget -mouse]} {
                 return {text *}
             }
             set result [$Player play]
-            $game forget
+            $Game forget
             return [dict create text $result]
         } trap {CHECKERS ORDER} {} {
-            $game forget
+            $Game forget
             return {text *}
         } finally {
             if {$heard ne {}} {
                 catch {sorma::unsubscribe $heard}
             }
             $Player destroy
-            $game destroy
+            $Game destroy
             set Player {}
         }
     }

@@ -67,6 +67,15 @@ proc session::Ignored future {
     catch {$future result}
     $future destroy
 }
+# Before begin: the person remembers the game as the robot does.
+proc session::remember folder {
+    set in [open [file join $folder checkers.game]]
+    set kept [read $in]
+    close $in
+    set out [open [file join $folder human.game] w]
+    puts $out [dict replace $kept intended {}]
+    close $out
+}
 proc session::end {} {
     variable Launch
     lab::finish $Launch
