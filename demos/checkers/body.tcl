@@ -19,13 +19,11 @@ oo::class create ::sorma::service::humaneye {
     }
 }
 
-# His hand takes tokens along a path above the others.
+# His hand goes to a token, closes, and opens where the token shall be.
 oo::class create ::sorma::service::humanhand {
     superclass ::sorma::service::drycarry
     sorma::purpose "puts tokens from field to field as a person does, with the hand in the picture"
     sorma::option -seconds double -unit s -range {0.05 10} -default 0.5 -help "for each way: to the token, with it, and away"
-    sorma::option -step double -unit s -range {0.01 1} -default 0.04 -help "between two places of the token on its way"
-    sorma::option -height double -range {1 20} -default 5 -help "so many tokens high it is taken over the others"
     sorma::option -stay flag -default 0 -help "the hand stays over the board, since there is more to do"
     sorma::option -away vector -unit m -length 3 -default {1.2 0.2 0.3} -help "where the hand comes from"
 
@@ -33,20 +31,15 @@ oo::class create ::sorma::service::humanhand {
         set lab [my cget -lab]
         set tokens [my Tokens]
         set line [lsearch -inline -index 0 $tokens [lindex $names 0]]
-        lassign $line - fromFile fromRank x y z
+        lassign $line - - - x y z
         lassign [my World $tokens $file $rank] u v
         set seconds [my cget -seconds]
         my Reach [list $x $y [expr {$z + 0.03}]] $seconds
-        set steps [expr {max(1, int($seconds / [my cget -step]))}]
-        for {set k 1} {$k < $steps} {incr k} {
-            set part [expr {double($k) / $steps}]
-            set h [my cget -height]
-            foreach name $names {
-                $lab CTRL -move $name [expr {$fromFile + $part * ($file - $fromFile)}] [expr {$fromRank + $part * ($rank - $fromRank)}] $h
-                set h [expr {$h + 1}]
-            }
-            my Reach [list [expr {$x + $part * ($u - $x)}] [expr {$y + $part * ($v - $y)}] 0.08] [my cget -step]
+        # In his fist nobody sees them.
+        foreach name $names {
+            $lab CTRL -steal $name
         }
+        my Reach [list $u $v 0.08] $seconds
         next $names $file $rank $above
         if {![my cget -stay]} {
             my Reach [my cget -away] $seconds

@@ -34,8 +34,18 @@ oo::class create ::sorma::service::human {
     sorma::example "human CTRL -help"
 
     variable Player Game    ;# objects; Player empty: he does not play
+    variable Hears          ;# subscription of what the robot tells; empty: none
     method born {} {
-        set Player {}
+        set Player [set Hears {}]
+    }
+    destructor {
+        my Deaf
+    }
+    method Deaf {} {
+        if {$Hears ne {}} {
+            sorma::unsubscribe $Hears
+            set Hears {}
+        }
     }
 
     method exec message {
@@ -51,13 +61,18 @@ oo::class create ::sorma::service::human {
         expr {srand([my cget -seed] + 1)}
         set Player [::checkers::person new $Game [my cget -lab] [my cget -faults] [my cget -kinds] -robot [my cget -colour] -engine $engine \
             -carry [my cget -hand] -sight [my cget -eye] -still 2 -look 20 -watch [namespace code {my Watch}]]
-        set heard [expr {[my cget -robot] eq {} ? {} : [sorma::subscribe [my cget -robot] -event * -queue 1000 -command [namespace code {my Heard}]]}]
+        set Hears [expr {[my cget -robot] eq {} ? {} : [sorma::subscribe [my cget -robot] -event * -queue 1000 -command [namespace code {my Heard}]]}]
         try {
             if {![$Game resume] || [$Game over]} {
                 draughts.$suffix configure -variant [my cget -variant]
                 $Game begin [my cget -position] [::checkers::tokens spares [$Game width]]
                 my SetOut [$Game lies]
             }
+            # He may have had a token in his hand.
+            if {[my Missing [$Game lies]]} {
+                my SetOut [$Game lies]
+            }
+            catch {[my cget -lab] CTRL -person away}
             if {[my cget -mouse]} {
                 return {text *}
             }
@@ -68,9 +83,7 @@ oo::class create ::sorma::service::human {
             $Game forget
             return {text *}
         } finally {
-            if {$heard ne {}} {
-                catch {sorma::unsubscribe $heard}
-            }
+            my Deaf
             $Player destroy
             $Game destroy
             set Player {}
@@ -91,6 +104,12 @@ oo::class create ::sorma::service::human {
     }
     method Watch {what facts} {
         my publish person -text [dict merge [list state $what] $facts]
+    }
+
+    # Are there fewer tokens on the board and its heaps than there should be?
+    method Missing lies {
+        set there [llength [lsearch -all -regexp [my Tokens] {^\S+ (-0\.4|\d\.)\d* \d\.}]]
+        return [expr {$there < [llength [concat {*}[dict values $lies]]]}]
     }
 
     # Tokens that do not lie as they should are put there, at once.
