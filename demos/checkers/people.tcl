@@ -95,6 +95,9 @@ oo::class create ::sorma::service::human {
         }
         switch [dict get $event event] {
             said {
+                if {[string match "*a person must reset it*" [dict get $event text]]} {
+                    [my cget -lab] CTRL -reset
+                }
                 if {[dict get $event words] eq "trouble"} {
                     $Player heard [dict get $event text]
                 }

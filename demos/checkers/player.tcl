@@ -106,6 +106,11 @@ oo::class create ::checkers::player {
             my Obey
             set failed [catch {dict get [[my Setting -sight] exec] text} text how]
             set now [expr {$failed ? [dict get $how -errorcode] : $text}]
+            # What a person over the board does not explain is told at once.
+            if {$failed && [lrange $now 1 2] ni {{VISION BOARD} {VISION MARKERS}}} {
+                my Trouble $text
+                return [list {} $text]
+            }
             set same [expr {$now eq $last ? $same + 1 : 1}]
             set last $now
             if {$same >= $times} {

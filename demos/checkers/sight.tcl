@@ -35,7 +35,11 @@ oo::class create ::sorma::service::sight {
             set moved [lindex [dict get [[my cget -transform] exec learnBoard] floats] 3]
             return [dict create floats [expr {$known ? 1e3 * $moved : 0}]]
         }
-        ::sorma::service::transform::fresh {} [my cget -pose] [my cget -rest]
+        try {
+            ::sorma::service::transform::fresh {} [my cget -pose] [my cget -rest] 3
+        } trap {SORMA VISION PICTURE} {} {
+            [my cget -arm] exec power on
+        }
         set seen [[my cget -reader] exec]
         my publish seen -text [dict get $seen text] -floats [dict get $seen floats]
         return [dict create text [dict get $seen text] floats [dict get $seen floats]]
