@@ -30,6 +30,8 @@ oo::class create ::sorma::service::drycarry {
     sorma::purpose "puts tokens from field to field, without a robot"
     sorma::option -lab service -default simlab -help "the laboratory"
     sorma::reads floats 6 "" "from: file, rank, tokens underneath; to: the same"
+    sorma::reads ints 0..1 "" "how many tokens are carried together: all that lie there"
+    sorma::reads text * "" "their colour"
     sorma::writes floats 3 "" "how far beside the field it lies, file and rank; seconds"
     sorma::example "drycarry CTRL -help"
 
@@ -46,11 +48,15 @@ oo::class create ::sorma::service::drycarry {
         if {$there != $above} {
             return -code error -errorcode [list SORMA CARRY OCCUPIED [my name]] "[my name]: at $toFile $toRank lie $there tokens, not $above"
         }
-        foreach token [lrange $here $underneath end] {
-            [my cget -lab] CTRL -move [lindex $token 0] $toFile $toRank $above
-            incr above
-        }
+        my Put [lmap token [lrange $here $underneath end] {lindex $token 0}] $toFile $toRank $above
         return {floats {0 0 0}}
+    }
+    # Tokens, the lowest first, on so many others.
+    method Put {names file rank above} {
+        foreach name $names {
+            [my cget -lab] CTRL -move $name $file $rank $above
+            set above [expr {$above + 1}]
+        }
     }
 }
 
@@ -71,6 +77,24 @@ oo::class create ::sorma::service::drysight {
             lset fields [expr {($width - round($rank)) * $width + round($file) - 1}] [string index $name 0]
         }
         return [dict create text [join $fields {}]]
+    }
+}
+
+# Move the board [m, rad], and what lies beside it as well.
+proc ::checkers::moveBoard {lab dx dy turn} {
+    set beside {}
+    foreach line [lsort -real -index 5 [split [lindex [$lab DBX -tokens] 3] \n]] {
+        lassign $line name file rank - - z
+        if {$file < 0.5 || $file > 8.5} {
+            lappend beside [list $name $file $rank [expr {round($z / 0.008 - 0.5)}]]
+        }
+    }
+    $lab CTRL -board $dx $dy $turn
+    foreach token $beside {
+        lassign $token name file rank above
+        if {$file > -4 && $file < 12 && $rank > -4 && $rank < 12} {
+            catch {$lab CTRL -move $name $file $rank $above}
+        }
     }
 }
 

@@ -9,10 +9,12 @@ package provide checkers::game 1.0
 oo::class create ::checkers::game {
     # draughts: name of an object of class draughts; file: to keep the game in, empty: nowhere.
     constructor {draughts file} {
-        my variable Draughts File Lies
+        my variable Draughts File Lies Intended Before
+        set Before {}
         set Draughts $draughts
         set File $file
         set Lies {}
+        set Intended {}
     }
 
     # Begin with a position, and what lies beside the board: place -> colours.
@@ -24,12 +26,12 @@ oo::class create ::checkers::game {
             $Draughts exec fen $position
         }
         set Lies [dict merge [::checkers::tokens lie [my width] [my position]] $heap]
-        my Keep
+        my intend {}
     }
 
     # Go on where the file says that a game was interrupted. False when there is none.
     method resume {} {
-        my variable Draughts File Lies
+        my variable Draughts File Lies Intended
         if {$File eq {} || ![file exists $File]} {
             return 0
         }
@@ -46,18 +48,19 @@ oo::class create ::checkers::game {
         $Draughts configure -variant [dict get $kept variant]
         $Draughts exec -text [dict get $kept pdn] pdn
         set Lies [dict get $kept lies]
+        set Intended [dict get $kept intended]
         return 1
     }
 
     # Written beside it and moved there: a crash leaves the game before this half-move, or after it.
     method Keep {} {
-        my variable Draughts File Lies
+        my variable Draughts File Lies Intended
         if {$File eq {}} {
             return
         }
         set out [open $File.new w]
         fconfigure $out -encoding utf-8
-        puts $out [dict create version 1 variant [$Draughts cget -variant] pdn [my pdn] lies $Lies]
+        puts $out [dict create version 1 variant [$Draughts cget -variant] pdn [my pdn] lies $Lies intended $Intended]
         close $out
         file rename -force $File.new $File
     }
@@ -96,13 +99,35 @@ oo::class create ::checkers::game {
         return [list $stops $victims [expr {[lindex $to 1] == $last && [llength [dict get $Lies $from]] == 1}]]
     }
 
+    # The move that is being carried out: whoever continues the game goes on with it. Empty: none.
+    method intend move {
+        my variable Intended
+        set Intended $move
+        my Keep
+    }
+    method intended {} { my variable Intended; return $Intended }
+
     # Play a move, after which LIES is where the tokens are.
     method play {move lies} {
-        my variable Draughts Lies
+        my variable Draughts Lies Intended Before
         set played [dict get [$Draughts exec play $move] text]
+        set Before $Lies
         set Lies $lies
+        set Intended {}
         my Keep
         return $played
+    }
+
+    # Where the tokens lay before the last move; empty: that is not known.
+    method before {} { my variable Before; return $Before }
+
+    # The last move is taken back.
+    method back {} {
+        my variable Draughts Lies Before
+        $Draughts exec undo
+        set Lies $Before
+        set Before {}
+        my intend {}
     }
 
     # What a camera must see when tokens lie so: a character for each field, Black's row first.

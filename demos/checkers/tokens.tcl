@@ -1,7 +1,7 @@
 # tokens.tcl -- where the tokens lie, on the board and beside it, and which of them must be carried for a move.
 #
-# A place is a list {file rank}, in the board's coordinates. The heaps lie beside the last file: taken red tokens on the robot's half, taken
-# yellow ones on the person's, up to six on each other; the spare tokens lie there from the beginning. A queen is two tokens on each other; they are carried as one.
+# A place is a list {file rank}, in the board's coordinates. The heaps lie beside the board: taken red tokens on the robot's half, taken
+# yellow ones on the person's, as low as can be; the spare tokens lie there from the beginning. A queen is two tokens on each other; they are carried as one.
 # What lies where is a dict: place -> list of colours, the lowest first.
 #
 # A transfer is a list {file rank underneath file rank underneath}, as carry takes it: it grips the token above so many others,
@@ -11,7 +11,7 @@ package require Tcl 8.6-
 package provide checkers::tokens 1.0
 
 namespace eval ::checkers::tokens {
-    namespace export lie place spares heap after transfers
+    namespace export width lie place spares heap after transfers
     namespace ensemble create
 
     variable Most 6             ;# tokens on each other, of a heap
@@ -34,6 +34,11 @@ proc ::checkers::tokens::lie {width position} {
     return $lies
 }
 
+# ::checkers::tokens::width PDN -- files of the board of a game.
+proc ::checkers::tokens::width pdn {
+    return [expr {[regexp {GameType "20} $pdn] ? 10 : 8}]
+}
+
 # ::checkers::tokens::place WIDTH SQUARE -- the place of a square; they are numbered along the rows from Black's side.
 proc ::checkers::tokens::place {width square} {
     set half [expr {$width / 2}]
@@ -52,35 +57,52 @@ proc ::checkers::tokens::spares width {
     return $lies
 }
 
-# ::checkers::tokens::heap WIDTH LIES COLOUR COUNT -- where so many tokens of a colour are put on the heap: {file rank underneath}.
+# ::checkers::tokens::heap WIDTH LIES COLOUR COUNT -- where so many tokens of a colour are put on the heap: {file rank underneath}. Heaps
+# stay low: the higher one is, the more of its side a camera takes for the token on top.
 proc ::checkers::tokens::heap {width lies colour count} {
     variable Most
+    set least $Most
     foreach place [HeapPlaces $width $colour] {
-        set there [expr {[dict exists $lies $place] ? [llength [dict get $lies $place]] : 0}]
-        if {$there + $count <= $Most} {
-            return [list {*}$place $there]
+        set there [Height $lies $place]
+        if {$there < $least && $there + $count <= $Most} {
+            set least $there
+            set goal [list {*}$place $there]
         }
     }
-    return -code error -errorcode {CHECKERS HEAP} "the heap of $colour tokens is full"
+    if {![info exists goal]} {
+        return -code error -errorcode {CHECKERS HEAP} "the heap of $colour tokens is full"
+    }
+    return $goal
+}
+proc ::checkers::tokens::Height {lies place} {
+    return [expr {[dict exists $lies $place] ? [llength [dict get $lies $place]] : 0}]
 }
 
+# Where tokens of a colour are put, beside the board at the right, then at the left.
 proc ::checkers::tokens::HeapPlaces {width colour} {
     set places {}
-    for {set n 0} {$n < $width / 2} {incr n} {
-        lappend places [list [expr {$width + 1.4}] [expr {$colour eq "red" ? $width - $n : 1 + $n}]]
+    foreach file [list [expr {$width + 1.4}] -0.4] {
+        for {set n 0} {$n < $width / 2} {incr n} {
+            lappend places [list $file [expr {$colour eq "red" ? $width - $n : 1 + $n}]]
+        }
     }
     return $places
 }
 
-# The uppermost token of a colour's heap: {file rank underneath}.
+# The uppermost token of the highest one of a colour's heaps: {file rank underneath}.
 proc ::checkers::tokens::Spare {width lies colour} {
-    foreach place [lreverse [HeapPlaces $width $colour]] {
-        if {[dict exists $lies $place]} {
-            return [list {*}$place [expr {[llength [dict get $lies $place]] - 1}]]
+    set most 0
+    foreach place [HeapPlaces $width $colour] {
+        if {[Height $lies $place] >= max(1, $most)} {
+            set most [Height $lies $place]
+            set spare [list {*}$place [expr {$most - 1}]]
         }
     }
-    return -code error -errorcode [list CHECKERS SPARE $colour] \
-        "no $colour token lies on the heap to make a queen of: put one to [HeapPlaces $width $colour]"
+    if {![info exists spare]} {
+        return -code error -errorcode [list CHECKERS SPARE $colour] \
+            "no $colour token lies on the heap to make a queen of: put one to [lindex [HeapPlaces $width $colour] 0]"
+    }
+    return $spare
 }
 
 # ::checkers::tokens::after LIES TRANSFER -- what lies where after a transfer. Fails where it cannot be done.

@@ -1,0 +1,102 @@
+# figures.tcl ?-games N? ?-seed S? ?-faults F? ?-kills SECONDS? ?-shifts N? ?-variant V? ?-folder F? -- games that nobody watches, and what is counted.
+#
+# Each game: the board is put somewhere else, the light is another one (+-20 %), the person has another seed. -kills: every so many
+# seconds of wall time one of the daemons is killed. -shifts: so often the board is moved during a game. Exit code 0: all games were ended
+# by the rules, nothing wrong was believed, no token was lost without being noticed, each fault was named.
+
+source [file join [file dirname [file normalize [info script]]] session.tcl]
+package require sorma::service::drycarry
+package require sorma::options
+
+namespace eval checkersFigures {
+    variable Place {0 0 0}      ;# of the board: by how much it has been moved
+    variable Shifts 0           ;# that are still to come in this game
+    variable Kills 0
+    variable Killing {}         ;# id of after
+}
+
+proc checkersFigures::uniform most {
+    return [expr {$most * (2 * rand() - 1)}]
+}
+# Where nothing stands the board may be put, within what the arm reaches.
+proc checkersFigures::shift {} {
+    variable Place
+    set place [list [uniform 0.02] [uniform 0.03] [uniform 0.15]]
+    ::checkers::moveBoard $session::Lab {*}[lmap to $place from $Place {expr {$to - $from}}]
+    set Place $place
+}
+# While the person thinks, now and then.
+proc checkersFigures::Watch told {
+    variable Shifts
+    if {[dict get $told state] eq "think" && $Shifts > 0 && rand() < 0.2} {
+        incr Shifts -1
+        shift
+    }
+}
+proc checkersFigures::Kill {daemons seconds} {
+    variable Killing
+    variable Kills
+    set victim [lindex $daemons [expr {int(rand() * [llength $daemons])}]]
+    foreach d [sorma::daemons] {
+        if {[dict get $d name] eq $victim} {
+            puts "    (killed: $victim)"
+            catch {exec kill -KILL [regexp -inline {\d+(?=\]$)} [dict get $d identity]]}
+            incr Kills
+        }
+    }
+    set Killing [after [expr {int(1e3 * $seconds)}] [list checkersFigures::Kill $daemons $seconds]]
+}
+
+proc checkersFigures::run {} {
+    variable Shifts
+    variable Kills
+    variable Killing
+    set o [sorma::options::parse {-games {any 20} -seed {any 1} -faults {any 0} -kills {any 0} -shifts {any 0} -variant {any braz} -speed {any 0}
+        -folder any} $::argv]
+    dict with o {}
+    fconfigure stdout -buffering line
+    expr {srand(${-seed})}
+    set folder [expr {${-folder} eq {} ? [file join [pwd] checkersFigures] : ${-folder}}]
+    file delete [file join $folder checkers.game] [file join $folder human.game]
+    set common [dict create checkers [list -variant ${-variant} -look 10] draughts.engine {-level 5}]
+    set rows {}
+    try {
+        for {set n 1} {$n <= ${-games}} {incr n} {
+            set settings [dict merge $common [dict create human.sim [list -variant ${-variant} -level [expr {1 + $n % 4}] -seed [expr {${-seed} * 1000 + $n}] -faults ${-faults}]]]
+            if {$n == 1} {
+                session::begin $folder $settings ${-speed}
+                set session::Watch checkersFigures::Watch
+                if {${-kills} > 0} {
+                    set Killing [after [expr {int(1e3 * ${-kills})}] [list checkersFigures::Kill {robot eye hand transform voice player human} ${-kills}]]
+                }
+            } else {
+                session::again $settings
+            }
+            shift
+            $session::Lab CTRL -light [expr {1 + [uniform 0.2]}] -shadows [expr {rand() < 0.3}]
+            set Shifts ${-shifts}
+            set figures [session::play]
+            lappend rows $figures
+            puts "game $n: [join [lmap {name value} $figures {string cat $name { } [join $value]}] {, }]"
+        }
+    } finally {
+        after cancel $Killing
+        session::end
+    }
+    return [Report $rows]
+}
+proc checkersFigures::Report rows {
+    variable Kills
+    set ended [llength [lsearch -all -regexp [lmap row $rows {dict get $row result}] {1-0|0-1|1/2-1/2}]]
+    puts "games [llength $rows] 1\nended_by_the_rules $ended 1\ndaemons_killed $Kills 1"
+    foreach name {carries troubles board_moved wrong_readings_accepted tokens_lost_unnoticed faults_of_the_person faults_named lab_time wall_time} {
+        set $name [tcl::mathop::+ {*}[lmap row $rows {lindex [dict get $row $name] 0}]]
+        puts "$name [set $name] [lindex [dict get [lindex $rows 0] $name] 1]"
+    }
+    puts "speed [format %.1f [expr {double($lab_time) / max(1, $wall_time)}]] 1"
+    return [expr {$ended < [llength $rows] || $wrong_readings_accepted > 0 || $tokens_lost_unnoticed > 0 || $faults_named < $faults_of_the_person}]
+}
+
+if {[file normalize $argv0] eq [file normalize [info script]]} {
+    exit [checkersFigures::run]
+}

@@ -1,0 +1,14 @@
+# packages.tcl -- which files of this folder are packages: those who need one another require them.
+
+apply {folder {
+    foreach {file packages} {
+        tokens checkers::tokens   game checkers::game   player checkers::player   boardview checkers::boardview
+        dry {sorma::service::drycarry sorma::service::drysight}
+        body {sorma::service::humaneye sorma::service::humanhand}   person checkers::person   people sorma::service::human
+        plot sorma::service::checkers   sight sorma::service::sight   porter sorma::service::porter
+    } {
+        foreach package $packages {
+            package ifneeded $package 1.0 [list source -encoding utf-8 [file join $folder $file.tcl]]
+        }
+    }
+}} [file dirname [file normalize [info script]]]
