@@ -18,6 +18,8 @@ namespace eval carries {
     variable Place {0 0 0}              ;# of the board: by how much it has been moved
     variable Inject {}                  ;# phase of carry -> script, when it has ended
     variable Peak 0                     ;# [N] at the hand
+    variable Room {}                    ;# of the tool, as the arm's guard has it [m]
+    variable Outside 0                  ;# by how much the tool was outside of that [m]
     variable Off {0 0 0}                ;# most by which a marker was wrong [m], the board's yaw [rad], a token before it is looked at [m]
     # What is done, and how it may be named; placed: it is healed.
     variable Faults {
@@ -63,6 +65,7 @@ proc carries::prepare {table speed} {
     puts "correction learned: [dict get [$Transform exec -floats {4 4 0} learnGrasp] text]"
     sorma::create shmem_r.force -key ${Prefix}tool.force
     sorma::create shmem_r.place -key ${Prefix}tool.pose
+    variable Room [wspc.room@robot cget -inside]
     sorma::subscribe $Carry -event phase -command carries::Phase
     $Carry CTRL -patience 30
 }
@@ -222,9 +225,17 @@ proc carries::carry {token from to} {
 }
 proc carries::Feel {} {
     variable Peak
+    variable Room
+    variable Outside
     set records [shmem_r.force exec since]
     foreach {- x y z - - -} [expr {[dict exists $records floats] ? [dict get $records floats] : {}}] {
         set Peak [expr {max($Peak, sqrt($x * $x + $y * $y + $z * $z))}]
+    }
+    set records [shmem_r.place exec since]
+    foreach {- x y z - - - - - - - - - -} [expr {[dict exists $records floats] ? [dict get $records floats] : {}}] {
+        foreach at [list $x $y $z] {low high} $Room {
+            set Outside [expr {max($Outside, $low - $at, $at - $high)}]
+        }
     }
 }
 proc carries::Power {} {
@@ -435,6 +446,7 @@ proc carries::run args {
     variable Carry
     variable Off
     variable Peak
+    variable Outside
     set o [sorma::options::parse {-carries {any 200} -faults {any 100} -cancels {any 50} -seed {any 1} -speed {any 0} -table {any {}}} $args]
     expr {srand([dict get $o -seed])}
     fconfigure stdout -buffering line
@@ -450,6 +462,7 @@ proc carries::run args {
     lappend all {*}[Report "markers, at most off" [format {%.2f mm, %.2f degrees} [expr {1e3 * $most}] [expr {$yaw * 57.29578}]] \
         "1 mm, 0.3 degrees" [expr {$most <= 1e-3 && $yaw <= 0.3 / 57.29578}] \
         "tokens, before they are looked at" [format {%.2f mm} [expr {1e3 * $token}]] "3 mm" [expr {$token <= 3e-3}] \
+        "outside of the guards" [format {%.2f mm} [expr {1e3 * $Outside}]] none [expr {$Outside <= 1e-4}] \
         "largest force on the hand" [format {%.1f N} $Peak] "15 N" [expr {$Peak <= 15}]]
     return [expr {0 in $all}]
 }
