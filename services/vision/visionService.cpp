@@ -38,7 +38,7 @@ const sorma::Prototype kUnit{Severity::error, "VISION POSE", 1, "{}: the quatern
 const sorma::Prototype kStream{Severity::error, "OPTION MISSING", 2, "{}: {} is not set; -stream needs -picture and -results"};
 const sorma::Prototype kMarkers{Severity::error, "VISION MARKERS", 1, "{}: no board: {}"};
 const sorma::Prototype kBoard{Severity::error, "VISION BOARD", 1, "{}: the board cannot be read: {}"};
-const sorma::Prototype kDisk{Severity::error, "VISION DISK", 1, "{}: no {} token near {} {}: {}"};
+const sorma::Prototype kDisk{Severity::error, "VISION DISK", 1, "{}: no {} token near {:.4g} {:.4g}: {}"};
 const sorma::Prototype kColour{Severity::error, "VISION WORD", 2, "{}: bad colour \"{}\": must be red, violet, or yellow"};
 const sorma::Prototype kLabels{Severity::error, "VISION PICTURE", 1, "{}: the labels of {} are missing: after 3 bytes for each pixel there must be one with its colour, 0 to 3"};
 const sorma::Prototype kUntrained{Severity::error, "VISION TABLE", 1, "{}: nothing has been learned yet: EXEC train a labelled picture first"};
@@ -522,9 +522,9 @@ protected:
         const auto& b = *disk.blob;
         if (drawing_) drawing_->cross(b.u, b.v, vision::Drawing::good);
         if (b.clipped) refuse("what fits best is cut off by the border of the picture");
-        if (disk.fit < 0.1) refuse("what fits best is at " + sorma::numberText(b.u) + " " + sorma::numberText(b.v) + ", and fits " + sorma::numberText(disk.fit));
+        if (disk.fit < 0.1) refuse(fmt::format("what fits best is at {:.4g} {:.4g}, and fits {:.2g}", b.u, b.v, disk.fit));
         if (double part = b.area / disk.expectedArea; part < 0.6 || part > 1.5)
-            refuse("what is there has " + sorma::numberText(b.area) + " pixels; a token has " + sorma::numberText(disk.expectedArea));
+            refuse(fmt::format("what is there has {:.4g} pixels; a token has {:.4g}", b.area, disk.expectedArea));
         answer.floats = {b.u, b.v, b.area, disk.fit};
     }
 
