@@ -4,6 +4,7 @@
 #     -lines N -motions N -descents N -faults N    how many of each; of the motions a fifth leads through forbidden space, a tenth is
 #                                                  cancelled, a tenth is stopped; of faults N of each kind
 #     -kind PATTERN   of faults: only those whose name fits
+#     -minutes N      at first so long in real time, with 20 pictures a second: on a machine that does nothing else. Default: 0
 #     -seed N    of what is random              -speed N    of lab time; 0: as fast as it goes, in lockstep, so nothing is lost
 #
 # Daemons and buffers are its own: it may run beside another laboratory.
@@ -52,12 +53,14 @@ proc figures::signal {daemon name} {
         dict unset Running $daemon
     }
 }
-proc figures::startLab {} {
+proc figures::startLab {{recipe {}}} {
     variable Prefix
     variable Settings
     variable Lab
-    launch figuresLab[pid] simlab \
-        "simlab -prefix $Prefix -lockstep arm.set -speed [dict get $Settings -speed] -seed [dict get $Settings -seed]"
+    if {$recipe eq {}} {
+        set recipe "-lockstep arm.set -speed [dict get $Settings -speed]"
+    }
+    launch figuresLab[pid] simlab "simlab -prefix $Prefix -seed [dict get $Settings -seed] $recipe"
     $Lab CTRL -dump
 }
 proc figures::startRobot {} {
@@ -278,6 +281,42 @@ proc figures::descents n {
         [expr {$off <= 0.5e-3 && $peak <= 15}]
 }
 
+# ---- real time: nothing waits for the arm ----
+
+proc figures::minutes n {
+    variable At
+    variable Lab
+    variable Prefix
+    startLab {-speed 1 -cameraRate 20}
+    startRobot
+    powerOn
+    set before [fact $Lab skipped]
+    cycle.pino$At CTRL -reset
+    set end [expr {[clock seconds] + 60 * $n}]
+    while {[clock seconds] < $end} {
+        go mvpos.joints$At {*}[place]
+    }
+    set stats [lindex [cycle.pino$At DBX -stats] 3]
+    regexp {^ticks (\d+) skipped (\d+)} $stats - ticks skipped
+    regexp -line {^jitter of the beginning: (.*)$} $stats - late
+    set lost [expr {[fact $Lab skipped] - $before}]
+    row "$n min in real time, 20 pictures/s" "0 skipped ticks" \
+        "$skipped of $ticks ticks, [format %.3f $lost] s of lab time; [fact $Lab pictures] pictures; ticks late by $late" [expr {$skipped == 0}]
+    # How fast it can go, alone: the robot has no power.
+    pino$At EXEC power off
+    foreach {what rate} {"with 20 pictures/s" 20 "without pictures" 0} {
+        $Lab CTRL -speed 0 -cameraRate $rate
+        set microseconds [lindex [time {$Lab EXEC FMSG 1 5}] 0]
+        row "as fast as it goes, $what" "factor" [format %.1f [expr {5e6 / $microseconds}]] 1
+    }
+    foreach daemon [list figuresRobot[pid] figuresLab[pid]] {
+        signal $daemon TERM
+    }
+}
+proc figures::fact {name what} {
+    return [lindex [regexp -line -inline "^# $what (\\S+)" [lindex [$name CTRL -dump] 3]] 1]
+}
+
 # ---- faults: in a random motion, at a random moment, the arm must come to rest by itself, and not move again before a person's reset ----
 
 proc figures::Heard event {
@@ -406,7 +445,7 @@ proc figures::faults n {
 }
 
 proc figures::run {} {
-    variable Settings [sorma::options::parse {-lines {any 100} -motions {any 1000} -descents {any 100} -faults {any 50} -kind {any *} -seed {any 1} -speed {any 0}} \
+    variable Settings [sorma::options::parse {-lines {any 100} -motions {any 1000} -descents {any 100} -faults {any 50} -kind {any *} -minutes {any 0} -seed {any 1} -speed {any 0}} \
         $::argv]
     variable Prefix
     variable Lab
@@ -414,10 +453,13 @@ proc figures::run {} {
     variable Unseen
     variable Running
     expr {srand([dict get $Settings -seed])}
+    sorma::create shmem_r.pose -key ${Prefix}tool.pose
     try {
+        if {[dict get $Settings -minutes] > 0} {
+            minutes [dict get $Settings -minutes]
+        }
         startLab
         startRobot
-        sorma::create shmem_r.pose -key ${Prefix}tool.pose
         sorma::subscribe $Lab -event stopped -command figures::Heard
         powerOn
         foreach section {lines motions descents faults} {
