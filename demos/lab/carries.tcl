@@ -23,7 +23,7 @@ namespace eval carries {
     variable Off {0 0 0}                ;# most by which a marker was wrong [m], the board's yaw [rad], a token before it is looked at [m]
     # What is done, and how it may be named; placed: it is healed.
     variable Faults {
-        shifted   {placed EARLY EMPTY}
+        shifted   {placed EARLY EMPTY LOST}
         stolen    {UNSEEN}
         lost      {LOST}
         board     {placed SHIFTED}
