@@ -94,8 +94,9 @@ proc ::sorma::parts::picture {canvas file} {
     set part [if {$bottom ne {}} {list -x $x -y $y -width [expr {$right - $x}] -height [expr {$bottom - $y}]}]
     switch -- [string tolower [file extension $file]] {
         .png {
-            package require img::window
-            package require img::png
+            if {[catch {package require img::window; package require img::png}]} {
+                return -code error -errorcode {SORMA REQUEST SYNTAX} "$file: Tk's package Img is not installed; it writes PNG (apt-get install libtk-img)"
+            }
             set picture [image create photo -format window -data $canvas]
             $picture write $file -format png
             image delete $picture
