@@ -21,7 +21,7 @@ dd > p > img, .windows img { max-width: 100%; border: 1px solid #ccc }
 .index { columns: 3 14em } .index p { margin: 0 }
 }
     variable Tutorials {first-tcl first-cpp first-panel two-hosts embedding moving testing}
-    variable Formats {wire snapshot benchmark}
+    variable Formats {wire snapshot benchmark request debugging}
     variable Pages {}       ;# dict: file.html -> {kind title about}, in the order of the contents
     variable Words {}       ;# list of {word file.html anchor}
 }
@@ -49,7 +49,7 @@ proc html::frame {title body} {
     return "<!DOCTYPE html>
 <html lang=\"en\"><head><meta charset=\"utf-8\"><title>[Escape $title]</title><link rel=\"stylesheet\" href=\"style.css\"></head>
 <body>
-<nav><a href=\"index.html\">Contents</a> &middot; <a href=\"words.html\">Index</a></nav>
+<nav><a href=\"index.html\">Contents</a> &middot; <a href=\"keywords.html\">Index</a></nav>
 $body
 </body></html>"
 }
@@ -214,7 +214,7 @@ proc html::make {folder manual source {pictures {}}} {
     }
 
     set contents "<h1>SORMA</h1>\n<p><a href=\"README.html\">What it is, and a tour</a></p>"
-    foreach {kind heading} {tutorial Tutorials manual Manual format {Formats and figures}} {
+    foreach {kind heading} {tutorial Tutorials manual Manual format {Formats, figures, and how it works inside}} {
         append contents "\n<h2>$heading</h2>\n<table>"
         dict for {file facts} $Pages {
             if {[lindex $facts 0] eq $kind} {
@@ -241,7 +241,7 @@ proc html::make {folder manual source {pictures {}}} {
         append index "\n<p><a href=\"$file[if {$anchor ne {}} {string cat # $anchor}]\">$label</a></p>"
         set last $word
     }
-    write [file join $folder words.html] [frame "SORMA: index" "$index\n</div>"]
+    write [file join $folder keywords.html] [frame "SORMA: index" "$index\n</div>"]
 }
 
 html::make {*}$argv
