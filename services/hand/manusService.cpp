@@ -57,6 +57,7 @@ const sorma::Prototype kOrder{Severity::error, "OPTION VALUE", 2, "{}: {}: {}"};
 
 constexpr std::int64_t kLook = 50'000'000;          // [ns] between two looks at the other side
 constexpr double kSmooth = 1.875;                   // fastest over mean speed of a motion from rest to rest
+constexpr double kLabWatchdog = 20;                 // [s] lab time may stand so long, while a picture is drawn on a machine that has other work
 constexpr int kSamples = 24;                        // of a way of the tips, before it begins
 constexpr const char* kJointNames[] = {"spread", "base", "middle"};
 
@@ -637,7 +638,7 @@ private:
         cycle_ = sorm().get("cycle." + (dot == std::string::npos ? name() : name().substr(dot + 1)));
         try {
             std::vector<std::string> words{"-period", sorma::numberText(interval_), "-priority", std::to_string(priority_), "-steps", name()};
-            if (labTime_) words.insert(words.end(), {"-clock", prefix_ + "lab.clock"});
+            if (labTime_) words.insert(words.end(), {"-clock", prefix_ + "lab.clock", "-watchdog", sorma::numberText(kLabWatchdog)});
             configureCycle(std::move(words));
             configureCycle({"-start"});
         } catch (const sorma::Error& e) {

@@ -69,7 +69,7 @@ bool Arm::read(ArmState& state, double& age) noexcept {
     return true;
 }
 
-bool Arm::readWrist(Wrench& raw) noexcept {
+bool Arm::readWrist(Wrench& raw, double silence) noexcept {
     if (!readers_.wrist) return false;
     constexpr std::uint64_t kMost = 32;     // records
     std::array<double, kWristFloats> f;
@@ -86,7 +86,7 @@ bool Arm::readWrist(Wrench& raw) noexcept {
     wristSeen_ = newest;
     if (count > 0) wrist_ = sum / count;
     raw = wrist_;
-    return raw.allFinite() && shmem::nanoseconds() - wristTime_ < 100'000'000;
+    return raw.allFinite() && double(shmem::nanoseconds() - wristTime_) * 1e-9 < silence;
 }
 
 void Arm::write(double time, const Joints& q, const Joints& qdot, Mode mode) noexcept {

@@ -42,14 +42,15 @@ public:
     Readers look() const;                   // any time
     void attach(Readers readers);
     bool attached() const { return readers_.state && !readers_.state->retired(); }
+    bool alive() const { return attached() && readers_.state->segment()->writing().alive(); }      // its writer's process runs
     const std::string& problem() const { return readers_.problem; }
 
     // The newest state. False: there is none, or it is no state (not finite).   age: [s] since it was written.
     bool read(ArmState& state, double& age) noexcept;
     // Lab time less the machine's monotonic time [s], as of the state that was read last.
     double clockOffset() const { return clockOffset_; }
-    // The mean of what the wrist has felt since it was read last. False: nothing for longer than 0.1 s, or no numbers.
-    bool readWrist(Wrench& raw) noexcept;
+    // The mean of what the wrist has felt since it was read last. False: nothing for longer than `silence` [s], or no numbers.
+    bool readWrist(Wrench& raw, double silence) noexcept;
 
     void write(double time, const Joints& q, const Joints& qdot, Mode mode) noexcept;
     void record(double time, const Place& tool, const Joints& q, const Wrench& felt) noexcept;

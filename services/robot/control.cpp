@@ -12,7 +12,6 @@ namespace robot {
 
 namespace {
 
-constexpr double kSilent = 0.1;             // [s], and at least three periods: then nobody is there
 constexpr double kPatience = 1.5;           // [s] until the power must have come
 constexpr double kOffFirst = 0.05;          // [s] of "off" before it: the other side may look at the newest set-point only
 constexpr double kSpeedSlack = 1.05, kAccelerationSlack = 2;    // of the gate: what rounding and corners of speed may add
@@ -78,9 +77,10 @@ void Control::quiet() const {
 
 void Control::tick(std::int64_t time, double period) noexcept {
     double age = 0;
-    heard_ = arm.read(state_, age) && age < std::max(kSilent, 3 * period);
+    const double silence = std::max(settings.silence, 3 * period);
+    heard_ = arm.read(state_, age) && age < silence;
     knows_ = knows_ || heard_;
-    sense(period);
+    sense(period, silence);
     followPower();
     const Joints before = qdot_;
     if (phase_ == Phase::moving || phase_ == Phase::braking) move(period);
@@ -103,8 +103,8 @@ void Control::tick(std::int64_t time, double period) noexcept {
     arm.record(state_.time, settings.frames.toolOf(state_.q), state_.q, felt_);
 }
 
-void Control::sense(double period) noexcept {
-    sensed_ = settings.sensors && heard_ && arm.readWrist(raw_);
+void Control::sense(double period, double silence) noexcept {
+    sensed_ = settings.sensors && heard_ && arm.readWrist(raw_, silence);
     if (!sensed_) return felt_.setZero(), void();
     Wrench felt = settings.sensorOffset - raw_;
     if (settings.compensate) {

@@ -24,6 +24,7 @@ struct Settings {
     Frames frames;
     ArmLimits limits;
     bool labClock = false;                  // ticks are due by lab time
+    double silence = 0.1;                   // [s] of wall time, and at least three periods: then the other side is not there
     bool sensors = true;                    // read the wrist's sensor
     bool compensate = true;                 // take the hand's weight off
     double handMass = 0;                    // [kg]
@@ -82,7 +83,7 @@ public:
     double part() const { return motion_ ? motion_->part() : 0; }
 
 private:
-    void sense(double period) noexcept;
+    void sense(double period, double silence) noexcept;
     void followPower() noexcept;
     void move(double period) noexcept;
     View viewOf(const Joints& q, double period) const noexcept;

@@ -95,6 +95,7 @@ private:
 
     // options
     double interval_ = 0.015, handMass_ = 0, forceFilter_ = 0.01, wristForce_ = 60, wristMoment_ = 10, parkSpeed_ = 0.5;
+    double silence_ = 0.1;
     bool labTime_ = false, sensors_ = true, compensate_ = true, records_ = true;
     std::int64_t priority_ = 50;
     std::string prefix_, tasks_, guards_;

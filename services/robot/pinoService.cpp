@@ -22,6 +22,8 @@ using sorma::Args;
 using sorma::Message;
 
 constexpr std::int64_t kLook = 50'000'000;          // [ns] between two looks at the other side, and of progress
+// [s] Lab time may stand so long, while a picture is drawn on a machine that has other work; and what is read is older then.
+constexpr double kLabWatchdog = 20, kLabSilence = 2;
 
 Joints joints(const std::vector<double>& v) { return Eigen::Map<const Joints>(v.data()); }
 Vector3d vector(const std::vector<double>& v) { return Eigen::Map<const Vector3d>(v.data()); }
@@ -44,6 +46,8 @@ sorma::Class Pino::describe() {
                                               .help = "from one tick of the control task to the next"})
         .flag("-labTime", &Pino::labTime_, {.help = "ticks are due by the other side's time (its buffer lab.clock), not by "
                                                     "the machine's", .fixed = true})
+        .real("-silence", &Pino::silence_, {.unit = "s", .low = 0.01, .high = 60, .help = "the other side counts as gone when its "
+                                            "last record is older than this, and than three ticks", .expert = true})
         .integer("-priority", &Pino::priority_, {.low = 0, .high = 99, .help = "of the control task, as of class cycle",
                                                  .fixed = true})
         .text("-prefix", &Pino::prefix_, {.help = "before the names of all buffers: another arm's", .fixed = true})
@@ -136,6 +140,7 @@ Settings Pino::settings() const {
     s.frames = {vector(base_), vector(tool_)};
     s.limits = {{joints(lower_), joints(upper_)}, joints(speed_), joints(acceleration_)};
     s.labClock = labTime_;
+    s.silence = labTime_ ? std::max(silence_, kLabSilence) : silence_;
     s.sensors = sensors_, s.compensate = compensate_;
     s.handMass = handMass_, s.handCentre = vector(handCentre_);
     s.sensorOffset = Eigen::Map<const Wrench>(sensorOffset_.data());
@@ -171,8 +176,7 @@ void Pino::run() {
     try {
         std::vector<std::string> words{"-period", number(interval_), "-priority", std::to_string(priority_), "-steps",
                                        steps()};
-        // A machine that is busy with other things may let lab time stand for a while.
-        if (labTime_) words.insert(words.end(), {"-clock", prefix_ + "lab.clock", "-watchdog", "1"});
+        if (labTime_) words.insert(words.end(), {"-clock", prefix_ + "lab.clock", "-watchdog", number(kLabWatchdog)});
         configureCycle(std::move(words));
         configureCycle({"-start"});
     } catch (const sorma::Error& e) {
@@ -239,6 +243,7 @@ void Pino::watch() {
         return failAll(why);
     }
     double part = 0;
+    bool gone;                              // by lab time nothing ticks any more then
     try {
         bool lost;
         {
@@ -251,8 +256,13 @@ void Pino::watch() {
             Held held(*this);
             control_->arm.attach(std::move(readers));
         }
+        gone = labTime_ && !control_->arm.alive();
     } catch (const sorma::Error&) {         // a step of somebody else's hangs: next time
         return;
+    }
+    if (gone) {
+        halt();
+        return failAll(error(kSilent, name(), name()));
     }
     if (job_ && job_->progress) {
         sorma::CallContext context(job_->call);

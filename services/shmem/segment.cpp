@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <linux/futex.h>
 #include <pwd.h>
+#include <signal.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
@@ -487,6 +488,8 @@ void Segment::ring() const {
     words_->bell.fetch_add(1, std::memory_order_seq_cst);
     syscall(SYS_futex, reinterpret_cast<std::uint32_t*>(&words_->bell), FUTEX_WAKE, INT_MAX, nullptr, nullptr, 0);
 }
+
+bool Writing::alive() const { return process > 0 && (::kill(pid_t(process), 0) == 0 || errno == EPERM); }
 
 Writing Segment::writing() const {
     Writing w;

@@ -55,6 +55,7 @@ enum class Access { owner, group, all };
 struct Writing {        // who writes, or has been the last to write
     std::int64_t process = 0, started = 0, since = 0;
     std::string program;
+    bool alive() const;         // its process runs. A system call
 };
 
 class Segment {

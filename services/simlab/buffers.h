@@ -23,6 +23,7 @@ public:
     bool take();
     const double* floats() const { return record_.data(); }
     std::uint64_t counter() const { return seen_; }
+    bool alive() const { return reader_ && !reader_->retired() && reader_->segment()->writing().alive(); }     // who writes runs
     void lookNow() { naps_ = 0; }       // for a writer, at the next take()
     // Sleep until there is one to take, or until a time [ns, monotonic]. May return early.
     void wait(std::int64_t until) const;

@@ -10,7 +10,8 @@ namespace simlab {
 
 namespace {
 
-constexpr std::int64_t kPatience = 100'000'000;     // [ns] of wall time that lockstep waits
+// [ns] of wall time that lockstep waits: for a set-point, and for one after one that did not come.
+constexpr std::int64_t kPatience = 2'000'000'000, kLessPatience = 100'000'000;
 constexpr std::int64_t kNap = 10'000'000;           // [ns]
 constexpr double kSame = 1e-9;                      // [s]
 constexpr std::ptrdiff_t kMostInWork = 2;           // pictures: more would come later and later
@@ -186,16 +187,18 @@ bool Laboratory::takeSetPoint() {
 // In lockstep lab time waits for the set-point that is due, while somebody sends any.
 void Laboratory::awaitSetPoint(std::unique_lock<std::mutex>& lock) {
     if (!drive.streaming(time_) || time_ < drive.due() - kSame || time_ < waitAgain_ - kSame) return;
-    const std::int64_t until = shmem::nanoseconds() + kPatience;
+    const bool missed = time_ < waitAgain_ + drive.period();
+    const std::int64_t begin = shmem::nanoseconds(), until = begin + (missed ? kLessPatience : kPatience);
     while (!stop_) {
         if (takeSetPoint() && drive.due() > time_ + kSame) return;
-        if (shmem::nanoseconds() >= until) {
+        const std::int64_t now = shmem::nanoseconds();
+        if (now >= until || (now >= begin + kLessPatience && !armSet_.alive())) {
             ++lost_;
             waitAgain_ = time_ + drive.period();
             return;
         }
         lock.unlock();
-        armSet_.wait(std::min(until, shmem::nanoseconds() + kNap));
+        armSet_.wait(now + kNap);
         lock.lock();
     }
 }

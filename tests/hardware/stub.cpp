@@ -1,9 +1,10 @@
 // stub -- the smallest other side of the robot's buffers: an arm without mass, that follows its set-points.
 //
-//     hardwareStub PREFIX ?q1 ... q6?
+//     hardwareStub PREFIX ?-silent PERIODS? ?q1 ... q6?
 //
 // Reads PREFIXarm.set; writes PREFIXarm.state, PREFIXwrist.state and PREFIXlab.clock, 500 times a second. What the other side must
-// do stands in doc/hardware.man; this is a model to copy. Lines on standard input are what a person does: "reset", "stop" (the
+// do stands in doc/hardware.man; this is a model to copy. After three PERIODS without a set-point it brakes; tests let a busy machine
+// have more. Lines on standard input are what a person does: "reset", "stop" (the
 // emergency stop), "wrist fx fy fz mx my mz" (what the sensor shows from now on). It ends with its standard input.
 #include <poll.h>
 #include <unistd.h>
@@ -15,6 +16,7 @@
 #include <cstdlib>
 #include <optional>
 #include <sstream>
+#include <string_view>
 #include <string>
 #include <utility>
 
@@ -26,7 +28,6 @@ constexpr double kStep = 0.002;             // [s]
 constexpr double kLag = 0.02;               // [s] of the servos
 constexpr double kDeceleration = 5;         // [rad/s2] when it stops by itself
 constexpr double kJump = 0.2;               // [rad] a set-point farther than that from the arm is a fault
-constexpr int kSilent = 3;                  // periods without a set-point
 
 enum Mode { off, hold, run, stop };
 enum Cause { none, emergency, table, wrist, late, limit };
@@ -40,10 +41,10 @@ struct SetPoint {
 
 class Arm {
 public:
-    explicit Arm(const Joints& q) : q_(q) {}
+    Arm(const Joints& q, int silent) : silent_(silent), q_(q) {}
 
     void take(const SetPoint& s, double now) {
-        if (s.time > to_.time && arrived_ > 0) period_ = std::clamp(s.time - to_.time, 0.001, 0.1);
+        if (s.time > to_.time && arrived_ > 0) period_ = std::clamp(s.time - to_.time, 0.001, 0.2);
         from_ = to_, to_ = s, arrived_ = now;
         if (s.mode == off && !braking_) power_ = false, ready_ = cause_ == none;
         if (!power_ && ready_ && (s.mode == hold || s.mode == run)) power_ = true, ready_ = false, from_ = {now, q_, {}, hold};
@@ -58,7 +59,7 @@ public:
     }
 
     void step(double now) {
-        if (power_ && !braking_ && now - arrived_ > kSilent * period_) brake(late);
+        if (power_ && !braking_ && now - arrived_ > silent_ * period_) brake(late);
         bool still = true;
         for (std::size_t i = 0; i < 6; ++i) {
             const double before = q_[i];
@@ -90,6 +91,7 @@ private:
         return from_.q[i] + part * (to_.q[i] - from_.q[i]);
     }
 
+    const int silent_;                      // periods without a set-point
     Joints q_, qdot_{};
     SetPoint from_, to_;
     double arrived_ = 0, period_ = 0.015;
@@ -123,8 +125,10 @@ bool newSetPoint(std::optional<shmem::Reader>& reader, const std::string& key, s
 int main(int count, char** words) try {
     const std::string prefix = count > 1 ? words[1] : "";
     Joints q{0.2713, 1.1164, -3.2675, 0, -0.9905, -2.8703};      // above the table, the tool down
-    for (int i = 2; i < count && i < 8; ++i) q[std::size_t(i) - 2] = std::atof(words[i]);
-    Arm arm(q);
+    const bool chosen = count > 3 && std::string_view(words[2]) == "-silent";
+    const int silent = chosen ? std::atoi(words[3]) : 3, first = chosen ? 4 : 2;
+    for (int i = first; i < count && i < first + 6; ++i) q[std::size_t(i - first)] = std::atof(words[i]);
+    Arm arm(q, silent);
     shmem::Writer state(prefix + "arm.state", {.blocks = 64, .floats = 22}, "stub"), clock(prefix + "lab.clock", {.floats = 3}, "stub"),
         force(prefix + "wrist.state", {.blocks = 64, .floats = 7}, "stub");
     std::array<double, 7> sensed{};
