@@ -264,10 +264,10 @@ namespace {
 // wrong with a name elsewhere is told when it is used.
 class OnTrust {
 public:
-    explicit OnTrust(Sorm& sorm) : sorm_(sorm), was_(sorm.unhurried) {
-        if (CallContext::currentClient()) sorm.unhurried = true;
+    explicit OnTrust(Sorm& sorm) : sorm_(sorm), was_(sorm.nonBlocking) {
+        if (CallContext::currentClient()) sorm.nonBlocking = true;
     }
-    ~OnTrust() { sorm_.unhurried = was_; }
+    ~OnTrust() { sorm_.nonBlocking = was_; }
     OnTrust(const OnTrust&) = delete;
     OnTrust& operator=(const OnTrust&) = delete;
 

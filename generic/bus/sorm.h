@@ -127,7 +127,7 @@ public:
     std::string daemonName;                                         // as served; empty when not a daemon
 
     // While it is set, names of remote objects are taken on trust: nothing blocks to ask the daemon whether it has them.
-    bool unhurried = false;
+    bool nonBlocking = false;
 
     // Makes the proxy of a remote object; set by COMM. The recipe is this client's own wish for the object, from its
     // dictionary, and goes to the daemon as CTRL. relayFor: who has named it, when it is not the owner.

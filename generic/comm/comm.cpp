@@ -43,7 +43,7 @@ Comm::Comm(Sorm& sorm, std::shared_ptr<Settings> own) : settings(*own), sorm_(so
 }
 
 Comm::~Comm() {
-    watchman_.reset();
+    healthResponder_.reset();
     folder_.reset();
     servers_.clear();
     ended_.clear();
@@ -116,7 +116,7 @@ std::unique_ptr<Service> Comm::makeProxy(const Name& name, std::vector<std::stri
     auto connection = lineTo(name);
     Deadline deadline = Deadline::in(settings.timeout).earlier(CallContext::currentDeadline());
     // The daemon makes the object now, so that a name that cannot be served is told at once.
-    if (!sorm_.unhurried) {
+    if (!sorm_.nonBlocking) {
         Message m;
         m.words = {"-info", "class"};
         connection->call(name.service, Method::dbx, m, deadline, relayFor != nullptr);
@@ -126,7 +126,7 @@ std::unique_ptr<Service> Comm::makeProxy(const Name& name, std::vector<std::stri
                                              auto found = comm.lock();
                                              return found ? (*found)->lineTo(name) : nullptr;
                                          }}, relayFor);
-    if (!recipe.empty()) proxy->setRecipe(std::move(recipe), sorm_.unhurried);
+    if (!recipe.empty()) proxy->setRecipe(std::move(recipe), sorm_.nonBlocking);
     return proxy;
 }
 
@@ -135,18 +135,18 @@ Server& Comm::serve(const Server::Wanted& wanted) {
     sorm_.access.need(nullptr, Right::reach, wanted.name, wanted.name);
     if (!goodName(wanted.name)) fail(kName, wanted.name);
     if (servers_.contains(wanted.name)) fail(kServed, wanted.name);
-    auto server = std::make_unique<Server>(sorm_, *reactor_, gate_, settings, wanted);
+    auto server = std::make_unique<Server>(sorm_, *reactor_, lock_, settings, wanted);
     if (sorm_.daemonName.empty()) sorm_.access.daemon = sorm_.daemonName = wanted.name;
-    if (!watchman_)
-        watchman_ = std::make_unique<Watchman>(*reactor_, gate_, [this](const std::vector<void*>& waiting) {
+    if (!healthResponder_)
+        healthResponder_ = std::make_unique<HealthResponder>(*reactor_, lock_, [this](const std::vector<void*>& waiting) {
             bool busy = false;
-            for (auto& [name, s] : servers_) busy = s->glance(waiting) || busy;
+            for (auto& [name, s] : servers_) busy = s->peek(waiting) || busy;
             return busy;
         });
     if (auto slash = server->socket().rfind('/'); server->port() > 0 && slash != std::string::npos && (!folder_ || !folder_->alive()))
         folder_ = std::make_unique<FolderWatch>(*reactor_, server->socket().substr(0, slash), ".tcp",
                                                 [this] { sorm_.announce("siblings.changed", ""); });
-    Gate::Inside inside(gate_);
+    ServerLock::Held held(lock_);
     return *servers_.emplace(wanted.name, std::move(server)).first->second;
 }
 
@@ -156,7 +156,7 @@ void Comm::unserve(std::string name, const std::string& reason) {
     if (found == servers_.end()) fail(kNotServed, name);
     std::unique_ptr<Server> server;
     {
-        Gate::Inside inside(gate_);
+        ServerLock::Held held(lock_);
         server = std::move(found->second);
         servers_.erase(found);
     }

@@ -13,13 +13,13 @@
 
 #include "bus/sorm.h"
 #include "comm/connection.h"
-#include "comm/gate.h"
+#include "comm/serverLock.h"
 #include "comm/proxy.h"
 #include "comm/reactor.h"
 #include "comm/resolver.h"
 #include "comm/server.h"
 #include "comm/settings.h"
-#include "comm/watchman.h"
+#include "comm/healthResponder.h"
 
 namespace sorma {
 
@@ -72,13 +72,13 @@ private:
     Sorm& sorm_;
     const std::shared_ptr<Settings> shared_;    // with connections and proxies, which may outlive us
     std::shared_ptr<Reactor> reactor_;          // shared with connections, which their proxies keep
-    Gate gate_;                     // to servers_ and ended_, and all that they have
+    ServerLock lock_;                     // to servers_ and ended_, and all that they have
     std::map<std::string, std::unique_ptr<Server>> servers_;
     std::vector<std::unique_ptr<Server>> ended_;        // unserved while one of their own requests was on the stack
     std::map<std::string, std::weak_ptr<Connection>> connections_;      // by "RULE ADDRESS", see resolve
     Resolver resolver_;
     std::unique_ptr<FolderWatch> folder_;                       // of those who listen to TCP, while there is one
-    std::unique_ptr<Watchman> watchman_;                        // while there is a server
+    std::unique_ptr<HealthResponder> healthResponder_;                        // while there is a server
     std::shared_ptr<Comm*> self_ = std::make_shared<Comm*>(this);       // for proxies, likewise
 };
 

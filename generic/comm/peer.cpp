@@ -104,7 +104,7 @@ void Server::Peer::shut() {
 // ---- a peer's turn ----
 
 void Server::Peer::ready(std::uint32_t events) {
-    Gate::Inside inside(server_.gate_);
+    ServerLock::Held held(server_.lock_);
     if (events & EPOLLOUT) drain();
     if (open() && !events_.empty()) pump();
     if (events & (EPOLLRDHUP | EPOLLHUP)) gone_ = true;
@@ -308,7 +308,7 @@ void Server::Peer::lookAhead(Frame& frame) {
     frame.scanned = std::max(frame.scanned, frame.at);
     pollfd state{fd_, POLLRDHUP, 0};
     if (poll(&state, 1, 0) > 0) gone_ = true;
-    Buffer& seen = server_.glance_;
+    Buffer& seen = server_.peeked_;
     seen.clear();
     seen.append(frame.scanned, static_cast<std::size_t>(frame.end - frame.scanned));
     ssize_t n = recv(fd_, seen.extend(kLookSize), kLookSize, MSG_PEEK | MSG_DONTWAIT);
@@ -368,7 +368,7 @@ void Server::Peer::handle(std::string_view record, Scratch& scratch, Frame& fram
                 (server_.program_ != 0 && header.program == wire::kProgramBase + server_.program_);
     if (!ours) return wire::writeRefusal(scratch.out, header.xid, wire::Refusal::programUnavailable);
     if (header.version != wire::kVersion) return wire::writeRefusal(scratch.out, header.xid, wire::Refusal::programMismatch);
-    if (!answered_.empty() && std::erase(answered_, header.xid) > 0) return;       // by the watchman
+    if (!answered_.empty() && std::erase(answered_, header.xid) > 0) return;       // by the health responder
     switch (header.procedure) {
         case wire::kNull: return wire::writeEmptyReply(scratch.out, header.xid);
         case wire::kCall: return call(r, header, record, scratch, frame);
@@ -423,11 +423,11 @@ void Server::Peer::cancel(XdrReader& r) {
     if (slot.state != Slot::State::running || slot.sequence != wanted.sequence) return;     // it is over
     if (slot.call) {
         CallContext& call = *slot.call;
-        Gate::Outside outside(server_.gate_);
+        ServerLock::Released released(server_.lock_);
         call.cancel();
     }
     if (auto pending = slot.pending) {
-        Gate::Outside outside(server_.gate_);
+        ServerLock::Released released(server_.lock_);
         pending->cancel(Trail(makeEntry(kStopped, {MessageArg::of(pending->who)})));
     }
 }
@@ -598,7 +598,7 @@ bool Server::Peer::execute(const wire::Request& request, const wire::CallHeader&
         bool later;
         {
             Activity activity(server_, request.name, method, who->caller, start);
-            Gate::Outside outside(server_.gate_);
+            ServerLock::Released released(server_.lock_);
             service = known && !author ? Reference(known) : server_.sorm_.get(request.name, author);
             if (author || m.author) m.author = author;      // the one before may have left its own
             later = service->start(method, m);
@@ -771,10 +771,10 @@ void Server::Peer::pump() {
     }
 }
 
-// ---- the watchman's look ----
+// ---- the health responder's look ----
 
 // What has been read and not served, then what lies in the socket: records in the order in which they came.
-void Server::Peer::glance() {
+void Server::Peer::peek() {
     if (!open() || queued() > kQueueLimit) return;
     const char* begin = in_.data() + taken_;
     const char* end = in_.data() + in_.size();
@@ -782,7 +782,7 @@ void Server::Peer::glance() {
         if (f->peer == this && !f->spilled) begin = f->at, end = f->end;
     std::size_t unserved = static_cast<std::size_t>(end - begin);
     if (unserved > kLookSize) return;
-    Buffer& seen = server_.glance_;
+    Buffer& seen = server_.peeked_;
     seen.clear();
     seen.append(begin, unserved);
     ssize_t n = recv(fd_, seen.extend(kLookSize), kLookSize, MSG_PEEK | MSG_DONTWAIT);

@@ -48,7 +48,7 @@ Server::Listener::~Listener() {
 }
 
 void Server::Listener::ready(std::uint32_t) {
-    Gate::Inside inside(server_.gate_);
+    ServerLock::Held held(server_.lock_);
     server_.accept(fd_, tcp_);
 }
 
@@ -64,15 +64,15 @@ void Server::giveBack(Buffer& buffer) {
 }
 
 void Server::handBack() {
-    Gate::Inside inside(gate_);
+    ServerLock::Held held(lock_);
     for (Frame* f = frames_; f; f = f->outer) f->peer->spill(*f);
 }
 
-Server::Server(Sorm& sorm, Reactor& reactor, Gate& gate, const Settings& settings, const Wanted& wanted)
-    : sorm_(sorm), reactor_(reactor), gate_(gate), settings_(settings), name_(wanted.name), boot_(randomNumber()), started_(wallNow()) {
+Server::Server(Sorm& sorm, Reactor& reactor, ServerLock& lock, const Settings& settings, const Wanted& wanted)
+    : sorm_(sorm), reactor_(reactor), lock_(lock), settings_(settings), name_(wanted.name), boot_(randomNumber()), started_(wallNow()) {
     setLimits(sorm_, settings_);
     spareDescriptor_ = open("/dev/null", O_RDONLY | O_CLOEXEC);
-    Gate::Inside inside(gate_);
+    ServerLock::Held held(lock_);
     try {
         for (int fd : wanted.listen) {
             Inherited found = inheritListener(fd);
@@ -107,7 +107,7 @@ void Server::listen(const Wanted& wanted) {
 
 Server::~Server() {
     stop("the daemon ends");
-    Gate::Inside inside(gate_);
+    ServerLock::Held held(lock_);
     while (!peers_.empty()) retire(peers_.begin()->first, "the daemon ends", true);
 }
 
@@ -116,7 +116,7 @@ void Server::stop(const std::string& reason) {
     self_ = std::make_shared<Server*>(this);            // whoever still answers finds nobody
     std::vector<PendingPointer> pending;
     {
-        Gate::Inside inside(gate_);
+        ServerLock::Held held(lock_);
         for (auto& [number, session] : sessions_)
             for (auto& slot : session->slots)
                 if (slot.pending) pending.push_back(std::move(slot.pending));
@@ -124,13 +124,13 @@ void Server::stop(const std::string& reason) {
     for (auto& p : pending) p->cancel(Trail(makeEntry(kClientGone, {MessageArg::of(p->who)})));
     std::vector<ClientPointer> clients;
     {
-        Gate::Inside inside(gate_);
+        ServerLock::Held held(lock_);
         for (auto& [number, session] : sessions_) clients.push_back(session->client);
         for (auto& [peer, owned] : peers_) clients.push_back(peer->client);
     }
     for (auto& client : clients) client->end();
     for (auto& [number, session] : sessions_) session->subscriptions.clear();
-    Gate::Inside inside(gate_);
+    ServerLock::Held held(lock_);
     listeners_.clear();
     sibling_.reset();
     if (ownSocket_) unlink(socket_.c_str());
@@ -286,7 +286,7 @@ Server::Session& Server::session(Peer& peer, const wire::Hello& hello, bool& kno
     return s;
 }
 
-// Is it a client that we have not seen? The watchman greets no others.
+// Is it a client that we have not seen? The health responder greets no others.
 bool Server::newcomer(const Peer& peer, XdrReader hello) const {
     wire::Hello h;
     return wire::readHello(hello, h) && !sessions_.contains({peer.user_, h.client});
@@ -299,7 +299,7 @@ void Server::leave(Session& s) {
     for (auto& [id, subscription] : s.subscriptions) subscription->stopKeeping();
     if (!s.graceTimer && !stopping_)
         s.graceTimer = reactor_.after(s.lastSeen + settings_.grace * 1'000'000, [this, key = s.key] {
-            Gate::Inside inside(gate_);
+            ServerLock::Held held(lock_);
             auto found = sessions_.find(key);
             if (found == sessions_.end() || found->second->peer) return;
             found->second->graceTimer.cancel();
@@ -328,7 +328,7 @@ void Server::abandon(const SessionKey& key) {
         slot.size = slot.reply.size();
         dropReply(slot);
     }
-    Gate::Outside outside(gate_);
+    ServerLock::Released released(lock_);
     subscriptions.clear();
     for (auto* call : running) call->cancel();
     for (auto& p : pending) p->cancel(Trail(makeEntry(kClientGone, {MessageArg::of(p->who)})));
@@ -382,7 +382,7 @@ void Server::watchSlow(Peer* peer) {
 }
 
 void Server::sweep() {
-    Gate::Inside inside(gate_);
+    ServerLock::Held held(lock_);
     sweepTimer_.cancel();
     std::int64_t now = monotonicNow();
     std::vector<std::pair<Peer*, std::string>> leaving;
@@ -398,7 +398,7 @@ void Server::sweep() {
 }
 
 std::string Server::connectionsText() const {
-    Gate::Inside inside(gate_);
+    ServerLock::Held held(lock_);
     std::string out;
     std::int64_t now = monotonicNow();
     for (auto& [peer, owned] : peers_) {
@@ -410,7 +410,7 @@ std::string Server::connectionsText() const {
 }
 
 std::string Server::statisticsText() const {
-    Gate::Inside inside(gate_);
+    ServerLock::Held held(lock_);
     return "daemon " + name_ + ": " + std::to_string(peers_.size()) + " connections, " + std::to_string(sessions_.size()) +
            " sessions, " + std::to_string(served_) + " calls served, " + std::to_string(refused_) + " connections refused, " +
            std::to_string(dropped_) + " one-way requests dropped, since " +
@@ -499,12 +499,12 @@ void Server::replyLater(Later later, wire::Times times, PendingPointer pending) 
     // The service has run the event loop, and its client has gone meanwhile: nobody else will tell the service.
     const ClientPointer client = pending->client();
     if ((slot || peer) && !(client && client->ended())) return;
-    Gate::Outside outside(gate_);
+    ServerLock::Released released(lock_);
     pending->cancel(Trail(makeEntry(kClientGone, {MessageArg::of(pending->who)})));
 }
 
 void Server::answer(const Later& later, wire::Times times, Pending& pending) {
-    Gate::Inside inside(gate_);
+    ServerLock::Held held(lock_);
     times.ran += static_cast<std::uint32_t>(std::min<std::int64_t>((monotonicNow() - later.started) / 1000, UINT32_MAX / 2));
     if (pending.own) times.sub = pending.own->subTime;
     Message failed;
@@ -609,7 +609,7 @@ wire::Health Server::health(bool busy) const {
     return h;
 }
 
-bool Server::glance(const std::vector<void*>& waiting) {
+bool Server::peek(const std::vector<void*>& waiting) {
     watched_ = true;
     for (auto& listener : listeners_) {
         if (std::find(waiting.begin(), waiting.end(), static_cast<Reactor::Watcher*>(listener.get())) == waiting.end()) continue;
@@ -620,7 +620,7 @@ bool Server::glance(const std::vector<void*>& waiting) {
             adopt(fd, listener->tcp());
     }
     for (auto& [peer, owned] : peers_)
-        if (peer->unserved() || std::find(waiting.begin(), waiting.end(), static_cast<Reactor::Watcher*>(peer)) != waiting.end()) peer->glance();
+        if (peer->unserved() || std::find(waiting.begin(), waiting.end(), static_cast<Reactor::Watcher*>(peer)) != waiting.end()) peer->peek();
     watched_ = false;
     return activity_ != nullptr;
 }

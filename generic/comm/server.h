@@ -20,7 +20,7 @@
 #include "bus/client.h"
 #include "bus/call.h"
 #include "bus/sorm.h"
-#include "comm/gate.h"
+#include "comm/serverLock.h"
 #include "comm/reactor.h"
 #include "comm/settings.h"
 #include "comm/wire.h"
@@ -48,7 +48,7 @@ public:
     };
 
     // Starts to listen. Fails with COMM REFUSED when the name or an address is taken, or a descriptor is of no use.
-    Server(Sorm& sorm, Reactor& reactor, Gate& gate, const Settings& settings, const Wanted& wanted);
+    Server(Sorm& sorm, Reactor& reactor, ServerLock& lock, const Settings& settings, const Wanted& wanted);
     ~Server();                          // as stop("the daemon ends")
     Server(const Server&) = delete;
     Server& operator=(const Server&) = delete;
@@ -65,8 +65,8 @@ public:
     void handBack();
     bool serving() const { return depth_ > 0; }                 // is one of its requests on the stack?
     std::uint64_t served() const { return served_; }
-    // The watchman's look: inside the gate, while the SORM's thread is elsewhere. Is a request being executed?
-    bool glance(const std::vector<void*>& waiting);
+    // The health responder's look: with the lock held, while the SORM's thread is elsewhere. Is a request being executed?
+    bool peek(const std::vector<void*>& waiting);
     wire::Health health(bool busy) const;
     std::string connectionsText() const;                        // a line for each peer
     std::string statisticsText() const;
@@ -146,7 +146,7 @@ private:
 
     Sorm& sorm_;
     Reactor& reactor_;
-    Gate& gate_;
+    ServerLock& lock_;
     const Settings& settings_;
     std::string name_, socket_;
     std::unique_ptr<SiblingFile> sibling_;                      // when it listens to TCP
@@ -166,12 +166,12 @@ private:
     std::vector<std::unique_ptr<Scratch>> scratch_;             // one for each depth
     std::size_t depth_ = 0;
     Buffer spare_;                                              // for the next peer with a long message
-    Buffer events_, glance_;                                    // written by pump, read by the watchman
+    Buffer events_, peeked_;                                    // written by pump, read by the health responder
     Activity* activity_ = nullptr;
     std::uint64_t peersSeen_ = 0;
     int spareDescriptor_ = -1;
     bool stopping_ = false;
-    bool watched_ = false;                                      // it is the watchman who is inside
+    bool watched_ = false;                                      // it is the health responder who is inside
     std::shared_ptr<Server*> self_ = std::make_shared<Server*>(this);   // for callbacks that may outlive us
     // The body of the event that is being handed out, shared by all who get it.
     std::uint64_t encoded_ = 0;

@@ -1,5 +1,5 @@
 // serverParts.h -- what a server is made of: peers, sessions with their slots, subscriptions. Only server.cpp, peer.cpp,
-// subscription.cpp and watchman.cpp include it. Everything here is touched inside the gate.
+// subscription.cpp and healthResponder.cpp include it. Everything here is touched with the lock held.
 #pragma once
 
 #include <sys/epoll.h>
@@ -154,8 +154,8 @@ public:
     void spill(Frame& frame);
     void schedule(Subscription& subscription);          // it has something for this peer
     void forget(Subscription& subscription);
-    // The watchman's look, while the SORM's thread is elsewhere: answers what needs no service. Reads without taking.
-    void glance();
+    // The health responder's look, while the SORM's thread is elsewhere: answers what needs no service. Reads without taking.
+    void peek();
     bool unserved() const {
         if (!in_.empty()) return true;
         for (Frame* f = server_.frames_; f; f = f->outer)
@@ -238,7 +238,7 @@ private:
     std::deque<Subscription*> events_;  // those with something for this peer
     // Calls without a slot that are answered later: they end with the connection. And those that nobody waits for.
     std::vector<std::weak_ptr<Pending>> owed_, oneway_;
-    std::vector<std::uint32_t> answered_;       // by the watchman: xids that are not to be answered again
+    std::vector<std::uint32_t> answered_;       // by the health responder: xids that are not to be answered again
 
     friend class Server;
 

@@ -17,7 +17,7 @@ Server::Subscription::Subscription(Server& server, Session& session, const wire:
       author_(author), pattern_(wanted.pattern),
       keep_(std::clamp<std::size_t>(wanted.keep, 1, static_cast<std::size_t>(server.settings_.maxQueue))) {
     charge_.need(wanted.name, own_);
-    Gate::Outside outside(server_.gate_);               // the object may have to be made
+    ServerLock::Released released(server_.lock_);               // the object may have to be made
     Sorm& sorm = server_.sorm_;
     sorm.access.need(author, Right::inspect, wanted.name, wanted.name);
     if (wanted.existing && !sorm.find(wanted.name)) fail(errors::kNoObject, wanted.name);
@@ -31,7 +31,7 @@ Server::Subscription::~Subscription() {
 }
 
 void Server::Subscription::event(const Event& event) {
-    Gate::Inside inside(server_.gate_);
+    ServerLock::Held held(server_.lock_);
     if (author_ && epoch_ != server_.sorm_.access.epoch() && !mayListen()) [[unlikely]] return;
     if (concealed(event, server_.sorm_.access, author_)) [[unlikely]] {
         Message bare;
@@ -54,7 +54,7 @@ void Server::Subscription::replay() {
 }
 
 void Server::Subscription::gone() {
-    Gate::Inside inside(server_.gate_);
+    ServerLock::Held held(server_.lock_);
     end("sorma.gone", {});
 }
 

@@ -47,9 +47,9 @@ LineEditor::LineEditor(Tcl_Interp* interp) : signals(interp), history_(history_w
     HistEventW event;
     history_w(history_, &event, H_SETSIZE, kRemembered);
     history_w(history_, &event, H_SETUNIQUE, 1);
-    auto before = [this](const char* bytes, int size) { aside(bytes, size); };
-    if (isatty(1)) out_ = std::make_unique<AsideChannel>(interp, TCL_STDOUT, before);
-    if (isatty(2)) err_ = std::make_unique<AsideChannel>(interp, TCL_STDERR, before);
+    auto before = [this](const char* bytes, int size) { beforeOutput(bytes, size); };
+    if (isatty(1)) out_ = std::make_unique<OutputWatch>(interp, TCL_STDOUT, before);
+    if (isatty(2)) err_ = std::make_unique<OutputWatch>(interp, TCL_STDERR, before);
 }
 
 LineEditor::~LineEditor() {
@@ -201,7 +201,7 @@ bool LineEditor::settle() {
         fresh_ = true;
     }
     if (signals.resized()) {
-        if (!away_) aside("\n", 1);
+        if (!away_) beforeOutput("\n", 1);
         el_resize(el_);
         width_ = std::max(columns(), kNarrowest);
     }
@@ -267,7 +267,7 @@ void LineEditor::hideHint() {
     hintRow_ = 0;
 }
 
-void LineEditor::aside(const char* bytes, int size) {
+void LineEditor::beforeOutput(const char* bytes, int size) {
     if (!reading_ || size == 0) return;
     if (!away_) {
         std::size_t point;

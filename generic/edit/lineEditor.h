@@ -20,7 +20,7 @@
 #include <string>
 #include <vector>
 
-#include "edit/asideChannel.h"
+#include "edit/outputWatch.h"
 #include "edit/signals.h"
 #include "tcl/tclShim.h"
 
@@ -82,14 +82,14 @@ private:
 
     void showHint();
     void hideHint();
-    void aside(const char* bytes, int size);    // somebody is about to write
+    void beforeOutput(const char* bytes, int size);    // somebody is about to write
     void redraw();                              // after that
     void put(std::string_view bytes);
     bool settle();                              // the size of the window, output, being continued; whether it drew
 
     EditLine* el_ = nullptr;
     HistoryW* history_;
-    std::unique_ptr<AsideChannel> out_, err_;
+    std::unique_ptr<OutputWatch> out_, err_;
     Complete complete_;
     Hint hint_;
     std::wstring prompt_;

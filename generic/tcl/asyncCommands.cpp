@@ -295,15 +295,15 @@ int HealthObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
             if (view(objv[2]) != "-timeout") fail(kOption, toUtf8(objv[2]), "-timeout");
             deadline = deadlineOf(objv[3]);
         }
-        bool before = std::exchange(i.sorm.unhurried, true);
+        bool before = std::exchange(i.sorm.nonBlocking, true);
         Reference so;
         try {
             so = i.sorm.get("sorm@" + toUtf8(objv[1]));
         } catch (...) {
-            i.sorm.unhurried = before;
+            i.sorm.nonBlocking = before;
             throw;
         }
-        i.sorm.unhurried = before;
+        i.sorm.nonBlocking = before;
         auto* proxy = dynamic_cast<Proxy*>(so.get());
         if (!proxy) fail(kLocalDaemon, toUtf8(objv[1]));
         wire::Health h = proxy->connection().health(deadline);

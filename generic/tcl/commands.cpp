@@ -207,9 +207,9 @@ int GrantObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
     });
 }
 
-// sorma::Aside script: evaluate a script in the caller's frame; the trail of the last request is afterwards what it was
+// sorma::KeepTrail script: evaluate a script in the caller's frame; the trail of the last request is afterwards what it was
 // before. For inspectors that look around between two lines of their user.
-int AsideObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+int KeepTrailObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     if (objc != 2) return wrongArgs(interp, objv, "script");
     auto& i = of(data);
     return guarded(i, objc, objv, [&] {
@@ -233,7 +233,7 @@ void initCommands(Interpreter& i) {
     i.define("trail", TrailObjCmd);
     i.define("configure", ConfigureObjCmd);
     i.define("grant", GrantObjCmd);
-    Tcl_CreateObjCommand(i.interp, "::sorma::Aside", AsideObjCmd, &i, nullptr);
+    Tcl_CreateObjCommand(i.interp, "::sorma::KeepTrail", KeepTrailObjCmd, &i, nullptr);
 }
 
 }  // namespace sorma

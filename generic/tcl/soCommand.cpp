@@ -411,14 +411,14 @@ SoBinding& bindingFor(Interpreter& i, std::string_view name) {
 }
 
 // In a coroutine nothing may block, not even the first mention of a remote object.
-class Unhurried {
+class NonBlocking {
 public:
-    explicit Unhurried(Interpreter& i, bool always = false) : sorm_(i.sorm), was_(i.sorm.unhurried) {
-        if (always || !view(coroutineName(i)).empty()) sorm_.unhurried = true;
+    explicit NonBlocking(Interpreter& i, bool always = false) : sorm_(i.sorm), was_(i.sorm.nonBlocking) {
+        if (always || !view(coroutineName(i)).empty()) sorm_.nonBlocking = true;
     }
-    ~Unhurried() { sorm_.unhurried = was_; }
-    Unhurried(const Unhurried&) = delete;
-    Unhurried& operator=(const Unhurried&) = delete;
+    ~NonBlocking() { sorm_.nonBlocking = was_; }
+    NonBlocking(const NonBlocking&) = delete;
+    NonBlocking& operator=(const NonBlocking&) = delete;
 
 private:
     Sorm& sorm_;
@@ -528,7 +528,7 @@ int UnknownNRCmd(ClientData data, Tcl_Interp* interp, int objc, Objects objv) {
                     Tcl_WrongNumArgs(interp, 1, objv, "method ?word ...?");
                     return TCL_ERROR;
                 }
-                Unhurried unhurried(i);
+                NonBlocking nonBlocking(i);
                 SoBinding& b = bindingFor(i, mention.name);
                 return call(b, objc, objv);
             }
@@ -579,7 +579,7 @@ int PendingCommand::finish() const {
 }
 
 std::shared_ptr<PendingCommand> beginCommand(Interpreter& i, std::string_view name, int objc, Tcl_Obj* const objv[], Deadline deadline) {
-    Unhurried unhurried(i, true);
+    NonBlocking nonBlocking(i, true);
     SoBinding& b = bindingFor(i, name);
     if (objc < 2) return Tcl_WrongNumArgs(i.interp, 1, objv, "method ?word ...?"), nullptr;
     Message m;

@@ -179,7 +179,7 @@ proc ::sorma::table::IsHere where {
 # The text of a reply of an object of this interpreter. The user's trail stays what it was.
 proc ::sorma::table::HereText request {
     set words [lassign $request so]
-    return [lindex [::sorma::Aside [list ::sorma::so::$so {*}$words]] 3]
+    return [lindex [::sorma::KeepTrail [list ::sorma::so::$so {*}$words]] 3]
 }
 
 # What an answer says, taken apart by a command, once for each answer.

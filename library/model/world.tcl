@@ -318,7 +318,7 @@ proc ::sorma::world::AnswerHere {command future} {
     if {[dict exists $Here $number] && [dict get $Here $number] eq $future} {
         dict unset Here $number
     }
-    set failed [catch {::sorma::Aside [list $future result]} result options]
+    set failed [catch {::sorma::KeepTrail [list $future result]} result options]
     $future destroy
     if {$failed} {
         return [deliver $command [list error [list $result [dict get $options -errorcode]]]]
@@ -1038,7 +1038,7 @@ proc ::sorma::world::Take {key event} {
 }
 
 proc ::sorma::world::HereFacts what {
-    return [dict get [lindex [::sorma::Aside [list ::sorma::so::sorm DBX -inventory $what]] 3] $what]
+    return [dict get [lindex [::sorma::KeepTrail [list ::sorma::so::sorm DBX -inventory $what]] 3] $what]
 }
 
 proc ::sorma::world::HereObjects {} {

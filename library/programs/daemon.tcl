@@ -188,7 +188,7 @@ proc ::sorma::daemon::Start {settings inherited} {
     }
     # A class in Tcl becomes known when it is first named. Those who look around want to see it before.
     foreach class [::sorma::classes] {
-        catch {::sorma::Aside [list ::sorma::so::sorm DBX -describe $class]}
+        catch {::sorma::KeepTrail [list ::sorma::so::sorm DBX -describe $class]}
     }
     set served [::sorma::serve [dict get $settings -name] {*}[dict get $settings -serve] {*}$inherited]
     if {[dict get $settings -idle] > 0} {

@@ -115,7 +115,7 @@ proc ::sorma::inspect::doctor::CheckSockets {} {
 }
 
 proc ::sorma::inspect::doctor::CheckDaemons {} {
-    set own [lindex [split [lindex [::sorma::Aside {::sorma::so::sorm DBX -version}] 3] ,] 1]
+    set own [lindex [split [lindex [::sorma::KeepTrail {::sorma::so::sorm DBX -version}] 3] ,] 1]
     set daemons [::sorma::inspect::daemons -data]
     set well {}
     foreach daemon $daemons {
@@ -258,7 +258,7 @@ proc ::sorma::inspect::doctor::CheckLimits {} {
 # Needed by -rpcbind, and by addresses that are program numbers.
 proc ::sorma::inspect::doctor::CheckRpcbind {} {
     set programs {}
-    foreach item [dict get [lindex [::sorma::Aside {::sorma::so::sorm DBX -inventory addresses}] 3] addresses] {
+    foreach item [dict get [lindex [::sorma::KeepTrail {::sorma::so::sorm DBX -inventory addresses}] 3] addresses] {
         lassign $item word address
         if {[regexp {:0x[[:xdigit:]]+$} $address]} {
             lappend programs $word

@@ -249,7 +249,7 @@ proc ::sorma::shell::WhatItIs {line json} {
         return {}
     }
     package require sorma::table
-    set table [::sorma::Aside [list ::sorma::table guess $name]]
+    set table [::sorma::KeepTrail [list ::sorma::table guess $name]]
     if {$table eq {}} {
         return {}
     }

@@ -42,7 +42,7 @@ namespace eval ::sorma::complete {
 #       A dict: from (column where the words go, up to the point), words (sorted, each as it is to be typed) and hint (one
 #       line about what is expected there, or empty). Words that lead on end in / or ::.
 proc ::sorma::complete {line point} {
-    return [Aside [list ::sorma::complete::Complete $line $point]]
+    return [KeepTrail [list ::sorma::complete::Complete $line $point]]
 }
 
 proc ::sorma::complete::Complete {line point} {

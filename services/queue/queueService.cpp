@@ -50,7 +50,7 @@ public:
             .example("queue EXEC put TMSG job");
     }
 
-    ~Queue() override { forgive(); }
+    ~Queue() override { releaseLoans(); }
 
     void exec(Message& m) override {
         std::string word = m.words.empty() ? std::string() : m.words[0];
@@ -65,7 +65,7 @@ public:
     void changed(std::span<const sorma::Option* const>) override { settle(); }
 
     void leaving() override {
-        forgive();
+        releaseLoans();
         sorma::Error gone(sorma::makeEntry(kGone, {sorma::MessageArg::of(name())}));
         for (auto& [ticket, reply] : std::exchange(getters_, {})) reply.fail(gone);
         for (auto& [ticket, reply] : std::exchange(putters_, {})) reply.fail(gone);
@@ -268,7 +268,7 @@ private:
     }
 
     // Clients need not look after loans of an object that is no more.
-    void forgive() {
+    void releaseLoans() {
         for (auto& [id, loan] : std::exchange(loans_, {}))
             if (loan.client) loan.client->release(loan.lease);
     }

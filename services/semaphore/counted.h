@@ -23,10 +23,10 @@ inline const sorma::Prototype kGone{sorma::Severity::error, "SERVICE GONE", 1, "
 
 class Counted : public sorma::Service {
 public:
-    ~Counted() override { forgive(); }
+    ~Counted() override { releaseHolders(); }
 
     void leaving() override {
-        forgive();
+        releaseHolders();
         for (auto& [ticket, waiter] : std::exchange(waiters_, {})) refuse(waiter.reply, kGone);
     }
 
@@ -151,7 +151,7 @@ private:
     }
 
     // Clients need not look after what they hold of an object that is no more.
-    void forgive() {
+    void releaseHolders() {
         for (auto& [key, holder] : std::exchange(holders_, {}))
             if (holder.client) holder.client->release(holder.lease);
         held_ = 0;

@@ -13,7 +13,7 @@ namespace shmem {
 namespace {
 
 constexpr std::int64_t kRefresh = 1'000'000'000;        // [ns] between two looks at the wall clock
-constexpr std::int64_t kGlance = 1'000'000;             // [ns] that those sleep at most who cannot be woken
+constexpr std::int64_t kPeek = 1'000'000;             // [ns] that those sleep at most who cannot be woken
 
 // Times may be anything in a segment that somebody else has filled, or in a question.
 std::int64_t distance(std::int64_t a, std::int64_t b) {
@@ -104,7 +104,7 @@ void Reader::sleep(std::uint64_t n, std::uint32_t bell, std::int64_t until) cons
     if (count() > n || retired()) return;
     std::int64_t left = until - nanoseconds();
     if (left <= 0) return;
-    if (!canBeWoken) left = std::min(left, kGlance);
+    if (!canBeWoken) left = std::min(left, kPeek);
     timespec wait{time_t(left / 1'000'000'000), long(left % 1'000'000'000)};
     const bool forever = canBeWoken && until == INT64_MAX;          // no timer to be set and taken back
     syscall(SYS_futex, reinterpret_cast<std::uint32_t*>(&header_->bell), FUTEX_WAIT, bell, forever ? nullptr : &wait, nullptr, 0);

@@ -68,7 +68,7 @@ private:
     int begun_ = 0, cancelled_ = 0;
 };
 
-// Keeps the daemon's thread for itself until it is told to stop, by nobody but the watchman.
+// Keeps the daemon's thread for itself until it is told to stop, by nobody but the health responder.
 class Busy : public Service {
 public:
     static Class describe() { return Class::of<Busy>("busy", "computes until it is cancelled"); }
@@ -191,7 +191,7 @@ void keepsBusy(const std::string& where) {
     {
         Sorm other;
         Comm otherComm(other);
-        other.unhurried = true;
+        other.nonBlocking = true;
         Reference sormThere = other.get("sorm@" + where);
         auto health = [&] { return static_cast<Proxy&>(*sormThere).connection().health(Deadline::in(20'000)); };
         wire::Health h = health();

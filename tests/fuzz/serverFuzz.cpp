@@ -4,7 +4,7 @@
 // once at most, and when all have gone nothing is left of them.
 //
 // The input is a program: a byte for what to do, bytes for with what. One thread, and no time passes but that of the grace,
-// which is nothing or for ever, so that an input does the same each time. The watchman is an operation like the others.
+// which is nothing or for ever, so that an input does the same each time. The health responder is an operation like the others.
 #include <netinet/in.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
@@ -36,7 +36,7 @@ constexpr int kDepth = 3;               // of event loops in each other
 struct World {
     Sorm sorm;
     Settings settings;
-    Gate gate;
+    ServerLock lock;
     Reactor reactor{sorm.mailbox()};
     std::unique_ptr<Server> server;
     std::vector<Reply> owed;
@@ -58,9 +58,9 @@ struct World {
             void* const watcher = events[i].data.ptr;       // which is not aligned there
             waiting.push_back(watcher);
         }
-        demand(gate.tryWatch(), "somebody is inside the gate");
-        server->glance(waiting);
-        gate.endWatch();
+        demand(lock.tryLook(), "the lock is held");
+        server->peek(waiting);
+        lock.endLook();
     }
     void answerOne() {
         if (owed.empty()) return;
@@ -399,7 +399,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     Server::Wanted wanted;
     wanted.name = "fuzz";
     wanted.listen = {local.copy(), network.copy()};
-    w.server = std::make_unique<Server>(w.sorm, w.reactor, w.gate, w.settings, wanted);
+    w.server = std::make_unique<Server>(w.sorm, w.reactor, w.lock, w.settings, wanted);
     {
         Clients clients(w, local, network);
         for (int i = 0; i < kOperations && !in.done(); ++i) clients.operation(in);

@@ -1,4 +1,4 @@
-#include "comm/watchman.h"
+#include "comm/healthResponder.h"
 
 #include <poll.h>
 #include <sys/epoll.h>
@@ -19,14 +19,14 @@ constexpr int kPatience = 50;       // [ms] that requests may wait before we loo
 
 }  // namespace
 
-Watchman::Watchman(Reactor& reactor, Gate& gate, Look look) : reactor_(reactor), gate_(gate), look_(std::move(look)) {
+HealthResponder::HealthResponder(Reactor& reactor, ServerLock& lock, Look look) : reactor_(reactor), lock_(lock), look_(std::move(look)) {
     bell_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
-    if (bell_ < 0) throw std::system_error(errno, std::generic_category(), "cannot start the watchman");
+    if (bell_ < 0) throw std::system_error(errno, std::generic_category(), "cannot start the health responder");
     SignalsBlocked blocked;
     thread_ = std::thread([this] { watch(); });
 }
 
-Watchman::~Watchman() {
+HealthResponder::~HealthResponder() {
     ended_ = true;
     std::uint64_t one = 1;
     ssize_t ignored = write(bell_, &one, sizeof one);
@@ -36,7 +36,7 @@ Watchman::~Watchman() {
     close(bell_);
 }
 
-void Watchman::watch() {
+void HealthResponder::watch() {
     // The reactor's set is itself a descriptor that can be read while something in it waits to be taken.
     pollfd waits[] = {{bell_, POLLIN, 0}, {reactor_.descriptor(), POLLIN, 0}};
     auto waitFor = [&](int descriptors, int milliseconds) {
@@ -58,9 +58,9 @@ void Watchman::watch() {
             waiting.push_back(watcher);
         }
         bool busy = true;
-        if (gate_.tryWatch()) {
+        if (lock_.tryLook()) {
             busy = look_(waiting);
-            gate_.endWatch();
+            lock_.endLook();
         }
         if (busy || !waiting.empty()) continue;
         reactor_.setSleeper(bell_);

@@ -1,11 +1,11 @@
-#include "edit/asideChannel.h"
+#include "edit/outputWatch.h"
 
 #include <cerrno>
 
 namespace sorma::edit {
 
-struct AsideChannel::Driver {
-    AsideChannel* owner;                // null: it has ended
+struct OutputWatch::Driver {
+    OutputWatch* owner;                // null: it has ended
     std::function<void(const char*, int)> before;
     Tcl_Channel channel = nullptr;
 
@@ -51,11 +51,11 @@ struct AsideChannel::Driver {
     static const Tcl_ChannelType type;
 };
 
-const Tcl_ChannelType AsideChannel::Driver::type{
-    "aside", TCL_CHANNEL_VERSION_5, TCL_CLOSE2PROC, input, output, nullptr, setOption, option, watch, handle,
+const Tcl_ChannelType OutputWatch::Driver::type{
+    "outputWatch", TCL_CHANNEL_VERSION_5, TCL_CLOSE2PROC, input, output, nullptr, setOption, option, watch, handle,
     close, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr};
 
-AsideChannel::AsideChannel(Tcl_Interp* interp, int standard, std::function<void(const char*, int)> before) : interp_(interp) {
+OutputWatch::OutputWatch(Tcl_Interp* interp, int standard, std::function<void(const char*, int)> before) : interp_(interp) {
     Tcl_Channel channel = Tcl_GetStdChannel(standard);
     if (!channel) return;
     Tcl_Flush(channel);
@@ -65,7 +65,7 @@ AsideChannel::AsideChannel(Tcl_Interp* interp, int standard, std::function<void(
     else delete d;
 }
 
-AsideChannel::~AsideChannel() {
+OutputWatch::~OutputWatch() {
     if (!driver_) return;
     driver_->owner = nullptr;
     if (!Tcl_InterpDeleted(interp_)) Tcl_UnstackChannel(interp_, driver_->channel);
