@@ -65,6 +65,7 @@ proc checkersFigures::run {} {
             set settings [dict merge $common [dict create human.sim [list -variant ${-variant} -level [expr {1 + $n % 4}] -seed [expr {${-seed} * 1000 + $n}] -faults ${-faults}]]]
             if {$n == 1} {
                 session::begin $folder $settings ${-speed}
+                session::ready
                 set session::Watch checkersFigures::Watch
                 if {${-kills} > 0} {
                     set Killing [after [expr {int(1e3 * ${-kills})}] [list checkersFigures::Kill {robot eye hand transform voice player human} ${-kills}]]

@@ -26,17 +26,19 @@ oo::class create ::sorma::service::human {
     sorma::option -kinds string -default {illegal nudged two back stolen turned} -help "what he does wrong"
     sorma::option -file string -kind file -default {} -help "his memory of the game; empty: none"
     sorma::option -mouse flag -default 0 -help "he only sets out the tokens: a real person plays"
-    sorma::words "play"
+    sorma::words "play|state"
     sorma::conduct concurrent
     sorma::action -new {} "give up this game" {if {$Player ne {}} {$Player order new}} -right call
     sorma::action -setOut {} "put the tokens where his game says that they lie" {if {$Player ne {}} {my SetOut [$Game lies]}} -right call
-    sorma::writes text * "" "the result"
-    sorma::example "human CTRL -help"
+    sorma::writes text * "" "play: the result; state: idle, begin (he sets out the tokens), or play"
+    sorma::example "human EXEC state"
 
     variable Player Game    ;# objects; Player empty: he does not play
+    variable State          ;# idle, begin, play
     variable Hears          ;# subscription of what the robot tells; empty: none
     method born {} {
         set Player [set Hears {}]
+        set State idle
     }
     destructor {
         my Deaf
@@ -49,7 +51,14 @@ oo::class create ::sorma::service::human {
     }
 
     method exec message {
-        while {$Player ne {}} {
+        switch [dict get $message words] {
+            play { return [my Play] }
+            state { return [dict create text $State] }
+        }
+        sorma::fail [list CHECKERS WORD] "[my name]: bad word \"[dict get $message words]\": must be play, or state"
+    }
+    method Play {} {
+        while {$State ne "idle"} {
             sorma::await sleep 20
         }
         set suffix [string map {. -} [my name]]
@@ -61,8 +70,9 @@ oo::class create ::sorma::service::human {
         expr {srand([my cget -seed] + 1)}
         set Player [::checkers::person new $Game [my cget -lab] [my cget -faults] [my cget -kinds] -robot [my cget -colour] -engine $engine \
             -carry [my cget -hand] -sight [my cget -eye] -still 2 -look 20 -watch [namespace code {my Watch}]]
-        set Hears [expr {[my cget -robot] eq {} ? {} : [sorma::subscribe [my cget -robot] -event * -queue 1000 -command [namespace code {my Heard}]]}]
+        set State begin
         try {
+            set Hears [expr {[my cget -robot] eq {} ? {} : [sorma::subscribe [my cget -robot] -event * -queue 1000 -command [namespace code {my Heard}]]}]
             if {![$Game resume] || [$Game over]} {
                 draughts.$suffix configure -variant [my cget -variant]
                 $Game begin [my cget -position] [::checkers::tokens spares [$Game width]]
@@ -73,6 +83,7 @@ oo::class create ::sorma::service::human {
                 my SetOut [$Game lies]
             }
             catch {[my cget -lab] CTRL -person away}
+            set State play
             if {[my cget -mouse]} {
                 return {text *}
             }
@@ -83,10 +94,11 @@ oo::class create ::sorma::service::human {
             $Game forget
             return {text *}
         } finally {
-            my Deaf
             $Player destroy
             $Game destroy
             set Player {}
+            set State idle
+            my Deaf
         }
     }
     method Heard event {
@@ -115,8 +127,22 @@ oo::class create ::sorma::service::human {
         return [expr {$there < [llength [concat {*}[dict values $lies]]]}]
     }
 
-    # Tokens that do not lie as they should are put there, at once.
+    # All tokens are put where they should lie, at once. Somebody else may move tokens meanwhile (the board is shifted): then it is said
+    # what is wrong, and he tries again.
     method SetOut lies {
+        for {set try 1} 1 {incr try} {
+            if {![catch {my Put $lies; my Differs $lies} wrong] && $wrong eq {}} {
+                return
+            }
+            set wrong "[my name]: the tokens could not be set out: $wrong"
+            my publish person -text [dict create state setOut try $try text $wrong]
+            if {$try >= 10} {
+                sorma::fail [list CHECKERS SETOUT [my name]] "$wrong (tried $try times)"
+            }
+            sorma::await sleep 100
+        }
+    }
+    method Put lies {
         set lab [my cget -lab]
         set free [lmap token [my Tokens] {lindex $token 0}]
         foreach name $free {
@@ -129,6 +155,15 @@ oo::class create ::sorma::service::human {
                 set free [lsearch -all -inline -not -exact $free $name]
                 $lab CTRL -move $name {*}$place $n
                 incr n
+            }
+        }
+    }
+    # The first place where something else lies than should, in words; empty: none.
+    method Differs lies {
+        dict for {place stack} $lies {
+            set here [lmap token [my At {*}$place] {regsub {_.*} [lindex $token 0] {}}]
+            if {$here ne $stack} {
+                return "at $place should lie [join $stack {, }], and there lies [expr {$here eq {} ? "nothing" : [join $here {, }]}]"
             }
         }
     }

@@ -15,6 +15,7 @@ namespace eval session {
     variable Lab simlab@lab
     variable Checkers checkers@player
     variable Human human.sim@human
+    variable Sight sight@player
     variable Launch {}          ;# pipe of the launcher
     variable Watch {}           ;# command that gets what the plot tells: a dict
     variable Wrong 0            ;# readings that were believed and are not so
@@ -57,15 +58,38 @@ proc session::begin {folder settings speed} {
 proc session::again settings {
     variable Human
     variable Checkers
+    variable Sight
     settle [pwd] $settings
     $Human configure {*}[dict get $settings human.sim]
     $Human CTRL -new
     $Checkers CTRL -new
-    sorma::async -timeout 0 -command session::Ignored $Human exec play
+    # The person waits as long as the arm is low over the board.
+    catch {$Sight exec}
+    Until idle
+    sorma::async -timeout 0 -command session::Played $Human exec play
+    ready
 }
-proc session::Ignored future {
-    catch {$future result}
+proc session::Played future {
+    if {[catch {$future result} text how] && [lindex [dict get $how -errorcode] 1] ne "COMM"} {
+        puts stderr "the person does not play: $text"
+    }
     $future destroy
+}
+# Until the person has set out the tokens. Before that nobody else may move any, nor the board.
+proc session::ready {} {
+    Until play
+}
+# His daemon may be killed, and be back soon.
+proc session::Until state {
+    variable Human
+    set end [expr {[clock milliseconds] + 120000}]
+    while {[catch {dict get [$Human exec state] text} is] || $is ne $state} {
+        if {[clock milliseconds] > $end} {
+            return -code error -errorcode {CHECKERS PERSON} "the person should be in state $state, and for two minutes it was: $is"
+        }
+        after 50 {set ::session::Tick 1}
+        vwait ::session::Tick
+    }
 }
 # Before begin: the person remembers the game as the robot does.
 proc session::remember folder {
