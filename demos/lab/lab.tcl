@@ -46,11 +46,21 @@ proc lab::finish pipe {
     }
 }
 
+# The launcher is in a session of its own, so Ctrl-C and SIGTERM do not reach it: they end it and then this program. Once a process.
+proc lab::untilSignal pipe {
+    ::sorma::AtSignal [list lab::Signalled $pipe]
+}
+proc lab::Signalled pipe {
+    finish $pipe
+    exit 1
+}
+
 proc lab::run {} {
     variable Here
     variable Heard
     set options [sorma::options::parse {-speed {any 1} -carries {any 10} -once flag} $::argv]
     set launch [start sorma-launch [file join $Here lab.launch]]
+    untilSignal $launch
     try {
         vwait lab::Heard
         if {$Heard ne "ready"} {
