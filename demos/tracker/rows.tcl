@@ -156,14 +156,14 @@ proc rows::rms numbers {
 }
 proc rows::most numbers { return [::tcl::mathfunc::max {*}$numbers] }
 proc rows::quantile {numbers q} { return [lindex [lsort -real $numbers] [expr {int($q * ([llength $numbers] - 1) + 0.5)}]] }
-# [m/s] The tool's, between samples that are at least 40 ms apart.
+# The tool's, between samples that are at least 40 ms apart: when [s], in the middle between them, and how fast [m/s].
 proc rows::speeds samples {
     set speeds {}
     set from [lindex $samples 0]
     foreach to $samples {
         set dt [expr {[lindex $to 0] - [lindex $from 0]}]
         if {$dt >= 0.04} {
-            lappend speeds [list [lindex $to 0] [expr {sqrt([::tcl::mathop::+ {*}[lmap a [lrange $from 4 6] b [lrange $to 4 6] {expr {($b - $a) ** 2}}]]) / $dt}]]
+            lappend speeds [list [expr {[lindex $to 0] - $dt / 2}] [expr {sqrt([::tcl::mathop::+ {*}[lmap a [lrange $from 4 6] b [lrange $to 4 6] {expr {($b - $a) ** 2}}]]) / $dt}]]
             set from $to
         }
     }
@@ -184,20 +184,24 @@ proc rows::lag {samples frequency} {
     }
     return [expr {atan2($a * $d - $b * $c, $a * $c + $b * $d) / $w}]
 }
-# When the tool has been near and slow from then on: [s] after `begin`; none: never.
+# When the tool was near and slow first, and remained so for 0.2 s: [s] after `begin`; none: never.
 proc rows::locked {samples begin {near 0.003} {slow 0.010}} {
-    set late $begin
-    foreach sample $samples {
-        if {[off $sample] >= $near} {
-            set late [lindex $sample 0]
-        }
-    }
+    set moments [lmap s $samples {list [lindex $s 0] [expr {[off $s] < $near}]}]
     foreach speed [speeds $samples] {
-        if {[lindex $speed 1] >= $slow && [lindex $speed 0] > $late} {
-            set late [lindex $speed 0]
+        lappend moments [list [lindex $speed 0] [expr {[lindex $speed 1] < $slow}]]
+    }
+    set since {}
+    foreach moment [lsort -real -index 0 $moments] {
+        lassign $moment time good
+        if {!$good || $time < $begin} {
+            set since {}
+        } elseif {$since eq {}} {
+            set since $time
+        } elseif {$time >= $since + 0.2} {
+            return [expr {$since - $begin}]
         }
     }
-    return [expr {$late >= [lindex $samples end 0] - 0.1 ? {} : $late - $begin}]
+    return {}
 }
 
 # ---- the table ----
