@@ -13,6 +13,7 @@ namespace eval rows {
     variable Sine 0.4                   ;# [Hz]
     variable Task {}                    ;# the request that follows
     variable Table {}                   ;# what, measured, target, whether it is met
+    variable Usual inf                  ;# [m] rms on the sine, with all as it should be
     variable Records {}                 ;# all samples: t, ball 3, tool 3
 }
 foreach {name key} {pose tool.pose rel target.rel} {
@@ -156,14 +157,14 @@ proc rows::rms numbers {
 }
 proc rows::most numbers { return [::tcl::mathfunc::max {*}$numbers] }
 proc rows::quantile {numbers q} { return [lindex [lsort -real $numbers] [expr {int($q * ([llength $numbers] - 1) + 0.5)}]] }
-# [m/s] The tool's, between samples that are at least 40 ms apart.
+# The tool's, between samples that are at least 40 ms apart: when [s], in the middle between them, and how fast [m/s].
 proc rows::speeds samples {
     set speeds {}
     set from [lindex $samples 0]
     foreach to $samples {
         set dt [expr {[lindex $to 0] - [lindex $from 0]}]
         if {$dt >= 0.04} {
-            lappend speeds [list [lindex $to 0] [expr {sqrt([::tcl::mathop::+ {*}[lmap a [lrange $from 4 6] b [lrange $to 4 6] {expr {($b - $a) ** 2}}]]) / $dt}]]
+            lappend speeds [list [expr {[lindex $to 0] - $dt / 2}] [expr {sqrt([::tcl::mathop::+ {*}[lmap a [lrange $from 4 6] b [lrange $to 4 6] {expr {($b - $a) ** 2}}]]) / $dt}]]
             set from $to
         }
     }
@@ -184,20 +185,24 @@ proc rows::lag {samples frequency} {
     }
     return [expr {atan2($a * $d - $b * $c, $a * $c + $b * $d) / $w}]
 }
-# When the tool has been near and slow from then on: [s] after `begin`; none: never.
+# When the tool was near and slow first, and remained so for 0.2 s: [s] after `begin`; none: never.
 proc rows::locked {samples begin {near 0.003} {slow 0.010}} {
-    set late $begin
-    foreach sample $samples {
-        if {[off $sample] >= $near} {
-            set late [lindex $sample 0]
-        }
-    }
+    set moments [lmap s $samples {list [lindex $s 0] [expr {[off $s] < $near}]}]
     foreach speed [speeds $samples] {
-        if {[lindex $speed 1] >= $slow && [lindex $speed 0] > $late} {
-            set late [lindex $speed 0]
+        lappend moments [list [lindex $speed 0] [expr {[lindex $speed 1] < $slow}]]
+    }
+    set since {}
+    foreach moment [lsort -real -index 0 $moments] {
+        lassign $moment time good
+        if {!$good || $time < $begin} {
+            set since {}
+        } elseif {$since eq {}} {
+            set since $time
+        } elseif {$time >= $since + 0.2} {
+            return [expr {$since - $begin}]
         }
     }
-    return [expr {$late >= [lindex $samples end 0] - 0.1 ? {} : $late - $begin}]
+    return {}
 }
 
 # ---- the table ----
@@ -224,7 +229,8 @@ proc rows::Delay {} {
     variable Lab
     $Lab CTRL -cameraLatency [expr {0.04 + 0.07 * rand()}]
 }
-proc rows::sine seconds {
+# Follow the sine for so long: rms and largest error [m], lag [s].
+proc rows::Swing seconds {
     variable Ball
     variable Sine
     variable Lab
@@ -233,11 +239,73 @@ proc rows::sine seconds {
     set samples [sample $seconds rows::Delay]
     $Lab CTRL -cameraLatency 0.05
     set errors [lmap s $samples {off $s}]
-    set lag [lag $samples $Sine]
-    set off [rms $errors]
-    set most [most $errors]
-    row "sine 0.1 m, $Sine Hz, varying delay" "[mm $off] mm rms, [mm $most] mm at most, lag [ms $lag] ms" "6.5 mm, 12 mm, -30 .. 30 ms" \
+    return [list [rms $errors] [most $errors] [lag $samples $Sine]]
+}
+proc rows::sine {seconds {name "varying delay"}} {
+    variable Sine
+    variable Usual
+    lassign [Swing $seconds] off most lag
+    set Usual $off
+    row "sine 0.1 m, $Sine Hz, $name" "[mm $off] mm rms, [mm $most] mm at most, lag [ms $lag] ms" "6.5 mm, 12 mm, -30 .. 30 ms" \
         [expr {$off <= 0.0065 && $most <= 0.012 && abs($lag) <= 0.03}]
+}
+# The same, where the tool goes to the filtered position: what it was at the newest picture, at rest.
+proc rows::unpredicted seconds {
+    variable Usual
+    set wires [circuit.tracker@robot cget -wires]
+    set still $wires
+    foreach i {1 4 7} sink {7 8 9} {
+        set still [string map [list "track.ball.out\[$i\] -> shmem_w.target.in\[$sink\]" "0 -> shmem_w.target.in\[$sink\]"] $still]
+    }
+    try {
+        circuit.tracker@robot CTRL -wires $still
+        track.ball@robot CTRL -predict 0
+        lassign [Swing $seconds] off most lag
+    } finally {
+        track.ball@robot CTRL -predict 1
+        circuit.tracker@robot CTRL -wires $wires
+    }
+    row "the same without prediction" "[mm $off] mm rms, lag [ms $lag] ms: [format %.1f [expr {$off / $Usual}]] times" "4 times" [expr {$off >= 4 * $Usual}]
+}
+# The camera's clock is 3 s ahead and runs 50 ppm faster; its pictures' times are turned into the robot's.
+proc rows::clocks seconds {
+    variable Lab
+    variable Usual
+    try {
+        clock.camera@argus CTRL -offset 3 -drift 5e-5
+        $Lab CTRL -cameraClock {3 5e-5}
+        sight.ball@sight CTRL -clock clock.sight
+        lassign [Swing $seconds] off most lag
+    } finally {
+        sight.ball@sight CTRL -clock {}
+        $Lab CTRL -cameraClock {0 0}
+    }
+    row "clocks 3 s and 50 ppm apart" "[mm $off] mm rms, [mm $most] mm at most, lag [ms $lag] ms" "5 % above the same clock" [expr {$off <= 1.05 * $Usual}]
+}
+# Cameras that are slow and quick, and a quicker control task.
+proc rows::cameras seconds {
+    variable Lab
+    foreach rate {2 60} {
+        $Lab CTRL -cameraRate $rate
+        try {
+            lassign [Swing $seconds] off most lag
+        } finally {
+            $Lab CTRL -cameraRate 14
+        }
+        row "sine, a camera with $rate Hz" "[mm $off] mm rms, [mm $most] mm at most" "goes on, within its limits" 1
+    }
+}
+proc rows::quick seconds {
+    unfollow
+    try {
+        pino@robot CTRL -interval 0.004
+        follow
+        sine $seconds "ticks of 4 ms"
+    } finally {
+        unfollow
+        pino@robot CTRL -interval 0.015
+        follow
+    }
 }
 proc rows::jumps count {
     variable Ball
@@ -304,32 +372,82 @@ proc rows::lost count {
     row "hidden for 2 s, $count times" "[mm $creep] mm/s then; locked on again in [ms $late] ms" "5 mm/s, 1000 ms" \
         [expr {$creep <= 0.005 && !$never && $late <= 1}]
 }
-# A daemon is killed while the ball moves; the launcher starts it again.
-proc rows::kill {daemon count} {
+# What may be taken for the ball: a second one, half of it, something at the border, nothing. Counts what was told as valid and is wrong.
+proc rows::distractors seconds {
+    variable Ball
+    variable Sine
+    variable Lab
+    lassign $Ball x y z
+    ball sine {*}$Ball 0 0.1 0 $Sine
+    sample 3
+    set told 0
+    set valid 0
+    set wrong {}
+    for {set begin [clock seconds]} {[clock seconds] < $begin + $seconds} {} {
+        set near [list [expr {$x + 0.3 * (rand() - 0.5)}] [expr {$y + 0.3 * (rand() - 0.5)}] [expr {$z + 0.1 * (rand() - 0.5)}]]
+        switch [expr {int(rand() * 4)}] {
+            0 { $Lab CTRL -secondBall {*}$near }
+            1 { $Lab CTRL -occluder {*}[lrange $near 0 1] [expr {$z + 0.06}] 0.3 }
+            2 { $Lab CTRL -lamp 0 }
+            3 { ball still $x [expr {$y + 0.25}] $z }
+        }
+        shmem_r.rel exec since
+        set samples [sample 0.6]
+        $Lab CTRL -secondBall away -occluder away -lamp 1
+        foreach {t rx ry rz residual code} [News shmem_r.rel] {
+            incr told
+            if {$code == 0} {
+                incr valid
+                set at [lindex $samples [lsearch -bisect -real -index 0 $samples $t]]
+                if {$at ne {} && $t > [lindex $samples 0 0] && $t < [lindex $samples end 0]} {
+                    set next [lindex $samples [expr {[lsearch -bisect -real -index 0 $samples $t] + 1}]]
+                    set part [expr {($t - [lindex $at 0]) / ([lindex $next 0] - [lindex $at 0])}]
+                    lassign [lmap a $at b $next {expr {$a + $part * ($b - $a)}}] - bx by bz tx ty tz
+                    set off [expr {sqrt(($tx + $rx - $bx) ** 2 + ($ty - $ry - $by) ** 2 + ($tz - $rz - $bz) ** 2)}]
+                    if {$off > 0.006} {
+                        lappend wrong $off
+                    }
+                }
+            }
+        }
+        ball sine {*}$Ball 0 0.1 0 $Sine
+        sample 0.6
+    }
+    row "distractors" "[llength $wrong] wrong of $told pictures, $valid valid" "0 wrong (more than 6 mm off)" [expr {[llength $wrong] == 0}]
+}
+proc rows::News buffer {
+    set news [$buffer exec since]
+    return [expr {[dict exists $news floats] ? [dict get $news floats] : {}}]
+}
+# A daemon, one of those named, is killed while the ball moves; the launcher starts it again.
+proc rows::kill {names count} {
     variable Ball
     variable Sine
     ball sine {*}$Ball 0 0.1 0 $Sine
     sample 3
     set back {}
+    set fastest 0
     for {set k 0} {$k < $count} {incr k} {
+        set name [lindex $names [expr {int(rand() * [llength $names])}]]
         foreach d [sorma::daemons] {
-            if {[dict get $d name] eq $daemon && [dict get $d state] eq "alive"} {
+            if {[dict get $d name] eq $name && [dict get $d state] eq "alive"} {
                 exec kill -KILL [regexp -inline {\d+(?=\]$)} [dict get $d identity]]
             }
         }
         lassign [truth] - - - begin
-        set samples [sample [expr {3.5 + rand()}]]
+        set samples [sample [expr {2.5 + rand()}]]
         set late $begin
         foreach s $samples {
             if {[off $s] > 0.015} {
                 set late [lindex $s 0]
             }
         }
+        set fastest [most [list $fastest {*}[lmap s [speeds $samples] {lindex $s 1}]]]
         lappend back [expr {$late >= [lindex $samples end 0] - 0.2 ? {} : $late - $begin}]
     }
-    set never [llength [lsearch -all -exact $back {}]]
-    row "$daemon killed, $count times" "back within 15 mm in [ms [expr {$never ? {} : [quantile $back 0.5]}]] ms, [expr {$count - $never}] of $count" \
-        "each time" [expr {$never == 0}]
+    set reached [lsearch -all -inline -not -exact $back {}]
+    row "[join $names { or }] killed, $count times" "back within 15 mm in [ms [quantile $reached 0.5]] ms, [llength $reached] of $count;\
+        [mm $fastest] mm/s at most" "each time; 500 mm/s" [expr {[llength $reached] == $count && $fastest <= 0.51}]
 }
 # Somebody pushes the hand while the ball rests: the tool gives way as a spring does, beyond the null radius of 2 N.
 proc rows::push {} {
@@ -348,6 +466,44 @@ proc rows::push {} {
     set back [most [lmap s [sample 0.5] {off $s}]]
     row "hand pushed with 10 and 20 N" "[join [lmap k $stiffness {format %.0f $k}] {, }] N/m, then [mm $back] mm off" "270 .. 330 N/m, 3 mm" \
         [expr {abs([lindex $stiffness 0] - 300) <= 30 && abs([lindex $stiffness 1] - 300) <= 30 && $back < 0.003}]
+}
+# Somebody presses the hand down with more than the spring bears: the tool stays above what clip.z allows, and the table bears nothing.
+proc rows::press {} {
+    variable Ball
+    variable Lab
+    ball still {*}$Ball
+    sample 2
+    $Lab CTRL -push 0 0 -30 2
+    set lowest [::tcl::mathfunc::min {*}[lmap s [sample 2] {lindex $s 6}]]
+    sample 2
+    row "hand pressed down with 30 N" "tool [mm $lowest] mm above the ground" "300 mm" [expr {$lowest > 0.3}]
+}
+# Learning is given up at each of these places: the map that was there counts again.
+proc rows::interrupted places {
+    variable Ball
+    ball still {*}$Ball
+    sample 3
+    unfollow
+    set kept 0
+    foreach place $places {
+        set task [sorma::async -timeout 0 sight.ball@sight EXEC learn]
+        set told [sorma::subscribe sight.ball@sight -event progress -command [list apply {{task place event} {
+            if {[string match "node $place of *" [dict get $event text]]} {
+                $task cancel
+            }
+        }} $task $place]]
+        set ended [catch {wait $task}]
+        sorma::unsubscribe $told
+        # It ends at the next place, and goes back first.
+        for {set end [expr {[clock seconds] + 30}]} {$ended && [clock seconds] < $end} {nap 200} {
+            if {![catch {sight.ball@sight EXEC FMSG 9 0 249.5 262.5 1150 19 0 0 0 0}]} {
+                incr kept
+                break
+            }
+        }
+    }
+    follow
+    row "learning given up, [llength $places] times" "the map that was known counts again: $kept" "each time" [expr {$kept == [llength $places]}]
 }
 # The control task: ticks, and what was skipped.
 proc rows::ticks {} {

@@ -2,7 +2,7 @@
 #
 #     ./bootstrap run tracker      the daemons end with it; exit code 0: it followed to the end
 #
-# -learn: teach the map anew, even when there is one. -speed N: of lab time. -csv FILE: where ball and tool were. -figures: count each row
+# -window: no table but a window, until it is closed (window.tcl). -learn: teach the map anew, even when there is one. -speed N: of lab time. -csv FILE: where ball and tool were. -figures: count each row
 # for so long that the numbers mean something, and kill daemons (figures.tcl).
 
 package require sorma
@@ -25,7 +25,7 @@ proc tracker::minute {} {
 
 proc tracker::run rowsCmd {
     variable Here
-    set options [sorma::options::parse {-learn flag -speed {any 1} -csv {any {}}} $::argv]
+    set options [sorma::options::parse {-learn flag -speed {any 1} -csv {any {}} -window flag} $::argv]
     set launch [lab::start sorma-launch [file join $Here tracker.launch]]
     try {
         vwait lab::Heard
@@ -35,6 +35,13 @@ proc tracker::run rowsCmd {
         rows::prepare [dict get $options -speed]
         rows::learn [dict get $options -learn]
         rows::follow
+        if {[dict get $options -window]} {
+            source [file join $Here window.tcl]
+            window::build
+            tkwait window .
+            rows::unfollow
+            return 0
+        }
         puts [format {%-34s %-44s %-36s %s} what measured target met]
         {*}$rowsCmd
         rows::ticks

@@ -17,6 +17,7 @@ oo::class create ::sorma::service::sight {
     sorma::option -map service -help "the map (class psom)"
     sorma::option -file string -default "" -help "where the map is kept; empty: nowhere"
     sorma::option -seen service -help "what the camera sees: records of ball.obs (class shmem_r)"
+    sorma::option -clock service -help "turns the pictures' times into the robot's (class clock); none: they are of the same clock"
     sorma::option -result service -help "is told where the ball is: time, x y z in the tool frame, residual, code; as shmem_w takes it"
     sorma::option -mover service -help "moves the tool to poses in the world (class mvpos)"
     sorma::option -pose service -help "answers where the tool is: position, quaternion (class pino)"
@@ -25,6 +26,7 @@ oo::class create ::sorma::service::sight {
     sorma::option -samples int -range {1 1000} -default 4 -help "pictures that are averaged at each place"
     sorma::option -rest double -unit s -range {0 10} -default 0.4 -help "of the arm before it looks, by the pictures' time"
     sorma::option -patience double -unit s -range {0.1 1000} -default 20 -help "how long it waits for a valid picture"
+    sorma::option -tolerance double -unit m -range {0 1} -default 0.01 -help "a map that is farther off than that in between is not kept: the ball has moved"
     sorma::option -margin double -range {0 10} -default 1 -help "how far beyond the map, of its width, its answer still counts: coarse, but it leads back"
     sorma::option -stream flag -default 0 -help "tell -result about each picture"
     sorma::reads floats 0..9 "" "a record of ball.obs; none: the newest one of -seen"
@@ -70,7 +72,7 @@ oo::class create ::sorma::service::sight {
         if {[llength $seen] == 0} {
             set seen [dict get [[my cget -seen] exec] floats]
         }
-        return [dict create floats [my Relative $seen]]
+        return [dict create floats [my Relative [my Mine $seen]]]
     }
 
     # ---- one after another ----
@@ -82,7 +84,7 @@ oo::class create ::sorma::service::sight {
             if {[catch {
                 set reply [[my cget -seen] exec next 1 {*}$counter]
                 set counter [lindex [dict get $reply ints] 0]
-                set told [my Relative [dict get $reply floats]]
+                set told [my Relative [my Mine [dict get $reply floats]]]
                 [my cget -result] exec -floats $told
                 incr Told
             } - options]} {
@@ -95,6 +97,14 @@ oo::class create ::sorma::service::sight {
             }
         }
         set Loop {}
+    }
+
+    # The same record, by the robot's clock.
+    method Mine seen {
+        if {[my cget -clock] ne {}} {
+            lset seen 0 [lindex [dict get [[my cget -clock] exec -floats [lindex $seen 0]] floats] 0]
+        }
+        return $seen
     }
 
     # time u v area radius eccentricity angle code done -> time x y z residual code
@@ -130,6 +140,16 @@ oo::class create ::sorma::service::sight {
                 sorma::fail {SIGHT PARTS} "[my name]: $option is not set; EXEC learn needs it"
             }
         }
+        try {
+            return [my Teach]
+        } on error {text options} {
+            # What was known before counts again.
+            catch {my Load}
+            return -options $options $text
+        }
+    }
+
+    method Teach {} {
         set map [my cget -map]
         $map CTRL -map {} -axes {{chebyshev 3 -1 1} {chebyshev 3 -1 1} {chebyshev 3 -1 1}} -dimension 6
         set begin [my Pose]
@@ -161,11 +181,16 @@ oo::class create ::sorma::service::sight {
             # Also when it was given up: back to where it began.
             catch {[my cget -mover] exec -floats $begin}
         }
+        set mean [expr {[::tcl::mathop::+ {*}$wrong] / [llength $wrong]}]
+        set most [::tcl::mathfunc::max {*}$wrong]
+        if {$most > [my cget -tolerance]} {
+            $map CTRL -map {}
+            sorma::fail {SIGHT WRONG} [format "%s: the map is up to %.1f mm off between its nodes, more than -tolerance, %.1f mm: has the ball\
+                moved? Nothing has been learned" [my name] [expr {1e3 * $most}] [expr {1e3 * [my cget -tolerance]}]]
+        }
         if {[my cget -file] ne {}} {
             $map CTRL -save [my cget -file]
         }
-        set mean [expr {[::tcl::mathop::+ {*}$wrong] / [llength $wrong]}]
-        set most [::tcl::mathfunc::max {*}$wrong]
         set text [format "%d nodes; between them %.2f mm off, at most %.2f mm" $count [expr {1e3 * $mean}] [expr {1e3 * $most}]]
         my publish progress -text $text -floats 1
         return [dict create floats [list $mean $most] text $text]

@@ -351,7 +351,7 @@ void Laboratory::showCamera(std::unique_lock<std::mutex>& lock) {
         if (image.problem.empty()) {
             pictureTime_ += image.milliseconds;
             ++published_;
-            image_.at(front.end)
+            image_.at(front.end + settings_.clockOffset + settings_.clockDrift * front.end)
                 .put(image.width)
                 .put(image.height)
                 .put(front.exposure)

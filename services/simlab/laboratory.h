@@ -33,6 +33,7 @@ struct Settings {                       // what may change any time
     bool paused = false;
     double tableLimit = 40, wristLimit = 150;       // [N]
     double rate = 0, latency = 0.02, imageNoise = 1;    // of the camera [Hz], [s], [levels]
+    double clockOffset = 0, clockDrift = 0;             // of the camera's clock, by which its pictures are stamped [s], [1]
     Look look;
 };
 

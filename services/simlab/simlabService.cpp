@@ -76,6 +76,8 @@ public:
                      .help = "pictures a second while camera.set asks for no rate; 0: on request"})
             .real("-cameraLatency", &Simlab::cameraLatency_, {.unit = "s", .low = 0, .high = 1,
                      .help = "from the end of grabbing until the picture is published"})
+            .vector("-cameraClock", &Simlab::cameraClock_, {.low = -1e9, .high = 1e9, .help = "offset [s] and drift [1] of the clock that stamps "
+                                                            "the pictures, against lab time", .minLength = 2, .maxLength = 2})
             .real("-imageNoise", &Simlab::imageNoise_,
                     {.unit = "1", .low = 0, .high = 100, .help = "standard deviation, in levels of 255"})
             .real("-light", &Simlab::light_, {.unit = "1", .low = 0, .high = 3, .help = "factor of the usual light"})
@@ -215,6 +217,8 @@ private:
         s.rate = cameraRate_;
         s.latency = cameraLatency_;
         s.imageNoise = imageNoise_;
+        s.clockOffset = cameraClock_[0];
+        s.clockDrift = cameraClock_[1];
         s.look.light = light_;
         std::copy_n(lightColour_.begin(), 3, s.look.colour.begin());
         std::copy_n(lightDirection_.begin(), 3, s.look.direction.begin());
@@ -363,6 +367,7 @@ private:
     double wristNoise_ = 0.05, tableNoise_ = 0.1, tipNoise_ = 0.01;
     double cameraRate_ = 0, cameraLatency_ = 0.02, imageNoise_ = 1;
     double light_ = 1, friction_ = 1, tipFriction_ = 1;
+    std::vector<double> cameraClock_ = {0, 0};
     std::vector<double> lightColour_ = {1, 1, 1}, lightDirection_ = {0.1, 0.3, -1};
 
     std::shared_ptr<Simlab*> alive_ = std::make_shared<Simlab*>(this);      // work in the mailbox asks

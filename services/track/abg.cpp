@@ -46,14 +46,22 @@ void Filter::start(double t, std::span<const double> z) {
 
 namespace {
 
-Filter::Axis ahead(const Filter::Axis& s, double dt) { return {s.x + dt * (s.v + 0.5 * dt * s.a), s.v + dt * s.a, s.a}; }
+Filter::Axis straight(const Filter::Axis& s, double dt) { return {s.x + dt * (s.v + 0.5 * dt * s.a), s.v + dt * s.a, s.a}; }
+
+// Beyond `trust` the speed that it would have, v + a u, is multiplied by e^(-u / fade): no real target goes on for ever.
+Filter::Axis ahead(const Settings& settings, const Filter::Axis& s, double dt) {
+    if (settings.fade <= 0 || dt <= settings.trust) return straight(s, dt);
+    const Filter::Axis then = straight(s, settings.trust);
+    const double u = dt - settings.trust, fade = settings.fade, left = std::exp(-u / fade);
+    return {then.x + fade * (then.v * (1 - left) + then.a * (fade - left * (fade + u))), (then.v + then.a * u) * left, then.a * left};
+}
 
 }  // namespace
 
 Filter::Axis Filter::at(const Settings& settings, std::size_t axis, double t) const {
     const double age = std::max(0.0, t - time_);
-    if (age <= settings.expiry) return ahead(state_[axis], age);
-    const Axis lost = ahead(state_[axis], settings.expiry);
+    if (age <= settings.expiry) return ahead(settings, state_[axis], age);
+    const Axis lost = ahead(settings, state_[axis], settings.expiry);
     const double fading = settings.decay > 0 ? std::exp(-(age - settings.expiry) / settings.decay) : 0;
     return {lost.x + lost.v * settings.decay * (1 - fading), lost.v * fading, 0};
 }
@@ -102,7 +110,7 @@ Taken Filter::update(const Settings& settings, double t, std::span<const double>
     }
     if (dt <= 0) return Taken::late;
     if (!accepted(settings, t, z)) {
-        if (dt <= settings.expiry && beyond_ < settings.confirm) return Taken::refused;
+        if (dt <= settings.expiry && dt > settings.instant && beyond_ < settings.confirm) return Taken::refused;
         start(t, z);
         return Taken::begun;
     }
@@ -114,7 +122,7 @@ Taken Filter::update(const Settings& settings, double t, std::span<const double>
     }
     const double beta = gains_.beta / dt, gamma = gains_.gamma / (dt * dt);
     for (std::size_t i = 0; i < state_.size(); ++i) {
-        const Axis p = ahead(state_[i], dt);
+        const Axis p = ahead(settings, state_[i], dt);
         const double residual = z[i] - p.x;
         state_[i] = {p.x + gains_.alpha * residual, p.v + beta * residual, p.a + gamma * residual};
     }

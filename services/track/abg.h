@@ -28,8 +28,11 @@ struct Settings {
     double longest = 1;             // [s] after a longer pause, or a clock set back by more, the filter begins anew
     double gate = 0;                // [m] how far a measurement may be from its prediction; 0: any
     std::int64_t confirm = 2;       // so many in a row beyond the gate, near each other: the target has jumped
+    double instant = 0;             // [s] ... or at once, when one was used as short a time ago: it has gone from where it was
     double calmSpeed = 0;           // [m/s] below it v and a are damped: motion as small as that is noise; 0: never
     double calmAcceleration = 0;    // [m/s^2] ... unless the acceleration is as large as that; 0: not asked for
+    double trust = 0.1;             // [s] after the last measurement it goes on as it did; beyond, with fade > 0 ...
+    double fade = 0;                // [s] ... its speed dies away with this time constant
     double expiry = 0.5;            // [s] after the last measurement the target is lost
     double decay = 0.2;             // [s] then the velocity dies away with this time constant
 };

@@ -36,7 +36,8 @@ private:
     void answer(sorma::Message& m, double time) const;
     void tell(std::string& out) const;
 
-    double index_ = 1, interval_ = 0.07, longest_ = 1, gate_ = 0, calmSpeed_ = 0, calmAcceleration_ = 0, expiry_ = 0.5, decay_ = 0.2;
+    double index_ = 1, interval_ = 0.07, longest_ = 1, gate_ = 0, instant_ = 0, calmSpeed_ = 0, calmAcceleration_ = 0,
+           trust_ = 0.1, fade_ = 0, expiry_ = 0.5, decay_ = 0.2;
     std::int64_t axes_ = 3, confirm_ = 2;
     bool predict_ = false;
     Settings settings_;

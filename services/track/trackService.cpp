@@ -42,10 +42,15 @@ sorma::Class Track::describe() {
                                        .help = "how far a measurement may be from where the target is expected; 0: any"})
         .integer("-confirm", &Track::confirm_, {.unit = "1", .low = 1, .high = 100,
                                                 .help = "so many beyond the gate in a row, near each other: the target has jumped"})
+        .real("-instant", &Track::instant_, {.unit = "s", .low = 0, .high = 3600,
+                                             .help = "one beyond the gate is taken at once when another was used as short a time ago; 0: never"})
         .real("-calmSpeed", &Track::calmSpeed_, {.unit = "m/s", .low = 0, .high = 1e9,
                                                  .help = "velocity and acceleration of slower motions are damped; 0: never"})
         .real("-calmAcceleration", &Track::calmAcceleration_, {.unit = "m/s^2", .low = 0, .high = 1e9,
                                                                .help = "not damped from this acceleration on; 0: whatever it is"})
+        .real("-trust", &Track::trust_, {.unit = "s", .low = 0, .high = 3600, .help = "so long after a measurement it is expected to go on as it did"})
+        .real("-fade", &Track::fade_, {.unit = "s", .low = 0, .high = 3600,
+                                       .help = "beyond -trust, time constant with which the expected speed dies away; 0: never"})
         .real("-expiry", &Track::expiry_, {.unit = "s", .low = 0, .high = 3600, .help = "the target is lost, so long after the last measurement"})
         .real("-decay", &Track::decay_, {.unit = "s", .low = 0, .high = 3600, .help = "time constant with which a lost one comes to rest"})
         .flag("-predict", &Track::predict_, {.help = "answer where the target is when the tick is due, not when it was measured"})
@@ -62,7 +67,7 @@ sorma::Class Track::describe() {
 }
 
 Settings Track::settings() const {
-    return {index_, interval_, longest_, gate_, confirm_, calmSpeed_, calmAcceleration_, expiry_, decay_};
+    return {index_, interval_, longest_, gate_, confirm_, instant_, calmSpeed_, calmAcceleration_, trust_, fade_, expiry_, decay_};
 }
 
 void Track::born() {

@@ -32,7 +32,7 @@ public:
     Sighting find(const cv::Mat& rgb, const Lens& lens, const BallRules& rules, std::optional<cv::Rect> window = {});
 
 private:
-    cv::Mat grey_;
+    cv::Mat grey_, bright_;
     BlobFinder finder_;
 };
 

@@ -1,0 +1,157 @@
+# window.tcl -- the tracker in a window: what the camera sees, how well the arm follows, what moves it, and what teases it.
+#
+#     ./bootstrap run tracker -window
+#
+# Nothing in it waits. What it plots is what the robot itself knows: the ball as sight sees it, read from the buffers of this machine.
+
+package require Tk
+package require sorma::panel
+package require sorma::chart
+package require sorma::image
+package require sorma::trailview
+
+namespace eval window {
+    variable Said {}                    ;# what the last button has said
+    variable Hand {0 0 0}               ;# where keys and mouse push
+    variable Inputs {sight {the ball is seen} force {the hand is pushed} hand {a controller is moved}}
+    variable Begin [clock milliseconds]
+}
+foreach {name key} {rel target.rel pose tool.pose force tool.force} {
+    sorma::so::dict CTRL -add shmem_r.window.$name [list -key tracker.$key]
+}
+
+proc window::send {name args} {
+    sorma::async -timeout 0 -command window::Answered $name {*}$args
+}
+proc window::Answered future {
+    variable Said
+    catch {$future result} Said
+    set Said [string map {\n { }} $Said]
+    $future destroy
+}
+
+# ---- what is known, ten times a second ----
+
+proc window::Tick {} {
+    variable Last
+    if {![winfo exists .chart]} {
+        return
+    }
+    after 100 window::Tick
+    set now [expr {([clock milliseconds] - $window::Begin) / 1000.0}]
+    set seen 0
+    catch {
+        lassign [dict get [shmem_r.window.rel exec] floats] time x y z - code
+        set pose [dict get [shmem_r.window.pose exec] floats]
+        set age [expr {[lindex $pose 0] - $time}]
+        set seen [expr {$code == 0 && $age < 0.5}]
+        .chart sample age [expr {1e3 * $age}] $now
+        if {$seen} {
+            .chart sample error [expr {1e3 * sqrt($x * $x + $y * $y + ($z - 0.3) ** 2)}] $now
+        }
+        if {[info exists Last] && [lindex $pose 0] > [lindex $Last 0]} {
+            set way [::tcl::mathop::+ {*}[lmap a [lrange $Last 1 3] b [lrange $pose 1 3] {expr {($b - $a) ** 2}}]]
+            .chart sample speed [expr {1e3 * sqrt($way) / ([lindex $pose 0] - [lindex $Last 0])}] $now
+        }
+        set Last $pose
+    }
+    set pushed 0
+    catch {
+        lassign [dict get [shmem_r.window.force exec] floats] - x y z
+        set force [expr {sqrt($x * $x + $y * $y + $z * $z)}]
+        set pushed [expr {$force > 2}]
+        .chart sample force $force $now
+    }
+    Lamp sight [expr {$seen ? "good" : "alarm"}]
+    Lamp force [expr {$pushed ? "good" : "gone"}]
+    Lamp hand [expr {$window::Hand ne {0 0 0} ? "good" : "gone"}]
+    # A hand that goes on pushing says so again and again.
+    if {$window::Hand ne {0 0 0}} {
+        send spacemouse.hand@robot EXEC FMSG 6 {*}$window::Hand 0 0 0
+    }
+}
+proc window::Lamp {input state} {
+    variable Inputs
+    .inputs.l$input configure -text "[sorma::style::mark $state] [dict get $Inputs $input]" -foreground [sorma::style::colour $state]
+}
+
+# ---- the stand-in of a hand controller: arrow keys, Prior and Next ----
+
+proc window::Push {key way} {
+    bind . <KeyPress-$key> [list set window::Hand $way]
+    bind . <KeyRelease-$key> {set window::Hand {0 0 0}}
+}
+
+# ---- the window ----
+
+proc window::build {} {
+    wm title . "The tracker"
+    set gap [sorma::style pixels 6]
+    pack [ttk::frame .f -padding $gap] -fill both -expand 1
+    sorma::image .camera -name findball.argus@argus -request {EXEC debug} -every 200 -width 500 -height 500
+    sorma::stripchart .chart -span 20 -low 0 -width 560 -height 200
+    # Seen on light and on dark backgrounds.
+    foreach {name text colour} {error "error \[mm\]" #e0443c speed "speed \[mm/s\]" #2fa04a force "force \[N\]" #4a86f0 age "age \[ms\]" #c08020} {
+        .chart trace $name -text $text -colour $colour
+    }
+    sorma::trailview .trail -height 5
+
+    ttk::frame .run
+    button .run.stop -text "EMERGENCY STOP" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
+        -font TkHeadingFont -pady 10 -command {window::send simlab@lab CTRL -emergencyStop} -takefocus 1
+    grid .run.stop -columnspan 2 -sticky ew
+    sorma::button .run.follow -name follow.ball@robot -request EXEC -text Follow
+    ttk::button .run.halt -text Stop -command {window::send follow.ball@robot CTRL -stop}
+    sorma::button .run.learn -name sight.ball@sight -request {EXEC learn} -text Learn
+    ttk::button .run.power -text "Reset, power on" -command window::Power
+    grid .run.follow .run.halt -sticky ew -pady 2
+    grid .run.learn .run.power -sticky ew -pady 2
+    grid columnconfigure .run {0 1} -weight 1
+
+    ttk::labelframe .inputs -text "What moves the arm (arrow keys, Prior, Next: a hand)"
+    foreach {input name option} {sight track.ball@robot -index force squash.force@robot -gain hand squash.hand@robot -gain} {
+        grid [ttk::label .inputs.l$input] -sticky w -padx $gap
+        Lamp $input gone
+        grid [ttk::label .inputs.n$input -text $option] [sorma::entry .inputs.g$input -name $name -option $option] -sticky ew -padx $gap
+    }
+    grid [ttk::label .inputs.nspeed -text -speed] [sorma::entry .inputs.speed -name follow.ball@robot -option -speed] -sticky ew -padx $gap
+    grid [ttk::button .inputs.pursuit -text Pursuit -command {window::send track.ball@robot CTRL -index 0.3}] \
+        [ttk::button .inputs.saccade -text Saccade -command {window::send track.ball@robot CTRL -index 1}] -sticky ew -padx 2 -pady 2
+
+    ttk::labelframe .tease -text "Tease it"
+    set n 0
+    foreach {text request} {
+        "At rest" {-ball still 0.56 0 0.12}        "Swing" {-ball sine 0.56 0 0.12 0 0.1 0 0.4}
+        "Jump" {-ball still 0.56 0.09 0.12}        "Jump back" {-ball still 0.56 0 0.12}
+        "Circle" {-ball circle 0.56 0 0.12 0.08 4} "Jerk" {-ball jerk 0.56 -0.08 0.12 0.56 0.08 0.12 1.5}
+        "Hide" {-lamp 0}                           "Show" {-lamp 1 -secondBall away}
+        "A second one" {-secondBall 0.6 0.08 0.12} "Push the hand" {-push 0 15 0 1}
+    } {
+        grid [ttk::button .tease.b$n -text $text -command [list window::send simlab@lab CTRL {*}$request]] -row [expr {$n / 2}] -column [expr {$n % 2}] \
+            -sticky ew -padx 2 -pady 2
+        incr n
+    }
+    grid columnconfigure .tease {0 1} -weight 1
+    ttk::label .said -textvariable window::Said -wraplength [sorma::style pixels 900]
+
+    grid .camera -in .f -row 0 -column 0 -rowspan 3 -sticky nsew
+    grid .run -in .f -row 0 -column 1 -sticky new -padx $gap
+    grid .inputs -in .f -row 1 -column 1 -sticky new -padx $gap
+    grid .tease -in .f -row 2 -column 1 -sticky new -padx $gap
+    grid .chart -in .f -row 3 -column 0 -columnspan 2 -sticky ew -pady $gap
+    grid .trail -in .f -row 4 -column 0 -columnspan 2 -sticky ew
+    grid .said -in .f -row 5 -column 0 -columnspan 2 -sticky w
+    grid columnconfigure .f 0 -weight 1
+    grid rowconfigure .f 2 -weight 1
+    foreach {key way} {Up {150 0 0} Down {-150 0 0} Left {0 150 0} Right {0 -150 0} Prior {0 0 150} Next {0 0 -150}} {
+        Push $key $way
+    }
+    bind . <Escape> {window::send follow.ball@robot CTRL -stop}
+    Tick
+    update idletasks
+    wm minsize . [winfo reqwidth .run] [winfo reqheight .run]
+}
+proc window::Power {} {
+    send simlab@lab CTRL -reset
+    send pino@robot EXEC power on
+}
