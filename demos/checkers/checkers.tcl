@@ -49,18 +49,18 @@ proc checkersGame::run {} {
         session::begin $folder $settings $speed
         if {$go} {
             # A simulated laboratory begins as for a new game.
-            $session::Human CTRL -setOut
+            $::session::Human CTRL -setOut
         }
         if {$windows} {
-            uplevel #0 [list source [file join $session::Here window.tcl]]
-            set checkersWindow::Speed $speed
+            uplevel #0 [list source [file join $::session::Here window.tcl]]
+            set ::checkersWindow::Speed $speed
             checkersWindow::build [expr {${-human} eq "mouse"}] 8
         } else {
             puts "no display: the window is left out"
         }
-        set session::Watch [list checkersGame::Show $windows]
+        set ::session::Watch [list checkersGame::Show $windows]
         # The plot may have begun before somebody watched.
-        set now [dict get [$session::Checkers exec state] text]
+        set now [dict get [$::session::Checkers exec state] text]
         if {[dict exists $now position]} {
             Show $windows $now
         }

@@ -22,7 +22,7 @@ proc checkersFigures::uniform most {
 proc checkersFigures::shift {} {
     variable Place
     set place [list [uniform 0.02] [uniform 0.03] [uniform 0.15]]
-    ::checkers::moveBoard $session::Lab {*}[lmap to $place from $Place {expr {$to - $from}}]
+    ::checkers::moveBoard $::session::Lab {*}[lmap to $place from $Place {expr {$to - $from}}]
     set Place $place
 }
 # While the person thinks, now and then.
@@ -66,7 +66,7 @@ proc checkersFigures::run {} {
             if {$n == 1} {
                 session::begin $folder $settings ${-speed}
                 session::ready
-                set session::Watch checkersFigures::Watch
+                set ::session::Watch checkersFigures::Watch
                 if {${-kills} > 0} {
                     set Killing [after [expr {int(1e3 * ${-kills})}] [list checkersFigures::Kill {robot eye hand transform voice player human} ${-kills}]]
                 }
@@ -74,7 +74,7 @@ proc checkersFigures::run {} {
                 session::again $settings
             }
             shift
-            $session::Lab CTRL -light [expr {1 + [uniform 0.2]}] -shadows [expr {rand() < 0.3}]
+            $::session::Lab CTRL -light [expr {1 + [uniform 0.2]}] -shadows [expr {rand() < 0.3}]
             set Shifts ${-shifts}
             set figures [session::play]
             lappend rows $figures

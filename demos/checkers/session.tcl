@@ -46,8 +46,8 @@ proc session::begin {folder settings speed} {
     settle $folder $settings
     set Launch [lab::start sorma-launch [file join $Here checkers.launch]]
     lab::untilSignal $Launch
-    vwait lab::Heard
-    if {$lab::Heard ne "ready"} {
+    vwait ::lab::Heard
+    if {$::lab::Heard ne "ready"} {
         return -code error -errorcode {CHECKERS LAUNCH} "the daemons of checkers.launch could not be started; what they said stands above"
     }
     $Lab CTRL -speed $speed

@@ -106,9 +106,9 @@ proc checkersWindow::Settings gap {
     .settings.level set 5
     ttk::label .settings.tspeed -text "Speed (0: all it can)"
     ttk::spinbox .settings.speed -from 0 -to 20 -width 4 -textvariable ::checkersWindow::Speed \
-        -command {checkersWindow::send simlab@lab CTRL -speed $checkersWindow::Speed}
+        -command {checkersWindow::send simlab@lab CTRL -speed $::checkersWindow::Speed}
     ttk::checkbutton .settings.voice -text "Speak aloud" -variable ::checkersWindow::Voice \
-        -command {checkersWindow::send speaker@voice CTRL -output [expr {$checkersWindow::Voice ? "sound" : "log"}]}
+        -command {checkersWindow::send speaker@voice CTRL -output [expr {$::checkersWindow::Voice ? "sound" : "log"}]}
     grid .settings.new .settings.resign -sticky ew -padx 2 -pady 2
     grid .settings.reset .settings.voice -sticky ew -padx 2 -pady 2
     grid .settings.tlevel .settings.level -sticky w -padx 2 -pady 2

@@ -62,7 +62,7 @@ proc lab::run {} {
     set launch [start sorma-launch [file join $Here lab.launch]]
     untilSignal $launch
     try {
-        vwait lab::Heard
+        vwait ::lab::Heard
         if {$Heard ne "ready"} {
             return 1
         }
@@ -76,7 +76,7 @@ proc lab::run {} {
         foreach words [list [list programme.tcl [dict get $options -speed]] \
                 [list carries.tcl -speed [dict get $options -speed] -carries [dict get $options -carries] -faults 0 -cancels 0]] {
             start [info nameofexecutable] [file join $Here [lindex $words 0]] {*}[lrange $words 1 end]
-            vwait lab::Heard
+            vwait ::lab::Heard
             set code [expr {$code || $Heard ne "ended"}]
         }
         if {$windows && ![dict get $options -once]} {

@@ -11,7 +11,7 @@ namespace eval pictures {
     variable Here [file dirname [file normalize [info script]]]
 }
 foreach name {lab boards colours} {
-    source [file join $pictures::Here $name.tcl]
+    source [file join $::pictures::Here $name.tcl]
 }
 
 proc pictures::scene file {
@@ -51,8 +51,8 @@ proc pictures::panel {file theme} {
     set folder [exec mktemp -d]
     set launch [lab::start sorma-launch [own $folder]]
     try {
-        vwait lab::Heard
-        if {$lab::Heard ne "ready"} {
+        vwait ::lab::Heard
+        if {$::lab::Heard ne "ready"} {
             return 1
         }
         uplevel #0 [list source [file join $Here panel.tcl]]

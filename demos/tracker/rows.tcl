@@ -82,8 +82,8 @@ proc rows::unfollow {} {
     } trap {SORMA ROBOT STOPPED} {} {}
 }
 proc rows::nap ms {
-    after $ms {set rows::Napped 1}
-    vwait rows::Napped
+    after $ms {set ::rows::Napped 1}
+    vwait ::rows::Napped
 }
 
 # ---- samples ----

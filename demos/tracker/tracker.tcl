@@ -11,8 +11,8 @@ package require sorma::options
 namespace eval tracker {
     variable Here [file dirname [file normalize [info script]]]
 }
-source [file join $tracker::Here .. lab lab.tcl]
-source [file join $tracker::Here rows.tcl]
+source [file join $::tracker::Here .. lab lab.tcl]
+source [file join $::tracker::Here rows.tcl]
 
 proc tracker::minute {} {
     rows::rest 8
@@ -28,8 +28,8 @@ proc tracker::run rowsCmd {
     set options [sorma::options::parse {-learn flag -speed {any 1} -csv {any {}} -window flag} $::argv]
     set launch [lab::start sorma-launch [file join $Here tracker.launch]]
     try {
-        vwait lab::Heard
-        if {$lab::Heard ne "ready"} {
+        vwait ::lab::Heard
+        if {$::lab::Heard ne "ready"} {
             return 1
         }
         rows::prepare [dict get $options -speed]

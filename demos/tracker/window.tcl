@@ -38,7 +38,7 @@ proc window::Tick {} {
         return
     }
     after 100 window::Tick
-    set now [expr {([clock milliseconds] - $window::Begin) / 1000.0}]
+    set now [expr {([clock milliseconds] - $::window::Begin) / 1000.0}]
     set seen 0
     catch {
         lassign [dict get [shmem_r.window.rel exec] floats] time x y z - code
@@ -64,10 +64,10 @@ proc window::Tick {} {
     }
     Lamp sight [expr {$seen ? "good" : "alarm"}]
     Lamp force [expr {$pushed ? "good" : "gone"}]
-    Lamp hand [expr {$window::Hand ne {0 0 0} ? "good" : "gone"}]
+    Lamp hand [expr {$::window::Hand ne {0 0 0} ? "good" : "gone"}]
     # A hand that goes on pushing says so again and again.
-    if {$window::Hand ne {0 0 0}} {
-        send spacemouse.hand@robot EXEC FMSG 6 {*}$window::Hand 0 0 0
+    if {$::window::Hand ne {0 0 0}} {
+        send spacemouse.hand@robot EXEC FMSG 6 {*}$::window::Hand 0 0 0
     }
 }
 proc window::Lamp {input state} {
