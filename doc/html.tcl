@@ -1,7 +1,8 @@
 # html.tcl FOLDER MANUAL SOURCE ?PICTURES? -- the manual and the tutorials as web pages, with contents and index.
 #
 # FOLDER is made anew. MANUAL holds the pages as doc/pages.tcl has made them; SOURCE is the folder with README.md and doc. PICTURES holds those
-# of widgets as doc/pictures.tcl has made them, NAME.png: each stands below the command sorma::NAME, and those of whole windows in the README.
+# of widgets as doc/pictures.tcl has made them, NAME.png: each stands below the command sorma::NAME, and those of whole windows in the README;
+# and drawings for pages, NAME.svg.
 # Needs tcllib's doctools, and cmark-gfm for Markdown. Every link between the pages leads somewhere: tests/html.test follows them.
 
 package require Tcl 8.6-
@@ -133,20 +134,37 @@ proc html::manual {name text} {
 
 # ---- pictures ----
 
-# What pictures the README has, behind the paragraph that has these words first.
+# What pictures the README and other pages have, behind the paragraph that has these words first.
 set html::Shown {
-    panel,console {<code>sorma::panel</code>}
-    browser {<code>sorma-browser</code> is the bus}
-    lab-scene,lab-panel,lab-reading {simulated laboratory with an arm}
+    README.html {
+        panel,console {<code>sorma::panel</code>}
+        browser {<code>sorma-browser</code> is the bus}
+        lab-scene,lab-panel,lab-reading {simulated laboratory with an arm}
+        checkers-window {lets the arm of the laboratory play a game}
+        tracker-run,tracker-window {starts four daemons}
+    }
+    checkers.html {
+        checkers-window {On the left is the board}
+    }
+    tracker.html {
+        tracker-circuit {The pictures come late}
+        tracker-window {opens a window instead}
+        tracker-run {A recording of such a run}
+    }
 }
 
 # A page of the manual with the pictures of its commands; the README with its own.
 proc html::pictured {page body pictures} {
     variable Shown
-    set names [lmap path [lsort $pictures] {file rootname [file tail $path]}]
-    if {$page eq "README.html"} {
-        dict for {wanted words} $Shown {
-            set images [join [lmap name [split $wanted ,] {if {$name ni $names} continue; Image $name}] {}]
+    set paths [lsort $pictures]
+    set names [lmap path $paths {file rootname [file tail $path]}]
+    if {[dict exists $Shown $page]} {
+        dict for {wanted words} [dict get $Shown $page] {
+            set images [join [lmap name [split $wanted ,] {
+                set at [lsearch -exact $names $name]
+                if {$at < 0} continue
+                Image $name [file extension [lindex $paths $at]]
+            }] {}]
             if {$images ne {}} {
                 regsub "$words.*?</p>" $body "&<p class=\"windows\">$images</p>" body
             }
@@ -161,9 +179,9 @@ proc html::pictured {page body pictures} {
     }
     return $body
 }
-proc html::Image name {
-    set alt [if {[string match lab-* $name]} {string cat "the laboratory: [string range $name 4 end]"} else {string cat sorma::$name}]
-    return "<img src=\"$name.png\" alt=\"$alt\">"
+proc html::Image {name {extension .png}} {
+    set alt [if {[regexp {^(lab|checkers|tracker)-(.*)$} $name - demo what]} {string cat "the [dict get {lab laboratory checkers {game of draughts} tracker tracker} $demo]: $what"} else {string cat sorma::$name}]
+    return "<img src=\"$name$extension\" alt=\"$alt\">"
 }
 
 # ---- all of it ----
@@ -174,10 +192,11 @@ proc html::make {folder manual source {pictures {}}} {
     variable Formats
     variable Pages
     variable Words
+    variable Shown
     file delete -force $folder
     file mkdir $folder
     write [file join $folder style.css] [string trim $Style]
-    set pictures [if {$pictures ne {}} {glob -nocomplain -directory $pictures *.png}]
+    set pictures [if {$pictures ne {}} {glob -nocomplain -directory $pictures *.png *.svg}]
     foreach picture $pictures {
         file copy $picture $folder
     }
@@ -207,7 +226,7 @@ proc html::make {folder manual source {pictures {}}} {
         lassign $facts kind title
         set text [dict get $sources $file]
         set body [if {$kind eq "manual"} {manual [file rootname $file] $text} else {markdown $text}]
-        if {$file in {panel.html README.html}} {
+        if {$file eq "panel.html" || [dict exists $Shown $file]} {
             set body [pictured $file $body $pictures]
         }
         write [file join $folder $file] [frame $title $body]

@@ -1,5 +1,5 @@
-# pictures.tcl FOLDER -- pictures of windows for the web pages, NAME.png each, of real objects of a daemon; and of the laboratory, lab-WHAT.png, as
-# demos/lab/pictures.tcl makes them, where its services are.
+# pictures.tcl FOLDER ?-widgets? -- pictures of windows for the web pages, NAME.png each, of real objects of a daemon; and of the laboratory and
+# the demos, lab-WHAT.png, checkers-WHAT.png and tracker-WHAT.png, as their pictures.tcl in demos make them, where their services are; -widgets: without those.
 #
 # Needs Tk with libtk-img and snit, and Xvfb, which it starts. What is missing, or what fails, it says, and goes on: a manual without pictures is
 # one, too.
@@ -9,7 +9,7 @@ namespace eval pictures {
         package require sorma
         oo::class create arm {
             superclass sorma::Service
-            sorma::conduct concurrent
+            sorma::concurrency concurrent
             sorma::purpose "moves a gripper"
             sorma::option -speed double -unit m/s -range {0 1.5} -default 0.5 -warn {0 1.2} -alarm {0 1.4} -group Motion -help "while loaded"
             sorma::option -at vector -length 3 -unit m -default {0.4 0.1 0.25} -names {x y z} -group Motion -help "place"
@@ -93,7 +93,7 @@ namespace eval pictures {
         browser    {sorma::browser}
     }
     variable Bound 20000        ;# ms for which something is waited for
-    variable Lab [file join [file dirname [file dirname [file normalize [info script]]]] demos lab pictures.tcl]
+    variable Demos [file join [file dirname [file dirname [file normalize [info script]]]] demos]
 }
 
 # What is missing for pictures; empty: nothing.
@@ -160,7 +160,7 @@ proc pictures::Ready name {
             until {[[.w subject] get -force] ne {} && [dict get [[.w subject] get -force] live] == 33}
         }
         form {
-            until {[winfo exists .w.grid.field5.entry] && [[.w item 7] shows] ne {asking {}} && [lindex [[.w item 3] shows] 0] eq "warn"}
+            until {[winfo exists .w.body.canvas.inner.field5.entry] && [[.w item 7] shows] ne {asking {}} && [lindex [[.w item 3] shows] 0] eq "warn"}
         }
         execform {
             until {[winfo exists .w.in.entry3] || [winfo exists .w.in.entry1]}
@@ -226,7 +226,7 @@ proc pictures::Ready name {
 proc pictures::lab {} {
     return [expr {![catch {exec [info nameofexecutable] << {
         package require sorma
-        foreach name {simlab vision robot hand carry} {
+        foreach name {simlab vision robot hand carry sight psom} {
             package require sorma::service::$name
         }
         sorma::create simlab.probe -prefix probe[pid]. -paused 1
@@ -234,9 +234,9 @@ proc pictures::lab {} {
     }}]}]
 }
 
-proc pictures::make folder {
+proc pictures::make {folder demos} {
     variable Classes
-    variable Lab
+    variable Demos
     file delete -force $folder
     file mkdir $folder
     set missing [Missing]
@@ -258,8 +258,15 @@ proc pictures::make folder {
             error "sormad does not start"
         }
         exec [info nameofexecutable] [info script] -draw $folder 2>@1
-        foreach what [if {[lab]} {string cat {scene reading panel}}] {
-            exec timeout 60 [info nameofexecutable] $Lab $what [file join $folder lab-$what.png] 2>@1
+        if {$demos && [lab]} {
+            foreach {demo name arguments} {
+                lab lab-scene {scene FILE}              lab lab-reading {reading FILE}      lab lab-panel {panel FILE}
+                tracker tracker-circuit {circuit FILE}          checkers checkers-window FILE       tracker tracker-window {window FILE}
+            } {
+                # A sanitizer is too slow for a whole demo.
+                if {[info exists ::env(LD_PRELOAD)] && [string match *-window $name]} continue
+                exec timeout 120 [info nameofexecutable] [file join $Demos $demo pictures.tcl] {*}[string map [list FILE [file join $folder $name.png]] $arguments] 2>@1
+            }
         }
     } on error message {
         puts "not all pictures of windows are in the manual: $message"
@@ -275,4 +282,4 @@ if {[lindex $argv 0] eq "-draw"} {
     pictures::draw [lindex $argv 1]
     exit
 }
-pictures::make [lindex $argv 0]
+pictures::make [lindex $argv 0] [expr {[lindex $argv 1] ne "-widgets"}]

@@ -1,7 +1,7 @@
-// sorma.h -- all that a service author, or a C++ program that embeds the bus, includes.
+// sorma.h -- include this to write a service class, or to embed the bus in a C++ program.
 //
-// Reading order: bus/message.h (what travels), bus/option.h (how a class describes itself), bus/service.h (what a
-// service class implements), bus/sorm.h (who makes and finds service objects), bus/catalogue.h (how to raise errors).
+// Reading order: bus/message.h (requests and replies), bus/option.h (the description of a class), bus/service.h (the
+// functions of a service class), bus/sorm.h (makes and finds service objects), bus/catalogue.h (raises errors).
 //
 // A service package is one shared library that links libsorma alone, for Tcl 8.6 and Tcl 9 alike:
 //
@@ -46,9 +46,9 @@ struct Tcl_Interp;
 
 namespace sorma {
 
-// Register service classes with the SORM of an interpreter, and tell Tcl that the package is there.
-// Returns Tcl's code: 0, or 1 with the message in the interpreter's result (no `package require sorma` yet, a class
-// name that is taken or malformed).
+// Add service classes to the SORM of an interpreter, and tell Tcl that the package is loaded. Call it in the package's init
+// procedure, in the interpreter's thread. Returns Tcl's code: 0; or 1 with a message in the interpreter's result when
+// `package require sorma` is missing, or a class name is taken or malformed.
 int provide(Tcl_Interp* interp, const char* package, const char* version, std::vector<Class> classes) noexcept;
 
 }  // namespace sorma

@@ -1,11 +1,16 @@
 # boardview.tcl -- a draughts board, drawn: fields, men and queens, and how certain an eye is of each.
 #
-#     checkers::boardview create b .canvas -width 8 -drop command
+#     checkers::boardview create b .canvas -width 8 -heaps 1 -drop command
 #     b lie {{3 3} yellow {4 8} {red red}}        place -> stack
+#     b become {{4 4} yellow {4 8} {red red}}     the same, and what has moved goes there in view
 #     b travel {3 3} {4 4}                        the token there goes there, in view
 #     b certain {0.98 1 ...}                      of each field, the last rank first
+#     b mark {{3 3} {4 4}}                        these fields have a frame: the last move
+#     b resize 10                                 files of another board
 #
-# -drop: a command that gets two places when a person has dragged a token; empty: nobody can.
+# -drop: a command that gets two places when a person has carried a token with the mouse or the keys; empty: nobody can. Keys: the arrows move a
+# cursor, Return or space takes a token and puts it down, Escape puts it back where it was. -goals: a command that gets the place of a token and
+# returns those to which it may go, which are shown while it is carried. -heaps: what lies beside the board is shown, too.
 
 package require Tk
 package require sorma::options
@@ -13,34 +18,65 @@ package provide checkers::boardview 1.0
 
 oo::class create ::checkers::boardview {
     constructor {canvas args} {
-        my variable Canvas Settings Lies Certain Dragged
-        set Settings [sorma::options::parse {-width {any 8} -drop any -size {any 400}} $args]
-        set Canvas [canvas $canvas -width [dict get $Settings -size] -height [dict get $Settings -size] -highlightthickness 0 -takefocus 0 -background [ttk::style lookup TFrame -background]]
-        set Lies [set Certain [set Dragged {}]]
+        my variable Canvas Settings Lies Certain Dragged Marked Cursor Lifted Flights
+        set Settings [sorma::options::parse {-width {any 8} -drop any -goals any -heaps {boolean 0} -size {any 400}} $args]
+        set size [dict get $Settings -size]
+        set Canvas [canvas $canvas -height $size -highlightthickness 0 -takefocus 0 -background [ttk::style lookup TFrame -background] \
+            -width [expr {round($size * [my Across] / ([dict get $Settings -width] + 1.2))}]]
+        set Lies [set Certain [set Dragged [set Marked [set Lifted {}]]]]
+        set Flights 0
+        set Cursor {3 3}
         bind $canvas <Configure> [list [self] draw]
+        bind $canvas <<ThemeChanged>> [list [self] themed]
         if {[dict get $Settings -drop] ne {}} {
-            bind $canvas <ButtonPress-1> [list [self] take %x %y]
+            $canvas configure -takefocus 1
+            bind $canvas <ButtonPress-1> "focus %W; [list [self] take] %x %y"
             bind $canvas <B1-Motion> [list [self] drag %x %y]
             bind $canvas <ButtonRelease-1> [list [self] drop %x %y]
+            foreach {key dx dy} {Left -1 0 Right 1 0 Up 0 1 Down 0 -1} {
+                bind $canvas <$key> "[list [self] go $dx $dy]; break"
+            }
+            foreach key {Return KP_Enter space} {
+                bind $canvas <$key> "[list [self] press]; break"
+            }
+            bind $canvas <Escape> "if {\[[list [self] escape]\]} break"
+            foreach event {FocusIn FocusOut} {
+                bind $canvas <$event> [list [self] draw]
+            }
         }
     }
     destructor {
         my variable Canvas
         if {[winfo exists $Canvas]} {
-            bind $Canvas <Configure> {}
+            foreach event [bind $Canvas] {
+                bind $Canvas $event {}
+            }
         }
     }
     method path {} { my variable Canvas; return $Canvas }
+    method themed {} { my variable Canvas; $Canvas configure -background [ttk::style lookup TFrame -background] }
 
-    method lie lies { my variable Lies; set Lies $lies; my draw }
+    method lie lies { my variable Lies Flights; incr Flights; set Lies $lies; my draw }
     method certain values { my variable Certain; set Certain $values; my draw }
+    method mark places { my variable Marked; set Marked $places; my draw }
+    method resize width {
+        my variable Settings Cursor Certain Marked
+        dict set Settings -width $width
+        set Cursor {3 3}
+        my escape
+        set Marked [set Certain {}]
+        my lie {}
+    }
 
-    # ---- where things are: around the board is room for the letters ----
+    # ---- where things are: around the board is room for the letters, and perhaps for the heaps ----
 
     method Width {} { my variable Settings; return [dict get $Settings -width] }
+    method Heaps {} { my variable Settings; return [dict get $Settings -heaps] }
+    # Fields that have room beside each other.
+    method Across {} { return [expr {[my Width] + ([my Heaps] ? 2.9 : 1.2)}] }
     method Field {} {
         my variable Canvas
-        return [expr {min([winfo width $Canvas], [winfo height $Canvas]) / ([my Width] + 1.2)}]
+        return [expr {min([winfo width $Canvas] / [my Across], [winfo height $Canvas] / ([my Width] + 1.2))}]
     }
     # The middle of a place, in pixels.
     method At {file rank} {
@@ -52,13 +88,22 @@ oo::class create ::checkers::boardview {
     }
     method PlaceOf {x y} {
         lassign [my At 0 0] x0 y0
-        return [list [expr {round(($x - $x0) / [my Field])}] [expr {round(($y0 - $y) / [my Field])}]]
+        return [my Place [expr {round(($x - $x0) / [my Field])}] [expr {round(($y0 - $y) / [my Field])}]]
+    }
+    # The column left of the board, 0, is that of heaps, and so is the one right of it.
+    method Place {column rank} {
+        set width [my Width]
+        return [list [expr {![my Heaps] || ($column >= 1 && $column <= $width) ? $column : $column < 1 ? -0.4 : $width + 1.4}] $rank]
     }
 
     # ---- drawing ----
 
     method draw {} {
-        my variable Canvas Lies Certain
+        my variable Canvas Lies Certain Marked Dragged Lifted Settings
+        if {$Lifted ne {} && ![dict exists $Lies $Lifted]} {
+            set Lifted {}
+        }
+        if {$Dragged ne {}} return          ;# until the person has put it down
         $Canvas delete all
         set field [my Field]
         if {$field < 4} {
@@ -83,6 +128,9 @@ oo::class create ::checkers::boardview {
                 incr i
             }
         }
+        foreach place $Marked {
+            my Frame $place #e8b84a 0.06 {}
+        }
         set font [list TkDefaultFont [expr {-int(max(7, $field * 0.24))}]]
         for {set n 1} {$n <= $width} {incr n} {
             lassign [my At $n 0.5] x y
@@ -90,9 +138,47 @@ oo::class create ::checkers::boardview {
             lassign [my At 0.5 $n] x y
             $Canvas create text [expr {$x - $rim / 2}] $y -text $n -fill #e8d8b8 -font $font
         }
-        dict for {place stack} $Lies {
-            my Token $place $stack
+        # What lies in front hides what lies behind.
+        foreach place [lsort -decreasing -real -index 1 [dict keys $Lies]] {
+            if {[my OnBoard $place] || [my Heaps]} {
+                my Token $place [dict get $Lies $place]
+            }
         }
+        my Carried
+    }
+    method OnBoard place { return [expr {[lindex $place 0] >= 1 && [lindex $place 0] <= [my Width]}] }
+    # A frame within a field, as thick as a part of it.
+    method Frame {place colour part tag} {
+        my variable Canvas
+        lassign [my At {*}$place] x y
+        set h [expr {[my Field] * (0.5 - $part / 2)}]
+        $Canvas create rectangle [expr {$x - $h}] [expr {$y - $h}] [expr {$x + $h}] [expr {$y + $h}] -outline $colour -width [expr {max(1, [my Field] * $part)}] \
+            -tags $tag
+    }
+    # The cursor, what is carried with the keys, and where it may go.
+    method Carried {} {
+        my variable Canvas Cursor Lifted Lies Dragged Settings
+        $Canvas delete cursor goal
+        set from [expr {$Dragged ne {} ? [lindex $Dragged 0] : $Lifted}]
+        set field [my Field]
+        if {$from ne {} && [dict get $Settings -goals] ne {}} {
+            foreach place [{*}[dict get $Settings -goals] $from] {
+                lassign [my At {*}$place] x y
+                set r [expr {$field * 0.13}]
+                $Canvas create oval [expr {$x - $r}] [expr {$y - $r}] [expr {$x + $r}] [expr {$y + $r}] -fill #f4e6a0 -outline #4a3020 -tags goal
+            }
+        }
+        if {[dict get $Settings -drop] eq {} || [focus -displayof $Canvas] ne $Canvas || $Dragged ne {}} return
+        set place [my Place {*}$Cursor]
+        if {$Lifted ne {}} {
+            # It hangs above the field of the cursor.
+            lassign [my At {*}$Lifted] x y
+            lassign [my At {*}$place] u v
+            lassign [$Canvas coords [my Tag $Lifted]] x1 y1 x2 y2
+            $Canvas raise [my Tag $Lifted]
+            $Canvas move [my Tag $Lifted] [expr {$u + $field * 0.08 - ($x1 + $x2) / 2.0}] [expr {$v - $field * 0.08 - ($y1 + $y2) / 2.0}]
+        }
+        my Frame $place [expr {$Lifted eq {} ? "#2f7fe0" : "#f09020"}] 0.09 cursor
     }
     method Rounded {x1 y1 x2 y2 r colour} {
         my variable Canvas
@@ -114,9 +200,10 @@ oo::class create ::checkers::boardview {
         set r [expr {[my Field] * 0.39}]
         lassign [my At {*}$place] x y
         set level 0
+        set step [expr {[my OnBoard $place] ? 0.22 : 0.12}]
         foreach colour $stack {
             lassign [expr {$colour eq "red" ? {#c8322a #7c1712 #e2605a} : {#f0c838 #94761a #fbe48c}}] face edge light
-            set z [expr {$level * $r * 0.22}]
+            set z [expr {$level * $r * $step}]
             $Canvas create oval [expr {$x - $r}] [expr {$y - $r + $r * 0.14 - $z}] [expr {$x + $r}] [expr {$y + $r + $r * 0.14 - $z}] -fill $edge -width 0 -tags $tag
             $Canvas create oval [expr {$x - $r}] [expr {$y - $r - $z}] [expr {$x + $r}] [expr {$y + $r - $z}] -fill $face -outline $edge -tags $tag
             foreach part {0.78 0.5} {
@@ -128,7 +215,10 @@ oo::class create ::checkers::boardview {
             incr level
         }
         # A queen wears a crown.
-        if {$level == 2 && [lindex $place 0] >= 1 && [lindex $place 0] <= [my Width]} {
+        if {$level > 1 && ![my OnBoard $place]} {
+            $Canvas create text $x [expr {$y - $z}] -text $level -fill [expr {$colour eq "red" ? "#ffe9b0" : "#5a3a08"}] -tags $tag \
+                -font [list TkDefaultFont [expr {-int(max(7, $r * 0.7))}] bold]
+        } elseif {$level == 2} {
             set q [expr {$r * 0.4}]
             set y [expr {$y - $r * 0.22}]
             set points {}
@@ -142,27 +232,84 @@ oo::class create ::checkers::boardview {
 
     # ---- a token on its way ----
 
-    method travel {from to {steps 12}} {
-        my variable Canvas
+    # In 25 steps, slower at both ends.
+    method travel {from to} {
+        my variable Canvas Flights
         lassign [my At {*}$from] x y
         lassign [my At {*}$to] u v
         $Canvas raise [my Tag $from]
-        my Step [my Tag $from] [expr {($u - $x) / $steps}] [expr {($v - $y) / $steps}] $steps
+        my Step $Flights [my Tag $from] [expr {$u - $x}] [expr {$v - $y}] 1
     }
-    method Step {tag dx dy steps} {
-        my variable Canvas
-        if {[winfo exists $Canvas] && $steps > 0} {
-            $Canvas move $tag $dx $dy
-            after 25 [list catch [list [namespace which my] Step $tag $dx $dy [expr {$steps - 1}]]]
+    # What was drawn anew meanwhile is where it should be.
+    method Step {flight tag dx dy n} {
+        my variable Canvas Flights
+        if {![winfo exists $Canvas] || $flight != $Flights || $n > 25} return
+        set part [expr {(cos(($n - 1) * 0.12566370614) - cos($n * 0.12566370614)) / 2}]
+        $Canvas move $tag [expr {$dx * $part}] [expr {$dy * $part}]
+        after 20 [list catch [list [namespace which my] Step $flight $tag $dx $dy [expr {$n + 1}]]]
+    }
+    method become lies {
+        my variable Lies Flights Canvas
+        set pairs [my Moves $Lies $lies]
+        # So many at once are a new game.
+        if {$pairs eq {} || [llength $pairs] > 8} {
+            my lie $lies
+            return
         }
+        my draw
+        incr Flights
+        foreach {from to} $pairs {
+            my travel $from $to
+        }
+        set Lies $lies
+        after 540 [list catch [list [namespace which my] Landed $Flights]]
+    }
+    method Landed flight {
+        my variable Flights
+        if {$flight == $Flights} {
+            my draw
+        }
+    }
+    # From which places to which stacks have gone: those that went first go to the nearest that came.
+    method Moves {before after} {
+        set gone {}
+        foreach place [dict keys $before] {
+            set stack [dict get $before $place]
+            set now [expr {[dict exists $after $place] ? [dict get $after $place] : {}}]
+            if {[llength $now] < [llength $stack] || ($now ne {} && [lindex $now 0] ne [lindex $stack 0])} {
+                lappend gone $place
+            }
+        }
+        set pairs {}
+        dict for {place stack} $after {
+            set was [expr {[dict exists $before $place] ? [dict get $before $place] : {}}]
+            if {[llength $was] >= [llength $stack] && [lindex $was 0] eq [lindex $stack 0]} continue
+            set least {}
+            foreach from $gone {
+                if {[lindex [dict get $before $from] 0] eq [lindex $stack 0] && $from ne $place && $from ni [dict keys $pairs]} {
+                    set far [expr {hypot([lindex $from 0] - [lindex $place 0], [lindex $from 1] - [lindex $place 1])}]
+                    if {$least eq {} || $far < $least} {
+                        set least $far
+                        set best $from
+                    }
+                }
+            }
+            if {$least ne {}} {
+                lappend pairs $best $place
+            }
+        }
+        return $pairs
     }
 
     # ---- a person's mouse ----
 
     method take {x y} {
-        my variable Lies Dragged Canvas
+        my variable Lies Dragged Canvas Cursor
+        my escape
         set place [my PlaceOf $x $y]
         set Dragged [expr {[dict exists $Lies $place] ? [list $place $x $y] : {}}]
+        set Cursor [my Column $place]
+        my Carried
         if {$Dragged ne {}} {
             $Canvas raise [my Tag $place]
         }
@@ -176,15 +323,59 @@ oo::class create ::checkers::boardview {
         }
     }
     method drop {x y} {
-        my variable Dragged Settings
+        my variable Dragged
         if {$Dragged ne {}} {
             set from [lindex $Dragged 0]
             set Dragged {}
-            set to [my PlaceOf $x $y]
-            if {$from ne $to} {
-                {*}[dict get $Settings -drop] $from $to
-            }
+            my Put $from [my PlaceOf $x $y]
+        }
+    }
+    # What lay there may have been taken away meanwhile.
+    method Put {from to} {
+        my variable Settings Lies Cursor
+        set Cursor [my Column $to]
+        if {$from ne $to && [dict exists $Lies $from]} {
+            {*}[dict get $Settings -drop] $from $to
+        }
+        my draw
+    }
+
+    # ---- a person's keys ----
+
+    # Column and rank of a place, within what is shown.
+    method Column place {
+        set width [my Width]
+        set edge [expr {[my Heaps] ? 0 : 1}]
+        return [list [expr {max($edge, min($width + 1 - $edge, round([lindex $place 0])))}] [expr {max(1, min($width, [lindex $place 1]))}]]
+    }
+    method cursor {} { my variable Cursor; return [my Place {*}$Cursor] }
+    method lifted {} { my variable Lifted; return $Lifted }
+    method go {dx dy} {
+        my variable Cursor
+        lassign $Cursor column rank
+        set Cursor [my Column [list [expr {$column + $dx}] [expr {$rank + $dy}]]]
+        my Carried
+    }
+    method press {} {
+        my variable Lifted Lies
+        set place [my cursor]
+        if {$Lifted ne {}} {
+            set from $Lifted
+            set Lifted {}
+            my Put $from $place
+        } elseif {[dict exists $Lies $place]} {
+            set Lifted $place
             my draw
         }
+    }
+    # Is there something that was put back?
+    method escape {} {
+        my variable Lifted
+        if {$Lifted eq {}} {
+            return 0
+        }
+        set Lifted {}
+        my draw
+        return 1
     }
 }

@@ -2,9 +2,11 @@
 #
 #     ./bootstrap run checkers        the daemons end with it; exit code 0: the game was ended by the rules
 #
-# -speed N: of lab time, 0 is as fast as the machine can; default: 1 with a window, else 0. -variant braz|engl. -level N: the robot's.
+# -speed N: of lab time, 0 is as fast as the machine can; default: 1 with a window, else 0. -variant braz|engl|intl. -level N: the robot's.
+# -dry: without arm, hand and eye. -robot black|white: what it plays. -tidy S: after S seconds it puts a wrong board in order.
 # -personLevel N, -faults F, -seed N: of the person. -human mouse: you play, in the window. -go: go on with the game that was interrupted.
-# -folder F: where its files are. -position FEN: it begins so. -once: it ends with the game, even when there is a window.
+# -folder F: where its files are. -position FEN: it begins so; seen: with what lies there. -once: it ends with the game, even when there is a window.
+# -limit S: time of each side; who has none left loses.
 
 source [file join [file dirname [file normalize [info script]]] session.tcl]
 package require sorma::options
@@ -27,52 +29,118 @@ proc checkersGame::folder {} {
     return [file join $base sorma checkers]
 }
 
-proc checkersGame::run {} {
-    set o [sorma::options::parse {-speed any -variant {{choice braz engl} braz} -level {any 5} -personLevel {any 3} -faults {any 0} -seed {any 1}
-        -human {{choice sim mouse} sim} -go flag -folder any -position any -once flag} $::argv]
+# Begin with these options: the daemons, and the game that was interrupted or a new one. Files of an earlier game are removed.
+proc checkersGame::Begin {o folder go windows} {
     dict with o {}
-    fconfigure stdout -buffering line
-    set windows [expr {[info exists ::env(DISPLAY)] && ![catch {package require Tk}]}]
-    set folder [expr {${-folder} eq {} ? [folder] : ${-folder}}]
-    set go [expr {${-go} && [file exists [file join $folder checkers.game]]}]
     if {$go} {
         session::remember $folder
     } else {
         file delete [file join $folder checkers.game] [file join $folder human.game]
     }
-    set speed [expr {${-speed} ne {} ? ${-speed} : $windows}]
-    set settings [dict create \
-        checkers [list -variant ${-variant} -position ${-position} -look [expr {$speed == 0 ? 10 : 100}]] \
-        draughts.engine [list -level ${-level}] \
-        human.sim [list -variant ${-variant} -position ${-position} -level ${-personLevel} -faults ${-faults} -seed ${-seed} -mouse [expr {${-human} eq "mouse"}]]]
+    # A simulated person sets out the tokens as usual before the robot looks at them.
+    set begin [expr {${-position} eq "seen" ? {} : ${-position}}]
+    set settings [dict merge [session::settings [list -variant ${-variant} -robot ${-robot} -tidy ${-tidy} -position ${-position} -limit ${-limit} \
+        -look [expr {${-speed} == 0 ? 10 : 100}]] [list -level ${-level}] ${-dry}] [dict create human.sim [list -variant ${-variant} -position $begin \
+        -colour [expr {${-robot} eq "black" ? "white" : "black"}] -level ${-personLevel} -faults ${-faults} -seed ${-seed} -mouse [expr {${-human} eq "mouse"}]]]]
+    session::begin $folder $settings ${-speed} -intl [expr {${-variant} eq "intl"}] -dry ${-dry}
+    if {$go} {
+        # A simulated laboratory begins as for a new game.
+        session::ready
+        $::session::Human CTRL -setOut
+    }
+    if {$windows} {
+        checkersWindow::begin
+    }
+    set ::session::Watch [list checkersGame::Show $windows]
+    # The plot may have begun before somebody watched.
+    set now [dict get [$::session::Checkers exec state] text]
+    if {[dict exists $now position]} {
+        Show $windows $now
+    }
+    # Who moves first may be the robot.
+    session::ready
+}
+
+# What the window wants: another game with these options, with other daemons or with the same.
+proc checkersGame::Restart chosen {
+    variable Wants $chosen
+    session::interrupt
+}
+proc checkersGame::Again {} {
+    variable Playing
+    if {!$Playing} {
+        variable Wants again
+    }
+}
+proc checkersGame::Closed window {
+    if {$window eq "."} {
+        variable Wants end
+        session::interrupt
+    }
+}
+
+proc checkersGame::run {} {
+    variable Wants
+    variable Playing
+    set o [sorma::options::parse {-speed any -variant {{choice braz engl intl} braz} -level {any 5} -personLevel {any 3} -faults {any 0} -seed {any 1}
+        -human {{choice sim mouse} sim} -go flag -folder any -position any -once flag -dry flag -robot {{choice black white} black} -tidy {any 60}
+        -most {any 0} -limit {{whole 0 100000} 0}} $::argv]
+    fconfigure stdout -buffering line
+    set windows [expr {[info exists ::env(DISPLAY)] && ![catch {package require Tk}]}]
+    if {[dict get $o -speed] eq {}} {
+        dict set o -speed $windows
+    }
+    set folder [expr {[dict get $o -folder] eq {} ? [folder] : [dict get $o -folder]}]
+    set file [file join $folder checkers.game]
+    set go [expr {[dict get $o -go] && [file exists $file]}]
+    if {$go} {
+        # The rules, and so the size of the board, are those of the game.
+        set in [open $file]
+        dict set o -variant [dict get [read $in] variant]
+        close $in
+    }
+    if {$windows} {
+        uplevel #0 [list source [file join $::session::Here window.tcl]]
+        checkersWindow::build [dict merge [dict filter $o script {option -} {expr {$option in {-variant -dry -limit}}}] [list -mouse [expr {[dict get $o -human] eq "mouse"}] \
+            -restart checkersGame::Restart -again checkersGame::Again]]
+        bind . <Destroy> {+checkersGame::Closed %W}
+    } else {
+        puts "no display: the window is left out, the moves are printed"
+    }
+    set code 0
+    set Wants {}
+    set Playing 1
     try {
-        session::begin $folder $settings $speed
-        if {$go} {
-            # A simulated laboratory begins as for a new game.
-            $::session::Human CTRL -setOut
+        Begin $o $folder $go $windows
+        while 1 {
+            if {$Wants eq {}} {
+                set figures [session::play [dict get $o -most]]
+            }
+            set Playing 0
+            if {$Wants eq {}} {
+                dict for {name value} $figures {
+                    puts "$name [join $value]"
+                }
+                set code [expr {[lindex [dict get $figures result] 0] ni {1-0 0-1 1/2-1/2} || [lindex [dict get $figures wrong_readings_accepted] 0] > 0}]
+                if {!$windows || [dict get $o -once]} {
+                    return $code
+                }
+                puts "The window is yours; close it to end."
+                vwait ::checkersGame::Wants
+            }
+            set wants $Wants
+            set Playing 1
+            set Wants {}
+            switch $wants {
+                end { return $code }
+                again {}
+                default {
+                    session::end
+                    set o [dict merge $o [dict remove $wants -mouse] [list -position {} -human [expr {[dict get $wants -mouse] ? "mouse" : "sim"}]]]
+                    Begin $o $folder 0 $windows
+                }
+            }
         }
-        if {$windows} {
-            uplevel #0 [list source [file join $::session::Here window.tcl]]
-            set ::checkersWindow::Speed $speed
-            checkersWindow::build [expr {${-human} eq "mouse"}] 8
-        } else {
-            puts "no display: the window is left out"
-        }
-        set ::session::Watch [list checkersGame::Show $windows]
-        # The plot may have begun before somebody watched.
-        set now [dict get [$::session::Checkers exec state] text]
-        if {[dict exists $now position]} {
-            Show $windows $now
-        }
-        set figures [session::play]
-        dict for {name value} $figures {
-            puts "$name [join $value]"
-        }
-        if {$windows && !${-once}} {
-            puts "The window is yours; close it to end."
-            tkwait window .
-        }
-        return [expr {[lindex [dict get $figures result] 0] ni {1-0 0-1 1/2-1/2} || [lindex [dict get $figures wrong_readings_accepted] 0] > 0}]
     } finally {
         session::end
     }

@@ -1,7 +1,7 @@
 # dry.tcl -- a game without robot and camera: drycarry and drysight do by requests to simlab what carry and getBrdSit do by hand and eye.
 #
 #     drycarry -lab simlab@lab            drycarry EXEC FMSG 6 3 3 0 4 4 0
-#     drysight -lab simlab@lab            drysight EXEC
+#     drysight -lab simlab@lab            drysight EXEC; publishes seen as sight does
 
 package require sorma
 
@@ -29,13 +29,18 @@ oo::class create ::sorma::service::drycarry {
     superclass ::checkers::laboratory
     sorma::purpose "puts tokens from field to field, without a robot"
     sorma::option -lab service -default simlab -help "the laboratory"
-    sorma::reads floats 6 "" "from: file, rank, tokens underneath; to: the same"
+    sorma::words "?height|finish?"
+    sorma::reads floats 2..6 "" "from: file, rank, tokens underneath; to: the same. height: file, rank"
     sorma::reads ints 0..1 "" "how many tokens are carried together: all that lie there"
     sorma::reads text * "" "their colour"
-    sorma::writes floats 3 "" "how far beside the field it lies, file and rank; seconds"
+    sorma::writes floats 1..3 "" "how far beside the field it lies, file and rank; seconds. height: how many tokens lie there; finish: 0, the hand holds nothing"
     sorma::example "drycarry CTRL -help"
 
     method exec message {
+        switch [dict get $message words] {
+            height { return [dict create floats [llength [my At {*}[dict get $message floats]]]] }
+            finish { return {floats 0} }
+        }
         lassign [dict get $message floats] file rank underneath toFile toRank above
         set underneath [expr {int($underneath)}]
         set above [expr {int($above)}]
@@ -76,25 +81,32 @@ oo::class create ::sorma::service::drysight {
             if {$file < 0.5 || $file >= $width + 0.5 || $rank < 0.5 || $rank >= $width + 0.5} continue
             lset fields [expr {($width - round($rank)) * $width + round($file) - 1}] [string index $name 0]
         }
+        my publish seen -text [join $fields {}] -floats [lrepeat [llength $fields] 1]
         return [dict create text [join $fields {}]]
     }
 }
 
-# Move the board [m, rad], and what lies beside it as well.
-proc ::checkers::moveBoard {lab dx dy turn} {
+# Move the board [m, rad], and what lies beside it as well. Tokens that lie there are taken away first: one that is put where another
+# one still lies pushes it away.
+proc ::checkers::moveBoard {lab dx dy turn {width 8}} {
     set beside {}
     foreach line [lsort -real -index 5 [split [lindex [$lab DBX -tokens] 3] \n]] {
         lassign $line name file rank - - z
-        if {$file < 0.5 || $file > 8.5} {
+        if {$file < 0.5 || $file > $width + 0.5} {
             lappend beside [list $name $file $rank [expr {round($z / 0.008 - 0.5)}]]
         }
+    }
+    set beside [lmap token $beside {
+        lassign $token name file rank
+        expr {min($file, $rank) > -4 && max($file, $rank) < $width + 4 ? $token : [continue]}
+    }]
+    foreach token $beside {
+        $lab CTRL -steal [lindex $token 0]
     }
     $lab CTRL -board $dx $dy $turn
     foreach token $beside {
         lassign $token name file rank above
-        if {$file > -4 && $file < 12 && $rank > -4 && $rank < 12} {
-            catch {$lab CTRL -move $name $file $rank $above}
-        }
+        catch {$lab CTRL -move $name $file $rank $above}
     }
 }
 

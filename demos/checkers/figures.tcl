@@ -1,7 +1,8 @@
-# figures.tcl ?-games N? ?-seed S? ?-faults F? ?-kills SECONDS? ?-shifts N? ?-variant V? ?-folder F? -- games that nobody watches, and what is counted.
+# figures.tcl ?-games N? ?-seed S? ?-faults F? ?-kills SECONDS? ?-victims NAMES? ?-shifts N? ?-variant V? ?-dry? ?-most SECONDS? ?-folder F? -- games that nobody watches, and what is counted.
 #
 # Each game: the board is put somewhere else, the light is another one (+-20 %), the person has another seed. -kills: every so many
-# seconds of wall time one of the daemons is killed. -shifts: so often the board is moved during a game. Exit code 0: all games were ended
+# seconds of wall time one of the daemons is killed, of all or of -victims. -shifts: so often the board is moved during a game. -dry: without arm, hand and eye.
+# -most: a game that has not ended after so much wall time is given up, and it is said where the plot stood. Exit code 0: all games were ended
 # by the rules, nothing wrong was believed, no token was lost without being noticed, each fault was named.
 
 source [file join [file dirname [file normalize [info script]]] session.tcl]
@@ -19,30 +20,27 @@ proc checkersFigures::uniform most {
     return [expr {$most * (2 * rand() - 1)}]
 }
 # Where nothing stands the board may be put, within what the arm reaches.
-proc checkersFigures::shift {} {
+proc checkersFigures::shift width {
     variable Place
     set place [list [uniform 0.02] [uniform 0.03] [uniform 0.15]]
-    ::checkers::moveBoard $::session::Lab {*}[lmap to $place from $Place {expr {$to - $from}}]
+    ::checkers::moveBoard $::session::Lab {*}[lmap to $place from $Place {expr {$to - $from}}] $width
     set Place $place
 }
 # While the person thinks, now and then.
 proc checkersFigures::Watch told {
     variable Shifts
-    if {[dict get $told state] eq "think" && $Shifts > 0 && rand() < 0.2} {
-        incr Shifts -1
-        shift
+    if {[dict get $told state] eq "think" && $Shifts > 0 && !$::session::Forgotten && rand() < 0.3} {
+        # The laboratory may just have been killed; then another time.
+        incr Shifts [expr {-![catch {shift [::checkers::tokens width [dict get $told pdn]]}]}]
     }
 }
 proc checkersFigures::Kill {daemons seconds} {
     variable Killing
     variable Kills
     set victim [lindex $daemons [expr {int(rand() * [llength $daemons])}]]
-    foreach d [sorma::daemons] {
-        if {[dict get $d name] eq $victim} {
-            puts "    (killed: $victim)"
-            catch {exec kill -KILL [regexp -inline {\d+(?=\]$)} [dict get $d identity]]}
-            incr Kills
-        }
+    incr Kills [session::kill $victim]
+    if {$victim eq "lab"} {
+        variable Place {0 0 0}
     }
     set Killing [after [expr {int(1e3 * $seconds)}] [list checkersFigures::Kill $daemons $seconds]]
 }
@@ -51,51 +49,57 @@ proc checkersFigures::run {} {
     variable Shifts
     variable Kills
     variable Killing
-    set o [sorma::options::parse {-games {any 20} -seed {any 1} -faults {any 0} -kills {any 0} -shifts {any 0} -variant {any braz} -speed {any 0}
-        -folder any} $::argv]
+    set o [sorma::options::parse {-games {any 20} -seed {any 1} -faults {any 0} -kills {any 0} -shifts {any 0} -variant {{choice braz engl intl} braz} -speed {any 0}
+        -folder any -dry flag -most {any 900} -victims {any {}}} $::argv]
     dict with o {}
     fconfigure stdout -buffering line
     expr {srand(${-seed})}
     set folder [expr {${-folder} eq {} ? [file join [pwd] checkersFigures] : ${-folder}}]
     file delete [file join $folder checkers.game] [file join $folder human.game]
-    set common [dict create checkers [list -variant ${-variant} -look 10] draughts.engine {-level 5}]
+    set common [session::settings [list -variant ${-variant} -look 10 -tidy 60] {-level 5} ${-dry}]
+    set width [expr {${-variant} eq "intl" ? 10 : 8}]
+    set victims [expr {${-victims} ne {} ? ${-victims} : ${-dry} ? {voice player human} : {lab robot eye hand transform laser voice player human}}]
     set rows {}
+    set failed 0
     try {
         for {set n 1} {$n <= ${-games}} {incr n} {
             set settings [dict merge $common [dict create human.sim [list -variant ${-variant} -level [expr {1 + $n % 4}] -seed [expr {${-seed} * 1000 + $n}] -faults ${-faults}]]]
             if {$n == 1} {
-                session::begin $folder $settings ${-speed}
+                session::begin $folder $settings ${-speed} -intl [expr {$width == 10}] -dry ${-dry}
                 session::ready
                 set ::session::Watch checkersFigures::Watch
                 if {${-kills} > 0} {
-                    set Killing [after [expr {int(1e3 * ${-kills})}] [list checkersFigures::Kill {robot eye hand transform voice player human} ${-kills}]]
+                    set Killing [after [expr {int(1e3 * ${-kills})}] [list checkersFigures::Kill $victims ${-kills}]]
                 }
             } else {
                 session::again $settings
             }
-            shift
+            shift $width
             $::session::Lab CTRL -light [expr {1 + [uniform 0.2]}] -shadows [expr {rand() < 0.3}]
             set Shifts ${-shifts}
-            set figures [session::play]
+            set figures [session::play ${-most}]
             lappend rows $figures
             puts "game $n: [join [lmap {name value} $figures {string cat $name { } [join $value]}] {, }]"
         }
+    } on error {text how} {
+        puts "the games end here: $text"
+        set failed 1
     } finally {
         after cancel $Killing
         session::end
     }
-    return [Report $rows]
+    return [expr {[Report $rows] || $failed}]
 }
 proc checkersFigures::Report rows {
     variable Kills
     set ended [llength [lsearch -all -regexp [lmap row $rows {dict get $row result}] {1-0|0-1|1/2-1/2}]]
     puts "games [llength $rows] 1\nended_by_the_rules $ended 1\ndaemons_killed $Kills 1"
-    foreach name {carries troubles board_moved wrong_readings_accepted tokens_lost_unnoticed faults_of_the_person faults_named lab_time wall_time} {
-        set $name [tcl::mathop::+ {*}[lmap row $rows {lindex [dict get $row $name] 0}]]
-        puts "$name [set $name] [lindex [dict get [lindex $rows 0] $name] 1]"
+    foreach name {carries troubles heights_felt moves_foreseen board_moved wrong_readings_accepted tokens_lost_unnoticed faults_of_the_person faults_named faults_undone put_in_order lab_time wall_time} {
+        set $name [tcl::mathop::+ 0 {*}[lmap row $rows {lindex [dict get $row $name] 0}]]
+        puts "$name [set $name] [expr {[string match *_time $name] ? "s" : "1"}]"
     }
     puts "speed [format %.1f [expr {double($lab_time) / max(1, $wall_time)}]] 1"
-    return [expr {$ended < [llength $rows] || $wrong_readings_accepted > 0 || $tokens_lost_unnoticed > 0 || $faults_named < $faults_of_the_person}]
+    return [expr {$ended < [llength $rows] || $wrong_readings_accepted > 0 || $tokens_lost_unnoticed > 0 || $faults_named + $faults_undone < $faults_of_the_person}]
 }
 
 if {[file normalize $argv0] eq [file normalize [info script]]} {

@@ -9,8 +9,10 @@ package provide checkers::game 1.0
 oo::class create ::checkers::game {
     # draughts: name of an object of class draughts; file: to keep the game in, empty: nowhere.
     constructor {draughts file} {
-        my variable Draughts File Lies Intended Before
-        set Before {}
+        my variable Draughts File Lies Intended Before Step Robot Clock Ended
+        set Before [set Robot [set Ended {}]]
+        set Clock {white 0 black 0 limit 0}
+        set Step 0
         set Draughts $draughts
         set File $file
         set Lies {}
@@ -19,7 +21,9 @@ oo::class create ::checkers::game {
 
     # Begin with a position, and what lies beside the board: place -> colours.
     method begin {position {heap {}}} {
-        my variable Draughts Lies
+        my variable Draughts Lies Robot Clock Ended
+        set Robot [set Ended {}]
+        set Clock [dict replace $Clock white 0 black 0]
         if {$position eq {}} {
             $Draughts EXEC new
         } else {
@@ -31,7 +35,7 @@ oo::class create ::checkers::game {
 
     # Go on where the file says that a game was interrupted. False when there is none.
     method resume {} {
-        my variable Draughts File Lies Intended
+        my variable Draughts File Lies Intended Step Robot Clock
         if {$File eq {} || ![file exists $File]} {
             return 0
         }
@@ -49,18 +53,23 @@ oo::class create ::checkers::game {
         $Draughts exec -text [dict get $kept pdn] pdn
         set Lies [dict get $kept lies]
         set Intended [dict get $kept intended]
+        set Step [expr {[dict exists $kept step] ? [dict get $kept step] : 0}]
+        set Robot [expr {[dict exists $kept robot] ? [dict get $kept robot] : {}}]
+        if {[dict exists $kept clock]} {
+            set Clock [dict get $kept clock]
+        }
         return 1
     }
 
     # Written beside it and moved there: a crash leaves the game before this half-move, or after it.
     method Keep {} {
-        my variable Draughts File Lies Intended
+        my variable Draughts File Lies Intended Step Robot Clock
         if {$File eq {}} {
             return
         }
         set out [open $File.new w]
         fconfigure $out -encoding utf-8
-        puts $out [dict create version 1 variant [$Draughts cget -variant] pdn [my pdn] lies $Lies intended $Intended]
+        puts $out [dict create version 1 variant [$Draughts cget -variant] pdn [my pdn] lies $Lies intended $Intended step $Step robot $Robot clock $Clock]
         close $out
         file rename -force $File.new $File
     }
@@ -76,7 +85,18 @@ oo::class create ::checkers::game {
     method lies {} { my variable Lies; return $Lies }
     method width {} { my variable Draughts; return [expr {[$Draughts cget -variant] eq "intl" ? 10 : 8}] }
     method position {} { my variable Draughts; return [dict get [$Draughts exec fen] text] }
-    method pdn {} { my variable Draughts; return [dict get [$Draughts exec pdn] text] }
+    # With the result, also when it is not one by the rules of the game.
+    method pdn {} {
+        my variable Draughts Ended
+        set pdn [dict get [$Draughts exec pdn] text]
+        if {$Ended ne {}} {
+            set pdn [string map [list {[Result "*"]} "\[Result \"$Ended\"\]"] $pdn]
+            regsub {\*\s*$} $pdn "$Ended\n" pdn
+        }
+        return $pdn
+    }
+    # The game is over: by the rules, by agreement, or because a side is out of time.
+    method end result { my variable Ended; set Ended $result }
     method state what { my variable Draughts; return [dict get [dict get [$Draughts exec state] text] $what] }
     method side {} { return [my state side] }
     method over {} { return [expr {[my state result] ne "*"}] }
@@ -99,27 +119,98 @@ oo::class create ::checkers::game {
         return [list $stops $victims [expr {[lindex $to 1] == $last && [llength [dict get $Lies $from]] == 1}]]
     }
 
+    # Where a piece comes from, and where it goes, as places.
+    method origin move { return [::checkers::tokens place [my width] [lindex [my Path $move] 0 0]] }
+    method goal move { return [::checkers::tokens place [my width] [lindex [my Path $move] 0 end]] }
+
+    # What lies where after a move when nobody knows what lies beside the board.
+    method after move {
+        my variable Draughts Lies
+        set width [my width]
+        $Draughts exec play $move
+        set lies [::checkers::tokens lie $width [my position]]
+        $Draughts exec undo
+        return [dict merge [dict filter $Lies script {place -} {expr {[lindex $place 0] < 1 || [lindex $place 0] > $width}}] $lies]
+    }
+
     # The move that is being carried out: whoever continues the game goes on with it. Empty: none.
     method intend move {
-        my variable Intended
+        my variable Intended Step
         set Intended $move
+        set Step 0
         my Keep
     }
     method intended {} { my variable Intended; return $Intended }
 
+    # So many of its transfers have been done; the next one may have been begun.
+    method begun step {
+        my variable Step
+        if {$step != $Step} {
+            set Step $step
+            my Keep
+        }
+    }
+    method step {} { my variable Step; return $Step }
+
+    # The colour that the robot plays in this game; empty: as it was at the beginning.
+    method robot {{colour {}}} {
+        my variable Robot
+        if {$colour ne {}} {
+            set Robot $colour
+            my Keep
+        }
+        return $Robot
+    }
+
+    # ---- the clocks: a dict, white and black: how long each side has taken [s]; limit: what each one has, 0: as much as it wants ----
+
+    method clock {} { my variable Clock; return $Clock }
+    method limit seconds { my variable Clock; dict set Clock limit $seconds; my Keep }
+    method spend {side seconds} { my variable Clock; dict set Clock $side [expr {[dict get $Clock $side] + $seconds}] }
+    # The side that is out of time; empty: none.
+    method late {} {
+        my variable Clock
+        dict with Clock {}
+        return [expr {$limit == 0 ? {} : $white >= $limit ? "white" : $black >= $limit ? "black" : {}}]
+    }
+    # Who played White plays Black, and keeps his time.
+    method exchange {} {
+        my variable Clock
+        set Clock [dict replace $Clock white [dict get $Clock black] black [dict get $Clock white]]
+        my Keep
+    }
+
+    # Tokens lie elsewhere than was believed, but the position is the same.
+    method correct lies {
+        my variable Lies
+        set Lies $lies
+        my Keep
+    }
+
     # Play a move, after which LIES is where the tokens are.
     method play {move lies} {
-        my variable Draughts Lies Intended Before
+        my variable Draughts Lies Intended Before Step
         set played [dict get [$Draughts exec play $move] text]
         set Before $Lies
         set Lies $lies
         set Intended {}
+        set Step 0
         my Keep
         return $played
     }
 
     # Where the tokens lay before the last move; empty: that is not known.
     method before {} { my variable Before; return $Before }
+
+    # Somebody else plays this game, and says where it stands.
+    method follow {pdn lies} {
+        my variable Draughts Lies
+        if {$lies ne $Lies || $pdn ne [my pdn]} {
+            $Draughts exec -text $pdn pdn
+            set Lies $lies
+            my Keep
+        }
+    }
 
     # The last move is taken back.
     method back {} {

@@ -3,4 +3,5 @@ foreach file {packages start} {
     source [file join [file dirname [file normalize [info script]]] $file.tcl]
 }
 package require sorma::service::human
+checkers::settle
 checkers::start human.sim

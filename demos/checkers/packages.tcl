@@ -2,7 +2,8 @@
 
 apply {folder {
     foreach {file packages} {
-        tokens checkers::tokens   game checkers::game   player checkers::player   boardview checkers::boardview
+        tokens checkers::tokens   game checkers::game   repair checkers::repair   hands checkers::hands   ponder checkers::ponder   clock checkers::clock
+        player checkers::player   boardview checkers::boardview
         dry {sorma::service::drycarry sorma::service::drysight}
         body {sorma::service::humaneye sorma::service::humanhand}   person checkers::person   people sorma::service::human
         plot sorma::service::checkers   sight sorma::service::sight   porter sorma::service::porter

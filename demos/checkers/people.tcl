@@ -25,9 +25,9 @@ oo::class create ::sorma::service::human {
     sorma::option -faults double -range {0 1} -default 0 -help "before so many of his moves he does something wrong"
     sorma::option -kinds string -default {illegal nudged two back stolen turned} -help "what he does wrong"
     sorma::option -file string -kind file -default {} -help "his memory of the game; empty: none"
-    sorma::option -mouse flag -default 0 -help "he only sets out the tokens: a real person plays"
+    sorma::option -mouse flag -default 0 -help "he only sets out the tokens: a real person plays (class humanhand moves them)"
     sorma::words "play|state"
-    sorma::conduct concurrent
+    sorma::concurrency concurrent
     sorma::action -new {} "give up this game" {if {$Player ne {}} {$Player order new}} -right call
     sorma::action -setOut {} "put the tokens where his game says that they lie" {if {$Player ne {}} {my SetOut [$Game lies]}} -right call
     sorma::writes text * "" "play: the result; state: idle, begin (he sets out the tokens), or play"
@@ -35,9 +35,12 @@ oo::class create ::sorma::service::human {
 
     variable Player Game    ;# objects; Player empty: he does not play
     variable State          ;# idle, begin, play
+    variable Asked          ;# what the robot has told last of the board; empty: nothing
     variable Hears          ;# subscription of what the robot tells; empty: none
+    variable Feels          ;# subscription of the laboratory, if that is in another process
+    variable Began          ;# when the daemon of the laboratory was started [us]
     method born {} {
-        set Player [set Hears {}]
+        set Player [set Hears [set Asked [set Feels [set Began {}]]]]
         set State idle
     }
     destructor {
@@ -48,6 +51,62 @@ oo::class create ::sorma::service::human {
             sorma::unsubscribe $Hears
             set Hears {}
         }
+        if {$Feels ne {}} {
+            sorma::unsubscribe $Feels
+            set Feels {}
+        }
+    }
+
+    # A simulated laboratory that is started anew has forgotten where everything was: he sets out the tokens as the game has them.
+    # Returns whether it is another one than when he played last.
+    method Attend {} {
+        if {![regexp {@(.+)$} [my cget -lab] -> daemon]} {
+            return 0
+        }
+        set Feels [sorma::subscribe [my cget -lab] -event sorma.reconnected -command [namespace code {my Felt}]]
+        return [my Another]
+    }
+    # When it was started is kept beside the memory of the game: both daemons may be killed at the same time.
+    method Another {} {
+        regexp {@(.+)$} [my cget -lab] -> daemon
+        set file [expr {[my cget -file] eq {} ? {} : "[my cget -file].lab"}]
+        if {$Began eq {} && $file ne {} && [file exists $file]} {
+            set in [open $file]
+            set Began [gets $in]
+            close $in
+        }
+        set began [dict get [sorma::health $daemon] started]
+        set other [expr {$Began ni [list {} $began]}]
+        if {$file ne {} && $Began ne $began} {
+            set out [open $file w]
+            puts $out $began
+            close $out
+        }
+        set Began $began
+        return $other
+    }
+    method Felt event {
+        if {[dict get $event event] eq "sorma.reconnected" && $Player ne {}} {
+            coroutine [self namespace]::Remembers[incr ::checkers::Remembered] [namespace which my] Remember
+        }
+    }
+    method Remember {} {
+        if {$State ne "play" || ![my Another]} {
+            return
+        }
+        my SetOut [my Known]
+        my publish person -text {state remembered}
+    }
+    # What lies where, as he knows it; or as the robot says, if it has seen or carried a move that he has not seen.
+    method Known {} {
+        if {[my cget -robot] ne {} && ![catch {dict get [[my cget -robot] exec state] text} told] && [dict exists $told pdn]} {
+            set mine [my Moves [$Game pdn]]
+            set its [my Moves [dict get $told pdn]]
+            if {$its ne $mine && [string match "$mine*" $its]} {
+                return [dict get $told lies]
+            }
+        }
+        return [$Game lies]
     }
 
     method exec message {
@@ -67,27 +126,39 @@ oo::class create ::sorma::service::human {
         set engine draughts.$suffix-thinks
         $engine configure -level [my cget -level] -seed [my cget -seed] -endgames 0 -idle 1
         [my cget -eye] configure -width [expr {[my cget -variant] eq "intl" ? 10 : 8}]
-        expr {srand([my cget -seed] + 1)}
         set Player [::checkers::person new $Game [my cget -lab] [my cget -faults] [my cget -kinds] -robot [my cget -colour] -engine $engine \
             -carry [my cget -hand] -sight [my cget -eye] -still 2 -look 20 -watch [namespace code {my Watch}]]
         set State begin
         try {
+            set colour [expr {[$Game robot] eq {} ? [my cget -colour] : [$Game robot]}]
+            $Player sides $colour
+            set another [my Attend]
             set Hears [expr {[my cget -robot] eq {} ? {} : [sorma::subscribe [my cget -robot] -event * -queue 1000 -command [namespace code {my Heard}]]}]
-            if {![$Game resume] || [$Game over]} {
+            set begun [expr {[$Game resume] && ![$Game over]}]
+            if {!$begun} {
                 draughts.$suffix configure -variant [my cget -variant]
                 $Game begin [my cget -position] [::checkers::tokens spares [$Game width]]
                 my SetOut [$Game lies]
-            }
-            # He may have had a token in his hand.
-            if {[my Missing [$Game lies]]} {
+            } elseif {$another} {
+                if {[my cget -mouse]} {
+                    my Follow
+                }
+                my SetOut [my Known]
+                my publish person -text {state remembered}
+            } elseif {[my cget -mouse]} {
+                my Follow
+                my PutBack [$Game lies]
+            } elseif {[$Game intended] ne {}} {
+                my PutDown
+            } elseif {([$Game side] eq $colour || [$Game state moves] == 0) && ([my Missing [$Game lies]] ne {} || [my Wrong])} {
+                # He was about to do something wrong.
                 my SetOut [$Game lies]
             }
+            # What he does at random after a restart is not what he did before.
+            expr {srand([my cget -seed] + 1 + 7919 * [$Game state moves])}
             catch {[my cget -lab] CTRL -person away}
             set State play
-            if {[my cget -mouse]} {
-                return {text *}
-            }
-            set result [$Player play]
+            set result [if {[my cget -mouse]} {$Player watch} else {$Player play}]
             $Game forget
             return [dict create text $result]
         } trap {CHECKERS ORDER} {} {
@@ -110,21 +181,136 @@ oo::class create ::sorma::service::human {
                 if {[string match "*a person must reset it*" [dict get $event text]]} {
                     [my cget -lab] CTRL -reset
                 }
-                if {[dict get $event words] eq "trouble"} {
-                    $Player heard [dict get $event text]
+            }
+            plot {
+                set told [dict get $event text]
+                if {[my cget -mouse]} {
+                    # What is told of a game by other rules, which ends now, is nothing to him.
+                    if {$State eq "play"} {
+                        catch {my Hear $told}
+                    }
+                    return
+                }
+                set state [dict get $told state]
+                $Player robot $state
+                switch $state {
+                    trouble {
+                        # About the board; in the person's turn it is as the person has left it.
+                        if {[dict exists $told sight]} {
+                            $Player heard [dict get $told text]
+                            if {![dict exists $told expected]} {
+                                my Asked $told
+                            }
+                        }
+                    }
+                    sides { $Player order sides }
+                    offer { my Consider }
+                    agreed { $Player order new }
                 }
             }
-            plot { $Player robot [dict get $event text state] }
+        }
+    }
+    # A real person plays: where the game stands is known from the robot alone, which may be away.
+    method Follow {} {
+        if {[my cget -robot] ne {} && ![catch {dict get [[my cget -robot] exec state] text} told]} {
+            my Hear $told
+        }
+    }
+    method Hear told {
+        if {[dict get $told state] in {over agreed}} {
+            $Player order new
+        } elseif {[dict exists $told lies]} {
+            $Game follow [dict get $told pdn] [dict get $told lies]
+        }
+    }
+    # The robot offers a draw: whoever does not accept plays on.
+    method Consider {} {
+        set agrees [$Player agrees]
+        my Watch considered [list agrees $agrees]
+        if {$agrees} {
+            sorma::async -command {apply {future {catch {$future result}; $future destroy}}} [my cget -robot] CTRL -draw
         }
     }
     method Watch {what facts} {
         my publish person -text [dict merge [list state $what] $facts]
     }
 
-    # Are there fewer tokens on the board and its heaps than there should be?
+    # Of what the robot tells once more he is not aware: then he puts all tokens where his game says, if he knows all that the robot knows.
+    method Asked told {
+        set text [dict get $told text]
+        if {$text ne $Asked || [$Player errs] || [$Game intended] ne {} || ![string match "[my Moves [dict get $told pdn]]*" [my Moves [$Game pdn]]]} {
+            set Asked $text
+            return
+        }
+        set Asked {}
+        my publish person -text {state order}
+        coroutine [self namespace]::Orders [namespace which my] Order
+    }
+    # Of a game, as one text.
+    method Moves pdn {
+        return [string trimright [regsub -all {\s+} [regsub -all {\[[^]]*\]\s*} $pdn {}] { }] "* "]
+    }
+    method Order {} {
+        [my cget -eye] exec
+        if {$Player ne {} && ![$Player errs] && [$Game intended] eq {}} {
+            my SetOut [$Game lies]
+        }
+    }
+
+    # Tokens that lie neither on the board nor on its heaps, by their names.
+    method Nowhere {} {
+        set most [expr {[$Game width] + 2}]
+        return [lmap token [my Tokens] {
+            lassign $token name file rank
+            expr {$file > -1 && $file < $most && $rank > 0.5 && $rank < $most - 1.5 ? [continue] : $name}
+        }]
+    }
+    # Those of them that his game misses.
     method Missing lies {
-        set there [llength [lsearch -all -regexp [my Tokens] {^\S+ (-0\.4|\d\.)\d* \d\.}]]
-        return [expr {$there < [llength [concat {*}[dict values $lies]]]}]
+        set nowhere [my Nowhere]
+        set all [lmap token [my Tokens] {lindex $token 0}]
+        set missing {}
+        foreach colour {red yellow} {
+            set away [lsearch -all -inline $nowhere ${colour}_*]
+            set there [expr {[llength [lsearch -all $all ${colour}_*]] - [llength $away]}]
+            set should [llength [lsearch -all -exact [concat {*}[dict values $lies]] $colour]]
+            lappend missing {*}[lrange $away 0 [expr {$should - $there - 1}]]
+        }
+        return $missing
+    }
+    # What he had in his hand goes to where it should have gone: the robot may have answered since.
+    method PutDown {} {
+        set transfer [lindex [$Game plan [$Game intended]] 0 [$Game step]]
+        lassign $transfer - - - file rank
+        foreach name [my Missing [$Game lies]] {
+            [my cget -lab] CTRL -move $name $file $rank [llength [my At $file $rank]]
+        }
+    }
+
+    # Tokens that lie nowhere go to where the game misses them; all others stay where they are.
+    method PutBack lies {
+        set free [my Nowhere]
+        dict for {place stack} $lies {
+            set n [llength [my At {*}$place]]
+            foreach colour [lrange $stack $n end] {
+                set name [lsearch -inline $free ${colour}_*]
+                if {$name eq {}} break
+                set free [lsearch -all -inline -not -exact $free $name]
+                [my cget -lab] CTRL -move $name {*}$place $n
+                incr n
+            }
+        }
+    }
+
+    # When the arm is away: does the board look otherwise than his game says?
+    method Wrong {} {
+        # Without an arm nobody says where it is.
+        for {set try 0} {[set failed [catch {dict get [[my cget -eye] exec] text} sight]] && $try < 50} {incr try} {
+            sorma::await sleep 100
+        }
+        return [expr {(!$failed && $sight ne [$Game sight [$Game lies]]) || [my Differs [dict filter [$Game lies] script {place -} {
+            expr {[lindex $place 0] >= 1 && [lindex $place 0] <= [$Game width]}
+        }]] ne {}}]
     }
 
     # All tokens are put where they should lie, at once. Somebody else may move tokens meanwhile (the board is shifted): then it is said

@@ -9,8 +9,9 @@ oo::class create ::checkers::person {
 
     # faults: how often, 0 to 1; kinds: which; lab: the laboratory
     constructor {game lab faults kinds args} {
-        my variable Lab Faults Kinds Heard Robot
-        set Robot {}
+        my variable Lab Faults Kinds Heard Robot Carried Erring
+        set Erring 0
+        set Robot [set Carried {}]
         set Lab $lab
         set Faults $faults
         set Kinds $kinds
@@ -23,8 +24,43 @@ oo::class create ::checkers::person {
     # In which state of the plot it is.
     method robot state { my variable Robot; set Robot $state }
 
+    # Sides are changed when the robot says so. It has seen no move: one that he has begun he takes back.
+    method Obey {} {
+        my variable Order Game Carried
+        next
+        if {$Order eq "sides"} {
+            if {[$Game intended] ne {}} {
+                my Note withdrawn move [$Game intended] transfers $Carried
+                foreach transfer [lreverse $Carried] {
+                    [my Setting -carry] exec -floats [concat [lrange $transfer 3 5] [lrange $transfer 0 2]]
+                }
+                $Game intend {}
+            }
+            my Interrupt
+        }
+    }
+    method Carry {transfer lies} {
+        my variable Carried
+        set done [next $transfer $lies]
+        if {$done} {
+            lappend Carried $transfer
+        }
+        return $done
+    }
+    # The robot offers a draw. Does he want one, as he thought of his position last?
+    method agrees {} { return [expr {[my Judged] <= 0.3}] }
+
+    # A real person plays: until another game is wanted.
+    method watch {} {
+        while 1 {
+            my Obey
+            sorma::await sleep 50
+        }
+    }
+
     method Answer {} {
-        my variable Faults Kinds Game Robot
+        my variable Faults Kinds Game Robot Carried Erring
+        set Carried {}
         # It looks once more before it says that it is his turn.
         set end [expr {[clock milliseconds] + 20000}]
         while {$Robot in {thought answer carry carried verify played} && [clock milliseconds] < $end} {
@@ -32,20 +68,25 @@ oo::class create ::checkers::person {
         }
         if {[$Game intended] eq {} && rand() < $Faults} {
             set kind [lindex $Kinds [expr {int(rand() * [llength $Kinds])}]]
+            set Erring 1
             my Fault$kind
+            set Erring 0
         }
         next
     }
-    # He does it now. What he is told from here on is about that.
-    method Doing {kind {state fault}} {
+    # He is about to do something wrong, and knows it.
+    method errs {} { my variable Erring; return $Erring }
+
+    # He does it now. What he is told from here on is about that. PLACES: the fields of which one should be named.
+    method Doing {kind places {state fault}} {
         my variable Heard
         set Heard {}
-        my Note $state kind $kind
+        my Note $state kind $kind fields [lmap place $places {my Field {*}$place}]
     }
     # Until he has been told what is wrong; for so long he insists.
     method Listen {} {
         my variable Heard
-        set end [expr {[clock milliseconds] + 60000}]
+        set end [expr {[clock milliseconds] + 180000}]
         while {$Heard eq {} && [clock milliseconds] < $end} {
             sorma::await sleep 20
         }
@@ -60,7 +101,7 @@ oo::class create ::checkers::person {
     method Own {} {
         my variable Game
         set colour [expr {[my Setting -robot] eq "white" ? "yellow" : "red"}]
-        set own [dict keys [dict filter [$Game lies] script {place stack} {expr {[lindex $place 0] <= [$Game width] && $stack eq $colour}}]]
+        set own [dict keys [dict filter [$Game lies] script {place stack} {expr {[my OnBoard $place] && $stack eq $colour}}]]
         return [lindex $own [expr {int(rand() * [llength $own])}]]
     }
     method Empty {} {
@@ -83,7 +124,7 @@ oo::class create ::checkers::person {
             set from [my Own]
             set to [my Empty]
             if {$from ne {} && [my Wrong $from $to]} {
-                my Doing illegal
+                my Doing illegal [list $from $to]
                 my Move $from $to
                 my Listen
                 my Move $to $from
@@ -92,10 +133,11 @@ oo::class create ::checkers::person {
         }
     }
     method Faultnudged {} {
+        my variable Game
         set from [my Own]
         if {$from eq {}} return
-        set beside [list [expr {[lindex $from 0] + ([lindex $from 0] > 4 ? -0.55 : 0.55)}] [lindex $from 1]]
-        my Doing nudged
+        set beside [list [expr {[lindex $from 0] + ([lindex $from 0] > [$Game width] / 2 ? -0.55 : 0.55)}] [lindex $from 1]]
+        my Doing nudged [list $from]
         my Move $from $beside
         my Listen
         my Move $beside $from
@@ -115,7 +157,7 @@ oo::class create ::checkers::person {
         }
         if {[llength $done] < 2} return
         lassign $done first second
-        my Doing two
+        my Doing two [list {*}$first {*}$second]
         my Move {*}$first 1
         my Move {*}$second
         my Listen
@@ -130,7 +172,7 @@ oo::class create ::checkers::person {
         set from [::checkers::tokens place [$Game width] $from]
         set to [::checkers::tokens place [$Game width] $to]
         if {[llength [dict get [$Game lies] $from]] == 1} {
-            my Doing back harmless
+            my Doing back {} harmless
             my Move $from $to 1
             my Move $to $from
         }
@@ -139,22 +181,24 @@ oo::class create ::checkers::person {
     method Faultstolen {} {
         my variable Game Lab
         set other [expr {[my Setting -robot] eq "white" ? "red" : "yellow"}]
-        foreach line [split [lindex [$Lab DBX -tokens] 3] \n] {
+        set lines [split [lindex [$Lab DBX -tokens] 3] \n]
+        set first [expr {int(rand() * [llength $lines])}]
+        foreach line [concat [lrange $lines $first end] [lrange $lines 0 $first-1]] {
             lassign $line name file rank - - z
-            if {[string match ${other}_* $name] && $z < 0.007 && [dict exists [$Game lies] [list [expr {round($file)}] [expr {round($rank)}]]]
-                    && $file < [$Game width] + 0.5 && [llength [dict get [$Game lies] [list [expr {round($file)}] [expr {round($rank)}]]]] == 1} {
-                my Doing stolen
+            set place [list [expr {round($file)}] [expr {round($rank)}]]
+            if {[string match ${other}_* $name] && $z < 0.007 && [my OnBoard $place] && [my Tokens [$Game lies] $place] == 1} {
+                my Doing stolen [list $place]
                 $Lab CTRL -steal $name
                 my Listen
-                $Lab CTRL -move $name [expr {round($file)}] [expr {round($rank)}]
+                $Lab CTRL -move $name {*}$place
                 return
             }
         }
     }
     method Faultturned {} {
-        my variable Lab Turned
-        my Doing turned harmless
+        my variable Lab Turned Game
+        my Doing turned {} harmless
         set Turned [expr {[info exists Turned] ? -$Turned : 1}]
-        ::checkers::moveBoard $Lab 0 [expr {0.012 * $Turned}] [expr {0.05 * $Turned}]
+        ::checkers::moveBoard $Lab 0 [expr {0.012 * $Turned}] [expr {0.05 * $Turned}] [$Game width]
     }
 }

@@ -5,4 +5,8 @@ foreach file {packages start} {
 package require sorma::service::checkers
 package require sorma::service::sight
 package require sorma::service::porter
-checkers::start checkers
+# A new game begins when somebody says so (EXEC play), since the tokens must be set out before; an interrupted one goes on.
+checkers::settle
+if {[file exists [checkers cget -file]]} {
+    checkers::start checkers
+}

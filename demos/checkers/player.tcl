@@ -10,40 +10,73 @@ package require sorma
 package require sorma::await
 package require sorma::options
 package require checkers::game
+package require checkers::hands
+package require checkers::ponder
+package require checkers::clock
 package provide checkers::player 1.0
 
 oo::class create ::checkers::player {
+    superclass ::checkers::hands ::checkers::ponder ::checkers::clock
+
     # -carry: who puts tokens from place to place; -sight: who says what stands on the board; -engine: who finds a move; -robot: the
     # colour that it plays. -still: so many equal looks are believed; -look: pause between two [ms]; -patience: after so many times
-    # -still looks at the same wrong board it is told. -board: a command that says by how many mm the board has been moved.
+    # -still looks at the same wrong board it is told, and again after -remind [s], as is a
+    # person who does not move; after -tidy [s] it puts the board in order itself (0: when it is asked to). -board: a command that says by how many mm the board has been moved; -point: a command that gets file and rank
+    # of a field that is wrong. -ponder: an engine that thinks on the person's time. -feel: is a token on the last row really a queen?
     constructor {game args} {
-        my variable Game Settings State Told Order
+        my variable Game Settings State Told Since Trouble Order Score Level Offered
         set Game $game
         set State begin
-        set Told [set Order {}]
+        set Told [set Order [set Since [set Trouble {}]]]
+        set Score [set Level [set Offered 0]]
         set Settings [sorma::options::parse {
             -carry {any carry} -sight {any getbrdsit} -engine {any draughts.engine}
             -robot {any black} -still {any 3} -look {any 300} -patience {any 6} -say {any {}} -watch {any {}} -board {any {}}
+            -point {any {}} -tidy {any 0} -remind {any 60} -ponder {any {}} -feel {any 0} -drawAfter {any 40}
         } $args]
+        if {[$game robot] ne {}} {
+            dict set Settings -robot [$game robot]
+        }
+    }
+    destructor {
+        my Unponder
     }
 
     method Setting name { my variable Settings; return [dict get $Settings $name] }
     method state {} { my variable State; return $State }
+    method robot {} { return [my Setting -robot] }
 
-    # End play, as soon as nothing is in the hand, with the error {CHECKERS ORDER word}.
+    # Something is wanted of the player: new, resign and draw end play with the error {CHECKERS ORDER word} as soon as nothing is in the
+    # hand, and so does time, when a side has no time left; sides changes sides when nobody has begun a move; order puts the board in order.
     method order word { my variable Order; set Order $word }
     method Obey {} {
         my variable Order
-        if {$Order ne {}} {
-            set word $Order
+        my Late
+        if {$Order eq "draw"} {
             set Order {}
-            throw [list CHECKERS ORDER $word] "the game is interrupted: $word"
+            my Asked
+        } elseif {$Order in {new resign}} {
+            my Interrupt
         }
+    }
+    # Nobody has begun a move: sides may be changed.
+    method Quiet {} {
+        my variable Order
+        if {$Order eq "sides"} {
+            my Interrupt
+        }
+    }
+    method Interrupt {} {
+        my variable Order
+        set word $Order
+        set Order {}
+        throw [list CHECKERS ORDER $word] "the game is interrupted: $word"
     }
 
     # The plot is there now; whoever watches hears it.
     method Enter {state args} {
         my variable State
+        my Tick
         set State $state
         my Note $state {*}$args
     }
@@ -57,40 +90,141 @@ oo::class create ::checkers::player {
             {*}[my Setting -say] $text
         }
     }
-    # What is wrong is told once, as long as it stays the same.
+    # What is wrong is told once, as long as it stays the same, and after -remind again. The field that is named first is pointed at.
     method Trouble {text args} {
-        my variable Told
-        if {$Told ne $text} {
+        my variable Told Since Trouble
+        set now [clock seconds]
+        if {$Trouble eq {}} {
+            set Trouble $now
+        }
+        if {$Told ne $text || ([my Setting -remind] > 0 && $now - $Since >= [my Setting -remind])} {
             set Told $text
+            set Since $now
             my Note trouble text $text {*}$args
             my Say $text
+            if {[my Setting -point] ne {} && [regexp {\m([a-j])(\d+)\M} $text -> file rank]} {
+                set file [expr {[string first $file abcdefghij] + 1}]
+                if {[catch {my Moved; {*}[my Setting -point] $file $rank} said]} {
+                    my Note unlit text $said
+                } else {
+                    my Note pointed place [list $file $rank]
+                }
+            }
         }
     }
+    # An error of a part, as people say it. CODE: its error code.
+    method Plain {text code} {
+        if {"OVERLOAD" in $code} {
+            return "Something has touched my arm, and I have stopped. Please keep your hands away; I go on."
+        }
+        return $text
+    }
     method Well {} {
-        my variable Told
-        set Told {}
+        my variable Told Trouble
+        my Tick
+        if {$Told ne {}} {
+            my Note well
+        }
+        set Told [set Trouble {}]
+    }
+    # Shall the robot put the board in order now?
+    method Wanted {} {
+        my variable Order Trouble
+        set tidy [my Setting -tidy]
+        if {$Order eq "order" || ($tidy > 0 && $Trouble ne {} && [clock seconds] - $Trouble >= $tidy)} {
+            set Order {}
+            my Well
+            return 1
+        }
+        return 0
     }
 
     # Play until the game is over. Returns its result.
     method play {} {
         my variable Game
         while {![$Game over]} {
-            if {[$Game side] eq [my Setting -robot]} {
-                try {
+            try {
+                if {[$Game side] eq [my Setting -robot]} {
                     my Answer
-                } trap {CHECKERS BACK} {} {
-                    $Game back
-                    my Note back
-                    my Say "You take back your move. It is your turn."
+                } else {
+                    my Await
                 }
-            } else {
-                my Await
+            } trap {CHECKERS BACK} {} {
+                $Game back
+                my Note back
+                my Say "You take back your move. It is your turn."
+            } trap {CHECKERS ORDER sides} {} {
+                my Sides
+            } trap {CHECKERS} {text how} {
+                return -options $how $text
+            } on error {text how} {
+                # A part is away, or cannot do it now: both turns begin again with what can be seen.
+                my Trouble [my Plain $text [dict get $how -errorcode]] code [dict get $how -errorcode] detail $text
+                sorma::await sleep [expr {max(100, [my Setting -look])}]
             }
         }
-        set result [$Game state result]
-        my Enter over result $result reason [$Game state reason]
-        my Say "The game is over: $result, [$Game state reason]."
+        return [my end [$Game state result] [$Game state reason]]
+    }
+    # The game is over, by the rules or by agreement. Returns its result.
+    method end {result reason} {
+        my variable Game
+        my Unponder
+        $Game end $result
+        my Enter over result $result reason $reason
+        my Say "The game is over: $result, $reason."
         return $result
+    }
+    # For a new game.
+    method sides colour {
+        my variable Settings Level Offered Score
+        my Unclock
+        set Score [set Level [set Offered 0]]
+        dict set Settings -robot $colour
+    }
+    # Who played White plays Black.
+    method Sides {} {
+        my variable Settings Game Score
+        my Unponder
+        set colour [expr {[my Setting -robot] eq "black" ? "white" : "black"}]
+        dict set Settings -robot $colour
+        $Game robot $colour
+        $Game exchange
+        set Score [expr {-$Score}]
+        my Note sides robot $colour
+        my Say "We change sides. I play [expr {$colour eq "white" ? "White" : "Black"}] now."
+        # A person who had begun a move puts it back first.
+        while {[$Game side] eq $colour && [set sight [lindex [my Still [expr {5 * [my Setting -still]}]] 0]] ne [$Game sight [$Game lies]]} {
+            if {$sight ne {}} {
+                my Trouble "Please put the board in order: [my Difference $sight [$Game sight [$Game lies]]]."
+            }
+            sorma::await sleep [my Setting -look]
+        }
+    }
+
+    # ---- a draw ----
+
+    # The person offers a draw, or accepts the robot's offer.
+    method Asked {} {
+        my variable Score Offered Game
+        if {$Offered || $Score < -0.3 || ($Score <= 0.3 && [$Game state moves] >= [my Setting -drawAfter])} {
+            throw {CHECKERS ORDER draw} "the players have agreed on a draw"
+        }
+        my Note declined score $Score
+        my Say [expr {$Score > 0.3 ? [format "No, thank you: I think that I am ahead by %.1f men." $Score]
+            : "No, thank you: it is too early. Ask me again after move [expr {[my Setting -drawAfter] / 2}]."}]
+    }
+    # After a while in which nobody is ahead the robot offers one; once in 20 moves of both.
+    method Offer score {
+        my variable Score Level Offered Game
+        set Score $score
+        set Level [expr {abs($score) <= 0.1 ? $Level + 1 : 0}]
+        set Offered 0
+        if {$Level >= 10 && [$Game state moves] >= [my Setting -drawAfter]} {
+            set Level 0
+            set Offered 1
+            my Note offer score $score
+            my Say "I offer a draw."
+        }
     }
 
     # ---- the eye ----
@@ -108,6 +242,7 @@ oo::class create ::checkers::player {
             set now [expr {$failed ? [dict get $how -errorcode] : $text}]
             # What a person over the board does not explain is told at once.
             if {$failed && [lrange $now 1 2] ni {{VISION BOARD} {VISION MARKERS}}} {
+                set text [my Plain $text $now]
                 my Trouble $text
                 return [list {} $text]
             }
@@ -120,6 +255,31 @@ oo::class create ::checkers::player {
         }
     }
 
+    # A position that was set up by hand, as FEN: what lies there is seen; what is a queen is felt. SIDE moves first.
+    method survey side {
+        my variable Game
+        my Enter survey
+        my Say "I look at what lies on the board."
+        while 1 {
+            lassign [my Still] sight text
+            if {$sight ne {} && ![string match {*[?]*} $sight]} {
+                break
+            }
+            my Trouble [expr {$sight eq {} ? $text : "I cannot see clearly what stands on [my Unclear $sight]."}]
+            sorma::await sleep [my Setting -look]
+        }
+        my Well
+        set width [$Game width]
+        if {$sight eq [$Game sight [$Game lies]]} {
+            return [$Game position]
+        }
+        set pieces {yellow {} red {}}
+        dict for {place stack} [::checkers::repair seen $width $sight {}] {
+            dict lappend pieces $stack "[expr {[my Height $place] > 1 ? "K" : ""}][::checkers::tokens square $width {*}$place]"
+        }
+        return "[string toupper [string index $side 0]]:W[join [dict get $pieces yellow] ,]:B[join [dict get $pieces red] ,]"
+    }
+
     # ---- the person's turn ----
 
     # Until the board shows a legal move, and shows it -still times.
@@ -127,8 +287,11 @@ oo::class create ::checkers::player {
         my variable Game
         my Enter person
         my Well
+        my Ponder
         set strange {}
         set times 0
+        set quiet [clock seconds]
+        set patience [my Setting -remind]
         while 1 {
             lassign [my Still] sight text
             if {[string match {*[?]*} $sight]} {
@@ -136,18 +299,26 @@ oo::class create ::checkers::player {
             } elseif {$sight ne {}} {
                 set reply [[$Game draughts] exec -text $sight explain]
                 set text [expr {[dict exists $reply text] ? [dict get $reply text] : {}}]
-                if {[dict get $reply code] == 0} {
-                    my Enter validate move $text
-                    lassign [$Game plan $text] - lies
-                    my Say "You play [my Spelled $text]."
-                    $Game play $text $lies
+                if {[dict get $reply code] == 0 && [my Believed $text]} {
                     return
                 }
-                if {[dict get $reply code] == 1} {
+                if {[dict get $reply code] in {0 1}} {
                     set text {}
-                    my Well
+                    if {[dict get $reply code] == 1} {
+                        my Well
+                        my Quiet
+                        # Nothing has been moved; he is reminded after longer and longer pauses.
+                        if {$patience > 0 && [clock seconds] - $quiet >= $patience} {
+                            my Say "It is your turn."
+                            set patience [expr {2 * $patience}]
+                            set quiet [clock seconds]
+                        }
+                    }
                 } elseif {$text ne {}} {
                     append text ". You may play [my Legal]."
+                }
+                if {[my Wanted]} {
+                    $Game correct [my Tidy $sight [$Game lies]]
                 }
             }
             # Perhaps he is not ready.
@@ -158,6 +329,31 @@ oo::class create ::checkers::player {
             }
             sorma::await sleep [my Setting -look]
         }
+    }
+    # The person's move is played, unless it must be crowned first.
+    method Believed move {
+        my variable Game
+        if {[catch {$Game plan $move} planned how]} {
+            if {[lindex [dict get $how -errorcode] 1] ni {SPARE HEAP}} {
+                return -options $how $planned
+            }
+            # There are fewer tokens beside the board than the game says, or more: he has found one, or a place.
+            set planned [list {} [$Game after $move]]
+        }
+        set lies [lindex $planned 1]
+        set end [$Game goal $move]
+        if {[my Setting -feel] && [my Tokens $lies $end] == 2 && [my Tokens [$Game lies] [$Game origin $move]] == 1} {
+            if {[catch {my Height $end} there] || $there != 2} {
+                my Trouble [expr {[string is integer -strict $there] ? "Your piece on [my Field {*}$end] has reached the last row: it becomes a queen.\
+                    I feel [my Count $there] there; please make it two." : $there}] place $end
+                return 0
+            }
+        }
+        my Enter validate move $move
+        my Say "You play [my Spelled $move]."
+        $Game play $move $lies
+        my Guessed $move
+        return 1
     }
 
     # A move as people say it: origin and target.
@@ -178,115 +374,177 @@ oo::class create ::checkers::player {
     # ---- the robot's turn ----
 
     method Answer {} {
-        my variable Game
+        my variable Game Stages Transfers
         my Well
+        my Obey
         set again [expr {[$Game intended] ne {}}]
         if {!$again} {
+            my Quiet
             my Enter think
             $Game intend [my Think]
         }
         set move [$Game intended]
-        my Enter answer move $move
+        my Enter answer move $move again $again
         my Say [expr {$again ? "I go on with [my Spelled $move]." : "I play [my Spelled $move]."}]
         if {$again} {
-            my Load
+            my Load [my Setting -engine]
             [my Setting -engine] exec play $move
         }
         my Shifted
-        set transfers [lindex [$Game plan $move] 0]
-        set lies [my Stages $transfers]
-        set stages [lmap one $lies {$Game sight $one}]
+        set Transfers [my Planned $move]
+        set Stages [my StagesOf [$Game lies] $Transfers]
         # Somebody has begun this move already: the board says how far he came.
-        set done [expr {$again ? [my Found $stages] : 0}]
-        while {$done < [llength $transfers]} {
+        set done [expr {$again ? [my Found [$Game step] 1] : 0}]
+        while {$done < [llength $Transfers]} {
             my Obey
-            if {[my Carry [lindex $transfers $done] [lindex $lies $done]]} {
+            $Game begun $done
+            if {[my Carry [lindex $Transfers $done] [lindex $Stages $done]]} {
                 incr done
                 my Enter verify stage $done
-                if {[lindex [my Still 1] 0] eq [lindex $stages $done]} {
+                if {[lindex [my Still 1] 0] eq [$Game sight [lindex $Stages $done]]} {
                     my Well
-                    continue
+                } else {
+                    set done [my Found $done 0]
+                }
+            } else {
+                set done [my Found $done 1]
+                # Perhaps it failed because the board has been moved.
+                my Shifted
+            }
+        }
+        my Well
+        $Game play $move [lindex $Stages end]
+        my Note played move $move
+        my Offer [my Judged]
+    }
+    # What is to be carried for a move. When there is no token for a queen, or no room on the heap, it is told, and felt until there is.
+    method Planned move {
+        my variable Game
+        while 1 {
+            try {
+                return [lindex [$Game plan $move] 0]
+            } trap {CHECKERS SPARE} {text how} {
+                my Obey
+                set colour [lindex [dict get $how -errorcode] 2]
+                set place [::checkers::tokens heapPlace [$Game width] $colour]
+                my Trouble "I need a second $colour token to make a queen. Please put one to [my Named $place]." place $place
+                sorma::await sleep [my Setting -look]
+                if {![catch {my Height $place} there] && $there > 0} {
+                    $Game correct [dict replace [$Game lies] $place [lrepeat $there $colour]]
                 }
             }
-            set done [my Found $stages $done]
         }
-        $Game play $move [lindex $lies end]
-        my Note played move $move
     }
     # After it the engine is ahead of the game by the robot's move.
     method Think {} {
-        my Load
-        set came [[my Setting -engine] exec go]
-        my Note thought move [dict get $came text] score [lindex [dict get $came floats] 0] seconds [lindex [dict get $came floats] 1]
-        return [dict get $came text]
+        my variable Thought
+        my Load [my Setting -engine]
+        lassign [my Foreseen] move score seconds
+        if {$move ne {} && ![catch {[my Setting -engine] exec play $move}]} {
+            my Note foreseen move $move
+        } else {
+            set came [[my Setting -engine] exec go]
+            set move [dict get $came text]
+            lassign [dict get $came floats] score seconds
+        }
+        set Thought $score
+        my Note thought move $move score $score seconds $seconds
+        return $move
     }
-    method Load {} {
+    # What the robot last thought of its position, in men.
+    method Judged {} {
+        my variable Thought Score
+        return [expr {[info exists Thought] ? $Thought : $Score}]
+    }
+    method Load engine {
         my variable Game
         set draughts [$Game draughts]
-        [my Setting -engine] configure -variant [$draughts cget -variant] -colours [$draughts cget -colours]
-        [my Setting -engine] exec -text [$Game pdn] pdn
+        $engine configure -variant [$draughts cget -variant] -colours [$draughts cget -colours]
+        $engine exec -text [$Game pdn] pdn
     }
     method Shifted {} {
+        if {[catch {my Moved} text how]} {
+            my Trouble [my Plain $text [dict get $how -errorcode]]
+        }
+    }
+    # Where the board lies is learned anew; if it has been moved, it is told.
+    method Moved {} {
         if {[my Setting -board] eq {}} {
             return
         }
-        if {[catch {{*}[my Setting -board]} moved]} {
-            my Trouble $moved
-        } elseif {$moved > 5} {
+        set moved [{*}[my Setting -board]]
+        if {$moved > 5} {
             my Note shifted mm $moved
             my Say "The board has been moved by [format %.0f $moved] millimetres. I know where it is."
         }
     }
 
-    # How many transfers are done, as the board looks; waits until it looks as after one of them. Two stages may look the same when a
-    # token comes from the heap, or goes there: NEAR is meant then, which was the last that is known.
-    method Found {stages {near 0}} {
-        my variable Game
+    # How many transfers are done, as the board looks; waits until it looks as after one of them. NEAR was the last that is known. DOUBT:
+    # the next one may have been begun. Then what the hand holds is put down, and what the camera cannot know is felt.
+    method Found {near doubt} {
+        my variable Game Stages Transfers
+        set finish $doubt
         while 1 {
+            if {$finish && $near < [llength $Transfers]} {
+                set finish [catch {my Finish [lindex $Transfers $near]} text]
+                if {$finish} {
+                    my Trouble $text
+                }
+            }
             lassign [my Still] sight text
-            if {$sight ne {} && $sight eq [lindex $stages $near]} {
+            set fits [my Fits $sight]
+            if {!$doubt && $near in $fits} {
                 return $near
             }
-            set seen [lsearch -exact $stages $sight]
-            if {$seen >= 0} {
-                return $seen
+            if {$fits ne {}} {
+                # What was done and seen before is not in doubt.
+                set later [lmap n $fits {expr {$n >= $near ? $n : [continue]}}]
+                if {$later ne {}} {
+                    set fits $later
+                }
+                set felt [my Felt [expr {min($near, [llength $Transfers] - 1)}] $fits]
+                if {$felt ne {}} {
+                    return $felt
+                }
+                sorma::await sleep [my Setting -look]
+                continue
             }
             if {$near == 0 && [$Game before] ne {} && $sight eq [$Game sight [$Game before]]} {
                 throw {CHECKERS BACK} "the person has taken back the move"
             }
             # The person is quick, and has answered the move already.
             if {$sight ne {} && [dict get [[my Setting -engine] exec -text $sight explain] code] == 0} {
-                return [expr {[llength $stages] - 1}]
+                return [llength $Transfers]
+            }
+            if {$sight ne {} && [my Wanted]} {
+                set lies [my Tidy $sight [lindex $Stages $near]]
+                set Transfers [concat [lrange $Transfers 0 $near-1] [lindex [::checkers::repair anew [$Game width] $lies [lrange $Transfers $near end]] 0]]
+                set Stages [concat [lrange $Stages 0 $near-1] [my StagesOf $lies [lrange $Transfers $near end]]]
+                continue
             }
             my Trouble [expr {$sight eq {} ? $text
-                : "The board is not as it should be. Please put it in order: [my Difference $sight [lindex $stages $near]]."}] \
-                sight $sight expected [lindex $stages $near]
+                : "The board is not as it should be. Please put it in order: [my Difference $sight [$Game sight [lindex $Stages $near]]]."}] \
+                sight $sight expected [$Game sight [lindex $Stages $near]]
             sorma::await sleep [my Setting -look]
         }
     }
+    # The stages that look so, by their numbers.
+    method Fits sight {
+        my variable Game Stages
+        set n -1
+        return [lmap lies $Stages {
+            incr n
+            expr {[$Game sight $lies] eq $sight ? $n : [continue]}
+        }]
+    }
 
     # What lies where before the first transfer, and after each.
-    method Stages transfers {
-        my variable Game
-        set lies [$Game lies]
+    method StagesOf {lies transfers} {
         set stages [list $lies]
         foreach transfer $transfers {
             lappend stages [set lies [::checkers::tokens after $lies $transfer]]
         }
         return $stages
-    }
-
-    # Has it been carried?
-    method Carry {transfer lies} {
-        my Enter carry transfer $transfer
-        set stack [lrange [dict get $lies [lrange $transfer 0 1]] [lindex $transfer 2] end]
-        if {[catch {[my Setting -carry] exec -floats $transfer -ints [llength $stack] -text [lindex $stack end]} message how]} {
-            my Trouble $message code [dict get $how -errorcode]
-            sorma::await sleep [my Setting -look]
-            return 0
-        }
-        my Note carried transfer $transfer lies [::checkers::tokens after $lies $transfer]
-        return 1
     }
 
     # Fields of which the eye is not certain.

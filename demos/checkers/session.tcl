@@ -1,10 +1,11 @@
 # session.tcl -- the daemons of checkers.launch, and games in them that are watched and counted.
 #
-#     session::begin FOLDER SETTINGS SPEED        files of the game and its daemons are in the folder
-#     session::play                               until the game is over; a dict of figures
+#     session::begin FOLDER SETTINGS SPEED ?-intl 1? ?-dry 1?     files of the game and its daemons are in the folder
+#     session::play ?SECONDS?                     until the game is over, or so much wall time; a dict of figures
 #     session::end
 
 package require sorma
+package require sorma::options
 foreach file {lab/lab lab/colours checkers/packages} {
     source [file join [file dirname [file dirname [file normalize [info script]]]] $file.tcl]
 }
@@ -17,19 +18,30 @@ namespace eval session {
     variable Human human.sim@human
     variable Sight sight@player
     variable Launch {}          ;# pipe of the launcher
+    variable Hears {}           ;# subscriptions of what the daemons tell
+    variable Signals 0          ;# has it been said what Ctrl-C does?
     variable Watch {}           ;# command that gets what the plot tells: a dict
     variable Wrong 0            ;# readings that were believed and are not so
     variable Lost 0             ;# carries after which tokens lay elsewhere than the robot believes
+    variable Dry 0              ;# there is no arm for which the player waits: what lies there is later than what it told
+    variable State {}           ;# where the plot stands: what it told last
     variable Counts {}          ;# state of the plot -> how often it was entered, in this game
     variable Faults 0           ;# of the person
-    variable Named 0            ;# those of which he was told
+    variable Named 0            ;# those of which he was told, with a field where they are
+    variable Undone 0           ;# those that he put right because his daemon was killed, before he was told
+    variable Ordered 0          ;# how often he has put all tokens where they belong, because he was told once more
+    variable Speed 1            ;# of lab time
+    variable Earlier 0          ;# [s] lab time of laboratories that have been killed
+    variable Began {}           ;# when the laboratory's daemon was started [us]
+    variable Forgotten 0        ;# a laboratory has been started anew, and nobody has set out the tokens again
+    variable Fault {}           ;# of which he has not been told yet: dict kind, fields; empty: none
 }
 
-# ::session::settle FOLDER SETTINGS -- a folder with a table of colours, and what the daemons read: dict, object -> options.
+# ::session::settle FOLDER SETTINGS -- a folder with a table of colours, where there is an eye, and what the daemons read: dict, object -> options.
 proc session::settle {folder settings} {
     file mkdir $folder
     cd $folder
-    if {![file exists board.hsv]} {
+    if {!$::session::Dry && ![file exists board.hsv]} {
         colours::learn board.hsv
     }
     set out [open settings w]
@@ -37,24 +49,67 @@ proc session::settle {folder settings} {
     close $out
 }
 
-proc session::begin {folder settings speed} {
-    variable Here
+# -intl: the board has 10 x 10 fields; -dry: without arm, hand and eye.
+proc session::begin {folder settings speed args} {
     variable Lab
     variable Launch
     variable Checkers
     variable Human
+    variable Dry
+    set args [sorma::options::parse {-intl {boolean 0} -dry {boolean 0}} $args]
+    set Dry [dict get $args -dry]
     settle $folder $settings
-    set Launch [lab::start sorma-launch [file join $Here checkers.launch]]
-    lab::untilSignal $Launch
+    set Launch [lab::start sorma-launch --until-eof [LaunchFile {*}[dict values $args]]]
+    variable Signals
+    if {!$Signals} {
+        ::sorma::AtSignal {lab::Signalled $::session::Launch}
+        set Signals 1
+    }
     vwait ::lab::Heard
     if {$::lab::Heard ne "ready"} {
         return -code error -errorcode {CHECKERS LAUNCH} "the daemons of checkers.launch could not be started; what they said stands above"
     }
+    variable Speed $speed
+    variable Earlier 0
+    variable Forgotten 0
     $Lab CTRL -speed $speed
-    sorma::subscribe $Checkers -event plot -queue 10000 -command session::Plot
-    sorma::subscribe $Checkers -event said -queue 10000 -command session::Said
-    sorma::subscribe $Human -event person -queue 10000 -command session::Person
+    variable Began [Started]
+    variable Hears [list [sorma::subscribe $Lab -event sorma.reconnected -command session::Anew] \
+        [sorma::subscribe $Checkers -event plot -queue 10000 -command session::Plot] \
+        [sorma::subscribe $Checkers -event said -queue 10000 -command session::Said] \
+        [sorma::subscribe $Human -event person -queue 10000 -command session::Person]]
 }
+# The launch file of this game. Other recipes, or fewer daemons, make another one of it, in this folder.
+proc session::LaunchFile {intl dry} {
+    variable Here
+    set file [file join $Here checkers.launch]
+    if {!$intl && !$dry} {
+        return $file
+    }
+    set in [open $file]
+    set lines [split [read $in] \n]
+    close $in
+    set dicts "-dict [file join $Here checkers.dict]"
+    foreach {used name} [list $intl intl $dry dry] {
+        if {$used} {
+            append dicts " -dict [file join $Here $name.dict]"
+        }
+    }
+    set out [open game.launch w]
+    foreach line $lines {
+        if {$dry && [regexp {^daemon (\S+)} $line -> name]} {
+            if {$name ni {lab voice player human}} continue
+            if {$name eq "player"} {
+                regsub -- {-after .*} $line {-after lab} line
+            }
+        }
+        puts $out [string map [list "-dict ../lab/lab.dict" "-dict [file join [file dirname $Here] lab lab.dict]" \
+            "-dict checkers.dict" $dicts "-script " "-script $Here/"] $line]
+    }
+    close $out
+    return [file join [pwd] game.launch]
+}
+
 # Another game with the same daemons.
 proc session::again settings {
     variable Human
@@ -80,7 +135,7 @@ proc session::Played future {
 proc session::ready {} {
     Until play
 }
-# His daemon may be killed, and be back soon.
+# His daemon may be killed, and be back soon; then he goes on with the game that he was to give up.
 proc session::Until state {
     variable Human
     set end [expr {[clock milliseconds] + 120000}]
@@ -88,9 +143,19 @@ proc session::Until state {
         if {[clock milliseconds] > $end} {
             return -code error -errorcode {CHECKERS PERSON} "the person should be in state $state, and for two minutes it was: $is"
         }
+        if {$state eq "idle" && $is eq "play"} {
+            catch {$Human CTRL -new}
+        }
         after 50 {set ::session::Tick 1}
         vwait ::session::Tick
     }
+}
+# What the daemons of a game read: options of checkers and of the engine. DRY: without arm, hand and eye. The engine thinks on all cores but one, at idle priority.
+proc session::settings {checkers engine dry} {
+    set threads [expr {[catch {exec nproc} cores] ? 1 : max(1, $cores - 1)}]
+    set width [expr {[dict exists $checkers -variant] && [dict get $checkers -variant] eq "intl" ? 10 : 8}]
+    return [dict create checkers $checkers draughts.engine [list -threads $threads {*}$engine] \
+        {*}[expr {$dry ? [list drysight [list -width $width]] : [list porter [list -fields $width]]}]]
 }
 # Before begin: the person remembers the game as the robot does.
 proc session::remember folder {
@@ -103,62 +168,123 @@ proc session::remember folder {
 }
 proc session::end {} {
     variable Launch
+    variable Hears
+    foreach subscription $Hears {
+        sorma::unsubscribe $subscription
+    }
+    set Hears {}
     lab::finish $Launch
 }
 
 # ---- one game ----
 
-# Until it is over, whatever happens to the player's daemon. The figures: dict of name -> {value unit}.
-proc session::play {} {
+# Until it is over, whatever happens to the player's daemon, or for so many seconds of wall time (0: no limit): then it is said where the
+# plot stands. interrupt ends it at once. The figures: dict of name -> {value unit}.
+proc session::interrupt {} {
+    variable Ended interrupted
+}
+proc session::play {{most 0}} {
     variable Checkers
+    variable State
     variable Wrong 0
     variable Lost 0
     variable Faults 0
     variable Named 0
+    variable Undone 0
+    variable Ordered 0
+    variable Fault {}
     variable Counts {}
     set begun [clock milliseconds]
     set labTime [labTime]
-    while 1 {
-        set call [sorma::async -timeout 0 -command {set ::session::Ended} $Checkers exec play]
-        vwait ::session::Ended
-        set failed [catch {$call result} came how]
-        $call destroy
-        if {!$failed} break
-        if {[lindex [dict get $how -errorcode] 1] ne "COMM"} {
-            return -options $how $came
+    set timer [if {$most > 0} {after [expr {int(1e3 * $most)}] {set ::session::Ended timeout}}]
+    try {
+        while 1 {
+            set call [sorma::async -timeout 0 -command {set ::session::Ended} $Checkers exec play]
+            vwait ::session::Ended
+            if {$::session::Ended in {timeout interrupted}} {
+                if {$::session::Ended eq "timeout"} {
+                    puts "    (no end after $most s of wall time; the plot stands at: $State)"
+                }
+                set came {text *}
+                $call destroy
+                break
+            }
+            set failed [catch {$call result} came how]
+            $call destroy
+            if {!$failed} {
+                # Its last events may come after the answer.
+                for {set end [expr {[clock milliseconds] + 2000}]} {![dict exists $State result] && [clock milliseconds] < $end} {} {
+                    after 10 {set ::session::Tick 1}
+                    vwait ::session::Tick
+                }
+                break
+            }
+            if {[lindex [dict get $how -errorcode] 1] ne "COMM"} {
+                return -options $how $came
+            }
+            after 500 {set ::session::Tick 1}
+            vwait ::session::Tick
         }
-        after 500 {set ::session::Tick 1}
-        vwait ::session::Tick
+    } finally {
+        after cancel $timer
     }
     set wall [expr {([clock milliseconds] - $begun) / 1e3}]
     set lab [expr {[labTime] - $labTime}]
-    lassign [lmap state {carried verify trouble shifted validate} {expr {[dict exists $Counts $state] ? [dict get $Counts $state] : 0}}] \
-        carries looks troubles shifts moves
+    lassign [lmap state {carried verify trouble shifted validate felt foreseen} {expr {[dict exists $Counts $state] ? [dict get $Counts $state] : 0}}] \
+        carries looks troubles shifts moves felt foreseen
     return [dict create result [list [dict get $came text] {}] moves_of_the_person [list $moves 1] carries [list $carries 1] looks [list $looks 1] \
-        troubles [list $troubles 1] board_moved [list $shifts 1] wrong_readings_accepted [list $Wrong 1] tokens_lost_unnoticed [list $Lost 1] \
-        faults_of_the_person [list $Faults 1] faults_named [list $Named 1] \
+        troubles [list $troubles 1] heights_felt [list $felt 1] moves_foreseen [list $foreseen 1] board_moved [list $shifts 1] wrong_readings_accepted [list $Wrong 1] tokens_lost_unnoticed [list $Lost 1] \
+        faults_of_the_person [list $Faults 1] faults_named [list $Named 1] faults_undone [list $Undone 1] put_in_order [list $Ordered 1] \
         lab_time [list [format %.0f $lab] s] wall_time [list [format %.0f $wall] s] speed [list [format %.1f [expr {$lab / max(0.001, $wall)}]] 1]]
 }
 proc session::labTime {} {
     variable Lab
     regexp {# time (\S+) s} [lindex [$Lab CTRL -dump] 3] - time
-    return $time
+    variable Earlier
+    return [expr {$Earlier + $time}]
+}
+
+proc session::Started {} {
+    variable Lab
+    return [dict get [sorma::health [lindex [split $Lab @] 1]] started]
+}
+# Another laboratory, which knows nothing of this one's time and tokens. A connection may also have been away for long.
+proc session::Anew event {
+    variable Lab
+    variable Speed
+    variable Began
+    variable Forgotten
+    if {[dict get $event event] eq "sorma.reconnected" && [set began [Started]] ne $Began} {
+        set Began $began
+        set Forgotten 1
+        forgotten
+        sorma::async -command {apply {future {catch {$future result}; $future destroy}}} $Lab CTRL -speed $Speed
+    }
 }
 
 proc session::Plot event {
     variable Counts
     variable Watch
+    variable State
     variable Wrong
     variable Lost
     if {[dict get $event event] ne "plot"} {
         return
     }
     set told [dict get $event text]
+    set State $told
     dict incr Counts [dict get $told state]
     # Then the person is quiet: the arm is over the board, or about to be.
     set width [::checkers::tokens width [dict get $told pdn]]
-    switch [dict get $told state] {
-        answer { incr Wrong [Differs $width [::checkers::tokens lie $width [dict get $told position]]] }
+    variable Dry
+    variable Forgotten
+    switch [expr {$Dry || $Forgotten ? {} : [dict get $told state]}] {
+        answer {
+            # A move that goes on has perhaps been carried already, in part.
+            if {![dict get $told again]} {
+                incr Wrong [Differs $width [::checkers::tokens lie $width [dict get $told position]]]
+            }
+        }
         carried { incr Lost [Differs $width [dict get $told lies]] }
     }
     if {$Watch ne {}} {
@@ -169,7 +295,10 @@ proc session::Plot event {
 proc session::Differs {width should} {
     variable Lab
     set is {}
-    foreach line [lsort -real -index 5 [split [lindex [$Lab DBX -tokens] 3] \n]] {
+    if {[catch {lindex [$Lab DBX -tokens] 3} tokens]} {
+        return 0            ;# it has just been killed
+    }
+    foreach line [lsort -real -index 5 [split $tokens \n]] {
         lassign $line name file rank - - z
         set place [list [expr {round($file)}] [expr {round($rank)}]]
         if {$file > 0.5 && $rank > 0.5 && $file < $width + 0.5 && $rank < $width + 0.5 && $z < 0.03} {
@@ -197,17 +326,62 @@ proc session::Said event {
 proc session::Person event {
     variable Faults
     variable Named
+    variable Fault
     if {[dict get $event event] ne "person"} {
         return
     }
     set told [dict get $event text]
     switch [dict get $told state] {
-        fault - harmless {
-            incr Faults [expr {[dict get $told state] eq "fault"}]
+        fault {
+            incr Faults
+            set Fault $told
+            puts "    (the person: [dict get $told kind], [dict get $told fields])"
+        }
+        remembered {
+            variable Forgotten 0
+            puts "    (the person sets out the tokens as they were)"
+        }
+        order {
+            incr ::session::Ordered
+            puts "    (the person puts all tokens where they belong)"
+        }
+        harmless {
             puts "    (the person: [dict get $told kind])"
         }
         told {
-            incr Named [expr {[dict get $told text] ne {}}]
+            if {$Fault eq {}} {
+                return
+            }
+            if {[lsearch -exact [lmap field [dict get $Fault fields] {regexp "\\m$field\\M" [dict get $told text]}] 1] >= 0} {
+                incr Named
+            } else {
+                puts "    (not named: [dict get $Fault kind], [dict get $Fault fields]; he was told: [dict get $told text])"
+            }
+            set Fault {}
         }
     }
+}
+# Kill a daemon, which is started again. Returns whether it was there.
+proc session::kill name {
+    foreach daemon [sorma::daemons] {
+        if {[dict get $daemon name] ne $name || ![regexp {(\d+)\]$} [dict get $daemon identity] -> process]} continue
+        puts "    (killed: $name)"
+        if {$name eq "lab"} {
+            variable Earlier
+            catch {set Earlier [labTime]}
+        }
+        catch {exec kill -KILL $process}
+        if {$name eq "human"} {
+            forgotten
+        }
+        return 1
+    }
+    return 0
+}
+# The person's daemon has been killed: what he has done wrong he puts right when he is there again.
+proc session::forgotten {} {
+    variable Fault
+    variable Undone
+    incr Undone [expr {$Fault ne {}}]
+    set Fault {}
 }

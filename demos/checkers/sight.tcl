@@ -26,6 +26,10 @@ oo::class create ::sorma::service::sight {
     method exec message {
         try {
             my Go
+        } trap {SORMA ROBOT OVERLOAD} {text how} {
+            # The caller tells it before the arm moves again.
+            [my cget -arm] exec reset
+            return -options $how $text
         } trap {SORMA SHMEM} {} - trap {SORMA ROBOT} {} {
             [my cget -arm] exec power on
             my Go
@@ -46,6 +50,19 @@ oo::class create ::sorma::service::sight {
     }
     # The arm goes above the board, unless it is there.
     method Go {} {
+        # Whoever looked before may have been killed: its motion goes on, and ends soon.
+        for {set try 1} 1 {incr try} {
+            try {
+                return [my Leave]
+            } trap {SORMA ROBOT BUSY} {text how} {
+                if {$try > 300} {
+                    return -options $how $text
+                }
+                sorma::await sleep 100
+            }
+        }
+    }
+    method Leave {} {
         set survey [my cget -survey]
         set here [lrange [dict get [[my cget -pose] exec] floats] 1 7]
         lassign $here x y z

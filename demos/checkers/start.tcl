@@ -1,8 +1,8 @@
-# start.tcl -- for scripts of daemons: an object begins to play, with the settings that the file "settings" has in the daemon's folder:
-# a dict, name of an object -> its options.
+# start.tcl -- for scripts of daemons: objects get the settings that the file "settings" has in the daemon's folder (a dict, name of an
+# object -> its options), and one of them begins to play. A daemon that they need may just be away: they wait for it.
 
 namespace eval ::checkers {}
-proc ::checkers::start name {
+proc ::checkers::settle {} {
     if {[file exists settings]} {
         set in [open settings]
         try {
@@ -12,15 +12,33 @@ proc ::checkers::start name {
         }
         dict for {object options} $settings {
             if {[lindex [split $object .] 0] in [sorma::classes]} {
-                $object configure {*}$options
+                Patiently [list $object configure {*}$options]
             }
         }
     }
-    after 0 [list sorma::async -timeout 0 -command ::checkers::ended $name EXEC play]
 }
-proc ::checkers::ended future {
+# For a minute; nobody waits for this daemon before it is ready.
+proc ::checkers::Patiently script {
+    for {set try 1} 1 {incr try} {
+        try {
+            return [uplevel 1 $script]
+        } trap {SORMA COMM} {text how} {
+            if {$try >= 300} {
+                return -options $how $text
+            }
+            after 200
+        }
+    }
+}
+proc ::checkers::start name {
+    after 0 [list sorma::async -timeout 0 -command [list ::checkers::ended $name] $name EXEC play]
+}
+proc ::checkers::ended {name future} {
     if {[catch {$future result} text how]} {
         puts stderr $text
+        if {[lrange [dict get $how -errorcode] 0 1] eq {SORMA COMM}} {
+            after 500 [list ::checkers::start $name]
+        }
     }
     $future destroy
 }

@@ -11,7 +11,7 @@ package require Tcl 8.6-
 package provide checkers::tokens 1.0
 
 namespace eval ::checkers::tokens {
-    namespace export width lie place spares heap after transfers
+    namespace export width lie place square spares colour heapPlace heap spare after transfers
     namespace ensemble create
 
     variable Most 6             ;# tokens on each other, of a heap
@@ -44,6 +44,11 @@ proc ::checkers::tokens::place {width square} {
     set half [expr {$width / 2}]
     set row [expr {($square - 1) / $half}]
     return [list [expr {2 * (($square - 1) % $half) + ($row % 2 == 0) + 1}] [expr {$width - $row}]]
+}
+
+# ::checkers::tokens::square WIDTH FILE RANK -- the square of a place.
+proc ::checkers::tokens::square {width file rank} {
+    return [expr {($width - $rank) * ($width / 2) + ($file + 1) / 2}]
 }
 
 # ::checkers::tokens::spares WIDTH -- the spare tokens that lie there before a game: two of each colour, one beside the other.
@@ -89,8 +94,18 @@ proc ::checkers::tokens::HeapPlaces {width colour} {
     return $places
 }
 
-# The uppermost token of the highest one of a colour's heaps: {file rank underneath}.
-proc ::checkers::tokens::Spare {width lies colour} {
+# ::checkers::tokens::heapPlace WIDTH COLOUR -- the first place of a colour's heaps.
+proc ::checkers::tokens::heapPlace {width colour} {
+    return [lindex [HeapPlaces $width $colour] 0]
+}
+
+# ::checkers::tokens::colour WIDTH PLACE -- of the heap at a place beside the board.
+proc ::checkers::tokens::colour {width place} {
+    return [expr {[lindex $place 1] > $width / 2 ? "red" : "yellow"}]
+}
+
+# ::checkers::tokens::spare WIDTH LIES COLOUR -- the uppermost token of the highest one of a colour's heaps: {file rank underneath}.
+proc ::checkers::tokens::spare {width lies colour} {
     set most 0
     foreach place [HeapPlaces $width $colour] {
         if {[Height $lies $place] >= max(1, $most)} {
@@ -163,5 +178,5 @@ proc ::checkers::tokens::Carry transfer {
 }
 proc ::checkers::tokens::Crown {width place} {
     upvar 1 all all lies lies
-    Carry [list {*}[Spare $width $lies [lindex [dict get $lies $place] 0]] {*}$place 1]
+    Carry [list {*}[spare $width $lies [lindex [dict get $lies $place] 0]] {*}$place 1]
 }

@@ -1,26 +1,38 @@
-# window.tcl -- the game in a window: the board as the game has it, the board as the camera sees it, its picture, what is said, the moves,
-# the plot, the daemons. Nothing in it waits: all requests are asynchronous.
+# window.tcl -- the game in a window: the board, the board as the camera sees it, its picture, what is said, the moves, the clocks, the plot,
+# the daemons. Nothing in it waits: all requests are asynchronous. What can be set is in settings.tcl.
 #
-#     checkersWindow::build -mouse 0
+#     checkersWindow::build SETTINGS          as settings.tcl has them
+#     checkersWindow::begin                   the daemons have been started (again)
+#     checkersWindow::plot TOLD               what the plot tells: a dict
 
 package require Tk
 package require sorma::image
 package require sorma::style
 source [file join [file dirname [file normalize [info script]]] packages.tcl]
+package require checkers::repair
 package require checkers::tokens
 package require checkers::boardview
+source [file join [file dirname [file normalize [info script]]] settings.tcl]
 
 namespace eval checkersWindow {
-    variable Plot {person "the person's turn" validate "a move is accepted" think "the robot thinks" answer "the robot has decided" carry "the arm carries"
-        carried "the arm carries" verify "the eye looks" trouble "something is wrong" over "the game is over" begin "a new game" idle "no game" shifted "the board was moved"
-        thought "the robot thinks" played "the robot has moved"}
-    variable Daemons {player eye robot hand transform voice lab human}
-    variable State idle
-    variable Clock {white 0 black 0}    ;# [s] that each side has thought, and moved
+    variable Plot {person "Your turn" validate "A move is accepted" think "The robot thinks" answer "The robot has decided" carry "The arm carries"
+        carried "The arm carries" verify "The eye looks" trouble "Something is wrong" over "The game is over" begin "A new game" idle "No game"
+        shifted "The board was moved" feel "The hand feels" felt "The hand feels" tidy "The robot puts the board in order" survey "The eye looks"
+        agreed "The game is over" pointed "The laser points" ponder "Your turn" declined "The draw is declined" offer "The robot offers a draw"
+        sides "Sides have been changed" thought "The robot thinks" played "The robot has moved" starting "The daemons are started"}
+    variable Daemons {player eye robot hand transform laser voice lab human}
+    variable Width 8
+    variable Robot black
+    variable State starting
+    variable Clock {white 0 black 0 limit 0}    ;# [s] that each side has taken
     variable Side {}                    ;# whose clock runs
+    variable Since 0                    ;# [ms] when Clock was so
+    variable Lies {}                    ;# what lies where, as the left board shows it
+    variable Last {}                    ;# the last position that the plot has told: dict
+    variable Hand 0                     ;# moves of the person's hand that are under way
+    variable Shows 0                    ;# how often something was shown: what was asked before that is old
     variable Thoughts {}
-    variable Speed 1
-    variable Voice 0
+    variable Hears {}                   ;# subscriptions
 }
 
 proc checkersWindow::send {name args} {
@@ -28,187 +40,294 @@ proc checkersWindow::send {name args} {
 }
 # What fails is shown with what is said.
 proc checkersWindow::Answered {name future} {
-    if {[catch {$future result} text] && [winfo exists .said]} {
-        Write .said "$text\n" wrong
+    if {[catch {$future result} text]} {
+        Complain $text
     }
     $future destroy
 }
+proc checkersWindow::Complain text {
+    puts "    ($text)"
+    if {[winfo exists .said]} {
+        Write .said "$text\n" wrong
+    }
+}
 
-proc checkersWindow::build {mouse width} {
+# ---- what it looks like ----
+
+proc checkersWindow::build settings {
+    variable Width
+    settings $settings
+    set Width [expr {[Holds -variant] eq "intl" ? 10 : 8}]
     wm title . "Draughts with a robot"
     if {[ttk::style theme use] eq "default"} {
         ttk::style theme use clam
     }
-    set back [ttk::style lookup TFrame -background]
-    . configure -background $back
     set gap [sorma::style pixels 6]
-    set size [sorma::style pixels 400]
-    pack [ttk::frame .f -padding $gap] -fill both -expand 1
-    ttk::label .title -textvariable ::checkersWindow::Head -font TkHeadingFont
-    foreach {w text} {game "The game" eye "What the eye sees, and how certain"} {
+    # Two boards and a picture fit beside each other, and something below them.
+    set size [expr {int(min([sorma::style pixels 400], 0.27 * [winfo screenwidth .], 0.48 * [winfo screenheight .]))}]
+    Stop .top 1
+    pack .top -fill x -padx $gap -pady $gap
+    Lamps
+    pack .lamps -side bottom -fill x -padx $gap -pady $gap
+    pack [ttk::frame .f] -fill both -expand 1
+    foreach w {game eye camera moves talk} text {"The game" "What the eye sees, and how certain" "The camera in the hand" "Moves" "What is said"} {
         ttk::labelframe .$w -text $text
     }
-    checkers::boardview create gameBoard .game.board -width $width -size $size {*}[if {$mouse} {list -drop checkersWindow::Drop}]
-    checkers::boardview create eyeBoard .eye.board -width $width -size $size
+    checkers::boardview create gameBoard .game.board -width $Width -size $size -heaps 1 -drop checkersWindow::Drop -goals checkersWindow::Goals
+    checkers::boardview create eyeBoard .eye.board -width $Width -size $size
     pack .game.board .eye.board -fill both -expand 1
-    ttk::labelframe .camera -text "The camera in the hand"
-    sorma::image .camera.picture -name getbrdsit@eye -request {EXEC debug} -every 1000 -width 500 -height 500
+    sorma::image .camera.picture -name getbrdsit@eye -request {EXEC debug} -every 0 -zoom fit -width 300 -height 300
+    ttk::label .camera.none -text "A game without robot and camera" -anchor center
     pack .camera.picture -fill both -expand 1
 
-    ttk::labelframe .moves -text "Moves"
-    foreach {option element} {background -fieldbackground foreground -foreground} {
-        set colour [ttk::style lookup TEntry $element]
-        if {$colour ne {}} {
-            option add *Text.$option $colour
-        }
+    text .moves.text -width 24 -height 8 -wrap word -state disabled -takefocus 0 -tabs [sorma::style pixels 34] -yscrollcommand {.moves.y set}
+    ttk::scrollbar .moves.y -command {.moves.text yview}
+    text .said -width 44 -height 8 -wrap word -state disabled -takefocus 0 -yscrollcommand {.talk.y set}
+    ttk::scrollbar .talk.y -command {.said yview}
+    ttk::label .talk.thoughts -textvariable ::checkersWindow::Thoughts
+    pack .talk.thoughts -side bottom -fill x
+    foreach {frame text} {.moves .moves.text .talk .said} {
+        pack $frame.y -side right -fill y
+        pack $text -in $frame -fill both -expand 1
     }
-    text .moves.text -width 24 -height 9 -wrap word -state disabled -takefocus 0
-    pack .moves.text -fill both -expand 1
-    ttk::labelframe .talk -text "What is said"
-    text .said -width 50 -height 9 -wrap word -state disabled -takefocus 0
-    .said tag configure wrong -foreground #d04030
-    .said tag configure thought -foreground #808890
-    pack .said -in .talk -fill both -expand 1
-    Settings $gap
-    Lamps
-    # The emergency stop stands above all else.
-    button .stop -text "EMERGENCY STOP" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white -font TkHeadingFont \
-        -pady 10 -command {checkersWindow::send simlab@lab CTRL -emergencyStop} -takefocus 1
-    grid .stop -in .f -row 0 -column 2 -sticky ew -padx $gap
-    grid .title -in .f -row 0 -column 0 -columnspan 2 -sticky w
-    grid .game -in .f -row 1 -column 0 -sticky nsew -padx $gap -pady $gap
-    grid .eye -in .f -row 1 -column 1 -sticky nsew -padx $gap -pady $gap
-    grid .camera -in .f -row 1 -column 2 -sticky nsew -padx $gap -pady $gap
-    grid .moves -in .f -row 2 -column 0 -sticky nsew -padx $gap
-    grid .talk -in .f -row 2 -column 1 -sticky nsew -padx $gap
-    grid .settings -in .f -row 2 -column 2 -sticky nsew -padx $gap
-    grid .lamps -in .f -row 3 -column 0 -columnspan 3 -sticky ew -pady $gap -padx $gap
-    grid columnconfigure .f {0 1} -weight 2
-    grid columnconfigure .f 2 -weight 1
+    Settings
+    foreach {w row column} {game 0 0 eye 0 1 camera 0 2 moves 1 0 talk 1 1 settings 1 2} {
+        grid .$w -in .f -row $row -column $column -sticky nsew -padx $gap -pady [expr {$gap / 2}]
+    }
+    # In a narrow window the boards become smaller; the settings keep their room.
+    grid columnconfigure .f {0 1} -weight 1
+    grid rowconfigure .f 0 -weight 3
     grid rowconfigure .f 1 -weight 1
-    bind . <Escape> {.stop invoke}
-    bind . <Control-n> {.settings.new invoke}
-    bind . <Control-r> {.settings.resign invoke}
-    sorma::subscribe sight@player -event seen -latest -command checkersWindow::Seen
-    sorma::subscribe checkers@player -event said -queue 1000 -command checkersWindow::Said
+    bind . <Control-b> {focus .game.board}
+    bind . <<ThemeChanged>> {+if {"%W" eq "."} {after idle checkersWindow::Themed}}
+    Themed
+    Yours
     Tick
     update idletasks
-    wm minsize . [winfo reqwidth .stop] [winfo reqheight .stop]
+    # It does not grow with what is shown in it.
+    wm geometry . [expr {min([winfo reqwidth .], [winfo screenwidth .])}]x[expr {min([winfo reqheight .], [winfo screenheight .])}]
+    wm minsize . [expr {[winfo reqwidth .top.stop] + 4 * $gap}] [expr {[winfo reqheight .top] * 3}]
+    focus .game.board
 }
-
-proc checkersWindow::Settings gap {
-    ttk::labelframe .settings -text "Settings"
-    ttk::button .settings.new -text "New game (Ctrl-N)" -command checkersWindow::New
-    ttk::button .settings.resign -text "Resign (Ctrl-R)" -command {checkersWindow::send checkers@player CTRL -resign}
-    ttk::button .settings.reset -text "Power: reset" -command {checkersWindow::send simlab@lab CTRL -reset}
-    ttk::label .settings.tlevel -text "Level"
-    ttk::spinbox .settings.level -from 1 -to 10 -width 4 -command {checkersWindow::send draughts.engine@player CTRL -level [.settings.level get]}
-    .settings.level set 5
-    ttk::label .settings.tspeed -text "Speed (0: all it can)"
-    ttk::spinbox .settings.speed -from 0 -to 20 -width 4 -textvariable ::checkersWindow::Speed \
-        -command {checkersWindow::send simlab@lab CTRL -speed $::checkersWindow::Speed}
-    ttk::checkbutton .settings.voice -text "Speak aloud" -variable ::checkersWindow::Voice \
-        -command {checkersWindow::send speaker@voice CTRL -output [expr {$::checkersWindow::Voice ? "sound" : "log"}]}
-    grid .settings.new .settings.resign -sticky ew -padx 2 -pady 2
-    grid .settings.reset .settings.voice -sticky ew -padx 2 -pady 2
-    grid .settings.tlevel .settings.level -sticky w -padx 2 -pady 2
-    grid .settings.tspeed .settings.speed -sticky w -padx 2 -pady 2
-    grid columnconfigure .settings {0 1} -weight 1
-    grid [ttk::label .settings.thoughts -textvariable ::checkersWindow::Thoughts -wraplength [sorma::style pixels 320]] -columnspan 2 -sticky w -pady $gap
-}
-
-# Both give up their game, and begin another one.
-proc checkersWindow::New {} {
-    foreach name {human.sim@human checkers@player} {
-        send $name CTRL -new
-        send $name EXEC play
+# A bar with the emergency stop, which keeps its room when the window is small; Escape is the same. CLOCKS: with the state of the plot, too.
+proc checkersWindow::Stop {bar clocks} {
+    ttk::frame $bar
+    button $bar.stop -text "EMERGENCY STOP  (Esc)" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
+        -font TkHeadingFont -pady [sorma::style pixels 10] -padx [sorma::style pixels 24] -command {checkersWindow::send simlab@lab CTRL -emergencyStop}
+    pack $bar.stop -side right
+    if {$clocks} {
+        foreach side {black white} {
+            pack [canvas $bar.$side -width [sorma::style pixels 190] -height [sorma::style pixels 46] -highlightthickness 0] -side right -padx [sorma::style pixels 6]
+        }
+        ttk::label $bar.state -textvariable ::checkersWindow::Head -font [Large] -anchor w
+        pack $bar.state -side left -fill x -expand 1
     }
+    bind [winfo toplevel $bar] <Escape> [list $bar.stop invoke]
+}
+proc checkersWindow::Large {} {
+    if {"checkersLarge" ni [font names]} {
+        font create checkersLarge {*}[font actual TkHeadingFont]
+        font configure checkersLarge -size [expr {round(1.5 * [font configure checkersLarge -size])}]
+    }
+    return checkersLarge
+}
+# Tk's own widgets look as the theme does.
+proc checkersWindow::Themed {} {
+    if {![winfo exists .lamps]} return
+    set back [ttk::style lookup TFrame -background]
+    . configure -background $back
+    foreach canvas [list .top.white .top.black .camera.picture.canvas {*}[lsearch -all -inline [winfo children .lamps] .lamps.c*]] {
+        $canvas configure -background $back
+    }
+    foreach text {.moves.text .said} {
+        foreach {option style} {-background -fieldbackground -foreground -foreground} {
+            set colour [ttk::style lookup TEntry $style]
+            if {$colour ne {}} {
+                $text configure $option $colour
+            }
+        }
+        $text configure -relief flat -font TkDefaultFont -spacing1 [sorma::style pixels 2] -padx [sorma::style pixels 4]
+    }
+    .said tag configure wrong -foreground [sorma::style colour alarm]
+    Clocks
+}
+# Who plays with mouse and keys sees the tokens as they lie on the table.
+proc checkersWindow::Yours {} {
+    .game configure -text [expr {[Holds -mouse] ? "The table: carry tokens with the mouse, or arrow keys and Return (Ctrl-B)" : "The game"}]
 }
 
 # ---- daemons ----
 
+proc checkersWindow::begin {} {
+    variable Hears
+    foreach subscription $Hears {
+        sorma::unsubscribe $subscription
+    }
+    set Hears [list [sorma::subscribe [expr {[Holds -dry] ? "drysight" : "sight"}]@player -event seen -latest -command checkersWindow::Seen] \
+        [sorma::subscribe checkers@player -event said -queue 1000 -command checkersWindow::Said]]
+    # Without robot there is no camera.
+    .camera.picture configure -every [expr {[Holds -dry] ? 0 : 1000}]
+    if {[Holds -dry]} {
+        place .camera.none -relx 0.5 -rely 0.5 -anchor center -relwidth 1 -relheight 1
+    } else {
+        place forget .camera.none
+        .camera.picture refresh
+    }
+}
+
 proc checkersWindow::Lamps {} {
     variable Daemons
     ttk::frame .lamps
+    set d [sorma::style pixels 14]
     foreach name $Daemons {
-        canvas .lamps.c$name -width 14 -height 14 -highlightthickness 0 -background [ttk::style lookup TFrame -background]
-        .lamps.c$name create oval 2 2 12 12 -fill #909090 -outline #505050 -tags lamp
+        canvas .lamps.c$name -width $d -height $d -highlightthickness 0
+        .lamps.c$name create oval [expr {$d * 0.14}] [expr {$d * 0.14}] [expr {$d * 0.86}] [expr {$d * 0.86}] -fill #909090 -outline #505050 -tags lamp
         pack .lamps.c$name [ttk::label .lamps.l$name -text "$name  "] -side left
     }
 }
 proc checkersWindow::Tick {} {
     variable Daemons
-    variable Clock
-    variable Side
-    if {![winfo exists .lamps]} {
-        return
-    }
+    variable Alive
+    if {![winfo exists .lamps]} return
     set states {}
     foreach d [sorma::daemons] {
         dict set states [dict get $d name] [dict get $d state]
     }
     foreach name $Daemons {
-        set state [expr {[dict exists $states $name] ? [dict get $states $name] : "gone"}]
-        .lamps.c$name itemconfigure lamp -fill [switch $state {alive {string cat #38b048} busy {string cat #e0b030} default {string cat #d03020}}]
+        set state [expr {[dict exists $states $name] ? [dict get $states $name] : [Dry $name] ? "none" : "gone"}]
+        .lamps.c$name itemconfigure lamp -fill [switch $state {alive {string cat #38b048} busy {string cat #e0b030} none {string cat #a0a0a0} default {string cat #d03020}}]
+        # One that is back begins with what it was started with.
+        if {$state eq "alive" && [info exists Alive($name)] && $Alive($name) ni {alive busy}} {
+            Again $name
+        }
+        set Alive($name) $state
     }
-    if {$Side ne {}} {
-        dict incr Clock $Side
-    }
-    Head
-    after 1000 checkersWindow::Tick
-}
-proc checkersWindow::Head {} {
-    variable Clock
-    variable State
-    variable Plot
-    variable Head
-    set Head "[expr {[dict exists $Plot $State] ? [dict get $Plot $State] : $State}]      White (person) [Minutes [dict get $Clock white]]      Black (robot) [Minutes [dict get $Clock black]]"
-}
-proc checkersWindow::Minutes seconds {
-    return [format %d:%02d [expr {$seconds / 60}] [expr {$seconds % 60}]]
+    Clocks
+    Look
+    after 500 checkersWindow::Tick
 }
 
 # ---- what is told ----
 
-# The plot: a dict with state, position, pdn.
+proc checkersWindow::Head {} {
+    variable State
+    variable Plot
+    variable Head
+    variable Last
+    set Head [expr {$State eq "over" ? "The game is over: [dict get $Last result], [dict get $Last reason]"
+        : $State in {person ponder} && ![Holds -mouse] ? "The person's turn" : [dict exists $Plot $State] ? [dict get $Plot $State] : $State}]
+}
+# A clock for each side: what is left when there is a limit, else what has been taken.
+proc checkersWindow::Clocks {} {
+    variable Clock
+    variable Side
+    variable Since
+    variable Robot
+    Head
+    foreach {side face edge} {white #f0c838 #94761a black #c8322a #7c1712} {
+        set seconds [dict get $Clock $side]
+        if {$Side eq $side} {
+            set seconds [expr {$seconds + ([clock milliseconds] - $Since) / 1e3}]
+        }
+        set limit [dict get $Clock limit]
+        set w .top.$side
+        set width [winfo reqwidth $w]
+        set height [winfo reqheight $w]
+        $w delete all
+        set fore [ttk::style lookup TLabel -foreground]
+        $w create rectangle 1 1 [expr {$width - 2}] [expr {$height - 2}] -outline [expr {$Side eq $side ? [sorma::style colour mine] : "#909090"}] \
+            -width [sorma::style pixels [expr {$Side eq $side ? 3 : 1}]]
+        set r [expr {$height * 0.28}]
+        $w create oval [expr {$height / 2 - $r}] [expr {$height / 2 - $r}] [expr {$height / 2 + $r}] [expr {$height / 2 + $r}] -fill $face -outline $edge -width [sorma::style pixels 2]
+        $w create text $height [expr {$height / 2}] -anchor w -fill $fore -text "[string totitle $side]\n[expr {$Robot eq $side ? "robot" : "person"}]"
+        $w create text [expr {$width - $height * 0.2}] [expr {$height / 2}] -anchor e -font [Large] -text [Minutes [expr {$limit > 0 ? max(0, $limit - $seconds) : $seconds}]] \
+            -fill [expr {$limit > 0 && $limit - $seconds < 30 ? [sorma::style colour alarm] : $fore}]
+    }
+}
+proc checkersWindow::Minutes seconds {
+    set seconds [expr {int($seconds)}]
+    return [format %d:%02d [expr {$seconds / 60}] [expr {$seconds % 60}]]
+}
+
 proc checkersWindow::plot told {
     variable State
     variable Side
     variable Clock
-    variable Lies
+    variable Since
     variable Thoughts
-    if {![winfo exists .moves]} {
-        return
-    }
+    variable Last
+    variable Robot
+    variable Width
+    if {![winfo exists .moves]} return
+    set Last $told
     set State [dict get $told state]
-    set Side [expr {$State eq "over" ? {} : [dict get $told side]}]
+    set Clock [dict get $told clock]
+    set Since [clock milliseconds]
+    set Robot [dict get $told robot]
+    # The robot's clock stands while it waits for others.
+    set Side [expr {$State in {over agreed} || ($State eq "trouble" && [dict get $told side] eq $Robot) ? {} : [dict get $told side]}]
     set width [::checkers::tokens width [dict get $told pdn]]
+    if {$width != $Width} {
+        set Width $width
+        gameBoard resize $width
+        eyeBoard resize $width
+    }
     switch $State {
-        begin { set Clock {white 0 black 0} }
-        thought { set Thoughts "I think: [dict get $told move], [format %+.1f [dict get $told score]] men, [format %.1f [dict get $told seconds]] s" }
+        thought { set Thoughts "I think: [Spelled $width [dict get $told move]], [Worth [dict get $told score]], [format %.1f [dict get $told seconds]] s" }
+        well { set State [expr {[dict get $told side] eq $Robot ? "verify" : "person"}] }
         carry {
             lassign [dict get $told transfer] file rank - toFile toRank
-            gameBoard travel [list $file $rank] [list $toFile $toRank]
-        }
-        carried {
-            catch {set Lies [::checkers::tokens after $Lies [dict get $told transfer]]}
-            gameBoard lie $Lies
+            if {![Holds -mouse]} {
+                gameBoard travel [list $file $rank] [list $toFile $toRank]
+            }
         }
     }
-    if {$State in {begin person validate think answer played over trouble} && ($State ne "trouble" || ![info exists Lies])} {
-        set Lies [::checkers::tokens lie $width [dict get $told position]]
-        gameBoard lie $Lies
+    .settings.draw configure -text [expr {$State eq "offer" ? "Accept the draw" : "Offer a draw"}]
+    if {$State in {begin carried played} || (![Holds -mouse] && $State in {person validate think answer over}) || $::checkersWindow::Lies eq {}} {
+        Show [dict get $told lies]
     }
+    if {$State in {validate answer}} {
+        gameBoard mark [lmap square [lrange [split [dict get $told move] -x] 0 1] {::checkers::tokens place $width $square}]
+    } elseif {$State eq "begin"} {
+        gameBoard mark {}
+    }
+    Moves [dict get $told pdn]
+    Clocks
+}
+proc checkersWindow::Show lies {
+    variable Lies
+    variable Shows
+    incr Shows
+    set lies [lsort -stride 2 $lies]
+    if {$lies ne $Lies} {
+        set Lies $lies
+        gameBoard become $lies
+    }
+}
+proc checkersWindow::Worth score {
+    return [expr {$score > 100 ? "and win" : $score < -100 ? "and lose" : [format "%+.1f men" $score]}]
+}
+# A move as people say it.
+proc checkersWindow::Spelled {width move} {
+    regexp {^(\d+)([-x])(\d+)} $move - from sign to
+    return [join [lmap square [list $from $to] {
+        lassign [::checkers::tokens place $width $square] file rank
+        string cat [string index abcdefghij [expr {$file - 1}]] $rank
+    }] $sign]
+}
+# A line for each move of White, and the answer.
+proc checkersWindow::Moves pdn {
+    set moves [lindex [split [string map [list \n\n \x01] $pdn] \x01] 1]
+    set text [string trim [regsub -all {\s*(\d+\.(?:\.\.)?)\s+} [string map {\n { }} $moves] "\n\\1\t"]]
     .moves.text configure -state normal
     .moves.text delete 1.0 end
-    .moves.text insert end [string trim [lindex [split [string map [list \n\n \x01] [dict get $told pdn]] \x01] 1]]
+    .moves.text insert end [string trimright $text "* "]
     .moves.text see end
     .moves.text configure -state disabled
-    Head
 }
 proc checkersWindow::Said event {
     if {[dict get $event event] eq "said" && [winfo exists .said]} {
-        Write .said "[dict get $event text]\n"
+        Write .said "[dict get $event text]\n" [if {[dict get $event words] in {trouble mute}} {string cat wrong}]
     }
 }
 proc checkersWindow::Write {w text {tag {}}} {
@@ -218,35 +337,105 @@ proc checkersWindow::Write {w text {tag {}}} {
     $w configure -state disabled
 }
 proc checkersWindow::Seen event {
-    if {[dict get $event event] ne "seen" || ![winfo exists .eye.board]} {
-        return
-    }
+    variable Width
+    if {[dict get $event event] ne "seen" || ![winfo exists .eye.board]} return
     set seen [dict get $event text]
-    set width [expr {round(sqrt([string length $seen]))}]
-    set lies {}
-    for {set i 0} {$i < [string length $seen]} {incr i} {
-        set colour [dict get {. {} r red y yellow ? {}} [string index $seen $i]]
-        if {$colour ne {}} {
-            dict set lies [list [expr {$i % $width + 1}] [expr {$width - $i / $width}]] $colour
-        }
+    if {[string length $seen] == $Width * $Width} {
+        eyeBoard certain [dict get $event floats]
+        eyeBoard lie [::checkers::repair seen $Width $seen {}]
     }
-    eyeBoard lie $lies
-    eyeBoard certain [dict get $event floats]
 }
 
-# ---- a person with a mouse: his hand moves the token ----
+# ---- a person with mouse or keys: his hand moves the token ----
 
+# He looks at the table, unless his hand is there.
+proc checkersWindow::Look {} {
+    variable Hand
+    if {[Holds -mouse] && $Hand == 0} {
+        sorma::async -timeout 5 -command [list checkersWindow::Looked $::checkersWindow::Shows] simlab@lab DBX -tokens
+    }
+}
+proc checkersWindow::Looked {asked future} {
+    variable Shows
+    variable Width
+    if {![catch {lindex [$future result] 3} text] && $Shows == $asked && [winfo exists .game.board]} {
+        set lies {}
+        foreach line [lsort -real -index 5 [split $text \n]] {
+            lassign $line name file rank - - z
+            set place [list $file $rank]
+            if {abs($file - round($file)) < 0.3 && abs($rank - round($rank)) < 0.3 && $file > 0.5 && $file < $Width + 0.5} {
+                set place [list [expr {round($file)}] [expr {round($rank)}]]
+            } elseif {abs($file + 0.4) < 0.3 || abs($file - $Width - 1.4) < 0.3} {
+                set place [list [expr {$file < 0 ? -0.4 : $Width + 1.4}] [expr {round($rank)}]]
+            }
+            if {$file > -1 && $file < $Width + 2 && $rank > 0.3 && $rank < $Width + 0.7} {
+                dict lappend lies $place [lindex [split $name _] 0]
+            }
+        }
+        Show $lies
+    }
+    $future destroy
+}
+# Where a token that is lifted may go.
+proc checkersWindow::Goals from {
+    variable Last
+    variable Width
+    set state [expr {[dict exists $Last state] ? [dict get $Last side] : {}}]
+    if {$state in [list {} $::checkersWindow::Robot] || [catch {package require sorma::service::draughts}]} return
+    try {
+        draughts.window configure -variant [Holds -variant]
+        draughts.window exec fen [dict get $Last position]
+        set goals {}
+        foreach move [dict get [draughts.window exec legal] text] {
+            lassign [split $move -x] origin target
+            if {[::checkers::tokens place $Width $origin] eq $from} {
+                lappend goals [::checkers::tokens place $Width $target]
+            }
+        }
+        return [lsort -unique $goals]
+    } on error {} {
+        return
+    }
+}
 proc checkersWindow::Drop {from to} {
     variable Lies
-    set colour [lindex [dict get $Lies $from] 0]
-    lassign $to file rank
-    set width 8
-    if {$file < 1 || $file > $width || $rank < 1 || $rank > $width} {
-        set to [lrange [::checkers::tokens heap $width $Lies $colour [llength [dict get $Lies $from]]] 0 1]
+    variable Width
+    variable Hand
+    if {![Holds -mouse]} {
+        Complain "The simulated person plays. Choose \"I play\" and begin a new game to play yourself."
+        return
     }
-    set above [expr {[dict exists $Lies $to] ? [llength [dict get $Lies $to]] : 0}]
-    set transfer [list {*}$from 0 {*}$to $above]
-    set Lies [::checkers::tokens after $Lies $transfer]
+    set stack [dict get $Lies $from]
+    set colour [lindex $stack 0]
+    lassign $to file rank
+    # Off the board is to the heap.
+    if {$file < 1 || $file > $Width || $rank < 1 || $rank > $Width} {
+        if {[catch {::checkers::tokens heap $Width $Lies $colour [llength $stack]} to]} {
+            Complain $to
+            return
+        }
+        set to [lrange $to 0 1]
+    }
+    set there [expr {[dict exists $Lies $to] ? [dict get $Lies $to] : {}}]
+    # From a heap one token is taken; on a field lie two of a colour at most.
+    set under [expr {[OnBoard $from] ? 0 : [llength $stack] - 1}]
+    if {[OnBoard $to] && $there ne {} && ([lindex $there 0] ne $colour || [llength $there] + [llength $stack] - $under > 2)} {
+        Complain "There is no room: take away what lies there first."
+        return
+    }
+    set transfer [list {*}$from $under {*}$to [llength $there]]
+    set Lies [lsort -stride 2 [::checkers::tokens after $Lies $transfer]]
     gameBoard lie $Lies
-    send humanhand@human EXEC FMSG 6 {*}$transfer
+    incr Hand
+    incr ::checkersWindow::Shows
+    sorma::async -timeout 0 -command checkersWindow::Put humanhand@human EXEC FMSG 6 {*}$transfer
+}
+proc checkersWindow::OnBoard place {
+    variable Width
+    return [expr {[lindex $place 0] >= 0.5 && [lindex $place 0] < $Width + 0.5}]
+}
+proc checkersWindow::Put future {
+    incr ::checkersWindow::Hand -1
+    Answered humanhand $future
+    Look
 }

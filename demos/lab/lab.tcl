@@ -13,9 +13,9 @@ namespace eval lab {
 }
 
 # A program whose lines are shown as they come; at its end lab::Heard says how. Programs are in sessions of their own: Ctrl-C is for this
-# one, which ends them.
+# one, which ends them. A launcher ends also when this program has been killed: its standard input ends then.
 proc lab::start args {
-    set pipe [open [list | setsid {*}$args 2>@1] r]
+    set pipe [open [list | setsid {*}$args 2>@1] r+]
     fconfigure $pipe -blocking 0
     fileevent $pipe readable [list lab::Read $pipe]
     return $pipe
@@ -59,7 +59,7 @@ proc lab::run {} {
     variable Here
     variable Heard
     set options [sorma::options::parse {-speed {any 1} -carries {any 10} -once flag} $::argv]
-    set launch [start sorma-launch [file join $Here lab.launch]]
+    set launch [start sorma-launch --until-eof [file join $Here lab.launch]]
     untilSignal $launch
     try {
         vwait ::lab::Heard

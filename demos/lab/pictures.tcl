@@ -49,7 +49,7 @@ proc pictures::panel {file theme} {
         ttk::style theme use $theme
     }
     set folder [exec mktemp -d]
-    set launch [lab::start sorma-launch [own $folder]]
+    set launch [lab::start sorma-launch --until-eof [own $folder]]
     try {
         vwait ::lab::Heard
         if {$::lab::Heard ne "ready"} {

@@ -10,6 +10,8 @@ package require sorma::options
 
 namespace eval tracker {
     variable Here [file dirname [file normalize [info script]]]
+    variable Options {}     ;# as they were given
+    variable Only {}        ;# those of figures.tcl alone, as sorma::options wants them
 }
 source [file join $::tracker::Here .. lab lab.tcl]
 source [file join $::tracker::Here rows.tcl]
@@ -20,13 +22,17 @@ proc tracker::minute {} {
     rows::jumps 4
     rows::hidden 2
     rows::lost 1
-    rows::push
+    rows::push 2
 }
 
 proc tracker::run rowsCmd {
     variable Here
-    set options [sorma::options::parse {-learn flag -speed {any 1} -csv {any {}} -window flag} $::argv]
-    set launch [lab::start sorma-launch [file join $Here tracker.launch]]
+    variable Options
+    variable Only
+    set options [sorma::options::parse [concat {-learn flag -speed {any 1} -csv {any {}} -window flag} $Only] $::argv]
+    set Options $options
+    set launch [lab::start sorma-launch --until-eof [file join $Here tracker.launch]]
+    lab::untilSignal $launch
     try {
         vwait ::lab::Heard
         if {$::lab::Heard ne "ready"} {

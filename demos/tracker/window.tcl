@@ -2,6 +2,9 @@
 #
 #     ./bootstrap run tracker -window
 #
+# Escape stops following, F12 is the emergency stop; arrow keys, Prior and Next are a hand that pushes, except where one types. Alt and the
+# letter that is underlined press a button.
+#
 # Nothing in it waits. What it plots is what the robot itself knows: the ball as sight sees it, read from the buffers of this machine.
 
 package require Tk
@@ -13,7 +16,9 @@ package require sorma::trailview
 namespace eval window {
     variable Said {}                    ;# what the last button has said
     variable Hand {0 0 0}               ;# where keys and mouse push
-    variable Inputs {sight {the ball is seen} force {the hand is pushed} hand {a controller is moved}}
+    variable Inputs {sight {ball seen} force {hand pushed} hand {controller moved}}
+    variable Expecting 0                ;# somebody is asked where the ball is by now
+    variable Nominal {0 0 0.3} Reach {0.1 0.1 0.08}     ;# of the learned map: sight.ball in tracker.dict
     variable Begin [clock milliseconds]
 }
 foreach {name key} {rel target.rel pose tool.pose force tool.force} {
@@ -54,6 +59,7 @@ proc window::Tick {} {
             .chart sample speed [expr {1e3 * sqrt($way) / ([lindex $pose 0] - [lindex $Last 0])}] $now
         }
         set Last $pose
+        Expect $pose
     }
     set pushed 0
     catch {
@@ -70,6 +76,50 @@ proc window::Tick {} {
         send spacemouse.hand@robot EXEC FMSG 6 {*}$::window::Hand 0 0 0
     }
 }
+# A cross in the picture where the ball is expected by now: as track predicts it, and as the learned map sees that.
+proc window::Expect pose {
+    variable Expecting
+    if {$Expecting} {
+        return
+    }
+    set Expecting 1
+    sorma::async -timeout 2000 -command [list window::Predicted $pose] track.ball@robot exec -floats [lindex $pose 0] predict
+}
+proc window::Predicted {pose future} {
+    variable Nominal
+    variable Reach
+    try {
+        lassign [dict get [$future wait] floats] bx - - by - - bz
+        lassign $pose - x y z
+        # The tool points down.
+        set places [lmap rel [list [expr {$bx - $x}] [expr {$y - $by}] [expr {$z - $bz}]] nominal $Nominal reach $Reach {expr {($rel - $nominal) / $reach}}]
+        sorma::async -timeout 2000 -command window::Projected psom.ball@sight exec -floats $places evaluate
+    } on error {} {
+        Unexpected
+    } finally {
+        $future destroy
+    }
+}
+proc window::Projected future {
+    variable Expecting
+    try {
+        lassign [lrange [dict get [$future wait] floats] 3 4] u v
+        if {[winfo exists .camera]} {
+            .camera point expected $u $v -colour #ffd000
+        }
+        set Expecting 0
+    } on error {} {
+        Unexpected
+    } finally {
+        $future destroy
+    }
+}
+proc window::Unexpected {} {
+    if {[winfo exists .camera]} {
+        .camera unmark expected
+    }
+    after 1000 {set ::window::Expecting 0}
+}
 proc window::Lamp {input state} {
     variable Inputs
     .inputs.l$input configure -text "[sorma::style::mark $state] [dict get $Inputs $input]" -foreground [sorma::style::colour $state]
@@ -78,26 +128,39 @@ proc window::Lamp {input state} {
 # ---- the stand-in of a hand controller: arrow keys, Prior and Next ----
 
 proc window::Push {key way} {
-    bind . <KeyPress-$key> [list set window::Hand $way]
-    bind . <KeyRelease-$key> {set window::Hand {0 0 0}}
+    bind . <KeyPress-$key> [list window::Pushed %W $way]
+    bind . <KeyRelease-$key> {set ::window::Hand {0 0 0}}
+}
+
+# Where one types the keys are for that.
+proc window::Pushed {focus way} {
+    if {[winfo class $focus] ni {TEntry Entry TSpinbox TCombobox Treeview}} {
+        set ::window::Hand $way
+    }
 }
 
 # ---- the window ----
+
+# The letter that Alt presses it with.
+proc window::Letter {button index} {
+    $button configure -underline $index
+    bind . <Alt-Key-[string tolower [string index [$button cget -text] $index]]> [list $button invoke]
+}
 
 proc window::build {} {
     wm title . "The tracker"
     set gap [sorma::style pixels 6]
     pack [ttk::frame .f -padding $gap] -fill both -expand 1
-    sorma::image .camera -name findball.argus@argus -request {EXEC debug} -every 200 -width 500 -height 500
-    sorma::stripchart .chart -span 20 -low 0 -width 560 -height 200
+    sorma::image .camera -name findball.argus@argus -request {EXEC debug} -every 200 -zoom fit -width 500 -height 360
+    sorma::stripchart .chart -span 20 -low 0 -width 420 -height 180
     # Seen on light and on dark backgrounds.
     foreach {name text colour} {error "error \[mm\]" #e0443c speed "speed \[mm/s\]" #2fa04a force "force \[N\]" #4a86f0 age "age \[ms\]" #c08020} {
         .chart trace $name -text $text -colour $colour
     }
-    sorma::trailview .trail -height 5
+    sorma::trailview .trail -height 4
 
     ttk::frame .run
-    button .run.stop -text "EMERGENCY STOP" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
+    button .run.stop -text "EMERGENCY STOP (F12)" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
         -font TkHeadingFont -pady 10 -command {window::send simlab@lab CTRL -emergencyStop} -takefocus 1
     grid .run.stop -columnspan 2 -sticky ew
     sorma::button .run.follow -name follow.ball@robot -request EXEC -text Follow
@@ -106,17 +169,21 @@ proc window::build {} {
     ttk::button .run.power -text "Reset, power on" -command window::Power
     grid .run.follow .run.halt -sticky ew -pady 2
     grid .run.learn .run.power -sticky ew -pady 2
-    grid columnconfigure .run {0 1} -weight 1
+    grid columnconfigure .run {0 1} -weight 1 -uniform half
 
-    ttk::labelframe .inputs -text "What moves the arm (arrow keys, Prior, Next: a hand)"
+    ttk::labelframe .inputs -text "What moves the arm (arrow keys, Prior, Next: hand)"
     foreach {input name option} {sight track.ball@robot -index force squash.force@robot -gain hand squash.hand@robot -gain} {
-        grid [ttk::label .inputs.l$input] -sticky w -padx $gap
+        grid [ttk::label .inputs.l$input] [ttk::label .inputs.n$input -text $option] [sorma::entry .inputs.g$input -name $name -option $option] \
+            -sticky ew -padx $gap
         Lamp $input gone
-        grid [ttk::label .inputs.n$input -text $option] [sorma::entry .inputs.g$input -name $name -option $option] -sticky ew -padx $gap
     }
-    grid [ttk::label .inputs.nspeed -text -speed] [sorma::entry .inputs.speed -name follow.ball@robot -option -speed] -sticky ew -padx $gap
-    grid [ttk::button .inputs.pursuit -text Pursuit -command {window::send track.ball@robot CTRL -index 0.3}] \
-        [ttk::button .inputs.saccade -text Saccade -command {window::send track.ball@robot CTRL -index 1}] -sticky ew -padx 2 -pady 2
+    grid [ttk::label .inputs.lspeed -text "at most"] [ttk::label .inputs.nspeed -text -speed] [sorma::entry .inputs.speed -name follow.ball@robot -option -speed] -sticky ew -padx $gap
+    grid columnconfigure .inputs 2 -weight 1
+    grid [ttk::frame .inputs.presets] -columnspan 3 -sticky ew
+    grid [ttk::button .inputs.presets.pursuit -text Pursuit -command {window::send track.ball@robot CTRL -index 0.3}] \
+        [ttk::button .inputs.presets.saccade -text Saccade -command {window::send track.ball@robot CTRL -index 1}] -sticky ew -padx 2 -pady 2
+
+    grid columnconfigure .inputs.presets {0 1} -weight 1 -uniform half
 
     ttk::labelframe .tease -text "Tease it"
     set n 0
@@ -131,25 +198,34 @@ proc window::build {} {
             -sticky ew -padx 2 -pady 2
         incr n
     }
-    grid columnconfigure .tease {0 1} -weight 1
+    grid columnconfigure .tease {0 1} -weight 1 -uniform half
+    foreach {button index} {
+        .run.halt 0 .run.power 0 .inputs.presets.pursuit 1 .inputs.presets.saccade 5
+        .tease.b0 0 .tease.b1 1 .tease.b2 0 .tease.b3 5 .tease.b4 0 .tease.b5 1 .tease.b6 0 .tease.b7 2 .tease.b8 6 .tease.b9 0
+    } {
+        Letter $button $index
+    }
     ttk::label .said -textvariable window::Said -wraplength [sorma::style pixels 900]
 
-    grid .camera -in .f -row 0 -column 0 -rowspan 3 -sticky nsew
-    grid .run -in .f -row 0 -column 1 -sticky new -padx $gap
-    grid .inputs -in .f -row 1 -column 1 -sticky new -padx $gap
-    grid .tease -in .f -row 2 -column 1 -sticky new -padx $gap
-    grid .chart -in .f -row 3 -column 0 -columnspan 2 -sticky ew -pady $gap
-    grid .trail -in .f -row 4 -column 0 -columnspan 2 -sticky ew
-    grid .said -in .f -row 5 -column 0 -columnspan 2 -sticky w
+    grid .camera -in .f -row 0 -column 0 -sticky nsew
+    grid [ttk::frame .side] -in .f -row 0 -column 1 -rowspan 2 -sticky new -padx $gap
+    lower .side
+    pack .run .inputs .tease -in .side -fill x -pady [list 0 $gap]
+    grid .chart -in .f -row 1 -column 0 -sticky nsew -pady $gap
+    grid .said -in .f -row 2 -column 0 -columnspan 2 -sticky w
+    grid .trail -in .f -row 3 -column 0 -columnspan 2 -sticky nsew
     grid columnconfigure .f 0 -weight 1
-    grid rowconfigure .f 2 -weight 1
+    grid rowconfigure .f {0 1 3} -weight 1
     foreach {key way} {Up {150 0 0} Down {-150 0 0} Left {0 150 0} Right {0 -150 0} Prior {0 0 150} Next {0 0 -150}} {
         Push $key $way
     }
     bind . <Escape> {window::send follow.ball@robot CTRL -stop}
+    bind . <F12> {.run.stop invoke}
     Tick
     update idletasks
-    wm minsize . [winfo reqwidth .run] [winfo reqheight .run]
+    # What presses and what is set is always there; pictures and messages may be smaller.
+    wm minsize . [expr {[winfo reqwidth .run] + [winfo reqwidth .tease]}] \
+        [expr {[winfo reqheight .side] + [winfo reqheight .trail] + [winfo reqheight .said]}]
 }
 proc window::Power {} {
     send simlab@lab CTRL -reset

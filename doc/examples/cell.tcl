@@ -1,6 +1,6 @@
-# cell.tcl ?DAEMON? -- an operator's panel for a cell with two devices, who serves and a belt, written by hand.
+# cell.tcl ?DAEMON? -- an operator's panel for a cell with two devices, a server of breakfast and a belt; written by hand.
 #
-#     wish doc/examples/cell.tcl          the devices are made here; with a daemon's name they are its own
+#     wish doc/examples/cell.tcl          makes the devices here; with a daemon's name, uses that daemon's devices
 
 package require sorma
 package require sorma::panel
@@ -22,7 +22,7 @@ foreach {text widget options} [list \
 grid [sorma::button .f.serve -name foo.cell$at -request EXEC -text Serve] \
     [sorma::button .f.stop -name cycle.belt$at -request {CTRL -stop} -text "Stop the belt"] -sticky ew -padx 6 -pady 8
 
-# Devices that nobody has called yet do not exist: looking makes none.
+# A device does not exist before its first call, and looking makes none: call both.
 foreach device [list foo.cell$at cycle.belt$at] {
     sorma::async -command {apply {{future} {catch {$future result}; $future destroy}}} $device CTRL -dump
 }

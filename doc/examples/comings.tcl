@@ -1,4 +1,4 @@
-# comings.tcl -- a log of all that comes and goes on this host: daemons, and their objects.
+# comings.tcl -- a log of the daemons of this host and their objects: each one that is there, changes, or ends.
 #
 #     build/env tclsh8.6 doc/examples/comings.tcl            all of them, until Ctrl-C
 #     build/env tclsh8.6 doc/examples/comings.tcl foo.*@*    objects of one class
@@ -14,7 +14,7 @@ proc happened {event key facts} {
     switch -- $event {
         daemon.here { say $key "is there, by its [dict get $facts how]" }
         daemon.changed {
-            # Also told: how many objects it has, and in what it is busy.
+            # The facts also have the count of its objects, and what it is busy with.
             if {[list $key [dict get $facts state]] ni $::states} {
                 say $key [string trim "[dict get $facts state] [dict get $facts why]"]
             }

@@ -1,4 +1,4 @@
-# eye.tcl -- looks ten times a second, and writes on the board where the target is [m].
+# eye.tcl -- looks ten times a second, and writes the place of the target [m] to the board.
 
 proc look {} {
     after 100 look

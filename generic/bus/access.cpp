@@ -77,7 +77,7 @@ std::vector<std::string> wordsOf(std::string_view line) {
     return words;
 }
 
-// Whom a refusal names: what is known, then what he says of himself.
+// The caller in a refusal: what is known, then what it claims.
 std::string whoText(const PrincipalPointer& author) {
     std::string who = author->kind() == Principal::Kind::host || (author->kind() == Principal::Kind::anyone && author->byNetwork())
                           ? Principal::toText(author->address()) : author->toText();
@@ -214,7 +214,7 @@ const Access::Line* Access::decide(const Principal* who, Right right, std::strin
 Rights Access::rights(const PrincipalPointer& author, std::string_view subject) const {
     constexpr Rights kAll = kTune | Right::files | Right::program | Right::reach;
     if (!author && !restricted_) return kAll | Right::policy;
-    Rights out = author ? Rights(0) : kTune;        // what a safe interpreter does within itself
+    Rights out = author ? Rights(0) : kTune;        // rights of a safe interpreter on its own objects
     for (auto& w : kWords) {
         if (w.doing == nullptr || w.rights == Rights(Right::policy)) continue;
         if (auto* line = decide(author.get(), Right(w.rights), subject)) out = Rights(line->allow ? out | w.rights : out & ~w.rights);

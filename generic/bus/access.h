@@ -1,10 +1,10 @@
-// access.h -- who may do what: the policy of one SORM, and the one place that is asked.
+// access.h -- who may do what: the policy of one SORM. Every check of a right is made here.
 //
-// A right is asked of whoever wrote the word that is acted on (Message::author, Origin::author): when it is set, and when
-// it is used. The owner of the process (a null principal) may do everything, unless the SORM is that of a safe
-// interpreter, which has what its parent has granted.
+// The right is needed by the author of the word that is acted on (Message::author, Origin::author): when the word is set,
+// and again when it is used. The owner of the process (a null principal) may do everything. An exception is the SORM of a
+// safe interpreter: its owner has the rights that the parent has granted.
 //
-// A policy is text, one line a rule; per right the first line that names it and fits decides:
+// A policy is text; each line is a rule. For each right the first line decides that names the right and fits:
 //
 //     LINE    := allow|deny SUBJECT RIGHT... ?on PATTERN...?
 //     SUBJECT := user NAME | group NAME | local NAME | host ADDRESS?/BITS? | anyone
@@ -15,7 +15,7 @@
 //
 // and last, built in: allow local SELF tune; allow anyone use.
 //
-// Threads: the SORM's, but may() of a mask that is known already.
+// Threads: the SORM's.
 #pragma once
 
 #include <cstdint>
@@ -30,7 +30,7 @@
 namespace sorma {
 
 enum class Right : std::uint16_t {
-    call = 1,           // EXEC, first use by name, and whatever stops a motion
+    call = 1,           // EXEC, first use by name, and everything that stops a motion
     inspect = 2,        // DBX, -help, -dump, subscriptions
     configure = 4,      // options and actions of CTRL
     make = 8,           // create, second names, remove
@@ -38,7 +38,7 @@ enum class Right : std::uint16_t {
     files = 32,         // read or write a file
     program = 64,       // run a program
     reach = 128,        // make this daemon call elsewhere
-    policy = 256,       // change the policy: the owner's alone, no line gives it
+    policy = 256,       // change the policy: only the owner has it, no line can give it
 };
 using Rights = std::uint16_t;
 constexpr Rights operator|(Right a, Right b) { return Rights(Rights(a) | Rights(b)); }
@@ -47,48 +47,50 @@ const char* toText(Right right);
 
 class Access {
 public:
-    // ---- asking ----
+    // ---- checking a right ----
 
-    // Returns when the author may; else fails with COMM DENIED, naming caller, right, subject and the line that would
-    // allow it, and counts the refusal. subject: what the line's PATTERN is for. object: which the message names.
+    // Returns if the author has the right. Else counts the refusal and fails with COMM DENIED; the message names caller,
+    // right, subject, and the line that would allow it.   subject: what the line's PATTERN is compared with.   object: for
+    // the message.
     void need(const PrincipalPointer& author, Right right, std::string_view subject, std::string_view object) {
         if (author || restricted_) [[unlikely]] ask(author, right, subject, object);
     }
-    // All the rights that a principal has on one subject. Good as long as epoch() stays.
+    // All the rights that a principal has on one subject. Valid until epoch() changes.
     Rights rights(const PrincipalPointer& author, std::string_view subject) const;
-    std::uint32_t epoch() const { return epoch_; }
-    std::function<void()> changed;                      // called when another policy holds
-    // Raises COMM DENIED and counts it, whatever the policy says.
+    std::uint32_t epoch() const { return epoch_; }      // counts the changes of the policy
+    std::function<void()> changed;                      // called after each change, inside the function that made it
+    // Fails with COMM DENIED and counts it, whatever the policy says.
     [[noreturn]] void refuse(const PrincipalPointer& author, Right right, std::string_view subject, std::string_view object);
 
     // ---- the policy ----
 
-    // Adds a line at the end of those that were added so: all of them come before those of the file. Fails with POLICY
-    // SYNTAX, which says what was expected and at which word. source: where it comes from, for messages.
+    // Add a line after those that were added before; all of them come before the lines of the file. Fails with POLICY
+    // SYNTAX; the message says what was expected and at which word.   source: where the line comes from, for messages.
     void add(std::string_view line, std::string source);
-    // The lines of a file, in place of those that a file gave before. All or nothing. Fails with POLICY FILE, POLICY SYNTAX;
-    // also when others than its owner may write to it, or it belongs to neither this user nor root.
+    // Load a file. Its lines replace those of a file that was loaded before. All or nothing. Fails with POLICY SYNTAX, and
+    // with POLICY FILE when it cannot be read, when others than its owner may write to it, or when it belongs to neither
+    // this user nor root.
     void load(const std::string& file);
-    // $XDG_CONFIG_HOME/sorma/policy, else ~/.config/sorma/policy, when there is one and no file has been loaded.
+    // Load $XDG_CONFIG_HOME/sorma/policy, else ~/.config/sorma/policy, if it exists and no file has been loaded.
     void loadDefault();
-    void reload();                                      // the file that was loaded, again
-    std::string text() const;                           // a line each, where it comes from behind it
-    // Would it be allowed? "yes, by ..." or "no, by ...". subject: two words, as in a line; "anyone" is one.
+    void reload();                                      // load the same file again
+    std::string text() const;                           // the policy, a line each, with the source after it
+    // Would it be allowed? "yes, by ..." or "no, by ...". subject: as in a line: two words, or "anyone".
     std::string explain(std::string_view subject, std::string_view right, std::string_view on) const;
 
     // ---- what was refused ----
     std::uint64_t denials() const { return denials_; }
-    std::string deniedText() const;                     // the count, and the latest, a line each
+    std::string deniedText() const;                     // the count, then the latest refusals, a line each
 
     // ---- a safe interpreter ----
-    // From now on the owner himself has what grant() says; else all but files, program and reach.
+    // From now on the owner needs rights, too: all but files, program and reach are allowed, unless grant() says otherwise.
     void restrict() { restricted_ = true; }
     bool restricted() const { return restricted_; }
-    // words: a line without its SUBJECT: {allow reach on robot}. Later ones go before.
+    // words: a line without its SUBJECT: {allow reach on robot}. Later ones come before earlier ones.
     void grant(const std::vector<std::string>& words);
     std::vector<std::string> grants() const;
 
-    std::string daemon;                                 // whom messages name, behind an @; empty: no daemon
+    std::string daemon;                                 // for messages: name of the daemon; empty: no daemon
 
 private:
     struct Line {

@@ -1,13 +1,13 @@
-// budget.h -- how much memory others may make this process keep for them: each principal, and all together.
+// budget.h -- limits the memory that this process keeps for others: for each principal, and for all together.
 //
-// What a request leaves behind, or needs much of, is a Charge on the Account of the principal who has asked: long requests,
-// replies that are kept, what waits for a peer, subscriptions, objects, segments of shared memory. A small call that is
-// answered at once is charged nothing.
+// Memory that stays after a request, or that a request needs much of, is a Charge on the Account of the principal who asked:
+// long requests, replies that are kept, data that waits for a peer, subscriptions, objects, segments of shared memory. A
+// small call that is answered at once is charged nothing, and neither is what this process does for itself.
 //
-// What this process does for itself is not charged. The owner by Unix-domain socket has no limit but the one for all, of which
-// the last quarter is his alone: whatever others keep, he is let in.
+// The owner by Unix-domain socket has no limit of his own. The last quarter of the limit for all is only for him, so that he
+// can connect however much others keep.
 //
-// Threads: any. Accounts outlive their budget as long as something is charged to them.
+// Threads: any. An account outlives its budget as long as something is charged to it.
 #pragma once
 
 #include <array>
@@ -26,28 +26,31 @@
 
 namespace sorma {
 
+// The memory kept for one principal.
 class Account {
 public:
     enum class Use : std::uint8_t { requests, replies, queues, subscriptions, objects, segments };
     static constexpr std::size_t kUses = 6;
 
-    const std::string& name() const { return name_; }           // as the subject of a policy's line; "the owner"
+    const std::string& name() const { return name_; }           // as the subject of a policy's line, or "the owner"
     bool owner() const { return owner_; }
-    std::size_t used() const { return used_.load(std::memory_order_relaxed); }
-    std::size_t limit() const;
+    std::size_t used() const { return used_.load(std::memory_order_relaxed); }     // [bytes]
+    std::size_t limit() const;                                  // [bytes]
     bool fits(std::size_t bytes) const;                         // could so much be charged now?
-    // Some things are charged whatever the limit, since they are small and there already: then he gets nothing new. Where all
-    // together have too much, that is for those who have more than a little.
+    // Is the limit exceeded? That can be, since Charge::force charges small things that are there already. Then new requests
+    // of this principal are refused. When only the limit for all is exceeded, this is true for accounts that use more than a
+    // little.
     bool over() const { return !owner_ && exceeded(); }
-    // What to tell who cannot have so much: COMM LIMIT, with the limit's name. The refusal is counted.
+    // The error for a charge that was refused: COMM LIMIT, with the name of the limit. Counts the refusal.
     Entry refusal(const std::string& object, Use use, std::size_t bytes);
 
-    std::atomic<std::uint32_t> connections{0};
+    std::atomic<std::uint32_t> connections{0};                  // that are open, counted by the server
 
 private:
     friend class Budget;
     friend class Charge;
-    // Limits and sum of all accounts. Relaxed everywhere: numbers that order nothing.
+    // Limits [bytes], and the sum of all accounts. Memory order is relaxed everywhere: no other data depends on these
+    // numbers.
     struct Books {
         std::atomic<std::size_t> used{0}, principal{SIZE_MAX}, total{SIZE_MAX};
     };
@@ -64,10 +67,10 @@ private:
 };
 using AccountPointer = std::shared_ptr<Account>;
 
-// So many bytes on an account, given back when this goes.
+// Bytes on an account; it releases them when it is deleted. One thread at a time may use a charge.
 class Charge {
 public:
-    Charge() = default;                                         // on nobody's: always granted
+    Charge() = default;                                         // on no account: everything is granted
     Charge(AccountPointer account, Account::Use use) : account_(std::move(account)), use_(use) {}
     Charge(Charge&& other) noexcept : account_(std::move(other.account_)), bytes_(std::exchange(other.bytes_, 0)), use_(other.use_) {}
     Charge& operator=(Charge&& other) noexcept {
@@ -81,9 +84,9 @@ public:
 
     std::size_t bytes() const { return bytes_; }
     const AccountPointer& account() const { return account_; }
-    bool set(std::size_t bytes);                                // from now on so many; false: too many, nothing has changed
-    void force(std::size_t bytes);                              // the same whatever the limit
-    void need(const std::string& object, std::size_t bytes);    // set, or throws the refusal
+    bool set(std::size_t bytes);                                // charge so many in all; false: too many, nothing has changed
+    void force(std::size_t bytes);                              // the same without regard to the limit
+    void need(const std::string& object, std::size_t bytes);    // as set; throws the refusal (COMM LIMIT) instead of false
     void clear() {
         if (bytes_ != 0) force(0);
     }
@@ -94,17 +97,18 @@ private:
     Account::Use use_ = Account::Use::objects;
 };
 
+// The accounts of one SORM.
 class Budget {
 public:
-    // Of each principal, and of all together [bytes].
+    // For each principal, and for all together [bytes].
     void setLimits(std::size_t principal, std::size_t total);
-    // A principal's account; null: the owner's. A user has one whatever his groups and addresses, a network of IPv6 (/64) is
-    // one host.
+    // A principal's account; null: the owner's. A user has one account whatever his groups and addresses. A network of IPv6
+    // (/64) counts as one host.
     AccountPointer of(const PrincipalPointer& principal);
-    // Whom to charge for what is made now: whoever sent the present request, else the author of the words. Null: nobody.
+    // The account for what is made now: of the sender of the present request, else of the author of the words. Null: none.
     AccountPointer ofCaller(const PrincipalPointer& author = nullptr);
     std::vector<AccountPointer> accounts() const;
-    std::string text() const;                                   // a line for each account, the largest first
+    std::string text() const;                                   // for people, a line for each account, the largest first
 
 private:
     std::shared_ptr<Account::Books> books_ = std::make_shared<Account::Books>();

@@ -1,11 +1,13 @@
-// call.h -- on whose behalf a piece of work runs, and until when: the call context.
+// call.h -- the call context: for which client a piece of work runs, and until when.
 //
-// Where a request comes in, its context is put on the stack; what the service calls finds it there and inherits deadline,
-// cancellation, client and request number. It says nothing about rights: those are asked of whoever wrote a word
-// (Message::author, bus/access.h), and a class's own code does what it does as the owner of this process.
+// When a request comes in, its context is put on the stack. The calls that the service makes inherit from it the deadline,
+// cancellation, client and request number. It says nothing about rights. Those belong to the author of a word
+// (Message::author, bus/access.h); the code of a class acts as the owner of this process.
 //
-// Work that waits (in a mailbox, for a timer, for a reply) takes its context along with keep(), and goes on in it. What an
-// event loop calls in the meantime starts fresh: it is somebody else's, wherever on the stack it happens to run.
+// Work that waits (in a mailbox, for a timer, for a reply) takes its context along with keep(), and continues in it. An
+// event loop that runs meanwhile calls work of other requests: that starts without a context (CallContext::Fresh).
+//
+// Threads: each thread has its own stack of contexts. cancelled() may be read by any thread; all else belongs to the SORM's.
 #pragma once
 
 #include <atomic>
@@ -19,12 +21,12 @@
 
 namespace sorma {
 
-// Who sent a request. By TCP user, host, program and process are only what he claims.
+// The process that sent a request. By TCP user, host, program and process are only what it claims.
 struct Caller {
     std::string user, host, program, address;   // address: how it reached us, "unix" or "127.0.0.1:40312"
     std::int64_t process = 0;
-    std::string known;                          // by TCP: what the kernel says, "192.168.7.21", "anna@127.0.0.1"
-    std::string toText() const;                 // user@host program[process]; KNOWN (claims user@host program[process])
+    std::string known;                          // by TCP, what the kernel says: "192.168.7.21", "anna@127.0.0.1"
+    std::string toText() const;                 // user@host program[process]; or KNOWN (claims user@host program[process])
     static const Caller& self();                // this process
 };
 
@@ -32,7 +34,8 @@ class Client;
 using ClientPointer = std::shared_ptr<Client>;      // bus/client.h
 class Pending;
 
-// A call context that outlives the stack on which it began. One for each request, shared by all that waits for it.
+// A call context that outlives the stack on which it began. There is one for each request; all work that waits for it shares
+// it.
 class KeptCall {
 public:
     KeptCall(ClientPointer client, Deadline deadline, std::uint64_t request, std::string behalf)
@@ -41,16 +44,16 @@ public:
     const ClientPointer client;                 // null: this process
     const Deadline deadline;
     const std::uint64_t request;
-    const std::string behalf;                   // for whom the client says that it asks: its own callers, nearest first
+    const std::string behalf;                   // the client's own callers, as it says, nearest first
 
-    std::string callers() const;                // as text: the client, and for whom
-    bool cancelled() const { return cancelled_.load(std::memory_order_relaxed); }   // a hint, it orders nothing
-    // The caller has given up. Everything that was begun on his behalf is cancelled too, down to the last process.
-    // The SORM's thread.
+    std::string callers() const;                // for people: the client, and its callers
+    // Has the caller cancelled it? Any thread. Memory order is relaxed, since no other data depends on it.
+    bool cancelled() const { return cancelled_.load(std::memory_order_relaxed); }
+    // Cancel it, and all requests that were begun for it, also in other processes. May run callbacks of services.
     void cancel();
-    // A request that is made on behalf of this one.
+    // Note a request that is made for this one, so that it is cancelled with it.
     void begun(const std::shared_ptr<Pending>& pending);
-    std::uint32_t subTime = 0;                  // [us] in which it waited for other processes, each of its calls by itself
+    std::uint32_t subTime = 0;                  // [us] that its calls to other processes took, added up
 
 private:
     std::atomic<bool> cancelled_{false};
@@ -58,18 +61,20 @@ private:
 };
 using KeptCallPointer = std::shared_ptr<KeptCall>;
 
+// The context of the code that runs while this exists. It lives on the stack.
 class CallContext {
 public:
-    // A request begins. Nothing is inherited from what runs below on the stack, and that is billed no time.
-    // client, null for this process, and behalf are borrowed. request: its number, 0 when it has none yet.
+    // A request begins. It inherits nothing from the requests below it on the stack.
+    // client: null for this process; client and behalf must outlive this.   request: its number, 0: it has none yet.
     CallContext(const ClientPointer& client, Deadline deadline, std::uint64_t request, const std::string& behalf);
-    // Work that waited goes on. null: fresh.
+    // Work that waited continues. null: outside of any request.
     explicit CallContext(const KeptCallPointer& kept);
     ~CallContext();
     CallContext(const CallContext&) = delete;
     CallContext& operator=(const CallContext&) = delete;
 
-    // For the length of a block: an event loop runs, and what it calls has nothing to do with the present request.
+    // While this exists there is no context. For event loops: the work that they call has nothing to do with the present
+    // request.
     class Fresh {
     public:
         Fresh();
@@ -81,29 +86,29 @@ public:
     };
 
     static CallContext* current();              // null: outside of any request
-    static Deadline currentDeadline();
-    // Until when a call to another process may take: of what is left something is kept for the way back, so that who asked
-    // hears which hop it was that did not answer.
+    static Deadline currentDeadline();          // none outside of any request
+    // The deadline for a call to another process: a little earlier than the request's (a tenth of the time left, 0.1 s at
+    // most). So this process can still report which daemon did not answer.   now: [ns]
     static Deadline deadlineForCalls(std::int64_t now);
     static const Caller& currentCaller();       // Caller::self() outside of any request
-    static std::string currentCallers();        // as text, with those on whose behalf he says that he asks
-    static PrincipalPointer currentPrincipal(); // who is to be charged; null: the owner
+    static std::string currentCallers();        // for people: the caller, and its callers as it says
+    static PrincipalPointer currentPrincipal(); // who is charged; null: the owner
     static ClientPointer currentClient();       // null when the request comes from this process
-    // Its number: the one that its caller has given it, which is also that of the request on whose behalf he made it; else one
-    // that is given to it now. 0 outside of any request.
+    // The request's number. A request that is made for another one has the number of that one. A request without a number
+    // gets one now. 0 outside of any request.
     static std::uint64_t currentRequest();
-    static bool currentCancelled();             // by its caller, or because the deadline has passed
-    static bool currentGivenUp();               // by its caller
-    static KeptCallPointer keep();              // the present one, for work that waits; null outside of any request
-    static std::uint64_t newRequest();          // a number that no other request has, here or elsewhere, by all odds
+    static bool currentCancelled();             // the caller has cancelled it, or its deadline has passed
+    static bool currentGivenUp();               // the caller has cancelled it
+    static KeptCallPointer keep();              // the present context, for work that waits; null outside of any request
+    static std::uint64_t newRequest();          // a number that almost certainly no other request has, here or elsewhere
 
     const ClientPointer& client;
     const Deadline deadline;
     const std::string& behalf;
-    std::atomic<bool> cancelled{false};         // the caller has given up: what takes long may look, and stop early
+    std::atomic<bool> cancelled{false};         // the caller has cancelled it. Work that takes long may read it and stop early
     std::uint32_t subTime = 0;                  // [us] spent in calls to other processes since this began
-    std::uint32_t waitedForOthers() const;      // the same of all its parts
-    void cancel();                              // by the caller: what was begun on his behalf is cancelled, too. The SORM's thread
+    std::uint32_t waitedForOthers() const;      // [us] the same, with the time of its parts that waited
+    void cancel();                              // by the caller; as KeptCall::cancel
 
 private:
     static const ClientPointer kThisProcess;

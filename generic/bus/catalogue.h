@@ -4,10 +4,10 @@
 //     fail(kRange, object, option.name, given, low, high, unit);   // -errorcode {SORMA OPTION RANGE object option}
 //     message.warn(kDusty, 0.4);                                   // an entry in the trail, the call goes on
 //
-// A prototype of static storage collects itself into the catalogue that `sorma::catalogue` lists, and leaves it when
-// its library is unloaded. The text is a format of {fmt} and always comes from code, never from a peer.
+// A prototype has static storage. It adds itself to the catalogue that `sorma::catalogue` lists, and removes itself when its
+// library is unloaded. The text is a format of {fmt}. It comes from code, never from a peer.
 //
-// Threads: any; the catalogue has a lock, which only libraries that come and go and catalogue() take.
+// Threads: any. The catalogue has a lock; it is taken when libraries are loaded and unloaded, and by catalogue().
 #pragma once
 
 #include <cstdint>
@@ -26,7 +26,7 @@ namespace sorma {
 class Prototype {
 public:
     // symbol:  area and symbol, "OPTION RANGE". Choose it by what the caller can do next.
-    // details: how many of the arguments, from the first, become part of the error code.
+    // details: so many arguments, from the first on, become part of the error code.
     Prototype(Severity severity, const char* symbol, int details, const char* text,
               Where where = Where::current());
     ~Prototype();
@@ -50,7 +50,7 @@ private:
 // All prototypes of the process, ordered by symbol.
 std::vector<const Prototype*> catalogue();
 
-// An argument of a message, by reference: text or a number. Numbers are shown in their shortest form.
+// An argument of a message: a text, which must outlive it, or a number, which is written in its shortest form.
 struct MessageArg {
     enum class Kind { text, real, integer } kind;
     std::string_view text;
@@ -72,15 +72,15 @@ struct Raised {
     Raised(const Prototype& p, Where at = Where::current()) : prototype(p), where(at) {}
 };
 
-// The entry of a prototype with its arguments, stamped with place and time.
+// An entry for a trail, made of a prototype and its arguments, with place and time.
 Entry makeEntry(const Raised& raised, std::initializer_list<MessageArg> args);
 
-// What C++ code throws: a trail whose cause() is the error.
+// The exception of SORMA: a trail whose cause() is the error.
 class Error : public std::exception {
 public:
     explicit Error(Entry entry) : trail(std::move(entry)) {}
     explicit Error(Trail t) : trail(std::move(t)) {}
-    const char* what() const noexcept override;
+    const char* what() const noexcept override;     // text of the cause
     // The words after SORMA of the error code: {"OPTION", "RANGE", "carry.slow", "-transferSpeed"}.
     std::vector<std::string> code() const;
     bool is(std::string_view symbol) const;    // e.g. is("COMM TIMEOUT")
@@ -88,12 +88,13 @@ public:
     Trail trail;
 };
 
+// Throw an Error of one entry. It knows the file and line of the call.
 template <class... Args> [[noreturn]] void fail(Raised raised, const Args&... args) {
     throw Error(makeEntry(raised, {MessageArg::of(args)...}));
 }
 
-// A trail from whatever is being handled: Error, std::exception or anything else. Call it inside a catch block.
-// `so` is entered where the entry names no service object yet.
+// The exception that is being handled as a trail: Error, std::exception or anything else. Call it inside a catch block.
+// so: name of the service object, for entries that have none.
 Trail trailOfCurrentException(std::string_view so);
 
 }  // namespace sorma

@@ -1,4 +1,4 @@
-// change.h -- what the options of an object are going to be: for Service::prepare.
+// change.h -- a change of options that is about to be made, for Service::prepare.
 #pragma once
 
 #include <functional>
@@ -10,22 +10,23 @@
 
 namespace sorma {
 
+// Values have been read and checked, and are not set yet. Lives only while Service::prepare runs.
 class Change {
 public:
     struct Setting {
-        int option;                     // index
-        Value value;                    // the new one
-        PrincipalPointer author;        // who has written it
+        int option;                     // index in the class's table
+        Value value;                    // the new value
+        PrincipalPointer author;        // who wrote it; null: the owner
     };
-    using Values = std::vector<Setting>;                    // the last one of an option counts
+    using Values = std::vector<Setting>;                    // if an option is there twice, the last one counts
 
     // Both must outlive it.
     Change(const Service& service, const Values& values) : service_(service), values_(values) {}
 
-    bool concerns(std::string_view option) const;           // one of those that are set
-    // What an option is going to be: the new value, or the present one when it is not set.
+    bool concerns(std::string_view option) const;           // does the change set this option?
+    // The value that an option will have: the new one, or the present one if the change does not set it.
     Value value(std::string_view option) const;
-    const PrincipalPointer& author(std::string_view option) const;      // of that value
+    const PrincipalPointer& author(std::string_view option) const;      // who wrote that value
     template <class V> V get(std::string_view option) const { return std::get<V>(value(option)); }
 
 private:
@@ -34,7 +35,8 @@ private:
     const Values& values_;
 };
 
-// Puts what has been prepared in the place of what is there, and keeps that: called once more, it takes the change back.
+// Returned by Service::prepare. It exchanges the prepared state and the present one; a second call exchanges them back,
+// which undoes the change.
 using Commit = std::function<void()>;
 
 }  // namespace sorma

@@ -1,7 +1,10 @@
-// client.h -- a process that sends requests, as the objects it calls know it: identity, and what it holds.
+// client.h -- a process that sends requests, as objects know it: its identity, and what it holds.
 //
-// A client may hold things of an object: a lock, a semaphore's count, an item of a queue. Each is a lease: when the
-// client has died, or stayed away longer than Settings::grace, COMM ends it, and what it held is given back.
+// A client may hold things of an object: a lock, a semaphore's count, an item of a queue. Each is a lease. When the client
+// has died, or has been disconnected for longer than Settings::grace, COMM calls end(): each object is told, and takes its
+// thing back.
+//
+// Threads: the SORM's.
 #pragma once
 
 #include <cstdint>
@@ -22,9 +25,10 @@ public:
     Client& operator=(const Client&) = delete;
 
     Caller caller;
-    PrincipalPointer principal;         // whom it is charged to, and who writes its requests; null: the owner
+    PrincipalPointer principal;         // who is charged for it, and is the author of its requests; null: the owner
 
-    // Keep until released; lost() is called when the client ends before. Of a client that has ended: at once.
+    // Hold something until release(). lost() is called if the client ends before that; at once if it has ended already.
+    // lost() must not throw; it may hold and release leases.
     Lease hold(std::function<void()> lost) {
         if (ended_) return lost(), 0;
         leases_.emplace(++last_, std::move(lost));
@@ -32,7 +36,7 @@ public:
     }
     void release(Lease lease) { leases_.erase(lease); }
     bool ended() const { return ended_; }
-    // What it holds is given back, the oldest first.
+    // The client has ended: call lost() of each lease, the oldest first.
     void end() {
         ended_ = true;
         while (!leases_.empty()) {

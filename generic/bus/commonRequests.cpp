@@ -81,7 +81,7 @@ void CommonRequests::why(Service& s, Args args, Message& reply) {
 }
 
 void CommonRequests::diff(Service& s, Args, Message& reply) {
-    // What the recipe gives today, the last word for each option.
+    // The options of the present recipe; the last word for an option counts.
     std::vector<std::pair<int, std::string>> recipe;
     auto words = s.sorm().dictionary().expand(s.name());
     for (std::size_t i = 0; i < words.size(); ++i) {
@@ -240,7 +240,7 @@ void CommonRequests::save(Service& s, Args args, Message& m) {
         dictionary.add(target, splitWords(recipe), by, author);
     } catch (const Error& e) {
         if (!e.is("DICT LOOP")) throw;
-        recipe = s.recipe();            // what it splices is made of the entry that is written: it stands for itself then
+        recipe = s.recipe();            // the entry splices the one that is written, so all options are written
         dictionary.add(target, splitWords(recipe), by, author);
     }
     std::string line;
@@ -386,13 +386,13 @@ const std::vector<Action>& CommonRequests::inspections() {
     return list;
 }
 
-Class& Class::conduct(Conduct conduct) {
-    if (conduct == Conduct::exclusive && !findAction("-lock")) {
+Class& Class::concurrency(Concurrency concurrency) {
+    if (concurrency == Concurrency::exclusive && !findAction("-lock")) {
         action({"-lock", "", "keep other clients from EXEC and from setting options, until -unlock or this client's end", 0, 0,
                 CommonRequests::lock, Right::call});
         action({"-unlock", "", "free the lock", 0, 0, CommonRequests::unlock, Right::call});
     }
-    conduct_ = conduct;
+    concurrency_ = concurrency;
     return *this;
 }
 

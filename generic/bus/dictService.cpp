@@ -1,4 +1,4 @@
-// The SO `dict`: the dictionary of its SORM, editable as any service object, here or from elsewhere.
+// The object `dict`: the dictionary of its SORM, used like any service object, here or from another process.
 #include "bus/call.h"
 #include "bus/requestText.h"
 #include "bus/sorm.h"

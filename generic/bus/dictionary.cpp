@@ -35,8 +35,8 @@ const Prototype kTooLarge{Severity::error, "DICT SYNTAX", 1, "dictionary entry {
 const Prototype kFile{Severity::error, "DICT FILE", 1, "cannot {1} dictionary file \"{0}\": {2}"};
 const Prototype kNoFile{Severity::error, "DICT FILE", 0, "no dictionary file is loaded; name the one to write: dict CTRL -save FILE"};
 
-// Above an entry of a file that somebody else than the owner has written: whose rights its words have. Without it they are
-// the owner's.
+// A line above an entry that another than the owner has written: it names the author, whose rights its words have. Without
+// it they are the owner's.
 constexpr std::string_view kAuthorMark = "#@ by ";
 constexpr std::string_view kSubst = "-SUBST", kByteOrderMark = "\xef\xbb\xbf";
 constexpr std::size_t kMaxFile = std::size_t{64} << 20;
@@ -140,7 +140,7 @@ private:
     std::size_t at_ = 0;
 };
 
-// Whom a line above an entry names; empty when it names nobody.
+// The author that a line above an entry names; empty: none.
 std::string_view authorOf(const LogicalLine& line) {
     std::string_view text = line.text;
     if (!text.starts_with(kAuthorMark)) return {};
@@ -186,7 +186,7 @@ void appendReplaced(std::string& out, const LogicalLine& line, LineWords& words,
         for (bool first = true; words.next(word); first = false)
             if (first) gapEnd = words.begin();
         comment = words.begin();
-    } catch (const Error&) {        // what was spoilt there is replaced
+    } catch (const Error&) {        // a file with errors is replaced
     }
     out += line.text.substr(0, keyEnd);
     if (!now.empty() && !line.joined) out += line.text.substr(keyEnd, gapEnd - keyEnd);

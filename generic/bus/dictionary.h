@@ -28,10 +28,10 @@ namespace sorma {
 // Where a word of a recipe comes from.
 struct Origin {
     std::string file;               // empty: added at run time
-    int line = 0;                   // of the entry that holds the word
-    std::vector<std::string> via;   // entries it was spliced through, outermost first
-    std::string by;                 // who added it at run time, as it was shown
-    PrincipalPointer author;        // whose words these are, spliced ones through every entry of via; null: the owner
+    int line = 0;                   // of the entry that has the word
+    std::vector<std::string> via;   // entries through which it was spliced, outermost first
+    std::string by;                 // who added it at run time, for people
+    PrincipalPointer author;        // who wrote the word and the entries of via: see Principal::both; null: the owner
     std::string toText() const;     // "carry.dict:12 via carry", "added by joe@lab sormad[77]"
 };
 
@@ -40,14 +40,17 @@ struct DictionaryWord {
     Origin origin;
 };
 
-// Where a file really is, as policies name it: without links and dots. Of one that is not there: its folder's, and its name.
+// The path of a file without links and dots, as policies name it. If the file does not exist, its folder's path and its
+// name.
 std::string realPath(const std::string& file);
 
+// One for each SORM. Threads: the SORM's.
 class Dictionary {
 public:
-    // Is there an entry? Its words as written / with all -SUBST spliced in. A word without entry gives nothing.
-    // expand fails with DICT SYNTAX when it would exceed kMaxExpansion: entries that splice others twice grow fast.
-    static constexpr std::size_t kMaxExpansion = 10'000;        // words, and each entry spliced counts as one
+    // has: is there an entry? get: its words as written; null: there is none. expand: its words with all -SUBST replaced;
+    // nothing when there is no entry. expand fails with DICT SYNTAX beyond these limits, since entries that splice others
+    // twice grow fast.
+    static constexpr std::size_t kMaxExpansion = 10'000;        // words; each entry that is spliced counts as one
     static constexpr std::size_t kMaxExpansionBytes = 1 << 22;
     static constexpr std::size_t kMaxDepth = 200;               // of -SUBST inside -SUBST
     bool has(std::string_view word) const;
@@ -56,28 +59,27 @@ public:
     std::vector<std::string> words(std::string_view pattern = "*") const;      // sorted; glob pattern
     std::size_t size() const { return entries_.size(); }
 
-    // Set an entry at run time. expansion: one text that is split into words when it is a single word holding white
-    // space, else the words. Refused with DICT LOOP when it would close a loop, DICT SYNTAX when word is empty,
-    // begins with # or holds white space or control characters.
-    // author: whose rights its words have, also when they have been saved and loaded.
+    // Set an entry at run time. expansion: its words; a single word with white space in it is split into words first. Fails
+    // with DICT LOOP when it would close a loop, with DICT SYNTAX when word is empty, begins with #, or has white space or
+    // control characters.
+    // by: who sets it, for people.   author: whose rights its words have; saved and loaded with it.
     void add(std::string_view word, const std::vector<std::string>& expansion, const std::string& by, PrincipalPointer author = nullptr);
     bool remove(std::string_view word);         // false when there was none
 
-    void load(const std::string& file);         // all or nothing; a file loaded again moves to the end of files()
+    void load(const std::string& file);         // all or nothing; a file that is loaded again moves to the end of files()
     void loadText(std::string_view text, const std::string& file);      // file: for origins only
-    // Forget what files gave and read them again; all or nothing. The words that files hold are then as the files say,
-    // whatever was done to them at run time; entries that only exist at run time stay.
+    // Read all files again; all or nothing. Entries of files become as the files say, also those that were changed at run
+    // time. Entries that exist only at run time stay.
     void reload();
-    // Write back: comments, order and untouched lines of the file are kept (also what others wrote there meanwhile),
-    // changed entries replaced in place, new ones appended, removed ones taken out. Atomic (temporary file in the same
-    // folder, fsync, rename; mode and owner kept; a symbolic link stays one).
-    // file empty: each file that has changes; new run-time entries go to the file last loaded. Fails with DICT FILE
-    // when there is none. A file that was not loaded receives a copy of every entry beside what it holds; when nothing
-    // was loaded, it counts as loaded from then on.
+    // Write to files. Comments, order and unchanged lines stay, also lines that others wrote there meanwhile. Changed
+    // entries are replaced in place, new ones appended, removed ones taken out. It is atomic: a temporary file in the same
+    // folder, fsync, rename. Mode and owner stay, and a symbolic link stays one. file empty: each file that has changes; new
+    // run-time entries go to the file that was loaded last. Fails with DICT FILE when there is none. file: if it was not
+    // loaded, it gets a copy of every entry beside what it has; if no file was loaded, it counts as loaded from then on.
     void save(const std::string& file = {});
     const std::vector<std::string>& files() const { return files_; }
 
-    // Fill from the environment: SORMA_DICT (a path list of files) is loaded; variables SORMA_ENTRY_<word> are added.
+    // Load the files of SORMA_DICT (a path list), and add the variables SORMA_ENTRY_<word>.
     void loadEnvironment();
 
 private:

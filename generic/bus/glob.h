@@ -5,6 +5,7 @@
 
 namespace sorma {
 
+// Does the whole text match? Never fails; any thread.
 bool globMatch(std::string_view pattern, std::string_view text);
 
 }  // namespace sorma

@@ -1,4 +1,4 @@
-// listText.h -- text that is at the same time a Tcl list, for answers that programs read.
+// listText.h -- writes Tcl lists, for answers that programs read.
 #pragma once
 
 #include <initializer_list>
@@ -7,8 +7,7 @@
 
 namespace sorma {
 
-// Append an element to a Tcl list, with a space before it unless the list is empty. Any text comes back unchanged
-// when Tcl takes the list apart.
+// Append an element to a Tcl list, with a space before it unless the list is empty. Tcl reads any text back unchanged.
 void appendListElement(std::string& list, std::string_view element);
 template <class Texts> std::string listOf(const Texts& elements) {
     std::string list;

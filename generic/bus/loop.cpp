@@ -41,7 +41,7 @@ void Mailbox::run() {
     ringAgain();
 }
 
-// Nobody rings for what came while there was something.
+// post() does not call the bell for items that came while the box was not empty.
 void Mailbox::ringAgain() {
     std::lock_guard lock(mutex_);
     if (bell_ && !work_.empty()) bell_();

@@ -1,8 +1,11 @@
-// loop.h -- what a service object can wait for beside requests: a time, a descriptor, word from another thread.
+// loop.h -- what a service object can wait for beside requests: a time, a descriptor, work from another thread.
 //
-// COMM's reactor is one, and lies inside Tcl's event loop in an interpreter. Callbacks run on the SORM's thread, one
-// after another, never in the middle of a request (unless that request itself runs the event loop). Each starts in a fresh
-// call context; what goes on with a request brings the context that it has kept.
+// COMM's reactor is a loop; in an interpreter it is a part of Tcl's event loop.
+//
+// Threads:   the SORM's, but for Mailbox::post.
+// Callbacks: they run on the SORM's thread, one after another. They never run in the middle of a request, unless that
+//            request runs the event loop. Each starts without a call context; work that continues a request brings the
+//            context that it kept.
 #pragma once
 
 #include <condition_variable>
@@ -19,8 +22,8 @@ namespace sorma {
 
 class Loop;
 
-// A callback at a time. It is cancelled when this goes: an owner that keeps its timers as members needs no other care.
-// It may outlive its loop.
+// A callback at a certain time. It is cancelled when the timer is deleted, so an owner that has its timers as members need
+// not do anything else. A timer may outlive its loop.
 class Timer {
 public:
     Timer() = default;
@@ -33,8 +36,8 @@ public:
     }
     ~Timer() { cancel(); }
 
-    void cancel();                                      // one that has gone off, or never was set, is no error
-    // Has it been set, and neither been cancelled nor assigned to since? It may have gone off.
+    void cancel();                                      // does nothing when it has expired or was never set
+    // True after it was set, until it is cancelled or assigned to; also when it has expired.
     explicit operator bool() const { return number_ != 0; }
 
 private:
@@ -52,19 +55,20 @@ public:
     Loop(const Loop&) = delete;
     Loop& operator=(const Loop&) = delete;
 
-    // Call once, not before a time on the monotonic clock [ns].
+    // Call the callback once, not before a time on the monotonic clock [ns]. It may delete or set its own timer.
     [[nodiscard]] Timer after(std::int64_t when, Callback callback) { return Timer(self_, start(when, std::move(callback))); }
 
-    // Call whenever the descriptor can be read or has been hung up. The owner says unwatch before closing it.
+    // Call the callback whenever the descriptor can be read or was hung up. Call unwatch before you close it; the callback
+    // may, too.
     virtual void watch(int fd, Callback readable) = 0;
     virtual void unwatch(int fd) = 0;
 
-    // One turn: wait until something has been called, or until a time [ns]. For those who wait for a reply.
+    // One turn: wait until something was called, or until a time [ns]. For code that blocks until a reply comes.
     virtual void turn(std::int64_t until) = 0;
 
 protected:
-    virtual std::uint64_t start(std::int64_t when, Callback callback) = 0;      // never 0
-    virtual void stop(std::uint64_t timer) = 0;         // one that has gone off is no error
+    virtual std::uint64_t start(std::int64_t when, Callback callback) = 0;      // returns a number that is never 0
+    virtual void stop(std::uint64_t timer) = 0;         // does nothing when it has expired
 
 private:
     friend class Timer;
@@ -77,23 +81,23 @@ inline void Timer::cancel() {
     number_ = 0;
 }
 
-// Work for a SORM's thread, left by any thread. Shared, so that it outlives the SORM when a thread still holds it; then
-// what is left in it is dropped.
+// Work that any thread gives to a SORM's thread. It is shared: a thread may keep it when the SORM has ended. Then its work
+// is deleted and never runs.
 class Mailbox {
 public:
-    // Any thread; never blocks, never runs the work itself. It runs in a fresh call context, or in the one that was kept
-    // for it.
+    // Any thread. Never blocks, and never runs the work itself. The work runs without a call context, or in the one that is
+    // given.
     void post(Loop::Callback work) { post(nullptr, std::move(work)); }
     void post(KeptCallPointer context, Loop::Callback work);
-    // The SORM's thread: do what is there now, one after another. Work that waits in an event loop of its own lets that one
-    // do what comes after it. What one item throws comes out of here; the others stay, and the bell is rung for them.
+    // The SORM's thread: run the work that is there now, in order. If one item runs an event loop, that loop runs the items
+    // after it. If one item throws, the exception leaves this function; the others stay, and the bell is called for them.
     void run();
-    bool wait(std::int64_t until);              // until there is something [ns]; false: nothing came
-    // Called by post, on its thread, when the box was empty: wakes the loop. Null: nobody needs waking.
+    bool wait(std::int64_t until);              // block until there is work, or until a time [ns]; false: none came
+    // Called by post, on the thread of post, when the box was empty: it wakes the loop. Null: no loop needs it.
     void setBell(Loop::Callback bell);
-    void close();                               // by the SORM when it ends
+    void close();                               // by the SORM when it ends: deletes the work
 
-    class Sorm* owner = nullptr;                // null when it has ended; for its own thread
+    class Sorm* owner = nullptr;                // null when it has ended; only its own thread may read it
 
 private:
     std::mutex mutex_;

@@ -1,7 +1,7 @@
-// message.h -- the transport structure: what goes into a service object and what comes out of it.
+// message.h -- a request or a reply of a service object.
 //
-// One structure for both directions: EXEC works in place. Clearing keeps the memory, so a message that is used
-// again and again does not allocate.
+// There is one structure for both: EXEC reads the request in it and writes the reply into it. Clearing keeps the memory, so
+// a message that is used again does not allocate.
 #pragma once
 
 #include <cstdint>
@@ -27,17 +27,17 @@ public:
     std::string text;                   // UTF-8
     std::vector<double> floats;
     std::vector<std::int64_t> ints;
-    std::vector<unsigned char> any;     // opaque block
+    std::vector<unsigned char> any;     // bytes of any kind
     std::vector<std::string> words;     // words of CTRL and DBX; of EXEC those beyond the four parts above
-    int code = 0;                       // 0 done, < 0 failed, > 0 done with warnings or a result number of the class
+    int code = 0;                       // 0: done; < 0: failed; > 0: done, with warnings or a result number of the class
     Trail trail;
-    // Who wrote it, and must have the right to all that its words ask for; null: the owner of this process, as of every
-    // message that a program makes itself. EXEC finds it null, unless the class acts on words (Class::actsOnWords): what a
-    // class's code asks of others it asks as the owner. Not part of the content.
+    // Who wrote it, and must have the right to all that its words ask for; null: the owner of this process. Messages that a
+    // program makes itself have null. EXEC gets null, too, unless the class acts on words (Class::actsOnWords): the code of
+    // a class acts as the owner. Not part of the content.
     PrincipalPointer author;
     std::shared_ptr<Pending> later;     // set by a service that answers later (bus/reply.h); not part of the content
 
-    // Empty every part but the trail: what was warned of before the result was made is told with it. Memory stays.
+    // Empty every part but the trail: warnings that came before the result stay. The memory stays, too.
     void clear() {
         text.clear();
         floats.clear();
@@ -47,13 +47,13 @@ public:
         code = 0;
         if (author || later) [[unlikely]] forget();
     }
-    // For another request: the trail as well.
+    // Empty the trail as well, for another request.
     void reset() {
         clear();
         trail.clear();
     }
 
-    void swap(Message& other) noexcept {        // without the third message that std::swap needs
+    void swap(Message& other) noexcept {        // std::swap would need a third message
         text.swap(other.text);
         floats.swap(other.floats);
         ints.swap(other.ints);
@@ -65,9 +65,9 @@ public:
         later.swap(other.later);
     }
 
-    void forget();                      // author and later. Not inline: what few messages have must not cost all of them
+    void forget();                      // clears author and later. Not inline, since few messages have them
 
-    // Add to the trail; the call goes on.
+    // Add an entry to the trail; the call continues.
     template <class... Args> void warn(Raised raised, const Args&... args) {
         trail.add(makeEntry(raised, {MessageArg::of(args)...}));
     }

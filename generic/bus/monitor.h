@@ -1,9 +1,12 @@
-// monitor.h -- what passes through a daemon, told to those who have asked for it: events of the SO `sorm` whose names begin with
-// "monitor.". Their words: object, method or event, caller, number of the request; of a reply also its code. Text: the request,
-// reply or event, abridged.
+// monitor.h -- publishes the requests, replies and events that pass through a daemon.
 //
-// Only who has subscribed with a pattern that begins with "monitor" gets them; without one, a request costs a look at a pointer.
-// Contents are for those who may inspect the object they are of: see concealed().
+// They are events of the object `sorm` whose names begin with "monitor.". The words of such an event: object, method or
+// event, caller, number of the request, and for a reply its code. The text: the request, reply or event, shortened.
+//
+// A subscriber gets them only with a pattern that begins with "monitor". Without such a subscriber a request pays for
+// reading one pointer. The contents are only for subscribers that may inspect the object: see concealed().
+//
+// Threads: the SORM's.
 #pragma once
 
 #include <cstdint>
@@ -21,18 +24,17 @@ namespace sorma {
 class Access;
 class Service;
 
-// A request on its way. Made before it is executed; done() or later() afterwards.
+// One request. Make it before the request is executed; afterwards call done() or later().
 class Passing {
 public:
-    // caller, service: borrowed for the length of the constructor.
     Passing(Sorm& sorm, std::uint64_t number, std::string_view service, Method method, const Message& m) : sorm_(sorm) {
         if (sorm.monitored()) [[unlikely]] begin(number, service, method, m);
     }
-    // ran: microseconds.
+    // m: the reply.   ran: [us]
     void done(const Message& m, std::int64_t ran) {
         if (started_ != 0) [[unlikely]] end(m, ran);
     }
-    void later(const PendingPointer& pending);
+    void later(const PendingPointer& pending);      // the service answers later: publish the reply then
 
 private:
     void begin(std::uint64_t number, std::string_view service, Method method, const Message& m);
@@ -43,10 +45,10 @@ private:
     std::vector<std::string> words_;
 };
 
-// An event of an object, as it is handed out.
+// Publish an event of another object to the monitors.
 void tellPassing(const Service& from, std::string_view event, const Message& m);
 
-// Is it an event of a monitor whose contents this principal must not see? Then only its words are for him.
+// Is it an event of a monitor whose contents this principal must not see? Then send him only its words.
 bool concealed(const Event& event, const Access& access, const PrincipalPointer& author);
 
 }  // namespace sorma

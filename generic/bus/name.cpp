@@ -38,7 +38,7 @@ template <class F> std::string mapped(std::string_view text, F f) {
     return out;
 }
 
-// Where a text stops being right, and why. why null: it is right.
+// The first wrong character of a text, and why it is wrong. why null: the text is right.
 struct Problem {
     std::size_t at = 0;             // byte
     const char* why = nullptr;
@@ -243,7 +243,7 @@ Address resolve(const Name& name, const Dictionary& dictionary, std::string* rul
     const std::string whole = name.toText();
     std::vector<std::string> chain;         // entries that were looked at
     bool wait = false;
-    // What an entry says; its word is in the chain.
+    // The address in an entry, whose word is in the chain already.
     auto follow = [&](std::string key) {
         bool again = std::find(chain.begin(), chain.end(), key) != chain.end();
         chain.push_back(std::move(key));

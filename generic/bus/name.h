@@ -1,4 +1,4 @@
-// name.h -- names and addresses: who is meant, and where it is served.
+// name.h -- names of objects, and addresses of the processes that serve them.
 //
 //     class.flavor                     here
 //     class.flavor@host:7014           daemon on a TCP port
@@ -40,32 +40,32 @@ struct Name {
     bool byDefault = false;     // class was written in upper case
 
     bool local() const { return where.empty() && !byDefault; }
-    // What says where it is: "@robot", "@localhost:7014" as written after the name; "CARRY", the entry that is the class's
-    // default location; empty when it is here.
+    // The word that says where it is: "@robot", "@localhost:7014" as written after the name; "CARRY", the dictionary's entry
+    // for the default location of the class; empty when it is here.
     std::string location() const;
-    // The dictionary's entry that holds its recipe here: as the name was written. Empty for a class in upper case alone: that
-    // entry is the address of all its flavors, and no recipe of one of them.
+    // The dictionary's entry with its recipe here: the name as it was written. Empty for a class in upper case without a
+    // flavor: that entry is the address of all its flavors, and no recipe.
     std::string recipeKey() const;
     std::string toText() const; // as it was written: service, service@where, or CLASS.flavor
 
-    // Fails with NAME SYNTAX, saying which character and where (counted from 1).
+    // Fails with NAME SYNTAX; the message says which character, and where (counted from 1).
     static Name parse(std::string_view text);
-    // Same rule, no error: cheap test whether a word can be a name at all.
+    // Would parse accept it? Cheap, and never fails.
     static bool isName(std::string_view text);
-    // Would a text, if it is a name, mean an object at some location (with @, or a class in upper case)? A look at the
-    // characters, for those who serve nothing but local names.
+    // Does a name mean an object at some location (with @, or a class in upper case)? Looks at the characters only; the text
+    // need not be a name.
     static bool isElsewhere(std::string_view text);
-    // Is a word of the dictionary a location, @alias or CLASS, rather than a recipe?
+    // Is a word of the dictionary a location (@alias or CLASS)? Else it is a recipe.
     static bool isLocation(std::string_view word);
 };
 
-// Follow aliases and default locations through the dictionary: the first word of an entry is an address, with or
-// without @ before it (`@robot localhost:7014`, `@arm @robot`, `CARRY robot`, `@vision self`). Returns kind self, tcp, program or path; kind alias
-// when the alias has no entry (then it is looked for in the runtime directory).
-// rule: becomes the last location on that way, which alone decides where a connection leads that is made anew: of CARRY
-// it is "@robot" when the entry CARRY says robot. Names with one rule and one address share a connection.
-// Fails with ADDRESS UNRESOLVED: a default location without an entry, an entry that holds no address; with DICT LOOP:
-// aliases that lead in a circle, named as a chain.
+// Find the address of a name: follow aliases and default locations through the dictionary. The first word of an entry is an
+// address, with or without @ before it (`@robot localhost:7014`, `@arm @robot`, `CARRY robot`, `@vision self`). Returns kind
+// self, tcp, program or path; kind alias when the alias has no entry (then its socket is in the runtime folder).
+// rule: becomes the last entry that was followed. A reconnect follows only that one. For CARRY it is "@robot" when the entry
+// CARRY says robot. Names with the same rule and the same address share a connection. Fails with ADDRESS UNRESOLVED when a
+// default location has no entry, or an entry has no address; with DICT LOOP when aliases lead in a circle, which the message
+// shows as a chain.
 Address resolve(const Name& name, const Dictionary& dictionary, std::string* rule = nullptr);
 
 }  // namespace sorma

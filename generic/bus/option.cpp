@@ -21,7 +21,7 @@ const Prototype kSignature{Severity::error, "REQUEST SIGNATURE", 2, "{}: EXEC ex
 const Prototype kUndeclared{Severity::error, "REQUEST SIGNATURE", 2, "{}: EXEC takes no {}, got {}; it takes {}"};
 const Prototype kNoWords{Severity::error, "REQUEST SIGNATURE", 2, "{}: EXEC takes no words, got \"{}\"{}"};
 const Prototype kBreach{Severity::error, "SERVICE FAILED", 1,
-    "{}: EXEC was done, but returned {} {} where its class declares {}{}; the class is to be corrected"};
+    "{}: EXEC was done, but returned {} {} where its class declares {}{}; correct the class"};
 const Prototype kSignatureRange{Severity::error, "REQUEST RANGE", 2, "{}: element {} of {} is {}, outside {} .. {} {}"};
 const Prototype kTable{Severity::error, "CLASS TABLE", 1, "class {}: {} \"{}\" {}"};
 
@@ -97,7 +97,7 @@ Count together(const std::vector<Part>& parts, Field field) {
     return sum;
 }
 
-// What they mean, for messages: " (from (3), to (3))".
+// The meaning of the parts, for messages: " (from (3), to (3))".
 std::string meaning(const std::vector<Part>& parts, Field field) {
     std::string out;
     for (auto& p : parts)

@@ -1,7 +1,7 @@
-// option.h -- how a service class describes itself: options, actions, EXEC signature, example.
+// option.h -- the description of a service class: options, actions, EXEC signature, example.
 //
-// A class declares one table; everything else follows from it: CTRL parsing, range checks, -help, -dump,
-// configure/cget, completion, panels, manual pages. Nobody writes any of these by hand.
+// A class declares one table. CTRL parsing, range checks, -help, -dump, configure, cget, completion, panels and manual pages
+// are made from it.
 //
 //     sorma::Class Carry::describe() {
 //         return sorma::Class::of<Carry>("carry", "carries a thing from one place to another")
@@ -13,7 +13,10 @@
 //             .example("carry EXEC FMSG 6 3 4 0 4 5 0");
 //     }
 //
-// The default of an option is what its member holds when the object has been constructed.
+// The default of an option is the value of its member after construction.
+//
+// Threads: a table is complete before its class is added to a SORM; then any thread may read it. Functions in it are called
+//          by the thread that uses the object.
 #pragma once
 
 #include <array>
@@ -39,7 +42,7 @@ class Service;
 
 // Value of an option: flag, int, double, string (also enum and service name), vector.
 using Value = std::variant<bool, std::int64_t, double, std::string, std::vector<double>>;
-std::string toText(const Value& value);         // as CTRL would read it again; a vector: numbers separated by spaces
+std::string toText(const Value& value);         // as CTRL reads it; a vector: numbers separated by spaces
 
 enum class Type : std::uint8_t { flag, integer, real, text, choice, vector, service };
 const char* toText(Type type);                  // "flag" "int" "double" "string" "enum" "vector" "service"
@@ -47,66 +50,68 @@ bool fromText(std::string_view text, Type& out);
 
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Outside of these a value is allowed, and people are warned.
+// A value outside of these is allowed; panels show it as a warning or an alarm.
 struct Limits {
     double low = -kInfinity, high = kInfinity;
 };
 
-// What the text or number of an option stands for: name of a file (string), colour such as #ff8000 (string), s since 1970 (int, double).
+// The meaning of a text or number: a file's name (string), a colour such as #ff8000 (string), seconds since 1970 (int,
+// double).
 enum class Kind : std::uint8_t { plain, file, colour, time };
 const char* toText(Kind kind);                  // "" "file" "colour" "time"
 bool fromText(std::string_view text, Kind& out);
 
-// What most options leave at its default. Values outside low .. high are refused, and NaN where there is a range.
+// The properties of an option that most options do not set. Values outside low .. high are refused; NaN is refused when
+// there is a range.
 struct Spec {
-    std::string unit = {};
+    std::string unit = {};                          // "m/s"; empty: none
     double low = -kInfinity, high = kInfinity;      // int, double, each element of a vector
-    std::string help = {};
-    bool fixed = false;                             // only a recipe may set it: refused after birth (OPTION READONLY)
+    std::string help = {};                          // a line for people
+    bool fixed = false;                             // only a recipe may set it; later it is refused (OPTION READONLY)
     std::size_t minLength = 0, maxLength = SIZE_MAX;    // vector: number of elements
-    // Only for those who look at it: panels, help.
+    // The rest is only for panels and help.
     Limits warn = {}, alarm = {};                   // int, double, each element of a vector
     Kind kind = Kind::plain;
-    std::vector<std::string> names = {};            // vector: of its elements
-    std::string group = {};                         // options of one group stand together
-    bool expert = false;                            // help and panels do not show it until somebody asks
+    std::vector<std::string> names = {};            // vector: names of its elements
+    std::string group = {};                         // options of one group are shown together
+    bool expert = false;                            // help and panels show it only on demand
 };
 
 struct Option {
     std::string name;               // with the dash: "-transferSpeed"
     Type type = Type::text;
     Spec spec;
-    std::vector<std::string> choices;                   // enum
-    std::function<Value(const Service&)> get;
-    std::function<void(Service&, const Value&)> set;    // value is checked already; may throw
-    // service: instead of set. The object has been found, with the rights of whoever named it; null: none.
+    std::vector<std::string> choices;                   // enum: the values that are allowed
+    std::function<Value(const Service&)> get;           // must not throw
+    std::function<void(Service&, const Value&)> set;    // the value has been checked; throw to refuse it
+    // type service: called instead of set. The object has been found with the rights of the author of its name; null: none.
     std::function<void(Service&, Reference)> refer = nullptr;
 
-    std::string range() const;      // for people and panels: "0.01 .. 1.5", "largo adagio ...", "" when anything goes
-    // A dict of what is said for those who look at it: warn and alarm {low high} (an open end is empty), kind, names, group, expert.
+    std::string range() const;      // for people and panels: "0.01 .. 1.5", "largo adagio ...", "" when all values are allowed
+    // A dict for panels: warn and alarm {low high} (an open end is empty), kind, names, group, expert.
     std::string hints() const;
-    std::string limitsText() const;     // "warning outside 10 .. 60, alarm above 90"
-    std::string misfit() const;         // what of that does not go with the type; empty: nothing
-    // Read and check a value. Fails with OPTION VALUE or OPTION RANGE, naming object, option, value and rule.
+    std::string limitsText() const;     // for people: "warning outside 10 .. 60, alarm above 90"
+    std::string misfit() const;         // a property that does not fit the type; empty: none
+    // Read and check a value. Fails with OPTION VALUE or OPTION RANGE; the message has object, option, value and rule.
     Value parse(std::string_view object, std::string_view text) const;
     void check(std::string_view object, const Value& value, std::string_view given) const;
 };
 
 using Args = std::span<const std::string>;
 
-// A word of CTRL or DBX that does something. It runs after all option words of its request have been accepted.
+// An action (a word of CTRL) or an inspection (a word of DBX). It runs after all options of its request were set.
 struct Action {
     static constexpr int kRest = -1;
     std::string name;               // "-stop"
     std::string usage;              // names of its arguments, as in a man page: "name ?word ...?"
-    std::string help;
-    int minArgs = 0, maxArgs = 0;   // kRest: all words that follow
-    // Appends to reply.text. reply.author wrote the arguments: one that names something else than this object asks for more
-    // rights than the one below.
+    std::string help;               // a line for people
+    int minArgs = 0, maxArgs = 0;   // maxArgs kRest: all words that follow
+    // Appends its answer to reply.text; throws to refuse. reply.author wrote the arguments: if one of them names another
+    // thing than this object, the body checks the author's right to it.
     std::function<void(Service&, Args, Message& reply)> body;
-    Right right = Right::configure;     // to ask of whoever wrote the request; what stops a motion asks for Right::call only
-    // Of an object that is executed in ticks: it is called while they go on, and says itself where it must be BetweenTicks. Others
-    // are called between two ticks, and so must be short.
+    Right right = Right::configure;     // that the author of the request needs; only Right::call for an action that stops a motion
+    // For an object that is executed in ticks. true: the body runs while ticks go on, and uses BetweenTicks where it has to.
+    // false: it runs between two ticks, and so must be short.
     bool whileTicking = false;
 };
 
@@ -121,22 +126,26 @@ constexpr Count exactly(std::size_t n) { return {n, n}; }
 constexpr Count atLeast(std::size_t n) { return {n, SIZE_MAX}; }
 constexpr Count between(std::size_t low, std::size_t high) { return {low, high}; }
 
+// A part of the EXEC signature.
 struct Part {
     Field field;
-    Count count;                    // elements; characters of text; bytes of any
+    Count count;                    // elements; bytes of text and any
     std::string unit, help;
-    double low = -kInfinity, high = kInfinity;      // floats: refused outside; NaN is refused where there is a range
+    double low = -kInfinity, high = kInfinity;      // floats: others are refused; NaN is refused when there is a range
 };
 
-// What becomes of requests for EXEC that come while another one takes its time (Service::later). CTRL and DBX never wait.
-enum class Conduct : std::uint8_t {
-    serial,             // one after another, in the order in which they came
-    concurrent,         // as they come: the service keeps them apart
-    exclusive,          // serial, and a client may lock the object with CTRL -lock
+// What happens to EXEC requests that come while the object still has to answer another one (Service::later). CTRL and DBX
+// never wait.
+enum class Concurrency : std::uint8_t {
+    serial,             // they run one after another, in order
+    concurrent,         // each starts when it comes; the service has to handle several at a time
+    exclusive,          // as serial; and a client may lock the object with CTRL -lock
 };
 
+// The table. Each function adds to it and returns it, so that calls can be chained.
 class Class {
 public:
+    // purpose: a line for people.   make: makes an object, which then has the defaults; it may throw.
     Class(std::string name, std::string purpose, std::function<std::unique_ptr<Service>()> make,
           Where where = Where::current());
 
@@ -167,7 +176,8 @@ public:
     template <class S> Class& vector(std::string name, std::vector<double> S::*member, Spec spec = {}) {
         return bind<std::vector<double>>(std::move(name), Type::vector, member, std::move(spec));
     }
-    // A sub-service: the option's value is its name; the member is a reference to it. The empty name is none.
+    // Options. name: with the dash; member: of the service class S, where the value is stored.
+    // A sub-service: the value is its name, the member a reference to it. The empty name means none.
     template <class S> Class& service(std::string name, Reference S::*member, Spec spec = {});
     Class& option(Option option);                   // any other storage
 
@@ -179,31 +189,32 @@ public:
     }
     Class& action(Action action);                   // of CTRL
     Class& inspection(Action action, Right right = Right::inspect);     // of DBX
-    // EXEC asks for another right than to call. actsOnWords: its words name what is done, by whom, or with what, so that it
-    // finds their author in the message and must ask for him.
+    // execRight: EXEC needs this right instead of Right::call. actsOnWords: the words of EXEC name other objects, files or
+    // programs. Then exec finds their author in the message, and checks the author's rights.
     Class& execRight(Right right);
     Class& actsOnWords();
 
-    // EXEC signature. A class that declares any of it (reads, writes, words) has declared all: of a request by name, a part
-    // or word that is not declared is refused before EXEC runs, and so is a declared part of another length. A reply with
-    // code 0 may leave a declared part out; another length is an error. A class that declares nothing takes what comes.
-    // By reference only the lengths of what is declared are checked, and nobody looks at what is left in a message from the
-    // call before: clear() one that is used again, if the object may be in another process.
+    // EXEC signature. A class that declares a part of it (reads, writes, words) declares all of it: parts and words that are
+    // not declared are refused before EXEC runs, and so is another length. A reply with code 0 may omit a declared part;
+    // another length is an error (SERVICE FAILED). A class that declares nothing accepts everything. All this is for
+    // requests by name. By Reference only the lengths of declared parts are checked. So clear() a message that you use
+    // again, if the object may be in another process: parts that are left from the call before would be sent, too.
     Class& reads(Field field, Count count, std::string unit, std::string help, double low = -kInfinity,
                  double high = kInfinity);
     Class& writes(Field field, Count count, std::string unit, std::string help);
     Class& words(std::string usage);                // words that EXEC takes: "?nearestTo|latest?"
     Class& example(std::string request);            // printed by -help, run by the tests
     Class& version(std::string version);
-    Class& conduct(Conduct conduct);                // serial unless said otherwise
-    // Once warmed up, EXEC without words neither allocates, locks, waits nor touches the SORM: it may be a step of a cycle.
+    Class& concurrency(Concurrency concurrency);                // default: serial
+    // The class promises: EXEC without words does not allocate, lock, wait or use the SORM, but for its first calls. So the
+    // object may be a step of a cycle.
     Class& realtime();
-    // What EXEC writes depends on earlier requests alone, not on the floats of this one; and without floats it writes what it
-    // will write next, and changes nothing. Such a unit may close a loop of a circuit.
+    // The class promises: the output of EXEC depends only on earlier requests, not on the floats of this one; and without
+    // floats EXEC writes its next output and changes nothing. So the object may close a loop of a circuit.
     Class& withoutFeedthrough();
-    Class& declaredAt(std::string file, int line);  // where, when it is not the place of the constructor: other languages
+    Class& declaredAt(std::string file, int line);  // place of the declaration, for classes in other languages
 
-    Conduct conduct() const { return conduct_; }
+    Concurrency concurrency() const { return concurrency_; }
     bool isRealtime() const { return realtime_; }
     Right execRight() const { return execRight_; }
     bool doesActOnWords() const { return actsOnWords_; }
@@ -221,20 +232,20 @@ public:
     const std::string& file() const { return file_; }
     int line() const { return line_; }
 
-    int findOption(std::string_view name) const;    // index, or -1; unique abbreviations are not accepted
-    const Action* findAction(std::string_view name) const;
+    int findOption(std::string_view name) const;    // index, or -1; abbreviations are not accepted
+    const Action* findAction(std::string_view name) const;          // null: there is none
     const Action* findInspection(std::string_view name) const;
     std::unique_ptr<Service> make() const { return make_(); }
 
-    // The default of each option: what the first object of the class held when constructed.
+    // The default of each option: the values of the first object of the class after its construction.
     const std::vector<Value>& defaults() const { return defaults_; }
     void learnDefaults(const Service& fresh) const;
 
-    // What there is to check, as Service keeps it.
+    // What Service has to check: a sum of these.
     enum Check : std::uint8_t { lengths = 1, undeclared = 2, replies = 4 };
     std::uint8_t checks() const { return checks_; }
-    void checkRequest(std::string_view object, const Message& m) const;     // its lengths; fails with REQUEST SIGNATURE, RANGE
-    // The same for a request by name, also what is not declared.
+    void checkRequest(std::string_view object, const Message& m) const;     // lengths and ranges; fails with REQUEST SIGNATURE, RANGE
+    // The same for a request by name; it refuses parts and words that are not declared, too.
     void checkNamed(std::string_view object, const Message& m) const {
         if (!takes(m)) [[unlikely]] refuse(object, m);
         if (ranged_) checkRequest(object, m);
@@ -242,7 +253,7 @@ public:
     void dropUndeclared(Message& m) const;
     void checkReply(std::string_view object, const Message& m) const;       // fails with SERVICE FAILED
 
-    std::string helpText(std::string_view object, bool expert = false) const;     // expert: those options, too
+    std::string helpText(std::string_view object, bool expert = false) const;     // expert: with expert options
     std::string signatureText() const;
 
 private:
@@ -252,7 +263,7 @@ private:
                        [member](Service& s, const Value& v) { static_cast<S&>(s).*member = M(std::get<V>(v)); }});
     }
 
-    // Does each part have a length that is declared? One comparison for each: lengths below the range wrap around.
+    // Does each part have a length that is declared? One comparison for each part: lengths below the range wrap around.
     bool takes(const Message& m) const {
         auto within = [this](std::size_t n, Field f) {
             const Count& c = takes_[std::size_t(f)];
@@ -271,12 +282,12 @@ private:
     std::vector<Action> actions_, inspections_;
     std::vector<Part> reads_, writes_;
     mutable std::vector<Value> defaults_;
-    std::uint8_t checks_ = 0;               // of Check
-    std::array<Count, 4> takes_{};          // by Field: lengths that some part allows; without any signature: all
+    std::uint8_t checks_ = 0;               // sum of Check
+    std::array<Count, 4> takes_{};          // by Field: lengths that some part allows; without a signature: all
     bool takesWords_ = true, ranged_ = false;
     bool realtime_ = false, feedthrough_ = true, actsOnWords_ = false;
     Right execRight_ = Right::call;
-    Conduct conduct_ = Conduct::serial;
+    Concurrency concurrency_ = Concurrency::serial;
 };
 
 }  // namespace sorma

@@ -1,7 +1,8 @@
-// pin.h -- where the wires of a circuit end: named parts of the floats that EXEC reads and writes.
+// pin.h -- the ends of a circuit's wires: named parts of the floats that EXEC reads and writes.
 //
-// Every object whose EXEC signature has floats has the pins `in` and `out`; a class may name parts of them. Pins are
-// found by Service::pins here, and by DBX -pins at a distance: a line for each, "name in|out at length unit help".
+// Every object whose EXEC signature has floats has the pins `in` and `out`. A class may name parts of them. Service::pins
+// lists the pins of an object; DBX -pins does the same for one in another process, with a line for each: "name in|out at
+// length unit help".
 #pragma once
 
 #include <cstddef>
@@ -17,8 +18,8 @@ struct Pin {
 
     std::string name;
     bool input = true;
-    std::size_t at = 0;             // where it begins in the floats that are read, or written
-    std::size_t length = kOpen;     // elements; kOpen: not known before something is wired to it
+    std::size_t at = 0;             // index of its first element in the floats that are read, or written
+    std::size_t length = kOpen;     // elements; kOpen: known only when something is wired to it
     std::string unit = {}, help = {};
 
     std::string toText() const;     // the line of DBX -pins

@@ -1,14 +1,14 @@
-// principal.h -- who wrote a word, as far as somebody who can be trusted says so: the kernel, or else nobody.
+// principal.h -- who wrote a word, as the kernel says. A claim of a peer about itself never counts.
 //
-// The owner of this process is no principal: a null pointer stands for him. He is this user, or root, in the process
-// itself or by a Unix-domain socket. Everybody else is one of these:
+// A null pointer stands for the owner of this process: this user or root, in the process itself or by a Unix-domain socket.
+// All others are one of these:
 //
-//     user anna              by Unix socket; the kernel says which user and which groups
-//     local anna             by TCP from this host; the kernel says whose socket it is
-//     host 192.168.7.21      by TCP; the address is all that is known
-//     anyone                 nobody can say; also whoever only has somebody else pass his words on
+//     user anna              by Unix socket; the kernel knows the user and the groups
+//     local anna             by TCP from this host; the kernel knows whose socket it is
+//     host 192.168.7.21      by TCP; only the address is known
+//     anyone                 not known; also the author of words that somebody else passes on
 //
-// Interned: two peers that are the same principal share one object, and serial() is never used again.
+// Principals are interned: equal ones are the same object. No two ever have the same serial().
 // Threads: any.
 #pragma once
 
@@ -29,22 +29,22 @@ using PrincipalPointer = std::shared_ptr<const Principal>;      // null: the own
 class Principal {
 public:
     enum class Kind : std::uint8_t { user, local, host, anyone };
-    // Numeric, IPv4 as ::ffff:a.b.c.d. All zero: not by TCP.
+    // IPv6, or IPv4 as ::ffff:a.b.c.d. All zero: not by TCP.
     using Address = std::array<unsigned char, 16>;
 
-    // By Unix socket. Null, the owner, when it is this user or root. groups: of the process at the other end.
+    // By Unix socket. Returns null, the owner, for this user and root.   groups: of the process at the other end.
     static PrincipalPointer user(uid_t uid, std::vector<gid_t> groups);
     static PrincipalPointer local(uid_t uid, const Address& address);
     static PrincipalPointer host(const Address& address);
     static PrincipalPointer anyone(const Address& address = {});
-    static const PrincipalPointer& nobody();                    // anyone, of no address
+    static const PrincipalPointer& nobody();                    // anyone, without an address
 
-    // From toText(). A user that this host does not know, and whatever else cannot be read, is anyone.
+    // From toText(). A user that this host does not know, and all text that cannot be read, is anyone.
     static PrincipalPointer parse(std::string_view text);
     // As the subject of a policy's line: "host 192.168.7.21".
     std::string toText() const;
 
-    // Whose words are those that two have written together? Of the owner and another one: the other one's.
+    // The author of words that two have written together. When one of them is the owner, it is the other one.
     static const PrincipalPointer& both(const PrincipalPointer& a, const PrincipalPointer& b);
 
     Kind kind() const { return kind_; }
@@ -68,7 +68,7 @@ private:
     std::uint64_t serial_ = 0;
 };
 
-// Names of users as the system has them. userName of an unknown one is its number.
+// Names of users and groups of this host. userName returns the number of an unknown one; the others return false.
 std::string userName(uid_t uid);
 bool userNumber(std::string_view name, uid_t& out);
 bool groupNumber(std::string_view name, gid_t& out);

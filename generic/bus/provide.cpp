@@ -7,7 +7,7 @@ int provide(Tcl_Interp* interp, const char* package, const char* version, std::v
     std::vector<std::string> added;
     try {
         sorm = Sorm::of(interp);
-        if (!sorm) return 1;        // nobody there to report to
+        if (!sorm) return 1;        // there is no SORM, so no host to report to
         for (auto& c : classes) {
             std::string name = c.name();
             c.version(version);

@@ -1,9 +1,9 @@
-// realtimeOwner.h -- objects that a thread of its own executes, tick after tick, beside the SORM's thread.
+// realtimeOwner.h -- objects that a real-time thread executes at a fixed period, beside the SORM's thread.
 //
-// Such a thread is the real-time owner of its objects: it alone executes them in its ticks. The SORM's thread uses them
-// between two ticks: for the length of a request no tick begins. What a change needs in preparation (names to be resolved,
-// objects to be made, memory) is done before, while ticks go on (Service::prepare). So an object never sees two threads at
-// once, and a tick locks nothing and waits for nobody.
+// The real-time owner of an object is the only one that executes it in ticks. The SORM's thread uses the object between two
+// ticks: no tick begins during its request. The slow part of a change (resolving names, making objects, allocating) is done
+// before, while ticks go on (Service::prepare). So two threads never use an object at once, and a tick takes no lock and
+// never waits.
 #pragma once
 
 #include <cstdint>
@@ -12,41 +12,44 @@ namespace sorma {
 
 class Service;
 
-// What a thread has spent so far. It tells a change that is slow from one during which the machine took the processor away.
+// Processor time and waits of a thread so far. A change that took long was slow itself if these grew; otherwise the machine
+// ran something else meanwhile.
 struct ThreadEffort {
     std::int64_t busy = 0;          // [ns] on a processor
-    long waits = 0;                 // times that it waited of its own accord: for a lock, for a file
+    long waits = 0;                 // voluntary waits: for a lock, for a file
 
-    static ThreadEffort now();
+    static ThreadEffort now();      // of the calling thread
 };
 
 class RealtimeOwner {
 public:
     virtual ~RealtimeOwner() = default;
 
-    // Called by the SORM's thread, through BetweenTicks. Returns when no tick runs; none begins before release(). May be
-    // nested. service: what is going to be used. Fails with SERVICE STUCK when the present tick does not end in time; then
-    // nothing is held.
+    // The SORM's thread calls these.
+
+    // Wait until no tick runs; none begins before release(). May be nested; use BetweenTicks.   service: for the message.
+    // Fails with SERVICE STUCK when the present tick does not end in time; then nothing is held.
     virtual void hold(Service& service) = 0;
     virtual void release() noexcept = 0;
-    // Fails with CYCLE LATE when the present hold makes a tick late by more than a quarter of the period, and what was done
-    // in it since then is what took so long.
+    // Fails with CYCLE LATE when the present hold makes a tick late by more than a quarter of the period, and the work since
+    // then (not the machine) took that long.   since: ThreadEffort::now() when the work began.
     virtual void checkBudget(Service& service, const ThreadEffort& since) const = 0;
-    // Take an object in, and its parts, to execute them in ticks. The SORM's thread, while ticks go on.
-    // Fails with CYCLE STEP when it cannot be executed so; it says why.
+    // Become the owner of an object and its parts, to execute them in ticks, while ticks go on. Fails with CYCLE STEP when
+    // it cannot be executed in ticks; the message says why.
     virtual void adopt(Service& service) = 0;
-    // Objects have other parts now, or adopted ones have not become parts: those that no step needs are given back.
+    // Objects have other parts now, or objects that were adopted have not become parts. Those that no step needs go back to
+    // the SORM's thread.
     virtual void partsChanged() noexcept = 0;
-    // Why nobody else can have this object: "is run by another cycle already".
+    // For messages: why nobody else can have an object of this owner: "is run by another cycle already".
     virtual const char* claim() const = 0;
 
-    static RealtimeOwner* current() { return current_; }    // whose thread this is; null: a SORM's, or any other
+    static RealtimeOwner* current() { return current_; }    // the owner whose thread this is; null: another thread
 protected:
     static thread_local RealtimeOwner* current_;
 };
 
-// For the length of a block no tick uses this object. Nothing to do for an object without a real-time owner, or on its
-// owner's own thread. Fails with SERVICE STUCK.
+// While this exists no tick uses the object. Does nothing for an object without a real-time owner, or on the owner's own
+// thread. Fails with SERVICE STUCK. Keep it short: a tick may have to wait for it.
 class BetweenTicks {
 public:
     explicit BetweenTicks(Service& service);
@@ -59,14 +62,14 @@ private:
     RealtimeOwner* owner_ = nullptr;
 };
 
-// What drives the request that this thread executes, when it is one of a row at a fixed period.
+// The tick of a cycle that this thread executes.
 struct Tick {
-    std::int64_t time = 0;          // [ns] when it was due: monotonic clock, or the one that the cycle goes by
+    std::int64_t time = 0;          // [ns] when it was due: monotonic clock, or the clock that the cycle uses
     double period = 0;              // [s]
     std::uint64_t number = 0;
 
-    static const Tick* current();   // null: the request stands alone
-    // For the length of a block. The tick must outlive it.
+    static const Tick* current();   // null: the request does not come from a cycle
+    // Makes a tick the current one of this thread while it exists. The tick must outlive it.
     class Scope {
     public:
         explicit Scope(const Tick& tick);

@@ -10,8 +10,9 @@ namespace sorma {
 class Service;
 class RealtimeOwner;
 
-// A counted reference to a service object, here or (through its proxy) elsewhere. It stays valid when the object is
-// removed: calls then fail with SERVICE GONE.
+// A counted reference to a service object, here or (through its proxy) elsewhere; may be empty. It keeps the object alive.
+// When the object is removed from the repository, the reference stays valid, and calls fail with SERVICE GONE.
+// Threads: the count has no lock, so copy and delete references only on the SORM's thread.
 class Reference {
 public:
     Reference() = default;
@@ -29,11 +30,12 @@ public:
     Service& operator*() const { return *service_; }
     Service* get() const { return service_; }
 
-    // Time-optimal invocation: EXEC in place. No allocation, no lock, no clock; the class's signature is checked
-    // where it demands something. Throws Error.
+    // The fastest way to call EXEC: in place, without allocation, lock or clock. The lengths that the class's signature
+    // declares are checked. Throws Error. Waits when the object answers later.
     inline void exec(Message& message) const;       // defined in bus/service.h
-    // The same for one who executes many in a row, a circuit or a cycle: lengths have been checked when they were wired.
-    // here: RealtimeOwner::current().
+    // The same for a circuit or a cycle, which executes many objects in a row and has checked the lengths when they were
+    // wired. Also throws when the object returns a code < 0, or would answer later in a tick.   here:
+    // RealtimeOwner::current().
     inline void step(Message& message, RealtimeOwner* here) const;
 
 private:

@@ -9,7 +9,7 @@ namespace sorma {
 
 namespace {
 
-const Prototype kDropped{Severity::error, "SERVICE FAILED", 1, "{}: the service has dropped the request without an answer"};
+const Prototype kDropped{Severity::error, "SERVICE FAILED", 1, "{}: the service has ended the request without an answer"};
 const Prototype kOther{Severity::error, "SERVICE FAILED", 1, "{}: {}"};
 const Prototype kCancelled{Severity::error, "COMM CANCELLED", 1, "{}: the call was cancelled by its caller; it may have run"};
 const Prototype kPassed{Severity::error, "COMM TIMEOUT", 1, "{}: no answer in time; the request goes on"};

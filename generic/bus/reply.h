@@ -1,6 +1,6 @@
-// reply.h -- a request whose answer comes later: Reply for the service that owes it, Future for the caller who waits.
+// reply.h -- a request whose answer comes later: Reply for the service, Future for the caller.
 //
-// A service that needs time takes the request over, returns from exec, and completes it when it can:
+// A service that needs time takes the request over, returns from exec, and completes the reply later:
 //
 //     void exec(Message& m) override {
 //         Reply reply = later(m);                     // m has moved into reply.message()
@@ -8,13 +8,15 @@
 //         arm_.whenThere([reply] { reply.message().floats = ...; reply.complete(); });    // event, timer, thread
 //     }
 //
-// A caller has many requests under way at once:
+// A caller may have many requests under way at a time:
 //
 //     Future a = left->async(Method::exec, request), b = right->async(Method::exec, request);
 //     a.wait(), b.wait();                             // or a.then([](Future f) { ... });
 //
-// Threads: complete, fail and cancelled may be used by any thread, and the message by the one that is going to complete;
-// everything else belongs to the SORM's thread, where all callbacks run.
+// Threads:   any thread may call complete, fail and cancelled; the thread that will complete the reply may use its message.
+//            All else belongs to the SORM's thread.
+// Callbacks: they run on the SORM's thread. They may make requests; they must not throw.
+// Owner:     Reply, Future and those who bring the request forward share one Pending.
 #pragma once
 
 #include <atomic>
@@ -33,21 +35,21 @@ namespace sorma {
 
 class Sorm;
 
-// What both sides share.
+// The state that both sides share.
 class Pending : public std::enable_shared_from_this<Pending> {
 public:
-    // Brings a request of the caller's forward that something else than our own loop completes: a connection.
+    // Carries a request to another process and brings its answer: a connection.
     class Carrier {
     public:
         virtual ~Carrier() = default;
-        virtual void drive(Pending& pending, Deadline deadline) = 0;    // block until it is answered, or the deadline
-        virtual void cancelled(Pending& pending) = 0;                   // tell those who execute it
-        virtual int descriptor() const = 0;     // readable when there is something to drive; -1: not now
-        virtual Trail overdue(Pending& pending) = 0;                    // what to say when its deadline has passed
+        virtual void drive(Pending& pending, Deadline deadline) = 0;    // block until it is answered, or until the deadline
+        virtual void cancelled(Pending& pending) = 0;                   // the caller has cancelled it: tell the other process
+        virtual int descriptor() const = 0;     // can be read when there is something to drive; -1: not now
+        virtual Trail overdue(Pending& pending) = 0;                    // the error when its deadline has passed
     };
 
-    // asker: the request on whose behalf it is made; null: none. own: the context in which it is executed, when there is
-    // one already; it is cancelled with this.
+    // asker: the request for which it is made; null: none.   own: the context in which it is executed, if there is one
+    // already; it is cancelled with this.
     Pending(Sorm& sorm, Deadline deadline, KeptCallPointer asker, KeptCallPointer own);
     ~Pending();
 
@@ -57,33 +59,34 @@ public:
     const KeptCallPointer asker;
     KeptCallPointer own;
     const ClientPointer& client() const;            // null: this process
-    // Of the request: what its service publishes meanwhile carries it, in other processes as well when somebody in this one
-    // listened when it was begun. A request on behalf of another one has that one's.
+    // The number of the request. Events that its service publishes meanwhile carry it; in other processes only if somebody
+    // in this one listened when it was begun. A request that is made for another one has the number of that one.
     std::uint64_t number();
-    std::int64_t sent = 0;              // [ns] when it went to another process, for the times of its asker; 0: it did not
-    Charge charge;                      // for what it makes a daemon keep; it ends with the answer
-    Timer timer;                        // of its deadline, for whoever keeps that; it ends with the answer
+    std::int64_t sent = 0;              // [ns] when it went to another process, for the times of asker; 0: it did not
+    Charge charge;                      // for the memory that it needs in a daemon; released with the answer
+    Timer timer;                        // for its deadline, when somebody has set it; cancelled with the answer
     const std::shared_ptr<Mailbox> mailbox;
-    Carrier* carrier = nullptr;
-    std::uint32_t ticket = 0;           // the carrier's own
-    bool relayed = false;               // somebody else than the owner has named the object
-    std::string who;                    // the object, as messages name it
-    Reference service;                  // which executes it, from its start until finish()
+    Carrier* carrier = nullptr;         // null: an object of this process executes it
+    std::uint32_t ticket = 0;           // for the carrier's own use
+    bool relayed = false;               // somebody other than the owner has named the object
+    std::string who;                    // name of the object, for messages
+    Reference service;                  // the object that executes it, from its start until finish()
 
     bool answered() const { return answered_; }         // the caller has its answer
     bool failed() const { return !failure.empty(); }
-    bool cancelled() const { return cancelled_.load(std::memory_order_relaxed); }   // a hint, it orders nothing
+    bool cancelled() const { return cancelled_.load(std::memory_order_relaxed); }   // any thread; no other data depends on it
 
-    // The answer, once; later ones are ignored. Then what waits for it is called.
+    // Answer it, and call the callbacks of whenAnswered at once. Only the first answer counts.
     void answer();                                      // message is the result
     void answer(Trail trail);                           // it failed
-    void whenAnswered(std::function<void()> callback);  // at once when it is
-    // The caller wants no answer any more: it gets `why`, and the service is told. False: it was answered already.
+    void whenAnswered(std::function<void()> callback);  // called at once when it is answered already
+    // The caller wants no answer any more: it gets the error `why`, and then the service is told. False: it was answered
+    // already.
     bool cancel(Trail why);
-    void expire();                                      // its deadline has passed
-    void onCancel(std::function<void()> callback);      // at once when it is cancelled
+    void expire();                                      // its deadline has passed: cancel it
+    void onCancel(std::function<void()> callback);      // called at once when it is cancelled already
 
-    // The service has done with it, whatever the caller has heard: serial objects take the next request.
+    // The service has finished with it, also when the caller had its answer before. A serial object starts the next request.
     void finish();
 
 private:
@@ -97,19 +100,20 @@ private:
 
 using PendingPointer = std::shared_ptr<Pending>;
 
-// The service's side. Copies are the same reply; when the last one goes without an answer, the caller is told so.
+// The service's side. Copies are the same reply. When the last copy is deleted without an answer, the caller gets SERVICE
+// FAILED.
 class Reply {
 public:
     Reply() = default;
     explicit Reply(PendingPointer pending);
 
     explicit operator bool() const { return promise_ != nullptr; }
-    Message& message() const;
-    void complete() const;                              // with what message() holds
-    void fail(const std::exception& error) const;       // an Error with its trail, or any other exception
+    Message& message() const;                           // the request; change it into the result
+    void complete() const;                              // answer with message(); once, others are ignored
+    void fail(const std::exception& error) const;       // answer with an error: an Error with its trail, or any other exception
     bool cancelled() const;                             // nobody waits any more: stop early, then complete or fail
     void onCancel(std::function<void()> callback) const;
-    bool answered() const;                              // the caller has it already, or has given up
+    bool answered() const;                              // the caller has the answer already, or has cancelled
     Deadline deadline() const;
     const ClientPointer& client() const;                // null: this process
 
@@ -126,14 +130,14 @@ public:
 
     explicit operator bool() const { return pending_ != nullptr; }
     bool done() const { return pending_->answered(); }
-    // Block until the answer is there; then as often as one likes. Throws what the call failed with, COMM TIMEOUT when
-    // the deadline given here passes first (the call goes on). Runs an event loop only for an object of this process
-    // that answers from an event.
+    // Block until the answer is there, and return it; may be called again. Throws the error of the call; COMM TIMEOUT when
+    // the deadline given here passes first (the call goes on). The event loop runs only for an object of this process that
+    // answers from an event.
     Message& wait(Deadline deadline = {}) const;
-    Message& result() const;                            // without waiting: fails with FUTURE PENDING
-    // Give up: the caller gets COMM CANCELLED, the service may stop early. False when it was answered before.
+    Message& result() const;                            // the same without waiting: fails with FUTURE PENDING
+    // Cancel the call: wait() fails with COMM CANCELLED, and the service may stop early. False when it was answered before.
     bool cancel() const;
-    void then(std::function<void(Future)> callback) const;      // from the loop, when it is done
+    void then(std::function<void(Future)> callback) const;      // called from the loop when it is done
     const PendingPointer& pending() const { return pending_; }
 
 private:

@@ -40,7 +40,7 @@ std::vector<Reference> Service::parts() const {
     return out;
 }
 
-// What both threads may look for is made now.
+// Make the data now that both threads may read.
 void Service::setRealtimeOwner(RealtimeOwner* owner) {
     record();
     realtimeOwner_ = owner;
@@ -68,7 +68,7 @@ void Service::failGone() const { fail(kRemoved, name_); }
 
 // ---- rights ----
 
-// May whoever wrote this request ask for it at all? Of CTRL and DBX each word asks for its own right, when it is read.
+// Check the author's right to the request. For CTRL and DBX each word is checked when it is read.
 void Service::admit(Method method, Message& m) {
     if (isElsewhere()) return;
     if (method != Method::exec) return;
@@ -145,7 +145,7 @@ bool Service::start(Method method, Message& m) {
     return guard() ? startGuarded(method, m) : proceed(method, m);
 }
 
-// What stands in the way of a request.
+// The reasons why a request may not run now.
 bool Service::startGuarded(Method method, Message& m) {
     if (gone()) failGone();
     if ((guard() & kAskBit) && !m.author) admit(method, m);
@@ -162,7 +162,7 @@ void Service::invoke(Method method, Message& m) {
     if (start(method, m)) [[unlikely]] awaitLater(m);
 }
 
-// What an earlier call has left in the message is no request: by reference nobody minds it.
+// By reference, parts that an earlier call has left in the message are no part of the request, and are ignored.
 void Service::invokeInPlace(Message& m) {
     class_->dropUndeclared(m);
     invoke(Method::exec, m);
@@ -182,7 +182,7 @@ Reply Service::later(Message& m) {
     pending->message.swap(m);
     m.later = pending;
     ++record().underWay;
-    if (class_->conduct() != Conduct::concurrent) setGuard(kBusyBit, true);
+    if (class_->concurrency() != Concurrency::concurrent) setGuard(kBusyBit, true);
     return Reply(std::move(pending));
 }
 
@@ -196,7 +196,7 @@ void Service::enqueue(Message& m) {
 
 void Service::released() {
     auto& r = record();
-    if (--r.underWay > 0 || class_->conduct() == Conduct::concurrent) return;
+    if (--r.underWay > 0 || class_->concurrency() == Concurrency::concurrent) return;
     setGuard(kBusyBit, false);
     Reference keep(this);
     while (!(guard() & (kBusyBit | kGoneBit)) && !r.waiting.empty()) {
@@ -292,8 +292,8 @@ void Service::leave(bool hangs) {
     }
     if (hangs) return;
     try {
-        leaving();
-    } catch (...) {                     // nobody is left to hear it
+        removing();
+    } catch (...) {                     // no caller could get the error
     }
     stream_.reset();
 }
@@ -303,7 +303,9 @@ std::size_t Service::underWay() const { return record_ ? record_->underWay + rec
 void Service::subscribe(Subscriber* subscriber, std::string pattern) {
     if (gone()) failGone();
     if (!stream_) stream_ = std::make_unique<Stream>();
+    std::vector<std::string> words{pattern, subscriber->who()};
     stream_->add(subscriber, std::move(pattern));
+    if (sorm_) sorm_->announceLater("subscription.opened", name_, std::move(words));
 }
 
 void Service::replay(Subscriber* subscriber, std::string_view pattern) const {
@@ -316,7 +318,7 @@ void Service::publishState(std::string_view event, const Message& m) {
 }
 
 void Service::unsubscribe(Subscriber* subscriber) {
-    if (stream_) stream_->remove(subscriber);
+    if (stream_ && stream_->remove(subscriber) && sorm_) sorm_->announceLater("subscription.closed", name_, {});
 }
 
 namespace {

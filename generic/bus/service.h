@@ -1,7 +1,13 @@
-// service.h -- a service object: what its author implements, and what every object gets from its class's table.
+// service.h -- a service object: the functions that its author implements, and those that every object has from its class's
+// table.
 //
-// Threads: a service object belongs to the thread of its SORM, or to one that executes it in ticks (bus/realtimeOwner.h).
-// References are counted without locks.
+// Threads:  a service object belongs to the thread of its SORM, or to a thread that executes it in ticks
+//           (bus/realtimeOwner.h). It is never used by two threads at once. References are counted without locks.
+// Errors:   each virtual function may throw Error, or any std::exception; the caller gets it as SERVICE FAILED unless it is
+//           an Error.
+// Re-entry: exec, ctrl and dbx may make requests and run the event loop. Then other requests may come in on top, also for
+//           this object, and it may be removed; it stays alive until they have returned.
+// Owner:    the repository and References share an object. It is deleted when the last of them is.
 #pragma once
 
 #include <atomic>
@@ -34,126 +40,135 @@ public:
     Service(const Service&) = delete;
     Service& operator=(const Service&) = delete;
 
-    // ---- what an author implements ----
+    // ---- for the author of a class ----
 
-    // Do the job: the request comes in m, the result leaves in m. Throw (fail) to refuse; then the caller's message
-    // is unspecified, the object's state must be as before. What takes long is taken over with later(m), see reply.h.
+    // Do the work: m is the request, and becomes the result. Throw (fail) to refuse; then the object's state must be as
+    // before, and m may be anything. If it takes long, take the request over with later(m), see reply.h.
     virtual void exec(Message& m) = 0;
 
-    // The recipe has been applied, the name is known; the object is about to be called for the first time.
+    // Called once before the first request: the recipe has been applied, and the name is known. Throw to refuse; then there
+    // is no object.
     virtual void born() {}
 
-    // Options are about to be set, while the object goes on with their present values, in a cycle perhaps: do here what takes
-    // time. Called on the SORM's thread: change nothing that EXEC uses. What is returned is called between two ticks, when the
-    // options have been set; it must be short. Throw to refuse. Not called for the recipe (see born).
+    // Options are about to change. Do the slow part here: resolve names, make objects, allocate. The object goes on with its
+    // present options meanwhile, perhaps in a cycle. Called on the SORM's thread, so do not change anything that EXEC uses.
+    // The function that you return is called between two ticks, when the options have been set; it must be short. Throw to
+    // refuse the change. Not called for the recipe (see born).
     virtual Commit prepare(const Change& change) { return (void)change, nullptr; }
 
-    // These options have new values. Short as well: no tick begins meanwhile, and what makes one late by more than a quarter of
-    // its period is taken back (this is called again then). Throw to refuse: all of them are put back. Not called for the recipe.
+    // These options have new values. Must be short, since no tick begins meanwhile. When it makes a tick late by more than a
+    // quarter of the period, the change is undone, and this is called again. Throw to refuse: all of them are undone. Not
+    // called for the recipe.
     virtual void changed(std::span<const Option* const> options) { (void)options; }
 
-    // Check yourself; throw what is wrong, or return a verdict in clear text.
+    // Test yourself. Throw what is wrong, or return the result as text.
     virtual std::string selftest() { return "ok"; }
-    // The same, answering by itself: one more line of m.text. A check that takes its time is taken over with later(m).
+    // The same for a test that takes long: appends a line to m.text, or takes the request over with later(m).
     virtual void answerSelftest(Message& m);
 
-    // The object has left the repository. End what is under way: replies that are still owed keep the object alive.
-    virtual void leaving() {}
+    // The object was removed from the repository. End all that is under way: a reply that is not answered keeps the object
+    // alive. What it throws is ignored.
+    virtual void removing() {}
 
-    // State that is not in the options, appended line by line as "# name value" for -dump.
+    // Append state that is not in the options, in lines "# name value", for -dump.
     virtual void dumpState(std::string& out) const { (void)out; }
 
-    // The pins by which a circuit wires it. pin, length: one of its pins has been found to have that many elements; a
-    // class whose other lengths follow from it tells them then. From the signature, unless a class knows better.
+    // The pins to which a circuit can wire it. pin, length: that pin has so many elements; lengths of other pins may follow
+    // from it.
+    // Default: from the signature.
     virtual std::vector<Pin> pins(std::string_view pin = {}, std::size_t length = Pin::kOpen) const;
 
-    // Objects that it executes in its own EXEC, and whose real-time owner is its own: those of its options, unless it knows
-    // better.
+    // The objects that it executes in its own EXEC. They have its real-time owner. Default: those of its options.
     virtual std::vector<Reference> parts() const;
 
-    // Objects that it uses by a name, and who wrote it. When a change of the policy takes the right from him, EXEC is refused
-    // until he has it again, or somebody sets another name. Those of its options, unless it knows better.
+    // The objects that it uses by name, and who wrote the names. If a change of the policy takes an author's right away,
+    // EXEC is refused until the right is back or another name is set. Default: those of its options.
     struct NamedPart {
         std::string name;
         PrincipalPointer author;            // null: the owner
     };
     virtual std::vector<NamedPart> namedParts() const;
 
-    // ---- requests with words; a proxy forwards them, others leave them as they are ----
+    // ---- requests with words; only a proxy overrides these ----
     virtual void ctrl(Message& m);
     virtual void dbx(Message& m);
     virtual std::string location() const { return "self"; }
-    // A proxy: others judge what is asked of it.
+    // True for a proxy: the other process checks rights and signature.
     virtual bool isElsewhere() const { return false; }
 
-    // ---- what callers use ----
+    // ---- for callers ----
     const std::string& name() const { return name_; }
     const Class& type() const { return *class_; }
     Sorm& sorm() const { return *sorm_; }
-    bool gone() const { return guard() & kGoneBit; }
+    bool gone() const { return guard() & kGoneBit; }                    // it was removed
     RealtimeOwner* realtimeOwner() const { return realtimeOwner_; }     // null: it belongs to the SORM's thread
-    // Hand the object over to a thread, or with null back. By the SORM's thread, while the other one does not run it.
+    // Give the object to a real-time thread, or back (null). Call it on the SORM's thread, while the other one does not
+    // execute it.
     void setRealtimeOwner(RealtimeOwner* owner);
-    // Fails with COMM DENIED when somebody has named a part of it (namedParts) that he may not use, by the present policy.
+    // Fails with COMM DENIED when an author of its namedParts() has no right to use that part, by the present policy.
     void needParts() const;
 
-    // A request of any method, as the dispatcher, the Tcl command and the server make it: checks, counts, times one
-    // call in 64, keeps the trail within the object's verbosity, and names this object in what is thrown. True: the
-    // answer comes later, in m.later; m itself is empty.
+    // Execute a request, as the dispatcher, the Tcl command and the server do. It checks rights and signature, counts,
+    // measures one call in 64, reduces the trail to the object's verbosity, and names this object in errors. Throws Error.
+    // True: the answer comes later, in m.later, and m is empty.
     bool start(Method method, Message& m);
     // The same, and wait for the answer.
     void invoke(Method method, Message& m);
-    // Begin a request whose answer may take its time. Of an object of this process it starts when the event loop, or
-    // wait(), gets to it. Never throws: failures are the future's. Without a deadline: -timeout for remote objects.
+    // Begin a request without waiting. For an object of this process it starts when the event loop or wait() gets to it.
+    // Never throws: errors are the future's. Without a deadline: -timeout for remote objects, none for others.
     Future async(Method method, Message request, Deadline deadline = {});
-    // Send a request whose answer, or failure, nobody wants to know.
+    // Send a request without an answer. Errors that come later are lost. May throw, and for a remote object block: see
+    // Connection::oneway.
     virtual void oneway(Method method, Message request);
 
-    std::int64_t lastRun = INT64_MAX;       // [ns] of the last request that a daemon served, INT64_MAX before
-    std::uint64_t calls() const { return calls_.load(std::memory_order_relaxed); }
+    std::int64_t lastRun = INT64_MAX;       // [ns] duration of the last request that a daemon served; INT64_MAX: none yet
+    std::uint64_t calls() const { return calls_.load(std::memory_order_relaxed); }     // any thread
     std::uint32_t references() const { return references_; }
-    // Listen to what it publishes: events whose names match a pattern, as Tcl's string match; of those not taken yet the
-    // last `keep` are kept. The listener is called from the loop. Throws when the object cannot be listened to.
+    // Subscribe to its events whose names match a pattern, as Tcl's string match. keep: events that are kept until the
+    // listener runs; then the oldest are lost. The listener is called from the loop, until the result is deleted. Throws
+    // when the object refuses.
     virtual std::unique_ptr<Listening> listen(std::string pattern, std::size_t keep, Listener listener);
-    // The same, closer: the subscriber is called in the middle of whatever publishes, and hears gone() when the object goes.
+    // The same without a queue: the subscriber is called inside publish(), and gone() when the object is removed.
     void subscribe(Subscriber* subscriber, std::string pattern);
     void unsubscribe(Subscriber* subscriber);
-    // Hand the last events that match to a new subscriber: of what was published since somebody first listened, and of states.
+    // Give a new subscriber the last events that match: those since somebody first listened, and states.
     void replay(Subscriber* subscriber, std::string_view pattern) const;
-    bool isMonitored() const { return stream_ && stream_->monitored(); }     // of the SO `sorm`: bus/monitor.h
+    const Stream* stream() const { return stream_.get(); }      // of its events; null: nobody has listened yet
+    bool isMonitored() const { return stream_ && stream_->monitored(); }     // of the object `sorm`: bus/monitor.h
     // Requests that it has taken over, and those that wait for them.
     std::size_t underWay() const;
-    std::string dump() const;               // settable part: "-option value" lines; then state lines "# ..."
-    std::string recipe() const;             // options that differ from their defaults, as CTRL words
+    std::string dump() const;               // lines "-option value" of the options that can be set, then state lines "# ..."
+    std::string recipe() const;             // options that differ from their defaults, as words of CTRL
 
-    // Who wrote the present value of an option, also while changed() looks at it; null: the owner. A value that names
-    // something is acted on with his rights.
+    // Who wrote the present value of an option, also inside changed(); null: the owner. If the value names a thing, the
+    // object uses it with the author's rights.
     const PrincipalPointer& author(std::string_view option) const;
 
 protected:
-    void count() { calls_.store(calls() + 1, std::memory_order_relaxed); }      // a request
-    void review(Message& m);                // the trail of an answer
-    // Take over the request that exec was called with: its content moves into the reply's message, exec returns, and
-    // the answer is given through the reply, any time, by any thread.
+    void count() { calls_.store(calls() + 1, std::memory_order_relaxed); }      // count a request
+    void review(Message& m);                // of an answer: note its trail, and reduce it to the verbosity
+    // Take over the request of exec: its content moves into the reply's message. Then return from exec, and answer through
+    // the reply, at any time, from any thread.
     Reply later(Message& m);
-    // Tell those who have subscribed to this object. event: words separated by dots. Costs next to nothing without.
+    // Send an event to the subscribers of this object. event: words separated by dots. Costs next to nothing when there are
+    // none.
     void publish(std::string_view event, const Message& m) const {
         if (stream_) [[unlikely]] stream_->publish(*this, event, m);
     }
-    // The same of a state, or of anything that is rare: it is kept from the first on, for those who subscribe later and want the
-    // last value (sorma::subscribe -latest).
+    // The same for a state, or for an event that is rare: the last one is always kept, for those who subscribe later and
+    // want it (sorma::subscribe -latest).
     void publishState(std::string_view event, const Message& m);
-    // Bring a request forward; a proxy gives it to its connection.
+    // Execute a request of async; a proxy gives it to its connection.
     virtual void carry(const PendingPointer& pending, Method method);
-    virtual Deadline patience() const { return {}; }        // of async, unless its caller says another one
+    virtual Deadline patience() const { return {}; }        // default deadline of async
 
 private:
     friend class Reference;
     friend class Pending;
     friend class Sorm;
-    friend struct CommonRequests;           // -help, -dump, -why ... of every class
+    friend struct CommonRequests;           // -help, -dump, -why ... that every class has
 
-    struct Record;                          // origins, undo, audit, statistics: made when first needed
+    struct Record;                          // see serviceParts.h; made when first needed
     Record& record();
     void configure(const std::vector<DictionaryWord>& words, bool birth, const std::string& request, Message* reply);
     struct Applying;
@@ -162,7 +177,7 @@ private:
     void admit(Method method, Message& m);
     void need(const PrincipalPointer& author, Right right);
     void assign(const Option& option, const Value& value, const PrincipalPointer& author);
-    void judgeParts();                      // by the present policy
+    void judgeParts();                      // check needParts() by the present policy, and set kPartsBit
     bool startGuarded(Method method, Message& m);
     bool proceed(Method method, Message& m);
     void enter(Method method, Message& m);
@@ -170,22 +185,22 @@ private:
     void noteFailure(const Trail& trail);
     void enqueue(Message& m);
     void perform(const PendingPointer& pending, Method method);
-    void released();                        // one of the requests that it had taken over has ended
+    void released();                        // a request that it had taken over is finished: start the next one
     void checkLock() const;
     void leave(bool hangs);
-    void left();                            // the repository: no more requests, those that wait are refused
-    void awaitLater(Message& m);
+    void left();                            // it was removed: it takes no more requests, and those that wait fail
+    void awaitLater(Message& m);            // wait for an answer that comes later
 
-    // Both are written by the thread that the object belongs to, and may be looked at by another one any time; they order
-    // nothing.
+    // The thread to which the object belongs writes guard_ and calls_. Other threads may read them at any time; memory order
+    // is relaxed, since no other data depends on them.
     std::uint8_t guard() const { return guard_.load(std::memory_order_relaxed); }
     void setGuard(std::uint8_t bit, bool on) {
         guard_.store(std::uint8_t(on ? guard() | bit : guard() & ~bit), std::memory_order_relaxed);
     }
-    void invokeInPlace(Message& m);         // EXEC by reference, the long way
-    void unusable(Message& m);
+    void invokeInPlace(Message& m);         // Reference::exec when guard_ is not 0
+    void unusable(Message& m);              // Reference::step got no usable answer
 
-    Charge charge_;                         // for being there
+    Charge charge_;                         // for the object itself
     std::string name_;
     const Class* class_ = nullptr;
     Sorm* sorm_ = nullptr;
@@ -193,15 +208,15 @@ private:
     RealtimeOwner* realtimeOwner_ = nullptr;    // while guard_ has kOwnedBit
     std::atomic<std::uint64_t> calls_{0};   // EXECs
     std::uint32_t references_ = 0;
-    std::uint32_t names_ = 0;               // in the repository, second names included
-    std::unique_ptr<Stream> stream_;        // while somebody listens
+    std::uint32_t names_ = 0;               // names in the repository, second names included
+    std::unique_ptr<Stream> stream_;        // since somebody first listened, or a state was published
     static constexpr std::uint8_t kGoneBit = 1, kBusyBit = 2, kLockedBit = 4, kOwnedBit = 8;
-    static constexpr std::uint8_t kAskBit = 16;     // the SORM is a safe interpreter's: its own requests are asked, too
-    static constexpr std::uint8_t kPartsBit = 32;   // a part of it was named by somebody who may not use it any more
-    std::atomic<std::uint8_t> guard_{0};    // what stands in the way of a request
+    static constexpr std::uint8_t kAskBit = 16;     // the SORM is a safe interpreter's: its own requests need rights, too
+    static constexpr std::uint8_t kPartsBit = 32;   // the author of a named part has lost the right to use it
+    std::atomic<std::uint8_t> guard_{0};    // 0: a request may run at once; else the reasons why it may not
     std::uint8_t checks_ = 0;               // class_->checks()
-    std::uint8_t verbosity_ = 1;            // 0 errors, 1 and warnings, 2 and verbose
-    // What whoever asked last may do with this object: good for that principal, and for that state of the policy.
+    std::uint8_t verbosity_ = 1;            // 0: errors; 1: and warnings; 2: and verbose
+    // The rights of the last principal that made a request; valid for that principal and that epoch of the policy.
     struct Known {
         std::uint64_t principal = 0;
         std::uint32_t epoch = 0;
@@ -235,7 +250,7 @@ inline void Reference::step(Message& message, RealtimeOwner* here) const {
     if (message.later || message.code < 0) [[unlikely]] s.unusable(message);
 }
 
-// Used by Class::service: resolves a name through the SORM of the object, so that cycles are noticed.
+// For Class::service: finds or makes an object by its name. Fails with SERVICE CYCLE when it needs the object that asks.
 Reference subService(Service& user, const std::string& name, const PrincipalPointer& author = nullptr);
 
 template <class S> Class& Class::service(std::string name, Reference S::*member, Spec spec) {

@@ -1,5 +1,8 @@
-// serviceParts.h -- what the files of a service object share: service.cpp (its life and its requests), serviceWords.cpp
-// (CTRL and DBX of its class), commonRequests.cpp (those that every class answers).
+// serviceParts.h -- shared by the files that implement Service. No other file includes it.
+//
+//     service.cpp          the life of an object, and its requests
+//     serviceWords.cpp     CTRL and DBX: options, actions and inspections of its class
+//     commonRequests.cpp   actions and inspections that every class has
 #pragma once
 
 #include <algorithm>
@@ -19,55 +22,59 @@ namespace sorma {
 inline const Prototype kUnknownWord{Severity::error, "OPTION UNKNOWN", 2, "{}: unknown word \"{}\": must be {}"};
 inline const Prototype kMissingValue{Severity::error, "OPTION MISSING", 2, "{}: {} needs {}"};
 
-// What only some objects ever need.
+// Data that many objects never need. Made when it is first needed.
 struct Service::Record {
-    struct Source {                     // why an option has its value
+    // Where an option has its value from.
+    struct Source {
         enum class Kind { initial, recipe, ctrl } kind = Kind::initial;
-        Origin origin;                  // recipe
-        PrincipalPointer author;        // of the word; null: the owner
-        std::string by, request;        // ctrl
-        std::int64_t time = 0;
+        Origin origin;                  // recipe: place of the word
+        PrincipalPointer author;        // who wrote the value; null: the owner
+        std::string by, request;        // ctrl: the caller, and the request, for people
+        std::int64_t time = 0;          // [us since 1970]
     };
+    // The value of an option before a change.
     struct Undo {
         int option;
         Value value;
         Source source;
     };
+    // A CTRL request, for DBX -audit.
     struct Audit {
-        std::int64_t time;
+        std::int64_t time;              // [us since 1970]
         std::string by, request;
-        bool done;
+        bool done;                      // false: it was refused
     };
 
     std::vector<Source> sources;        // one for each option
     static constexpr std::size_t kUndoDepth = 10;
-    std::deque<std::vector<Undo>> undo; // what each of the last CTRLs changed, the latest last
+    std::deque<std::vector<Undo>> undo; // the changes of the last CTRLs, the latest last
     std::deque<Audit> audit;
     Histogram times;                    // of EXEC, one call in 64
-    std::uint64_t errors = 0, ctrls = 0, dbxs = 0;
+    std::uint64_t errors = 0, ctrls = 0, dbxs = 0;      // how many
     std::int64_t since = monotonicNow();
     Trail trail;                        // of the last request that had one
-    std::size_t underWay = 0;           // requests taken over
-    std::deque<PendingPointer> waiting; // for them
+    std::size_t underWay = 0;           // requests that it has taken over and not finished
+    std::deque<PendingPointer> waiting; // requests that start after those
     struct Lock {
         ClientPointer holder;           // null: this process
         Client::Lease lease = 0;
-        std::string by;
-        std::int64_t since = 0;
+        std::string by;                 // the holder, for people
+        std::int64_t since = 0;         // [us since 1970]
     } lock;                             // while guard_ has kLockedBit
 };
 
-// Options that are being set. What it replaces ends after ticks go on again: the members go from the last to the first.
+// A change of options. Members are deleted from the last to the first: so ticks go on again before the old values, which
+// commit and before keep, are deleted.
 struct Service::Applying {
     Change::Values values;
-    std::vector<Record::Source> sources;    // of each
-    bool birth = false;                     // by its recipe: nothing has been there before
-    std::vector<Record::Undo> before;
+    std::vector<Record::Source> sources;    // of each value
+    bool birth = false;                     // the recipe: there were no values before
+    std::vector<Record::Undo> before;       // the values so far
     Commit commit = nullptr;
-    std::optional<BetweenTicks> between = std::nullopt;     // from the commit on
+    std::optional<BetweenTicks> between = std::nullopt;     // set when the slow part is done
 };
 
-// The requests that every class answers.
+// The actions and inspections that every class has. Each answers in reply.text and throws Error.
 struct CommonRequests {
     static const std::vector<Action>& actions();
     static const std::vector<Action>& inspections();
@@ -82,18 +89,26 @@ struct CommonRequests {
     static void save(Service& s, Args args, Message& reply);
     static void lock(Service& s, Args args, Message& reply);
     static void unlock(Service& s, Args args, Message& reply);
-    static void freeLock(Service& s);
-    static std::string optionsList(Service& s, std::string_view only);
+    static void freeLock(Service& s);       // whoever has it
+    static std::string optionsList(Service& s, std::string_view only);      // a Tcl list; only: one option, or empty for all
     static std::string trailText(const Trail& trail);
-    static std::string describe(const Service::Record::Source& source);
+    static std::string describe(const Service::Record::Source& source);     // for people
     static int needOption(Service& s, const std::string& name);
 };
 
-// Another line of a reply.
+// Append a line to the text of a reply.
 inline void addLine(Message& reply, std::string_view line) {
     if (!reply.text.empty()) reply.text += '\n';
     reply.text += line;
 }
+
+// What is wrong with the words of a recipe, as far as the table of its class says: place of the word, from 0, and why. What
+// -SUBST brings is not looked at, and no object is made.
+struct WordFault {
+    std::size_t word;
+    std::string why;
+};
+std::vector<WordFault> faultsOf(const Class& type, const std::string& name, const std::vector<std::string>& words);
 
 // "-a, -b, or -c"
 std::string oneOf(std::vector<std::string> words);

@@ -7,6 +7,7 @@ namespace {
 const Prototype kReadonly{Severity::error, "OPTION READONLY", 2, "{}: {} can only be set by a recipe, when the object is made"};
 
 constexpr std::size_t kAuditLength = 100;
+constexpr std::string_view kSubstWord = "-SUBST";
 
 const Action* findIn(const std::vector<Action>& actions, std::string_view name) {
     for (auto& a : actions)
@@ -14,21 +15,21 @@ const Action* findIn(const std::vector<Action>& actions, std::string_view name) 
     return nullptr;
 }
 
-[[noreturn]] void failUnknown(const Service& s, std::string_view word, bool ctrl) {
+[[noreturn]] void failUnknown(const std::string& name, const Class& type, std::string_view word, bool ctrl) {
     std::vector<std::string> known;
     if (ctrl)
-        for (auto& o : s.type().options()) known.push_back(o.name);
-    for (auto& a : ctrl ? s.type().actions() : s.type().inspections()) known.push_back(a.name);
+        for (auto& o : type.options()) known.push_back(o.name);
+    for (auto& a : ctrl ? type.actions() : type.inspections()) known.push_back(a.name);
     for (auto& a : ctrl ? CommonRequests::actions() : CommonRequests::inspections()) known.push_back(a.name);
-    fail(kUnknownWord, s.name(), word, oneOf(std::move(known)));
+    fail(kUnknownWord, name, word, oneOf(std::move(known)));
 }
 
 // Takes the arguments of an action: the least it needs, then more while they are no words of the table.
 template <class IsKnown>
-Args takeArguments(const Service& s, const Action& action, const std::vector<std::string>& words, std::size_t at,
+Args takeArguments(const std::string& name, const Action& action, const std::vector<std::string>& words, std::size_t at,
                    IsKnown isKnown) {
     std::size_t rest = words.size() - at, least = std::size_t(action.minArgs);
-    if (rest < least) fail(kMissingValue, s.name(), action.name, "arguments: " + action.usage);
+    if (rest < least) fail(kMissingValue, name, action.name, "arguments: " + action.usage);
     std::size_t n = least;
     if (action.maxArgs == Action::kRest) n = rest;
     else
@@ -36,7 +37,49 @@ Args takeArguments(const Service& s, const Action& action, const std::vector<std
     return Args(words).subspan(at, n);
 }
 
+[[noreturn]] void failMissing(const std::string& name, const Option& o) {
+    std::string what = std::string("a value: ") + toText(o.type);
+    if (!o.spec.unit.empty()) what += " [" + o.spec.unit + "]";
+    if (auto r = o.range(); !r.empty()) what += ", " + r;
+    fail(kMissingValue, name, o.name, what);
+}
+
 }  // namespace
+
+std::vector<WordFault> faultsOf(const Class& type, const std::string& name, const std::vector<std::string>& words) {
+    std::vector<WordFault> faults;
+    auto known = [&](const std::string& word) {
+        return word == kSubstWord || type.findOption(word) >= 0 || type.findAction(word) || findIn(CommonRequests::actions(), word);
+    };
+    for (std::size_t i = 0; i < words.size();) {
+        std::size_t at = i++;
+        try {
+            auto& word = words[at];
+            if (word == kSubstWord) {
+                ++i;                                        // what stands there comes from another entry
+            } else if (int index = type.findOption(word); index >= 0) {
+                const Option& o = type.options()[index];
+                bool flag = o.type == Type::flag;
+                if (flag && (i == words.size() || words[i].starts_with('-'))) continue;
+                if (i == words.size()) failMissing(name, o);
+                if (words[i] == kSubstWord) continue;
+                at = i++;
+                o.parse(name, words[at]);
+            } else {
+                const Action* action = type.findAction(word);
+                if (!action) action = findIn(CommonRequests::actions(), word);
+                if (!action) {
+                    while (i < words.size() && !known(words[i])) ++i;      // they belong to it
+                    failUnknown(name, type, word, true);
+                }
+                i += takeArguments(name, *action, words, i, known).size();
+            }
+        } catch (const Error& error) {
+            faults.push_back({at, error.what()});
+        }
+    }
+    return faults;
+}
 
 // "-a, -b, or -c"
 std::string oneOf(std::vector<std::string> words) {
@@ -82,21 +125,16 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, c
                 origins.push_back(origin);
                 continue;
             }
-            if (i == words.size()) {
-                std::string what = std::string("a value: ") + toText(o.type);
-                if (!o.spec.unit.empty()) what += " [" + o.spec.unit + "]";
-                if (auto r = o.range(); !r.empty()) what += ", " + r;
-                fail(kMissingValue, name_, o.name, what);
-            }
+            if (i == words.size()) failMissing(name_, o);
             a.values.push_back({index, o.parse(name_, words[i++]), origin->author});
             origins.push_back(origin);
             continue;
         }
         const Action* action = class_->findAction(word);
         if (!action) action = findIn(CommonRequests::actions(), word);
-        if (!action) failUnknown(*this, word, true);
+        if (!action) failUnknown(name_, *class_, word, true);
         need(origin->author, action->right);
-        Args args = takeArguments(*this, *action, words, i, known);
+        Args args = takeArguments(name_, *action, words, i, known);
         i += args.size();
         steps.push_back({action, args, origin});
     }
@@ -170,7 +208,7 @@ void Service::apply(Applying& a) {
         try {
             if (committed) a.commit();
             if (told) changed(options);
-        } catch (...) {                     // what was there before is accepted, or it would not have been there
+        } catch (...) {                     // the values before were valid
         }
         if (owner) owner->partsChanged();
         throw;
@@ -215,9 +253,9 @@ void Service::dbx(Message& m) {
     };
     for (std::size_t i = 0; i < words.size();) {
         const Action* action = find(words[i]);
-        if (!action) failUnknown(*this, words[i], false);
+        if (!action) failUnknown(name_, *class_, words[i], false);
         need(m.author, action->right);
-        Args args = takeArguments(*this, *action, words, i + 1, find);
+        Args args = takeArguments(name_, *action, words, i + 1, find);
         i += 1 + args.size();
         steps.push_back({action, args});
     }

@@ -21,7 +21,7 @@ const Prototype kClassName{Severity::error, "NAME SYNTAX", 1, "bad class name \"
 const Prototype kCycle{Severity::error, "SERVICE CYCLE", 1, "{}: sub-services form a cycle: {}"};
 const Prototype kFailed{Severity::error, "SERVICE FAILED", 1, "{}: the constructor of class {} failed: {}"};
 const Prototype kThread{Severity::error, "SERVICE THREAD", 1,
-                        "{}: a step of a cycle can make and remove no objects; ask for it by sorm().mailbox()"};
+                        "{}: a step of a cycle cannot make or remove objects; post that to sorm().mailbox()"};
 const Prototype kGone{Severity::error, "SERVICE GONE", 1, "{}: there is no such service object"};
 const Prototype kExists{Severity::error, "SERVICE EXISTS", 1, "{}: the service object exists already; use CTRL to change it"};
 const Prototype kProtected{Severity::error, "SERVICE PROTECTED", 1, "{}: belongs to the SORM and cannot be removed"};
@@ -61,10 +61,10 @@ Sorm::~Sorm() {
         std::lock_guard lock(bindings().mutex);
         for (auto* key : keys_) bindings().sorms.erase(key);
     }
-    // Objects may refer to each other and look at the SORM in their destructors: let go of them one by one.
+    // Objects may have references to each other and use the SORM in their destructors: remove them one by one.
     recent_ = {};
     self_ = nullptr;
-    // What stands for something elsewhere goes last: those who use it may have something to stop there.
+    // Proxies are removed last: objects that use them may have to stop something in the other process.
     for (bool elsewhere : {false, true}) {
         std::vector<std::string> leaving;
         do {                                            // objects may make others while they go
@@ -75,7 +75,7 @@ Sorm::~Sorm() {
                 auto found = repository_.find(key);
                 if (found == repository_.end()) continue;
                 Reference r = std::move(found->second);
-                recent(key) = {};                       // what goes may look for others, and find what still goes
+                recent(key) = {};                       // an object that is deleted may look for others in the repository
                 repository_.erase(found);
                 if (!r->gone()) r->left();
             }
@@ -202,7 +202,7 @@ std::vector<DictionaryWord> Sorm::recipeOf(const Name& name) const {
     return key.empty() ? std::vector<DictionaryWord>() : dictionary_.expand(key);
 }
 
-// What a daemon elsewhere would get as CTRL from us, an object that is here gets all the same.
+// A recipe that a daemon elsewhere would get from us as CTRL is used for an object of this process, too.
 Reference Sorm::makeHere(const Name& name, const std::vector<std::string>* words, const PrincipalPointer& author) {
     auto wish = recipeOf(name);
     Service* known = find(name.service);
@@ -398,6 +398,11 @@ void Sorm::announce(std::string_view event, std::string_view text, std::vector<s
     m.text = text;
     m.words = std::move(words);
     self_->publish(event, m);
+}
+
+void Sorm::announceLater(std::string_view event, std::string text, std::vector<std::string> words) {
+    if (!announces()) return;
+    mailbox_->post([this, event = std::string(event), text = std::move(text), words = std::move(words)] { announce(event, text, words); });
 }
 
 void Sorm::announce(const Trail& trail) {

@@ -1,10 +1,11 @@
-// The SO `sorm`: looks into its SORM, and works on it: classes, objects, references, connections, daemons.
+// The object `sorm`: shows and changes its SORM: classes, objects, references, connections, daemons.
 #include <algorithm>
 
 #include "bus/call.h"
 #include "bus/glob.h"
 #include "bus/listText.h"
 #include "bus/requestText.h"
+#include "bus/serviceParts.h"
 #include "bus/sorm.h"
 
 namespace sorma {
@@ -12,11 +13,11 @@ namespace sorma {
 namespace {
 
 const Prototype kGone{Severity::error, "SERVICE GONE", 1, "sorm: there is no service object \"{}\""};
-const Prototype kLook{Severity::error, "SERVICE GONE", 1, "sorm: there is no service object \"{}\", and looking makes none"};
-const Prototype kDepth{Severity::error, "SORM DEPTH", 0, "sorm: requests in requests are {} deep; that is enough"};
+const Prototype kLook{Severity::error, "SERVICE GONE", 1, "sorm: there is no service object \"{}\"; looking does not make one"};
+const Prototype kDepth{Severity::error, "SORM DEPTH", 0, "sorm: requests inside requests are {} deep, which is the limit"};
 const Prototype kElsewhere{Severity::error, "NAME UNKNOWN_CLASS", 1, "sorm: {} is served elsewhere: ask there"};
 const Prototype kInventory{Severity::error, "REQUEST SYNTAX", 1,
-    "sorm: bad word \"{}\" of -inventory: must be addresses, busiest, classes, names, objects, serves, siblings, or words"};
+    "sorm: bad word \"{}\" of -inventory: must be addresses, busiest, classes, connections, names, objects, serves, siblings, subscriptions, or words"};
 const Prototype kBusiest{Severity::error, "REQUEST SYNTAX", 1, "sorm: busiest expects how many objects, got \"{}\""};
 constexpr std::size_t kMostLines = 1000;
 constexpr int kMostDepth = 16;
@@ -113,7 +114,7 @@ public:
 
     void alias(Args args, Message& reply) { sorm().alias(args[0], args[1], reply.author); }
 
-    // What inspectors ask again and again: not noted in the audit, and nothing is made for it.
+    // Requests that inspectors repeat: they are not in the audit, and make no objects.
     void inventory(Args args, Message& reply) {
         static const std::vector<std::string> all = {"classes", "names", "objects", "words", "addresses", "serves"};
         DictText out;
@@ -146,6 +147,10 @@ public:
                 std::string text = sorm().networkFacts ? sorm().networkFacts("siblings") : std::string();
                 for (std::size_t at = 0; at < text.size(); at = std::min(text.find('\n', at), text.size() - 1) + 1)
                     appendListElement(list, text.substr(at, text.find('\n', at) - at));
+            } else if (what == "connections") {
+                if (sorm().networkFacts) list = sorm().networkFacts("connectionsList");
+            } else if (what == "subscriptions") {
+                list = subscriptions(reply.author);
             } else if (what == "serves") {
                 for (auto& name : served()) appendListElement(list, name);
             } else {
@@ -154,6 +159,21 @@ public:
             out.put(what, list);
         }
         addLine(reply, out.text());
+    }
+
+    // Who listens to what: {object pattern who} ..., of objects that the author may inspect.
+    std::string subscriptions(const PrincipalPointer& author) {
+        std::string list;
+        std::size_t lines = 0;
+        for (auto& name : sorm().names()) {
+            Service* s = sorm().find(name);
+            if (lines >= kMostLines) break;
+            if (s->name() != name || !s->stream() || s->stream()->empty() || !(sorm().access.rights(author, name) & Rights(Right::inspect))) continue;
+            s->stream()->each([&](const Subscriber& subscriber, const std::string& pattern) {
+                if (lines++ < kMostLines) appendListElement(list, listOf({name, pattern, subscriber.who()}));
+            });
+        }
+        return list;
     }
 
     // The objects whose EXEC was called most, the busiest first: {name class calls underway} ...
@@ -209,6 +229,15 @@ public:
         out.put("help", type.helpText(args[0]));
         if (s) out.put("dump", s->dump());
         addLine(reply, out.text());
+    }
+
+    // Would these words do as the recipe of an object? {word why} of each that would not.
+    void check(Args args, Message& reply) {
+        if (Name::isElsewhere(args[0])) fail(kElsewhere, args[0]);
+        std::string list;
+        for (auto& fault : faultsOf(sorm().needClass(Name::parse(args[0]).className), args[0], {args.begin() + 1, args.end()}))
+            appendListElement(list, listOf({std::to_string(fault.word), fault.why}));
+        addLine(reply, list);
     }
 
     // DBX of an object that is there, here or elsewhere: nothing is made for it, and no recipe is sent.
@@ -281,11 +310,6 @@ private:
         return names;
     }
 
-    static void addLine(Message& reply, const std::string& line) {
-        if (!reply.text.empty()) reply.text += '\n';
-        reply.text += line;
-    }
-
     int depth_ = 0;
 };
 
@@ -312,10 +336,12 @@ Class describeSorm() {
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).denied(a, m); }})
         .inspection({"-budgets", "", "what each client makes this daemon keep, in bytes, and how much it may", 0, 0,
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).budgets(a, m); }})
-        .inspection({"-inventory", "?what ...?", "dict of classes, names, objects (name class calls underway), words, addresses, serves; or siblings, busiest N",
+        .inspection({"-inventory", "?what ...?", "dict of classes, names, objects (name class calls underway), words, addresses, serves; or siblings, connections, subscriptions, busiest N",
                      0, Action::kRest, [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).inventory(a, m); }})
         .inspection({"-describe", "name", "dict of the table of an object's class, without making the object", 1, 1,
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).describe(a, m); }})
+        .inspection({"-check", "name ?word ...?", "is it a recipe for such an object: list of {word why} of what is wrong, without making the object", 1,
+                     Action::kRest, [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).check(a, m); }})
         .inspection({"-look", "name word ?word ...?", "DBX of an object that is there; nothing is made, and no recipe sent", 2, Action::kRest,
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).look(a, m); }})
         .actsOnWords()

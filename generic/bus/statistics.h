@@ -1,4 +1,6 @@
-// statistics.h -- how often and how fast: counters and a histogram of times on a logarithmic scale.
+// statistics.h -- a histogram of times on a logarithmic scale, and times as text.
+//
+// Threads: no locks; one thread at a time uses a histogram.
 #pragma once
 
 #include <array>
@@ -9,7 +11,7 @@ namespace sorma {
 
 class Histogram {
 public:
-    // Bucket i counts times from 2^i to 2^(i+1) nanoseconds.
+    // Count a time. Bucket i is for times from 2^i to 2^(i+1) nanoseconds.
     void add(std::int64_t nanoseconds) {
         int i = nanoseconds < 1 ? 0 : 63 - __builtin_clzll(static_cast<unsigned long long>(nanoseconds));
         ++buckets_[i < kBuckets ? i : kBuckets - 1];
@@ -17,8 +19,9 @@ public:
         if (nanoseconds > max_) max_ = nanoseconds;
     }
     std::uint64_t count() const { return count_; }
-    std::int64_t quantile(double q) const;      // [ns], upper edge of the bucket; 0 when empty
-    std::string toText() const;                 // one line for each bucket in use
+    // The time that a share q (0 .. 1) of all did not exceed [ns]: upper edge of its bucket. 0 when there are none.
+    std::int64_t quantile(double q) const;
+    std::string toText() const;                 // for people, one line for each bucket that is not empty
 
 private:
     static constexpr int kBuckets = 40;
@@ -28,6 +31,6 @@ private:
 };
 
 std::string durationText(double nanoseconds);   // "1.2 us", "35 ms", "2.5 s"
-std::string clockText(std::int64_t microseconds);    // local date and time of a wall clock: "2026-03-01 10:31:02.123"
+std::string clockText(std::int64_t microseconds);    // since 1970, as local date and time: "2026-03-01 10:31:02.123"
 
 }  // namespace sorma

@@ -12,6 +12,8 @@
 
 namespace sorma {
 
+std::string Subscriber::who() const { return Caller::self().toText(); }
+
 Stream::~Stream() {
     for (auto& entry : subscribers_)
         if (entry.subscriber) entry.subscriber->gone();
@@ -22,13 +24,21 @@ void Stream::add(Subscriber* subscriber, std::string pattern) {
     subscribers_.push_back({subscriber, std::move(pattern)});
 }
 
-void Stream::remove(Subscriber* subscriber) {
+bool Stream::remove(Subscriber* subscriber) {
+    bool found = false;
     for (auto& entry : subscribers_) {
         if (entry.subscriber != subscriber) continue;
         entry.subscriber = nullptr;
         monitors_ -= entry.pattern.starts_with("monitor");
+        found = true;
     }
     settle();
+    return found;
+}
+
+void Stream::each(const std::function<void(const Subscriber&, const std::string&)>& tell) const {
+    for (auto& entry : subscribers_)
+        if (entry.subscriber) tell(*entry.subscriber, entry.pattern);
 }
 
 void Stream::settle() {
@@ -57,7 +67,7 @@ void Stream::keep(const Event& event) {
     const Message& m = event.message;
     auto at = std::find_if(last_.begin(), last_.end(), [&](auto& l) { return l.name == event.name; });
     std::size_t bytes = m.text.size() + m.any.size() + 8 * (m.floats.size() + m.ints.size());
-    if (bytes > kBytes) {               // what was there before is not the last one any more
+    if (bytes > kBytes) {               // the event that was kept before is not the last one any more
         if (at != last_.end()) last_.erase(at);
         return;
     }

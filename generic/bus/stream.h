@@ -1,7 +1,9 @@
-// stream.h -- what a service object publishes, and who listens.
+// stream.h -- the events that a service object publishes, and their subscribers.
 //
-// An object publishes whenever it has something to tell; without a listener that costs one look at a pointer. Each
-// listener has its own place to keep what it has not taken yet, bounded by itself: publishing never waits for anybody.
+// An object may publish at any time. Without a subscriber that costs reading one pointer. Each subscriber has a bounded
+// queue of its own, so publishing never waits for anybody.
+//
+// Threads: the SORM's, but for Listening::any().
 #pragma once
 
 #include <atomic>
@@ -20,39 +22,44 @@ namespace sorma {
 
 class Service;
 
+// An event while it is published. It is valid only during Subscriber::event().
 struct Event {
-    std::string_view object;            // who publishes
-    std::string_view name;              // what: words separated by dots, "object.made"
+    std::string_view object;            // name of the object that publishes it
+    std::string_view name;              // words separated by dots: "object.made"
     const Message& message;
-    std::int64_t time;                  // microseconds since 1970
-    std::uint64_t serial;               // differs from that of every other event of the process
+    std::int64_t time;                  // [us since 1970]
+    std::uint64_t serial;               // number of the event, unique in the process
     std::uint64_t request;              // in which it was published: CallContext::currentRequest()
 };
 
-// Someone who listens to one object. It says unsubscribe before it goes, unless gone() was called.
+// Gets the events of one object, inside the call that publishes them. It must unsubscribe before it is deleted, unless
+// gone() was called.
 class Subscriber {
 public:
     virtual ~Subscriber() = default;
-    virtual void event(const Event& event) = 0;         // copy what is needed and return; no exception, no request
-    virtual void gone() = 0;                            // the object has been removed; it has forgotten this subscriber
+    virtual void event(const Event& event) = 0;         // copy what you need and return; must not throw, must not make requests
+    virtual void gone() = 0;                            // the object was removed; this is unsubscribed already
+    virtual std::string who() const;                    // for people, "anna@lab scott[4711]"; default: this process
 };
 
+// The subscribers of one object.
 class Stream {
 public:
     ~Stream();
     void add(Subscriber* subscriber, std::string pattern);      // pattern: as Tcl's string match
-    void remove(Subscriber* subscriber);
+    bool remove(Subscriber* subscriber);                        // was it there?
+    void each(const std::function<void(const Subscriber& subscriber, const std::string& pattern)>& tell) const;
     bool empty() const { return subscribers_.empty(); }
-    // monitor: it tells of what passes, and is for those alone who have asked for that (bus/monitor.h).
+    // monitor: only for subscribers with a pattern that begins with "monitor" (bus/monitor.h).
     void publish(const Service& from, std::string_view event, const Message& m, bool monitor = false);
-    // The last event of each name (of up to 32, and not beyond 64 kB each) is kept: hand those that match to a new subscriber,
-    // the oldest first.
+    // Send the last event of each name that matches to a new subscriber, the oldest first. Events are kept for up to 32
+    // names, and up to 64 kB each.
     void replay(const Service& from, Subscriber* subscriber, std::string_view pattern) const;
     bool monitored() const { return monitors_ > 0; }
 
 private:
     struct Entry {
-        Subscriber* subscriber;         // null: it left while events were handed out
+        Subscriber* subscriber;         // null: it unsubscribed while an event was published
         std::string pattern;
     };
     struct Last {
@@ -68,34 +75,38 @@ private:
     int handing_ = 0, monitors_ = 0;
 };
 
-// ---- what a listener gets, from here or from another process: Service::listen ----
+// ---- for Service::listen, with objects here or in another process ----
 
 struct Received {
     std::string object, name;
     Message message;
     std::uint64_t number = 0;           // counts the events of this subscription from 1, lost ones included
-    std::int64_t lost = 0;              // events between the one before and this; -1: some, nobody knows how many
-    std::int64_t time = 0;              // microseconds since 1970
+    std::int64_t lost = 0;              // events that were lost before this one; -1: an unknown number
+    std::int64_t time = 0;              // [us since 1970]
     std::uint64_t request = 0;          // in which it was published, see Pending::number; 0: outside of any
 };
-// Beside the object's own events there are: sorma.gone (it has been removed, no more will come), sorma.reconnected (after
-// a broken connection; lost tells what was missed), sorma.refused (no more will come: it could not be resumed, or the policy
-// does not allow it any more; text says why).
+// Gets the object's own events, and these:
+//     sorma.gone          the object was removed; no more events will come
+//     sorma.reconnected   the connection broke and was made again; `lost` says how many events were missed
+//     sorma.refused       no more events will come: the subscription could not be resumed, or the policy does not allow it any more;
+//                         the text says why
 using Listener = std::function<void(Received& event)>;
 
-// A subscription: it lasts as long as this.
+// A subscription. Delete it to end it; the listener is not called afterwards.
 class Listening {
 public:
     Listening() { count_.fetch_add(1, std::memory_order_relaxed); }
     virtual ~Listening() { count_.fetch_sub(1, std::memory_order_relaxed); }
     Listening(const Listening&) = delete;
     Listening& operator=(const Listening&) = delete;
-    static bool any() { return count_.load(std::memory_order_relaxed) > 0; }     // in this process; a hint, it orders nothing
+    // Is there a subscription in this process? Any thread; memory order is relaxed, since no other data depends on it.
+    static bool any() { return count_.load(std::memory_order_relaxed) > 0; }
 private:
     static inline std::atomic<int> count_{0};
 };
 
-// Events on their way to a listener, called from the loop. Holds at most `keep`; the oldest go, and are counted.
+// Queue of events for a listener, which is called from the loop. It keeps at most `keep` events; then the oldest are lost
+// and counted.
 class Inbox : public std::enable_shared_from_this<Inbox> {
 public:
     Inbox(std::shared_ptr<Mailbox> mailbox, std::size_t keep, Listener listener)

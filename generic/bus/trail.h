@@ -1,8 +1,10 @@
-// trail.h -- what a call has to say beside its result: the messages it gathered, across processes.
+// trail.h -- the errors, warnings and notes of a request, from all processes on its way.
 //
-// Entries are added where something is noticed and travel with the reply, never to stderr. A trail is bounded
-// (`setLimit`): the oldest verbose entries go first, then the oldest warnings, then errors (the first, which is the
-// cause, stays), and `dropped()` tells how many went.
+// Code adds an entry where it notices something. The trail travels with the reply; nothing goes to stderr. A trail is
+// bounded (`setLimit`): the oldest verbose entries are dropped first, then the oldest warnings, then errors, but for the
+// first, which is the cause. `dropped()` counts them.
+//
+// Threads: a trail belongs to one thread at a time; the limit is for the whole process, any thread.
 #pragma once
 
 #include <cstddef>
@@ -22,17 +24,18 @@ struct Entry {
     Severity severity = Severity::error;
     std::string symbol;                 // area and symbol: "OPTION RANGE"
     std::vector<std::string> details;   // rest of the error code: {"carry.slow", "-transferSpeed"}
-    std::string text;                   // clear text
-    std::string so;                     // service object that raised it
-    std::string daemon;                 // daemon it came from; empty: this process
+    std::string text;                   // for people
+    std::string so;                     // name of the service object that raised it
+    std::string daemon;                 // name of the daemon that raised it; empty: this process
     std::string file;                   // source file, without folders
     int line = 0;
-    std::int64_t time = 0;              // microseconds since 1970, the raising host's clock
-    std::string request;                // request text that reproduces this hop alone
+    std::int64_t time = 0;              // [us since 1970] of the clock of the host that raised it
+    std::string request;                // text of the request that was executed there; typed again it shows the error again
 
     bool operator==(const Entry&) const = default;
 };
 
+// Entries in order, the first one first.
 class Trail {
 public:
     static constexpr std::size_t kDefaultLimit = 200;
@@ -50,10 +53,10 @@ public:
     std::size_t dropped() const { return dropped_; }
     void setDropped(std::size_t count) { dropped_ = count; }
 
-    // The entry that says what went wrong: the first error, else the last entry, else null.
+    // The cause of a failure: the first error, else the last entry, else null.
     const Entry* cause() const;
 
-    // One line for each entry, for people, in local time; no newline at the end:
+    // For people: a line for each entry, in local time, without a newline at the end:
     // error SORMA OPTION RANGE: carry.slow: -transferSpeed 7 is outside ...  (carry.slow@robot, carry.cpp:31, 10:31:02.123)
     std::string toText() const;
 

@@ -1,7 +1,7 @@
 // where.h -- a place in the source, for messages.
 //
-// What std::source_location is for, of which clang 14 has only the name: taken as a default argument it tells file
-// and line of the caller.
+// As a default argument it is the file and line of the caller. It replaces std::source_location, which clang 14 does not
+// have.
 //
 //     void raise(const char* text, Where where = Where::current());
 #pragma once

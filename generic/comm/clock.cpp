@@ -44,7 +44,7 @@ bool hasEnded(std::int64_t process, std::string_view processes) {
     std::string stat;                       // "4711 (name of the program) S ..."
     std::getline(std::ifstream("/proc/" + std::to_string(process) + "/stat"), stat);
     auto name = stat.rfind(')');
-    return name != stat.npos && name + 2 < stat.size() && (stat[name + 2] == 'Z' || stat[name + 2] == 'X');    // nobody has fetched its code yet
+    return name != stat.npos && name + 2 < stat.size() && (stat[name + 2] == 'Z' || stat[name + 2] == 'X');    // ended, not fetched yet
 }
 
 void PeerClock::sample(std::int64_t sent, std::int64_t arrived) {

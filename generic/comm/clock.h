@@ -1,9 +1,12 @@
-// clock.h -- which clock and which processes of the kernel's a process sees, and what another's clock says here.
+// clock.h -- deadlines that cross the wire, between processes whose clocks may differ.
 //
-// A deadline crosses the wire as the caller's own CLOCK_MONOTONIC, so that the time a request spends in sockets counts, and
-// a request that is sent again says the same. Two processes that see the same clock compare directly. Of others the
-// difference is estimated: a record that says when it was sent cannot have come earlier, so the least of arrival minus
-// sending, over a while, is the difference plus the shortest way (the idea of NTP's clock filter, RFC 5905 section 10).
+// A deadline crosses the wire as a time of the caller's CLOCK_MONOTONIC. So the time that a request spends in sockets
+// counts, and a request that is sent again keeps its deadline. Two processes that see the same clock compare directly.
+// Otherwise the daemon estimates the difference of the clocks. A record that says when it was sent cannot arrive earlier
+// than that; so the smallest arrival minus sending of the last 10 to 20 s is the difference plus the shortest transit time
+// (the idea of NTP's clock filter, RFC 5905 section 10).
+//
+// Threads: the functions may be called by any thread; a PeerClock belongs to its peer. Nothing throws but for memory.
 #pragma once
 
 #include <cstdint>
@@ -14,12 +17,17 @@
 
 namespace sorma {
 
-const std::string& clockSeen();             // the same text: the same clock. This boot of the kernel, and the time namespace
-const std::string& processesSeen();         // the same for process numbers: this boot, and the namespace of processes
-bool hasEnded(std::int64_t process, std::string_view processes);     // no doubt that it has: we would see it
+// Names the clock that this process sees: this boot of the kernel and the time namespace. Two processes with the same text
+// have the same clock. Empty when the kernel does not say.
+const std::string& clockSeen();
+// The same for process numbers: this boot and the pid namespace.
+const std::string& processesSeen();
+// True when this process has certainly ended. False also when we cannot see it: processes is not the same as
+// processesSeen().
+bool hasEnded(std::int64_t process, std::string_view processes);
 
-// A deadline as it crosses the wire: milliseconds of the caller's clock, rounded up, the low 32 bits; 0: none,
-// or none that is near enough to be told from the past. now: [ns]
+// A deadline as it crosses the wire: milliseconds of the caller's clock, rounded up, the low 32 bits. 0: there is none, or
+// it is more than 20 days away, where the low bits could mean the past.   now: [ns]
 inline std::uint32_t deadlineMark(Deadline deadline, std::int64_t now) {
     constexpr std::int64_t kMillisecond = 1'000'000, kFarthest = 20 * 86'400'000 * kMillisecond;
     if (deadline.none() || deadline.when() - now > kFarthest) return 0;
@@ -27,18 +35,21 @@ inline std::uint32_t deadlineMark(Deadline deadline, std::int64_t now) {
     return mark == 0 ? 1 : mark;
 }
 
+// What is known of one peer's clock.
 class PeerClock {
 public:
+    // It is our clock, too: no estimate is needed.
     void same() { same_ = true; }
-    // A record that was sent at a time of the peer's clock has come. [ns]
+    // A record has arrived that says when it was sent.   sent: time of the peer's clock [ns];   arrived: of ours [ns]
     void sample(std::int64_t sent, std::int64_t arrived);
-    // What the peer's mark means here. arrived: when it came; a deadline is taken to be within 24 days of it.
+    // The peer's mark (see deadlineMark) as a time of our clock.   arrived: when the mark came [ns]; the deadline is taken
+    // to be within 24 days of it. Needs same() or one sample() before.
     Deadline deadline(std::uint32_t mark, std::int64_t arrived) const;
 
 private:
     bool same_ = false;
-    std::int64_t since_ = 0;
-    std::int64_t least_ = INT64_MAX, before_ = INT64_MAX;   // in this window, in the last one
+    std::int64_t since_ = 0;                                // [ns] when this window began
+    std::int64_t least_ = INT64_MAX, before_ = INT64_MAX;   // smallest difference [ns], in this window and in the last one
 };
 
 }  // namespace sorma

@@ -21,6 +21,7 @@ const Prototype kName{Severity::error, "NAME SYNTAX", 1, "bad daemon name \"{}\"
 const Prototype kUnresolved{Severity::error, "ADDRESS UNRESOLVED", 1, "{}: {}"};
 
 constexpr std::int64_t kProbe = 500;    // [ms] for a daemon to say who it is
+constexpr std::size_t kMostRows = 1000;  // connections that are listed for programs
 
 bool goodName(const std::string& name) {
     return !name.empty() && name[0] != '.' && std::all_of(name.begin(), name.end(), [](unsigned char c) {
@@ -46,7 +47,7 @@ Comm::~Comm() {
     healthResponder_.reset();
     folder_.reset();
     servers_.clear();
-    ended_.clear();
+    stopped_.clear();
     finish();
     for (auto& [key, weak] : connections_)
         if (auto connection = weak.lock()) connection->end();
@@ -70,7 +71,7 @@ std::shared_ptr<Connection> Comm::lineTo(const Name& name) {
     if (address.kind == Address::Kind::self) return nullptr;
     auto& known = connections_[rule + ' ' + address.toText()];
     if (auto connection = known.lock()) return connection;
-    // Opaque addresses are looked up again at each reconnect, by the rule that all who share the connection have in common.
+    // Each reconnect looks the address up again, by the rule that is the same for all proxies of this connection.
     Name ruler = name;
     if (rule[0] == '@') {
         ruler.where = rule.substr(1);
@@ -78,7 +79,7 @@ std::shared_ptr<Connection> Comm::lineTo(const Name& name) {
     }
     auto locate = [&sorm = sorm_, ruler, address] {
         Address now = resolve(ruler, sorm.dictionary());
-        return now.kind == Address::Kind::self ? address : now;     // who has the connection is no name any more: it stays
+        return now.kind == Address::Kind::self ? address : now;     // the name is local now: keep the old address
     };
     std::string who = !name.where.empty() ? name.where : rule[0] == '@' ? rule.substr(1) : address.toText();
     auto connection = std::make_shared<Connection>(std::move(who), locate, shared_, reactor_, sorm_.mailbox());
@@ -131,7 +132,7 @@ std::unique_ptr<Service> Comm::makeProxy(const Name& name, std::vector<std::stri
 }
 
 Server& Comm::serve(const Server::Wanted& wanted) {
-    ended_.erase(std::remove_if(ended_.begin(), ended_.end(), [](auto& s) { return !s->serving(); }), ended_.end());
+    stopped_.erase(std::remove_if(stopped_.begin(), stopped_.end(), [](auto& s) { return !s->serving(); }), stopped_.end());
     sorm_.access.need(nullptr, Right::reach, wanted.name, wanted.name);
     if (!goodName(wanted.name)) fail(kName, wanted.name);
     if (servers_.contains(wanted.name)) fail(kServed, wanted.name);
@@ -162,7 +163,7 @@ void Comm::unserve(std::string name, const std::string& reason) {
     }
     if (sorm_.daemonName == name) sorm_.access.daemon = sorm_.daemonName = servers_.empty() ? "" : servers_.begin()->first;
     server->stop(reason);
-    if (server->serving()) ended_.push_back(std::move(server));
+    if (server->serving()) stopped_.push_back(std::move(server));
 }
 
 Server* Comm::findServer(const std::string& name) {
@@ -214,6 +215,10 @@ std::string Comm::facts(std::string_view what) {
         for (auto& [key, weak] : connections_)
             if (auto c = weak.lock()) line("to " + c->facts());
         for (auto& [name, server] : servers_) line(server->connectionsText());
+    } else if (what == "connectionsList") {
+        for (auto& [key, weak] : connections_)
+            if (auto c = weak.lock()) appendListElement(out, c->row());
+        for (auto& [name, server] : servers_) server->listConnections(out, kMostRows);
     } else if (what == "daemons") {
         for (auto& d : daemons()) {
             std::string item;

@@ -1,9 +1,12 @@
-// comm.h -- COMM of one SORM: its connections, proxies and servers.
+// comm.h -- COMM is the network part of one SORM: its connections, proxies and servers.
 //
 //     sorma::Sorm sorm;
 //     sorma::Comm comm(sorm);                         // now names with @ work
 //     comm.serve({.name = "robot"});                  // and now this process is a daemon
 //     for (;;) comm.reactor().poll(-1);
+//
+// Threads: belongs to the thread of its SORM. While there is a server, a health responder thread runs beside it.
+// Owner:   Comm owns its servers. Proxies share the connections and may outlive Comm.
 #pragma once
 
 #include <map>
@@ -35,51 +38,57 @@ public:
     Settings& settings;
     Reactor& reactor() { return *reactor_; }
 
-    // Fails with COMM REFUSED when the name is served already, COMM DENIED without permission.
+    // Make this process a daemon of that name. Fails with NAME SYNTAX, COMM REFUSED when the name is served already or an
+    // address is taken, COMM DENIED without permission. The server stays until unserve() or the end of Comm, which owns it.
     Server& serve(const Server::Wanted& wanted);
-    void unserve(std::string name, const std::string& reason);       // fails with SERVICE GONE
-    Server* findServer(const std::string& name);
+    // Stop serving the name, as Server::stop(reason). Fails with SERVICE GONE when it is not served.
+    void unserve(std::string name, const std::string& reason);
+    Server* findServer(const std::string& name);        // null: there is none
     const std::map<std::string, std::unique_ptr<Server>>& servers() const { return servers_; }
-    // To be called when an event loop is entered while a request is executed (as Server::handBack).
+    // Call it when an event loop is entered while a request is executed (as Server::handBack).
     void handBack() {
         for (auto& [name, server] : servers_) server->handBack();
     }
 
-    // The program ends: send the one-way requests that wait, for a second (Settings::onewayWait), and say what could not be sent.
+    // At the end of the program: send the one-way requests that wait. Blocks for at most Settings::onewayWait (1 s) for each
+    // connection, and writes to stderr what could not be sent.
     void finish();
 
     // A daemon found in the runtime folder.
     struct Found {
-        std::string name, socket, state;        // state: "alive", "busy", "dead" (its socket is left over), or what is wrong
+        std::string name, socket, state;        // state: "alive", "busy", "dead" (it left its socket), or what is wrong
         std::string identity;                   // user@host program[process] of a live one
-        std::string what;                       // in which a busy one is busy
+        std::string what;                       // what a busy one is doing
     };
+    // Asks each of them, for at most 0.5 s; blocks. Removes the socket of a dead one. Fails with COMM DENIED without
+    // permission.
     std::vector<Found> daemons();
 
-    // Where a name leads; never waits.
+    // Says where a name leads; never waits.
     Resolver& resolver() { return resolver_; }
-    // A line of its own to one daemon, for those who look on: it is shared with no proxy, and never waits for a moment
+    // A connection to one daemon for observers. It is shared with no proxy, and begin() on it never blocks
     // (Connection::inBackground). where: what stands after @.
     std::shared_ptr<Connection> privateLine(const std::string& where);
 
 private:
     Comm(Sorm& sorm, std::shared_ptr<Settings> settings);
     std::unique_ptr<Service> makeProxy(const Name& name, std::vector<std::string> recipe, const PrincipalPointer& relayFor);
-    std::shared_ptr<Connection> lineTo(const Name& name);       // as the dictionary says now; null when it says here
-    std::string facts(std::string_view what);
-    bool servesAt(const Address& address) const;
+    // The connection for a name, as the dictionary says now; null when the object is in this process.
+    std::shared_ptr<Connection> lineTo(const Name& name);
+    std::string facts(std::string_view what);               // for DBX of the SORM
+    bool servesAt(const Address& address) const;            // is that address one of our servers?
 
     Sorm& sorm_;
-    const std::shared_ptr<Settings> shared_;    // with connections and proxies, which may outlive us
-    std::shared_ptr<Reactor> reactor_;          // shared with connections, which their proxies keep
-    ServerLock lock_;                     // to servers_ and ended_, and all that they have
+    const std::shared_ptr<Settings> shared_;    // shared with connections and proxies, which may outlive us
+    std::shared_ptr<Reactor> reactor_;          // shared with connections
+    ServerLock lock_;                     // guards servers_ and stopped_, and all that they own
     std::map<std::string, std::unique_ptr<Server>> servers_;
-    std::vector<std::unique_ptr<Server>> ended_;        // unserved while one of their own requests was on the stack
-    std::map<std::string, std::weak_ptr<Connection>> connections_;      // by "RULE ADDRESS", see resolve
+    std::vector<std::unique_ptr<Server>> stopped_;        // unserved while one of their own requests was on the stack
+    std::map<std::string, std::weak_ptr<Connection>> connections_;      // by "RULE ADDRESS", see resolve in bus/name.h
     Resolver resolver_;
-    std::unique_ptr<FolderWatch> folder_;                       // of those who listen to TCP, while there is one
-    std::unique_ptr<HealthResponder> healthResponder_;                        // while there is a server
-    std::shared_ptr<Comm*> self_ = std::make_shared<Comm*>(this);       // for proxies, likewise
+    std::unique_ptr<FolderWatch> folder_;                       // of .tcp files, once a server listens to TCP
+    std::unique_ptr<HealthResponder> healthResponder_;                        // since there is a server
+    std::shared_ptr<Comm*> self_ = std::make_shared<Comm*>(this);       // proxies have weak ones: we may be deleted first
 };
 
 }  // namespace sorma

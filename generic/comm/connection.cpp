@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "bus/listText.h"
 #include "bus/requestText.h"
 #include "bus/statistics.h"
 #include "comm/clock.h"
@@ -48,11 +49,11 @@ Connection::Connection(std::string who, std::function<Address()> locate, std::sh
       mailbox_(std::move(mailbox)) {}
 
 Connection::~Connection() {
-    drop();
+    disconnect();
     closeOpening();
 }
 
-void Connection::drop() {
+void Connection::disconnect() {
     if (watched_) reactor_->remove(fd_, this);
     watched_ = false;
     interest_ = 0;
@@ -76,8 +77,8 @@ void Connection::call(std::string_view name, Method method, Message& m, Deadline
         std::uint32_t index;
         ~Leave() { c.release(index); }
     } leave{*this, index};
-    // The clock is read once for a call that is answered at once, by whoever made its deadline: each reading is a hundredth
-    // of an empty call.
+    // For a call that is answered at once the clock is read only once, by the code that made the deadline: each reading is a
+    // hundredth of an empty call.
     if (now == 0) now = monotonicNow();
     if (fd_ >= 0) checkIdle(now);
     if (fd_ < 0) {
@@ -94,7 +95,7 @@ void Connection::call(std::string_view name, Method method, Message& m, Deadline
         write(index, method, m, now, nullptr);
     }
     slot.state = Slot::State::unsent;
-    // Sent is what the kernel has taken to the last byte: of less than that the daemon can make nothing.
+    // A call counts as sent when the kernel has taken its last byte: the daemon cannot execute a part of it.
     std::size_t taken = 0;
     if (fd_ >= 0 && transmit(slot.request.data(), slot.request.size(), deadline, &taken)) {
         slot.state = Slot::State::sent;
@@ -198,12 +199,12 @@ std::uint32_t Connection::acquire(std::string_view name, Deadline deadline) {
 void Connection::release(std::uint32_t index) {
     Slot& slot = *slots_[index];
     if (slot.state == Slot::State::sent) {              // its reply may still come: the slot is not free before
-        slot.state = Slot::State::abandoned;
+        slot.state = Slot::State::unwanted;
         slot.into = nullptr;
         return;
     }
     if (slot.state == Slot::State::unsent) {
-        // Its bytes stand in the batch, between those of others; build the batch anew without them.
+        // Its bytes are in the batch, between others: build the batch again without them.
         std::erase(unsent_, index);
         batch_.clear();
         for (auto other : unsent_) batch_.append(slots_[other]->request.data(), slots_[other]->request.size());
@@ -211,7 +212,7 @@ void Connection::release(std::uint32_t index) {
     }
     slot.into = nullptr;
     if (std::exchange(slot.unsure, false)) {
-        slot.state = Slot::State::abandoned;            // should the daemon come back, see probe()
+        slot.state = Slot::State::unwanted;            // should the daemon come back, see probe()
         ++inFlight_;
         return;
     }
@@ -220,8 +221,8 @@ void Connection::release(std::uint32_t index) {
     free_.push_back(index);
 }
 
-// Instead of a request that was given up: another one of the same number. It finds out what the daemon knows, the answer of the
-// first one, or nothing of it, and then that will never run. In either case the slot can be used again.
+// Replace a request that was cancelled by another one of the same number. Either the daemon answers with its reply to the
+// first one; or it does not know that one, executes this one, and will never execute the first. Then the slot is free again.
 void Connection::probe(std::uint32_t index) {
     Slot& slot = *slots_[index];
     Message m;
@@ -233,17 +234,17 @@ void Connection::probe(std::uint32_t index) {
 // On a new connection: is there something to send again?
 bool Connection::toResend(std::uint32_t index) {
     Slot& slot = *slots_[index];
-    if (slot.state == Slot::State::abandoned) return probe(index), true;
+    if (slot.state == Slot::State::unwanted) return probe(index), true;
     if (slot.state == Slot::State::unsent && slot.orphan) return release(index), false;
     return slot.state == Slot::State::sent || slot.state == Slot::State::unsent;
 }
 
-// Are all slots that are taken those of calls that were given up? A daemon that is only slow answers them in the end; but where
-// what came or went was damaged it never will, or we do not understand it.
+// Do all slots that are in use belong to calls that were cancelled? A daemon that is only slow answers them in the end. But
+// if a record was damaged on its way, that answer never comes, or we cannot read it.
 bool Connection::exhausted() const {
     constexpr std::int64_t kPatience = 5'000'000'000;       // [ns] with a new connection that has not answered any
     if (fd_ >= 0 && !answered_ && monotonicNow() - since_ < kPatience) return false;
-    return std::all_of(slots_.begin(), slots_.end(), [](auto& s) { return s->state == Slot::State::abandoned || s->state == Slot::State::free; });
+    return std::all_of(slots_.begin(), slots_.end(), [](auto& s) { return s->state == Slot::State::unwanted || s->state == Slot::State::free; });
 }
 
 // A new connection finds out which of them can be used again, see toResend().
@@ -306,8 +307,8 @@ void Connection::failTimeout(const Slot* waiting, const std::string& whom, const
     sorma::fail(errors::kTimeoutUnsent, whom, "the daemon", patience, lastError);
 }
 
-// A connection that was quiet may have been closed by the other side, and TCP would take our bytes all the same.
-// Looking first keeps "never sent" what it is. Calls that nobody waits for any more do not keep it from being quiet.
+// A connection that was quiet may have been closed by the other side, and TCP would still take our bytes. So look first:
+// then "never sent" is true. Calls that were cancelled do not count here.
 void Connection::checkIdle(std::int64_t now) {
     if (now - lastHeard_ < kIdle) return;
     auto awaited = [](auto& slot) { return slot->state == Slot::State::sent; };
@@ -322,7 +323,7 @@ void Connection::checkIdle(std::int64_t now) {
     lost(n == 0 ? "the daemon closed it" : std::strerror(errno));
 }
 
-// The caller gives up what was sent: the service may stop early.
+// Tell the daemon that the caller has cancelled the call: the service may stop early.
 void Connection::tellCancel(std::uint32_t index) {
     Buffer bytes;
     wire::writeCancel(bytes, program_, {index, slots_[index]->sequence});
@@ -350,7 +351,7 @@ bool Connection::transmit(const char* data, std::size_t size, Deadline deadline,
             }
             if (!deadline.passed()) continue;
             // Half a record stands on the wire: nothing else can follow it.
-            return lost("the daemon did not take the request in time"), false;
+            return lost("the daemon did not read the request in time"), false;
         }
         return lost(std::strerror(errno)), false;
     }
@@ -359,7 +360,7 @@ bool Connection::transmit(const char* data, std::size_t size, Deadline deadline,
 
 bool Connection::receive(Deadline deadline, std::int64_t left) {
     if (left == 0) return false;
-    // The socket's own timeout serves as the deadline, so that a call costs no poll; it is set anew only when it
+    // The socket's own timeout serves as the deadline, so that a call costs no poll; it is set again only when it
     // would wait too long. A shorter one just makes us look again.
     if (CallContext::current()) left = std::min(left, kLook);
     if (receiveTimeout_ == 0 || receiveTimeout_ > left) {
@@ -399,7 +400,7 @@ bool Connection::takeRecords() {
         std::size_t length = mark & ~wire::kLastFragment;
         if (!(mark & wire::kLastFragment) || length > static_cast<std::size_t>(settings_.maxMessage)) {
             unread_ = printable(std::string_view(in_.data() + inAt_, in_.size() - inAt_));
-            drop();
+            disconnect();
             lost("what came is not a record of ONC RPC, or it is longer than -maxmessage");
             return false;
         }
@@ -434,16 +435,16 @@ void Connection::take(std::string_view record) {
         return handler(r, wire::readReplyHeader(r));
     }
     if (!r.good() || index >= slots_.size()) {
-        drop();
+        disconnect();
         return lost("a record that is no reply to any call");
     }
     Slot& slot = *slots_[index];
-    bool ours = (slot.state == Slot::State::sent || slot.state == Slot::State::abandoned) &&
+    bool ours = (slot.state == Slot::State::sent || slot.state == Slot::State::unwanted) &&
                 envelope.xid == xidOf(index, slot.sequence);
     if (!ours) return;                                  // late, and nobody waits
     --inFlight_;
     answered_ = true;
-    if (slot.state == Slot::State::abandoned) {
+    if (slot.state == Slot::State::unwanted) {
         slot.state = Slot::State::free;
         free_.push_back(index);
         return;
@@ -488,7 +489,7 @@ void Connection::open(const std::string& whom, Deadline deadline) {
     try {
         greet(whom, deadline);
     } catch (...) {
-        drop();
+        disconnect();
         throw;
     }
 }
@@ -514,7 +515,7 @@ void Connection::greet(const std::string& whom, Deadline deadline) {
     welcomed(whom, record);
 }
 
-// The daemon's answer to HELLO: who it is decides what becomes of calls without reply.
+// The daemon's answer to HELLO. It says which daemon this is, and so what happens to calls without a reply.
 void Connection::welcomed(const std::string& whom, const std::string& record) {
     XdrReader r(record);
     auto envelope = wire::readEnvelope(r);
@@ -531,7 +532,7 @@ void Connection::welcomed(const std::string& whom, const std::string& record) {
     if (!first && !sameDaemon)
         failSent({"the daemon has ended", "another one answers there now: " + welcome.program + "[" + std::to_string(welcome.process) + "]"});
     else if (!first && !welcome.known)
-        failSent({"the daemon has forgotten this client meanwhile", "ask there what became of it"});
+        failSent({"the daemon does not know this client any more", "ask there what became of it"});
     daemon_ = welcome;
     otherClock_ = daemon_.clock != clockSeen();
     since_ = lastHeard_ = monotonicNow();
@@ -543,7 +544,7 @@ void Connection::welcomed(const std::string& whom, const std::string& record) {
         for (auto& [number, callback] : std::map(restarted_)) {
             try {
                 callback();
-            } catch (const std::exception&) {           // his own affair: the others are told all the same
+            } catch (const std::exception&) {           // the others are called all the same
             }
         }
     if (!oneways_.empty()) sendBytes(std::exchange(oneways_, {}), true);
@@ -582,31 +583,31 @@ std::string Connection::readWhole(Deadline deadline, std::string& record) {
     }
 }
 
-// The connection is gone. What was sent keeps its slot until we know which daemon answers next.
+// The connection broke. Calls that were sent keep their slots until we know which daemon answers next.
 void Connection::lost(const std::string& how) {
-    // Replies and a GOODBYE may still be there to read: each of them is one doubt less.
+    // Replies and a GOODBYE may still be in the socket: read them, so that fewer calls have an unknown result.
     while (fd_ >= 0 && read(MSG_DONTWAIT) > 0) takeRecords();
     how_ = lastWords_.empty() ? how : "the daemon said: " + lastWords_;
     if (!unread_.empty()) how_ += " (\"" + unread_ + "\")";
-    drop();
+    disconnect();
     ++reconnects_;
     tellChange();
     if (wanted()) retry();
-    else letGo();
+    else releaseSelf();
 }
 
 // Does nothing listen there?
 bool Connection::absent(const Error& e) const { return (e.is("COMM REFUSED") || e.is("ADDRESS UNRESOLVED")) && !hungUp_; }
 
-// Who was there before may come back, unless he said that he goes; who never was, or will never do, is reported at once. An
-// address may say -wait.
+// A daemon that was there before may come back, unless it has said GOODBYE. One that was never there is reported at once,
+// unless the address says -wait.
 bool Connection::mayCome(const Error& e) const {
     if (absent(e)) return wait_ || (daemon_.boot != 0 && lastWords_.empty());
     return daemon_.boot != 0 && (hungUp_ || e.is("COMM LIMIT") || e.is("COMM TIMEOUT"));
 }
 
-// What was sent, when the connection cannot be made anew: that nothing listens for a moment proves nothing, since a tunnel or
-// a proxy may be between. That a daemon has ended is known when he has said so, or when his process is gone.
+// The connection cannot be made again: what becomes of calls that were sent? If nothing listens for a moment, the daemon may
+// still be there, behind a tunnel for instance. It has certainly ended when it said GOODBYE, or when its process has ended.
 void Connection::conclude(const Error& e) {
     if (e.is("COMM PROTOCOL")) return failSent({"something else answers there now", e.what(), false});
     if (!absent(e)) return;
@@ -618,12 +619,13 @@ void Connection::conclude(const Error& e) {
         failSent({"nothing has listened there for " + durationText(double(now - absentSince_)), "ask there what became of it", false});
 }
 
-// Connect anew, within the deadline.
+// Connect again, within the deadline.
 // waiting: the slot that waits for this, if any; it stops when that one has failed.
 void Connection::recover(Deadline deadline, const Slot* waiting) {
     std::int64_t pauseTime = kFirstPause;
     std::string whom = waiting ? fullName(*waiting) : who_;
-    // What the reactor has begun goes on: a wait that is taken up again and again must not begin it anew each time.
+    // An attempt that the reactor has begun goes on: a caller that waits many times for a short time must not begin it each
+    // time.
     finishOpening(deadline);
     if (opening_) sorma::fail(errors::kConnectTimeout, whom, address_ + " (it is connected, but does not answer)");
     if ((waiting && waiting->failed) || (driven_ && hasArrived(*driven_))) return;
@@ -665,7 +667,7 @@ void Connection::resend(Deadline deadline) {
         if (transmit(slot.request.data(), slot.request.size(), deadline)) sent(i);
     }
     if (fd_ >= 0) return;
-    for (std::uint32_t i = 0; i < slots_.size(); ++i)           // those that did not get their turn wait for the next
+    for (std::uint32_t i = 0; i < slots_.size(); ++i)           // calls that were not sent wait for the next connection
         if (slots_[i]->state == Slot::State::unsent) unsent_.push_back(i);
 }
 
@@ -676,11 +678,11 @@ std::uint64_t Connection::onRestart(std::function<void()> callback) {
 
 void Connection::cancelRestart(std::uint64_t number) { restarted_.erase(number); }
 
-// What was sent, and will not be answered.
+// Fail the calls that were sent and will get no reply.
 void Connection::failSent(const Verdict& verdict) {
     for (std::uint32_t i = 0; i < slots_.size(); ++i) {
         Slot& slot = *slots_[i];
-        if (slot.state == Slot::State::abandoned && verdict.ended) {
+        if (slot.state == Slot::State::unwanted && verdict.ended) {
             --inFlight_;
             slot.state = Slot::State::free;
             free_.push_back(i);
@@ -703,12 +705,17 @@ void Connection::ping(Deadline deadline) {
 void Connection::close(const std::string& reason) {
     if (fd_ < 0) return;
     how_ = reason;
-    drop();
+    disconnect();
     failSent({"it was closed on this side", "ask there what became of it", false});
     if (!arrived_.empty()) deliverLater();
 }
 
 std::string Connection::age() const { return durationText(double(monotonicNow() - since_)); }
+
+std::string Connection::row() const {
+    std::string seconds = fd_ >= 0 ? std::to_string((monotonicNow() - since_) / 1'000'000'000) : std::string();
+    return listOf({"to", who_, address_, seconds, std::to_string(calls_), std::to_string(inFlight_)});
+}
 
 std::string Connection::facts() const {
     std::string out = "daemon " + daemon_.name + " at " + address_;

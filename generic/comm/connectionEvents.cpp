@@ -21,7 +21,7 @@ namespace {
 constexpr std::int64_t kOpenTime = 5'000'000'000;       // [ns] for an address to be connected and the daemon to greet
 
 const Prototype kFull{Severity::error, "COMM LIMIT", 1,
-    "{}: {} bytes of one-way requests wait for {} already, which does not take them; never sent; see sorma::configure -onewayqueue and -onewaywait"};
+    "{}: {} bytes of one-way requests wait for {} already, which does not read them; never sent; see sorma::configure -onewayqueue and -onewaywait"};
 const Prototype kDropped{Severity::warning, "COMM LOST", 1, "{}: {} one-way requests were never sent: {}"};
 const Prototype kNotGreeted{Severity::error, "COMM TIMEOUT", 1, "{}: {} is connected, but does not answer; never sent"};
 
@@ -35,7 +35,7 @@ std::size_t recordsIn(const Buffer& bytes) {
     return n;
 }
 
-// A daemon that is there answers in a moment: then a request is on its way though nobody enters the event loop.
+// A daemon that runs answers quickly. Waiting that long gets a request on its way although no event loop runs.
 std::int64_t moment(const Settings& settings) {         // [ms]
     constexpr std::int64_t kMoment = 10;
     return settings.timeout > 0 ? std::min(settings.timeout, kMoment) : kMoment;
@@ -73,7 +73,7 @@ void Connection::finishOpening(Deadline deadline) {
     }
 }
 
-// The SORM ends: nobody is left to hear of anything.
+// The SORM ends: no caller and no listener is told anything.
 void Connection::end() {
     auto keep = shared_from_this();
     close("the program ends its use of it");
@@ -105,7 +105,7 @@ void Connection::oneway(const std::string& name, Method method, const Message& m
     wire::Behalf behalf{relayed, CallContext::currentRequest(), CallContext::currentCallers()};
     wire::writeCall(bytes, 0, program_, {wire::kNoSlot, 0, 0, method, name}, m, wire::kOneway,
                     relayed || CallContext::current() ? &behalf : nullptr);
-    // Those that wait are one piece.
+    // One-way requests that wait are one piece of bytes.
     if (!outgoing_.empty() && outgoing_.back().oneway) outgoing_.back().bytes.append(bytes.data(), bytes.size());
     else sendBytes(std::move(bytes), true);
     if (!keep_ && (!outgoing_.empty() || !oneways_.empty())) keep_ = shared_from_this();
@@ -128,7 +128,7 @@ void Connection::makeRoom(std::size_t most, Deadline deadline) {
     if (!arrived_.empty()) deliverLater();
 }
 
-// The connection is gone: of one-way requests those remain that the socket has not taken to the last byte.
+// The connection broke: keep the one-way requests whose last byte the socket has not taken.
 void Connection::keepOneways() {
     std::size_t taken = outgoingAt_;
     for (auto& o : outgoing_) {
@@ -155,7 +155,7 @@ void Connection::dropOneways(const std::string& why) {
     const std::size_t count = recordsIn(oneways_);
     oneways_.release();
     if (count > 0) dropped(count, why);
-    letGo();
+    releaseSelf();
 }
 
 std::string Connection::finish(Deadline deadline) {
@@ -170,10 +170,10 @@ std::string Connection::finish(Deadline deadline) {
     for (auto& o : outgoing_)
         if (o.oneway) left += recordsIn(o.bytes);
     if (left + dropped_ == 0) return {};
-    return std::to_string(left + dropped_) + " one-way requests to " + who_ + " were never sent: " + (left > 0 ? "it does not take them" : whyDropped_);
+    return std::to_string(left + dropped_) + " one-way requests to " + who_ + " were never sent: " + (left > 0 ? "it does not read them" : whyDropped_);
 }
 
-// As many of those that wait as there are slots for. CTRL and DBX go first, and find some slots free.
+// Send as many waiting calls as there are slots. CTRL and DBX go first, and some slots are kept free for them.
 void Connection::sendWaiting() {
     std::size_t most = std::min<std::size_t>(daemon_.slots, kControl), reserved = most > 4 * kReserved ? kReserved : 0;
     auto taken = [&] { return slots_.size() - free_.size(); };
@@ -183,7 +183,7 @@ void Connection::sendWaiting() {
             Waiting& next = queue->front();
             if (next.pending->answered()) {             // cancelled meanwhile
                 queue->pop_front();
-                forget(1);
+                countAnswered(1);
                 continue;
             }
             if (taken() >= limit) {
@@ -196,7 +196,7 @@ void Connection::sendWaiting() {
             Slot& slot = *slots_[index];
             try {
                 auto& asker = call.pending->asker;
-                const bool tell = asker || call.pending->relayed || Listening::any();       // who listens wants to know his own
+                const bool tell = asker || call.pending->relayed || Listening::any();       // for the numbers in events
                 wire::Behalf behalf;
                 if (tell) behalf = {call.pending->relayed, call.pending->number(), asker ? asker->callers() : std::string()};
                 write(index, call.method, call.pending->message, monotonicNow(), tell ? &behalf : nullptr);
@@ -216,7 +216,7 @@ void Connection::sendWaiting() {
 void Connection::sent(std::uint32_t index) {
     Slot& slot = *slots_[index];
     if (slot.state != Slot::State::unsent) return;      // sent again after a broken connection
-    slot.state = slot.orphan ? Slot::State::abandoned : Slot::State::sent;
+    slot.state = slot.orphan ? Slot::State::unwanted : Slot::State::sent;
     ++inFlight_;
 }
 
@@ -254,10 +254,10 @@ void Connection::continueSending() {
         outgoingAt_ = 0;
         if (index != kControl) sent(index);
     }
-    letGo();
+    releaseSelf();
 }
 
-// What is on its way, blocking, until it is enough.
+// Send outgoing_, blocking, until enough() is true.
 template <class Enough> void Connection::sendUntil(Deadline deadline, Enough enough) {
     while (fd_ >= 0 && !enough()) {
         continueSending();
@@ -270,7 +270,7 @@ template <class Enough> void Connection::sendUntil(Deadline deadline, Enough eno
 
 bool Connection::drain(Deadline deadline) {
     sendUntil(deadline, [&] { return outgoing_.empty(); });
-    if (fd_ >= 0 && !outgoing_.empty()) lost("the daemon did not take in time what was sent");
+    if (fd_ >= 0 && !outgoing_.empty()) lost("the daemon did not read in time what was sent");
     return fd_ >= 0;
 }
 
@@ -297,7 +297,7 @@ void Connection::deliver() {
         if (a.failure.empty()) a.pending->answer();
         else a.pending->answer(std::move(a.failure));
     }
-    forget(batch.size());
+    countAnswered(batch.size());
     if (fd_ >= 0 && !(waiting_.empty() && urgent_.empty())) sendWaiting();
     watch();
 }
@@ -309,7 +309,7 @@ void Connection::deliverOne(Pending& pending) {
     arrived_.erase(found);
     if (a.failure.empty()) a.pending->answer();
     else a.pending->answer(std::move(a.failure));
-    forget(1);
+    countAnswered(1);
 }
 
 void Connection::deliverLater() {
@@ -327,12 +327,12 @@ void Connection::tellChange() {
     });
 }
 
-void Connection::forget(std::size_t calls) {
+void Connection::countAnswered(std::size_t calls) {
     pendings_ -= calls;
-    letGo();
+    releaseSelf();
 }
 
-void Connection::letGo() {
+void Connection::releaseSelf() {
     if (keep_ && pendings_ == 0 && outgoing_.empty() && oneways_.empty()) mailbox_->post([keep = std::move(keep_)] {});
 }
 
@@ -361,14 +361,14 @@ void Connection::drive(Pending& pending, Deadline deadline) {
                 }
                 if (fd_ >= 0 && !hasArrived(pending) && !receive(deadline)) return;
             } catch (const Error& e) {
-                if (deadline.passed()) return;          // the caller has better words for it
+                if (deadline.passed()) return;          // the caller has a better message
                 if (!hasArrived(pending)) {
-                    pending.answer(e.trail);            // where it waits it will be found answered
+                    pending.answer(e.trail);            // it stays in its queue, and is removed there when its turn comes
                     if (pending.ticket != kNoTicket) {
                         Slot& slot = *slots_[pending.ticket];
                         slot.pending.reset();
                         slot.orphan = true;
-                        forget(1);
+                        countAnswered(1);
                     }
                     return;
                 }
@@ -378,19 +378,19 @@ void Connection::drive(Pending& pending, Deadline deadline) {
     }
 }
 
-// The caller has given up: the daemon is told, the reply is not waited for.
+// The caller has cancelled the call: tell the daemon, and do not wait for the reply.
 void Connection::cancelled(Pending& pending) {
-    if (pending.ticket == kNoTicket) return sweepWaiting();     // it waits, and is found answered when its turn comes
+    if (pending.ticket == kNoTicket) return sweepWaiting();     // it stays in its queue, and is removed there when its turn comes
     std::uint32_t index = std::exchange(pending.ticket, kNoTicket);
     Slot& slot = *slots_[index];
     auto mine = std::move(slot.pending);
-    forget(1);
+    countAnswered(1);
     if (slot.state == Slot::State::unsent && !beingSent(index)) {       // and never will be
         std::erase_if(outgoing_, [&](auto& o) { return o.slot == index; });
         return release(index);
     }
     if (slot.state == Slot::State::unsent) slot.orphan = true;          // the rest of it has to follow, and then this
-    else slot.state = Slot::State::abandoned;
+    else slot.state = Slot::State::unwanted;
     tellCancel(index);
     watch();
 }
@@ -400,7 +400,7 @@ bool Connection::beingSent(std::uint32_t index) const {
     return outgoingAt_ > 0 && !outgoing_.empty() && outgoing_.front().slot == index;
 }
 
-// Those that were cancelled while they waited go when they are the majority: cancelling stays cheap, memory bounded.
+// Remove cancelled calls from the queues when they are the majority: so cancelling is cheap, and memory is bounded.
 void Connection::sweepWaiting() {
     constexpr std::size_t kFew = 64;
     if (++stale_ < kFew || 2 * stale_ < waiting_.size() + urgent_.size()) return;
@@ -408,7 +408,7 @@ void Connection::sweepWaiting() {
     for (auto* queue : {&urgent_, &waiting_})
         gone += std::erase_if(*queue, [](auto& w) { return w.pending->answered(); });
     stale_ = 0;
-    forget(gone);
+    countAnswered(gone);
 }
 
 Trail Connection::overdue(Pending& pending) {
@@ -497,7 +497,7 @@ void Connection::retry() {
     });
 }
 
-// Whom messages name: the call that waits longest.
+// The name in messages: the call that waits longest.
 std::string Connection::whom() const {
     if (!urgent_.empty()) return urgent_.front().pending->who;
     return waiting_.empty() ? who_ : waiting_.front().pending->who;
@@ -577,14 +577,14 @@ void Connection::advance(std::uint32_t) {
         try {
             welcomed(whom(), record);
         } catch (...) {
-            drop();
+            disconnect();
             throw;
         }
     } catch (const Error& e) {
         closeOpening();
         return openFailed(e);
     }
-    // What was sent to the same daemon, and what was not sent at all: now, in order, as the socket takes it.
+    // Send again the calls that were sent to this daemon, and those that were not sent, in order, as the socket takes them.
     for (std::uint32_t i = 0; i < slots_.size() && fd_ >= 0; ++i) {
         if (toResend(i)) sendSlot(i);
     }

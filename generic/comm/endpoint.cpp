@@ -37,7 +37,7 @@ const Prototype kLocked{Severity::error, "COMM REFUSED", 1,
     "folder of your own"};
 const Prototype kTaken{Severity::error, "COMM REFUSED", 1,
     "{} is served already by {}; this is {}; end that one or choose another name"};
-const Prototype kInherited{Severity::error, "COMM REFUSED", 1, "descriptor {} was to be {}, but it is {}"};
+const Prototype kInherited{Severity::error, "COMM REFUSED", 1, "descriptor {} must be {}, but it is {}"};
 const Prototype kNotRegistered{Severity::error, "ADDRESS UNRESOLVED", 1, "{}: rpcbind on {} knows no program 0x{} (0x20000000 + 0x{})"};
 
 struct Closing {
@@ -79,7 +79,7 @@ int connectWithin(int fd, const sockaddr* address, socklen_t size, Deadline dead
     }
 }
 
-// Who listens at the other end of a Unix-domain socket, as the kernel knows him.
+// The process at the other end of a Unix-domain socket, as the kernel knows it.
 std::string listenerOf(int fd) {
     ucred who{};
     socklen_t size = sizeof who;
@@ -257,7 +257,7 @@ int listenTcp(const std::string& host, int port, int& boundPort) {
     return raiseDescriptor(s.release());
 }
 
-// The lock on a folder. Whoever may read the folder can have it, and keep it: a start must not wait for him for ever.
+// Take the lock on a folder. Any process that may read the folder can take it and keep it, so waiting for it has a limit.
 static void takeTurn(int folder, const std::string& name, const std::string& path) {
     constexpr std::int64_t kPatience = 3000;            // [ms] several times what a start needs
     for (Deadline deadline = Deadline::in(kPatience); flock(folder, LOCK_EX | LOCK_NB) < 0; poll(nullptr, 0, 10)) {
@@ -266,7 +266,7 @@ static void takeTurn(int folder, const std::string& name, const std::string& pat
     }
 }
 
-// What a daemon that has died has left: its socket, and what it said to its siblings.
+// Remove the files of a daemon that died: its socket, and its .tcp file (siblings.h).
 static bool removeDead(const std::string& path) {
     if (path.ends_with(".sock")) unlink((path.substr(0, path.size() - 5) + ".tcp").c_str());
     return unlink(path.c_str()) == 0;

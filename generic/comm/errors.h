@@ -1,5 +1,16 @@
-// errors.h -- what COMM has to say when a call does not get through. Each message carries its verdict: never sent;
-// sent, not started; refused; or sent, fate unknown.
+// errors.h -- the errors of COMM, for calls that got no answer from a service.
+//
+// Each message says what became of the request: it was never sent; it was sent but not started; the daemon refused it; or it
+// was sent and may have run. The error codes tell a caller what it may do:
+//
+//     ADDRESS UNRESOLVED   correct the name or the dictionary
+//     COMM REFUSED         start the daemon; never sent, so it may be sent again
+//     COMM TIMEOUT         the message says whether the request may have run
+//     COMM LOST            the connection broke after the request was sent: it may have run
+//     COMM CANCELLED       the caller, or the request of which this one was a part, has been cancelled
+//     COMM LIMIT, TOO_BIG  a limit of this process or of the daemon; not executed
+//     COMM PROTOCOL        what answers there is not a SORMA daemon, or of another version
+//     COMM DENIED          the daemon does not allow it
 #pragma once
 
 #include "bus/catalogue.h"
@@ -19,7 +30,7 @@ inline const Prototype kTimeoutLate{Severity::error, "COMM TIMEOUT", 1,
 inline const Prototype kLost{Severity::error, "COMM LOST", 1,
     "{}: the connection to {} (daemon {}, {} old) was lost: {}; the request was sent and {}, so whether it ran is unknown; {}"};
 inline const Prototype kTimeoutPart{Severity::error, "COMM TIMEOUT", 1,
-    "{}: no answer in {} from {}; the request was on its way, sent in part, and may still run"};
+    "{}: no answer in {} from {}; the request was sent in part, and may still run"};
 inline const Prototype kTimeoutCut{Severity::error, "COMM TIMEOUT", 1,
     "{}: {} did not come back in {} ({}); only a part of the request was sent, so it did not run"};
 inline const Prototype kGivenUp{Severity::error, "COMM CANCELLED", 1,
@@ -27,17 +38,17 @@ inline const Prototype kGivenUp{Severity::error, "COMM CANCELLED", 1,
 inline const Prototype kGivenUpUnsent{Severity::error, "COMM CANCELLED", 1,
     "{}: the request that it was part of has been cancelled; it was never sent"};
 inline const Prototype kUnanswered{Severity::error, "COMM TIMEOUT", 1,
-    "{}: {} did not answer in {}; it was asked to {}, and that is taken back"};
-inline const Prototype kProtocol{Severity::error, "COMM PROTOCOL", 1, "{}: {} does not speak as a SORMA daemon does: {}; {}"};
+    "{}: {} did not answer in {}; it was asked to {}, which is cancelled"};
+inline const Prototype kProtocol{Severity::error, "COMM PROTOCOL", 1, "{}: {} does not answer like a SORMA daemon: {}; {}"};
 inline const Prototype kTooBig{Severity::error, "COMM TOO_BIG", 1,
     "{}: the {} has {} bytes, {} takes at most {}; raise it there: sorma::configure -maxmessage BYTES"};
 inline const Prototype kLimit{Severity::error, "COMM LIMIT", 1, "{}: {}"};
 inline const Prototype kDaemonLimit{Severity::error, "COMM LIMIT", 1, "{}: refused by {}: {}; never started"};
 inline const Prototype kReplyGone{Severity::error, "COMM LOST", 1,
     "{}: the request was executed, but its reply of {} bytes was too large for {} to keep until the connection was back"};
-inline const Prototype kNoObject{Severity::error, "SERVICE GONE", 1, "there is no service object \"{}\", and listening makes none"};
+inline const Prototype kNoObject{Severity::error, "SERVICE GONE", 1, "there is no service object \"{}\"; subscribing does not make one"};
 inline const Prototype kCode{Severity::error, "SERVICE FAILED", 1, "{}: EXEC returned code {}"};
-inline const Prototype kRelay{Severity::error, "COMM DENIED", 1, "{}: a daemon serves local names only; say the daemon's own address"};
+inline const Prototype kRelay{Severity::error, "COMM DENIED", 1, "{}: a daemon serves only its own objects; use the address of the daemon that has this one"};
 inline const Prototype kSequence{Severity::error, "COMM PROTOCOL", 1, "{}: sequence {} of slot {} does not follow {}"};
 
 }  // namespace sorma::errors

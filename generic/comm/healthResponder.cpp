@@ -37,7 +37,7 @@ HealthResponder::~HealthResponder() {
 }
 
 void HealthResponder::watch() {
-    // The reactor's set is itself a descriptor that can be read while something in it waits to be taken.
+    // The reactor's epoll set is a descriptor that can be read while one of its descriptors has events.
     pollfd waits[] = {{bell_, POLLIN, 0}, {reactor_.descriptor(), POLLIN, 0}};
     auto waitFor = [&](int descriptors, int milliseconds) {
         if (poll(waits, nfds_t(descriptors), milliseconds) <= 0) return;
@@ -49,7 +49,7 @@ void HealthResponder::watch() {
     while (!ended_) {
         waitFor(1, kPatience);
         std::uint64_t now = reactor_.turns();
-        if (ended_ || now != std::exchange(turns, now)) continue;       // it goes on without us
+        if (ended_ || now != std::exchange(turns, now)) continue;       // the reactor makes turns, so there is nothing to do
         epoll_event events[64];
         int n = epoll_wait(reactor_.descriptor(), events, 64, 0);
         std::vector<void*> waiting;

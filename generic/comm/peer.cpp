@@ -44,7 +44,8 @@ std::uint32_t microseconds(std::int64_t nanoseconds) {
     return us > UINT32_MAX ? UINT32_MAX : static_cast<std::uint32_t>(us);
 }
 
-// For what is there already: the limit gives by a quarter, so that who only begins to be over it is refused, not cut off.
+// For bytes that are there already the limit is a quarter higher. So a peer that begins to exceed it gets refusals first,
+// and is cut off later.
 bool stretch(Charge& charge, std::size_t bytes) {
     if (charge.set(bytes)) return true;
     const Account& account = *charge.account();
@@ -55,7 +56,7 @@ bool stretch(Charge& charge, std::size_t bytes) {
 
 }  // namespace
 
-// What the words of a long request need in memory: millions of empty ones fit into a record. They are charged while it is
+// Charges the memory of the words of a long request, since millions of empty ones fit into a record. Exists while it is
 // executed.
 struct Server::Peer::Words {
     std::size_t size = 0;
@@ -91,7 +92,7 @@ bool Server::Peer::onStack() const {
     return false;
 }
 
-void Server::Peer::shut() {
+void Server::Peer::closeSocket() {
     if (fd_ < 0) return;
     --account_->connections;
     request_.clear();
@@ -107,7 +108,7 @@ void Server::Peer::ready(std::uint32_t events) {
     ServerLock::Held held(server_.lock_);
     if (events & EPOLLOUT) drain();
     if (open() && !events_.empty()) pump();
-    if (events & (EPOLLRDHUP | EPOLLHUP)) gone_ = true;
+    if (events & (EPOLLRDHUP | EPOLLHUP)) peerClosed_ = true;
     if (open() && (events & (EPOLLIN | EPOLLHUP | EPOLLERR) || (events == 0 && !in_.empty()))) receive();
 }
 
@@ -142,8 +143,8 @@ std::size_t Server::Peer::firstSize() const {
 }
 
 void Server::Peer::receive() {
-    if (leaving_) return;
-    if (server_.depth_ == 0) server_.retired_.clear();
+    if (closing_) return;
+    if (server_.depth_ == 0) server_.closedPeers_.clear();
     else server_.handBack();
     if (server_.scratch_.size() <= server_.depth_) server_.scratch_.push_back(std::make_unique<Scratch>());
     Scratch& scratch = *server_.scratch_[server_.depth_];
@@ -168,10 +169,10 @@ void Server::Peer::receive() {
     errno = EAGAIN;
     ssize_t n = size > 0 ? recv(fd_, room, size, MSG_DONTWAIT) : -1;
     if (inPeer) in_.resize(before + (n > 0 ? static_cast<std::size_t>(n) : 0));
-    if (n < 0 && errno != EAGAIN && errno != EINTR) return server_.retire(this, {}, false);
+    if (n < 0 && errno != EAGAIN && errno != EINTR) return server_.closePeer(this, {}, false);
     bool ended = n == 0;
     if (n <= 0 && !inPeer) {
-        if (ended) server_.retire(this, {}, false);
+        if (ended) server_.closePeer(this, {}, false);
         return;
     }
     arrived_ = monotonicNow();
@@ -188,12 +189,12 @@ void Server::Peer::receive() {
         Frame& frame;
         ~Leave() {
             server.frames_ = frame.outer;
-            if (--server.depth_ == 0) server.retired_.clear();
+            if (--server.depth_ == 0) server.closedPeers_.clear();
         }
     } leave{server_, frame};
     serve(frame, scratch);
-    // One-way requests are executed though their sender has gone.
-    if (ended && open() && !complete()) server_.retire(this, {}, false);
+    // One-way requests are executed although their sender has closed the connection.
+    if (ended && open() && !complete()) server_.closePeer(this, {}, false);
 }
 
 void Server::Peer::serve(Frame& frame, Scratch& scratch) {
@@ -202,7 +203,7 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
     const int share = server_.share(this);
     bool more = false;
     if (skip_ == 0 && frame.at < frame.end) frame.scanned += scan(frame.scanned, frame.end);
-    while (open() && !frame.spilled && !leaving_) {
+    while (open() && !frame.spilled && !closing_) {
         if (dwelt_) [[unlikely]] lookAhead(frame);
         std::size_t left = static_cast<std::size_t>(frame.end - frame.at);
         if (skip_ > 0) {
@@ -238,13 +239,13 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
             fragments_.append(record.data(), record.size());
             if (fragments_.size() > kReadSize && !request_.set(fragments_.capacity())) {
                 flush(scratch);
-                server_.retire(this, overBudget(server_.name_, Account::Use::requests, fragments_.size()).what(), true);
+                server_.closePeer(this, overBudget(server_.name_, Account::Use::requests, fragments_.size()).what(), true);
                 break;
             }
             if (!last) {
                 if (length == 0 && ++empties_ > kMostEmpty) {
                     flush(scratch);
-                    server_.retire(this, "a request came in too many empty fragments", true);
+                    server_.closePeer(this, "a request came in too many empty fragments", true);
                     break;
                 }
                 if (++pieces % kPieces == 0) ++served;
@@ -263,7 +264,7 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
     server_.took(this, served, more);
     if (more && held_.size() + scratch.out.size() < kHold) hold(scratch);
     else flush(scratch);
-    if (open() && leaving_) return server_.retire(this, *leaving_, true);
+    if (open() && closing_) return server_.closePeer(this, *closing_, true);
     if (!open() || frame.spilled) return;
     std::size_t left = static_cast<std::size_t>(frame.end - frame.at);
     if (!frame.inPeer) in_.append(frame.at, left);
@@ -300,14 +301,14 @@ std::size_t Server::Peer::scan(const char* at, const char* end) {
     return static_cast<std::size_t>(at - begin);
 }
 
-// Callers may have given up, or gone, while we were elsewhere: what the socket has says so.
+// While we were elsewhere callers may have cancelled their calls, or ended: look for that in the socket.
 void Server::Peer::lookAhead(Frame& frame) {
     dwelt_ = false;
     looked_ = monotonicNow();
     if (skip_ > 0) return;              // in the middle of a record
     frame.scanned = std::max(frame.scanned, frame.at);
     pollfd state{fd_, POLLRDHUP, 0};
-    if (poll(&state, 1, 0) > 0) gone_ = true;
+    if (poll(&state, 1, 0) > 0) peerClosed_ = true;
     Buffer& seen = server_.peeked_;
     seen.clear();
     seen.append(frame.scanned, static_cast<std::size_t>(frame.end - frame.scanned));
@@ -323,7 +324,7 @@ bool Server::Peer::takeCancel(std::uint32_t slot, std::uint32_t sequence) {
 void Server::Peer::charge(std::size_t request, bool half) {
     if (!half) return request_.force(request);
     if (stretch(request_, request)) return;
-    server_.retire(this, overBudget(server_.name_, Account::Use::requests, request).what(), true);
+    server_.closePeer(this, overBudget(server_.name_, Account::Use::requests, request).what(), true);
 }
 
 Error Server::Peer::tooLong(std::size_t length) const {
@@ -346,7 +347,7 @@ bool Server::Peer::skip(Frame& frame, Scratch& scratch, std::size_t length, cons
     bool call = fragments_.empty() && r.good() && envelope.kind == 0 && rpcVersion == 2;
     if (!call) {
         flush(scratch);
-        server_.retire(this, "what came is not a record of ONC RPC, or it is longer than -maxmessage " +
+        server_.closePeer(this, "what came is not a record of ONC RPC, or it is longer than -maxmessage " +
                                  std::to_string(server_.settings_.maxMessage) + " bytes", true);
         return false;
     }
@@ -359,7 +360,7 @@ bool Server::Peer::skip(Frame& frame, Scratch& scratch, std::size_t length, cons
 void Server::Peer::handle(std::string_view record, Scratch& scratch, Frame& frame) {
     XdrReader r(record);
     auto envelope = wire::readEnvelope(r);
-    if (!r.good()) return server_.retire(this, "what came is not a message of ONC RPC", true);
+    if (!r.good()) return server_.closePeer(this, "what came is not a message of ONC RPC", true);
     if (envelope.kind != 0) return;                 // a reply: we have asked nothing
     auto header = wire::readCallHeader(r, envelope.xid);
     if (!r.good()) return wire::writeRefusal(scratch.out, envelope.xid, wire::Refusal::garbage);
@@ -398,7 +399,7 @@ void Server::Peer::refuse(std::uint32_t xid, Buffer& out, const Error& error) {
 void Server::Peer::hello(XdrReader& r, std::uint32_t xid, Buffer& out, std::int64_t now) {
     wire::Hello hello;
     if (!wire::readHello(r, hello)) return wire::writeRefusal(out, xid, wire::Refusal::garbage);
-    if (std::exchange(greeted_, true)) return server_.retire(this, "HELLO was said twice on one connection", true);
+    if (std::exchange(greeted_, true)) return server_.closePeer(this, "HELLO was said twice on one connection", true);
     bool known = false;
     session = &server_.session(*this, hello, known);
     maxReply_ = hello.maxMessage > 0 ? hello.maxMessage : UINT32_MAX;
@@ -418,7 +419,7 @@ void Server::Peer::hello(XdrReader& r, std::uint32_t xid, Buffer& out, std::int6
 void Server::Peer::cancel(XdrReader& r) {
     wire::Cancel wanted;
     if (!wire::readCancel(r, wanted) || !session || wanted.slot >= session->slots.size()) return;
-    forgotten(wanted.slot, wanted.sequence);
+    cancelledBefore(wanted.slot, wanted.sequence);
     Slot& slot = session->slots[wanted.slot];
     if (slot.state != Slot::State::running || slot.sequence != wanted.sequence) return;     // it is over
     if (slot.call) {
@@ -449,7 +450,7 @@ void Server::Peer::subscribe(XdrReader& r, const wire::CallHeader& header, Scrat
             CallContext context(who, {}, behalf.request, behalf.callers);
             const SessionKey mine = session->key;
             auto fresh = std::make_unique<Subscription>(server_, *session, wanted, authorOf(behalf));
-            // The object may have been made, and have run the event loop: the session may be gone.
+            // Making the object may have run the event loop: the session may have been removed.
             if (!session || session->key != mine) return;
             known = session->subscriptions.emplace(wanted.id, std::move(fresh)).first;
         }
@@ -497,12 +498,12 @@ void Server::Peer::call(XdrReader& r, const wire::CallHeader& header, std::strin
             }
             return;
         }
-        // A number may be missing: of a request that its client has given up, or that was refused before it had a slot.
+        // A number may be missing: its request was cancelled by the client, or refused before it had a slot.
         bool follows = std::int32_t(request.sequence - slot->sequence) > 0;
         if (slot->state == Slot::State::running || (slot->state != Slot::State::empty && !follows))
             return refuse(header.xid, scratch.out, Error(makeEntry(errors::kSequence, {MessageArg::of(request.name),
                           MessageArg::of(request.sequence), MessageArg::of(request.slot), MessageArg::of(slot->sequence)})));
-        if (gone_) return;              // nobody waits; should he come back, he sends it again
+        if (peerClosed_) return;              // nobody waits for it; a client that comes back sends it again
         if (account_->over()) [[unlikely]]
             return refuse(header.xid, scratch.out, overBudget(request.name, Account::Use::requests, record.size()));
         slot->sequence = request.sequence;
@@ -519,11 +520,11 @@ void Server::Peer::call(XdrReader& r, const wire::CallHeader& header, std::strin
     const SessionKey key = mine ? mine->key : SessionKey();
     auto later = [&] { return Later{this, number, key, request.slot, request.sequence, header.xid, record.size() + words.size, 0}; };
     bool pending = execute(request, header, record, m, times, slot, scratch, frame);
-    // A service may have run the event loop: the session may have moved to another connection, or be gone.
+    // A service may have run the event loop: the session may have another connection now, or may have been removed.
     if (slot && frame.spilled) [[unlikely]] slot = server_.findSlot(later());
     if (slot) slot->call = nullptr;
     if (pending) return server_.replyLater(later(), times, std::exchange(m.later, nullptr));
-    // The name lies in the record, which is gone when the rest of the buffer was handed back meanwhile.
+    // The name points into the record, which does not exist any more when the frame was spilled.
     reply(header.xid, times, frame.inPeer && frame.spilled ? std::string_view(server_.name_) : request.name, m, slot, scratch.out);
     if (slot && slot->asked) server_.replyAgain(later(), *slot, this);
 }
@@ -535,7 +536,7 @@ void Server::Peer::oneway(XdrReader& r, const wire::CallHeader& header, Scratch&
     Words words(*this, m, r, bytes);
     if (words.fit && !wire::readRequest(r, request, m)) return;
     if (!words.fit || account_->over() || crowded()) [[unlikely]] {
-        // Nobody waits for an answer: it is counted, and told to those who listen to the SORM.
+        // There is no answer to send: count it, and publish it.
         ++server_.dropped_;
         std::string_view name = words.fit ? request.name : std::string_view(server_.name_);
         Error why = words.fit && !account_->over()
@@ -588,7 +589,7 @@ bool Server::Peer::execute(const wire::Request& request, const wire::CallHeader&
         if (!sound) fail(kBehalf);
         const PrincipalPointer& author = authorOf(behalf);
         if (!deadline.none() && start >= deadline.when()) fail(errors::kTimeoutLate, request.name);
-        if (slot && forgotten(request.slot, request.sequence)) [[unlikely]] fail(kNotBegun, request.name);
+        if (slot && cancelledBefore(request.slot, request.sequence)) [[unlikely]] fail(kNotBegun, request.name);
         // Only objects of this process are served: whoever may call us may not call others in our name.
         if (Name::isElsewhere(request.name)) [[unlikely]] fail(errors::kRelay, request.name);
         Service* known = server_.sorm_.find(request.name);
@@ -662,7 +663,7 @@ void Server::Peer::flush(Scratch& scratch) {
     if (scratch.out.capacity() > kKeepSpare) scratch.out.release();
 }
 
-// Who floods has few requests served in a turn. Were each turn a send, the others would pay for it.
+// Few requests of a peer that floods are served in a turn. If each turn called send, the others would pay for it.
 void Server::Peer::hold(Scratch& scratch) {
     held_.append(scratch.out.data(), scratch.out.size());
     scratch.out.clear();
@@ -681,7 +682,7 @@ void Server::Peer::push(const char* data, std::size_t size) {
         while (size > 0) {
             ssize_t n = send(fd_, data, size, MSG_DONTWAIT | MSG_NOSIGNAL);
             if (n < 0 && errno == EINTR) continue;
-            if (n < 0 && errno != EAGAIN) return server_.retire(this, {}, false);
+            if (n < 0 && errno != EAGAIN) return server_.closePeer(this, {}, false);
             if (n < 0) break;
             data += n;
             size -= static_cast<std::size_t>(n);
@@ -694,7 +695,7 @@ void Server::Peer::push(const char* data, std::size_t size) {
         }
     }
     out_.append(data, size);
-    if (!stretch(queue_, out_.size())) return server_.retire(this, {}, false);
+    if (!stretch(queue_, out_.size())) return server_.closePeer(this, {}, false);
     server_.watchSlow(this);
     interest();
 }
@@ -705,7 +706,7 @@ void Server::Peer::drain() {
         ssize_t n = send(fd_, out_.data() + sent_, queued(), MSG_DONTWAIT | MSG_NOSIGNAL);
         if (n < 0 && errno == EINTR) continue;
         if (n < 0 && errno == EAGAIN) break;
-        if (n < 0) return server_.retire(this, {}, false);
+        if (n < 0) return server_.closePeer(this, {}, false);
         sent_ += static_cast<std::size_t>(n);
         moved = true;
     }
@@ -732,7 +733,7 @@ void Server::Peer::drain() {
 // Read while the peer takes its replies; ask to write while it has any to take.
 void Server::Peer::interest() {
     if (!open()) return;
-    std::uint32_t wanted = (queued() <= kQueueLimit && !leaving_ ? kReading : 0u) | (queued() > 0 ? std::uint32_t{EPOLLOUT} : 0u);
+    std::uint32_t wanted = (queued() <= kQueueLimit && !closing_ ? kReading : 0u) | (queued() > 0 ? std::uint32_t{EPOLLOUT} : 0u);
     if (wanted == interest_) return;
     interest_ = wanted;
     server_.reactor_.change(fd_, wanted, this);
@@ -755,7 +756,7 @@ void Server::Peer::schedule(Subscription& subscription) {
     subscription.scheduled = true;
 }
 
-void Server::Peer::forget(Subscription& subscription) { std::erase(events_, &subscription); }
+void Server::Peer::unschedule(Subscription& subscription) { std::erase(events_, &subscription); }
 
 void Server::Peer::pump() {
     Buffer& out = server_.events_;
@@ -773,7 +774,7 @@ void Server::Peer::pump() {
 
 // ---- the health responder's look ----
 
-// What has been read and not served, then what lies in the socket: records in the order in which they came.
+// Look at the bytes that were read and not served, then at those in the socket, so records in the order in which they came.
 void Server::Peer::peek() {
     if (!open() || queued() > kQueueLimit) return;
     const char* begin = in_.data() + taken_;
@@ -819,7 +820,7 @@ void Server::Peer::peek() {
         }
         if (out.size() > before) answered_.push_back(header.xid);
     }
-    // What the socket does not take now goes when it does: nobody will answer these again.
+    // Queue what the socket does not take now: these requests are not answered again.
     std::size_t sent = 0;
     if (!out.empty() && queued() == 0) sent = static_cast<std::size_t>(std::max(send(fd_, out.data(), out.size(), MSG_DONTWAIT | MSG_NOSIGNAL), ssize_t{0}));
     if (sent == out.size()) return;

@@ -37,14 +37,14 @@ void Proxy::follow() {
     if (!now || now == connection_) return;
     if (restart_ != 0) connection_->cancelRestart(std::exchange(restart_, 0));
     connection_ = std::move(now);
-    if (!wish_.empty()) setRecipe(wish_, true);
+    if (!recipe_.empty()) setRecipe(recipe_, true);
 }
 
 void Proxy::forward(Method method, Message& m) {
     Connection& connection = line();
-    if (!recipe_.empty()) {
+    if (!unsentRecipe_.empty()) {
         Message recipe;
-        recipe.words = std::exchange(recipe_, {});
+        recipe.words = std::exchange(unsentRecipe_, {});
         forward(Method::ctrl, recipe);
     }
     const std::int64_t start = monotonicNow();
@@ -85,9 +85,9 @@ void Proxy::carry(const PendingPointer& pending, Method method) {
     if (answers(method, pending->message)) return pending->answer();
     count();
     Connection& connection = line();
-    if (!recipe_.empty()) {
+    if (!unsentRecipe_.empty()) {
         Message m;
-        m.words = std::exchange(recipe_, {});
+        m.words = std::exchange(unsentRecipe_, {});
         async(Method::ctrl, std::move(m));
     }
     pending->relayed = relayFor_ != nullptr;
@@ -130,19 +130,19 @@ void Proxy::setRecipe(std::vector<std::string> words, bool later) {
         restore_ = parseBoolean(name(), words);
         words.erase(words.begin(), words.begin() + 2);
     }
-    wish_ = std::move(words);
-    if (wish_.empty()) return;
+    recipe_ = std::move(words);
+    if (recipe_.empty()) return;
     // The daemon executes in order: what is called next finds the recipe applied.
-    if (later) recipe_ = wish_;
-    else if (connection_->inEvents()) send(Method::ctrl, wish_, nullptr, "its recipe");
-    else forwardWords(Method::ctrl, wish_);
-    hear();
+    if (later) unsentRecipe_ = recipe_;
+    else if (connection_->inEvents()) send(Method::ctrl, recipe_, nullptr, "its recipe");
+    else forwardWords(Method::ctrl, recipe_);
+    listenForRestart();
 }
 
 // ---- what this daemon has been told, and the next one does not know ----
 
-void Proxy::hear() {
-    if (restart_ == 0) restart_ = connection_->onRestart([this] { another(); });
+void Proxy::listenForRestart() {
+    if (restart_ == 0) restart_ = connection_->onRestart([this] { restarted(); });
 }
 
 void Proxy::remember(Words words) {
@@ -151,7 +151,7 @@ void Proxy::remember(Words words) {
     std::erase(set_, words);
     set_.push_back(std::move(words));
     if (set_.size() > kMost) set_.pop_front();
-    hear();
+    listenForRestart();
 }
 
 std::string Proxy::forwardWords(Method method, Words words) {
@@ -182,8 +182,8 @@ void Proxy::send(Method method, Words words, std::function<void(const std::strin
     });
 }
 
-void Proxy::another() {
-    if (!wish_.empty()) send(Method::ctrl, wish_, nullptr, "its recipe");
+void Proxy::restarted() {
+    if (!recipe_.empty()) send(Method::ctrl, recipe_, nullptr, "its recipe");
     if (!set_.empty()) send(Method::dbx, {"-info", "options"}, [this](const std::string& text) { restore(text); }, "what CTRL had set");
 }
 
@@ -203,7 +203,7 @@ void Proxy::restore(const std::string& options) {
         for (auto& word : {option, value}) text += ' ', appendWord(text, word);
     }
     if (!restore_) {
-        notice_ = "another daemon answers since, and what CTRL had set here is gone:" + text;
+        notice_ = "another daemon has answered since, and the options that CTRL had set here are lost:" + text;
         return;
     }
     send(Method::ctrl, all, [this, all](const std::string&) { remember(all); }, "what CTRL had set");

@@ -1,5 +1,15 @@
-// proxy.h -- stands for a service object of another process: every request goes there, every answer and every error
-// comes back in the daemon's own words. DBX -connection adds what the proxy itself knows.
+// proxy.h -- stands for a service object of another process.
+//
+// Every request goes to the daemon, and the answer comes back unchanged, also when it is an error. Only two requests are
+// answered here: DBX -connection and CTRL -restore.
+//
+// When another daemon takes the place of the one before, the values that CTRL had set are lost. The proxy then says so with
+// the next answer, as a warning; or it sets them again, when CTRL -restore 1 has asked for it.
+//
+// Threads:  belongs to the thread of its SORM.
+// Blocking: exec, ctrl, dbx, listen and pins block until the daemon answers, for at most Settings::timeout or the deadline
+//           of the request that is being executed. carry and oneway are as Connection::begin and Connection::oneway.
+// Errors:   as Connection::call.
 #pragma once
 
 #include <deque>
@@ -13,13 +23,14 @@ namespace sorma {
 
 class Proxy : public Service {
 public:
-    // Which connection leads to it, when the dictionary's locations have changed since.
+    // Finds the connection again after the dictionary's locations have changed.
     struct Line {
-        const std::uint64_t& changes;                           // as Sorm::locationChanges
-        std::function<std::shared_ptr<Connection>()> find;      // null: none does; it may throw, too
+        const std::uint64_t& changes;                           // counts the changes, see Sorm::locationChanges
+        std::function<std::shared_ptr<Connection>()> find;      // returns null when there is none; may throw Error
     };
-    // target: the object's name at the daemon. settings: of the SORM, looked at for each call.
-    // relayFor: whose wish it is, when it is not the owner's: then the daemon is told that these are not our own requests.
+    // target: the object's name at the daemon.   settings: read at each call. relayFor: who asked for this proxy, when it
+    // was not the owner of this process; null: the owner. The daemon is told that such requests are relayed, and does not
+    // give them the owner's rights.
     Proxy(std::string target, std::shared_ptr<Connection> connection, std::shared_ptr<const Settings> settings, Line line, PrincipalPointer relayFor);
     ~Proxy() override;
 
@@ -32,15 +43,15 @@ public:
     std::string location() const override { return connection_->who(); }
     bool isElsewhere() const override { return true; }
 
-    // Values that CTRL has set are gone with their daemon. The next call says so; or, with restore, they are set again.
-    // A client's own recipe for the remote object: sent now, and again to each daemon that takes the old one's place.
-    // later: before the first call that is begun, rather than now.
+    // The client's own recipe for the remote object: it is sent as a CTRL, and again to each daemon that takes the place of
+    // the one before.   words: as for CTRL, perhaps with -restore BOOLEAN first.   later: send it before the next call; else
+    // now, which blocks and throws as ctrl does.
     void setRecipe(std::vector<std::string> words, bool later);
 
     Connection& connection() { return *connection_; }
     const std::string& target() const { return target_; }
-    // Its daemon has never answered, and nobody has given it anything to keep: a name that was mistyped, perhaps.
-    bool isNowhere() const { return connection_->boots() == 0 && wish_.empty() && !restore_; }
+    // True while its daemon has never answered and the proxy has neither a recipe nor -restore. Its name may be mistyped.
+    bool isNowhere() const { return connection_->boots() == 0 && recipe_.empty() && !restore_; }
     static Class describe();
 
 protected:
@@ -48,17 +59,19 @@ protected:
     Deadline patience() const override { return Deadline::in(settings_.timeout); }
 
 private:
-    void forward(Method method, Message& m);
-    // What the proxy itself answers, without a word to the daemon: DBX -connection, CTRL -restore BOOLEAN.
+    void forward(Method method, Message& m);        // send it, blocking; m becomes the reply
+    // Answer it here if it is DBX -connection or CTRL -restore BOOLEAN. False: it is for the daemon.
     bool answers(Method method, Message& m);
-    void remember(std::vector<std::string> words);  // of a CTRL that was done
-    void another();                                 // daemon than before has answered
-    void restore(const std::string& options);       // as DBX -info options says them
+    void remember(std::vector<std::string> words);  // words of a CTRL that was done
+    void restarted();                                 // called when another daemon than before has answered
+    void restore(const std::string& options);       // options: the answer to DBX -info options
+    // Send a request now, or later where nothing may block. then gets the text of the answer. A failure is said with the
+    // next answer of this proxy; why names the request there.
     void send(Method method, std::vector<std::string> words, std::function<void(const std::string& text)> then, const char* why);
     std::string forwardWords(Method method, std::vector<std::string> words);
-    void hear();
-    void sayNotice(Message& m);
-    // Before each call: a location that has changed has moved all names that lead through it, and this object among them.
+    void listenForRestart();                                    // have restarted() called
+    void sayNotice(Message& m);                     // add notice_ to the reply, as a warning
+    // The connection to use. Looks first whether the dictionary's locations have changed.
     Connection& line() {
         if (line_.changes != seen_) [[unlikely]] follow();
         return *connection_;
@@ -70,14 +83,14 @@ private:
     const std::shared_ptr<const Settings> shared_;
     const Settings& settings_ = *shared_;
     Line line_;
-    std::uint64_t seen_;                    // of line_.changes
+    std::uint64_t seen_;                    // line_.changes when connection_ was found
     const PrincipalPointer relayFor_;
-    std::uint64_t restart_ = 0;
+    std::uint64_t restart_ = 0;             // number from Connection::onRestart, 0: none
     bool restore_ = false;
-    std::deque<std::vector<std::string>> set_;      // CTRL requests that this daemon has done, the oldest first
-    std::string notice_;                            // to be said with the next answer
-    std::vector<std::string> wish_;         // the recipe
-    std::vector<std::string> recipe_;       // the same while it has not been sent
+    std::deque<std::vector<std::string>> set_;      // CTRL requests that this daemon has done, the oldest first; 100 at most
+    std::string notice_;                            // warning for the next answer
+    std::vector<std::string> recipe_;         // the recipe
+    std::vector<std::string> unsentRecipe_;       // the same as long as it still has to be sent
 };
 
 }  // namespace sorma

@@ -1,4 +1,4 @@
-// random.h -- numbers that nobody can guess, for identities of clients and daemons.
+// random.h -- numbers that nobody can guess. Clients and daemons identify themselves by them.
 #pragma once
 
 #include <sys/random.h>
@@ -9,6 +9,7 @@
 
 namespace sorma {
 
+// From the kernel; never 0. Any thread. Throws std::system_error when the kernel gives none.
 inline std::uint64_t randomNumber() {
     std::uint64_t v = 0;
     while (v == 0)

@@ -80,7 +80,7 @@ void Reactor::change(int fd, std::uint32_t events, Watcher* watcher) {
 
 void Reactor::remove(int fd, Watcher* watcher) {
     epoll_ctl(epoll_, EPOLL_CTL_DEL, fd, nullptr);
-    // What is still to be called on the stack must not be called any more.
+    // Polls on the stack must not call it any more.
     for (Batch* b = batches_; b; b = b->outer)
         for (int i = b->at; i < b->count; ++i)
             if (b->events[i].data.ptr == watcher) b->events[i].events = 0;
@@ -106,7 +106,7 @@ int Reactor::runPending() {
     std::uint64_t rung;
     if (read(bell_, &rung, sizeof rung) < 0) return 0;
     mailbox_->run();
-    // Those that come to be while these run wait for the next poll, so that descriptors get their turn.
+    // Watchers that are added while these run wait for the next poll, so that descriptors get their turn.
     std::size_t n = pending_.size();
     int called = 1;
     for (; n > 0 && !pending_.empty(); --n, ++called) {
@@ -128,8 +128,8 @@ int Reactor::pollUntil(std::int64_t end) { return wait(-1, end); }
 // timeout: as for epoll_wait, 0 or -1. end: when to give up waiting, 0 = never.
 int Reactor::wait(int timeout, std::int64_t end) {
     for (;;) {
-        // The limit is kept by our timer, set anew only when it has gone off: a timeout of epoll_wait is one more kernel
-        // timer set and taken back for each request, and costs 1.4 us where raw ping-pong takes 4.
+        // Our timer keeps the limit; it is set again only when it has expired. A timeout of epoll_wait would be one more
+        // kernel timer set and taken back for each request, and costs 1.4 us where raw ping-pong takes 4.
         if (end != 0) armTimer(end);
         Batch batch;
         int n = epoll_wait(epoll_, batch.events, kBatch, timeout);

@@ -1,10 +1,12 @@
-// reactor.h -- waits for many descriptors in one epoll set of its own.
+// reactor.h -- waits for many descriptors, and calls back, in one epoll set of its own.
 //
-// Tcl 8.6 hands every wait to a helper thread and cannot watch a descriptor above 1023; so all connections live here,
-// with descriptors moved above 1024, and only the set's own descriptor is given to the surrounding event loop.
+// Tcl 8.6 hands every wait to a helper thread and cannot watch a descriptor above 1023. So all connections are here, their
+// descriptors are moved above 1024, and the surrounding event loop watches only the descriptor of the set.
 //
-// Threads: one reactor belongs to one thread. poll() may be entered again from a callback (a service that runs the
-// event loop); then the outer call goes on where it was.
+// Threads:   one reactor belongs to one thread. Only turns() and setSleeper() may be called by others.
+// Callbacks: poll() calls watchers, timers and the mailbox. A callback may add and remove watchers, and may call poll()
+//            again (a service that runs the event loop); then the outer poll() continues with what is left. A callback must
+//            not throw.
 #pragma once
 
 #include <atomic>
@@ -21,40 +23,47 @@ namespace sorma {
 
 class Reactor : public Loop {
 public:
-    // Something that waits for a descriptor. The watcher must call remove() before it goes.
+    // Gets called for a descriptor. It belongs to whoever added it, and must be removed before it is deleted; it may delete
+    // itself inside ready(), after remove().
     class Watcher {
     public:
         virtual ~Watcher() = default;
-        virtual void ready(std::uint32_t events) = 0;       // EPOLLIN, EPOLLOUT, EPOLLHUP ...
+        // events: EPOLLIN, EPOLLOUT, EPOLLHUP ..., or 0 after again().
+        virtual void ready(std::uint32_t events) = 0;
 
     private:
         friend class Reactor;
         bool pending_ = false;
     };
 
-    // mailbox: what others leave there is done in the reactor's turns.
+    // mailbox: its functions are called in the reactor's turns. Throws std::system_error when the kernel has no more
+    // descriptors.
     explicit Reactor(std::shared_ptr<Mailbox> mailbox = std::make_shared<Mailbox>());
     ~Reactor() override;
     Reactor(const Reactor&) = delete;
     Reactor& operator=(const Reactor&) = delete;
 
+    // Can be read while something is to be called: for a surrounding event loop.
     int descriptor() const { return epoll_; }
 
+    // Call watcher->ready() when one of the events is there. add throws std::system_error when the kernel refuses the
+    // descriptor. After remove the watcher is not called any more, not even in a turn that has begun.
     void add(int fd, std::uint32_t events, Watcher* watcher);
     void change(int fd, std::uint32_t events, Watcher* watcher);
     void remove(int fd, Watcher* watcher);
 
-    // Call back watchers that are ready, and timers that are due; wait up to so many nanoseconds for the first one
-    // (-1: for ever). Returns how many were called.
+    // Call the watchers that are ready and the timers that are due. When there are none, wait for the first one, for at most
+    // so many nanoseconds (-1: without limit). Returns how many were called.
     int poll(std::int64_t nanoseconds);
-    // The same until a time on the monotonic clock [ns].
+    // The same with a time on the monotonic clock as the limit [ns].
     int pollUntil(std::int64_t end);
-    // The latest reading of the clock that somebody told with seen(): for those who need the time only roughly.
+    // The last time that was given to seen(now) [ns, monotonic]. Use it where a rough time is enough: it costs no system
+    // call.
     std::int64_t seen() const { return seen_; }
     void seen(std::int64_t now) { seen_ = now; }
     bool polling() const { return batches_ != nullptr; }        // is a poll on the stack?
 
-    // Call watcher->ready(0) in the next poll, which then does not wait.
+    // Call watcher->ready(0) in the next poll, which then does not wait. Once, also when it is asked for again before.
     void again(Watcher* watcher);
 
     // ---- Loop ----
@@ -62,11 +71,12 @@ public:
     void unwatch(int fd) override;
     void turn(std::int64_t until) override { pollUntil(until); }
 
-    // Turns in which something was called. Any thread may look: one that stands still while the descriptor can be read
-    // belongs to a thread that is busy.
+    // Counts the turns in which something was called. Any thread. When it does not change although the descriptor can be
+    // read, the reactor's thread is busy elsewhere.
     std::uint64_t turns() const { return turns_.load(std::memory_order_seq_cst); }
-    // Somebody else sleeps until the next turn begins: `bell`, an eventfd, is then rung once. -1: nobody does. Sequential
-    // order: either the sleeper, who looks at turns() after this, sees the turn, or the turn sees the sleeper.
+    // Another thread wants to sleep until the next turn begins: that turn writes to `bell`, an eventfd, once. -1: nobody
+    // does. Any thread. The order is sequentially consistent: either the sleeper, which reads turns() after this, sees the
+    // turn, or the turn sees the sleeper.
     void setSleeper(int bell) { sleeper_.store(bell, std::memory_order_seq_cst); }
 
 protected:
@@ -74,7 +84,7 @@ protected:
     void stop(std::uint64_t timer) override;
 
 private:
-    struct Batch;                       // events that a poll on the stack has yet to call
+    struct Batch;                       // events for which a poll on the stack still has to call
     int wait(int timeout, std::int64_t end);
     int callAll(Batch& batch);
     void armTimer(std::int64_t limit = 0);
@@ -83,22 +93,24 @@ private:
     int runPending();
 
     int epoll_ = -1, timer_ = -1, bell_ = -1;
-    std::int64_t armed_ = 0;            // when the timer goes off, 0: it is not set
+    std::int64_t armed_ = 0;            // when the timer expires [ns]; 0: it is not set
     std::int64_t seen_ = 0;
     std::uint64_t nextTimer_ = 1;
     std::map<std::pair<std::int64_t, std::uint64_t>, Callback> timers_;
     std::unordered_map<std::uint64_t, std::int64_t> timerTimes_;        // of those in timers_
     struct Descriptor;
     std::unordered_map<int, std::unique_ptr<Descriptor>> descriptors_;
-    std::vector<std::unique_ptr<Descriptor>> unwatched_;                // one may be on the stack
+    std::vector<std::unique_ptr<Descriptor>> unwatched_;                // deleted later: one may be on the stack
     std::shared_ptr<Mailbox> mailbox_;
     std::atomic<std::uint64_t> turns_{0};
     std::atomic<int> sleeper_{-1};
-    std::vector<Watcher*> pending_;     // to be called again; the bell has been rung while it is not empty
-    Batch* batches_ = nullptr;
+    std::vector<Watcher*> pending_;     // from again(); while it is not empty the bell can be read
+    Batch* batches_ = nullptr;          // of the polls on the stack, the innermost first
 };
 
-// Move a descriptor out of select()'s reach where that is possible; closes the old one. Close-on-exec is set.
+// Move a descriptor above 1023, which select() cannot use, and close the old one. Returns the new one, close-on-exec; the
+// old one when the process may not have so many. The first call raises the process's soft limit of descriptors to the hard
+// one.
 int raiseDescriptor(int fd);
 
 }  // namespace sorma

@@ -94,7 +94,7 @@ Resolver::Shared::Answer Resolver::Shared::look(const std::string& key, const Ad
         ++threads;
         known.asking = true;
     } catch (const std::system_error& e) {
-        known.why = std::string("no thread can be had that looks it up: ") + e.what();
+        known.why = std::string("cannot start the thread that looks it up: ") + e.what();
     }
     return known;
 }

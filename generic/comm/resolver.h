@@ -1,9 +1,10 @@
-// resolver.h -- where a name leads, without ever waiting for anybody.
+// resolver.h -- says where a name leads, and never waits.
 //
-// What needs no one else is answered at once: the dictionary, the runtime folder, numbers. A host's name, or another host's
-// rpcbind, is looked up by a thread, and the answer kept for a while; until it is there, the state is asking.
+// The dictionary, the runtime folder and numeric addresses are read at once. The name of a host, or the rpcbind of another
+// host, is looked up by a thread; until it has answered, the state is asking. Answers are kept for 60 s, failures for 10 s.
 //
-// Threads: belongs to the thread of its SORM. The threads that look up have their own share of what is known, and may end later.
+// Threads: belongs to the thread of its SORM. There are at most 16 look-up threads at a time. They share their answers with
+//          the resolver, and may outlive it.
 #pragma once
 
 #include <cstdint>
@@ -19,26 +20,29 @@ namespace sorma {
 class Dictionary;
 
 struct Place {
-    enum class State { here, known, asking, unresolved };
+    enum class State { here, known, asking, unresolved };       // here: in this process
     State state = State::unresolved;
-    std::string service, where;     // the name as its process knows it; what stands after @, or what its class's entry says
+    std::string service;            // name of the object, as its process knows it
+    std::string where;              // what stands after @; without @, what the entry of its class says
     Address address;                // as the dictionary says
-    Address target;                 // known: a path, or a number and a port
-    std::string why;                // not known: why not
+    Address target;                 // when known: a path, or a numeric host and a port
+    std::string why;                // when asking or unresolved: the reason, for people
 };
 
 class Resolver {
 public:
-    // serves: does this process serve that socket, or that port of its own host? changed: called, by the loop, when a look-up is done.
+    // dictionary: must outlive this.   serves: does this process serve that socket, or that port of its own host?
+    // mailbox: look-up threads post to it.
     Resolver(const Dictionary& dictionary, std::function<bool(const Address& target)> serves, std::shared_ptr<Mailbox> mailbox);
     ~Resolver();
 
-    // name: of an object, or @WHERE alone. Fails with NAME SYNTAX.
+    // name: of an object, or @WHERE alone. Fails with NAME SYNTAX; every other failure is a state.
     Place find(std::string_view name);
+    // Called from the loop when a look-up is done: call find() again. May be empty.
     std::function<void()> changed;
 
 private:
-    struct Shared;
+    struct Shared;                  // answers, shared with the threads
     Place followed(const Address& address);
 
     const Dictionary& dictionary_;

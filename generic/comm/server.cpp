@@ -12,6 +12,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "bus/listText.h"
 #include "bus/statistics.h"
 #include "comm/endpoint.h"
 #include "comm/errors.h"
@@ -33,8 +34,8 @@ constexpr std::size_t kReserved = 32;                   // places for the owner,
 constexpr rlim_t kDescriptors = 256;                    // that connections do not take
 constexpr std::uint64_t kCrowdedTurns = 8;              // or than so many turns: where requests take long, one turn takes longer
 
-const Prototype kPassedOn{Severity::error, "COMM PASSED", 1, "{}: passes on what failed; {} here, of which {} waiting for others"};
-const Prototype kClientGone{Severity::error, "COMM CANCELLED", 1, "{}: its client has ended, or stayed away for too long"};
+const Prototype kPassedOn{Severity::error, "COMM PASSED", 1, "{}: a call that it made has failed; {} here, of which {} waiting for others"};
+const Prototype kClientGone{Severity::error, "COMM CANCELLED", 1, "{}: its client has ended, or was disconnected for too long"};
 
 }  // namespace
 
@@ -57,7 +58,7 @@ Server::Activity::Activity(Server& server, std::string_view name, Method method,
     server.activity_ = this;
 }
 
-// A long message's buffer, for the next one: a page that is had anew costs more than what is written into it.
+// Keep the buffer of a long message for the next one: getting a page from the kernel costs more than writing it.
 void Server::giveBack(Buffer& buffer) {
     if (buffer.capacity() > spare_.capacity() && buffer.capacity() <= kKeepSpare) std::swap(buffer, spare_);
     buffer.release();
@@ -91,7 +92,7 @@ Server::Server(Sorm& sorm, Reactor& reactor, ServerLock& lock, const Settings& s
     if (wanted.connection >= 0) close(wanted.connection);
 }
 
-// What has not been inherited.
+// Open the sockets that were not inherited.
 void Server::listen(const Wanted& wanted) {
     if (socket_.empty()) {
         std::string path = wanted.socket.empty() ? runtimeSocket(name_) : wanted.socket;
@@ -108,12 +109,12 @@ void Server::listen(const Wanted& wanted) {
 Server::~Server() {
     stop("the daemon ends");
     ServerLock::Held held(lock_);
-    while (!peers_.empty()) retire(peers_.begin()->first, "the daemon ends", true);
+    while (!peers_.empty()) closePeer(peers_.begin()->first, "the daemon ends", true);
 }
 
 void Server::stop(const std::string& reason) {
     stopping_ = true;
-    self_ = std::make_shared<Server*>(this);            // whoever still answers finds nobody
+    self_ = std::make_shared<Server*>(this);            // services that answer now find no server
     std::vector<PendingPointer> pending;
     {
         ServerLock::Held held(lock_);
@@ -138,17 +139,18 @@ void Server::stop(const std::string& reason) {
     socket_.clear();
     if (program_ != 0) rpcbindUnregister(program_);
     program_ = 0;
-    // A peer whose request is executed, and which has asked for this end perhaps, gets its reply first: see Peer::serve.
+    // A peer whose request is being executed, perhaps the one that asked for this stop, gets its reply first: see
+    // Peer::serve.
     std::vector<Peer*> leaving;
     for (auto& [peer, owned] : peers_) {
-        if (peer->onStack()) peer->leave(reason);
+        if (peer->onStack()) peer->closeAfterReply(reason);
         else leaving.push_back(peer);
     }
-    for (Peer* peer : leaving) retire(peer, reason, true);
+    for (Peer* peer : leaving) closePeer(peer, reason, true);
     sweepTimer_.cancel();
     acceptTimer_.cancel();
     if (spareDescriptor_ >= 0) close(std::exchange(spareDescriptor_, -1));
-    if (depth_ == 0) retired_.clear();
+    if (depth_ == 0) closedPeers_.clear();
 }
 
 void Server::accept(int listener, bool tcp) {
@@ -160,7 +162,8 @@ void Server::accept(int listener, bool tcp) {
             continue;
         }
         if (errno != EMFILE && errno != ENFILE) return;
-        // The last descriptor is for taking in a newcomer all the same: another one makes room for it, or it is told.
+        // The spare descriptor lets us accept one more connection: another one is closed for it, or it is told that we are
+        // full.
         if (spareDescriptor_ >= 0) {
             close(std::exchange(spareDescriptor_, -1));
             fd = accept4(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
@@ -169,7 +172,8 @@ void Server::accept(int listener, bool tcp) {
             if (fd >= 0) continue;
             if (errno != EMFILE && errno != ENFILE) return;
         }
-        // Others of this process have taken that, too. The newcomers wait in the backlog; look again later instead of spinning.
+        // Other code of this process has taken that one, too. New connections wait in the backlog; look again later, do not
+        // spin.
         Listener* waiting = nullptr;
         for (auto& l : listeners_)
             if (l->descriptor() == listener) waiting = l.get();
@@ -209,8 +213,8 @@ std::size_t Server::places() const {
     return std::min<std::size_t>(most, limit.rlim_cur - std::min<rlim_t>(limit.rlim_cur / 4, kDescriptors));
 }
 
-// It is full. Whoever has most connections loses one when the newcomer has fewer: of those that are idle the one that has been
-// so for longest. The owner's stay, and he is let in as long as others have any.
+// There is no place. The principal with most connections loses one if the newcomer has fewer: of its idle ones, the one that
+// was idle longest. Connections of the owner stay, and a new one of the owner is accepted as long as others have any.
 bool Server::makeRoom(const Account& newcomer) {
     if (watched_) return newcomer.owner() && peers_.size() < places() + kReserved;      // only the SORM's thread ends connections
     const Account* most = nullptr;
@@ -224,7 +228,7 @@ bool Server::makeRoom(const Account& newcomer) {
     for (auto& [peer, owned] : peers_)
         if (peer->account_.get() == most && (!leaves || rank(*peer) < rank(*leaves))) leaves = peer;
     ++refused_;
-    retire(leaves, "daemon " + name_ + " is full, and most of its connections are of " + most->name() + ": this one, which was silent for " +
+    closePeer(leaves, "daemon " + name_ + " is full, and most of its connections are of " + most->name() + ": this one, which was silent for " +
                        durationText(double(monotonicNow() - leaves->lastHeard())) + ", makes room for another client", true);
     return true;
 }
@@ -241,7 +245,7 @@ void Server::sayFull(int fd) {
     close(fd);
 }
 
-// The one place where a session and a peer come together, or part: peer null.
+// The only place where a session gets a peer, or loses it (null).
 void Server::link(Session& s, Peer* peer) {
     Peer* old = std::exchange(s.peer, peer);
     if (old && old != peer) old->session = nullptr;
@@ -271,17 +275,17 @@ Server::Session& Server::session(Peer& peer, const wire::Hello& hello, bool& kno
     if (old)                                            // as when its connection had broken: what waits there is lost
         for (auto& [id, subscription] : s.subscriptions) subscription->stopKeeping();
     link(s, &peer);
-    if (old) retire(old, "the same client has come by another connection", false);
+    if (old) closePeer(old, "the same client has come by another connection", false);
     s.client->caller = std::move(who);
     s.client->principal = peer.principal_;
-    if (peer.client != s.client)                        // what it held before it said who it is
+    if (peer.client != s.client)                        // what the client held before its HELLO
         sorm_.mailbox()->post([before = peer.client] { before->end(); });
     peer.client = s.client;
     s.lastSeen = monotonicNow();
     sorm_.mailbox()->post([&sorm = sorm_, who = s.client->caller.toText()] { sorm.announce("connection.opened", who); });
     if (!watched_) {
         s.graceTimer.cancel();
-        forgetOldSessions();
+        removeOldSessions();
     }
     return s;
 }
@@ -292,8 +296,8 @@ bool Server::newcomer(const Peer& peer, XdrReader hello) const {
     return wire::readHello(hello, h) && !sessions_.contains({peer.user_, h.client});
 }
 
-// The connection of a session is gone. Its client may come back; what it holds and waits for stays for a while.
-void Server::leave(Session& s) {
+// The connection of a session was closed. Its client may come back; what it holds, and its calls, stay for a while.
+void Server::suspend(Session& s) {
     link(s, nullptr);
     s.lastSeen = monotonicNow();
     for (auto& [id, subscription] : s.subscriptions) subscription->stopKeeping();
@@ -303,13 +307,13 @@ void Server::leave(Session& s) {
             auto found = sessions_.find(key);
             if (found == sessions_.end() || found->second->peer) return;
             found->second->graceTimer.cancel();
-            abandon(key);
+            removeClient(key);
         });
 }
 
-// A client has ended, or stayed away for too long: give back what it holds, stop what it waits for. What it has been
-// answered is still remembered.
-void Server::abandon(const SessionKey& key) {
+// A client has ended, or was disconnected for too long: release what it holds, and cancel its calls. Its last replies
+// are still kept.
+void Server::removeClient(const SessionKey& key) {
     Session& s = *sessions_.find(key)->second;
     auto client = std::exchange(s.client, std::make_shared<Client>(s.client->caller, s.client->principal));
     std::vector<PendingPointer> pending;
@@ -319,14 +323,14 @@ void Server::abandon(const SessionKey& key) {
         if (slot.call) running.push_back(slot.call);
     }
     auto subscriptions = std::exchange(s.subscriptions, {});
-    // What it may still ask for must not keep others of the same principal from their work.
+    // Replies that it may still ask for must not use up the budget of other clients of the same principal.
     const Account& account = *s.held.account();
     for (auto& slot : s.slots) {
         if (account.used() <= account.limit() / 2) break;
         if (slot.state != Slot::State::done || slot.reply.capacity() <= kKeepBuffer) continue;
         slot.state = Slot::State::tooLarge;
         slot.size = slot.reply.size();
-        dropReply(slot);
+        freeReply(slot);
     }
     ServerLock::Released released(lock_);
     subscriptions.clear();
@@ -335,7 +339,7 @@ void Server::abandon(const SessionKey& key) {
     client->end();
 }
 
-void Server::forgetOldSessions() {
+void Server::removeOldSessions() {
     if (sessions_.size() <= peers_.size() + kOrphans) return;
     std::int64_t now = monotonicNow();
     std::vector<std::pair<std::int64_t, SessionKey>> orphans;
@@ -348,18 +352,18 @@ void Server::forgetOldSessions() {
     }
 }
 
-void Server::retire(Peer* peer, const std::string& reason, bool tell) {
+void Server::closePeer(Peer* peer, const std::string& reason, bool tell) {
     auto found = peers_.find(peer);
     if (found == peers_.end()) return;
     if (tell && !reason.empty() && peer->open()) {
         Buffer out;
         wire::writeGoodbye(out, reason);
         if (peer->queued() == 0) peer->push(out.data(), out.size());
-        found = peers_.find(peer);                      // push may have found the peer gone
+        found = peers_.find(peer);                      // push may have closed the peer
         if (found == peers_.end()) return;
     }
     if (Session* mine = peer->session) {
-        leave(*mine);
+        suspend(*mine);
     } else if (!peer->greeted_) {                       // of no session: it will not come back
         sorm_.mailbox()->post([client = peer->client] { client->end(); });
     }
@@ -370,10 +374,10 @@ void Server::retire(Peer* peer, const std::string& reason, bool tell) {
         });
     if (!stopping_) sorm_.mailbox()->post([&sorm = sorm_, who = peer->client->caller.toText()] { sorm.announce("connection.closed", who); });
     slow_.erase(peer);
-    peer->shut();
+    peer->closeSocket();
     auto owned = std::move(found->second);
     peers_.erase(found);
-    retired_.push_back(std::move(owned));               // it may be on the stack
+    closedPeers_.push_back(std::move(owned));               // it may be on the stack
 }
 
 void Server::watchSlow(Peer* peer) {
@@ -393,7 +397,7 @@ void Server::sweep() {
         if (!peer->slow()) at = slow_.erase(at);
         else ++at;
     }
-    for (auto& [peer, why] : leaving) retire(peer, why, true);
+    for (auto& [peer, why] : leaving) closePeer(peer, why, true);
     if (!slow_.empty()) sweepTimer_ = reactor_.after(now + kSweep, [this] { sweep(); });
 }
 
@@ -407,6 +411,16 @@ std::string Server::connectionsText() const {
                " old, " + std::to_string(peer->calls) + " calls, " + std::to_string(peer->queued()) + " bytes queued";
     }
     return out;
+}
+
+void Server::listConnections(std::string& out, std::size_t most) const {
+    ServerLock::Held held(lock_);
+    for (auto& [peer, owned] : peers_) {
+        if (most-- == 0) return;
+        auto& caller = peer->client->caller;
+        std::string seconds = std::to_string((monotonicNow() - peer->since) / 1'000'000'000);
+        appendListElement(out, listOf({"from", caller.toText(), caller.address, seconds, std::to_string(peer->calls), std::to_string(peer->queued())}));
+    }
 }
 
 std::string Server::statisticsText() const {
@@ -437,11 +451,11 @@ void Server::setLimits(Sorm& sorm, const Settings& s) {
     sorm.budget.setLimits(std::size_t(s.budget > 0 ? s.budget : 2 * s.maxMessage), std::size_t(s.totalBudget > 0 ? s.totalBudget : 8 * s.maxMessage));
 }
 
-// Charged is the memory, which stays from one reply to the next: a slot whose replies are of the same size costs nothing more.
+// The memory is charged. It stays from one reply to the next, so replies of the same size cost nothing more.
 void Server::keepReply(Slot& slot, const char* record, std::size_t size) {
-    if (slot.reply.capacity() > kKeepBuffer && size <= kKeepBuffer) dropReply(slot);
+    if (slot.reply.capacity() > kKeepBuffer && size <= kKeepBuffer) freeReply(slot);
     if (size > slot.reply.capacity()) {
-        dropReply(slot);
+        freeReply(slot);
         // Some room stays for requests, without which kept replies are of no use.
         Charge& held = slot.of->held;
         const Account& account = *held.account();
@@ -459,7 +473,7 @@ void Server::keepReply(Slot& slot, const char* record, std::size_t size) {
     std::memcpy(slot.reply.data(), record, size);
 }
 
-void Server::dropReply(Slot& slot) {
+void Server::freeReply(Slot& slot) {
     slot.of->held.force(slot.of->held.bytes() - slot.charged());
     slot.reply.release();
 }
@@ -496,7 +510,7 @@ void Server::replyLater(Later later, wire::Times times, PendingPointer pending) 
     pending->whenAnswered([self, later, times, p = pending.get()] {
         if (auto server = self.lock()) (*server)->answer(later, times, *p);
     });
-    // The service has run the event loop, and its client has gone meanwhile: nobody else will tell the service.
+    // The service has run the event loop, and its client has ended meanwhile: no other code tells the service.
     const ClientPointer client = pending->client();
     if ((slot || peer) && !(client && client->ended())) return;
     ServerLock::Released released(lock_);
@@ -540,7 +554,7 @@ void Server::mark(Trail& trail, const std::string& request) const {
     }
 }
 
-// What failed did so while others were asked: a word of this hop, with its times.
+// A call that the service made has failed: add an entry of this daemon, with its times.
 void Server::passOn(Trail& trail, std::string_view name, const wire::Times& times) const {
     Entry entry = makeEntry(kPassedOn, {MessageArg::of(name), MessageArg::of(durationText(times.ran * 1e3)), MessageArg::of(durationText(times.sub * 1e3))});
     entry.so = name;
@@ -548,10 +562,10 @@ void Server::passOn(Trail& trail, std::string_view name, const wire::Times& time
     trail.add(std::move(entry));
 }
 
-// ---- fairness: who floods gets at most twice what the next one asks for, while there is a next one ----
+// ---- fairness: a peer that floods gets at most twice as many requests as the next one asks for ----
 //
-// Twice, since many at a time cost less than one at a time; but where requests take long they all cost the same, and a client
-// that blocks misses a turn now and then: there it is no more than the next one.
+// Twice, since many requests at a time cost less than one at a time. When requests take long they all cost the same, and a
+// client that blocks misses a turn now and then; then it gets no more than the next one.
 
 int Server::share(const Peer* peer) const {
     bool crowded = reactor_.seen() - crowded_ < kCrowd || reactor_.turns() - crowdedTurn_ <= kCrowdedTurns;
@@ -614,7 +628,7 @@ bool Server::peek(const std::vector<void*>& waiting) {
     for (auto& listener : listeners_) {
         if (std::find(waiting.begin(), waiting.end(), static_cast<Reactor::Watcher*>(listener.get())) == waiting.end()) continue;
         int fd = -1;
-        // Who does not fit waits for the SORM's thread, which may make room.
+        // A connection for which there is no place waits for the SORM's thread, which may make room.
         while (peers_.size() < places() + (listener->tcp() ? 0 : kReserved) &&
                (fd = accept4(listener->descriptor(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK)) >= 0)
             adopt(fd, listener->tcp());

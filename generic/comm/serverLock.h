@@ -1,8 +1,10 @@
-// serverLock.h -- who may touch what a server keeps: the SORM's thread, or the health responder while that thread is elsewhere.
+// serverLock.h -- guards the data of the servers between the SORM's thread and the health responder's thread.
 //
-// The SORM's thread holds it only while it reads, answers and sorts: a microsecond at a time. It releases it before it enters a service
-// or Tcl, and before it sleeps; then the health responder may take it. Neither ever waits for long: the health responder never waits,
-// and keeps it for one look.
+// The SORM's thread holds the lock only while it reads, answers and sorts: for microseconds. It releases it before it enters
+// a service or Tcl, and before it sleeps. Then the health responder may take it.
+//
+// Waiting: the health responder never waits for it. The SORM's thread waits at most for one look of the health responder.
+// Threads: Held and Released are for the SORM's thread; tryLook and endLook for the health responder's.
 #pragma once
 
 #include <atomic>
@@ -11,7 +13,7 @@ namespace sorma {
 
 class ServerLock {
 public:
-    // The SORM's thread holds it for the life of this. May be nested.
+    // The SORM's thread holds the lock while this exists. May be nested, in itself and in Released.
     class Held {
     public:
         explicit Held(ServerLock& lock) : lock_(lock), was_(lock.held_) {
@@ -27,7 +29,8 @@ public:
         ServerLock& lock_;
         const bool was_;
     };
-    // ... and releases it for the life of this, to execute somebody else's code.
+    // The SORM's thread releases the lock while this exists, to run the code of a service. After it anything may have
+    // changed.
     class Released {
     public:
         explicit Released(ServerLock& lock) : lock_(lock), was_(lock.held_) {
@@ -44,13 +47,13 @@ public:
         const bool was_;
     };
 
-    // The health responder: false when the SORM's thread holds it.
+    // Take the lock for the health responder; false when the SORM's thread holds it. After true, endLook() must follow.
     bool tryLook() {
         int expected = kFree;
         return state_.compare_exchange_strong(expected, kLooking, std::memory_order_acquire, std::memory_order_relaxed);
     }
     void endLook() {
-        state_.store(kFree, std::memory_order_release);     // what the health responder did is seen by whoever takes it next
+        state_.store(kFree, std::memory_order_release);     // the next holder sees what the health responder did
         state_.notify_one();
     }
 
@@ -67,11 +70,11 @@ private:
     }
     void release() {
         held_ = false;
-        state_.store(kFree, std::memory_order_release);     // the health responder sees what was done
+        state_.store(kFree, std::memory_order_release);     // the health responder sees what the SORM's thread did
     }
 
     std::atomic<int> state_{kFree};
-    bool held_ = false;         // by the SORM's thread, for itself
+    bool held_ = false;         // the SORM's thread holds it; only that thread reads and writes this
 };
 
 }  // namespace sorma

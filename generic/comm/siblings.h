@@ -1,6 +1,6 @@
-// siblings.h -- where the daemons of one user on one host are reached by TCP, for those who look on from another host.
+// siblings.h -- at which TCP ports the daemons of one user on one host listen, for observers on another host.
 //
-// Each daemon that listens to TCP says it in the runtime folder: NAME.tcp, beside NAME.sock, holds "HOST PORT".
+// Each daemon that listens on TCP writes a file in the runtime folder: NAME.tcp, beside NAME.sock, contains "HOST PORT".
 #pragma once
 
 #include <functional>
@@ -13,14 +13,16 @@ namespace sorma {
 
 struct Sibling {
     std::string name;
-    std::string host;       // the interface it listens to
+    std::string host;       // the interface on which it listens
     int port = 0;
 };
 
-// Those in the runtime folder whose sockets are there; none when nobody may believe that folder.
+// The daemons in the runtime folder whose sockets exist, by name; none when runtimeFolder() fails. Any thread. Does not
+// throw Error.
 std::vector<Sibling> siblings();
 
-// Says it of one daemon, as long as this lives. socket: its Unix-domain one; elsewhere than in the runtime folder nothing is said.
+// The file of one daemon, while this exists. socket: its Unix-domain socket; there is no file when that is not in the
+// runtime folder. Never throws Error: without the file the daemon works, and observers on other hosts do not find it.
 class SiblingFile {
 public:
     SiblingFile(const std::string& socket, const std::string& host, int port);
@@ -32,17 +34,20 @@ private:
     std::string file_;      // empty: there is none
 };
 
-// Calls when a file comes to a folder or leaves it. Without inotify never: then who asks again now and then sees it.
+// Calls back when a file is added to a folder or removed from it. Without inotify it never calls: then observers have to ask
+// again.
+// Threads: belongs to the reactor's thread.
 class FolderWatch {
 public:
-    // changed: ending of the files that matter, such as ".sock".
+    // ending: of the files that matter, such as ".sock".   changed: called from the reactor's turn, also when the rights of
+    // the folder have changed or it was removed. It may delete this object.
     FolderWatch(Reactor& reactor, std::string folder, std::string ending, std::function<void()> changed);
     ~FolderWatch();
     FolderWatch(const FolderWatch&) = delete;
     FolderWatch& operator=(const FolderWatch&) = delete;
 
     const std::string& folder() const { return folder_; }
-    bool alive() const { return fd_ >= 0; }         // no: the folder itself has gone
+    bool alive() const { return fd_ >= 0; }         // false: the folder was removed, or there is no inotify
 
 private:
     void ready();

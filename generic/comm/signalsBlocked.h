@@ -1,5 +1,7 @@
-// signalsBlocked.h -- while this lives the calling thread gets no signal, and neither do threads that it starts, ever: signals are
-// for the threads that were there before.
+// signalsBlocked.h -- keeps signals away from the threads that SORMA starts.
+//
+// A thread inherits the signal mask of the one that starts it. Make this object, then start the thread: the new thread never
+// gets a signal, and the calling one gets them again when the object is deleted.
 #pragma once
 
 #include <pthread.h>

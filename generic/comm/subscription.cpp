@@ -1,4 +1,4 @@
-// What one client has subscribed to.
+// The subscriptions of a client, in the daemon.
 #include "bus/monitor.h"
 #include "comm/errors.h"
 #include "comm/serverParts.h"
@@ -27,7 +27,7 @@ Server::Subscription::Subscription(Server& server, Session& session, const wire:
 
 Server::Subscription::~Subscription() {
     if (object_) object_->unsubscribe(this);
-    if (scheduled && session_.peer) session_.peer->forget(*this);
+    if (scheduled && session_.peer) session_.peer->unschedule(*this);
 }
 
 void Server::Subscription::event(const Event& event) {
@@ -48,6 +48,8 @@ void Server::Subscription::event(const Event& event) {
     }
     push(server_.encodedBody_);
 }
+
+std::string Server::Subscription::who() const { return session_.client->caller.toText(); }
 
 void Server::Subscription::replay() {
     if (keep_ == 1 && object_) object_->replay(this, pattern_);
@@ -100,7 +102,7 @@ void Server::Subscription::push(std::shared_ptr<const Buffer> body) {
 // One or two small ones are on their way in a moment.
 bool Server::Subscription::charge() { return charge_.set(own_ + (waits_ > kUncharged ? waits_ : 0)); }
 
-// The next one tells how many went before it.
+// The next event says how many were lost before it.
 void Server::Subscription::dropOldest() {
     lost_ += 1 + items_.front().lost;
     waits_ -= sizeOf(items_.front());

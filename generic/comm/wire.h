@@ -1,7 +1,13 @@
-// wire.h -- sorma.x in C++: messages to bytes and back, with the RPC headers around them (RFC 5531).
+// wire.h -- sorma.x in C++: writes and reads messages with their RPC headers (RFC 5531).
 //
-// Everything is written behind a record mark, ready to be sent. Reading checks lengths, enumerations and UTF-8; what
-// is wrong is reported, never acted upon.
+// Writing appends a whole record with its mark, ready to be sent. Reading checks lengths, enumerations and UTF-8; a record
+// that is wrong is reported by the result, and nothing in it may be used.
+//
+// The fields are those of sorma.x, which explains them; comments here say only what differs.
+//
+// Threads: no state; any thread.
+// Errors:  readers never throw Error. Writers throw nothing but std::bad_alloc.
+// Owner:   std::string_view members point into the record that was read, and are valid as long as it is.
 #pragma once
 
 #include <cstdint>
@@ -13,36 +19,41 @@
 
 namespace sorma::wire {
 
+// kProgram: of every daemon. kProgramBase: rpcbind knows a daemon by this number plus its offset.
 inline constexpr std::uint32_t kProgram = 0x20534f52, kProgramBase = 0x20000000, kVersion = 1;
+// Procedures. 16 and above: the daemon sends them.
 inline constexpr std::uint32_t kNull = 0, kHello = 1, kCall = 2, kCancel = 3, kHealth = 4, kSubscribe = 5, kUnsubscribe = 6, kOneway = 7, kClock = 8,
                                kGoodbye = 16, kEvent = 17;
-inline constexpr std::uint32_t kNoSlot = 0xffffffff;
+inline constexpr std::uint32_t kNoSlot = 0xffffffff;            // a call outside of a session
+// The mark before each fragment of a record (RFC 5531 section 11): its length, and this bit in the last fragment.
 inline constexpr std::uint32_t kLastFragment = 0x80000000;
-inline constexpr std::size_t kMarkSize = 4;
+inline constexpr std::size_t kMarkSize = 4;                     // [bytes]
 
-// On whose behalf a call is made that is part of another one; in the credentials of its RPC header, where a call that
-// stands for itself has AUTH_NONE.
+// Says for whom a call is made that is part of another one. It stands in the credentials of the RPC header; other calls have
+// AUTH_NONE there.
 struct Behalf {
-    bool relayed = false;           // its name was chosen by the caller's own caller: the caller does not vouch for it
+    bool relayed = false;           // the caller's own caller chose the name: the call does not get the caller's rights
     std::uint64_t request = 0;      // number of the request that it is part of, at the caller
-    std::string callers;            // for whom, as text, nearest first
+    std::string callers;            // for people: who called the caller, nearest first
 };
-inline constexpr std::uint32_t kBehalfFlavor = kProgram;        // of the credentials
+inline constexpr std::uint32_t kBehalfFlavor = kProgram;        // flavor of these credentials
 inline constexpr std::size_t kMostCallers = 256;                // [bytes]; RFC 5531 allows 400 for all of it
 
 struct CallHeader {             // RPC header of a call
     std::uint32_t xid = 0, rpcVersion = 2, program = kProgram, version = kVersion, procedure = 0;
-    std::string_view behalf = {};   // its body, when there is one
+    std::string_view behalf = {};   // for readBehalf; empty: there is none
 };
 
 struct Request {                // sorma_call without the message
-    std::uint32_t slot = kNoSlot, sequence = 0, deadline = 0;  // deadline: see sorma.x
+    std::uint32_t slot = kNoSlot, sequence = 0, deadline = 0;  // deadline: timeleft in sorma.x, see clock.h
     Method method = Method::exec;
-    std::string_view name;      // views into the record
+    std::string_view name;
 };
 
-struct Times {                  // microseconds
-    std::uint32_t waited = 0, ran = 0, sub = 0;
+struct Times {                  // of a reply [us]
+    std::uint32_t waited = 0;   // between arrival and start
+    std::uint32_t ran = 0;
+    std::uint32_t sub = 0;      // of which in calls to other processes
 };
 
 struct Hello {
@@ -50,9 +61,9 @@ struct Hello {
     std::string user, host, program;
     std::int64_t process = 0;
     std::uint32_t maxMessage = 0;
-    std::string clock = {};         // as clockSeen(); empty: deadlines are said as time left
+    std::string clock = {};         // as clockSeen(); empty: its deadlines are the time left
     std::int64_t sent = 0;          // [ns] of that clock
-    bool clocks = true;             // it knows of clocks: the record does not end before them
+    bool clocks = true;             // the record has the two fields above; old clients do not send them
 };
 
 struct Welcome {
@@ -60,9 +71,9 @@ struct Welcome {
     std::string name, user, host, program;
     std::int64_t process = 0, started = 0;
     std::uint32_t maxMessage = 0, slots = 0;
-    bool known = false;
+    bool known = false;             // the daemon still has the session of this client
     std::string clock = {}, processes = {};     // as clockSeen(), processesSeen()
-    bool clocks = false;            // they are in the record
+    bool clocks = false;            // the record has these two; they are sent only to clients that know them
 };
 
 struct Cancel {
@@ -74,7 +85,7 @@ struct Health {
     std::int64_t started = 0;
     bool busy = false;
     std::string what;
-    std::uint64_t since = 0;    // microseconds
+    std::uint64_t since = 0;    // [us] for how long it has been busy
     std::uint32_t underway = 0, connections = 0;
 };
 
@@ -82,22 +93,22 @@ struct Subscription {
     std::uint32_t id = 0;
     std::string name, pattern;
     std::uint32_t keep = 1;
-    bool existing = false;      // for those who look on: no object is made for it
+    bool existing = false;      // do not make the object if there is none
 };
 
 struct EventHeader {
     std::uint32_t id = 0;
     std::uint64_t number = 0, lost = 0;
 };
-struct EventBody {              // the same for all subscribers
-    std::int64_t time = 0;
+struct EventBody {              // the part that is the same for all subscribers, so it is encoded once
+    std::int64_t time = 0;      // [us since 1970]
     std::string name;
-    std::uint64_t request = 0;
+    std::uint64_t request = 0;  // in which it was published; 0: outside of any
 };
 
 // ---- writing: each appends one whole record to out ----
 
-// Start a record; closeRecord fills in its mark. Returns where it started.
+// Begin a record; closeRecord writes its mark when its length is known. Returns where it begins.
 inline std::size_t openRecord(Buffer& out) {
     std::size_t start = out.size();
     out.extend(kMarkSize);
@@ -107,6 +118,7 @@ inline void closeRecord(Buffer& out, std::size_t start) {
     XdrWriter::put(out.data() + start, kLastFragment | static_cast<std::uint32_t>(out.size() - start - kMarkSize));
 }
 
+// xid: chosen by the caller, returned with the answer.   program: kProgram, or the daemon's own number.
 void writeCallHeader(XdrWriter& w, const CallHeader& header, const Behalf* behalf = nullptr);
 void writeCall(Buffer& out, std::uint32_t xid, std::uint32_t program, const Request& request, const Message& m,
                std::uint32_t procedure = kCall, const Behalf* behalf = nullptr);        // kCall or kOneway
@@ -116,8 +128,8 @@ void writeHealth(Buffer& out, std::uint32_t xid, const Health& health);
 void writeSubscribe(Buffer& out, std::uint32_t xid, std::uint32_t program, const Subscription& subscription,
                     const Behalf* behalf = nullptr);
 void writeUnsubscribe(Buffer& out, std::uint32_t program, std::uint32_t id);
-void writeEventBody(Buffer& out, const EventBody& body, const Message& content);        // no record: the end of one
-void writeEvent(Buffer& out, const EventHeader& header, const Buffer& body);
+void writeEventBody(Buffer& out, const EventBody& body, const Message& content);        // no record, but the end of one
+void writeEvent(Buffer& out, const EventHeader& header, const Buffer& body);            // body: from writeEventBody
 void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Message& m);
 void writeHello(Buffer& out, std::uint32_t xid, std::uint32_t program, const Hello& hello);
 void writeWelcome(Buffer& out, std::uint32_t xid, const Welcome& welcome);
@@ -129,24 +141,27 @@ enum class Refusal : std::uint32_t { programUnavailable = 1, programMismatch = 2
 void writeRefusal(Buffer& out, std::uint32_t xid, Refusal refusal);     // accepted, but not done
 void writeRpcMismatch(Buffer& out, std::uint32_t xid);                  // not ONC RPC version 2
 
-// ---- reading: from the record without its mark ----
+// ---- reading: from a record without its mark ----
+//
+// First readEnvelope, then readCallHeader or readReplyHeader, then the function for the procedure. Those that return bool
+// return false when the record is wrong.
 
-// First two words. kind: 0 call, 1 reply.
+// First two words. kind: 0 call, 1 reply. Check r.good() after it.
 struct Envelope {
     std::uint32_t xid, kind;
 };
 Envelope readEnvelope(XdrReader& r);
-// Is a record a CANCEL? A look at its words, for those who look at many.
+// Is a record a CANCEL? Quick, for code that looks at many; nothing else of the record is checked.
 inline bool isCancel(std::string_view record) {
     constexpr std::size_t kProcedure = 20;
     return record.size() > kProcedure && XdrReader(record.substr(kProcedure)).u32() == kCancel && XdrReader(record.substr(4)).u32() == 0;
 }
-CallHeader readCallHeader(XdrReader& r, std::uint32_t xid);             // after the envelope; skips credentials
-// After the envelope of a reply: empty when it was accepted and done, else what the peer objects to, in words.
+CallHeader readCallHeader(XdrReader& r, std::uint32_t xid);             // skips credentials other than Behalf; check r.good()
+// Empty when the peer accepted and executed the call; else its refusal, for people.
 std::string readReplyHeader(XdrReader& r);
-bool readBehalf(std::string_view body, Behalf& behalf);
+bool readBehalf(std::string_view body, Behalf& behalf);                 // body: CallHeader::behalf
 bool readRequest(XdrReader& r, Request& request, Message& m);           // m is cleared first
-// Memory that the words of a request take beyond its bytes. r: where readRequest would begin.
+// Memory that the words of a request need beyond its bytes [bytes].   r: where readRequest would begin; it is a copy.
 std::size_t wordsSize(XdrReader r);
 bool readReply(XdrReader& r, Times& times, Message& m);
 bool readClock(XdrReader& r, std::int64_t& sent);

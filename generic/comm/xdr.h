@@ -1,8 +1,13 @@
-// xdr.h -- XDR (RFC 4506) over memory, inlined into the path of every call.
+// xdr.h -- writes and reads XDR (RFC 4506) in memory. It is inline, since every call uses it.
 //
-// libtirpc's xdr_* reach each word through a function pointer, which costs more than the rest of an empty call; the
-// test suite holds these against what rpcgen makes of sorma.x. Reader never reads beyond its record: it goes bad and
-// stays bad, and gives zeros.
+// libtirpc's xdr_* reach each word through a function pointer, which costs more than the rest of an empty call. The test
+// suite compares this with what rpcgen makes of sorma.x.
+//
+// All words are big-endian, and take 4 or 8 bytes. Texts and bytes are counted and padded to a multiple of 4.
+//
+// Threads: no state but the objects'; one object belongs to one thread.
+// Errors:  a writer throws std::bad_alloc. A reader never throws for its input and never reads beyond its record: when the
+//          record is too short it becomes bad, stays bad, and returns zeros and empty texts.
 #pragma once
 
 #include <bit>
@@ -18,6 +23,7 @@
 
 namespace sorma {
 
+// Between the byte order of this machine and that of the wire.
 inline std::uint32_t swapped(std::uint32_t v) {
     return std::endian::native == std::endian::big ? v : __builtin_bswap32(v);
 }
@@ -25,7 +31,8 @@ inline std::uint64_t swapped(std::uint64_t v) {
     return std::endian::native == std::endian::big ? v : __builtin_bswap64(v);
 }
 
-// Bytes that grow without being cleared first.
+// Bytes that grow at the end. New bytes are undefined, since clearing them would cost more than writing them. Growing moves
+// the bytes: pointers into a buffer are valid until the next append, extend, reserve or resize. May be moved, not copied.
 class Buffer {
 public:
     Buffer() = default;
@@ -44,8 +51,8 @@ public:
     std::size_t size() const { return size_; }
     std::size_t capacity() const { return capacity_; }
     bool empty() const { return size_ == 0; }
-    void clear() { size_ = 0; }
-    void resize(std::size_t n) { reserve(n); size_ = n; }           // new bytes are undefined
+    void clear() { size_ = 0; }                                     // keeps the memory
+    void resize(std::size_t n) { reserve(n); size_ = n; }
     void reserve(std::size_t n) {
         if (n <= capacity_) return;
         std::size_t wanted = capacity_ * 2 > n ? capacity_ * 2 : n;
@@ -55,7 +62,7 @@ public:
         data_ = static_cast<char*>(grown);
         capacity_ = wanted;
     }
-    char* extend(std::size_t n) {                                   // room for n more bytes
+    char* extend(std::size_t n) {                                   // n more bytes; returns where they begin
         reserve(size_ + n);
         char* at = data_ + size_;
         size_ += n;
@@ -64,11 +71,11 @@ public:
     void append(const char* bytes, std::size_t n) {
         if (n > 0) std::memcpy(extend(n), bytes, n);
     }
-    void drop(std::size_t n) {                                      // from the front
+    void drop(std::size_t n) {                                      // remove n bytes from the front
         size_ -= n;
         if (size_ > 0) std::memmove(data_, data_ + n, size_);
     }
-    void release() {
+    void release() {                                                // clear, and free the memory
         std::free(data_);
         data_ = nullptr;
         size_ = capacity_ = 0;
@@ -79,6 +86,7 @@ private:
     std::size_t size_ = 0, capacity_ = 0;
 };
 
+// Appends to a buffer, which must outlive it.
 class XdrWriter {
 public:
     explicit XdrWriter(Buffer& out) : out_(out) {}
@@ -87,7 +95,7 @@ public:
     void i32(std::int32_t v) { u32(static_cast<std::uint32_t>(v)); }
     void u64(std::uint64_t v) { put(out_.extend(8), v); }
     void i64(std::int64_t v) { u64(static_cast<std::uint64_t>(v)); }
-    template <class... Words> void words(Words... v) {              // several of u32, with one look for room
+    template <class... Words> void words(Words... v) {              // several u32, with one check for room
         char* at = out_.extend(4 * sizeof...(v));
         ((put(at, static_cast<std::uint32_t>(v)), at += 4), ...);
     }
@@ -126,15 +134,16 @@ private:
     Buffer& out_;
 };
 
+// Reads from the front of a record, which must outlive it and the views that it returns. A copy reads on by itself.
 class XdrReader {
 public:
     XdrReader(const char* data, std::size_t size) : at_(data), end_(data + size) {}
     explicit XdrReader(std::string_view record) : XdrReader(record.data(), record.size()) {}
 
-    bool good() const { return good_; }
+    bool good() const { return good_; }                             // check it before you use what was read
     bool atEnd() const { return at_ == end_; }
-    std::size_t left() const { return static_cast<std::size_t>(end_ - at_); }
-    void spoil() { good_ = false; at_ = end_; }
+    std::size_t left() const { return static_cast<std::size_t>(end_ - at_); }      // [bytes]
+    void spoil() { good_ = false; at_ = end_; }                     // make it bad: the caller found something wrong
 
     std::uint32_t u32() {
         if (!has(4)) return 0;
@@ -152,7 +161,7 @@ public:
         return swapped(v);
     }
     std::int64_t i64() { return static_cast<std::int64_t>(u64()); }
-    template <class... Words> void words(Words&... v) {             // several of u32; all zeros when there are too few
+    template <class... Words> void words(Words&... v) {             // several u32; all are 0 when there are too few
         const char* at = at_;
         if (!has(4 * sizeof...(v))) return ((v = 0), ...), void();
         at_ += 4 * sizeof...(v);
@@ -163,7 +172,7 @@ public:
         };
         (next(v), ...);
     }
-    std::string_view text() {                                       // views into the record
+    std::string_view text() {                                       // a view into the record; UTF-8 is not checked
         std::size_t n = u32();
         if (n > left() || !has(XdrWriter::padded(n))) return {};    // first: where size_t has 32 bits padding may overflow
         std::string_view v(at_, n);
@@ -188,8 +197,8 @@ public:
         }
         at_ += 8 * n;
     }
-    // Counted elements, each at least `least` bytes on the wire, so that no count can make us reserve more memory
-    // than the record could fill.
+    // The count of elements that follow, of which each has at least `least` bytes on the wire. A count for which the record
+    // is too short makes the reader bad, so that no peer can make us reserve memory for elements that do not come.
     std::size_t count(std::size_t least) {
         std::size_t n = u32();
         if (n > left() / least) return spoil(), 0;

@@ -175,7 +175,7 @@ int EditObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const obj
     if (word == columnsWord) {
         Tcl_SetObjResult(interp, Tcl_NewWideIntObj(LineEditor::columns()));
     } else if (word == detachWord) {
-        if (p.editor && (p.editor->busy() || p.editor->signals.waiting())) return failWith(interp, "BUSY", "somebody waits for a line, or for a variable");
+        if (p.editor && (p.editor->busy() || p.editor->signals.waiting())) return failWith(interp, "BUSY", "another command waits for a line or a variable");
         if (p.editor) attachedAnywhere = nullptr;
         p.editor.reset();
     } else {

@@ -1,16 +1,15 @@
-// lineEditor.h -- a line typed by a person at a terminal, with libedit, while Tcl's event loop goes on.
+// lineEditor.h -- reads a line from a terminal, with libedit, while Tcl's event loop runs.
 //
-// read() waits for the line. Meanwhile timers, file events and subscriptions run; they may do anything but read a line
-// in turn (busy()). Output that comes from them does not garble what is typed: the edited line is taken off the screen
-// before it and drawn again below it.
+// read() waits for the line. Meanwhile timers, file events and subscriptions run. They may do anything but call read() (see
+// busy()). When they write to the terminal, the edited line is erased before their output and drawn again below it.
 //
-// Below the line stands a hint, which a callback gives for what has been typed so far, in dim letters, cut to the width
-// of the terminal; it is not part of what remains on the screen. Tab completes by another callback.
+// Below the line there may be a hint in dim letters, which a callback makes from the text so far. It is cut to the width of
+// the terminal, and erased when the line is complete. Tab completes, by another callback.
 //
-// Keys: as libedit's emacs keys, with Ctrl-R to search the history; ~/.editrc may say otherwise ("scott:bind -v").
-// Ctrl-C ends the line with How::interrupt, Ctrl-D on an empty one with How::end; so does a terminal that hangs up.
+// Keys: libedit's emacs keys, and Ctrl-R to search the history; ~/.editrc may change them ("scott:bind -v"). Ctrl-C ends the
+// line with How::interrupt; Ctrl-D on an empty line, or a terminal that hangs up, with How::end.
 //
-// Threads: belongs to its interpreter's thread. One at a time in a process.
+// Threads: belongs to its interpreter's thread. There may be one at a time in a process.
 #pragma once
 
 #include <histedit.h>
@@ -31,34 +30,36 @@ public:
     enum class How { line, end, interrupt };
 
     struct Completion {
-        std::size_t from = 0;                   // the candidates replace what stands from here to the cursor
-        std::vector<std::wstring> words;
-        std::wstring hint;                      // shown where there is no candidate
+        std::size_t from = 0;                   // a candidate replaces the text from here to the cursor
+        std::vector<std::wstring> words;        // the candidates
+        std::wstring hint;                      // shown when there is no candidate
     };
-    // Text of the line, and the cursor in it. They must not throw, nor read a line.
+    // line: the text so far.   point: the cursor in it.   They must not throw, and must not call read().
     using Complete = std::function<Completion(const std::wstring& line, std::size_t point)>;
     using Hint = std::function<std::wstring(const std::wstring& line, std::size_t point)>;
 
-    // Why no line can be edited on this terminal: "standard input is no terminal"; empty when it can.
+    // The reason why lines cannot be edited here: "standard input is no terminal"; empty when they can.
     static std::string unusable();
     // Width of the terminal in cells; 0 when there is none.
     static int columns();
 
     explicit LineEditor(Tcl_Interp* interp);
-    ~LineEditor();                              // puts the terminal's settings back
+    ~LineEditor();                              // restores the terminal's settings
     LineEditor(const LineEditor&) = delete;
     LineEditor& operator=(const LineEditor&) = delete;
 
-    // The signals of the terminal belong to the editor as long as it lives, also between two lines.
+    // Handles the signals of the terminal as long as the editor exists, also between two lines.
     Signals signals;
 
-    // Needs unusable() to be empty, and nobody else reading standard input. prompt: at most a few words, no newline.
+    // Read a line; blocks, and runs the event loop. Requires that unusable() is empty and that nobody else reads standard
+    // input.
+    // prompt: a few words at most, no newline.   line: becomes the line, without its newline.
     How read(const std::wstring& prompt, Complete complete, Hint hint, std::wstring& line);
     bool busy() const { return reading_; }
-    // Ctrl-C has ended what one of the callbacks did: as if it had been typed a moment later.
+    // Ctrl-C has interrupted a script that ran in the event loop of read(): read() ends with How::interrupt, too.
     void interrupt() { interrupted_ = true; }
 
-    // Enter into the history, last one last. The oldest of more than kRemembered go.
+    // Add a line to the history, as the latest. The oldest are removed when there are more than kRemembered.
     static constexpr int kRemembered = 2000;
     void remember(const std::wstring& entry);
 
@@ -76,16 +77,16 @@ private:
     void list(const std::vector<std::wstring>& words);
 
     std::wstring text(std::size_t& point) const;
-    // Where the cursor and the end of the line are on the screen, in rows and columns from the prompt's first cell.
+    // Place on the screen of the end of a text, in rows and columns from the prompt's first cell.
     struct Place { int row, column; };
     Place place(std::wstring_view text) const;
 
     void showHint();
     void hideHint();
-    void beforeOutput(const char* bytes, int size);    // somebody is about to write
-    void redraw();                              // after that
+    void beforeOutput(const char* bytes, int size);    // these bytes are about to be written to the terminal
+    void redraw();                              // after them
     void put(std::string_view bytes);
-    bool settle();                              // the size of the window, output, being continued; whether it drew
+    bool settle();                              // draw again if the window's size changed, output came, or the program was continued
 
     EditLine* el_ = nullptr;
     HistoryW* history_;
@@ -98,11 +99,9 @@ private:
     bool ready_ = false;                        // standard input can be read
     bool interrupted_ = false;
     How how_ = How::line;
-    // The hint that stands on the screen, rows below the cursor; 0: none.
-    int hintRow_ = 0;
-    // The line is off the screen, because of output; did that end with a newline?
-    bool away_ = false;
-    bool fresh_ = true;
+    int hintRow_ = 0;                           // rows from the cursor down to the hint; 0: there is none
+    bool away_ = false;                         // the line is erased, because of output
+    bool fresh_ = true;                         // that output ended with a newline
 };
 
 }  // namespace sorma::edit

@@ -1,7 +1,9 @@
-// outputWatch.h -- says when something is about to be written to a channel.
+// outputWatch.h -- calls back before something is written to a channel.
 //
-// Stacked upon standard output and error while a person may be typing: whoever writes there from a callback does not
-// know that a line is being edited.
+// It is stacked upon standard output and standard error while a line may be edited, since scripts that write there know
+// nothing of the line.
+//
+// Threads: the interpreter's.
 #pragma once
 
 #include <functional>
@@ -12,15 +14,15 @@ namespace sorma::edit {
 
 class OutputWatch {
 public:
-    // Stacks itself upon the channel; nothing when there is none. before: called before each piece of output, with the
-    // bytes; must not write to the channel.
+    // Stacks itself upon the channel; does nothing when there is none. before: called before each piece of output, with its
+    // bytes; it must not write to the channel.
     OutputWatch(Tcl_Interp* interp, int standardChannel, std::function<void(const char* bytes, int size)> before);
     ~OutputWatch();
     OutputWatch(const OutputWatch&) = delete;
     OutputWatch& operator=(const OutputWatch&) = delete;
 
 private:
-    struct Driver;                      // lives as long as Tcl's channel, which may end before or after us
+    struct Driver;                      // deleted with Tcl's channel, which may be before or after this
     Tcl_Interp* interp_;
     Driver* driver_ = nullptr;
 };

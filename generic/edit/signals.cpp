@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::array kNumbers{SIGINT, SIGWINCH, SIGCONT, SIGTERM, SIGHUP};
 
-// What a handler may touch.
+// Data that a signal handler may use.
 volatile int bell = -1;
 std::atomic<bool> sawInterrupt, sawResize, sawContinue;
 static_assert(std::atomic<bool>::is_always_lock_free);      // or it could not be used by a signal handler
@@ -58,7 +58,7 @@ void onSignal(int number) {
 struct Signals::Watcher {
     std::thread thread;
     std::atomic<bool> ends{false};
-    std::atomic<bool> pending{false};   // an interrupt that waits for somebody to ask for it
+    std::atomic<bool> pending{false};   // an interrupt that interrupted() has not returned yet
     std::atomic<bool> overdue{false};   // it has waited for long
 };
 

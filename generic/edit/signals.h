@@ -1,15 +1,16 @@
-// signals.h -- what the terminal tells a program by signals, brought to where Tcl can act on it.
+// signals.h -- handles the signals of a terminal for a Tcl program.
 //
-// Interrupt (Ctrl-C): the script that is being executed, or the event loop that it runs, ends with the error
-// "interrupted", -errorcode TCL CANCEL. But not while somebody waits in an event loop of this package (Waiting): who is
-// meant then is who waits, not a callback that happens to run, which would perhaps catch the error, and the interrupt
-// were lost. Only a callback that does not come back for kPatience is ended nevertheless: it may be the very loop that
-// is to be interrupted.
-// Window size, and being continued after a stop: noted until somebody asks. Termination and hang-up: the terminal's
-// settings are put back, then the program ends by the signal as it would have.
+// Interrupt (Ctrl-C): the script that runs, or the event loop that it runs, ends with the error "interrupted", -errorcode
+// TCL CANCEL. An exception is code of this package that waits in an event loop (Waiting): it gets the interrupt itself,
+// since a script that happens to run in that loop might catch the error. If such a script has not returned after kPatience,
+// it is ended all the same.
 //
-// Tcl_AsyncMark takes locks, so that it may not be called by a signal handler: the interrupted code may hold them. The
-// handlers only ring an eventfd, and a thread of ours does the marking.
+// Window size, and continuation after a stop: kept until resized() and continued() are called.
+//
+// Termination and hang-up: the terminal's settings are restored, then the program ends by the signal.
+//
+// Threads: the interpreter's. A signal handler may not call Tcl_AsyncMark, which takes locks that the interrupted code may
+//          hold. So the handlers only write to an eventfd, and a thread of this class calls Tcl_AsyncMark.
 #pragma once
 
 #include <vector>
@@ -20,8 +21,8 @@ namespace sorma::edit {
 
 class Signals {
 public:
-    // Catches SIGINT, SIGWINCH, SIGCONT, SIGTERM and SIGHUP until it ends; one at a time in a process. A signal that
-    // is ignored stays so.
+    // Handles SIGINT, SIGWINCH, SIGCONT, SIGTERM and SIGHUP until it is deleted. There may be one at a time in a process. A
+    // signal that is ignored stays so.
     explicit Signals(Tcl_Interp* interp);
     ~Signals();
     Signals(const Signals&) = delete;
@@ -29,7 +30,7 @@ public:
 
     static constexpr int kPatience = 250;       // [ms]
 
-    // As long as it lives interrupts are for whoever made it, who looks at interrupted() after each event.
+    // While this exists its maker gets the interrupts, and calls interrupted() after each event.
     class Waiting {
     public:
         explicit Waiting(Signals& s) : s_(s) { ++s_.waiting_; }
@@ -41,13 +42,13 @@ public:
         Signals& s_;
     };
     bool waiting() const { return waiting_ > 0; }
-    // Was there an interrupt that no script has ended by? Takes it.
+    // Was there an interrupt that has not ended a script? Each is returned once.
     bool interrupted();
-    // Has the window's size changed, was the program continued, since it was asked last?
+    // Has the window's size changed, or was the program continued, since the last call?
     bool resized();
     bool continued();
 
-    // These settings of the terminal (file 0) are put back when the program is ended by a signal from now on.
+    // From now on the present settings of the terminal (file 0) are restored when a signal ends the program.
     static void keepTerminal();
 
 private:
@@ -58,7 +59,7 @@ private:
     Tcl_Interp* const interp_;
     Tcl_AsyncHandler token_;
     int waiting_ = 0;
-    std::vector<Tcl_Interp*> spared_;   // not to be cancelled with their parent
+    std::vector<Tcl_Interp*> spared_;   // child interpreters that must not be cancelled with their parent
     struct Watcher;                     // the thread
     Watcher* watcher_;
 };

@@ -19,11 +19,11 @@ const Prototype kOption{Severity::error, "REQUEST SYNTAX", 0, "bad option \"{}\"
 const Prototype kValue{Severity::error, "REQUEST SYNTAX", 0, "{} needs a value"};
 const Prototype kMilliseconds{Severity::error, "REQUEST SYNTAX", 0, "-timeout expects a number of ms, 0 for none, got \"{}\""};
 const Prototype kQueue{Severity::error, "REQUEST SYNTAX", 0, "-queue expects a whole number from 1 to 1000000, got \"{}\""};
-const Prototype kCommand{Severity::error, "REQUEST SYNTAX", 0, "-command is missing: what is to be called with each event?"};
+const Prototype kCommand{Severity::error, "REQUEST SYNTAX", 0, "-command is missing: it must name the command that gets each event"};
 const Prototype kBadMethod{Severity::error, "REQUEST SYNTAX", 0, "bad method \"{}\": must be cancel, destroy, done, request, result, or wait"};
 const Prototype kNoFuture{Severity::error, "REQUEST SYNTAX", 0, "\"{}\" is no future of this interpreter"};
 const Prototype kNoSubscription{Severity::error, "REQUEST SYNTAX", 0, "\"{}\" is no subscription of this interpreter"};
-const Prototype kLocalDaemon{Severity::error, "REQUEST SYNTAX", 0, "\"{}\" is no daemon elsewhere: it means this interpreter"};
+const Prototype kLocalDaemon{Severity::error, "REQUEST SYNTAX", 0, "\"{}\" is this interpreter itself, not a daemon elsewhere"};
 const Prototype kTooLate{Severity::error, "COMM TIMEOUT", 1, "{}: not done in the time given to this command; the calls go on"};
 
 // A deadline from now, in milliseconds; 0 is none, which is said by one that never comes.
@@ -88,7 +88,7 @@ int FutureObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
     return Tcl_NRCallObjProc(interp, FutureNRCmd, data, objc, objv);
 }
 
-// Whoever throws a future away wants no answer.
+// A future whose command is deleted is cancelled.
 void futureDeleted(ClientData data) {
     auto* f = static_cast<FutureCommand*>(data);
     auto pending = f->pending;
@@ -103,7 +103,7 @@ FutureCommand& futureOf(Interpreter& i, Tcl_Obj* name) {
     return *static_cast<FutureCommand*>(info.objClientData);
 }
 
-// What differs from one interpreter to the next.
+// Data of one interpreter.
 struct Async {
     explicit Async(Interpreter& i) : interpreter(i) {}
     Interpreter& interpreter;

@@ -25,12 +25,12 @@ const Prototype kServeMissing{Severity::error, "REQUEST SYNTAX", 0, "{} needs a 
 
 constexpr char kKey[] = "sorma::comm";
 
-// What an interpreter has of COMM. The event source goes first: no request comes in while the rest is taken down.
+// The COMM of an interpreter. The event source is deleted first: so no request comes in while the rest is deleted.
 struct Network {
     explicit Network(Interpreter& i) : comm(i.sorm), source(i, comm) { Tcl_CreateExitHandler(exits, this); }
     ~Network() { Tcl_DeleteExitHandler(exits, this); }
-    // `exit`, and the end of a script, take no interpreter down: sockets and clients are told here. Not in a child that
-    // has forked from us.
+    // `exit` and the end of a script do not delete interpreters, so clients are told and sockets closed here. Not in a child
+    // that has forked from us.
     static void exits(ClientData data) {
         auto& network = *static_cast<Network*>(data);
         if (getpid() != network.process) return;
@@ -141,7 +141,7 @@ int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
         for (auto& line : lines) access.add(line, "-allow");
         auto& comm = networkOf(i).comm;
         Obj served(describe(comm.serve(wanted)));
-        // Where no event loop runs, as at tclsh's own prompt, this is one: until unserve, or the end of the interpreter.
+        // -wait: run the event loop here until unserve, or the end of the interpreter; at tclsh's own prompt none runs.
         while (wait && comm.findServer(wanted.name)) {
             Tcl_DoOneEvent(TCL_ALL_EVENTS);
             if (Tcl_InterpDeleted(interp)) return TCL_ERROR;        // and COMM with it

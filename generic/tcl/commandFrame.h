@@ -1,4 +1,6 @@
-/* commandFrame.h -- makes `info frame` safe for a command that only wants its caller's file and line. See commandFrame.c. */
+/* commandFrame.h -- makes `info frame` safe for a command that needs its caller's file and line.
+ *
+ * Without it `info frame` may read freed memory in a method that waits in several coroutines. commandFrame.c says why. */
 #pragma once
 
 #include <tcl.h>
@@ -7,11 +9,13 @@
 extern "C" {
 #endif
 
+/* What was changed, to be restored. */
 struct SormaFrame {
     void *command, *call;
 };
 
-/* Before and after the look. Returns 0 where it can do nothing: Tcl's private header was not there, or this is another Tcl. */
+/* Call these two before and after `info frame`, in the same C function. Detach returns 0 where it can do nothing: it was compiled
+ * without Tcl's private header, or for another release of Tcl. Then `info frame` is not safe in a coroutine that has waited. */
 int sormaDetachFrame(Tcl_Interp *interp, struct SormaFrame *saved);
 void sormaAttachFrame(const struct SormaFrame *saved);
 

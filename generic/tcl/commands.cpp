@@ -13,7 +13,7 @@ namespace {
 
 const Prototype kSetting{Severity::error, "OPTION UNKNOWN", 1, "unknown setting \"{}\": must be {}"};
 const Prototype kMissing{Severity::error, "OPTION MISSING", 1, "{} needs a value"};
-const Prototype kNotTrusted{Severity::error, "COMM DENIED", 0, "a safe interpreter grants nothing; only its trusted parent can"};
+const Prototype kNotTrusted{Severity::error, "COMM DENIED", 0, "a safe interpreter cannot grant rights; its parent can"};
 const Prototype kNoChild{Severity::error, "REQUEST SYNTAX", 0, "no interpreter \"{}\""};
 const Prototype kNotLoaded{Severity::error, "REQUEST SYNTAX", 0, "interpreter \"{}\" has no sorma yet: load {{}} Sorma {}"};
 
@@ -86,7 +86,7 @@ int NamesObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
     return guarded(i, objc, objv, [&] { return setList(interp, i.sorm.names(objc == 2 ? toUtf8(objv[1]) : "*")); });
 }
 
-// Those that are known, and TclOO classes that no name has called for yet.
+// The classes that the SORM knows, and TclOO classes that have not been used yet.
 int ClassesObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     if (objc > 2) return wrongArgs(interp, objv, "?pattern?");
     auto& i = of(data);

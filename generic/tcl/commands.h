@@ -5,6 +5,7 @@
 
 namespace sorma {
 
+// Call it once for each interpreter.
 void initCommands(Interpreter& interpreter);
 
 }  // namespace sorma

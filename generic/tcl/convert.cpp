@@ -175,7 +175,7 @@ double toDouble(Tcl_Obj* o) {
 std::int64_t toInteger(Tcl_Obj* o) {
     Tcl_WideInt n;
     if (Tcl_GetWideIntFromObj(nullptr, o, &n) != TCL_OK) {
-        Tcl_Obj* copy = Tcl_DuplicateObj(o);    // what Tcl takes for an integer is one of more than 64 bits
+        Tcl_Obj* copy = Tcl_DuplicateObj(o);    // if Tcl reads it as an integer, that has more than 64 bits
         Obj keep(copy);
         double x;
         if (Tcl_GetDoubleFromObj(nullptr, copy, &x) == TCL_OK && std::fabs(x) >= 9.2e18) fail(kWide, toUtf8(o));

@@ -8,7 +8,7 @@ namespace sorma {
 
 namespace {
 
-// What Tcl sees of a text in braces: a backslash at the end of a line, and the white space behind it, is one space.
+// A text in braces as Tcl reads it: a backslash at the end of a line, with the white space after it, becomes one space.
 struct Joined {
     std::string text;
     std::vector<std::size_t> lines;     // of the source, from 1: that of each line of the text

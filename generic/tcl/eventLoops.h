@@ -1,14 +1,15 @@
-// eventLoops.h -- Tcl's own commands that run an event loop: vwait, update, tkwait.
+// eventLoops.h -- wraps Tcl's commands that run an event loop: vwait, update, tkwait.
 //
-// What an event loop calls in the middle of a request has nothing to do with that request: an `after` script that happens to
-// run there is not the client's. Tcl has no place where one could be told of it, so the commands are wrapped.
+// When a service runs an event loop in the middle of a request, the scripts that run there (`after`, file events) have
+// nothing to do with that request: they must not get its caller, rights or deadline. Tcl has no hook for this, so the
+// commands are wrapped.
 #pragma once
 
 #include "tcl/interpreter.h"
 
 namespace sorma {
 
-// For the commands that are there; those that `load` brings (tkwait, with Tk) are wrapped after it.
+// Wrap the commands that exist, and `load`, after which it looks again: tkwait comes with Tk.
 void wrapEventLoops(Interpreter& interpreter);
 
 }  // namespace sorma

@@ -40,7 +40,7 @@ void EventSource::serve() {
         // Each request tells the reactor the time; reading the clock here as well would be a hundredth of a call.
         while (more && !interpreter.closing() && reactor.seen() < end) more = reactor.pollUntil(reactor.seen() + linger) > 0;
     } catch (...) {
-        // What a request throws ends in its reply; this is COMM itself at its wits' end (no memory, no descriptors).
+        // An error of a request is in its reply; this one is of COMM itself (no memory, no descriptors).
         if (!interpreter.closing()) {
             interpreter.raise(trailOfCurrentException("sorm"), {});
             Tcl_BackgroundException(interpreter.interp, TCL_ERROR);

@@ -19,7 +19,7 @@ const Prototype kPackage{Severity::error, "SERVICE PACKAGE", 1, "service class \
 
 }  // namespace
 
-// A look for a package that is not there leaves its error in two global variables; nobody has asked for it.
+// Restores two global variables, in which a search for a missing package leaves its error.
 class KeepErrorVariables {
 public:
     explicit KeepErrorVariables(Tcl_Interp* interp) : interp_(interp) {
@@ -55,7 +55,7 @@ Interpreter::~Interpreter() {
         endings_.pop_back();
         try {
             action();
-        } catch (...) {     // nobody is left to hear it
+        } catch (...) {     // no caller could get the error
         }
     }
     releaseBindings(*this);
@@ -76,7 +76,7 @@ void Interpreter::whenIdle(std::function<void()> action) {
     due_ = true;
 }
 
-// What is done here may itself make calls, and leave more to do.
+// The actions may make calls, and add more actions.
 void Interpreter::idle() {
     ++depth_;
     while (!waiting_.empty()) {

@@ -21,7 +21,7 @@ std::int64_t changedAt(const std::string& path) {
 
 }  // namespace
 
-// An `ifneeded` that somebody has given meanwhile shows in `package versions`, which looks at nothing.
+// `package versions`, which reads no files, shows an `ifneeded` script that was added meanwhile.
 bool MissingPackages::has(const std::string& package) {
     if (!missing_.contains(package)) return false;
     Obj words[] = {newText("::package"), newText("versions"), newText(package)};

@@ -1,7 +1,10 @@
-// missingPackages.h -- packages that Tcl has looked for and not found.
+// missingPackages.h -- remembers the packages that Tcl did not find.
 //
-// A look goes through all folders of auto_path, which takes milliseconds; a name that is no class is typed, or asked for by a
-// completion, again and again. So what was missing stays so until the path, a folder or an index on it changes.
+// Tcl reads all folders of auto_path to find a package, which takes milliseconds. Names that are no class are often asked
+// for again, for instance by completion. So a package that was missing counts as missing until auto_path changes, or a
+// folder or an index in it.
+//
+// Threads: the interpreter's. Both functions evaluate Tcl commands, and change the interpreter's result.
 #pragma once
 
 #include <cstdint>
@@ -16,21 +19,21 @@ namespace sorma {
 class MissingPackages {
 public:
     explicit MissingPackages(Tcl_Interp* interp) : interp_(interp) {}
-    bool has(const std::string& package);       // is it known to be missing, now?
-    void add(const std::string& package);       // it was just looked for
+    bool has(const std::string& package);       // true: it is still missing, and there is no need to look again
+    void add(const std::string& package);       // Tcl has just looked for it and not found it
 
 private:
     struct Seen {
         std::string path;
-        std::int64_t changed;                   // [ns], 0: there is none
+        std::int64_t changed;                   // [ns], 0: it does not exist
     };
-    std::string places() const;                 // where Tcl looks, and by what command
-    void look(const std::string& places);
+    std::string places() const;                 // the folders that Tcl reads, and the command that reads them
+    void look(const std::string& places);       // forget all names, and note how the folders are now
 
     Tcl_Interp* interp_;
-    std::string places_;
-    std::vector<Seen> seen_;                    // folders, and indices in them
-    std::unordered_set<std::string> missing_;
+    std::string places_;                        // as places() was when we looked
+    std::vector<Seen> seen_;                    // folders, and the indices in them
+    std::unordered_set<std::string> missing_;   // names
 };
 
 }  // namespace sorma

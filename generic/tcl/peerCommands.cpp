@@ -29,6 +29,7 @@ const Prototype kSelf{Severity::error, "REQUEST SYNTAX", 0, "the peer of this pr
 const Prototype kWord{Severity::error, "REQUEST SYNTAX", 0, "bad word \"{}\": must be names, open, or programs"};
 const Prototype kPrograms{Severity::error, "REQUEST SYNTAX", 0, "sorma::peer programs expects a host, and -command prefix"};
 const Prototype kThread{Severity::error, "COMM LIMIT", 1, "the rpcbind of {} cannot be asked: {}"};
+const Prototype kEnded{Severity::error, "COMM LOST", 1, "{}: the connection to its daemon has ended; the request may have run"};
 
 // Calls a command prefix with further words at global level, as an event does.
 void call(Interpreter& i, Tcl_Obj* prefix, std::initializer_list<Tcl_Obj*> words) {
@@ -73,13 +74,19 @@ public:
 
     void ask(int objc, Tcl_Obj* const objv[]);
     bool cancel(Tcl_Obj* given);
+    void giveUp();                                      // before it is deleted: whoever asked gets an error
     void subscribe(int objc, Tcl_Obj* const objv[]);
     Tcl_Obj* facts() const;
 
     Interpreter& interpreter;
     std::shared_ptr<Connection> connection;             // null: this process
     std::map<std::string, std::unique_ptr<Listening>> subscriptions;
-    std::map<std::uint64_t, Future> asked;              // by number: what is under way
+    struct Request {
+        Future future;
+        std::string name;
+        Obj prefix;
+    };
+    std::map<std::uint64_t, Request> asked;             // by number: what is under way
     std::uint64_t last = 0;
     Tcl_Command token = nullptr;
 };
@@ -119,11 +126,13 @@ void PeerCommand::ask(int objc, Tcl_Obj* const objv[]) {
         for (auto* w : words) pending->message.words.push_back(toUtf8(w));
     Future future(pending);
     const std::uint64_t itsNumber = pending->number();
-    future.then([weak = weak_from_this(), prefix, itsNumber](Future f) {
+    future.then([weak = weak_from_this(), itsNumber](Future f) {
         auto self = weak.lock();
         if (!self || self->interpreter.closing()) return;
-        self->asked.erase(itsNumber);
+        auto request = self->asked.extract(itsNumber);
+        if (request.empty()) return;                            // given up
         Interpreter& i = self->interpreter;
+        const Obj prefix = request.mapped().prefix;
         try {
             Message& m = f.result();
             call(i, prefix, {newText("ok"), dictReply(i.constants, m)});
@@ -133,15 +142,31 @@ void PeerCommand::ask(int objc, Tcl_Obj* const objv[]) {
             call(i, prefix, {newText("error"), Tcl_NewListObj(2, words)});
         }
     });
-    connection->begin(pending, toUtf8(objv[at]), method == "EXEC" ? Method::exec : method == "CTRL" ? Method::ctrl : Method::dbx);
-    asked.emplace(itsNumber, future);
+    asked.emplace(itsNumber, Request{future, toUtf8(objv[at]), prefix});
+    try {
+        connection->begin(pending, toUtf8(objv[at]), method == "EXEC" ? Method::exec : method == "CTRL" ? Method::ctrl : Method::dbx);
+    } catch (...) {
+        asked.erase(itsNumber);
+        throw;
+    }
     Tcl_SetObjResult(interpreter.interp, Tcl_NewWideIntObj(Tcl_WideInt(itsNumber)));
 }
 
 // $peer cancel NUMBER: was it under way? Its prefix is called with COMM CANCELLED, and its service is told
 bool PeerCommand::cancel(Tcl_Obj* given) {
     auto found = asked.find(std::uint64_t(number("cancel", given, 0, 0)));
-    return found != asked.end() && found->second.cancel();
+    return found != asked.end() && found->second.future.cancel();
+}
+
+// From the event loop: this may be called in the midst of what the asker does.
+void PeerCommand::giveUp() {
+    for (auto& [number, request] : std::exchange(asked, {}))
+        interpreter.sorm.mailbox()->post([&i = interpreter, name = request.name, prefix = request.prefix] {
+            if (i.closing()) return;
+            const Entry entry = makeEntry(kEnded, {MessageArg::of(name)});
+            Tcl_Obj* words[] = {newText(entry.text), errorCode(entry)};
+            call(i, prefix, {newText("error"), Tcl_NewListObj(2, words)});
+        });
 }
 
 // $peer subscribe ?-event pattern? ?-queue n? ?-command prefix? NAME: a token; while it is connected. Only if there is such an object
@@ -193,7 +218,7 @@ int PeerObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const obj
             return Tcl_SetObjResult(interp, i.constants.integer(self->cancel(objv[2]))), TCL_OK;
         }
         if (method == "facts") return Tcl_SetObjResult(interp, self->facts()), TCL_OK;
-        if (method == "destroy") return Tcl_DeleteCommandFromToken(interp, self->token), TCL_OK;
+        if (method == "destroy") return self->giveUp(), Tcl_DeleteCommandFromToken(interp, self->token), TCL_OK;
         if (method == "unsubscribe") {
             if (objc != 3) return Tcl_WrongNumArgs(interp, 2, objv, "subscription"), TCL_ERROR;
             auto found = self->subscriptions.find(toUtf8(objv[2]));
@@ -221,7 +246,7 @@ int PeerObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const obj
     });
 }
 
-// What an interpreter has of this.
+// Data of one interpreter.
 struct Peers : std::enable_shared_from_this<Peers> {
     Peers(Interpreter& i, Comm& c) : interpreter(i), comm(c) {}
     void watchFolder(const std::string& folder, Obj command) {

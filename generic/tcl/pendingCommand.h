@@ -1,4 +1,4 @@
-// pendingCommand.h -- a request that a Tcl command has made, and whose result is not there yet.
+// pendingCommand.h -- a request that a Tcl command has begun, and that becomes the command's result later.
 #pragma once
 
 #include <memory>
@@ -9,8 +9,9 @@
 
 namespace sorma {
 
-// What a request is, and how its answer becomes a result.
+// The method of a request, and the form of its result.
 struct Request {
+    // flat: RET ...; dict: as of exec; text: the text alone; oneOption: the value of `cget`; nothing: empty
     enum class Answer { flat, dict, text, oneOption, nothing };
     Method method = Method::exec;
     Answer answer = Answer::flat;
@@ -21,7 +22,7 @@ public:
     PendingCommand(Interpreter& i, std::string name, Request request, Future future, int objc, Tcl_Obj* const objv[]);
     const Future& future() const { return future_; }
     const std::string& name() const { return name_; }
-    // The future is done: set the interpreter's result, or raise its error. Any number of times.
+    // When the future is done: set the interpreter's result and return TCL_OK, or raise the error. May be called again.
     int finish() const;
 
 private:
@@ -32,9 +33,10 @@ private:
     Obj words_;                         // NAME METHOD word ..., for messages
 };
 
-// NAME METHOD word ..., begun and not waited for. Null: wrong # args, the interpreter's result says so. Throws Error.
+// Begin NAME METHOD word ... and return without waiting. objv: the words, beginning with NAME. Null: wrong # args, with the
+// message in the interpreter's result. Throws Error when the request is malformed or the object cannot be made.
 std::shared_ptr<PendingCommand> beginCommand(Interpreter& i, std::string_view name, int objc, Tcl_Obj* const objv[], Deadline deadline);
-// The same without an answer. False: wrong # args.
+// Send the same as a one-way request, which has no answer. False: wrong # args. Blocks and throws as Connection::oneway.
 bool sendOneway(Interpreter& i, std::string_view name, int objc, Tcl_Obj* const objv[]);
 
 }  // namespace sorma

@@ -32,8 +32,8 @@ const Prototype kSignalName{Severity::error, "REQUEST SYNTAX", 0,
 const Prototype kNumber{Severity::error, "REQUEST SYNTAX", 0, "{} expects a whole number, got \"{}\""};
 const Prototype kNoProcess{Severity::error, "SERVICE GONE", 1, "process {} cannot be watched: {}"};
 const Prototype kNoSocket{Severity::error, "COMM REFUSED", 0,
-    "standard input is no socket; inetd, or systemd with Accept=yes and StandardInput=socket, give one"};
-const Prototype kNoThread{Severity::error, "COMM LIMIT", 1, "no thread can be had that watches standard input: {}"};
+    "standard input is not a socket; inetd, or systemd with Accept=yes and StandardInput=socket, provides one"};
+const Prototype kNoThread{Severity::error, "COMM LIMIT", 1, "cannot start the thread that watches standard input: {}"};
 
 struct SignalName {
     const char* name;
@@ -181,15 +181,15 @@ int AtEndObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
 
 // ---- the end of standard input ----
 
-// A thread of its own: a service that computes for ever, or a script that never comes back, must not outlive whoever
-// holds the other end.
+// It is a thread of its own, since a service that computes for ever must not keep this process alive when the process that
+// holds the other end has ended.
 void watchInput(int milliseconds) {
     char buffer[4096];
     for (;;) {
         ssize_t n = read(STDIN_FILENO, buffer, sizeof buffer);
         if (n > 0 || (n < 0 && errno == EINTR)) continue;
         if (n == 0 || errno != EAGAIN) break;
-        pollfd p{STDIN_FILENO, POLLIN, 0};                      // somebody has made it non-blocking
+        pollfd p{STDIN_FILENO, POLLIN, 0};                      // other code has made it non-blocking
         poll(&p, 1, -1);
     }
     kill(getpid(), SIGTERM);

@@ -1,17 +1,19 @@
-// processCommands.h -- what sormad and sorma-launch need, mostly of the operating system. Not for others.
+// processCommands.h -- commands for sormad and sorma-launch alone, mostly about processes.
 //
-//     sorma::AtSignal script ?NAME ...?   run it from the event loop whenever SIGTERM, SIGINT or one of these comes.
-//                                         Once a process. What is ignored stays so, unless it is one of the two (nohup)
-//     sorma::AtEnd pid script             run it from the event loop when this child has ended; it is not reaped
-//     sorma::Signal pid NAME              to a process, or with -pid to its group. Returns 0 when there is none
-//     sorma::UntilEof ms                  SIGTERM to this process when its standard input ends, seen by a thread that no
-//                                         request can keep from it; if that has not helped in ms, the end, with 1
-//     sorma::Notify text                  to whom NOTIFY_SOCKET names, as sd_notify(3) does. Returns whether it was sent
-//     sorma::CloseAtExec fd               keep an inherited descriptor from programs that this one starts
+//     sorma::AtSignal script ?NAME ...?   run the script from the event loop whenever SIGTERM, SIGINT or one of these signals comes.
+//                                         Once for each process. A signal that is ignored stays so (nohup), unless it is one of
+//                                         these two
+//     sorma::AtEnd pid script             run the script from the event loop when this child has ended; its exit status is still
+//                                         to be fetched
+//     sorma::Signal pid NAME              send a signal to a process, or with -pid to its group. Returns 0 when there is none
+//     sorma::UntilEof ms                  send SIGTERM to this process when its standard input ends; exit with 1 if it still runs
+//                                         ms later. A thread does it, so it works while a request computes
+//     sorma::Notify text                  send the text to NOTIFY_SOCKET, as sd_notify(3) does. Returns whether it was sent
+//     sorma::CloseAtExec fd               programs that this one starts do not inherit the descriptor
 //     sorma::SplitWords text              the words of a text, quoted as in requests; # begins a comment
-//     sorma::TakeSocket                   the socket that is standard input: list of descriptor, and whether it listens.
-//                                         Standard channels that are this socket become /dev/null: nothing else may
-//                                         write there
+//     sorma::TakeSocket                   the socket that is standard input: a list of its descriptor, and whether it listens.
+//                                         Standard channels that are this socket become /dev/null, so that nothing else writes
+//                                         there
 #pragma once
 
 #include "tcl/interpreter.h"

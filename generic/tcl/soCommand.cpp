@@ -40,7 +40,7 @@ inline Word methodOf(Tcl_Obj* o) {
 
 }  // namespace
 
-// What a command of a service object holds. It lives while a command names it, and until no call is in progress.
+// The data of a service object's commands. It exists while one of the commands does, and while a call is in progress.
 class SoBinding {
 public:
     struct Command {                    // client data of a Tcl command
@@ -224,7 +224,7 @@ int readRequest(SoBinding& b, Word word, int objc, Objects objv, Request& reques
     }
 }
 
-// so: whose answer it is; null: it is gone meanwhile.
+// so: the object that has answered; null: it was removed meanwhile.
 Tcl_Obj* resultOf(const Constants& constants, const std::string& name, Service* so, const Request& request, const Message& m, Tcl_Obj* option) {
     switch (request.answer) {
         case Request::Answer::flat: return flatReply(constants, m);
@@ -256,7 +256,7 @@ int tclDict(Tcl_Interp* interp, int objc, Objects objv) {
     return Tcl_EvalObjv(interp, objc, words.data(), TCL_EVAL_NOERR);
 }
 
-// What is between this interpreter and the command alone.
+// Methods that concern only this interpreter and the command.
 int ownMethod(SoBinding& b, Word method, int objc, Objects objv) {
     Tcl_Interp* interp = b.interpreter.interp;
     switch (method) {
@@ -393,7 +393,7 @@ SoBinding& bindingFor(Interpreter& i, std::string_view name) {
         makeCommands(*known->second);
         return *known->second;
     }
-    if (key.starts_with("::"))          // no name, but perhaps somebody's own object
+    if (key.starts_with("::"))          // no name, but perhaps a TclOO object that a script has made
         if (std::string label = labelOfObject(i, key); !label.empty()) return *i.bindings.at(label);
     Reference so = i.sorm.get(name);
     known = i.bindings.find(key);       // making it may have bound it
@@ -427,7 +427,7 @@ private:
 
 // ---- unknown words ----
 
-// What an unknown command word is to us.
+// The meaning of an unknown command word.
 struct Mention {
     std::string name;       // empty: nothing
     bool certain = false;   // it can be nothing else: it has an address or is in our namespace
@@ -457,7 +457,7 @@ int invalidCommand(Tcl_Interp* interp, Tcl_Obj* word) {
     return TCL_ERROR;
 }
 
-// What we would have said, kept until the handler before us has had its try.
+// Our own error, kept until the handler before ours was tried.
 struct Unanswered {
     Interpreter* interpreter;
     Trail trail;
@@ -567,7 +567,7 @@ int PendingCommand::finish() const {
     try {
         Message& m = future_.result();
         if (!m.trail.empty() || !i.sorm.lastTrail().empty()) keepTrail(i, name_, m, int(objc), objv);
-        // The object may be gone; it is not made anew for this.
+        // The object may have been removed; it is not made again for this.
         auto found = i.bindings.find(name_);
         Service* so = found != i.bindings.end() && found->second->so && !found->second->so->gone() ? &*found->second->so : nullptr;
         return answer(i, resultOf(i.constants, name_, so, request_, m, objc > 2 ? objv[2] : nullptr));

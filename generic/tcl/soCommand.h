@@ -1,9 +1,13 @@
 // soCommand.h -- a service object as a Tcl command.
 //
-// The command ::sorma::so::NAME comes to be when the name is first mentioned, and ::NAME beside it unless some other
-// command has that name. First mention is noticed by the global namespace's unknown handler, which passes on to the
-// handler that was there before whatever is no request: `NAME METHOD ...` where METHOD is one of EXEC CTRL DBX exec
-// configure cget info destroy and the class of NAME can be found, or a NAME with @, or the prefix sorma::so::.
+// The command ::sorma::so::NAME is made when the name is used for the first time, and ::NAME beside it unless another
+// command has that name. The unknown handler of the global namespace notices the first use. It handles `NAME METHOD ...`
+// when METHOD is one of EXEC CTRL DBX exec configure cget info destroy and the class of NAME can be found; a NAME with @;
+// and the prefix sorma::so::. All else goes to the handler that was there before.
+//
+// Threads: the interpreter's.
+// Re-entry: a call runs the object, which may call anything: its object may be removed, its command deleted and its
+//           interpreter deleted before it returns. Each call keeps the object alive until it has returned.
 #pragma once
 
 #include "tcl/interpreter.h"
@@ -12,22 +16,25 @@ namespace sorma {
 
 void initSoCommands(Interpreter& interpreter);
 
-// Makes the object and its commands when need be. Returns the word by which it is called: NAME, or ::sorma::so::NAME
-// where NAME is some other command. Throws Error.
+// Make the object and its commands when need be. Returns the word by which you call it: NAME, or ::sorma::so::NAME where
+// NAME is another command. Throws Error.
 std::string commandOf(Interpreter& interpreter, std::string_view name);
 
-// A request to the object of that name, as its command makes it: objv[1] is the method. Throws Error.
+// Send a request to the object of that name, as its command does: objv[1] is the method. Sets the interpreter's result and
+// returns Tcl's code. Throws Error.
 int callByName(Interpreter& interpreter, std::string_view name, int objc, Tcl_Obj* const objv[]);
 
 // Is the word one of the methods of a service object's command?
 bool isSoMethod(Tcl_Obj* word);
 
-// An object that no name leads to: from now on `label`, which is no name, means it for callByName, until it is released.
+// An object that is not in the repository: callByName finds it by its label, which is no name, until releaseAnonymous.
 void bindAnonymous(Interpreter& interpreter, const std::string& label, Reference so);
 void releaseAnonymous(Interpreter& interpreter, const std::string& label);
 bool isBound(Interpreter& interpreter, const std::string& label);
 
+// The object of that name was removed: delete its commands.
 void deleteCommands(Interpreter& interpreter, const std::string& name);
-void releaseBindings(Interpreter& interpreter);     // the interpreter ends: let go of the objects
+// The interpreter ends: release all objects.
+void releaseBindings(Interpreter& interpreter);
 
 }  // namespace sorma

@@ -169,7 +169,7 @@ Trail trailOfTclError(Interpreter& i, int code, const std::string& so, const Cla
         trail.add(std::move(e));
         return trail;
     }
-    // The stack trace follows the error, so that it reaches the caller wherever he is.
+    // The stack trace is an entry after the error, so that it reaches callers in other processes, too.
     constexpr std::size_t kMost = 4096;
     KeepState keep(interp);
     findPlace(i, info, e);

@@ -12,7 +12,7 @@ namespace {
 
 const Prototype kDeclaration{Severity::error, "CLASS TABLE", 0, "{}: {}"};
 const Prototype kOutside{Severity::error, "CLASS TABLE", 0,
-                         "{} declares a service class: use it in the body of a class, behind \"superclass sorma::Service\""};
+                         "{} declares a service class: use it in the body of a class, after \"superclass sorma::Service\""};
 
 Class buildClass(Interpreter& i, const std::vector<TclClass*>& line, Tcl_Class tcl) {
     std::string purpose;
@@ -33,8 +33,8 @@ Class buildClass(Interpreter& i, const std::vector<TclClass*>& line, Tcl_Class t
         if (!c->words.empty()) made.words(c->words);
         if (!c->example.empty()) made.example(c->example);
         if (!c->version.empty()) made.version(c->version);
-        if (!c->conduct.empty())
-            made.conduct(c->conduct == "concurrent" ? Conduct::concurrent : c->conduct == "exclusive" ? Conduct::exclusive : Conduct::serial);
+        if (!c->concurrency.empty())
+            made.concurrency(c->concurrency == "concurrent" ? Concurrency::concurrent : c->concurrency == "exclusive" ? Concurrency::exclusive : Concurrency::serial);
         if (!c->file.empty()) made.declaredAt(c->file, c->line);
         for (auto& d : c->options) {
             std::size_t index = made.options().size();
@@ -312,15 +312,15 @@ int TextObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const obj
         return TCL_OK;
     });
 }
-int ConductObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+int ConcurrencyObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     return guarded(i, objc, objv, [&] {
         if (objc != 2) return wrongArgs(interp, objv, "serial|concurrent|exclusive");
         TclClass& c = target(i, objv[0]);
-        std::string conduct = toUtf8(objv[1]);
-        if (conduct != "serial" && conduct != "concurrent" && conduct != "exclusive")
-            bad(objv[0], "bad conduct \"" + conduct + "\": must be concurrent, exclusive, or serial");
-        c.conduct = conduct;
+        std::string concurrency = toUtf8(objv[1]);
+        if (concurrency != "serial" && concurrency != "concurrent" && concurrency != "exclusive")
+            bad(objv[0], "bad concurrency \"" + concurrency + "\": must be concurrent, exclusive, or serial");
+        c.concurrency = concurrency;
         declared(i, c);
         return TCL_OK;
     });
@@ -361,7 +361,7 @@ void tcloo::initDeclarations(Interpreter& i) {
     };
     for (auto& c : std::initializer_list<Command>{
              {"option", OptionObjCmd}, {"action", ActionObjCmd}, {"inspection", InspectionObjCmd},
-             {"conduct", ConductObjCmd}, {"reads", ReadsObjCmd}, {"writes", WritesObjCmd},
+             {"concurrency", ConcurrencyObjCmd}, {"reads", ReadsObjCmd}, {"writes", WritesObjCmd},
              {"purpose", TextObjCmd<&TclClass::purpose, kTextUsage>}, {"words", TextObjCmd<&TclClass::words, kUsageUsage>},
              {"example", TextObjCmd<&TclClass::example, kRequestUsage>},
              {"version", TextObjCmd<&TclClass::version, kVersionUsage>}})

@@ -12,8 +12,8 @@ using namespace tcloo;
 namespace {
 
 const Prototype kNoService{Severity::error, "SERVICE FAILED", 0,
-                           "{} is no service object yet: its constructor has not ended; method born is for what needs one"};
-const Prototype kNotRunning{Severity::error, "SERVICE FAILED", 0, "{} belongs into a method of a service class"};
+                           "{} is no service object yet: its constructor has not returned; do this in method born"};
+const Prototype kNotRunning{Severity::error, "SERVICE FAILED", 0, "{} works only in a method of a service class"};
 const Prototype kSymbol{Severity::error, "REQUEST SYNTAX", 0, "bad code \"{}\": must be AREA SYMBOL ?detail ...?"};
 const Prototype kNoOption{Severity::error, "OPTION UNKNOWN", 2, "{}: unknown option \"{}\": must be {}"};
 
@@ -64,8 +64,8 @@ int WarnObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const obj
     });
 }
 
-// A TclOO object that somebody has made himself becomes a service object when it is first asked as one. It is called by its
-// command, as long as that lives; nobody else can name it.
+// A TclOO object that a script has made becomes a service object at its first request. It is called by its
+// command, as long as the command exists; it has no name for others.
 TclService& makeAnonymous(Interpreter& i, Tcl_Object object) {
     std::string label = objectName(i.interp, object);
     if (i.constructing > 0 || Tcl_ObjectDeleted(object)) fail(kNoService, label);
@@ -76,7 +76,7 @@ TclService& makeAnonymous(Interpreter& i, Tcl_Object object) {
     for (auto* c : lineage(i, type))
         for (auto& d : c->options) initial.push_back(d.initial);
     const std::string plain = label;
-    for (int n = 2; isBound(i, label); ++n) label = plain + "#" + std::to_string(n);     // the command was renamed, and made anew
+    for (int n = 2; isBound(i, label); ++n) label = plain + "#" + std::to_string(n);     // the command was renamed, and another one made
     auto fresh = std::make_unique<TclService>(i, object, std::move(initial));
     TclService& service = *fresh;
     bindAnonymous(i, label, i.sorm.makeAnonymous(std::move(fresh), label, serviceName(type)));
@@ -85,7 +85,7 @@ TclService& makeAnonymous(Interpreter& i, Tcl_Object object) {
 
 }  // namespace
 
-// The SO of a TclOO object.
+// The service object of a TclOO object.
 TclService& tcloo::serviceOf(Interpreter& i, Tcl_Object object) {
     auto* service = static_cast<TclService*>(Tcl_ObjectGetMetadata(object, &kObjectData));
     if (!service) return makeAnonymous(i, object);
@@ -95,7 +95,7 @@ TclService& tcloo::serviceOf(Interpreter& i, Tcl_Object object) {
 
 namespace {
 
-// The SO of the object whose method runs.
+// The service object of the object whose method runs.
 TclService& self(Tcl_ObjectContext context, Interpreter& i) { return serviceOf(i, Tcl_ObjectContextObject(context)); }
 
 // A word that an object of a service class does not know: requests are for its service object.

@@ -11,7 +11,7 @@ using namespace tcloo;
 namespace {
 
 const Prototype kNothingToCancel{Severity::error, "SERVICE FAILED", 0,
-    "sorma::atCancel: no request runs here that its caller could cancel; it belongs into exec, selftest, an action or an "
+    "sorma::atCancel: no request is being executed here; use it in exec, selftest, an action or an "
     "inspection of a service class, outside of coroutines of your own"};
 
 // sorma::tcloo::Done result options: the EXEC of this coroutine has come to its end.
@@ -45,7 +45,7 @@ int DoneObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const obj
     return TCL_OK;
 }
 
-// sorma::cancelled: has the caller of this EXEC given up?   sorma::atCancel script: run it when that happens
+// sorma::cancelled: has the caller of this EXEC cancelled it?   sorma::atCancel script: run the script when that happens
 int CancelledObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     if (objc != 1) return Tcl_WrongNumArgs(interp, 1, objv, nullptr), TCL_ERROR;

@@ -110,8 +110,8 @@ Obj TclService::call(std::string_view method, std::span<Tcl_Obj* const> args, Me
     throw Error(std::move(trail));
 }
 
-void TclService::leaving() {
-    // Those that wait have nobody to work for any more; deleting a coroutine unwinds it.
+void TclService::removing() {
+    // Requests that wait end here: deleting their coroutines unwinds them.
     Interpreter& i = interpreter_;
     if (i.closing()) return;
     std::vector<std::pair<std::string, std::shared_ptr<TclRun>>> mine;
@@ -164,7 +164,7 @@ void tclServiceRemoved(Interpreter& interpreter, const std::string& name) {
     auto known = interpreter.tclServices.find(name);
     if (known == interpreter.tclServices.end()) return;
     TclService* service = known->second;
-    if (!service->gone()) return;           // only a second name went
+    if (!service->gone()) return;           // only a second name was removed
     interpreter.tclServices.erase(known);
     service->removed();
 }

@@ -13,9 +13,15 @@
 //         }
 //     }
 //
-// The declarations become a sorma::Class; everything after that is the same as for C++. The service class's name is
-// the last part of the TclOO class's name, in lower case, with _ for what is neither letter nor digit. A class derived from another service class has its table too.
-// A declaration for a class that has objects already concerns those made afterwards.
+// The declarations become a sorma::Class, which is used like one of C++. The name of the service class is the last part of
+// the TclOO class's name, in lower case, with _ for all that is neither letter nor digit. A derived class also has the
+// options, actions and inspections of its superclass. A declaration for a class that has objects already is for objects made
+// later.
+//
+// Threads:  the interpreter's.
+// Owner:    the repository owns the service object. The service object and its TclOO object delete each other: whichever is
+//           removed first. The exception is a TclOO object that a script has made itself; it lives as long as its command.
+// Re-entry: each function that runs Tcl code may be entered again, and the interpreter may be deleted meanwhile.
 #pragma once
 
 #include <memory>
@@ -30,9 +36,11 @@ struct TclClass;        // declarations of one TclOO class
 
 class TclService final : public Service {
 public:
-    // type: the class of the object, still without SO. Fails with SERVICE FAILED when the Tcl constructor does.
+    // Makes a TclOO object of the class. Fails with SERVICE FAILED when its constructor does.   initial: values of the
+    // options.
     TclService(Interpreter& interpreter, Tcl_Class type, std::vector<Value> initial);
-    // For a TclOO object that somebody has made himself (carry create x): it is his, and no name leads to it.
+    // For a TclOO object that a script has made (carry create x). It is not in the repository; the script calls it by its
+    // command.
     TclService(Interpreter& interpreter, Tcl_Object object, std::vector<Value> initial);
     ~TclService() override;
 
@@ -42,55 +50,61 @@ public:
     void answerSelftest(Message& m) override;
     void dumpState(std::string& out) const override;
 
-    // Call a method of the TclOO object, private ones too. Throws what it throws, behind what message has in its
-    // trail already (message may be null: then warnings of the method go nowhere).
+    // Call a method of the TclOO object, also a private one, and return its result. Warnings of the method go to message's
+    // trail;
+    // null: they are lost. An error of the method is thrown as Error, after the entries that the trail has already.
     Obj call(std::string_view method, std::span<Tcl_Obj* const> args, Message* message) const;
 
-    // An action, or what else answers CTRL and DBX: as an EXEC it may wait, and is answered later then. What the method
-    // returns becomes a line of m.text.
+    // Run an action or an inspection. As EXEC it may wait, and is then answered later. The method's result becomes a line of
+    // m.text.
     void act(const std::string& method, Args args, Message& m);
 
-    void removed();             // the SO has left the repository: so does the TclOO object
-    void objectDeleted();       // and the other way round
+    void removed();             // the service object was removed from the repository: delete the TclOO object
+    void objectDeleted();       // the TclOO object was deleted: remove the service object
 
-    void leaving() override;
+    void removing() override;    // it is being removed: requests that wait fail with SERVICE GONE
     void tell(std::string_view event, const Message& m) { publishState(event, m); }
-    void answer(TclRun& run, Message& m) const;     // of one that is done: the result into m, or a throw
+    void answer(TclRun& run, Message& m) const;     // put the result of a run that is done into m, or throw its error
+    // Options. option: its index in the class's table. setService fails with COMM DENIED for an object elsewhere that the
+    // owner of this process has not chosen.
     Value value(std::size_t option) const { return values_[option]; }
     void setValue(std::size_t option, const Value& value);
     void setService(std::size_t option, Reference service);
     Interpreter& interpreter() const { return interpreter_; }
 
 private:
+    // Evaluate the command in a coroutine. When it waits there, m is answered later.
     void begin(const std::shared_ptr<TclRun>& run, std::span<const Obj> command, Message& m);
 
     Interpreter& interpreter_;
-    Tcl_Object object_ = nullptr;       // null when it has been destroyed
-    bool anonymous_ = false;
-    Obj my_;                            // command that also calls its private methods
+    Tcl_Object object_ = nullptr;       // null when it has been deleted
+    bool anonymous_ = false;            // a script has made object_
+    Obj my_;                            // the object's `my` command, which also calls private methods
     std::vector<Value> values_;         // one for each option
     std::vector<Reference> services_;   // of the options of type service; as long as values_, or empty
 };
 
-// An EXEC or an action of a service in Tcl. It runs in a coroutine of its own, so that it may wait: for time, for events, for other
-// services, which then suspend only it. What it still owes when it first waits is answered later.
+// One EXEC or action of a service in Tcl. It runs in a coroutine of its own, so that it may wait for time, events or other
+// services; only the coroutine is suspended then. When it waits for the first time, its caller's thread goes on, and it is
+// answered later.
 struct TclRun {
-    TclService* service;                // null when its interpreter is gone
-    Reference keep;
-    bool isExec = true;
+    TclService* service;                // null when its interpreter was deleted
+    Reference keep;                     // keeps the service alive
+    bool isExec = true;                 // else an action or an inspection
     Message said;                       // its warnings so far
-    KeptCallPointer context;                    // of the request; null: it came from no request
-    Reply reply;                        // set when it has waited
-    Obj atCancel;                       // script
+    KeptCallPointer context;                    // caller and deadline of the request; null: it came from no request
+    Reply reply;                        // empty until it waits
+    Obj atCancel;                       // script to run when the caller cancels
     bool done = false, cancelled = false;
-    int code = 0;                       // when it is done: what Tcl has to say
-    Obj result, options;
+    int code = 0;                       // when it is done: Tcl's code
+    Obj result, options;                // and result and return options
 };
 
-// What is being executed: by the coroutine that we are in, else by whoever called us.
+// The service whose code is being evaluated: in the coroutine in which we are, else Interpreter::running.
 Interpreter::Running runningNow(Interpreter& interpreter);
 
-// While Tcl code of a coroutine makes a request: deadline and caller of the EXEC that runs in it, if it is one.
+// While this exists, requests have the deadline and the caller of the EXEC that runs in the coroutine. If there is none, it
+// does nothing. The Tcl code of a coroutine needs it for its requests.
 class InCoroutine {
 public:
     InCoroutine(Interpreter& interpreter, Tcl_Obj* coroutine);
@@ -101,17 +115,18 @@ private:
     alignas(CallContext) unsigned char context_[sizeof(CallContext)];
 };
 
-// Creates ::sorma::Service, the declaration commands and sorma::fail, sorma::warn. False: see the interpreter's result.
+// Create ::sorma::Service, the declaration commands, sorma::fail and sorma::warn. False: the interpreter's result says why.
 bool initTclServices(Interpreter& interpreter);
 
-// Look for a TclOO class of that service class name and add it to the SORM.
+// Look for a TclOO class of that service class name and add it to the SORM. False: there is none.
 bool registerTclClass(Interpreter& interpreter, const std::string& name);
-std::vector<std::string> tclClassNames(Interpreter& interpreter);
+std::vector<std::string> tclClassNames(Interpreter& interpreter);      // service class names of all such TclOO classes
 
-// The label by which callByName and its like know a TclOO object of a service class that somebody has made himself; from now on it
-// has a service object. Empty: the command is no such object.
+// For a TclOO object of a service class that a script has made: the label by which callByName knows it. It gets a service
+// object if it has none. Empty: the command is no such object.
 std::string labelOfObject(Interpreter& interpreter, std::string_view command);
 
+// The service object of that name was removed: delete its TclOO object, if it has one.
 void tclServiceRemoved(Interpreter& interpreter, const std::string& name);
 
 }  // namespace sorma

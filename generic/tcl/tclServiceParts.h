@@ -1,11 +1,11 @@
-// tclServiceParts.h -- what the parts of service classes in Tcl share:
+// tclServiceParts.h -- shared by the files that implement service classes in Tcl. No other file includes it.
 //
-//     tclClasses.cpp       what Tcl knows of a class: our data at it, its ancestors, places in files, errors as trails
-//     tclDeclarations.cpp  sorma::option and the like, and the service class that is made of them
+//     tclClasses.cpp       finds a class's declarations, superclasses and places in files; makes trails of Tcl errors
+//     tclDeclarations.cpp  sorma::option and the other declarations, and the service class that is made of them
 //     tclService.cpp       the service object
 //     tclRuns.cpp          EXECs and actions, each in a coroutine of its own
-//     tclMethods.cpp       what methods may call, and what objects and classes answer beside them
-//     tclService.tcl       what does not need C++; the build puts it into tclServiceScript.h
+//     tclMethods.cpp       commands for methods, and requests to objects and classes that are TclOO commands
+//     tclService.tcl       all that needs no C++; the build puts it into tclServiceScript.h
 #pragma once
 
 #include <utility>
@@ -19,12 +19,12 @@ struct OptionDeclaration {
     Value initial;
 };
 
-// What the body of a TclOO class has declared. Held by the class itself, and goes with it.
+// The declarations of one TclOO class. The class's metadata has a reference, and so has each SORM class that was made of it.
 struct TclClass {
     Interpreter* interpreter = nullptr;
-    Tcl_Class tcl = nullptr;            // null when the TclOO class has been destroyed
+    Tcl_Class tcl = nullptr;            // null when the TclOO class has been deleted
     std::string service;                // name of the service class
-    std::string purpose, words, example, version, conduct;
+    std::string purpose, words, example, version, concurrency;
     std::vector<OptionDeclaration> options;
     std::vector<Action> actions, inspections;
     std::vector<Part> reads, writes;
@@ -40,27 +40,29 @@ inline const Prototype kStep{Severity::error, "SERVICE FAILED", 0, "{} failed: {
 inline const Prototype kObjectGone{Severity::error, "SERVICE GONE", 1, "{}: its TclOO object has been destroyed"};
 inline const Prototype kInterpGone{Severity::error, "SERVICE GONE", 1, "{}: its interpreter was deleted while it was executing"};
 
-using ClassHandle = std::shared_ptr<TclClass>;      // also held by what the SORM makes of it
-extern const Tcl_ObjectMetadataType kClassData, kObjectData;    // at a class its ClassHandle, at an object its TclService
+using ClassHandle = std::shared_ptr<TclClass>;
+// Metadata: of a TclOO class its ClassHandle, of an object its TclService.
+extern const Tcl_ObjectMetadataType kClassData, kObjectData;
 
 // ---- tclClasses.cpp ----
-std::string serviceName(std::string_view tclClass);
-std::string objectName(Tcl_Interp* interp, Tcl_Object object);
-// Of a class; made when it has none yet. From then on its command answers requests.
+std::string serviceName(std::string_view tclClass);                 // "::my::Carry" becomes "carry"
+std::string objectName(Tcl_Interp* interp, Tcl_Object object);      // its command, fully qualified
+// The declarations of a class; made when it has none yet. From then on the class's command answers requests.
 TclClass& declarationsOf(Interpreter& i, Tcl_Class type);
-// Classes from the root of the services down to this one, without the root.
+// The class and its superclasses, the class itself last, without ::sorma::Service. Throws Error when Tcl cannot tell.
 std::vector<TclClass*> lineage(Interpreter& i, const std::string& tclClass);
-// All service classes, as commands.
+// The commands of all service classes.
 std::vector<std::string> tclClasses(Interpreter& i);
+// Evaluate a command. False: it failed; the result is in the interpreter in either case. Frees words that are new values.
 bool eval(Interpreter& i, std::initializer_list<Tcl_Obj*> words, int flags = TCL_EVAL_GLOBAL);
 inline Tcl_Obj* str(std::string_view text) { return newText(text); }
-// File and line of the command that is being evaluated, as far as Tcl knows. resumed: of a coroutine that has waited.
-// Returns the file with its folders.
+// Sets file and line of the command that is being evaluated, as far as Tcl knows them. Returns the file with its folders.
+// resumed: it is in a coroutine that has waited.
 std::string whereAmI(Interpreter& i, std::string& file, int& line, bool resumed = false);
-// What went wrong in a method, from the interpreter's result and error options, as a trail.
+// The error of a method as a trail, from the interpreter's result and error options.
 Trail trailOfTclError(Interpreter& i, int code, const std::string& so, const Class& type);
 
-// While the code of a service object is evaluated: what runs, and an interpreter that stays.
+// While this exists the code of a service object is evaluated: sets Interpreter::running, and keeps the interpreter alive.
 class Executing {
 public:
     Executing(Interpreter& interpreter, Interpreter::Running running)
@@ -75,15 +77,15 @@ private:
 };
 
 // ---- tclRuns.cpp ----
-std::shared_ptr<TclRun> currentRun(Interpreter& i);     // of the coroutine that we are in; null: of none
+std::shared_ptr<TclRun> currentRun(Interpreter& i);     // the run whose coroutine we are in; null: none
 void initRuns(Interpreter& i);
 
 // ---- tclDeclarations.cpp ----
 void initDeclarations(Interpreter& i);
 
 // ---- tclMethods.cpp ----
-TclService& serviceOf(Interpreter& i, Tcl_Object object);       // made when it has none yet
-void answerRequests(Interpreter& i, Tcl_Object serviceClass);   // of other classes nothing is changed
+TclService& serviceOf(Interpreter& i, Tcl_Object object);       // its service object; made when it has none yet
+void answerRequests(Interpreter& i, Tcl_Object serviceClass);   // from now on the class's command answers EXEC, CTRL and DBX
 bool initMethods(Interpreter& i);
 
 inline int wrongArgs(Tcl_Interp* interp, Tcl_Obj* const objv[], const char* usage) {

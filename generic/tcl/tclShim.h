@@ -1,4 +1,4 @@
-// tclShim.h -- the little that one source needs to serve Tcl 8.6 and Tcl 9 alike. Include it instead of tcl.h.
+// tclShim.h -- hides the differences between Tcl 8.6 and Tcl 9 from our sources. Include it instead of tcl.h.
 #pragma once
 
 #include <climits>
@@ -9,7 +9,7 @@
 #include <tcl.h>
 #include <tclOO.h>
 
-#ifndef TCL_SIZE_MAX                // no 8.6 has any of these
+#ifndef TCL_SIZE_MAX                // Tcl 8.6 has none of these
 typedef int Tcl_Size;
 #define TCL_SIZE_MAX INT_MAX
 #endif
@@ -20,15 +20,15 @@ typedef int Tcl_Size;
 namespace sorma {
 
 #if TCL_MAJOR_VERSION < 9
-using TclFreeArg = char*;           // argument of a Tcl_FreeProc
+using TclFreeArg = char*;           // type of the argument of a Tcl_FreeProc
 #else
 using TclFreeArg = void*;
 #endif
 
-// A length for Tcl; throws std::length_error above what this Tcl can hold (2 GB in 8.6).
+// A length as Tcl takes it. Throws std::length_error when it is too large for this Tcl (2 GB in 8.6).
 Tcl_Size tclSize(std::size_t n);
 
-// A counted reference to a Tcl value.
+// A counted reference to a Tcl value; may be null. Use it only in the thread of the value.
 class Obj {
 public:
     Obj() = default;
@@ -51,7 +51,8 @@ private:
     Tcl_Obj* o_ = nullptr;
 };
 
-// The value's text as Tcl holds it (not quite UTF-8, see convert.h). Valid as long as the value is not changed.
+// The value's text in Tcl's encoding, which is not quite UTF-8 (see convert.h). Valid as long as the value is not changed or
+// freed.
 inline std::string_view view(Tcl_Obj* o) {
     if (o->bytes) return {o->bytes, std::size_t(o->length)};
     Tcl_Size n;

@@ -60,13 +60,13 @@ bool cannotYield(Tcl_Interp* interp, int code) {
     return text == "TCL COROUTINE CANT_YIELD" || text == "TCL COROUTINE ILLEGAL_YIELD";
 }
 
-// Block: whoever brings an answer is driven by hand, and the event loop runs only for what comes from it.
+// Block: drive the connections that bring answers, and run the event loop only for futures of objects of this process.
 void block(Interpreter& i, const std::vector<Future>& futures, bool all, Deadline deadline) {
     if (all) {
         for (auto& f : futures) {
             try {
                 if (!f.done()) f.wait(deadline);
-            } catch (const Error&) {            // what it failed with is told by whoever asks for the result
+            } catch (const Error&) {            // finish() raises the error
             }
             if (i.closing() || deadline.passed()) return;
         }
@@ -107,7 +107,7 @@ int afterYield(ClientData data[], Tcl_Interp* interp, int code) {
     if (Tcl_InterpDeleted(interp)) return TCL_ERROR;
     Interpreter::Entered entered(i);
     bool over = isOver(w->futures, w->all, w->deadline);
-    if (!over && code == TCL_OK) return yieldNow(w);    // somebody else has called the coroutine
+    if (!over && code == TCL_OK) return yieldNow(w);    // other code has called the coroutine
     if (!over && cannotYield(interp, code)) {
         block(i, w->futures, w->all, w->deadline);
         if (i.closing()) return TCL_ERROR;

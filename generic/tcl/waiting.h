@@ -1,4 +1,4 @@
-// waiting.h -- a Tcl command that waits for answers: in a coroutine only that coroutine waits.
+// waiting.h -- lets a Tcl command wait for answers. In a coroutine only that coroutine waits.
 #pragma once
 
 #include <functional>
@@ -9,13 +9,15 @@
 
 namespace sorma {
 
-// For the procedures of NRE commands: returns what they return. When all futures are done (or any of them, or the
-// deadline has passed), finish() sets the interpreter's result; it must not throw. In a coroutine the command yields
-// meanwhile; where that cannot be (outside of any, or with C code in between) it blocks. When the coroutine is deleted
-// meanwhile, the calls are cancelled and finish() is not called.
+// Call it at the end of the procedure of an NRE command, and return its result.
+//
+// It waits until all futures are done (all: false: one of them), or the deadline has passed. Then it calls finish(), which
+// sets the interpreter's result, returns Tcl's code and must not throw. In a coroutine the command yields meanwhile. Outside
+// of a coroutine, or with C code in between, it blocks; then no event loop runs but for futures of objects of this process.
+// When the coroutine is deleted meanwhile, the futures are cancelled and finish() is not called.
 int waitThen(Interpreter& interpreter, std::vector<Future> futures, bool all, Deadline deadline, std::function<int()> finish);
 
-// The name of the coroutine that is being executed; empty outside of any. Changes the interpreter's result.
+// The name of the coroutine in which we are; empty when we are in none. Resets the interpreter's result.
 Obj coroutineName(Interpreter& interpreter);
 
 }  // namespace sorma

@@ -65,7 +65,7 @@ proc ::sorma::json::typed {type value} {
     }
 }
 
-# What JSON has no number for (NaN, infinity) becomes a string.
+# Numbers that JSON does not have (NaN, infinity) become strings.
 proc ::sorma::json::number value {
     if {[regexp {^-?(0|[1-9]\d*)(\.\d+)?([eE][-+]?\d+)?$} $value]} {
         return $value

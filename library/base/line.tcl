@@ -199,7 +199,7 @@ proc ::sorma::line::Word {text at words kind outer open} {
     set from $at
     set value {}
     while {$at < $end} {
-        # What is nothing special, at once.
+        # Ordinary characters, many at once.
         if {[regexp -start $at {\A[^][\s;"\\$]+} $text plain]} {
             append value $plain
             incr at [string length $plain]

@@ -60,6 +60,9 @@ snit::widget ::sorma::browser {
         pack $win.state -side bottom -fill x
         pack $win.panes -fill both -expand 1
         $self Menu
+        if {[winfo toplevel $win] ne "."} {
+            wm minsize [winfo toplevel $win] [::sorma::style pixels 780] [::sorma::style pixels 460]
+        }
         bind $win <Destroy> +[mymethod Ended %W]
     }
     method Ended window {
@@ -153,7 +156,7 @@ snit::widget ::sorma::browser {
 
     # ---- what was chosen ----
 
-    # Whoever runs through the tree with the arrow keys makes no panel for each row.
+    # Moving through the tree with the arrow keys must not make a panel for each row.
     method Chosen what {
         set place $what
         after cancel $timer
@@ -162,11 +165,13 @@ snit::widget ::sorma::browser {
     method Show {} {
         lassign $place kind key name
         set daemon [::sorma::world get $key]
-        $win.state configure -text [if {$daemon ne {}} {
+        $win.state configure -text [if {$kind in {connection subscription}} {
+            $tree shown $place
+        } elseif {$daemon ne {}} {
             ::sorma::text::clean [string trimright "[dict get $daemon name]  [dict get $daemon address]  [dict get $daemon state]  [dict get $daemon why]"]
         }]
         $tabs.dictionary about $key
-        $tabs.events about [if {$kind eq "object"} {$self Name $key $name}]
+        $tabs.events about [if {$kind in {object flavor}} {$self Name $key $name} elseif {$kind eq "subscription"} {$self Name $key [lindex $name 0]}]
         $self Show[string totitle $kind] $key $name
     }
     method Name {key name} {
@@ -184,6 +189,42 @@ snit::widget ::sorma::browser {
             $tabs.$tab show "Choose an object of the class."
         }
         $self Panel {}
+    }
+    # A recipe: there is no object of that name, and looking makes none.
+    method ShowFlavor {key name} {
+        $tabs.help ask $key [list {} [list sorm DBX -describe $name] $Help]
+        foreach tab {statistics audit} {
+            $tabs.$tab show "[$self Name $key $name] has not been made; its first use makes it."
+        }
+        $tabs.dictionary choose $name
+        $self Panel {}
+    }
+    method ShowConnections {key name} {
+        $self ShowRows $key connections
+    }
+    method ShowSubscriptions {key name} {
+        $self ShowRows $key subscriptions
+    }
+    method ShowConnection {key row} {
+        $self ShowConnections $key {}
+    }
+    method ShowSubscription {key row} {
+        $self ShowSubscriptions $key {}
+    }
+    method ShowRows {key what} {
+        $tabs.statistics ask $key [list [string toupper $what] [list sorm DBX -inventory $what] [mymethod Table $what]]
+        foreach tab {help audit} {
+            $tabs.$tab show "[string totitle $what] are in the tab Statistics."
+        }
+        $self Panel {}
+    }
+    method Table {what text} {
+        set rows [dict get $text $what]
+        return [if {$what eq "connections"} {
+            ::sorma::text::table {{} who address seconds calls waiting} [lmap row $rows {lrange $row 0 5}] -width 0 -right {3 4 5}
+        } else {
+            ::sorma::text::table {object events for} [lmap row $rows {lrange $row 0 2}] -width 0
+        }]
     }
     method ShowDaemon {key name} {
         $tabs.help ask $key [list CLASSES {sorm CTRL -classes} {}]

@@ -1,7 +1,8 @@
 # browserDict.tcl -- sorma::browserDict: the dictionary of a daemon: its entries, and one of them to be edited.
 #
 # What was typed stays until it is set or reverted, also when another daemon is chosen, and when the daemon dies meanwhile. Before an
-# entry is set it is read once more: what somebody else has written is told, and not overwritten unseen.
+# entry is set it is read once more: if another user has changed it, the browser says so, and does not overwrite it. The daemon itself
+# checks the words of an entry, as when it makes such an object (sorm DBX -check), without making one.
 
 package require Tk
 package require snit
@@ -30,6 +31,7 @@ snit::widget ::sorma::browserDict {
     variable only {}            ;# a part of those that are shown
     variable said {}
     variable forced {}          ;# {KEY WORD TEXT}: of this it was said that it looks wrong
+    variable faults {}          ;# list of {place why} of the words that are typed, as the daemon has answered last
     variable tokens {}          ;# dict: KEY -> token of its dictionary.changed
     variable watch {}
 
@@ -41,8 +43,8 @@ snit::widget ::sorma::browserDict {
         ttk::button $win.bar.write -text "Write to file" -underline 0 -command [mymethod write]
         ttk::button $win.bar.reload -text "Read files again" -underline 5 -command [mymethod Do -reload]
         pack $win.bar.label -side left -padx [list 0 $pad]
-        pack $win.bar.only -side left -fill x -expand 1
-        pack $win.bar.write $win.bar.reload -side left -padx [list $pad 0]
+        pack $win.bar.reload $win.bar.write -side right -padx [list $pad 0]
+        pack $win.bar.only -side left -fill x -expand 1         ;# the last: it gives way in a small window
         ttk::frame $win.list
         install tree using ttk::treeview $win.list.tree -columns words -height 8 -selectmode browse -yscrollcommand [list $win.list.scroll set]
         $tree heading #0 -text Entry -anchor w
@@ -77,6 +79,8 @@ snit::widget ::sorma::browserDict {
         pack $win.bar -side top -fill x -padx $pad -pady $pad
         pack $win.edit -side bottom -fill x -pady [list $pad 0]
         pack $win.list -side top -fill both -expand 1
+        $editor tag configure wrong -foreground [::sorma::style colour refused] -underline 1
+        ::sorma::parts::byKeys $tree
         bind $tree <<TreeviewSelect>> [mymethod Selected]
         bind $win.edit.word <KeyRelease> [mymethod Named]
         bind $editor <KeyRelease> [mymethod Typed]
@@ -133,6 +137,7 @@ snit::widget ::sorma::browserDict {
     }
     method type text {
         $editor replace 1.0 end $text
+        $editor mark set insert end-1c
         $self Typed
     }
     method text {} {
@@ -205,7 +210,7 @@ snit::widget ::sorma::browserDict {
         }
         ::sorma::timer::once $win.fill 20 {*}[mymethod Fill]
     }
-    # What is there now is not what the draft began with: say so, and go on from there.
+    # The entry has changed since the draft was begun: say so, and go on from there.
     method Compare text {
         lassign [$self Draft] typed base
         if {$text eq $base} {
@@ -260,7 +265,9 @@ snit::widget ::sorma::browserDict {
         $win.edit.word insert 0 $name
         set draft [$self Draft]
         $editor replace 1.0 end [if {$draft ne {}} {lindex $draft 0} else {$self There $name}]
+        $editor mark set insert end-1c
         $self Concern
+        $self CheckSoon
     }
     method Named {} {
         set name [$win.edit.word get]
@@ -287,6 +294,7 @@ snit::widget ::sorma::browserDict {
             ::sorma::timer::once $win.fill 20 {*}[mymethod Fill]
         }
         $self Hint
+        $self CheckSoon
     }
     # The line up to the cursor, as scott would read it.
     method Completion {} {
@@ -320,7 +328,7 @@ snit::widget ::sorma::browserDict {
         return [expr {[regexp {^[\w.@:/-]+$} $text] ? $text : [list $text]}]
     }
 
-    # What is wrong with the words of an entry, as far as it is known here; empty: nothing.
+    # The error in the words of an entry, as far as it is known here; empty: none.
     method Wrong {name text} {
         if {[catch {::sorma::SplitWords $text} list]} {
             return $list
@@ -331,14 +339,65 @@ snit::widget ::sorma::browserDict {
         if {[string index $name 0] eq "@"} {
             return [if {[llength $list] == 0} {string cat "an address says where $name is: host:port, the path of a socket, another name, or self"}]
         }
-        set class [lindex [split [lindex [split $name @] 0] .] 0]
-        set table [::sorma::table describe $class.?[if {$key ne "self"} {string cat @$key}]]
-        if {$table eq {} || $class eq [string toupper $class]} return
-        set known [concat -SUBST [lmap option [concat [dict get $table options] [dict get $table actions]] {lindex $option 0}]]
-        foreach item $list {
-            if {[regexp {^-[[:alpha:]]} $item] && $item ni $known} {
-                return "$class knows no $item: it has [join $known {, }]"
+    }
+    # Is it a recipe for objects of that daemon, whose words it can check?
+    method Recipe name {
+        return [regexp {^[a-z]\w*(\.[^@\s]+)?$} $name]
+    }
+
+    # ---- the daemon's own check ----
+
+    method CheckSoon {} {
+        ::sorma::timer::cancel $win.check
+        $self Mark {}
+        if {[$self Draft] ne {}} {
+            ::sorma::timer::once $win.check 300 {*}[mymethod CheckWords]
+        }
+    }
+    method CheckWords {} {
+        set text [$editor get 1.0 end-1c]
+        if {$key ne {} && [$self Recipe $word] && ![catch {::sorma::SplitWords $text} list]} {
+            $self AskCheck $word $list [mymethod WordsChecked $key $word $text]
+        }
+    }
+    # Ask the daemon of this dictionary about the words of an entry; the prefix gets status and value.
+    method AskCheck {name words prefix} {
+        ::sorma::world ask $key [list sorm DBX -check $name {*}$words] -command [list ::sorma::parts::answer $prefix]
+    }
+    method WordsChecked {daemon name text status value} {
+        if {[list $daemon $name $text] ne [list $key $word [$editor get 1.0 end-1c]]} return
+        $self Mark [$self Faults $status $value]
+        if {[llength $faults] > 0} {
+            $self Say "[::sorma::style mark refused] [$self FaultsText]"
+        }
+    }
+    # What it has answered. A word that is no name of a class is for -SUBST, and may stand for anything.
+    method Faults {status value} {
+        if {$status ne "ok" || ![dict exists $value text] || ![string is list [dict get $value text]]} return
+        return [lmap fault [lrange [dict get $value text] 0 99] {
+            if {[catch {llength $fault} n] || $n != 2 || ![string is integer -strict [lindex $fault 0]]} continue
+            set fault
+        }]
+    }
+    method FaultsText {} {
+        return [join [lmap fault $faults {lindex $fault 1}] "; "]
+    }
+    # The words that are wrong, underlined.
+    method Mark list {
+        set faults $list
+        $editor tag remove wrong 1.0 end
+        if {[llength $list] == 0 || [catch {::sorma::SplitWords [$editor get 1.0 end-1c]} words]} return
+        set from 1.0
+        set place 0
+        foreach item $words {
+            set at [if {$item ne {}} {$editor search -exact -- $item $from end}]
+            if {$at ne {}} {
+                set from [$editor index "$at + [string length $item] chars"]
+                if {[lsearch -exact -index 0 $list $place] >= 0} {
+                    $editor tag add wrong $at $from
+                }
             }
+            incr place
         }
     }
     method set {} {
@@ -346,16 +405,32 @@ snit::widget ::sorma::browserDict {
         set name [$win.edit.word get]
         set text [string trim [$editor get 1.0 end-1c]]
         set wrong [$self Wrong $name $text]
-        if {$wrong ne {} && ([catch {::sorma::SplitWords $text}] || $forced ne [list $key $name $text])} {
-            set forced [list $key $name $text]
-            $self Say "[::sorma::style mark refused] $wrong[if {![catch {::sorma::SplitWords $text}] && $name ne {}} {string cat {. Once more sets it all the same.}}]"
+        if {$wrong ne {}} {
+            $self Say "[::sorma::style mark refused] not set: $wrong"
             return
         }
         set word $name
         if {[$self Draft] eq {}} {
             dict set drafts $key $word [list $text [$self There $word]]
         }
-        $self Check [mymethod Set $name $text]
+        $self Check [mymethod Verify $name $text]
+    }
+    method Verify {name text} {
+        if {[$self Recipe $name] && $forced ne [list $key $name $text]} {
+            $self AskCheck $name [::sorma::SplitWords $text] [mymethod Verified $key $name $text]
+        } else {
+            $self Set $name $text
+        }
+    }
+    method Verified {daemon name text status value} {
+        if {$daemon ne $key || $name ne $word} return
+        $self Mark [$self Faults $status $value]
+        if {[llength $faults] > 0} {
+            set forced [list $key $name $text]
+            $self Say "[::sorma::style mark refused] not set: [$self FaultsText]. Once more sets it all the same."
+        } else {
+            $self Set $name $text
+        }
     }
     # Read the entry once more; then PREFIX, when it is as it was when the draft began.
     method Check prefix {

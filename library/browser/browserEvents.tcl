@@ -1,8 +1,9 @@
-# browserEvents.tcl -- sorma::browserEvents: what an object publishes, once somebody has pressed Listen.
+# browserEvents.tcl -- sorma::browserEvents: the events of an object, after the button Listen was pressed.
 
 package require Tk
 package require snit
 package require sorma::listing
+package require sorma::parts
 package require sorma::style
 package require sorma::world
 package provide sorma::browserEvents 1.0
@@ -29,6 +30,7 @@ snit::widget ::sorma::browserEvents {
         ttk::scrollbar $win.scroll -command [list $win.tree yview]
         pack $win.scroll -side right -fill y
         pack $win.tree -side left -fill both -expand 1
+        ::sorma::parts::byKeys $win.tree
         bind $win <Destroy> +[mymethod Ended %W]
     }
     method Ended window {

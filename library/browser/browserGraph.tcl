@@ -184,8 +184,11 @@ snit::widget ::sorma::browserGraph {
         set objects [dict keys $rows {object *}]
         set width [winfo width $canvas]
         set pad [::sorma::style pixels 8]
-        set left [expr {round($width * 0.28)}]
-        set right [expr {round($width * 0.60)}]
+        # Names get the room that they need, as far as there is room for lines between them.
+        set room [font measure [::sorma::style font plain] "0000/s  0000 us"]
+        set left [expr {2 * $pad + min([$self Widest $callers], round($width * 0.28))}]
+        set right [expr {$width - $room - 3 * $pad - min([$self Widest $objects], round($width * 0.4))}]
+        set right [expr {max(min($right, round($width * 0.6)), $left + [::sorma::style pixels 60])}]
         set ink [ttk::style lookup . -foreground {} black]
         set grey [::sorma::style colour asking]
         set top [expr {$line * 1.5}]
@@ -229,7 +232,6 @@ snit::widget ::sorma::browserGraph {
                     -font [::sorma::style font plain]
             } else {
                 set figures [if {$rate > 0} {string map {, {  }} [$self Figures $rate [expr {$time / $rate}]]}]
-                set room [font measure [::sorma::style font plain] "0000/s  0000 us"]
                 $canvas create text $right $y -anchor w -text [$self Fit $shown [expr {$width - $right - $room - 2 * $pad}]] -fill $colour \
                     -font [::sorma::style font plain]
                 $canvas create text [expr {$width - $pad}] $y -anchor e -text $figures -fill $colour -font [::sorma::style font plain]
@@ -244,6 +246,9 @@ snit::widget ::sorma::browserGraph {
         } else {
             string cat "[llength $objects] objects, [llength $callers] callers[if {[llength $objects] >= $options(-most)} {string cat {; more are not drawn}}]"
         }]] 300]
+    }
+    method Widest nodes {
+        return [tcl::mathfunc::max 0 {*}[lmap node $nodes {font measure [::sorma::style font plain] [lindex $node 1]}]]
     }
     method Fit {text width} {
         while {[font measure [::sorma::style font plain] $text] > $width && [string length $text] > 4} {

@@ -35,8 +35,8 @@ snit::widget ::sorma::browserLaunch {
         ttk::button $win.bar.read -text "Read" -command [mymethod Open]
         ttk::button $win.bar.browse -text "Browse\u2026" -command [mymethod Browse]
         pack $win.bar.label -side left -padx [list 0 $pad]
-        pack $win.bar.file -side left -fill x -expand 1
-        pack $win.bar.read $win.bar.browse -side left -padx [list $pad 0]
+        pack $win.bar.browse $win.bar.read -side right -padx [list $pad 0]
+        pack $win.bar.file -side left -fill x -expand 1         ;# the last: it gives way in a small window
         install tree using ttk::treeview $win.tree -columns state -height 5 -selectmode extended
         $tree heading #0 -text Daemon -anchor w
         $tree heading state -text State -anchor w
@@ -60,6 +60,7 @@ snit::widget ::sorma::browserLaunch {
         pack $tree -side top -fill x
         pack $win.do -side top -fill x -padx $pad -pady $pad
         pack $win.said -side top -fill both -expand 1
+        ::sorma::parts::byKeys $tree
         bind $win.bar.file <Return> [mymethod Open]
         bind $output <ButtonPress-1> {+focus %W}
         bind $win <Destroy> +[mymethod Ended %W]

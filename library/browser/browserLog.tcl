@@ -1,4 +1,4 @@
-# browserLog.tcl -- sorma::browserLog: the messages of all daemons as they come, chosen by severity, object and text; it can be paused.
+# browserLog.tcl -- sorma::browserLog: the messages of all daemons as they come, chosen by severity, daemon, object and text; it can be paused.
 
 package require Tk
 package require snit
@@ -13,6 +13,7 @@ snit::widget ::sorma::browserLog {
     hulltype ttk::frame
     component trails
     variable severity warning   ;# the least that is shown
+    variable daemon {}          ;# a part of its name
     variable object {}          ;# a part of NAME@DAEMON
     variable wanted {}          ;# a part of the text
     variable paused 0
@@ -23,27 +24,34 @@ snit::widget ::sorma::browserLog {
         set pad [::sorma::style pixels 4]
         ttk::frame $win.bar
         ttk::label $win.bar.severityLabel -text "At least"
-        ttk::combobox $win.bar.severity -values {error warning verbose} -width 8 -state readonly -textvariable [myvar severity]
+        ttk::combobox $win.bar.severity -values {error warning verbose} -width 7 -state readonly -textvariable [myvar severity]
+        ttk::label $win.bar.daemonLabel -text "Daemon"
+        ttk::combobox $win.bar.daemon -width 7 -textvariable [myvar daemon] -postcommand [mymethod Daemons]
         ttk::label $win.bar.objectLabel -text "Object"
-        ttk::entry $win.bar.object -width 10 -textvariable [myvar object]
+        ttk::entry $win.bar.object -width 6 -textvariable [myvar object]
         ttk::label $win.bar.textLabel -text "Text"
-        ttk::entry $win.bar.text -width 10 -textvariable [myvar wanted]
-        ttk::checkbutton $win.bar.pause -text "Pause (Ctrl-P)" -variable [myvar paused]
-        pack {*}[winfo children $win.bar] -side left -padx [list 0 $pad]
+        ttk::entry $win.bar.text -width 6 -textvariable [myvar wanted]
+        ttk::checkbutton $win.bar.pause -text Pause -variable [myvar paused]
+        pack $win.bar.pause -side right                         ;# the first: entries give way in a small window
+        pack {*}[lsearch -all -inline -not -exact [winfo children $win.bar] $win.bar.pause] -side left -padx [list 0 $pad]
         pack configure $win.bar.object $win.bar.text -fill x -expand 1
-        install trails using ::sorma::trailview $win.trails -keep 5000
+        install trails using ::sorma::trailview $win.trails -keep 5000 -keys {*@* *}
         pack $win.bar -side top -fill x -padx $pad -pady $pad
         pack $trails -side top -fill both -expand 1
-        foreach {name option} {severity -severity object -object wanted -text paused -paused} {
+        foreach {name option} {severity -severity daemon -daemon object -object wanted -text paused -paused} {
             trace add variable [myvar $name] write [mymethod Set $option]
         }
     }
     method pause {{boolean {}}} {
         set paused [expr {$boolean eq {} ? !$paused : $boolean}]
     }
+    method Daemons {} {
+        $win.bar.daemon configure -values [concat {{}} [::sorma::world keys]]
+    }
     method Set {option args} {
         $trails configure $option [switch -- $option {
             -severity { lrange {error warning verbose} 0 [lsearch {error warning verbose} $severity] }
+            -daemon { string cat $daemon }
             -object { string cat $object }
             -text { string cat $wanted }
             -paused { string cat $paused }

@@ -1,6 +1,6 @@
 # browserSearch.tcl -- sorma::browserSearch: find a word in names of objects and of options, their units and help texts, while it is typed.
 #
-# Names come from the tree, texts from the tables of classes: those are asked for when somebody searches first, and nothing is made.
+# Names come from the tree, texts from the tables of classes. Those are asked for at the first search; no object is made.
 
 package require Tk
 package require snit
@@ -34,7 +34,7 @@ snit::widget ::sorma::browserSearch {
         pack $win.bar -side top -fill x -pady [::sorma::style pixels 4]
         ttk::treeview $win.list -show tree -selectmode browse -yscrollcommand [list $win.scroll set]
         ttk::scrollbar $win.scroll -command [list $win.list yview]
-        bind $win.bar.entry <FocusIn> [mymethod Learn]
+        bind $win.bar.entry <FocusIn> [mymethod Focused]
         trace add variable [myvar wanted] write [mymethod Typed]
         bind $win.bar.entry <Escape> [mymethod search {}]
         bind $win.bar.entry <Return> [mymethod Choose 0]
@@ -42,11 +42,12 @@ snit::widget ::sorma::browserSearch {
         bind $win.list <<TreeviewSelect>> [mymethod Selected]
         bind $win.list <Escape> [mymethod search {}]
         bind $win <Destroy> +[mymethod Ended %W]
-        ::sorma::world hook answer [mymethod Answered]
+        ::sorma::world hook {answer daemon.changed daemon.process} [mymethod Answered]
     }
     method Ended window {
         if {$window eq $win} {
             ::sorma::timer::cancel $win
+            ::sorma::timer::cancel $win.again
             ::sorma::world unhook [mymethod Answered]
         }
     }
@@ -63,11 +64,22 @@ snit::widget ::sorma::browserSearch {
     # ---- what is known ----
 
     # Texts of classes that are not in the index yet.
+    method Focused {} {
+        $options(-tree) learn
+        $self Learn
+    }
     method Learn {} {
         foreach class [$options(-tree) classes] {
             if {![dict exists $index $class]} {
                 $self LearnClass $class
             }
+        }
+        $self Again
+    }
+    # A question may fail, and then no answer comes: ask again, as long as somebody searches.
+    method Again {} {
+        if {[dict size $missing] > 0 && $wanted ne {}} {
+            ::sorma::timer::once $win.again 1000 {*}[mymethod More]
         }
     }
     method LearnClass class {
@@ -87,17 +99,34 @@ snit::widget ::sorma::browserSearch {
         dict set index $class $texts
     }
     method Answered {event about dict} {
+        if {$event eq "daemon.process"} {
+            $self Forget $about
+        }
         if {[dict size $missing] > 0} {
             ::sorma::timer::once $win 50 {*}[mymethod More]
         }
     }
+    # Another process has that name: its classes may be of another version.
+    method Forget daemon {
+        foreach class [dict keys $index] {
+            if {[lindex $class 0] eq $daemon} {
+                dict unset index $class
+                dict set missing $class 1
+            }
+        }
+    }
     method More {} {
         foreach class [dict keys $missing] {
+            if {![$options(-tree) has $class]} {
+                dict unset missing $class
+                continue
+            }
             $self LearnClass $class
         }
         if {$wanted ne {}} {
             $self Show
         }
+        $self Again
     }
 
     # ---- looking ----
@@ -132,13 +161,21 @@ snit::widget ::sorma::browserSearch {
             lappend found [list [$self Line [string map {@self {}} $key]] [$options(-tree) of $key] {}]
             if {[llength $found] >= $options(-most)} return
         }
+        foreach flavor [lsort -dictionary [$options(-tree) flavors]] {
+            lassign $flavor name daemon
+            if {[string match -nocase $pattern $name@$daemon]} {
+                lappend found [list "[$self Line [string map {@self {}} $name@$daemon]]  (not made)" [list flavor $daemon $name] {}]
+                if {[llength $found] >= $options(-most)} return
+            }
+        }
         dict for {class texts} $index {
+            if {![$options(-tree) has $class]} continue
             lassign $class daemon name
             set object [$options(-tree) first $class]
-            if {$object eq {}} continue
+            set place [expr {$object ne {} ? [list object $daemon $object] : [list class {*}$class]}]
             foreach {option text} $texts {
                 if {[string match -nocase $pattern $text]} {
-                    lappend found [list [$self Line "$name $text"] [list object $daemon $object] $option]
+                    lappend found [list [$self Line "$name $text"] $place $option]
                     if {[llength $found] >= $options(-most)} return
                 }
             }

@@ -1,10 +1,13 @@
-# browserTree.tcl -- sorma::browserTree: what there is, as a tree: daemons, their classes, and the objects of each.
+# browserTree.tcl -- sorma::browserTree: what there is, as a tree: daemons, their classes, the objects and flavors of each, and who is
+# connected and who listens.
 #
-# The model tells what comes and goes; nothing is asked. A branch is filled when it is opened, and then kept as the model says: ten
-# thousand objects that nobody looks at cost a word each. What daemons call themselves is shown, never evaluated.
+# The model tells what comes and goes. A branch is filled when it is opened, and then kept as the model says: ten thousand objects that
+# nobody looks at cost a word each. What the model does not know, a daemon is asked while its row is open (flavors, connections and
+# subscriptions), when it tells that something of it has changed. What daemons call themselves is shown, never evaluated.
 
 package require Tk
 package require snit
+package require sorma::parts
 package require sorma::style
 package require sorma::text
 package require sorma::timer
@@ -12,11 +15,14 @@ package require sorma::world
 package provide sorma::browserTree 1.0
 
 # ::sorma::browserTree .w ?-command PREFIX? ?-most n? --
-#       PREFIX is called with the PLACE that was chosen: {daemon KEY}, {class KEY CLASS} or {object KEY NAME}. Of a class that has more
-#       than -most objects (default 1000) the first ones are shown; the search finds all.
+#       PREFIX is called with the PLACE that was chosen: {daemon KEY}, {class KEY CLASS}, {object KEY NAME}, {flavor KEY NAME} (a recipe
+#       of which no object has been made), {connections KEY}, {subscriptions KEY}, {connection KEY {DIRECTION WHO ADDRESS}} or
+#       {subscription KEY {OBJECT PATTERN WHO}}. Of a class that has more than -most objects (default 1000) the first ones are shown; the
+#       search finds all.
 # Methods:
-#       chosen: the PLACE; choose PLACE: open the branches that lead there; text: what is shown, in lines; keys: NAME@KEY of all objects;
-#       classes, first, of: see there
+#       chosen: the PLACE; choose PLACE: open the branches that lead there; open PLACE, shut PLACE: a branch that is there;
+#       shown PLACE: its text; text: what is shown, in lines; keys:
+#       NAME@KEY of all objects; flavors: list of {NAME KEY}; learn: ask for the flavors of all daemons; classes, has, first, of: see there
 snit::widget ::sorma::browserTree {
     hulltype ttk::frame
     option -command -default {}
@@ -30,31 +36,43 @@ snit::widget ::sorma::browserTree {
     variable places             ;# array: item -> PLACE
     variable stale {}           ;# dict: {class KEY CLASS} -> 1: what was shown of these is not what is there
     variable told {}            ;# the PLACE of which -command was told last
+    variable unasked            ;# array: KEY -> 1: it did not answer, or was another process, when it was asked last
+    variable recipes            ;# array: KEY -> dict: CLASS -> list of NAME, of all classes that are known there and of their recipes
+    variable ears               ;# array: KEY -> token of what it tells of itself, while its row is open
+    typevariable Groups {connections Connections subscriptions Subscriptions}
 
     constructor args {
         $self configurelist $args
-        foreach name {members classOf keyOf items places} {
+        foreach name {members classOf keyOf items places recipes ears unasked} {
             array set $name {}
         }
-        install tree using ttk::treeview $win.tree -show tree -selectmode browse -yscrollcommand [list $win.bar set]
+        install tree using ttk::treeview $win.tree -show tree -selectmode browse -yscrollcommand [list $win.bar set] \
+            -xscrollcommand [list ::sorma::parts::scrolled $win.below]
         ttk::scrollbar $win.bar -command [list $tree yview]
+        ttk::scrollbar $win.below -orient horizontal -command [list $tree xview]
         ttk::style configure Treeview -rowheight [expr {[font metrics TkDefaultFont -linespace] + [::sorma::style pixels 3]}]
         $tree column #0 -width [::sorma::style pixels 260]
         foreach state {good asking stale} {
             $tree tag configure $state -foreground [::sorma::style colour $state]
         }
-        pack $win.bar -side right -fill y
-        pack $tree -side left -fill both -expand 1
+        grid $tree $win.bar -sticky nsew
+        grid $win.below -sticky ew
+        grid columnconfigure $win 0 -weight 1
+        grid rowconfigure $win 0 -weight 1
+        ::sorma::parts::byKeys $tree
         bind $tree <<TreeviewOpen>> [mymethod Opened]
+        bind $tree <<TreeviewClose>> [mymethod Closed]
         bind $tree <<TreeviewSelect>> [mymethod Selected]
         bind $win <Destroy> +[mymethod Ended %W]
         lappend tokens [::sorma::world watch * -events daemon.* -command [mymethod Daemon]]
         lappend tokens [::sorma::world watch *@* -events {object.made object.removed} -command [mymethod Object]]
+        ::sorma::world hook daemon.process [mymethod Process]
     }
     method Ended window {
         if {$window eq $win} {
-            ::sorma::timer::cancel $win
-            foreach token $tokens {
+            ::sorma::timer::cancel $win*
+            ::sorma::world unhook [mymethod Process]
+            foreach token [concat $tokens [lmap {key token} [array get ears] {set token}]] {
                 ::sorma::world unwatch $token
             }
         }
@@ -71,6 +89,12 @@ snit::widget ::sorma::browserTree {
         set way [list [list daemon $key]]
         if {$kind eq "class"} {
             lappend way $place
+        } elseif {$kind in {connections subscriptions}} {
+            lappend way $place
+        } elseif {$kind in {connection subscription}} {
+            lappend way [list ${kind}s $key] $place
+        } elseif {$kind eq "flavor"} {
+            lappend way [list class $key [lindex [split $name .] 0]] $place
         } elseif {$kind eq "object" && [info exists classOf($name@$key)]} {
             lappend way [list class $key $classOf($name@$key)] $place
         }
@@ -81,8 +105,8 @@ snit::widget ::sorma::browserTree {
                 $self Add [lindex $way 1] $step [$self Shown $name] {}      ;# one of those that are too many
             }
             if {$step ne $place} {
-                $self Fill $step
                 $tree item $items($step) -open 1
+                $self Fill $step
             }
         }
         $tree selection set [list $items($place)]
@@ -92,9 +116,41 @@ snit::widget ::sorma::browserTree {
     method keys {} {
         return [array names classOf]
     }
-    # classes -- list of {KEY CLASS}; first {KEY CLASS}: an object of that class, empty when there is none; of NAME@KEY: its PLACE
+    method open place {
+        $tree item $items($place) -open 1
+        $self Fill $place
+    }
+    method shut place {
+        $tree item $items($place) -open 0
+        $self Deaf $place
+    }
+    method shown place {
+        return [if {[info exists items($place)]} {$tree item $items($place) -text}]
+    }
+    method flavors {} {
+        set list {}
+        foreach key [array names recipes] {
+            foreach name [concat {*}[dict values $recipes($key)]] {
+                if {![info exists classOf($name@$key)]} {
+                    lappend list [list $name $key]
+                }
+            }
+        }
+        return $list
+    }
+    method learn {} {
+        foreach key [::sorma::world keys] {
+            if {[$self Answers $key]} {
+                $self Ask [list daemon $key]
+            }
+        }
+    }
+    # classes -- list of {KEY CLASS}; has {KEY CLASS}: is it one of them; first {KEY CLASS}: an object of that class, empty when there is none; of NAME@KEY: its PLACE
     method classes {} {
         return [array names members]
+    }
+    method has class {
+        return [info exists members($class)]
     }
     method first class {
         return [if {[info exists members($class)]} {lindex [dict keys $members($class)] 0}]
@@ -122,6 +178,8 @@ snit::widget ::sorma::browserTree {
         set place [list daemon $key]
         if {$event eq "daemon.gone"} {
             $self Remove $place
+            $self Deafen $key
+            unset -nocomplain recipes($key) unasked($key)
             return
         }
         set state [dict get $daemon state]
@@ -136,6 +194,23 @@ snit::widget ::sorma::browserTree {
         } else {
             $tree item $items($place) -text $text -tags [list $look]
         }
+        if {$state in {alive busy denied} && ![info exists items([list connections $key])]} {
+            dict for {group title} $Groups {
+                $self Add $place [list $group $key] $title {}
+                $tree insert $items([list $group $key]) end -text {}
+            }
+        }
+        if {![$self Answers $key]} {
+            set unasked($key) 1
+        } elseif {[info exists unasked($key)]} {
+            unset unasked($key)
+            $self AskOpen $key [list daemon {*}[dict keys $Groups]]
+        }
+    }
+    # What the process before has said does not count any more.
+    method Process {event key daemon} {
+        unset -nocomplain recipes($key)
+        set unasked($key) 1
     }
     method Object {event key object} {
         set name [dict get $object name]
@@ -165,8 +240,9 @@ snit::widget ::sorma::browserTree {
         set stale {}
         foreach place [dict keys $changed] {
             lassign $place - daemon class
+            if {![info exists members([list $daemon $class])]} continue
             set count [dict size $members([list $daemon $class])]
-            if {$count == 0} {
+            if {$count == 0 && !([info exists recipes($daemon)] && [dict exists $recipes($daemon) $class])} {
                 $self Remove $place
                 unset members([list $daemon $class])
                 continue
@@ -202,6 +278,13 @@ snit::widget ::sorma::browserTree {
         set item [$tree insert [expr {$above eq {} ? {} : $items($above)}] end -text $text -tags [list {*}$tag]]
         set items($place) $item
         set places($item) $place
+        # The longest text can be scrolled to. Names of objects are not measured: there may be very many.
+        if {[lindex $place 0] in {connection subscription}} {
+            set width [expr {[font measure TkDefaultFont $text] + [::sorma::style pixels 80]}]
+            if {$width > [$tree column #0 -minwidth]} {
+                $tree column #0 -minwidth $width
+            }
+        }
     }
     method Remove place {
         if {[info exists items($place)]} {
@@ -221,17 +304,22 @@ snit::widget ::sorma::browserTree {
     method Sort item {
         $tree children $item [lsort -command [mymethod Before] [$tree children $item]]
     }
+    # Classes come before connections and subscriptions.
     method Before {a b} {
-        return [string compare [lindex $places($a) end] [lindex $places($b) end]]
+        set order [expr {([lindex $places($a) 0] eq "class") - ([lindex $places($b) 0] eq "class")}]
+        return [expr {$order != 0 ? -$order : [string compare $places($a) $places($b)]}]
     }
-    # The rows of a class's objects: those that are gone go, others stay where they are.
+    # The rows of an open branch. For a class's objects: remove the rows of removed objects; the others stay where they are.
     method Fill place {
         lassign $place kind daemon class
-        if {$kind ne "class"} return
+        if {$kind ne "class"} {
+            return [$self AskOpen $daemon [list $kind]]
+        }
         set names [lsort -dictionary [dict keys $members([list $daemon $class])]]
         set item $items($place)
         foreach child [$tree children $item] {
-            if {![info exists places($child)] || ![dict exists $members([list $daemon $class]) [lindex $places($child) 2]]} {
+            if {![info exists places($child)] || [lindex $places($child) 0] ne "object"
+                    || ![dict exists $members([list $daemon $class]) [lindex $places($child) 2]]} {
                 $self Lose $child
                 $tree delete [list $child]
             }
@@ -249,12 +337,166 @@ snit::widget ::sorma::browserTree {
         if {$more > 0} {
             $tree insert $item end -text "\u2026 and $more more; search for them" -tags asking
         }
+        foreach name [lrange [lsort -dictionary [if {[info exists recipes($daemon)] && [dict exists $recipes($daemon) $class]} {
+            dict get $recipes($daemon) $class
+        }]] 0 $options(-most)-1] {
+            if {![dict exists $members([list $daemon $class]) $name]} {
+                $self Add $place [list flavor $daemon $name] "[$self Shown $name]  (not made)" asking
+            }
+        }
+        $self Choose
+    }
+    # What was chosen may have been drawn anew.
+    method Choose {} {
+        if {$told ne {} && [info exists items($told)] && [$tree selection] eq {}} {
+            $tree selection set [list $items($told)]
+            $tree focus $items($told)
+        }
     }
     method Opened {} {
         set item [$tree focus]
         if {[info exists places($item)]} {
             $self Fill $places($item)
         }
+    }
+    method Closed {} {
+        set item [$tree focus]
+        if {[info exists places($item)]} {
+            $self Deaf $places($item)
+        }
+    }
+    method Deaf place {
+        if {[lindex $place 0] eq "daemon"} {
+            $self Deafen [lindex $place 1]
+        }
+    }
+
+    # ---- what a daemon is asked ----
+
+    method Answers key {
+        set daemon [::sorma::world get $key]
+        return [expr {$daemon ne {} && [dict get $daemon state] in {alive busy denied}}]
+    }
+    # Can the rows of that branch be seen?
+    method Open place {
+        set above [list daemon [lindex $place 1]]
+        return [expr {[info exists items($place)] && [$tree item $items($place) -open] && [$tree item $items($above) -open]}]
+    }
+    # KINDS: those of {daemon KEY}, {connections KEY}, {subscriptions KEY} that may have changed. What is not open is asked for when it is opened.
+    method AskOpen {key kinds} {
+        if {[$self Open [list daemon $key]] && ![info exists ears($key)]} {
+            set ears($key) [::sorma::world listen sorm@$key -event {[scd][uoi][bnc]*} -command [mymethod Heard $key]]
+        }
+        foreach kind $kinds {
+            if {[$self Open [list $kind $key]] && [$self Answers $key]} {
+                ::sorma::timer::once [list $win $kind $key] 20 {*}[mymethod Ask [list $kind $key]]
+            }
+        }
+    }
+    method Deafen key {
+        if {[info exists ears($key)]} {
+            ::sorma::world unwatch $ears($key)
+            unset ears($key)
+        }
+    }
+    # It may tell very often: it is asked at most three times a second.
+    method Heard {key event} {
+        switch -glob -- [dict get $event event] {
+            dictionary.* { set kind daemon }
+            connection.* { set kind connections }
+            subscription.* { set kind subscriptions }
+            default return
+        }
+        ::sorma::timer::once [list $win later $kind $key] 300 {*}[mymethod AskOpen $key [list $kind]]
+    }
+    method Ask place {
+        lassign $place kind key
+        ::sorma::world ask $key [list sorm DBX -inventory {*}[dict get {daemon {classes words} connections connections subscriptions subscriptions} $kind]] \
+            -command [list ::sorma::parts::answer [mymethod Answered $place]]
+    }
+    method Answered {place status value} {
+        lassign $place kind key
+        if {![info exists items([list daemon $key])]} return
+        if {$status eq "ok" && [catch {
+            set rows [if {$kind eq "daemon"} {$self Recipes [dict get $value text]} else {$self Rows $kind [dict get [dict get $value text] $kind]}]
+        }]} {
+            set status error
+            set value [list "its answer makes no sense"]
+        }
+        if {$kind eq "daemon"} {
+            if {$status eq "ok"} {
+                $self Learned $key $rows
+            }
+        } elseif {[info exists items($place)]} {
+            $self FillGroup $place [if {$status eq "ok"} {set rows}] [if {$status ne "ok"} {lindex $value 0}]
+        }
+    }
+    # dict: CLASS -> list of NAME. A recipe is a word CLASS.FLAVOR.
+    method Recipes inventory {
+        set found {}
+        foreach item [dict get $inventory classes] {
+            if {[regexp {^[a-z]\w*$} [lindex $item 0]] && [lindex $item 0] ne "proxy"} {
+                dict set found [lindex $item 0] {}
+            }
+        }
+        foreach word [dict get $inventory words] {
+            if {[regexp {^([a-z]\w*)\.[^\s@[:cntrl:]]+$} $word -> class]} {
+                dict lappend found $class $word
+            }
+        }
+        return $found
+    }
+    method Learned {key found} {
+        set before [if {[info exists recipes($key)]} {set recipes($key)}]
+        set recipes($key) $found
+        foreach class [dict keys [dict merge $before $found]] {
+            if {![info exists members([list $key $class])]} {
+                set members([list $key $class]) {}
+            }
+            dict set stale [list class $key $class] 1
+        }
+        $self Refresh
+    }
+    # dict: place -> its text
+    method Rows {kind list} {
+        set out {}
+        foreach row [lrange $list 0 $options(-most)-1] {
+            if {$kind eq "connections"} {
+                lassign $row direction who address
+                set text [expr {$direction eq "to" ? "to $who  $address" : "from $who  $address"}]
+            } else {
+                lassign $row object pattern who
+                set text "$object  $pattern  for $who"
+            }
+            dict set out [list [string range $kind 0 end-1] [lrange $row 0 2]] [$self Shown $text]
+        }
+        return [lsort -stride 2 -index 1 -dictionary $out]
+    }
+    method FillGroup {place rows why} {
+        lassign $place kind key
+        set item $items($place)
+        $tree item $item -text "[dict get $Groups $kind][if {$why eq {}} {string cat "  ([dict size $rows][if {[dict size $rows] >= $options(-most)} {string cat +}])"}]"
+        foreach child [$tree children $item] {
+            if {![info exists places($child)] || ![dict exists $rows [list [lindex $places($child) 0] [lindex $places($child) 2]]]} {
+                $self Lose $child
+                $tree delete [list $child]
+            }
+        }
+        set order {}
+        dict for {row text} $rows {
+            set at [list [lindex $row 0] $key [lindex $row 1]]
+            if {![info exists items($at)]} {
+                $self Add $place $at $text {}
+            }
+            lappend order $items($at)
+        }
+        $tree children $item $order
+        if {$why ne {}} {
+            $tree insert $item end -text "[::sorma::style mark stale] [$self Shown $why]" -tags stale
+        } elseif {[dict size $rows] == 0} {
+            $tree insert $item end -text "(none)" -tags asking
+        }
+        $self Choose
     }
     method Selected {} {
         set place [$self chosen]

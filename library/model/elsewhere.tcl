@@ -14,7 +14,7 @@ namespace eval ::sorma::elsewhere {
     }
 }
 
-# What the model hears of daemons.
+# Events of daemons, for the model.
 proc ::sorma::elsewhere::Happened {event key dict} {
     switch -- $event {
         line.made { Ask $key }
@@ -41,7 +41,7 @@ proc ::sorma::elsewhere::Ask key {
 
 proc ::sorma::elsewhere::Siblings {key host status value} {
     if {$status eq "error" || [::sorma::world get $key] eq {} || [catch {
-        # Who listens to one interface is reached by that alone.
+        # A daemon that listens on one interface is reached by that one only.
         lmap item [lrange [dict get [dict get $value text] siblings] 0 999] {
             lassign $item name interface port
             if {$interface ni [list 0.0.0.0 :: {} $host] || ![string is integer -strict $port]} continue

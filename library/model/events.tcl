@@ -74,7 +74,7 @@ proc ::sorma::events::Heard {token event} {
     ::sorma::world deliver [dict get $Tokens $token command] [list $event]
 }
 
-# What the model hears of objects and lines. That an object has gone its subscription says itself: sorma.gone.
+# Events of objects and connections, for the model. A subscription itself says that its object was removed: sorma.gone.
 proc ::sorma::events::Happened {event key dict} {
     variable Tokens
     dict for {token t} $Tokens {

@@ -1,6 +1,6 @@
 # news.tcl -- who is told what, for sorma::world: events for those who watch, in order and one call after another.
 #
-# What has changed (*.changed) is gathered for 20 ms, and the last state of a key wins; everything else is told as it came. A trail is
+# Changes (*.changed) are collected for 20 ms, and the last state of a key counts; all other events are published as they come. A trail is
 # bounded, and says how much was lost. Callbacks run at global level, from the event loop, for 10 ms at a time; an error in one goes to
 # bgerror, and its watch lives on. The other parts of the model hear of all at once, by their hooks.
 
@@ -13,7 +13,7 @@ namespace eval ::sorma::news {
     variable Gather 20          ;# ms for which changes are gathered
     variable Slice 10           ;# ms of callbacks before the event loop has its turn
     variable MostTrail 1000     ;# messages of a trail that wait for one watch
-    # What is known stays when this file is read again.
+    # The data stays when this file is sourced again.
     variable Watches            ;# dict: token -> {pattern events command ready}
     variable Out                ;# array: token -> list of {event key dict} to be told
     variable Late               ;# array: token -> dict: key -> {event dict}, gathered

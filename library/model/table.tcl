@@ -182,7 +182,7 @@ proc ::sorma::table::HereText request {
     return [lindex [::sorma::KeepTrail [list ::sorma::so::$so {*}$words]] 3]
 }
 
-# What an answer says, taken apart by a command, once for each answer.
+# The content of an answer, parsed by a command once for each answer.
 proc ::sorma::table::Known {where request parseCmd} {
     variable Answers
     if {[IsHere $where]} {
@@ -257,10 +257,14 @@ proc ::sorma::table::Failed {key message code} {
     dict set Answers($key) code $code
 }
 
-# What the model hears of daemons: a line is there, or there will be none.
+# Events of daemons, for the model: a connection is there, or there will be none; or another process has that name.
 proc ::sorma::table::Happened {event daemon dict} {
     variable Answers
     variable Patience
+    if {$event eq "daemon.process"} {
+        Forget $daemon
+        return
+    }
     if {$event eq "daemon.changed" && [dict get $dict state] ni {refused denied unresolved dead}} {
         return
     }
@@ -271,6 +275,17 @@ proc ::sorma::table::Happened {event daemon dict} {
         } else {
             Failed $key [dict get $dict why] [list SORMA COMM REFUSED $daemon]
             ::sorma::world hint answer $key
+        }
+    }
+}
+
+# All that this daemon has said.
+proc ::sorma::table::Forget daemon {
+    variable Answers
+    foreach {key entry} [array get Answers] {
+        if {[lindex $key 0] eq $daemon} {
+            set open [dict get $entry open]
+            set Answers($key) [dict create asked [expr {$open ? [dict get $entry asked] : 0}] open $open came 0 text {} error {} code {}]
         }
     }
 }
@@ -335,4 +350,4 @@ proc ::sorma::table::parse text {
     return $out
 }
 
-::sorma::world::hook {line.open daemon.changed daemon.gone} ::sorma::table::Happened
+::sorma::world::hook {line.open daemon.changed daemon.gone daemon.process} ::sorma::table::Happened

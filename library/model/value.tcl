@@ -14,7 +14,8 @@ package require sorma::world
 namespace eval ::sorma::value {
     namespace export new forget inUse
     namespace ensemble create
-    # dict: {object@daemon what} -> {tokens {token {command every options}} every values timer asking fresh}. what: options, or a request
+    # dict: {object@daemon what} -> {values timer asking fresh newer}. what: options, or a request; newer: dict of options that were told
+    # to have changed since they were asked for: the answer may be older
     variable Sources
     variable Telling            ;# is a callback on the stack
     variable Tokens             ;# dict: token -> {source option command}; option empty: all
@@ -42,7 +43,7 @@ proc ::sorma::value::new {token name what every command} {
         }
     }
     if {![dict exists $Sources $source]} {
-        dict set Sources $source [dict create values {} timer {} asking 0 fresh {}]
+        dict set Sources $source [dict create values {} timer {} asking 0 fresh {} newer {}]
     }
     dict set Tokens $token [dict create source $source name $name option $option command $command every $every begun 0]
     after 0 [list ::sorma::value::Ask $source]
@@ -92,6 +93,7 @@ proc ::sorma::value::Ask source {
         return [Again $source]
     }
     dict set Sources $source asking 1
+    dict set Sources $source newer {}
     set request [if {$what eq "options"} {list sorm DBX -describe $name} else {list $name {*}$what}]
     ::sorma::world ask $daemon $request -command [list ::sorma::value::Answered $source]
 }
@@ -132,8 +134,12 @@ proc ::sorma::value::Answered {source status value} {
         if {![dict get $table exists]} {
             All $source gone "there is no such object"
         } else {
-            dict set Sources $source values [dict remove [dict get $Sources $source values] *]
+            # Why nothing was known is not told any more.
+            foreach part {values fresh} {
+                dict set Sources $source $part [dict remove [dict get $Sources $source $part] *]
+            }
             foreach option [dict get $table options] {
+                if {[dict exists $Sources $source newer [lindex $option 0]]} continue
                 Put $source [lindex $option 0] [lindex $option 5] live {} {}
             }
         }
@@ -179,7 +185,7 @@ proc ::sorma::value::All {source state why} {
     }
 }
 
-# What the model hears of objects and daemons.
+# Events of objects and daemons, for the model.
 proc ::sorma::value::Happened {event key dict} {
     variable Sources
     foreach source [dict keys $Sources] {
@@ -191,6 +197,7 @@ proc ::sorma::value::Happened {event key dict} {
                 object.changed {
                     if {$what eq "options" && [dict exists $dict changes]} {
                         dict for {option value} [dict get $dict changes] {
+                            dict set Sources $source newer $option 1
                             Put $source $option $value live [dict get $dict by] {}
                         }
                     }

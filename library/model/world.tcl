@@ -14,6 +14,9 @@
 # object    a dict: name class calls underway; in object.changed also changes (dict: -option value) and by
 # events    daemon.here daemon.changed daemon.gone object.made object.changed object.removed trail world.ready
 #
+# The parts of the model and the views also have hooks, of which they hear at once. daemon.process: another process, or the first one,
+# answers under that name; what the one before has said of its classes does not count any more.
+#
 # Events of one key come in order. *.changed are gathered for 20 ms, and the last state wins; the others are not. After a gap (a
 # line that broke, events that were lost) the daemon is asked for everything, and the differences are told. Callbacks run at
 # global level, from the event loop, one after another; an error in one goes to bgerror, and its watch lives on.
@@ -33,8 +36,9 @@ namespace eval ::sorma::world {
     variable Slice 10           ;# ms of work before the event loop has its turn
     variable Pulse 1000         ;# ms between two HEALTHs
     variable Silence 1900       ;# ms without an answer, then a daemon counts as silent, at the next beat: within 3 s of its death
+    variable MostObjects 200000 ;# that are known of one daemon, so that a lie does not fill the memory
     variable Linger 10000       ;# ms for which the model lives on when nobody watches any more
-    # What is known stays when this file is read again.
+    # The data stays when this file is sourced again.
     variable Daemons            ;# dict: KEY -> daemon, as get gives it
     variable Objects            ;# array: name@daemon -> object, as get gives it
     variable Names              ;# array: daemon -> dict: name -> 1
@@ -175,7 +179,7 @@ proc ::sorma::world::find where {
     return {}
 }
 
-# ::sorma::world::use ?WHERE? -- somebody looks now and then, who watches nothing: the model works on for a while, and sees which
+# ::sorma::world::use ?WHERE? -- for a user that looks now and then and watches nothing: the model works on for a while, and sees which
 # daemons there are. A daemon that nothing else leads to is known meanwhile. Returns its KEY, as find does.
 proc ::sorma::world::use {{where {}}} {
     variable Daemons
@@ -330,7 +334,7 @@ proc ::sorma::world::AnswerHere {command future} {
     deliver $command [list ok $result]
 }
 
-# The options of a command that calls somebody: it must be told whom.
+# The options of a command that calls a daemon; one of them must name it.
 proc ::sorma::world::Read {table what words} {
     set options [::sorma::options::parse [dict merge $table {-command any}] $words]
     if {[dict get $options -command] eq {}} {
@@ -417,12 +421,12 @@ proc ::sorma::world::End {} {
     }
 }
 
-# What there is to be known may have changed: look again, when all that happens now has happened.
+# The objects or daemons may have changed: look again when the present events were handled.
 proc ::sorma::world::Soon args {
     ::sorma::timer::once world.look 0 ::sorma::world::Look
 }
 
-# A socket has come or gone: who could not be reached a moment ago may be there now.
+# A socket was added or removed: a daemon that could not be reached before may be there now.
 proc ::sorma::world::FolderChanged {} {
     variable Lines
     foreach key [array names Lines] {
@@ -485,7 +489,7 @@ proc ::sorma::world::Look {} {
     CheckReady
 }
 
-# What leads to daemons, here: a dict: what can stand after @ -> folder, dictionary or proxy.
+# The ways to daemons that are known here: a dict: text after @ -> folder, dictionary or proxy.
 proc ::sorma::world::Ways {} {
     set how {}
     catch {                             ;# a folder that others may write to is as good as none
@@ -562,6 +566,9 @@ proc ::sorma::world::Set {key facts} {
     set after [dict merge $before $facts]
     if {$after ne $before} {
         dict set Daemons $key $after
+        if {[dict get $after boot] ne [dict get $before boot]} {
+            hint daemon.process $key $after
+        }
         ::sorma::news::emit daemon.changed $key $after
     }
 }
@@ -620,7 +627,7 @@ proc ::sorma::world::OpenSome {} {
     }
 }
 
-# A line to it. What is asked first only tells whether somebody is there.
+# Make a connection to it. The first request only tells whether a daemon is there.
 proc ::sorma::world::Open key {
     variable Lines
     set serial [NewToken line]
@@ -692,7 +699,7 @@ proc ::sorma::world::Connected {key serial} {
         }
         return
     }
-    # Who breaks off each line at once is tried again with the next beat.
+    # A daemon that closes each connection at once is tried again with the next beat.
     set age [expr {[clock milliseconds] - [dict get $Lines($key) opened]}]
     Close $key
     if {$age > 900} {
@@ -875,6 +882,7 @@ proc ::sorma::world::TakeSome {key items at seenVar end} {
     upvar 1 $seenVar seen
     variable Objects
     variable Names
+    variable MostObjects
     set log [LogOf $key]
     set n [llength $items]
     set told [InUse]
@@ -886,7 +894,7 @@ proc ::sorma::world::TakeSome {key items at seenVar end} {
             dict set seen $name 1
             set known $Objects($full)
             if {[dict get $known calls] eq $calls && [dict get $known underway] eq $underway && [dict get $known class] eq $class} continue
-        } elseif {![IsName $name $class]} {
+        } elseif {![IsName $name $class] || [dict size $Names($key)] >= $MostObjects} {
             continue
         }
         if {![string is wideinteger -strict $calls] || ![string is wideinteger -strict $underway]} continue
@@ -934,7 +942,7 @@ proc ::sorma::world::TookAll {key seen {same 0}} {
     }
 }
 
-# What has come and gone since its objects were asked for: newer than the answer.
+# Objects that were made and removed since the daemon was asked for its objects: newer than the answer.
 proc ::sorma::world::LogOf key {
     variable Lines
     return [if {$key ne "self"} {dict get $Lines($key) log}]
@@ -943,8 +951,10 @@ proc ::sorma::world::LogOf key {
 proc ::sorma::world::Made {key name class calls underway} {
     variable Objects
     variable Names
+    variable MostObjects
     set full $name@$key
     if {![info exists Objects($full)]} {
+        if {[dict size $Names($key)] >= $MostObjects} return
         dict set Names($key) $name 1
         set Objects($full) [dict create name $name class $class calls $calls underway $underway]
         ::sorma::news::emit object.made $full $Objects($full)
@@ -992,7 +1002,7 @@ proc ::sorma::world::Happened {key serial event} {
     Take $key $event
 }
 
-# What happens in this process.
+# Events of this process.
 proc ::sorma::world::HappenedHere event {
     if {[dict get $event event] eq "dictionary.changed"} {
         return [Soon]

@@ -1,7 +1,7 @@
 # chart.tcl -- sorma::stripchart: numbers over time, several traces, as they come.
 #
 # A chart costs little because it draws little: each line is moved, its new points are appended and its old ones cut off. All of it is
-# drawn anew only when the scale changes.
+# drawn again only when the scale changes.
 
 package require Tk
 package require snit
@@ -11,7 +11,8 @@ package provide sorma::chart 1.0
 
 # ::sorma::stripchart .w ?options? --
 #       Options: -span seconds that are shown (10), -low and -high (empty: as the numbers need), -width, -height, -interval (ms between two
-#       drawings, 33), -paused, -plot (list of plots from the beginning, each as the method takes it, behind the name)
+#       drawings, 33), -paused, -plot (list of plots from the beginning, each as the method takes it, behind the name), -state (disabled: grey,
+#       and keys, mouse and menu do nothing)
 # Methods:
 #       trace NAME ?-text t? ?-colour c?        one more line; that is done by sample as well
 #       sample NAME VALUE ?TIME?                a point; time: s, default now. NaN makes a gap, an infinity too
@@ -30,6 +31,7 @@ snit::widget ::sorma::stripchart {
     option -interval -default 33
     option -paused -default 0 -configuremethod SetPaused
     option -plot -default {} -readonly 1
+    ::sorma::stateParts
     component canvas
     variable traces {}          ;# dict: name -> {number text colour times values subject token what part index}; colour: empty: of its number;
                                 ;# what: -option or {EXEC ...}
@@ -48,18 +50,25 @@ snit::widget ::sorma::stripchart {
         pack $canvas -fill both -expand 1
         bind $canvas <Configure> [mymethod Rebuild]
         bind $win <<ThemeChanged>> [mymethod Rebuild]
-        bind $canvas <space> [mymethod pause]
+        bind $canvas <space> [mymethod Act pause]
         bind $canvas <ButtonPress-1> [list focus $canvas]
         foreach event {<Button-3> <Key-Menu> <Shift-F10>} {
-            bind $canvas $event [mymethod Menu %X %Y]
+            bind $canvas $event [mymethod Act Menu %X %Y]
         }
-        bind $canvas <plus> [mymethod Zoom 0.5]
-        bind $canvas <minus> [mymethod Zoom 2]
+        bind $canvas <plus> [mymethod Act Zoom 0.5]
+        bind $canvas <minus> [mymethod Act Zoom 2]
         bind $win <Destroy> +[mymethod Ended %W]
         foreach plot $options(-plot) {
             $self plot [if {[llength $options(-plot)] > 1} {set plot} else {lindex $plot 1}] {*}$plot
         }
         set timer [after $options(-interval) [mymethod Tick]]
+        $self Enable
+    }
+    method Enable {} {
+        if {$canvas ne {}} {
+            $canvas configure -takefocus [$self Enabled]
+            $self Rebuild
+        }
     }
     method Ended window {
         if {$window ne $win} return
@@ -205,7 +214,7 @@ snit::widget ::sorma::stripchart {
     method Now {} {
         return [expr {([clock milliseconds] - $origin) / 1000.0}]
     }
-    # What has come becomes part of the traces; what is too old to be shown goes.
+    # Add new values to the traces; remove those that are too old to be shown.
     method Take {} {
         set old [expr {($options(-paused) ? $shown : [$self Now]) - $options(-span)}]
         dict for {name points} $fresh {
@@ -283,7 +292,7 @@ snit::widget ::sorma::stripchart {
             lappend new [$self X $t] [$self Y $v]
         }
         $canvas insert $id end $new
-        # What has left at the left edge.
+        # Remove the points beyond the left edge.
         set gone 0
         set coordinates [$canvas coords $id]
         set n [llength $coordinates]
@@ -320,7 +329,7 @@ snit::widget ::sorma::stripchart {
         }
         return [list $low [expr {$high > $low ? $high : $low + $step}]]
     }
-    # All of it, anew.
+    # Draw all of it again.
     method Rebuild {} {
         if {$canvas eq {} || ![winfo exists $canvas] || [winfo width $canvas] < 10} return
         $self Take
@@ -331,7 +340,7 @@ snit::widget ::sorma::stripchart {
         lassign $scale low high
         $canvas delete all
         $canvas configure -background [ttk::style lookup TEntry -fieldbackground {} white]
-        set ink [ttk::style lookup . -foreground {} black]
+        set ink [expr {[$self Enabled] ? [ttk::style lookup . -foreground {} black] : [::sorma::style colour asking]}]
         set step [::sorma::style step [expr {$high - $low}]]
         for {set v [expr {ceil($low / $step) * $step}]} {$v <= $high + 1e-9 * $step} {set v [expr {$v + $step}]} {
             set y [$self Y $v]
@@ -365,7 +374,7 @@ snit::widget ::sorma::stripchart {
     }
     method Colour name {
         set colour [dict get $traces $name colour]
-        return [if {$colour ne {}} {set colour} else {::sorma::style series [dict get $traces $name number]}]
+        return [if {![$self Enabled]} {::sorma::style colour asking} elseif {$colour ne {}} {set colour} else {::sorma::style series [dict get $traces $name number]}]
     }
     method Line {name coordinates} {
         if {[llength $coordinates] == 0} return

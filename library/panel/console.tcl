@@ -23,6 +23,7 @@ package provide sorma::console 1.0
 # Event <<SormaDone>> comes after each command.
 snit::widget ::sorma::console {
     hulltype ttk::frame
+    delegate option -takefocus to hull
     option -keep -default 5000
     option -output -default 0 -readonly 1
     option -command -default {}
@@ -39,7 +40,7 @@ snit::widget ::sorma::console {
     variable going {}
     variable history {}
     variable place 0            ;# in the history; its length: none of it
-    variable draft {}           ;# what was being typed before somebody looked at the history
+    variable draft {}           ;# the line that was being typed before the user went to the history
     variable wanted             ;# what is searched for there; does not exist: nothing
     variable folds {}           ;# numbers of the trails that are there
     typevariable Last 0         ;# number of the last command, fold or completion of all consoles
@@ -71,6 +72,7 @@ snit::widget ::sorma::console {
         $self Looks
         bind $win <<ThemeChanged>> [mymethod Looks]
         bind $win <Destroy> +[mymethod Ended %W]
+        $hull configure -takefocus 0
         bind $win <FocusIn> [mymethod Focused]
         $raw tag bind fold <Button-1> [mymethod FoldAt @%x,%y]
         $raw tag bind fold <Enter> [list $raw configure -cursor hand2]
@@ -271,7 +273,7 @@ snit::widget ::sorma::console {
         return [expr {max(20, ([winfo width $screen] - 2 * [$raw cget -padx]) / [font measure [$raw cget -font] 0])}]
     }
 
-    # What is written to stdout and stderr goes to those who read it.
+    # Text that is written to stdout and stderr goes to its readers.
     typemethod Read console {
         if {$Readers eq {}} {
             foreach channel {stdout stderr} {
@@ -287,7 +289,7 @@ snit::widget ::sorma::console {
         set Readers [lsearch -all -inline -exact -not $Readers $console]
         if {$Readers eq {}} {
             foreach channel {stdout stderr} {
-                catch {chan pop $channel}       ;# somebody may have closed it
+                catch {chan pop $channel}       ;# other code may have closed it
             }
         }
     }
@@ -474,7 +476,7 @@ snit::widget ::sorma::console {
             $self SetInput {}
         }
     }
-    # Ctrl-C copies what is selected; without that it gives up, as in a terminal.
+    # Ctrl-C copies the selection; without one it cancels, as in a terminal.
     method Interrupt {} {
         if {[$raw tag ranges sel] ne {}} {
             tk_textCopy $screen
@@ -648,7 +650,7 @@ snit::widget ::sorma::console {
     }
 }
 
-# While somebody searches, keys belong to that first.
+# During a search, keys belong to the search first.
 bind SormaSearch <Key> {if {[[winfo parent %W] Searched %K %A]} break}
 apply {{} {
     foreach {event script} {

@@ -15,7 +15,7 @@ package provide sorma::execform 1.0
 snit::widget ::sorma::execform {
     ::sorma::parts -name 0
     ::sorma::runParts
-    option -state -default normal -configuremethod SetState
+    ::sorma::checkedOption -state normal SetState
     variable parts {}           ;# list: field least most, of each entry, in their order
     variable answer {}
 
@@ -49,7 +49,7 @@ snit::widget ::sorma::execform {
         set options($option) $value
         $self Enable
     }
-    # What runs can be cancelled, also where nothing can be begun.
+    # A request that runs can be cancelled, also where none can be begun.
     method Enable {} {
         $win.go state [expr {$options(-state) eq "normal" && $running eq {} ? "!disabled" : "disabled"}]
         $win.cancel state [expr {$running ne {} ? "!disabled" : "disabled"}]

@@ -7,15 +7,17 @@
 package require sorma::parts
 package provide sorma::field 1.0
 
-# What the widgets for options have in common.
+namespace eval ::sorma::field {}
+
+# The common part of the widgets for options.
 #   -name    of the object      -option  -tempo        -apply  now (each change is sent) or later (the subject keeps it)
 #   -state   normal, readonly or disabled              -live   ms, for what changes by itself
 #   -seen    0: nobody can see it, and it costs nothing
-# A widget has methods Build, Put VALUE, to show it, and Enable STATE.
+# A widget has methods Build, Put VALUE, to show it, and Enable STATE. One with another field inside is told for both.
 snit::macro ::sorma::fieldParts {} {
     ::sorma::parts {-name -option} 0
-    option -apply -default now -configuremethod SetShared
-    option -state -default normal -configuremethod SetShared
+    ::sorma::checkedOption -apply now SetShared
+    ::sorma::checkedOption -state normal SetShared
     option -seen -default 1 -configuremethod SetShared
     variable showing 0          ;# is it we who change the editor
     variable enabled {}         ;# state that the editor has; empty: Enable is to be called
@@ -25,7 +27,7 @@ snit::macro ::sorma::fieldParts {} {
     method SetShared {option value} {
         if {$value eq $options($option)} return
         set options($option) $value
-        if {$inside ne {}} {
+        if {$inside ne {} && $option ne "-seen"} {
             $inside configure $option $value
         }
         if {$subject ne {}} {
@@ -35,7 +37,7 @@ snit::macro ::sorma::fieldParts {} {
             $self Show
         }
     }
-    # Somebody has changed the editor.
+    # The user has changed the editor.
     method Edited value {
         if {$showing || $subject eq {}} return
         if {$options(-apply) eq "now"} {
@@ -44,9 +46,13 @@ snit::macro ::sorma::fieldParts {} {
             $subject edit $options(-option) $value
         }
     }
-    method Show {} {
-        if {$facts eq {} || !$options(-seen)} return
-        set told [$subject get $options(-option)]
+    # told: what the subject says of it, from the field around this one.
+    method Show {{told {}}} {
+        if {$facts eq {}} return
+        if {$told eq {}} {
+            if {!$options(-seen)} return
+            set told [$subject get $options(-option)]
+        }
         set showing 1
         $self Put [dict get $told value]
         set showing 0
@@ -55,6 +61,9 @@ snit::macro ::sorma::fieldParts {} {
         if {$state ne $enabled} {
             set enabled $state
             $self Enable $state
+        }
+        if {$inside ne {}} {
+            $inside Show $told
         }
     }
     # value, apply, revert: of its option.
@@ -66,6 +75,14 @@ snit::macro ::sorma::fieldParts {} {
     }
     method revert {} {
         $subject revert $options(-option)
+    }
+}
+
+# A text in a field has been written: by keys, or pasted, unless the field itself does so. OURS: a variable, true meanwhile.
+proc ::sorma::field::Written {widget ours args} {
+    upvar #0 $ours showing
+    if {!$showing} {
+        $widget Typed
     }
 }
 
@@ -88,15 +105,14 @@ snit::macro ::sorma::typedParts {} {
     }
     # A text is in the colour of a warning or an alarm when it is a number outside the limits.
     method Paint {window shown} {
-        if {[dict get $facts hints] ne {}} {
-            $window configure -foreground [::sorma::style colour [::sorma::subject zone [dict get $facts hints] $shown]]
-        }
+        $window configure -foreground [::sorma::style colour [::sorma::subject zone [dict get $facts hints] $shown]]
     }
 }
 
 # ::sorma::entry .w -name NAME -option -OPTION -- a text or a number. What the class says it stands for has something beside it: a file a
 # button to look for it, a colour a button that shows it, a time the local time, a sub-service a button that opens its panel.
 snit::widget ::sorma::entry {
+    widgetclass SormaEntry      ;# what Tk binds to Entry is for its own
     ::sorma::typedParts
     variable text {}
     variable kind plain
@@ -106,7 +122,7 @@ snit::widget ::sorma::entry {
         $self configurelist $args
         $self Keys $editor
         $self Begin
-        trace add variable [myvar text] write [mymethod Typed]      ;# by keys, or pasted
+        trace add variable [myvar text] write [list ::sorma::field::Written $self [myvar showing]]
     }
     destructor {
         if {$swatch ne {}} {
@@ -139,12 +155,14 @@ snit::widget ::sorma::entry {
         }
         pack $editor -side left -fill both -expand 1
     }
-    # While somebody types nothing is put into the field but what was typed.
+    # While the user types, nothing else is put into the field.
     method Put value {
         if {$text ne $value && ([focus] ne $editor || ![$self Touched])} {
             set text $value
         }
-        $self Paint $editor $text
+        if {[dict get $facts hints] ne {}} {
+            $self Paint $editor $text
+        }
         if {$kind eq "plain"} return
         switch -- $kind {
             colour {
@@ -160,8 +178,8 @@ snit::widget ::sorma::entry {
             service { $win.beside state [expr {$text eq {} ? "disabled" : "!disabled"}] }
         }
     }
-    method Typed args {
-        if {!$showing && $subject ne {} && $text ne [$self value]} {
+    method Typed {} {
+        if {$subject ne {} && $text ne [$self value]} {
             $subject edit $options(-option) $text
         }
     }
@@ -208,7 +226,7 @@ snit::widget ::sorma::vector {
         set pad [list 0 [::sorma::style pixels 4]]
         for {set i 1} {$i <= $n} {incr i} {
             lappend entries [ttk::entry $win.entry$i -textvariable [myvar texts($i)] -width 7 -justify right]
-            trace add variable [myvar texts($i)] write [mymethod Typed]
+            trace add variable [myvar texts($i)] write [list ::sorma::field::Written $self [myvar showing]]
             $self Keys $win.entry$i
             grid $win.entry$i -row 1 -column $i -sticky ew -padx $pad
             grid columnconfigure $win $i -weight 1
@@ -233,11 +251,13 @@ snit::widget ::sorma::vector {
             if {!$typing} {
                 set texts($i) [lindex $numbers $i-1]
             }
-            $self Paint $entry $texts($i)
+            if {[dict get $facts hints] ne {}} {
+                $self Paint $entry $texts($i)
+            }
         }
     }
-    method Typed args {
-        if {$showing || $subject eq {}} return
+    method Typed {} {
+        if {$subject eq {}} return
         set value [join [lmap i [lsort -integer [array names texts]] {if {$texts($i) eq {}} {string cat "{}"} else {set texts($i)}}]]
         if {$value ne [$self value]} {
             $subject edit $options(-option) $value
@@ -262,7 +282,7 @@ snit::widget ::sorma::slider {
         install editor using ttk::scale $win.scale -variable [myvar position] -length [::sorma::style pixels $options(-length)] \
             -command [mymethod Moved]
         install inside using ::sorma::entry $win.entry -name $options(-name) -option $options(-option) -apply $options(-apply) \
-            -live $options(-live) -state $options(-state) -seen $options(-seen)
+            -live $options(-live) -state $options(-state) -seen 0
         pack $inside -side right
         pack $editor -side left -fill x -expand 1 -padx [list 0 [::sorma::style pixels 6]]
         $self Begin
@@ -392,18 +412,21 @@ proc ::sorma::field {window facts args} {
 # or how far it is, that it is done, or why it failed. What runs can be cancelled: by Escape, and by a button that appears after a moment.
 # prefix gets ok and the reply, or error and a list of message and code.
 snit::widget ::sorma::button {
+    widgetclass SormaButton     ;# what Tk binds to Button is for its own
     ::sorma::runParts
     hulltype ttk::frame
+    delegate option -takefocus to hull
     option -name -default {} -readonly 1
     option -request -default EXEC
     option -text -default {} -configuremethod SetText
     option -command -default {}
-    option -state -default normal -configuremethod SetState
+    ::sorma::checkedOption -state normal SetState
     component button
     component lamp
     variable subject {}
     variable answer {}
     constructor args {
+        $hull configure -takefocus 0
         install button using ttk::button $win.button -command [mymethod invoke]
         install lamp using ttk::label $win.lamp -width 2 -anchor center
         ttk::button $win.cancel -text \u2715 -width 2 -style Toolbutton -command [mymethod cancel]

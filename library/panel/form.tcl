@@ -28,19 +28,22 @@ snit::widget ::sorma::form {
     option -entries -default {} -configuremethod SetEntries -cgetmethod GetEntries
     option -file -default {} -readonly 1
     option -live -default 1000 -readonly 1
-    option -apply -default later -configuremethod SetShared
-    option -state -default normal -configuremethod SetShared
+    ::sorma::checkedOption -apply later SetShared
+    ::sorma::checkedOption -state normal SetShared
     variable entries {}         ;# list of dicts: name, what, settings; of a group its title is the name, and what is empty
     variable subjects {}        ;# dict: NAME -> {subject listener}
     variable marks {}           ;# dict: n -> {mark why} that are shown
     variable asked {}           ;# in the line that asks for an entry
     variable timer {}
+    variable sizing {}
+    variable inner {}           ;# frame of the entries; it scrolls
     typevariable Option {-text any -show {{choice field led meter} field}}
     typevariable Reply {-text any -part {{choice text floats ints words code} {}} -index {{whole 0 {}} {}} -unit any -every {{whole 10 {}} 1000}}
 
     constructor args {
         set pad [::sorma::style pixels 6]
-        ttk::frame $win.grid
+        ttk::frame $win.body
+        set inner [::sorma::parts::scroller $win.body]
         ttk::frame $win.ask
         ttk::label $win.ask.label -text "Add: OBJECT -option"
         ttk::entry $win.ask.entry -textvariable [myvar asked]
@@ -53,7 +56,7 @@ snit::widget ::sorma::form {
         ttk::button $win.apply.apply -text Apply -command [mymethod apply] -underline 0
         ttk::button $win.apply.revert -text Revert -command [mymethod revert] -underline 0
         pack $win.apply.apply $win.apply.revert -side left -padx [list 0 $pad]
-        foreach {part sticky} {grid nsew ask ew said ew apply ew} {
+        foreach {part sticky} {body nsew ask ew said ew apply ew} {
             grid $win.$part -sticky $sticky -padx $pad -pady [list $pad 0]
         }
         grid configure $win.apply -pady $pad
@@ -66,6 +69,8 @@ snit::widget ::sorma::form {
         foreach event {<Button-3> <Key-Menu> <Shift-F10>} {
             bind [$self Tag] $event "[mymethod Popup %W %X %Y]; break"
         }
+        bind [$self Tag] <Configure> [mymethod SizeSoon]         ;# in a canvas what grows does not tell it to the windows around
+        bind [$self Tag] <FocusIn> [list ::sorma::parts::see $win.body.canvas %W]
         bind $win <<ThemeChanged>> [mymethod Soon]
         $self configurelist $args
         if {$options(-file) ne {}} {
@@ -75,6 +80,7 @@ snit::widget ::sorma::form {
     }
     destructor {
         after cancel $timer
+        after cancel $sizing
         foreach event [bind SormaForm$win] {
             bind SormaForm$win $event {}
         }
@@ -122,7 +128,7 @@ snit::widget ::sorma::form {
         }
     }
     method item n {
-        return $win.grid.field[$self Number $n]
+        return $inner.field[$self Number $n]
     }
     method Number n {
         if {![string is integer -strict $n] || $n < 0 || $n >= [llength $entries]} {
@@ -186,7 +192,7 @@ snit::widget ::sorma::form {
         ::sorma::resolve $name
         return [dict create name $name what $what settings [::sorma::options::parse $table [lrange $line 2 end]]]
     }
-    # What is as it would be without is left out.
+    # Settings that have their defaults are left out.
     proc Line entry {
         dict with entry {
             if {$what eq {}} {
@@ -235,7 +241,7 @@ snit::widget ::sorma::form {
     }
     method Build {} {
         if {![winfo exists $win]} return
-        destroy {*}[winfo children $win.grid]
+        destroy {*}[winfo children $inner]
         set marks {}
         set pad [::sorma::style pixels 4]
         set row 0
@@ -243,35 +249,50 @@ snit::widget ::sorma::form {
         foreach entry $entries {
             dict with entry {
                 if {$what eq {}} {
-                    ttk::label $win.grid.field$n -text $name -font [::sorma::style font strong]
-                    grid $win.grid.field$n -row [incr row] -column 1 -columnspan 3 -sticky w -pady [list [expr {2 * $pad}] 0]
+                    ttk::label $inner.field$n -text $name -font [::sorma::style font strong]
+                    grid $inner.field$n -row [incr row] -column 1 -columnspan 3 -sticky w -pady [list [expr {2 * $pad}] 0]
                 } else {
                     $self Row $n $name $what $settings
-                    grid $win.grid.mark$n -row [incr row] -column 0
-                    grid $win.grid.label$n -row $row -column 1 -sticky w -padx [list 0 $pad]
-                    grid $win.grid.field$n -row $row -column 2 -sticky ew -pady [list $pad 0]
-                    grid $win.grid.unit$n -row $row -column 3 -sticky w -padx $pad
-                    grid $win.grid.why$n -row [incr row] -column 2 -columnspan 2 -sticky w
-                    grid remove $win.grid.why$n
-                    ::sorma::style tip $win.grid.label$n "$name $what"
+                    grid $inner.mark$n -row [incr row] -column 0
+                    grid $inner.label$n -row $row -column 1 -sticky w -padx [list 0 $pad]
+                    grid $inner.field$n -row $row -column 2 -sticky ew -pady [list $pad 0]
+                    grid $inner.unit$n -row $row -column 3 -sticky w -padx $pad
+                    grid $inner.why$n -row [incr row] -column 2 -columnspan 2 -sticky w
+                    grid remove $inner.why$n
+                    ::sorma::style tip $inner.label$n "$name $what"
                 }
             }
             incr n
         }
-        grid columnconfigure $win.grid 2 -weight 1
+        grid columnconfigure $inner 2 -weight 1
         if {$entries eq {}} {
-            grid [ttk::label $win.grid.none -text "nothing is chosen yet: the right button or the Menu key adds an option of an object" \
+            grid [ttk::label $inner.none -text "nothing is chosen yet: the right button or the Menu key adds an option of an object" \
                 -wraplength [::sorma::style pixels 360]]
         }
-        ::sorma::style tag $win [$self Tag]
+        $self Tagged $win
         foreach name [dict keys $subjects] {
             $self Shown $name
         }
     }
+    # All windows of it know the form's keys, its menu and its wheel.
+    method Tagged window {
+        ::sorma::style tag $window [$self Tag]
+        ::sorma::style bindWheel [expr {$window eq $win ? "$win.body.canvas" : $window}] $win.body.canvas
+    }
+    # As large as what is in it, as far as the screen reaches.
+    method SizeSoon {} {
+        after cancel $sizing
+        set sizing [after idle [mymethod Size]]
+    }
+    method Size {} {
+        set view $win.body.canvas
+        $view configure -scrollregion [$view bbox all] -width [winfo reqwidth $inner] \
+            -height [expr {max(20, min([winfo reqheight $inner], [winfo vrootheight $win] * 3 / 4))}]
+    }
     # The widgets of an entry; of an option, as long as nobody knows what it is, a label stands there.
     method Row {n name what settings} {
         set subject [lindex [dict get $subjects $name] 0]
-        set parent $win.grid
+        set parent $inner
         set unit {}
         set isOption [string match -* $what]
         ttk::label $parent.mark$n -width 2 -anchor center
@@ -290,7 +311,7 @@ snit::widget ::sorma::form {
                     set unit {}         ;# it shows that itself
                 }
             }
-            bind $parent.field$n <<SormaBuilt>> [list ::sorma::style tag $parent.field$n [$self Tag]]
+            bind $parent.field$n <<SormaBuilt>> [mymethod Tagged $parent.field$n]
         }
         ttk::label $parent.unit$n -text $unit
         set text [dict get $settings -text]
@@ -302,7 +323,7 @@ snit::widget ::sorma::form {
         foreach entry $entries {
             incr n
             set what [dict get $entry what]
-            if {[dict get $entry name] ne $name || ![string match -* $what] || ![winfo exists $win.grid.why$n]} continue
+            if {[dict get $entry name] ne $name || ![string match -* $what] || ![winfo exists $inner.why$n]} continue
             set shown [if {[$subject table] eq {}} {
                 set told [$subject get $what]
                 list [dict get $told state] [dict get $told why]
@@ -313,7 +334,7 @@ snit::widget ::sorma::form {
             }]
             if {![dict exists $marks $n] || [dict get $marks $n] ne $shown} {
                 dict set marks $n $shown
-                ::sorma::parts::mark $win.grid $n {*}$shown
+                ::sorma::parts::mark $inner $n {*}$shown
             }
         }
         set edited "disabled"
@@ -338,7 +359,7 @@ snit::widget ::sorma::form {
         lassign [::sorma::parts::popupAt $window $x $y] x y
         destroy $win.menu
         menu $win.menu -tearoff 0
-        if {[regexp {^\.\D+(\d+)} [string range $window [string length $win.grid] end] -> n] && [string match $win.grid.* $window]} {
+        if {[regexp {^\.\D+(\d+)} [string range $window [string length $inner] end] -> n] && [string match $inner.* $window]} {
             $self EntryMenu $win.menu $n
         }
         $win.menu add command -label "Add \u2026" -underline 0 -command [mymethod Ask]

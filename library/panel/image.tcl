@@ -7,7 +7,7 @@ package provide sorma::image 1.0
 # ::sorma::image .w ?-name SO -request WORDS -every ms? ?-size WxH? ?-zoom n? --
 #       Options: -request: whose reply has the picture in its part any, default EXEC; -every: how often it is asked for, 0 (default): when
 #       refresh is called; one request is under way at a time. -size: of a raw picture, of bytes of grey or of red, green and blue.
-#       -zoom: 1, 2, 3 ... or 0.5, 0.33 ...; -width and -height: of the window
+#       -zoom: 1, 2, 3 ..., 0.75, 0.66, 0.5, 0.33 ..., or what is next; fit: the largest of these for which there is room; -width and -height: of the window; -state disabled: keys and mouse do nothing
 # Methods:
 #       show BYTES                      a picture: PPM, PGM, PNG or raw; error IMAGE FORMAT
 #       refresh                         ask for it now
@@ -25,6 +25,7 @@ snit::widget ::sorma::image {
     option -zoom -default 1 -configuremethod SetZoom
     option -width -default 320 -readonly 1
     option -height -default 240 -readonly 1
+    ::sorma::stateParts
     component canvas
     variable photo {}
     variable drawn {}           ;# the photo that is on the canvas: a zoomed one, or the same
@@ -32,6 +33,7 @@ snit::widget ::sorma::image {
     variable timer {}
     variable asking 0
     variable answer {}
+    variable ratio {1 1}        ;# how the picture is drawn: so many times larger, then smaller
     variable marks {}           ;# dict: tag -> {kind coordinates text colour}
 
     constructor args {
@@ -50,17 +52,32 @@ snit::widget ::sorma::image {
         grid rowconfigure $win 0 -weight 1
         grid columnconfigure $win 0 -weight 1
         $canvas create image 0 0 -anchor nw -image $drawn -tags picture
-        bind $canvas <Motion> [mymethod Under %x %y]
+        bind $canvas <Motion> [mymethod Act Under %x %y]
+        bind $canvas <Configure> [mymethod Fit]
         bind $canvas <Leave> [list $win.below configure -text {}]
-        bind $canvas <plus> [mymethod Zoom 1]
-        bind $canvas <minus> [mymethod Zoom -1]
-        bind $canvas <ButtonPress-1> "[list focus $canvas]; [list $canvas] scan mark %x %y"
-        bind $canvas <B1-Motion> "[list $canvas] scan dragto %x %y 1"
+        bind $canvas <plus> [mymethod Act Zoom 1]
+        bind $canvas <minus> [mymethod Act Zoom -1]
+        bind $canvas <ButtonPress-1> [mymethod Act Grip %x %y]
+        bind $canvas <B1-Motion> [mymethod Act Drag %x %y]
         bind $win <Destroy> +[mymethod Ended %W]
         if {$options(-name) ne {}} {
             set subject [::sorma::subject of $options(-name)]
             $self refresh
         }
+        $self Enable
+    }
+    method Enable {} {
+        if {$canvas ne {}} {
+            $canvas configure -takefocus [$self Enabled]
+            $win.below state [expr {[$self Enabled] ? "!disabled" : "disabled"}]
+        }
+    }
+    method Grip {x y} {
+        focus $canvas
+        $canvas scan mark $x $y
+    }
+    method Drag {x y} {
+        $canvas scan dragto $x $y 1
     }
     method Ended window {
         if {$window ne $win} return
@@ -115,8 +132,8 @@ snit::widget ::sorma::image {
         $self refresh
     }
     method SetZoom {option value} {
-        if {![string is double -strict $value] || $value <= 0 || $value > 32} {
-            return -code error -errorcode {SORMA REQUEST SYNTAX} "-zoom expects a number above 0, up to 32, got \"$value\""
+        if {$value ne "fit" && (![string is double -strict $value] || $value <= 0 || $value > 32)} {
+            return -code error -errorcode {SORMA REQUEST SYNTAX} "-zoom expects fit or a number above 0, up to 32, got \"$value\""
         }
         set options($option) $value
         if {$canvas ne {}} {
@@ -125,7 +142,8 @@ snit::widget ::sorma::image {
     }
     # The next step of 1/3, 1/2, 1, 2, 3.
     method Zoom step {
-        set n [expr {$options(-zoom) >= 1 ? int($options(-zoom)) : -round(1.0 / $options(-zoom)) + 2}]
+        set zoom [$self Factor]
+        set n [expr {$zoom >= 1 ? int($zoom) : -round(1.0 / $zoom + 0.2) + 2}]
         set n [expr {max(-6, min(16, $n + $step))}]
         $self configure -zoom [expr {$n >= 1 ? $n : 1.0 / (2 - $n)}]
     }
@@ -143,7 +161,7 @@ snit::widget ::sorma::image {
             set value [list $message {}]
         }
         set answer [if {$status eq "ok"} {string cat ok} else {list error [lindex $value 0]}]
-        $win.below configure -text [if {$status ne "ok"} {lindex $value 0}] -foreground [::sorma::style colour refused]
+        $win.below configure -text [if {$status ne "ok"} {lindex $value 0}] -foreground [$self Shade refused]
     }
     method Read bytes {
         set wrong {}
@@ -165,21 +183,49 @@ snit::widget ::sorma::image {
         }
         return -code error -errorcode {SORMA IMAGE FORMAT} "not a picture: $wrong"
     }
+    # The room has changed.
+    method Fit {} {
+        if {$options(-zoom) eq "fit" && [$self Ratio] ne $ratio} {
+            $self Draw
+        }
+    }
     method Draw {} {
-        set zoom $options(-zoom)
         $drawn blank
         $drawn configure -width 1 -height 1
         $drawn configure -width 0 -height 0
-        if {$zoom >= 1} {
-            $drawn copy $photo -zoom [expr {int($zoom)}] -shrink
+        lassign [set ratio [$self Ratio]] up down
+        if {$up == 1 || $down == 1} {
+            $drawn copy $photo -zoom $up -subsample $down -shrink
         } else {
-            $drawn copy $photo -subsample [expr {round(1.0 / $zoom)}] -shrink
+            set larger [::image create photo]
+            $larger copy $photo -zoom $up
+            $drawn copy $larger -subsample $down -shrink
+            ::image delete $larger
         }
         $canvas configure -scrollregion [list 0 0 [::image width $drawn] [::image height $drawn]]
         $self DrawMarks
     }
     method Factor {} {
-        return [expr {$options(-zoom) >= 1 ? double(int($options(-zoom))) : 1.0 / round(1.0 / $options(-zoom))}]
+        lassign [$self Ratio] up down
+        return [expr {double($up) / $down}]
+    }
+    # The zoom as two whole numbers.
+    method Ratio {} {
+        set zoom $options(-zoom)
+        if {$zoom eq "fit"} {
+            if {[::image width $photo] == 0} {
+                return {1 1}
+            }
+            set zoom [expr {min(32, double([winfo width $canvas]) / [::image width $photo], double([winfo height $canvas]) / [::image height $photo])}]
+            # Less than two thirds: rather smaller than larger.
+            set zoom [expr {$zoom < 0.66 ? 1.0 / min(32, ceil(1 / $zoom)) : $zoom}]
+        }
+        foreach {least up down} [list 1 [expr {int($zoom)}] 1 0.75 3 4 0.66 2 3] {
+            if {$zoom >= $least} {
+                return [list $up $down]
+            }
+        }
+        return [list 1 [expr {round(1.0 / $zoom)}]]
     }
 
     # ---- marks ----

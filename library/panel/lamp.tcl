@@ -1,5 +1,5 @@
 # lamp.tcl -- what is only looked at: sorma::led, a lamp; sorma::meter, a number within its limits; sorma::reading, what an object answers;
-# sorma::status, how an object's daemon is.
+# sorma::status, how an object's daemon is. Each has -state: while it is disabled, it is grey.
 
 package require sorma::parts
 package provide sorma::lamp 1.0
@@ -8,18 +8,19 @@ package provide sorma::lamp 1.0
 # fits one pattern, red when it fits the other, grey while it is not known or old. Outside of the limits of the class it is yellow or red;
 # of an option that has some, what lies inside is good, unless a pattern says else.
 snit::widget ::sorma::led {
-    option -good -default {}
-    option -bad -default {}
-    option -text -default {}
-    ::sorma::parts {-name -option} 500
+    option -good -default {} -configuremethod SetLook
+    option -bad -default {} -configuremethod SetLook
+    option -text -default {} -configuremethod SetLook
+    ::sorma::lampParts {-name -option} 500
     constructor args {
         $self configurelist $args
         set size [::sorma::style pixels 14]
         canvas $win.lamp -width $size -height $size -highlightthickness 0 -background [ttk::style lookup . -background]
         $win.lamp create oval 2 2 [expr {$size - 2}] [expr {$size - 2}] -tags lamp -outline [::sorma::style colour asking]
-        ttk::label $win.text -text $options(-text)
+        ttk::label $win.text
         pack $win.lamp $win.text -side left -padx [list 0 [::sorma::style pixels 4]]
         $self Begin
+        $self Enable
     }
     method Build {} {}
     # good, warn, bad, off or stale
@@ -40,13 +41,9 @@ snit::widget ::sorma::led {
         return [expr {[string match $good $value] ? "good" : "off"}]
     }
     method Show {} {
-        $win.lamp itemconfigure lamp -fill [switch -- [$self shows] {
-            good { ::sorma::style colour good }
-            warn { ::sorma::style colour warn }
-            bad { ::sorma::style colour refused }
-            off { string cat {} }
-            stale { ::sorma::style colour asking }
-        }]
+        set shown [$self shows]
+        $win.lamp itemconfigure lamp -fill [if {$shown ne "off"} {$self Shade [dict get {good good warn warn bad refused stale asking} $shown]}]
+        $win.text configure -text $options(-text)
     }
 }
 
@@ -54,12 +51,12 @@ snit::widget ::sorma::led {
 #       A number as a bar between low and high (default: the range of the option, else 0 and 1), and in digits with its unit. Outside of
 #       -warn it is yellow, outside of -alarm red, with a mark; default: what the class says. An empty limit is none.
 snit::widget ::sorma::meter {
-    ::sorma::parts {-name -option} 500
-    option -low -default {}
-    option -high -default {}
-    option -warn -default {}
-    option -alarm -default {}
-    option -format -default %.6g
+    ::sorma::lampParts {-name -option} 500
+    option -low -default {} -configuremethod SetLook
+    option -high -default {} -configuremethod SetLook
+    option -warn -default {} -configuremethod SetLook
+    option -alarm -default {} -configuremethod SetLook
+    option -format -default %.6g -configuremethod SetLook
     option -length -default 160 -readonly 1
     variable known {}           ;# dict: option -> what the class says
     constructor args {
@@ -74,8 +71,9 @@ snit::widget ::sorma::meter {
         pack $win.mark $win.digits -side left
         bind $win.bar <Configure> [mymethod Told state {}]
         $self Begin
+        $self Enable
     }
-    # What was not given is as the class says.
+    # Settings that were not given come from the class.
     method Build {} {
         set known [dict create -low [dict get $facts low] -high [dict get $facts high]]
         foreach limits {warn alarm} {
@@ -108,8 +106,8 @@ snit::widget ::sorma::meter {
         set high [$self Or -high [expr {$low + 1.0}]]
         set part [expr {[string is double -strict $value] && $value == $value && $high > $low ? max(0.0, min(1.0, ($value - $low) / double($high - $low))) : 0}]
         $win.bar coords level 0 0 [expr {$part * [winfo width $win.bar]}] [winfo height $win.bar]
-        $win.bar itemconfigure level -fill [::sorma::style colour [expr {$state eq "live" ? "good" : $state}]]
-        $win.mark configure -text [::sorma::style mark $state] -foreground [::sorma::style colour $state]
+        $win.bar itemconfigure level -fill [$self Shade [expr {$state eq "live" ? "good" : $state}]]
+        $win.mark configure -text [::sorma::style mark $state] -foreground [$self Shade $state]
         $win.digits configure -text [string trimright "[expr {[string is double -strict $value] ? [format $options(-format) $value] : $value}] $unit"]
     }
 }
@@ -117,11 +115,11 @@ snit::widget ::sorma::meter {
 # ::sorma::reading .w -name SO ?-request {EXEC ...}? ?-part P? ?-index N? ?-unit U? ?-every MS? -- what an object answers, asked again and again:
 # a part of the reply, or the first that is not empty; of numbers all, or one, counted from 0.
 snit::widget ::sorma::reading {
-    ::sorma::parts -name 0
+    ::sorma::lampParts -name 0
     option -request -default EXEC -readonly 1
-    option -part -default {}
-    option -index -default {}
-    option -unit -default {}
+    option -part -default {} -configuremethod SetLook
+    option -index -default {} -configuremethod SetLook
+    option -unit -default {} -configuremethod SetLook
     option -every -default 1000 -readonly 1
     variable told {value {} state asking why {}}
     variable token {}
@@ -131,6 +129,7 @@ snit::widget ::sorma::reading {
         ttk::label $win.mark
         pack $win.text $win.mark -side left
         $self Begin
+        $self Enable
         set token [$subject value $options(-request) $options(-every) [list ::sorma::parts::answer [mymethod Valued]]]
     }
     destructor {
@@ -154,20 +153,21 @@ snit::widget ::sorma::reading {
     }
     method Show {} {
         lassign [$self shows] state text
-        $win.mark configure -text [::sorma::style mark $state] -foreground [::sorma::style colour $state]
+        $win.mark configure -text [::sorma::style mark $state] -foreground [$self Shade $state]
         $win.text configure -text [if {$text eq {}} {dict get $told why} else {set text}]
     }
 }
 
 # ::sorma::status .w -name SO -- a line that says how the daemon of an object is, and why when it does not answer.
 snit::widget ::sorma::status {
-    ::sorma::parts -name 500
+    ::sorma::lampParts -name 0
     constructor args {
         $self configurelist $args
         ttk::label $win.text -width 20 -anchor w
         pack $win.text -side left -fill x -expand 1
         bind $win.text <Configure> {%W configure -wraplength %w}        ;# however long the reason is, the window stays
         $self Begin
+        $self Enable
     }
     method Build {} {}
     # shows -- its state, as sorma::world gives it.
@@ -178,7 +178,7 @@ snit::widget ::sorma::status {
         set state [$subject state]
         set how [dict get $state state]
         set shown [expr {$how in {alive busy} ? "good" : $how eq "asking" ? "asking" : "stale"}]
-        $win.text configure -foreground [::sorma::style colour $shown] \
+        $win.text configure -foreground [$self Shade $shown] \
             -text "[::sorma::style mark $shown] $how[if {[dict get $state why] ne {}} {string cat {: } [dict get $state why]}]"
     }
 }

@@ -28,8 +28,8 @@ snit::widget ::sorma::panel {
     option -groups -default {} -readonly 1
     option -layout -default {} -readonly 1
     option -live -default 1000 -readonly 1
-    option -apply -default later -configuremethod SetApply
-    option -state -default normal -configuremethod SetState
+    ::sorma::checkedOption -apply later SetApply
+    ::sorma::checkedOption -state normal SetState
     variable subject {}
     variable listener {}
     variable rows {}            ;# dict: -option -> number of its widgets
@@ -45,8 +45,8 @@ snit::widget ::sorma::panel {
     variable atOnce 0
     variable readOnly 0
     variable asked {}           ;# in the line that asks for a word
-    component canvas
-    component inner
+    variable canvas {}
+    variable inner {}           ;# frame of the fields, in the canvas
 
     constructor {name args} {
         $self configurelist $args
@@ -61,6 +61,8 @@ snit::widget ::sorma::panel {
         ::sorma::status $win.head.state -name [$subject name]
         ttk::label $win.head.purpose -foreground [::sorma::style colour asking]
         ttk::label $win.head.gone -foreground [::sorma::style colour gone]
+        ttk::label $win.head.denied -foreground [::sorma::style colour refused] -justify left
+        bind $win.head <Configure> [list $win.head.denied configure -wraplength %w]
         ttk::checkbutton $win.head.readonly -text "read only" -variable [myvar readOnly] -command [mymethod Switched] -underline 5
         ttk::frame $win.head.stop
         grid $win.head.name x $win.head.readonly $win.head.stop -sticky ew -padx [list 0 $pad]
@@ -76,13 +78,10 @@ snit::widget ::sorma::panel {
         bind $win.find.entry <KeyRelease> [mymethod Arrange]
         bind $win.find.entry <Escape> [mymethod search {}]
         ttk::frame $win.body
-        install canvas using canvas $win.body.canvas -highlightthickness 0 -borderwidth 0 -background [ttk::style lookup . -background] \
-            -yscrollcommand [mymethod Scrolled] -width [::sorma::style pixels 420] -height [::sorma::style pixels 240]
-        install inner using ttk::frame $canvas.inner
-        $canvas create window 0 0 -anchor nw -window $inner -tags inner
+        set inner [::sorma::parts::scroller $win.body [mymethod Scrolled]]
+        set canvas $win.body.canvas
+        $canvas configure -width [::sorma::style pixels 420] -height [::sorma::style pixels 240]
         bind $inner <Configure> [mymethod Sized]
-        bind $canvas <Configure> "[list $canvas] itemconfigure inner -width %w"
-        ::sorma::parts::withBar $win.body $canvas $win.body.bar
         ttk::frame $win.apply
         ttk::button $win.apply.apply -text Apply -command [mymethod apply] -underline 0
         ttk::button $win.apply.revert -text Revert -command [mymethod revert] -underline 0
@@ -113,12 +112,12 @@ snit::widget ::sorma::panel {
             grid $win.$part -row [incr row] -sticky [expr {$part eq "body" ? "nsew" : "ew"}] -padx $pad -pady $small
         }
         grid remove $win.find $win.apply $win.ask $win.said $win.what
-        # What went wrong: folded until somebody wants to see it.
+        # The trail of an error: folded until the user opens it.
         ttk::checkbutton $win.trail -variable [myvar trailShown] -command [mymethod Unfold] -style Toolbutton -underline 2
         $self Unfold
         grid $win.trail -row [incr row] -sticky w -padx $pad -pady [list 0 $small]
         grid columnconfigure $win 0 -weight 1
-        grid rowconfigure $win 2 -weight 1
+        grid rowconfigure $win 2 -weight 1 -minsize [::sorma::style pixels 40]
         bind $win <Destroy> +[mymethod Ended %W]
         # Keys act wherever the focus is within the panel, and not in one beside it.
         foreach {key script} [list <Alt-a> [mymethod apply] <Alt-r> [mymethod revert] <Alt-e> [mymethod execute] \
@@ -129,14 +128,14 @@ snit::widget ::sorma::panel {
         foreach event {<Button-3> <Key-Menu> <Shift-F10>} {
             bind [$self Tag] $event "[mymethod Popup %W %X %Y]; break"      ;# a scale would jump there
         }
+        bind [$self Tag] <FocusIn> [list ::sorma::parts::see $canvas %W]
         bind $win <<ThemeChanged>> [mymethod Looks]
         $self Switched
         $self Table
     }
-    # What ttk does not colour by itself.
+    # Parts that ttk does not colour by itself.
     method Looks {} {
-        $canvas configure -background [ttk::style lookup . -background]
-        foreach {part state} {purpose asking gone gone} {
+        foreach {part state} {purpose asking gone gone denied refused} {
             $win.head.$part configure -foreground [::sorma::style colour $state]
         }
         set marks [dict map {option mark} $marks {string cat {}}]
@@ -310,7 +309,8 @@ snit::widget ::sorma::panel {
     # What holds for all fields stands at the top, once, and not below each of them.
     method Head {} {
         set told [$subject get {}]
-        set now [list [dict get [$subject state] why] [dict get $told state] [dict get $told why] [expr {[$subject table] ne {}}]]
+        set denied [$subject denied]
+        set now [list [dict get [$subject state] why] [dict get $told state] [dict get $told why] [expr {[$subject table] ne {}}] $denied]
         if {$now eq $headed} return
         set headed $now
         if {[dict get [$subject state] why] eq {}} {
@@ -323,6 +323,12 @@ snit::widget ::sorma::panel {
             grid $win.head.gone -row 3 -column 0 -columnspan 4 -sticky w
         } else {
             grid remove $win.head.gone
+        }
+        if {$denied ne {}} {
+            $win.head.denied configure -text "[::sorma::style mark locked] $denied"
+            grid $win.head.denied -row 4 -column 0 -columnspan 4 -sticky ew
+        } else {
+            grid remove $win.head.denied
         }
     }
     # All windows of it know the panel's keys, its menu and its wheel.
@@ -429,7 +435,6 @@ snit::widget ::sorma::panel {
         }
     }
     method Scrolled {first last} {
-        ::sorma::parts::scrolled $win.body.bar $first $last
         after cancel $seenTimer
         set seenTimer [after idle [mymethod Look]]
     }
@@ -463,12 +468,12 @@ snit::widget ::sorma::panel {
     # ---- marks and messages ----
 
     method Shown changed {
-        set known [list [dict get [$subject state] why] [dict get [$subject get {}] why]]         ;# it stands at the top
+        set known [list [dict get [$subject state] why] [dict get [$subject get {}] why] [$subject denied]]       ;# it stands at the top
         foreach option $changed {
             if {![dict exists $rows $option]} continue
             set n [dict get $rows $option]
             set mark [$subject mark $option]
-            if {[lindex $mark 0] in {stale gone} && [lindex $mark 1] in $known} {
+            if {[lindex $mark 0] in {stale gone locked} && [lindex $mark 1] in $known} {
                 lset mark 1 {}
             }
             if {[dict get $marks $option] ne $mark} {

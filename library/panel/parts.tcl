@@ -2,6 +2,7 @@
 
 package require Tk
 package require snit
+package require sorma::options
 package require sorma::style
 package require sorma::subject
 package provide sorma::parts 1.0
@@ -26,6 +27,24 @@ proc ::sorma::parts::mark {parent n state why} {
     }
 }
 
+# ::sorma::parts::byKeys TREE -- the first arrow key goes to its first row; ttk's own go nowhere before a click.
+proc ::sorma::parts::byKeys tree {
+    foreach key {Down Up Right} {
+        bind $tree <$key> {+
+            if {[::sorma::parts::ToFirst %W]} break
+        }
+    }
+}
+proc ::sorma::parts::ToFirst tree {
+    set first [lindex [$tree children {}] 0]
+    if {[$tree focus] ne {} || $first eq {}} {
+        return 0
+    }
+    $tree focus $first
+    $tree selection set [list $first]
+    return 1
+}
+
 # ::sorma::parts::withBar FRAME VIEW BAR -- a window that scrolls and its scrollbar fill a frame; its -yscrollcommand calls scrolled, and where all
 # can be seen there is no bar. Its room stays: else what wraps there would make it come and go without end. scrolled BAR FIRST LAST is for any
 # bar in a grid.
@@ -42,6 +61,38 @@ proc ::sorma::parts::scrolled {bar first last} {
         grid remove $bar
     } else {
         grid $bar
+    }
+}
+
+# ::sorma::parts::scroller FRAME ?PREFIX? -- fills a frame with one that scrolls: FRAME.canvas.inner, which it returns, as wide as the window.
+# FRAME.canvas is to be told its -height. PREFIX is called with first and last, when other parts of it can be seen.
+proc ::sorma::parts::scroller {frame {prefix list}} {
+    set view [canvas $frame.canvas -highlightthickness 0 -borderwidth 0 -background [ttk::style lookup . -background] \
+        -yscrollcommand [list ::sorma::parts::Scrolled $frame.bar $prefix]]
+    set inner [ttk::frame $view.inner]
+    $view create window 0 0 -anchor nw -window $inner -tags inner
+    bind $view <Configure> "[list $view] itemconfigure inner -width %w"
+    bind $view <<ThemeChanged>> "[list $view] configure -background \[ttk::style lookup . -background\]"
+    withBar $frame $view $frame.bar
+    return $inner
+}
+proc ::sorma::parts::Scrolled {bar prefix first last} {
+    scrolled $bar $first $last
+    {*}$prefix $first $last
+}
+# ::sorma::parts::see CANVAS WINDOW -- a window in CANVAS.inner comes into sight, as when Tab has gone to it.
+proc ::sorma::parts::see {canvas window} {
+    set inner $canvas.inner
+    if {![string match $inner.* $window] || [focus -displayof $canvas] ne $window || [winfo height $inner] <= 1} return
+    set room [::sorma::style pixels 8]
+    set top [expr {[winfo rooty $window] - [winfo rooty $inner] - $room}]
+    set bottom [expr {$top + [winfo height $window] + 2 * $room}]
+    set first [$canvas canvasy 0]
+    set last [$canvas canvasy [winfo height $canvas]]
+    if {$top < $first || $bottom - $top > $last - $first} {
+        $canvas yview moveto [expr {double($top) / [winfo height $inner]}]
+    } elseif {$bottom > $last} {
+        $canvas yview moveto [expr {($first + $bottom - $last) / [winfo height $inner]}]
     }
 }
 
@@ -119,6 +170,7 @@ proc ::sorma::parts::picture {canvas file} {
 # changed, and Show, called when there is something else to show.
 snit::macro ::sorma::parts {needs live} {
     hulltype ttk::frame
+    delegate option -takefocus to hull      ;# Tk asks for it
     option -name -default {} -readonly 1
     option -option -default {} -readonly 1
     option -live -default $live -readonly 1
@@ -133,6 +185,7 @@ snit::macro ::sorma::parts {needs live} {
                 return -code error -errorcode {SORMA REQUEST SYNTAX} "[$self info type]: [join $Needs { and }] must say what it is for"
             }
         }
+        $hull configure -takefocus 0        ;# Tab goes to what is in it; else Shift-Tab would come back for ever
         set subject [::sorma::subject of $options(-name) -live $options(-live)]
         $self Listen
         bind $win <Destroy> +[mymethod Ended %W]
@@ -143,7 +196,7 @@ snit::macro ::sorma::parts {needs live} {
     # Of what nobody can see no values are told.
     method Listen {} {
         $subject unlisten $listener
-        set listener [$subject listen [mymethod Told] [if {![info exists options(-seen)] || $options(-seen)} {set options(-option)}]]
+        set listener [$subject listen [list $self Told] [if {![info exists options(-seen)] || $options(-seen)} {set options(-option)}]]
     }
     # Tk tells that to the windows around one, too.
     method Focused {} {
@@ -159,7 +212,7 @@ snit::macro ::sorma::parts {needs live} {
         }
     }
     method Told {what changed} {
-        if {$subject eq {} || ![winfo exists $win]} return
+        if {$subject eq {}} return
         if {$what eq "table" && [$subject table] ne {}} {
             if {$options(-option) ne {}} {
                 set facts [$subject option $options(-option)]
@@ -170,6 +223,57 @@ snit::macro ::sorma::parts {needs live} {
     }
     method subject {} {
         return $subject
+    }
+}
+
+# ::sorma::checkedOption NAME DEFAULT ?METHOD? -- -state or -apply, whose value is checked; METHOD sets it.
+snit::macro ::sorma::checkedOption {name default {method {}}} {
+    option $name -default $default -validatemethod CheckOption {*}[if {$method ne {}} {list -configuremethod $method}]
+    method CheckOption {option value} {
+        ::sorma::options::check $option [dict get {-state {choice disabled normal readonly} -apply {choice later now}} $option] $value
+    }
+}
+
+# ::sorma::stateParts -- the option -state of what is only looked at. While it is disabled, it is grey, and keys and mouse do nothing; it goes on
+# showing what comes. The widget has a method Enable, called when that has changed; the first time nothing may be built yet.
+snit::macro ::sorma::stateParts {} {
+    ::sorma::checkedOption -state normal SetState
+    method SetState {option value} {
+        set options($option) $value
+        $self Enable
+    }
+    method Enabled {} {
+        return [expr {$options(-state) ne "disabled"}]
+    }
+    # What keys and mouse do.
+    method Act args {
+        if {[$self Enabled]} {
+            $self {*}$args
+        }
+    }
+    # The colour of a state.
+    method Shade state {
+        return [::sorma::style colour [expr {[$self Enabled] ? $state : "asking"}]]
+    }
+}
+
+# ::sorma::lampParts NEEDS LIVE -- parts and stateParts, for what shows an option and is nothing but labels and canvases.
+snit::macro ::sorma::lampParts {needs live} {
+    ::sorma::parts $needs $live
+    ::sorma::stateParts
+    # An option of the widget that says how it looks.
+    method SetLook {option value} {
+        set options($option) $value
+        $self Enable
+    }
+    method Enable {} {
+        if {$subject eq {}} return
+        foreach child [winfo children $win] {
+            if {[winfo class $child] eq "TLabel"} {
+                $child state [expr {[$self Enabled] ? "!disabled" : "disabled"}]
+            }
+        }
+        $self Show
     }
 }
 

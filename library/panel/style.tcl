@@ -23,6 +23,7 @@ namespace eval ::sorma::style {
         warn    {!  #8a5a00 #cd9309}
         good    {✓  #26872b #57e389}
     }
+    variable Rest {}            ;# {canvas delta}: of the wheel that was turned last, what has not scrolled yet
     # of lines beside each other, on a light background and on a dark one
     variable Series {
         {#1a5fb4 #62a0ea} {#c01c28 #ff7b72} {#26a269 #57e389} {#e5a50a #f8e45c} {#813d9c #dc8add} {#986a44 #cdab8f} {#2190a4 #5bc8d8} {#77767b #c0bfbc}
@@ -103,12 +104,23 @@ proc ::sorma::style::tip {window text} {
 # value.
 proc ::sorma::style::bindWheel {window canvas} {
     set tag SormaWheel$canvas
-    bind $tag <MouseWheel> "[list $canvas] yview scroll \[expr {-%D / 40}\] units; break"
+    bind $tag <MouseWheel> "[list ::sorma::style::Wheel $canvas] %D; break"
     if {![package vsatisfies [package provide Tk] 8.7-]} {
-        bind $tag <Button-4> "[list $canvas] yview scroll -3 units; break"
-        bind $tag <Button-5> "[list $canvas] yview scroll 3 units; break"
+        bind $tag <Button-4> "[list ::sorma::style::Wheel $canvas] 120; break"
+        bind $tag <Button-5> "[list ::sorma::style::Wheel $canvas] -120; break"
     }
     tag $window $tag
+}
+# A notch of a wheel is 120, three units. Wheels without notches send small parts of it: what makes no unit yet is kept for the next one.
+proc ::sorma::style::Wheel {canvas delta} {
+    variable Rest
+    if {[lindex $Rest 0] ne $canvas} {
+        set Rest [list $canvas 0]
+    }
+    set sum [expr {[lindex $Rest 1] + $delta}]
+    set units [expr {int($sum / 40.0)}]
+    set Rest [list $canvas [expr {$sum - 40 * $units}]]
+    $canvas yview scroll [expr {-$units}] units
 }
 
 # ::sorma::style::tag WINDOW TAG -- a tag of bindings for a window and all in it.

@@ -54,7 +54,7 @@ proc ::sorma::subject::zone {hints value} {
     return live
 }
 
-# An answer for a subject, unless that has gone meanwhile.
+# An answer for a subject, unless the subject was destroyed meanwhile.
 proc ::sorma::subject::answered {subject id prefix status value} {
     if {[info object isa object $subject]} {
         $subject Answered $id
@@ -74,6 +74,7 @@ oo::define ::sorma::subject::Subject {
     variable waiting                        ;# dict: -option -> value that is on its way
     variable following                      ;# dict: -option -> 1: sent again meanwhile, to be applied when that has been answered
     variable faults                         ;# dict: -option -> {state why}, of what could not be set
+    variable renewed                        ;# is the table of a process that has gone
     variable denied                         ;# why we may not set anything; empty: nothing is known of that
     variable listeners                      ;# dict: token -> {command prefix, option}
     variable underway                       ;# dict: token -> {number prefix}, of requests that are under way; prefix: for progress
@@ -85,11 +86,12 @@ oo::define ::sorma::subject::Subject {
         lassign [::sorma::table locate $name] service where
         set users [set live [set last 0]]
         set key [set token [set table [set facts [set added [set denied [set underway [set progress {}]]]]]]]
+        set renewed 0
         if {$where ne {} && $where ni [::sorma::world names]} {
             set added [::sorma::world add $where]
         }
         set values [set drafts [set waiting [set following [set faults [set listeners {}]]]]]
-        ::sorma::world hook {answer daemon.changed object.made} [list [self] Heard]
+        ::sorma::world hook {answer daemon.changed daemon.process object.made} [list [self] Heard]
     }
 
     # take MS -- one more who looks.
@@ -166,6 +168,10 @@ oo::define ::sorma::subject::Subject {
             dict filter $daemon key state why
         }]
     }
+    # Why we may not set anything; empty: nothing is known of that. It is why of each option that is locked for it, too.
+    method denied {} {
+        return $denied
+    }
     # What is to be shown of an option: a dict of value, state, why, live (the value there), by and at (ms; who set that).
     method get option {
         set told [dict create value {} state asking by {} at 0 why {}]
@@ -208,6 +214,12 @@ oo::define ::sorma::subject::Subject {
     }
     # The mark of an option, as sorma::style has it, and what is to be told beside it.
     method mark option {
+        # Most are as ever, and this is asked for each of them whenever it changes.
+        if {$denied eq {} && [dict exists $values $option state] && [dict get $values $option state] eq "live" && ![dict exists $drafts $option]
+                && ![dict exists $waiting $option] && ![dict exists $faults $option] && [dict exists $facts $option]
+                && ![dict get $facts $option fixed] && [dict get $facts $option hints] eq {}} {
+            return {live {}}
+        }
         set told [my get $option]
         set hints [dict get [my option $option] hints]
         set state [dict get $told state]
@@ -366,10 +378,14 @@ oo::define ::sorma::subject::Subject {
         dict unset listeners $id
     }
     method Tell {options {what values}} {
+        set changed [dict create * 1]
+        foreach option $options {
+            dict set changed $option 1
+        }
         dict for {id listener} $listeners {
             lassign $listener prefix option
-            if {($what ne "values" || $option eq "*" || $option in $options) && [dict exists $listeners $id]} {
-                ::sorma::world deliver $prefix [list $what $options]
+            if {($what ne "values" || [dict exists $changed $option]) && [dict exists $listeners $id]} {
+                ::sorma::news::deliver $prefix [list $what $options]
             }
         }
     }
@@ -390,6 +406,9 @@ oo::define ::sorma::subject::Subject {
     }
     method Describe {} {
         set found [::sorma::table describe $name]
+        if {$found ne {}} {
+            set renewed 0
+        }
         if {$found ne {} && ($table eq {} || [my Shape $found] ne [my Shape $table])} {
             set table $found
             my Facts
@@ -402,11 +421,17 @@ oo::define ::sorma::subject::Subject {
     }
     method Heard {event about {dict {}}} {
         switch -- $event {
-            answer { if {[lindex $about 0] eq $key && $table eq {}} {my Describe} }
+            answer { if {[lindex $about 0] eq $key && ($table eq {} || $renewed)} {my Describe} }
             daemon.changed {
                 if {$about eq $key} {
                     set denied {}       ;# perhaps another one, with another policy
                     my Tell {} state
+                }
+            }
+            daemon.process {
+                if {$about eq $key} {
+                    set renewed 1
+                    my Describe             ;# perhaps of another version
                 }
             }
             object.made { if {$about eq "$service@$key"} {my Describe} }
@@ -418,7 +443,7 @@ oo::define ::sorma::subject::Subject {
         }
         set values [dict merge [dict remove $values *] $told]
         dict for {option value} $told {
-            # What was typed has been set, by whomever: it is no draft any more.
+            # The typed value was set, by this user or another: it is no draft any more.
             if {[dict exists $drafts $option] && [lindex [dict get $drafts $option] 0] eq [dict get $value value] && [dict get $value state] eq "live"} {
                 dict unset drafts $option
             }

@@ -2,27 +2,31 @@
 
 package require Tk
 package require snit
+package require sorma::parts
 package require sorma::style
 package require sorma::text
 package require sorma::world
 package provide sorma::trailview 1.0
 
-# ::sorma::trailview .w ?-keys PATTERN? ?-severity LIST? ?-object PART? ?-text PART? ?-paused BOOLEAN? ?-keep n? ?-height lines? --
-#       -keys of sorma::world, default *@*: trails of all objects; -severity: which are shown, default {error warning}; -object, -text: a
-#       part of NAME@DAEMON (a pattern) and of the message; -keep: how many; -paused: the list holds still, what comes is kept
+# ::sorma::trailview .w ?-keys PATTERNS? ?-severity LIST? ?-daemon PART? ?-object PART? ?-text PART? ?-paused BOOLEAN? ?-keep n? ?-height lines? --
+#       -keys of sorma::world, default *@*: trails of all objects; * is what daemons say for themselves. -severity: which are shown, default
+#       {error warning}; -daemon, -object, -text: a part of its KEY, of NAME@DAEMON (a pattern) and of the message; -keep: how many; -paused: the list holds still, what comes is kept; -state
+#       disabled: grey, and nothing can be chosen
 # Methods:
 #       clear; messages: those that are wanted, dicts as sorma::world tells them, also while it is paused; text: what is shown, in lines
 snit::widget ::sorma::trailview {
     hulltype ttk::frame
     option -keys -default *@* -readonly 1
     option -severity -default {error warning} -configuremethod Choose
+    option -daemon -default {} -configuremethod Choose
     option -object -default {} -configuremethod Choose
     option -text -default {} -configuremethod Choose
     option -paused -default 0 -configuremethod Choose
     option -keep -default 500
     option -height -default 6 -readonly 1
+    ::sorma::stateParts
     component tree
-    variable token {}
+    variable tokens {}
     variable kept {}            ;# list of {KEY MESSAGE}
 
     constructor args {
@@ -34,22 +38,45 @@ snit::widget ::sorma::trailview {
             $tree heading $column -text $title -anchor w
             $tree column $column -width [::sorma::style pixels $width] -stretch $stretch
         }
-        foreach {severity state} {error refused warning warn verbose asking} {
-            $tree tag configure $severity -foreground [::sorma::style colour $state]
-        }
+        bind $win <<ThemeChanged>> [mymethod Enable]
+        $self Enable
         pack $win.bar -side right -fill y
         pack $tree -side left -fill both -expand 1
-        bind $tree <Control-c> [mymethod Copy]
+        ::sorma::parts::byKeys $tree
+        bind $tree <Control-c> [mymethod Act Copy]
         bind $win <Destroy> +[mymethod Ended %W]
-        set token [::sorma::world watch $options(-keys) -events trail -command [mymethod Told]]
+        set tokens [lmap pattern $options(-keys) {::sorma::world watch $pattern -events trail -command [mymethod Told]}]
+    }
+    method Enable {} {
+        if {$tree eq {}} return
+        # A theme says how high a row is in pixels, whatever the font.
+        ttk::style configure Treeview -rowheight [expr {[font metrics TkDefaultFont -linespace] + [::sorma::style pixels 3]}]
+        foreach {severity state} {error refused warning warn verbose asking} {
+            $tree tag configure $severity -foreground [$self Shade $state]
+        }
+        # What keys and mouse do is bound to its class.
+        set tags [lsearch -all -inline -exact -not [bindtags $tree] Treeview]
+        if {[$self Enabled]} {
+            $tree state !disabled
+            bindtags $tree [linsert $tags [lsearch -exact $tags $tree]+1 Treeview]
+        } else {
+            $tree state disabled
+            $tree selection set {}
+            bindtags $tree $tags
+        }
     }
     method Ended window {
         if {$window eq $win} {
-            ::sorma::world unwatch $token
+            foreach token $tokens {
+                ::sorma::world unwatch $token
+            }
         }
     }
     method Told {event key message} {
         if {![winfo exists $tree]} return
+        if {[dict get $message so] eq {}} {
+            set key @$key                   ;# a daemon's own
+        }
         if {[dict get $message lost] > 0} {
             $self Keep $key [dict merge $message [dict create text "[dict get $message lost] messages were lost here" severity warning]]
         }
@@ -73,7 +100,9 @@ snit::widget ::sorma::trailview {
         }
     }
     method Wanted {key message} {
+        set daemon [string range $key [string length [dict get $message so]]+1 end]
         return [expr {[dict get $message severity] in $options(-severity) && [string match -nocase *$options(-object)* $key]
+            && [string match -nocase *[::sorma::text::escape $options(-daemon)]* $daemon]
             && [string match -nocase *[::sorma::text::escape $options(-text)]* [dict get $message text]]}]
     }
     method Add {key message} {

@@ -186,7 +186,7 @@ proc ::sorma::window::file {} {
     return [if {[info exists env(HOME)] && $env(HOME) ne {}} {::file join $env(HOME) .local state sorma windows}]
 }
 
-# What is remembered; a line that is none is left out. A file that cannot be read or written: windows open where the window manager wants.
+# The remembered windows; lines with errors are ignored. Without a readable file windows open where the window manager wants.
 proc ::sorma::window::Read {} {
     set known {}
     catch {

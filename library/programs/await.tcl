@@ -8,7 +8,7 @@ package provide sorma::await 1.0
 namespace eval ::sorma::await {
     namespace export until sleep daemons answers answer settle trouble
     namespace ensemble create
-    variable Waits              ;# array: token -> coroutine that waits, empty: somebody who blocks
+    variable Waits              ;# array: token -> coroutine that waits; empty: a caller that blocks
     variable Last 0
     variable Woken {}           ;# id of after
     if {![array exists Waits]} {

@@ -57,7 +57,7 @@ proc ::sorma::browse::main words {
     return 0
 }
 
-# What can stand for the last word of a command line: see library/scott.bash.
+# Candidates for the last word of a command line: see library/scott.bash.
 proc ::sorma::browse::Complete words {
     variable Options
     if {[lindex $words end-1] eq "--theme"} {

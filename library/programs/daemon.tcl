@@ -8,14 +8,14 @@ package require sorma::usage
 package provide sorma::daemon 1.0
 
 namespace eval ::sorma::daemon {
-    # What the manual of sormad lists; the last of them are those of sorma::serve, which checks them.
+    # The options in the manual of sormad; the last ones are those of sorma::serve, which checks them.
     variable Options {
-        -name {{word {a name}}}  -dict words  -package words  -script word  -log word  -idle {{seconds 0 1e9} 0}
+        -name {{word {a name}}}  -dict words  -package words  -script word  -log word  -idle {{seconds 0 1e9} 0}  -grace {{seconds 0 86400} 5}
         -interactive flag  -until-eof flag  -inetd flag  -help flag  --help flag
         -port any  -host any  -socket any  -rpcbind any  -program any  -allow collect  -policy any  -share any
     }
     variable End            ;# set once: how the daemon ended
-    variable Grace 5000     ;# ms for requests to end when the daemon has been told to
+    variable Grace 5        ;# s for requests to end when the daemon has been told to
 }
 
 # ::sorma::daemon::main --
@@ -38,10 +38,11 @@ proc ::sorma::daemon::main words {
         puts stderr [::sorma::usage::program sormad]
         return 2
     }
+    set Grace [dict get $settings -grace]
     try {
         ::sorma::AtSignal ::sorma::daemon::EndBySignal
         if {[dict get $settings -until-eof]} {
-            ::sorma::UntilEof $Grace
+            ::sorma::UntilEof [expr {round(1000 * $Grace)}]
         }
         Start $settings [InheritedSockets [dict get $settings -inetd]]
     } on error message {
@@ -69,7 +70,7 @@ proc ::sorma::daemon::StopServing name {
 # scott's prompt, inside the daemon: until Ctrl-D there, or until the daemon is told to end.
 proc ::sorma::daemon::Prompt name {
     package require sorma::scott
-    # Who waits for a line hears of nothing else; the exit puts the terminal's settings back.
+    # A process that waits for a line gets no other events; the exit restores the terminal's settings.
     trace add variable ::sorma::daemon::End write [list apply {{name args} {
         after 0 [list apply {name {
             ::sorma::daemon::StopServing $name
@@ -90,8 +91,8 @@ proc ::sorma::daemon::EndBySignal {} {
     }
     set End signal
     ::sorma::Notify "STOPPING=1\nSTATUS=told to end"
-    after $Grace {
-        puts stderr "sormad: told to end, but a request did not end in 5 s"
+    after [expr {round(1000 * $Grace)}] {
+        puts stderr "sormad: told to end, but a request did not end in $::sorma::daemon::Grace s"
         exit 1
     }
 }
@@ -108,7 +109,7 @@ proc ::sorma::daemon::Parse words {
     if {[dict get $settings -interactive]} {
         foreach option {-until-eof -inetd} {
             if {[dict get $settings $option]} {
-                return -code error "either -interactive or $option, not both: standard input is one thing"
+                return -code error "-interactive and $option cannot be combined: both use standard input"
             }
         }
         if {[catch {fconfigure stdin -mode}]} {
@@ -126,7 +127,7 @@ proc ::sorma::daemon::Parse words {
     return $settings
 }
 
-# Sockets that whoever has started this process has opened for it: systemd says so in the environment
+# Sockets that the starter of this process has opened for it: systemd says so in the environment
 # (sd_listen_fds(3)), inetd gives one as standard input. Returns options for sorma::serve.
 proc ::sorma::daemon::InheritedSockets inetd {
     global env

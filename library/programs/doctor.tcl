@@ -8,7 +8,7 @@ package require sorma::inspect
 
 namespace eval ::sorma::inspect::doctor {
     variable Findings       ;# list of dicts: what state text mend
-    # What is looked at, in this order.
+    # The checks, in this order.
     variable Checks {Package Folder Sockets Daemons Dictionary Policy SharedMemory Limits Rpcbind}
 }
 

@@ -456,7 +456,7 @@ proc ::sorma::inspect::Places patterns {
     return $places
 }
 
-# WHERE KEY TROUBLE ... of places that are meant, when all objects there have been counted anew.
+# WHERE KEY TROUBLE ... of the places, when all objects there were counted again.
 proc ::sorma::inspect::Counted patterns {
     variable Wait
     return [::sorma::await daemons $Wait [Places $patterns] counted]

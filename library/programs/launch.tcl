@@ -29,6 +29,7 @@ namespace eval ::sorma::launch {
     variable Times 0        ;# does each line begin with the time?
     variable Complete 0     ;# have all been ready?
     variable Stopping 0     ;# 1: asked to end, 2: asked again
+    variable Unheard 0      ;# it stops because standard input has ended: a signal is the first one
     variable Code 0         ;# of the program
     variable Done           ;# set at the end
     variable Width 1        ;# of the names that stand before lines
@@ -46,7 +47,7 @@ proc ::sorma::launch::main words {
     variable Times
     try {
         set settings [::sorma::options::leading {
-            --times flag  --only {{collect {the name of a daemon}}}  --check flag  --list flag  --options flag  --help flag  -help flag  -h flag
+            --times flag  --only {{collect {the name of a daemon}}}  --until-eof flag  --check flag  --list flag  --options flag  --help flag  -help flag  -h flag
         } words]
     } trap {SORMA REQUEST SYNTAX} message {
         return [Misused $message]
@@ -87,6 +88,10 @@ proc ::sorma::launch::main words {
             return [Check $file $daemons]
         } elseif {${--list}} {
             return [List $daemons]
+        }
+        if {${--until-eof}} {
+            fconfigure stdin -blocking 0
+            fileevent stdin readable ::sorma::launch::Input
         }
         return [Run $daemons]
     } trap {SORMA COMM DENIED} message {        ;# the runtime folder
@@ -225,7 +230,9 @@ proc ::sorma::launch::Signalled {} {
     if {[llength $Colours] > 0} {
         catch {puts -nonewline "\r\x1b\[K"}      ;# over the ^C that the terminal has shown
     }
-    if {!$Stopping} {
+    variable Unheard
+    if {!$Stopping || $Unheard} {
+        set Unheard 0
         say * "told to end; once more kills what still runs"
         Stop
     } elseif {$Stopping == 1} {
@@ -234,6 +241,16 @@ proc ::sorma::launch::Signalled {} {
         foreach daemon [dict values $Daemons] {
             $daemon kill
         }
+    }
+}
+
+# Whoever has started this program ends, however that came: so do all daemons.
+proc ::sorma::launch::Input {} {
+    if {[catch {read stdin}] || [eof stdin]} {
+        fileevent stdin readable {}
+        variable Unheard 1
+        say * "standard input has ended"
+        Stop
     }
 }
 
@@ -268,7 +285,7 @@ proc ::sorma::launch::AllReady names {
     variable Daemons
     variable Told
     foreach name $names {
-        # Said as well: whoever reads along wants the reason before what follows from it.
+        # Say it as well: a reader of the output wants the reason before its consequences.
         if {[[dict get $Daemons $name] state] ne "ready" || ![dict exists $Told $name]} {
             return 0
         }
@@ -276,7 +293,7 @@ proc ::sorma::launch::AllReady names {
     return 1
 }
 
-# A daemon is gone for good. Without it nothing is complete at the beginning; later the others go on, unless it was
+# A daemon has ended and is not started again. At the beginning nothing is complete without it; later the others go on, unless it was
 # essential.
 proc ::sorma::launch::gone {name failed essential message last} {
     variable Code
@@ -365,7 +382,7 @@ proc ::sorma::launch::say {name line {colour {}} {mark |}} {
     try {
         puts "$head $line"
     } trap {POSIX EPIPE} {} - trap {POSIX EIO} {} {
-        after 0 ::sorma::launch::Stop           ;# whoever read this has gone
+        after 0 ::sorma::launch::Stop           ;# the reader of our output has ended
     } on error {} {
         # such as a full disk: that is no reason to end the daemons
     }
@@ -424,6 +441,10 @@ proc ::sorma::launch::commandText {name settings} {
             lappend words $option [dict get $settings $option]
         }
     }
+    # It has as long as the launcher waits; the usual time is sormad's, too.
+    if {[dict get $settings -grace] != 5} {
+        lappend words -grace [dict get $settings -grace]
+    }
     foreach option {-dict -package} {
         if {[llength [dict get $settings $option]] > 0} {
             lappend words $option {*}[dict get $settings $option]
@@ -433,7 +454,7 @@ proc ::sorma::launch::commandText {name settings} {
     if {[dict get $settings -on] eq {}} {
         return $text
     }
-    # Without somebody to ask for a password; a connection that is dead is noticed, here and there.
+    # Do not ask for a password; both sides notice a dead connection.
     set words [list {*}[dict get $settings -ssh] -T -o BatchMode=yes -o ServerAliveInterval=5 \
         -o ServerAliveCountMax=3 -- [dict get $settings -on] $text]
     return "exec [join [lmap word $words {Quoted $word}]]"

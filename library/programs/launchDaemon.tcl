@@ -8,7 +8,7 @@ package require sorma::launchForward
 package provide sorma::launchDaemon 1.0
 
 namespace eval ::sorma::launch {
-    variable Steady 60000   ;# ms of service after which restarts are counted anew
+    variable Steady 60000   ;# ms of service after which restarts are counted from 0 again
     variable Longest 4000   ;# characters of a line that are shown in one piece
 }
 
@@ -125,7 +125,7 @@ oo::class create ::sorma::launch::Daemon {
         }
     }
 
-    # Without its socket here it is ready all the same, for those who reach it by TCP.
+    # Without its socket here it is ready, too, for callers that reach it by TCP.
     method Forwarded {here {why {}}} {
         if {!$here} {
             say * "$Name: its socket is not to be had on this host: $why" 33

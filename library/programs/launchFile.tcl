@@ -13,7 +13,7 @@ package require sorma::options
 package provide sorma::launchFile 1.0
 
 namespace eval ::sorma::launchFile {
-    # What a daemon may be given; the manual of sorma-launch says what for.
+    # The settings of a daemon; the manual of sorma-launch explains them.
     variable Options {
         -package words  -dict words  -script word  -port {{whole 0 65535}}  -host word  -socket word  -rpcbind boolean  -program word
         -allow words  -policy word  -share boolean  -log word  -env words  -directory word  -on word  -after words
@@ -127,13 +127,13 @@ proc ::sorma::launchFile::Take {words settings} {
     set settings [::sorma::options::take $Options $settings $words]
     dict for {option value} $settings {
         if {[string first \0 $value] >= 0} {
-            return -code error "$option holds a zero character: no program can be given that"
+            return -code error "$option has a zero character, which no program can be given"
         }
     }
     return $settings
 }
 
-# What can be said about a daemon alone. Returns its settings, the files of this host with their full path.
+# Check the settings of one daemon. Returns them, with full paths for files of this host.
 proc ::sorma::launchFile::CheckDaemon {folder settings} {
     foreach option {-sormad -ssh} {
         dict set settings $option [::sorma::SplitWords [dict get $settings $option]]
@@ -147,7 +147,7 @@ proc ::sorma::launchFile::CheckDaemon {folder settings} {
                 return -code error "-env expects NAME=VALUE, got \"$word\""
             }
         }
-        # What begins with a dash would be an option of ssh.
+        # A word that begins with a dash would be an option of ssh.
         if {${-on} ne {} && ![regexp {^([A-Za-z0-9_.][^\s@]*@)?[A-Za-z0-9_\[:][^\s@]*$} ${-on}]} {
             return -code error "-on expects host or user@host, got \"${-on}\""
         }
@@ -195,7 +195,7 @@ proc ::sorma::launchFile::Values {option settings} {
     return [expr {$value eq {} ? {} : [list $value]}]
 }
 
-# What is wrong with -after: a list of messages.
+# Errors in -after: a list of messages.
 proc ::sorma::launchFile::CheckOrder daemons {
     set wrong {}
     dict for {name settings} $daemons {

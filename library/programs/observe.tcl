@@ -77,7 +77,7 @@ proc ::sorma::inspect::unwatch {{only {}}} {
     }
 }
 
-# What the model tells of its values.
+# Events of the model about its values.
 proc ::sorma::inspect::Valued {id changesToo what name told} {
     variable Watches
     if {![dict exists $Watches $id]} {
@@ -133,7 +133,7 @@ proc ::sorma::inspect::Print line {
         puts $line
         flush stdout
     } trap {POSIX EPIPE} {} - trap {POSIX EIO} {} {
-        unwatch                                 ;# nobody reads it any more, as after "| head"
+        unwatch                                 ;# the reader has ended, as after "| head"
     }
 }
 
@@ -233,7 +233,7 @@ proc ::sorma::inspect::rate args {
     set seconds ${-for}
     set name [lindex $names 0]
     if {![dict get [Describe $name] exists]} {
-        return -code error -errorcode [list SORMA SERVICE GONE $name] "$name: there is no such object, and so it publishes nothing"
+        return -code error -errorcode [list SORMA SERVICE GONE $name] "$name: there is no such object, so there are no events"
     }
     lassign [::sorma::table locate $name] service where
     lassign [::sorma::await daemons $Wait [list $where] counted] - key

@@ -26,7 +26,7 @@ namespace eval ::sorma::record {
 }
 
 # ::sorma::record::start --
-#       Record from now on. Both files are written anew after each command, so that they are there whatever happens.
+#       Record from now on. Both files are written again after each command, so that they are complete whatever happens.
 # Arguments:
 #       file    the script; the suite has the same name but for its end, .test
 #       args    -exact
@@ -186,7 +186,7 @@ proc ::sorma::record::Suite recording {
     return $out
 }
 
-# What a test demands of the result.
+# The result that a test expects.
 proc ::sorma::record::Expectation {step exact} {
     variable Looking
     set result [dict get $step result]
@@ -243,7 +243,7 @@ proc ::sorma::record::Braced text {
 
 # ---- for a recording that is run ----
 
-# What stands in a recording may rely on the commands of scott.
+# A recording may use the commands of scott.
 proc ::sorma::record::prepare {} {
     package require sorma::scott
     ::sorma::scott::prepare

@@ -138,7 +138,7 @@ proc ::sorma::scott::Batch requests {
     return 0
 }
 
-# Who has asked for a watch wants to see it: it ends by Ctrl-C, by unwatch, or when nobody reads it any more.
+# A watch runs until Ctrl-C, until unwatch, or until the reader of its output has ended.
 proc ::sorma::scott::Watches {} {
     while {[package provide sorma::inspect] ne {} && [llength [::sorma::inspect::watch]] > 0} {
         after 200 {set ::sorma::scott::Waited 1}
@@ -153,7 +153,7 @@ proc ::sorma::scott::Do line {
         Print $line $code $result $options
         flush stdout
     } trap {POSIX EPIPE} {} {
-        exit 0                                  ;# nobody reads it any more, as after "| head"
+        exit 0                                  ;# the reader has ended, as after "| head"
     }
     return [expr {$code != 1}]
 }
@@ -315,7 +315,7 @@ proc ::sorma::scott::HintAt {line point} {
     return [::sorma::shell::hint $Pending $line $point]
 }
 
-# Execute a command while the event loop runs, show what came, and record it. Ctrl-C gives up what it waits for.
+# Execute a command while the event loop runs, show its result, and record it. Ctrl-C cancels what it waits for.
 proc ::sorma::scott::Execute line {
     variable Outcome
     unset -nocomplain Outcome

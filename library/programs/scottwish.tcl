@@ -65,7 +65,7 @@ proc ::sorma::scottwish::main words {
     return 0
 }
 
-# What can stand for the last word of a command line, a line each; names of files are the shell's.
+# Candidates for the last word of a command line, a line each; the shell adds names of files.
 proc ::sorma::scottwish::ShellWords words {
     package require sorma::complete
     set partial [lindex $words end]
@@ -113,7 +113,7 @@ proc ::sorma::scottwish::Window {} {
     ::sorma::shell::word panel ::sorma::scottwish::panel
     ::sorma::shell::word arrangement ::sorma::scottwish::Arrangement
     ::sorma::arrangement console .
-    # As long as somebody watches, the model knows all objects.
+    # As long as there is a watch, the model knows all objects.
     ::sorma::world watch *@* -events {object.made object.removed world.ready} -command ::sorma::scottwish::Heard
     focus .w.text
     update
@@ -212,7 +212,7 @@ proc ::sorma::scottwish::SaveAs {} {
     }
 }
 
-# What fails is said in the console, not in a dialog.
+# Errors are shown in the console, not in a dialog.
 proc ::sorma::scottwish::Try script {
     if {[catch $script message]} {
         .w write "scottwish: $message\n" error

@@ -13,7 +13,7 @@ package require sorma::usage
 package provide sorma::shell 1.0
 
 namespace eval ::sorma::shell {
-    variable Counts {calls underway objects count rate mean min max jitter lost}    ;# what is a number in the inspector's data
+    variable Counts {calls underway objects count rate mean min max jitter lost}    ;# columns with numbers in the inspector's data
     variable Settings {-json 0 -width 80 -colour 0 -whole 0}    ;# of the command that was typed last
     variable Direct 0       ;# the command that was typed last is one of `commands` alone: its text is as it is to be shown
     variable HistoryFile {} ;# where what is typed is noted; empty: nowhere
@@ -73,7 +73,7 @@ proc ::sorma::shell::IsDirect line {
 # ::sorma::shell::begin ID LINE SETTINGS PREFIX --
 #       Execute what was typed in a coroutine, so that the event loop goes on while it waits.
 # Arguments:
-#       ID      by which it can be given up
+#       ID      by which it can be cancelled
 #       PREFIX  called with catch's code, result and options, perhaps before this returns; never after `cancel`
 proc ::sorma::shell::begin {id line settings prefix} {
     coroutine ::sorma::shell::job.$id ::sorma::shell::Evaluate $line $settings $prefix
@@ -172,14 +172,14 @@ proc ::sorma::shell::recall {} {
         file mkdir [file dirname $file]
         set channel [open $file {RDWR CREAT APPEND} 0600]
     } on error message {
-        return -code error "what is typed will not be remembered: $message"
+        return -code error "the history cannot be saved: $message"
     }
     try {
         fconfigure $channel -encoding utf-8
         seek $channel 0
         set lines [split [string trimright [read $channel] \n] \n]
     } on error message {
-        return -code error "cannot read what was typed before: $message"
+        return -code error "cannot read the history: $message"
     } finally {
         close $channel
     }
@@ -219,7 +219,7 @@ proc ::sorma::shell::remember command {
         close $channel
     } on error message {
         set HistoryFile {}
-        return -code error "what is typed will not be remembered: $message"
+        return -code error "the history cannot be saved: $message"
     }
 }
 
@@ -242,7 +242,7 @@ proc ::sorma::shell::show {line code result options settings} {
     return [::sorma::show $result {*}$settings]
 }
 
-# What the table of an object's class says about its answer: units and names of what EXEC writes, the type of an option.
+# Facts from the table of an object's class about its answer: units and names of what EXEC writes, the type of an option.
 proc ::sorma::shell::WhatItIs {line json} {
     lassign [::sorma::line::head $line 3] name method option
     if {!($method in {EXEC CTRL DBX exec} || $json && $method eq "cget")} {

@@ -5,7 +5,7 @@
 
 namespace eval tour {
     variable Here [file dirname [file dirname [file dirname [file normalize [info script]]]]]
-    variable Folder     ;# private runtime folder, gone at the end
+    variable Folder     ;# private runtime folder, removed at the end
     variable Daemon     ;# pipe of sormad
 }
 
@@ -118,7 +118,7 @@ proc tour::prompt line {
     puts "A daemon runs: $line"
     puts "Type requests or any Tcl; help says what else, Ctrl-D ends. Try:  foo.a@robot CTRL -help    host@robot EXEC    find tea"
     package require sorma::scott
-    # Who types exit must not leave the daemon behind.
+    # `exit` must stop the daemon, too.
     rename ::exit ::tour::Exit
     proc ::exit {{code 0}} {
         ::tour::end

@@ -208,7 +208,7 @@ proc ::sorma::complete::Documented command {
     }
 }
 
-# What a command expects next: {kind ...}. request WORDS; methods NAME; recipe NAME WORDS; list HINT LIST; either HINT KIND LIST;
+# The word that a command expects next: {kind ...}. request WORDS; methods NAME; recipe NAME WORDS; list HINT LIST; either HINT KIND LIST;
 # else a kind of the table above and a hint.
 proc ::sorma::complete::Expected words {
     variable FileCommands
@@ -311,7 +311,7 @@ proc ::sorma::complete::Fits {way plain} {
     return 1
 }
 
-# What a word of a command stands for.
+# The kind of a word of a command.
 proc ::sorma::complete::Kind {command name} {
     variable Kinds
     variable Special
@@ -323,7 +323,7 @@ proc ::sorma::complete::Kind {command name} {
     return none
 }
 
-# What follows an option, by its name in the manual.
+# The kind of the word after an option, by its name in the manual.
 proc ::sorma::complete::OptionValue {argument hint} {
     return [switch -glob -- $argument {
         *|* { list list $hint [split $argument |] }
@@ -465,7 +465,7 @@ proc ::sorma::complete::Subcommands command {
 
 # ---- names of service objects ----
 
-# Those that can be called: objects, flavors of dictionaries, classes; here, and at each daemon as far as it is known.
+# Names that can be called: objects, flavors of dictionaries, classes; here, and at each daemon as far as it is known.
 # made: only objects that are there.
 proc ::sorma::complete::Names {partial {made 0}} {
     set at [string first @ $partial]

@@ -302,7 +302,7 @@ proc ::sorma::reply::Rows list {
     if {[llength $list] < 2 || $n > 9} {
         return {}
     }
-    # What configure returns, has names for its columns.
+    # The columns of the result of configure have names.
     if {$n == 7 && [string match -* [lindex $list 0 0]] && [lindex $list 0 1] in {flag int double string enum vector service}} {
         return [list {option type unit range default value help} {*}$list]
     }

@@ -43,7 +43,7 @@ public:
         using enum sorma::Field;
         return sorma::Class::of<Blackboard>("blackboard", "keeps named values, and tells those who wait for them")
             .integer("-max", &Blackboard::max_, {.unit = "values", .low = 1, .high = 1e9, .help = "values that it keeps at most"})
-            .conduct(sorma::Conduct::concurrent)
+            .concurrency(sorma::Concurrency::concurrent)
             .words("put name | get name | wait name ?version? | version name | remove name | names ?pattern?")
             .reads(text, {}, "", "put: the value, all four parts").reads(floats, {}, "", "").reads(ints, {}, "", "").reads(any, {}, "", "")
             .writes(text, {}, "", "get, wait: the value as it was put; names: a Tcl list")
@@ -62,7 +62,7 @@ public:
         else fail(kWord, name(), word);
     }
 
-    void leaving() override {
+    void removing() override {
         sorma::Error gone(sorma::makeEntry(kGone, {sorma::MessageArg::of(name())}));
         for (auto& [key, waiters] : std::exchange(waiters_, {}))
             for (auto& [ticket, waiter] : waiters) waiter.reply.fail(gone);

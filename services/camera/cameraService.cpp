@@ -53,7 +53,7 @@ public:
         return sorma::Class::of<Camera>("camera", "pictures of the hand's camera, or of files")
             .text("-prefix", &Camera::prefix_, {.help = "before the names of all buffers: another camera's", .fixed = true})
             .text("-file", &Camera::file_, {.help = "a picture (.bmp .jpeg .jpg .pgm .png .ppm .tif), or a video, to take pictures from; empty: the buffer camera.image", .kind = sorma::Kind::file})
-            .flag("-again", &Camera::again_, {.help = "at the end of a video begin anew"})
+            .flag("-again", &Camera::again_, {.help = "at the end of a video begin again"})
             .choice("-format", &Camera::format_, {"raw", "ppm", "png", "jpeg"}, {.help = "of the picture in a reply; raw: red, green, blue of each pixel, top row first"})
             .integer("-quality", &Camera::quality_, {.unit = "%", .low = 1, .high = 100, .help = "of jpeg"})
             .real("-rate", &Camera::rate_, {.unit = "Hz", .low = 0, .high = 200, .help = "at which the camera takes pictures by itself; 0: on request"})
@@ -64,7 +64,7 @@ public:
             .writes(floats, sorma::exactly(kFloats), "s, pixels", "lab time, width, height, exposure, number of the request; of a file: seconds of the video, and the number of the picture")
             .writes(any, {}, "", "the picture, by -format; snapshot: none")
             .writes(text, {}, "", "snapshot: the file")
-            .conduct(sorma::Conduct::concurrent)
+            .concurrency(sorma::Concurrency::concurrent)
             .example("camera CTRL -format png");
     }
 
@@ -78,7 +78,7 @@ public:
         if (set && file_.empty() && (writer_ || rate_ > 0)) ask(request_);
     }
 
-    void leaving() override {
+    void removing() override {
         timer_ = {};
         for (auto& w : std::exchange(waiting_, {})) w.reply.fail(sorma::Error(sorma::makeEntry(kGone, {of(name())})));
     }
@@ -224,7 +224,7 @@ private:
             frames_ = 0;
             if (video_->open(file_)) (void)video_->read(bgr);       // not all of them can be wound back
         }
-        if (bgr.empty()) fail(kFile, name(), file_, frames_ == 0 ? "has no picture" : "ends after " + std::to_string(frames_) + " pictures; -again begins anew");
+        if (bgr.empty()) fail(kFile, name(), file_, frames_ == 0 ? "has no picture" : "ends after " + std::to_string(frames_) + " pictures; -again begins again");
         const double rate = video_->get(cv::CAP_PROP_FPS);
         keep(bgr, rate > 0 ? double(frames_) / rate : 0);
         ++frames_;
@@ -281,7 +281,7 @@ private:
 }  // namespace
 
 extern "C" SORMA_EXPORT int Camera_Init(Tcl_Interp* interp) {
-    // What is wrong with a file is an error of ours, not a line on standard error.
+    // An error in a file is thrown, and not written to standard error.
     setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
     return sorma::provide(interp, "sorma::service::camera", "1.0", {Camera::describe()});

@@ -4,7 +4,7 @@
 #
 # Each step is a method of its own, and asks others by the names that the recipe has: who moves the arm, the hand, who sees, who
 # knows where things are. A step that fails says what was measured. Then the arm rises to where it hits nothing, and what may be
-# tried again is tried again. When the caller gives up the arm stops where it is, and the hand keeps what it holds.
+# tried again is tried again. When the caller cancels, the arm stops where it is, and the hand keeps holding.
 
 package require sorma
 package require sorma::service::transform
@@ -29,7 +29,7 @@ oo::class create ::sorma::service::carry {
     sorma::option -colour enum -choices {any red yellow} -default any -help "of the token"
     sorma::option -early double -unit m -range {0.0005 0.1} -default 0.003 -help "contact so far above the goal is a fault"
     sorma::option -leastForce double -unit N -range {0 10} -default 0.2 -help "at each fingertip, while it holds a token"
-    sorma::option -lookAgain double -unit m -range {0.0005 0.1} -default 0.003 -help "after a correction of more than that it looks once more"
+    sorma::option -lookAgain double -unit m -range {0.0005 0.1} -default 0.003 -help "after a larger correction it looks once more"
     sorma::option -shifted double -unit m -range {0.001 0.1} -default 0.0045 -help "a token so far from its field, or markers from their places: the board has\
         been moved"
     sorma::option -tolerance double -unit m -range {0.0001 0.1} -default 0.003 -help "of the place where the token is seen at the end"
@@ -37,7 +37,7 @@ oo::class create ::sorma::service::carry {
     sorma::option -relearn flag -default 1 -help "look for the board's markers when a token is not where it should be"
     sorma::option -verify enum -choices {look board none} -default look -help "how it makes sure that the token lies where it should: one look at\
         it; at the board's markers, too"
-    sorma::option -patience double -unit s -range {0.1 1000} -default 10 -help "how long who is asked may take, but for those who move the arm"
+    sorma::option -patience double -unit s -range {0.1 1000} -default 10 -help "time limit for requests, but for those that move the arm"
     sorma::option -transfer service -help "moves the tool freely, on lines to poses in the world (class mvpos)"
     sorma::option -approach service -help "the same where something may be touched; its guards say what is contact"
     sorma::option -hand service -help "grasps and releases (class manus)"
@@ -45,7 +45,7 @@ oo::class create ::sorma::service::carry {
     sorma::option -transform service -help "knows where things are (class transform)"
     sorma::option -disk service -help "sees a token (class getDisk)"
     sorma::option -rest double -unit s -range {0 10} -default 0.1 -help "of the arm before it looks: its servos need a moment"
-    sorma::option -picture service -help "answers a picture, its first float is its time: it must be new; none: who sees has a new one taken"
+    sorma::option -picture service -help "answers a picture, its first float is its time: it must be new; none: the object that sees takes a new one"
     sorma::option -pose service -help "answers where the tool is: floats lab time, position, quaternion"
     sorma::option -speaker service -help "is told what went wrong (EXEC TMSG); none: nobody"
     sorma::option -laser service -help "points at where it went wrong (EXEC point FMSG 3); none: nobody"

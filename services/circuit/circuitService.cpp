@@ -14,6 +14,8 @@
 
 #include <sorma.h>
 
+#include "bus/incident.h"
+
 #include "network.h"
 
 namespace {
@@ -26,7 +28,7 @@ using sorma::Severity;
 const Prototype kFloats{Severity::error, "REQUEST SIGNATURE", 1, "{}: EXEC expects {} floats{}, got {}"};
 const Prototype kBusy{Severity::error, "CIRCUIT BUSY", 1, "{}: it is in the middle of an EXEC, and cannot {} before that has ended"};
 
-class Circuit : public sorma::Service {
+class Circuit : public sorma::Service, public sorma::HasIncidents {
 public:
     static sorma::Class describe() {
         using enum sorma::Field;
@@ -38,7 +40,7 @@ public:
             .text("-outputs", &Circuit::outputs_, {.help = "its own outputs, likewise"})
             .real("-period", &Circuit::period_, {.unit = "s", .low = 0, .high = 3600,
                                                  .help = "time step of its units when no cycle drives it; 0: they need their own"})
-            .action({"-rewire", "", "find units and lengths anew, after units have been replaced or changed", 0, 0,
+            .action({"-rewire", "", "find units and lengths again, after units were replaced or changed", 0, 0,
                      [](sorma::Service& s, sorma::Args, Message&) { static_cast<Circuit&>(s).rewire(); }, sorma::Right::configure, true})
             .action("-reset", &Circuit::resetAction, "", "-reset of all units of this process that have it, and time from 0 again")
             .inspection(list("-units", "name class location floats-in floats-out step|loop", &Network::listUnits))
@@ -92,6 +94,10 @@ public:
         return out;
     }
 
+    void tellIncidents(sorma::Incidents& out) const override {
+        for (auto& unit : parts()) sorma::tellIncidents(*unit, out);
+    }
+
     std::string selftest() override {
         for (auto& unit : network_->units())
             if (unit->gone()) return "unit " + unit->name() + " has been removed: CTRL -rewire";
@@ -136,7 +142,7 @@ private:
         circuit::Description description{circuit::parseWires(name(), wires), circuit::parsePins(name(), "-inputs", inputs),
                                          circuit::parsePins(name(), "-outputs", outputs), author};
         return [this, fresh = std::make_shared<Network>(*this, description)]() mutable {
-            if (running_) fail(kBusy, name(), "be wired anew");
+            if (running_) fail(kBusy, name(), "be wired again");
             std::swap(network_, fresh);
         };
     }

@@ -16,7 +16,7 @@ const Prototype kWritten{Severity::error, "CIRCUIT LENGTH", 2,
 
 }  // namespace
 
-// What a unit will write in this tick, before anybody knows what it will read.
+// Ask a unit for its output of this tick, before its inputs are known.
 inline void Network::ask(Step& step, sorma::RealtimeOwner* here) const {
     Message& m = step.message;
     m.floats.clear();

@@ -1,17 +1,19 @@
-// network.h -- the units of a circuit and the wires between them: checked and sorted when it is made, then only executed.
+// network.h -- the units of a circuit and the wires between them. They are checked and sorted in the constructor; run() only
+// executes them.
 //
-// A run is one tick. The units are executed in an order in which each finds all that it reads; where wires form a loop,
-// a unit without feedthrough in it is asked first, by an EXEC with empty floats, what it is going to write, and executed
-// when its own inputs are there. So a loop delays nothing beyond what its units do, and a tick is
-// y[k] = output(state[k]), state[k+1] = next(state[k], u[k]) for all such units at once.
-// One that does not know its width yet may answer with a single float, which then stands for all.
+// run() is one tick. It executes the units in an order in which the inputs of each are complete. A loop of wires has a unit
+// without feedthrough. An EXEC with empty floats asks that unit first for its next output; it is executed later, when its
+// inputs are complete. So a loop delays nothing beyond its units, and a tick is y[k] = output(state[k]), state[k+1] =
+// next(state[k], u[k]) for all such units at once. A unit that does not know its width yet may answer with a single float,
+// which then stands for all elements.
 //
-// Lengths: those that classes tell by themselves are spread along the wires, and to other pins of a unit as its class says
-// (Service::pins), until nothing new comes. A pin whose length is then still open has as many elements as the highest
-// index that is wired; a unit may write more than an output of that kind has.
+// Lengths: some are given by the classes. They spread along the wires, and to other pins of a unit as its class says
+// (Service::pins). A pin that has no length after that has as many elements as the highest index that is wired; its unit may
+// write more.
 //
-// Threads:   made and let go by the SORM's thread, while another one runs the network before it; run by whom the circuit belongs to.
-// Allocates: run() does not once warmed up, when its units do not.
+// Threads:   the SORM's thread makes and deletes it, while another thread may run the network before it. run() is called by
+//            the thread to which the circuit belongs.
+// Allocates: run() does not after its first calls, if its units do not.
 #pragma once
 
 #include <cstdint>
@@ -28,10 +30,10 @@ namespace circuit {
 struct Description {
     std::vector<Wire> wires;
     std::vector<OwnPin> inputs, outputs;
-    sorma::PrincipalPointer author;     // who has written the wires
+    sorma::PrincipalPointer author;     // who wrote the wires; null: the owner
 };
 
-// A wire as it was resolved, for those who draw, print and record circuits.
+// A wire with all that was found out about it, for drawings and lists.
 struct ResolvedWire {
     std::string source, sink;       // with their slices: gain.k.out[0:2]
     std::size_t length = 0;
@@ -40,15 +42,15 @@ struct ResolvedWire {
 
 class Network {
 public:
-    // Finds the units through the owner's SORM, and makes those that are not there yet; when the circuit is executed in ticks,
-    // they come to its real-time owner. This may take long, and ticks go on.
-    // Fails with what that fails with, or with CIRCUIT PIN, LENGTH, UNIT, DRIVEN, DANGLING, LOOP, OPEN; SERVICE CYCLE.
+    // Finds the units in the owner's SORM, and makes those that do not exist. If the circuit is executed in ticks, its
+    // real-time owner becomes theirs. This may take long, and ticks go on meanwhile. Fails with CIRCUIT PIN, LENGTH, UNIT,
+    // DRIVEN, DANGLING, LOOP, OPEN; SERVICE CYCLE; or as Sorm::get.
     Network(sorma::Service& owner, const Description& description);
     Network(const Network&) = delete;
     Network& operator=(const Network&) = delete;
 
-    // One tick: floats hold the circuit's inputs, then its outputs. What units warn of goes to the message's trail.
-    // Fails with the trail of the unit that failed, and CIRCUIT STEP at its end; units before it have done their work.
+    // One tick. m.floats are the circuit's inputs, and become its outputs. Warnings of units go to m.trail. Fails with the
+    // trail of the unit that failed, and CIRCUIT STEP at its end; the units before it have been executed.
     void run(sorma::Message& m);
 
     const std::vector<sorma::Pin>& pins() const { return pins_; }       // the circuit's own
@@ -69,14 +71,14 @@ private:
         const std::vector<double>* from;
         std::uint32_t at, to, count;
     };
-    // A unit in its place of the order. Its message holds what it wrote last, for those who come later.
+    // A unit, at its place in the order. Its message has its last output, from which the steps after it copy.
     struct Step {
         sorma::Reference unit;
         sorma::Message message;
-        std::vector<double> held;       // of a unit that closes a loop: what it writes in this tick
+        std::vector<double> held;       // of a unit that closes a loop: its output in this tick
         std::uint32_t in = 0, out = 0;  // floats that it reads, and writes
-        const Copy *firstCopy = nullptr, *lastCopy = nullptr;
-        bool exact = true;              // it must write so many; else at least
+        const Copy *firstCopy = nullptr, *lastCopy = nullptr;      // that fill its inputs
+        bool exact = true;              // it must write exactly `out` floats; else at least
         bool onlyFloats = false;        // it writes no other part of a message
         bool loop = false;
         std::vector<sorma::Pin> pins;
@@ -100,8 +102,8 @@ private:
 
     sorma::Service& owner_;
     std::vector<Step> steps_;           // in order
-    Step* current_ = nullptr;           // in a register it would be in the way of all the others
-    std::vector<Step*> loops_;          // those that are asked before
+    Step* current_ = nullptr;           // being executed, for failStep; a member, so that it takes no register in the loop of run()
+    std::vector<Step*> loops_;          // units that close a loop: they are asked first
     std::vector<Copy> copies_;          // of all steps, one after another
     std::vector<Copy> outputs_;         // to the circuit's outputs
     std::vector<double> constants_, inputs_;

@@ -1,4 +1,4 @@
-// wires.h -- how the wires of a circuit are written.
+// wires.h -- reads the wires of a circuit from text.
 //
 //     wires   = wire? ((";" | newline) wire?)*        # after white space: a comment to the end of the line
 //     wire    = source "->" sink                                  (white space around the arrow)
@@ -8,9 +8,9 @@
 //     object  = a name as everywhere: gain.k, shmem_r.pos@robot.lab:7014
 //     pin     = (letter | "_") (letter | digit | "_" | "-")*
 //
-// An end is read from its end, since names hold dots too. Elements count from 0; last belongs to the slice.
+// An end is read backwards, since names may contain dots. Elements count from 0; a slice includes its last one.
 //
-// The circuit's own pins may be declared, which gives them an order, a length, and a unit of measurement:
+// The circuit's own pins may be declared; that gives them an order, a length and a unit of measurement:
 //
 //     pins    = pin ((";" | newline) pin)*
 //     pin     = name length? unit?

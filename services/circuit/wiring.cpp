@@ -11,7 +11,7 @@ using sorma::Prototype;
 using sorma::Severity;
 using sorma::shown;
 
-const Prototype kObject{Severity::error, "CIRCUIT OBJECT", 2, "{}: unit {} of wire {} {} cannot be had"};
+const Prototype kObject{Severity::error, "CIRCUIT OBJECT", 2, "{}: unit {} of wire {} {} cannot be made"};
 const Prototype kPin{Severity::error, "CIRCUIT PIN", 2, "{}: wire {} {}: {} has no {} {}: it has {}"};
 const Prototype kBoth{Severity::error, "CIRCUIT PIN", 2, "{}: wire {} {}: {} is an {} of the circuit itself, and cannot be its {} too"};
 const Prototype kLength{Severity::error, "CIRCUIT LENGTH", 1, "{}: wire {} {}: {} {}, but {} {}"};
@@ -25,7 +25,7 @@ const Prototype kIdle{Severity::error, "CIRCUIT OPEN", 1, "{}: input {} is decla
 const Prototype kOpen{Severity::error, "CIRCUIT OPEN", 1,
                       "{}: wire {} {}: nothing says how many elements it has; write a slice, such as {} -> {}"};
 const Prototype kLoop{Severity::error, "CIRCUIT LOOP", 1,
-                      "{}: a loop in which every unit needs what it causes: {}; put a unit without feedthrough into it, such as "
+                      "{}: every unit of this loop needs the output of the one before it: {}; put a unit without feedthrough into it, such as "
                       "delay or integrator"};
 const Prototype kCycle{Severity::error, "SERVICE CYCLE", 1, "{}: a circuit inside itself: {}"};
 
@@ -66,7 +66,7 @@ void Wiring::declare() {
     add(kOutputs, description_.outputs);
 }
 
-// A name as the author of the wires wrote it: he must be allowed to call it. One that the real-time owner of the circuit cannot
+// A unit by its name. The author of the wires needs the right to call it. One that the real-time owner of the circuit cannot
 // have is refused before it is asked for anything, which could take long.
 sorma::Reference Wiring::unitNamed(const std::string& object) {
     sorma::Reference unit = sorma::subService(owner_, object, description_.author);
@@ -426,7 +426,7 @@ void Wiring::assemble() {
         auto& step = net.steps_[node.place];
         return node.loop ? &step.held : &step.message.floats;
     };
-    // What a node reads, in the order of its floats; what lies side by side at both ends is one copy.
+    // The copies to the inputs of a node, in order; elements that are adjacent at both ends are one copy.
     auto gather = [&](std::size_t n, std::vector<Network::Copy>& copies) {
         std::size_t begin = copies.size();
         auto& drivers = drivers_[n];

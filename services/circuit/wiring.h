@@ -1,6 +1,6 @@
-// wiring.h -- makes a network out of its description: finds the units, infers lengths, checks every wire, sorts.
+// wiring.h -- makes a network from its description: finds the units, computes lengths, checks every wire, sorts.
 //
-// Used once and thrown away. network.h says what it guarantees and how it fails.
+// Make it, call run() once, and delete it. Errors and threads are as in network.h.
 #pragma once
 
 #include <deque>
@@ -25,9 +25,9 @@ private:
         sorma::Reference unit;
         std::vector<sorma::Pin> pins;
         // By pin:
-        std::vector<std::vector<std::size_t>> wires;    // that end there
+        std::vector<std::vector<std::size_t>> wires;    // wires that end there
         std::vector<std::size_t> needed;                // highest index in a slice, plus 1
-        std::vector<bool> guessed;                      // its length is just that
+        std::vector<bool> guessed;                      // its length is `needed`, since nothing else is known
         std::size_t in = 0, out = 0;    // floats
         bool exact = true, loop = false;
         std::size_t place = 0;          // in the order
@@ -66,7 +66,7 @@ private:
     void checkEnd(const Connection& c, bool sink) const;
     std::string elementText(const Node& node, std::size_t element) const;
     [[noreturn]] void failLoop(const std::vector<bool>& left) const;
-    template <class Use> void eachEdge(Use use) const;      // use(from, to): the one needs what the other writes
+    template <class Use> void eachEdge(Use use) const;      // use(from, to): `to` reads the output of `from`
 
     Network& network_;
     sorma::Service& owner_;

@@ -23,7 +23,7 @@ using sorma::Severity;
 const sorma::Prototype kWord{Severity::error, "CLOCK WORD", 2, "{}: bad word \"{}\": must be sample or theirs"};
 const sorma::Prototype kFloats{Severity::error, "CLOCK FLOATS", 1, "{}: sample expects 4 floats (sent, received, answered, back), got {}"};
 const sorma::Prototype kValue{Severity::error, "CLOCK VALUE", 1, "{}: float {} is {}; it must be a finite number"};
-const sorma::Prototype kOrder{Severity::error, "CLOCK ORDER", 1, "{}: the answer took {} s, and the other one {} s of it: that cannot be"};
+const sorma::Prototype kOrder{Severity::error, "CLOCK ORDER", 1, "{}: the answer took {} s, but the other side took {} s of it by its own clock; that is impossible"};
 const sorma::Prototype kUnknown{Severity::error, "CLOCK UNKNOWN", 1, "{}: the difference is not known yet: {}"};
 const sorma::Prototype kSource{Severity::error, "CLOCK SOURCE", 2, "{}: -clock {}: {}"};
 const sorma::Prototype kAnswer{Severity::error, "CLOCK ANSWER", 1, "{}: {} answered {} floats; a clock answers one, its time"};
@@ -40,7 +40,7 @@ public:
             .real("-period", &ClockService::period_, {.unit = "s", .low = 0.01, .high = 3600, .help = "between two comparisons; the first ones come faster"})
             .real("-offset", &ClockService::offset_, {.unit = "s", .low = -1e9, .high = 1e9, .help = "for tests: added to the time"})
             .real("-drift", &ClockService::rate_, {.unit = "1", .low = -0.001, .high = 0.001, .help = "for tests: part by which the time runs faster"})
-            .action("-forget", &ClockService::forget, "", "compare anew")
+            .action("-forget", &ClockService::forget, "", "compare again")
             .inspection({"-difference", "", "offset, bound of its error, drift, number of comparisons, and how long ago the last one was", 0, 0,
                          [](sorma::Service& s, sorma::Args, Message& m) { static_cast<ClockService&>(s).tell(m.text); }})
             .words("?sample|theirs?")

@@ -38,7 +38,7 @@ public:
         if (reader_->retired()) [[unlikely]] {
             try {
                 attach();
-            } catch (const std::exception&) {   // its writer has gone; he may come back
+            } catch (const std::exception&) {   // its writer has ended; another one may come
             }
         }
         read();

@@ -5,14 +5,16 @@
 //
 // A step is the name of an object, or a whole EXEC request. Its class must say that it is real-time.
 //
-// What is set while the cycle runs is prepared here, on the SORM's thread, while ticks go on; then the runner takes the new plan
-// between two of them.
+// A change while the cycle runs is prepared here, on the SORM's thread, while ticks go on; then the runner takes the new
+// plan between two of them.
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <stdexcept>
 
 #include <sorma.h>
 
+#include "bus/incident.h"
 #include "runner.h"
 
 namespace {
@@ -30,25 +32,29 @@ const sorma::Prototype kNotRunning{Severity::error, "CYCLE STOPPED", 1, "{}: it 
 const sorma::Prototype kExecOnly{Severity::error, "OPTION VALUE", 2, "{}: -steps {}: a step is a name, or a request for EXEC without words"};
 const sorma::Prototype kWithin{Severity::error, "CYCLE STEP", 2, "{}: {} cannot be a step of itself"};
 const sorma::Prototype kHangs{Severity::error, "CYCLE HANGS", 1,
-                              "{}: it hangs in its step {}, and cannot be stopped; CTRL -abandon gives that step up"};
+                              "{}: it hangs in its step {}, and cannot be stopped; CTRL -abandon abandons that step"};
 const sorma::Prototype kNotHanging{Severity::error, "CYCLE RUNNING", 1, "{}: no step hangs: CTRL -stop ends it"};
 const sorma::Prototype kNoClock{Severity::error, "CYCLE CLOCK", 2, "{}: -clock {}: {}"};
 const sorma::Prototype kNotActed{Severity::error, "CYCLE ACTION", 1, "{}: the safe action {} has failed"};
 const sorma::Prototype kUsual{Severity::warning, "CYCLE REALTIME", 1, "{}: {}"};
 
+const sorma::Prototype kIncident{Severity::warning, "CYCLE INCIDENT", 2, "{}: {}: {} times, {} in all"};
+
 constexpr std::int64_t kLeastWatchdog = 50'000'000;     // [ns]
 constexpr int kWatchdogPeriods = 10;
+constexpr std::int64_t kLook = 200'000'000;           // [ns] from one look for incidents to the next
+constexpr std::int64_t kAgain = 10'000'000'000;      // [ns] until one of the same kind is told again
 
 class Cycle : public sorma::Service, private cycle::Owner {
 public:
     static sorma::Class describe() {
         return sorma::Class::of<Cycle>("cycle", "runs service objects at a fixed period, in a thread of its own")
-            .text("-steps", &Cycle::steps_, {.help = "what to run: names, or requests for EXEC as one word each"})
+            .text("-steps", &Cycle::steps_, {.help = "the steps: names, or requests for EXEC as one word each"})
             .real("-period", &Cycle::period_, {.unit = "s", .low = 250e-6, .high = 3600, .help = "from one tick to the next"})
             .choice("-overrun", &Cycle::overrun_, {"skip", "catchUp", "fault"},
                     {.help = "when a tick is not over before the next is due: leave out what was missed, run it at once, or fail"})
             .text("-onfault", &Cycle::onFault_, {.help = "request that ends a tick in which a step has failed or hangs: the safe action"})
-            .choice("-afterFault", &Cycle::afterFault_, {"stop", "continue"}, {.help = "what becomes of the steps then"})
+            .choice("-afterFault", &Cycle::afterFault_, {"stop", "continue"}, {.help = "what happens to the steps then"})
             .real("-watchdog", &Cycle::watchdog_, {.unit = "s", .low = 0, .high = 3600,
                                                    .help = "a tick that takes longer hangs; 0: ten periods, at least 0.05 s"})
             .text("-clock", &Cycle::clock_, {.help = "key of a snapshot buffer: ticks are due by its float 0 [s]; empty: by the machine's clock"})
@@ -59,9 +65,11 @@ public:
             .action("-start", &Cycle::start, "", "begin; a warning tells what real-time help the system has refused")
             .action("-stop", &Cycle::stopNow, "", "end after the present tick", 0, 0, sorma::Right::call)
             .action("-abandon", &Cycle::abandonNow, "", "give up a step that hangs for ever, with its objects; then it can be started without them")
-            .action("-reset", &Cycle::reset, "", "begin the figures of DBX -stats anew")
+            .action("-reset", &Cycle::reset, "", "begin the figures of DBX -stats again")
             .inspection({"-stats", "", "ticks, jitter, time of each step", 0, 0,
                          [](Service& s, Args, Message& m) { m.text += static_cast<Cycle&>(s).figuresText(); }})
+            .inspection({"-incidents", "", "object, kind, count: what the steps and their units could not use, what they missed, what has stopped them", 0, 0,
+                         [](Service& s, Args, Message& m) { m.text += static_cast<Cycle&>(s).incidentsText(); }})
             .writes(sorma::Field::ints, sorma::exactly(1), "", "number of the tick")
             .example("cycle CTRL -period 0.01 -steps nop");
     }
@@ -83,7 +91,9 @@ public:
             for (auto* fixed : {"-priority", "-cpu", "-lockMemory", "-clock"})
                 if (o->name == fixed) fail(kRunning, name(), std::string(fixed) + " can be changed after CTRL -stop");
         if (next.steps.empty()) fail(kNoSteps, name(), "-steps");
+        auto steps = objects(next);
         runner_->change(std::move(next));
+        watched_ = std::move(steps);
     }
 
     // One tick by hand, on the caller's thread: to try things out.
@@ -97,7 +107,7 @@ public:
         m.ints.assign(1, std::int64_t(byHand_));
     }
 
-    void leaving() override { end(); }
+    void removing() override { end(); }
 
     void dumpState(std::string& out) const override {
         out += std::string("# state ") + (runner_ ? "running" : fault_.trail.empty() ? "stopped" : "faulted") + "\n";
@@ -163,9 +173,13 @@ private:
             fail(kNoClock, name(), clock_, e.what());
         }
         auto runner = std::make_unique<cycle::Runner>(name(), sorm().mailbox(), static_cast<cycle::Owner&>(*this));
+        auto steps = objects(p);
         std::string memory = lockMemory_ ? memory_.acquire() : std::string();
         refused_ = runner->start(std::move(p), {int(priority_), int(cpu_)}, std::move(clock));
         if (!memory.empty()) refused_.push_back(memory);
+        watched_ = std::move(steps);
+        incidents_.clear();
+        look(true);
         runner_ = std::move(runner);
         fault_ = {};
         for (auto& line : refused_) m.warn(kUsual, name(), line);
@@ -193,6 +207,7 @@ private:
     void halt() {
         if (!runner_->stop()) fail(kHangs, name(), runner_->busyWith());
         last_ = figuresText();
+        rest();
         cycle::Runner::dismiss(std::move(runner_));
         memory_.release();
         publishText("stopped", steps_);
@@ -205,12 +220,14 @@ private:
             return false;
         }
         if (!runner_->abandon()) return false;
+        rest();
         (void)runner_.release();
         memory_.release();
         return true;
     }
 
     void end() {
+        rest();
         while (runner_ && !runner_->stop())
             if (runner_->abandon()) (void)runner_.release();
         cycle::Runner::dismiss(std::move(runner_));
@@ -233,6 +250,64 @@ private:
         for (auto& [step, h] : f.steps)
             if (h.count() > 0) times("step " + step + ", one tick in " + std::to_string(cycle::Runner::kSample), h);
         out += "longest request between ticks " + sorma::durationText(double(f.longestRequest));
+        return out;
+    }
+
+    // ---- incidents of steps and their units ----
+
+    static std::vector<sorma::Reference> objects(const Plan& p) {
+        std::vector<sorma::Reference> out;
+        for (auto& step : p.steps) out.push_back(step.object);
+        return out;
+    }
+
+    // before: they are from before it was started.
+    void gather(bool before) {
+        sorma::Incidents now;
+        for (auto& object : watched_) sorma::tellIncidents(*object, now);
+        for (auto& incident : incidents_) incident.second.here = false;
+        for (auto& i : now) {
+            Known& known = incidents_[{i.object, i.kind}];
+            if (std::exchange(known.here, true)) continue;          // a unit of several circuits
+            if (!before) known.sum += i.count >= known.seen ? i.count - known.seen : i.count;
+            known.seen = i.count;
+            known.byItself = i.told;
+        }
+    }
+
+    void look(bool before) {
+        gather(before);
+        const std::int64_t now = sorma::monotonicNow();
+        for (auto& [which, known] : incidents_) {
+            if (known.sum == known.told || now < known.next) continue;
+            const std::uint64_t news = known.sum - known.told;
+            known.told = known.sum, known.next = now + kAgain;
+            Message m;
+            m.words = {which.first, which.second};
+            m.ints = {std::int64_t(known.sum)};
+            publish("incident", m);
+            if (known.byItself) continue;
+            auto entry = sorma::makeEntry(kIncident, {sorma::MessageArg::of(which.first), sorma::MessageArg::of(which.second),
+                                                      sorma::MessageArg::of(news), sorma::MessageArg::of(known.sum)});
+            entry.so = which.first;
+            sorm().announce(sorma::Trail(std::move(entry)));
+        }
+        if (sorm().hasLoop()) timer_ = sorm().loop().after(now + kLook, [this] { look(false); });
+    }
+
+    // It has stopped: what has happened until then still counts.
+    void rest() {
+        if (watched_.empty()) return;
+        gather(false);
+        timer_.cancel();
+        watched_.clear();
+    }
+
+    std::string incidentsText() {
+        gather(false);
+        std::string out;
+        for (auto& [which, known] : incidents_)
+            if (known.sum > 0) out += (out.empty() ? "" : "\n") + sorma::toText(sorma::Value(which.first)) + " {" + which.second + "} " + std::to_string(known.sum);
         return out;
     }
 
@@ -279,6 +354,15 @@ private:
     Fault fault_;                                   // the last one since it was started
     std::string last_;                              // figures when it was stopped
     std::uint64_t byHand_ = 0;
+
+    struct Known {
+        std::uint64_t seen = 0, sum = 0, told = 0;  // as its object counts; since the cycle was started; named in the trail
+        std::int64_t next = 0;                      // [ns] not before then again
+        bool here = false, byItself = false;
+    };
+    std::map<std::pair<std::string, std::string>, Known> incidents_;       // object, kind
+    std::vector<sorma::Reference> watched_;         // its steps, while it runs
+    sorma::Timer timer_;
 };
 
 }  // namespace

@@ -1,4 +1,4 @@
-// futex.h -- a word on which one thread sleeps until another one has changed it, or until a time.
+// futex.h -- a word on which a thread sleeps until another thread has changed it, or until a time. Any thread may use it.
 #pragma once
 
 #include <linux/futex.h>
@@ -22,11 +22,11 @@ class Futex {
 public:
     explicit Futex(std::uint32_t value = 0) : word_(value) {}
     std::uint32_t load() const { return word_.load(std::memory_order_acquire); }
-    std::uint32_t peek() const { return word_.load(std::memory_order_relaxed); }       // orders nothing
+    std::uint32_t peek() const { return word_.load(std::memory_order_relaxed); }       // when no other data depends on it
     bool exchange(std::uint32_t from, std::uint32_t to) {
         return word_.compare_exchange_strong(from, to, std::memory_order_acq_rel);
     }
-    // Change it, and wake those who sleep.
+    // Change it, and wake the threads that sleep.
     void set(std::uint32_t value) {
         word_.store(value, std::memory_order_release);
         wake();

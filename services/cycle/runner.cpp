@@ -16,8 +16,8 @@ using sorma::Severity;
 namespace {
 
 const sorma::Prototype kStuck{Severity::error, "SERVICE STUCK", 1,
-                              "{}: {} hangs in its step {}; what was asked has not been done"};
-const sorma::Prototype kGivenUp{Severity::error, "SERVICE STUCK", 1, "{}: {} has given up its step {}, which hangs with this object"};
+                              "{}: {} hangs in its step {}; the request was not executed"};
+const sorma::Prototype kGivenUp{Severity::error, "SERVICE STUCK", 1, "{}: {} has abandoned its step {}, which hangs in this object"};
 const sorma::Prototype kNotLocal{Severity::error, "CYCLE STEP", 2,
     "{}: {} is elsewhere, at {}: a step must answer without waiting; read it through a snapshot buffer (shmem_r)"};
 const sorma::Prototype kNotRealtime{Severity::error, "CYCLE STEP", 2,
@@ -28,7 +28,7 @@ const sorma::Prototype kHangs{Severity::error, "CYCLE HANGS", 1, "{}: tick {} ha
 const sorma::Prototype kRequest{Severity::error, "CYCLE REQUEST", 1, "{}: no tick could begin after {}: a request to {} took {}"};
 const sorma::Prototype kStands{Severity::error, "CYCLE CLOCK", 1, "{}: its clock stands at {} s since {}"};
 const sorma::Prototype kLate{Severity::error, "CYCLE LATE", 1,
-    "{}: the change took {} and has been taken back: the next tick of {} would have been late by more than {}, a quarter of its "
+    "{}: the change took {} and was undone: the next tick of {} would have been late by more than {}, a quarter of its "
     "period; stop it for that, or change less at a time"};
 const sorma::Prototype kActionHangs{Severity::error, "CYCLE ACTION", 1,
                                     "{}: the safe action {} was not taken: its object is part of the step that hangs"};
@@ -69,7 +69,7 @@ bool wasSlow(const sorma::ThreadEffort& since, std::int64_t limit) {
 
 std::string duration(std::int64_t ns) { return sorma::durationText(double(ns)); }
 
-// Those that have been abandoned: their threads may need them for ever. Kept where one can find them.
+// Runners that were abandoned: their threads may need them for ever. The list keeps them reachable.
 struct Abandoned {
     std::mutex mutex;
     std::set<Runner*> runners;
@@ -130,7 +130,7 @@ void Runner::report(const std::string& step, sorma::Entry entry) {
 // ---- the SORM's thread: which objects ----
 
 const char* Runner::claim() const {
-    return abandoned_.empty() ? "is run by another cycle already" : "hangs in a step that has been given up";
+    return abandoned_.empty() ? "is run by another cycle already" : "hangs in a step that was abandoned";
 }
 
 void Runner::adopt(Service& service) {
@@ -393,7 +393,7 @@ void Runner::checkBudget(Service& service, const sorma::ThreadEffort& since) con
 
 // ---- the runner's thread ----
 
-// From now on time counts: whoever has started it may turn the clock at once.
+// The clock counts from now on: the caller of start() may set a simulated clock at once.
 void Runner::startClock() {
     current_ = this;
     time_ = clock_->now();
@@ -407,7 +407,8 @@ void Runner::run() {
         Rest why = rest();
         if (why == Rest::stop) break;
         if (tick(why)) continue;
-        // Given up. All others have taken leave of it; what it still has goes back when somebody takes it.
+        // The runner was abandoned, and nobody uses it any more. Its objects go back to the SORM's thread, if that still
+        // exists.
         if (turn_.hasAction()) act();
         auto mailbox = mailbox_;
         mailbox->post([this] {
@@ -465,7 +466,7 @@ void Runner::begin() {
     if (waited && clock_->monotonic() && start_ - next_.due > plan_.period / 4) ++(slow ? figures_.delayed : figures_.heldUp);
 }
 
-// A tick, or what is done instead of one. False: it has been given up.
+// Execute a tick, or do what happens instead of one. False: the tick was abandoned.
 bool Runner::tick(Rest why) {
     begin();
     bool faulty = false;
@@ -542,7 +543,7 @@ void Runner::schedule(std::int64_t end, bool& faulty) {
 }
 
 // The safe action is the last thing that happens in a tick in which something went wrong, also when the watchdog has taken it
-// before: the step that hung may have written since. False: the tick has been given up.
+// before: the step that hung may have written since. False: the tick was abandoned.
 bool Runner::finish(bool faulty) {
     bool counted = false;
     for (;;) {
@@ -572,7 +573,7 @@ void Runner::act() {
     }
 }
 
-// The objects belong to nobody when the thread has ended: whoever wants something of them helps himself.
+// When the thread has ended, its objects may be used by the SORM's thread without asking for the turn.
 void Runner::leave() {
     bool asked = stop_;
     beat_.store(0, std::memory_order_relaxed);

@@ -1,4 +1,4 @@
-// schedule.h -- what a thread asks of the system to run on time: priority, a processor of its own, memory that stays.
+// schedule.h -- settings of the system that let a thread run on time: priority, processor, locked memory.
 #pragma once
 
 #include <string>
@@ -7,22 +7,23 @@
 namespace cycle {
 
 struct Schedule {
-    int priority = 50;          // of SCHED_FIFO; 0: like any other thread
-    int cpu = -1;               // -1: those that the process may use
+    int priority = 50;          // of SCHED_FIFO; 0: an ordinary thread
+    int cpu = -1;               // number of a processor; -1: any that the process may use
     bool operator==(const Schedule&) const = default;
 };
 
-// Apply it to this thread, and to the process's memory; returns what the system has refused, a sentence each.
+// Apply it to the calling thread, and name the thread. Returns what the system has refused, a sentence each; never throws
+// Error.
 std::vector<std::string> apply(const Schedule& schedule, const char* threadName);
 
-// Memory is locked while anybody holds this.
+// The memory of the process is locked (mlockall) while at least one of these is acquired.
 class MemoryLock {
 public:
     MemoryLock() = default;
     ~MemoryLock() { release(); }
     MemoryLock(const MemoryLock&) = delete;
     MemoryLock& operator=(const MemoryLock&) = delete;
-    std::string acquire();      // what was refused, or nothing
+    std::string acquire();      // empty; or the reason why the system refused
     void release();
 private:
     bool held_ = false;

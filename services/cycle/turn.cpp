@@ -6,11 +6,11 @@ Turn::Turn() {
     pthread_mutexattr_t attributes;
     pthread_mutexattr_init(&attributes);
     pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
-    pthread_mutex_init(&lender_, &attributes);
+    pthread_mutex_init(&priorityLock_, &attributes);
     pthread_mutexattr_destroy(&attributes);
 }
 
-Turn::~Turn() { pthread_mutex_destroy(&lender_); }
+Turn::~Turn() { pthread_mutex_destroy(&priorityLock_); }
 
 Turn::Word Turn::quiet(Word w) {
     while (w & kActing) {
@@ -31,8 +31,8 @@ bool Turn::begin() {
 
 // The kernel gives the request this thread's priority as long as this thread waits for the mutex.
 void Turn::waitForRequest() {
-    pthread_mutex_lock(&lender_);
-    pthread_mutex_unlock(&lender_);
+    pthread_mutex_lock(&priorityLock_);
+    pthread_mutex_unlock(&priorityLock_);
 }
 
 bool Turn::enterAction() {
@@ -95,7 +95,7 @@ bool Turn::release(bool late) {
         Word w = word_.load();
         if ((w & kActing) || ((w & kLate) && !late)) return false;
         if (!word_.exchange(w, w & kNumber)) continue;
-        pthread_mutex_unlock(&lender_);
+        pthread_mutex_unlock(&priorityLock_);
         return true;
     }
 }

@@ -1,16 +1,16 @@
-// turn.h -- whose turn it is to use the objects of a cycle, in one word that all its threads change by compare-and-swap.
+// turn.h -- says which thread may use the objects of a cycle, in one word that all threads change by compare-and-swap.
 //
-// Nobody's between two ticks, a tick's, or a request's. Whoever watches over them may declare the present turn late: then
-// no further step of the tick begins, and the watcher may take the safe action, unless the one whose turn it is may be in
-// the middle of the safe action's object. So an object is executed by one thread, and what the safe action has written
-// is not written over: the tick takes it once more when it ends.
+// The turn belongs to nobody (between two ticks), to a tick, or to a request. The watchdog may declare the present turn
+// late. Then no further step of the tick begins, and the watchdog may execute the safe action, unless the holder of the turn
+// may be using the safe action's object. So only one thread executes an object, and the output of the safe action stays: the
+// tick executes the safe action once more at its end.
 //
 //     tick n:     begin, then for each step  enterAction / late / leaveAction,  settle, enterEnd, end
-//     request:    ask, upgrade, release       (the SORM's thread; a mutex lends it the priority of a tick that waits)
+//     request:    ask, upgrade, release       (the SORM's thread; by a mutex it inherits the priority of a tick that waits for it)
 //     watchdog:   declareLate, acted
 //
-// The number of the tick is in the word, so that a watcher who looked at one tick never declares the next one late. It
-// counts to 2^25, which is hours; a watcher looks many times a second.
+// The number of the tick is in the word, so that the watchdog never declares the next tick late when it has looked at the
+// one before. The number counts to 2^25, which takes hours; the watchdog looks many times a second.
 #pragma once
 
 #include <pthread.h>
@@ -35,28 +35,29 @@ public:
     static Holder holder(Word w) { return Holder(w & 3); }
     Word look() const { return word_.load(); }
 
-    void open() { word_.set(nobody); }      // there are going to be ticks
+    void open() { word_.set(nobody); }      // ticks may begin
 
     // ---- the runner's thread ----
 
-    // Begin a tick, when no request has the turn. False: one has; waitForRequest() returns when that is over.
+    // Begin a tick. False: a request has the turn; waitForRequest() returns when it is over.
     bool begin();
     void waitForRequest();
-    // The present tick has been declared late: begin no other step. Orders nothing.
+    // Was the present tick declared late? Then begin no other step. No other data depends on it.
     bool late() const { return word_.peek() & kLate; }
-    // Around a step that may touch the safe action's object. False: the tick is late: do not enter; it has become late inside.
+    // Call these before and after a step that may use the safe action's object. enterAction false: the tick is late, do not
+    // execute the step. leaveAction false: it has become late during the step.
     bool enterAction();
     bool leaveAction();
-    // Wait until no watcher is busy with the tick. True: it is late.
+    // Wait until the watchdog has finished with the tick. True: it is late.
     bool settle();
-    // The steps are over; from here on the safe action is this thread's. False: the tick has been given up.
+    // The steps are over; from now on this thread may use the safe action's object. False: the tick was abandoned.
     bool enterEnd();
-    // End the tick. late: that it is so has been dealt with. False: it has become late meanwhile, or has been given up.
+    // End the tick. late: this thread knows that it is late. False: it has become late meanwhile, or was abandoned.
     bool end(bool late);
-    // It has been given up; with it, the safe action's object?
+    // Was the tick abandoned? And does this thread keep the safe action's object then?
     bool abandoned() const { return word_.load() & kAbandoned; }
     bool hasAction() const { return word_.load() & kAction; }
-    // Between two ticks: let a request have the turn that waits for it, up to a time [ns] when it is kept open for it.
+    // Between two ticks: let a request that waits have the turn; wait for it to begin until a time [ns].
     bool requestWaits() const { return word_.peek() & kWaiting; }
     void offer(std::int64_t keepOpen);
     // No more ticks, and no more turns. False: a request has the turn.
@@ -64,55 +65,56 @@ public:
 
     // ---- the SORM's thread ----
 
-    // Ask for the turn, before a time on the monotonic clock [ns]. fits: is there time now, between two ticks? If not, the runner
-    // says when by offer(). It is told whether this thread has waited in here. action: the request may touch the safe action's object.
-    // Refused: time is up, and nothing has happened. Free: there are no ticks any more, and nothing to release.
+    // Ask for the turn, and wait for it until a time on the monotonic clock [ns].   fits(waited): is there enough time now
+    // before the next tick? If not, the runner calls offer() when there is. waited: this thread has waited in
+    // here.   action: the request may use the safe action's object.   refused: the time is over, and nothing has happened.
+    // free: there are no ticks any more; do not call release().
     enum class Answer { granted, refused, free };
     template <class Fits> Answer ask(Fits fits, bool action, std::int64_t until);
-    void upgrade();                         // the request is going to touch it after all
-    // Give the turn back. late: that it was declared so has been dealt with. False: it has become late meanwhile.
+    void upgrade();                         // the request is going to use the safe action's object after all
+    // End the turn. late: this thread knows that it was declared late. False: it has become late meanwhile.
     bool release(bool late);
-    // Wait for the end of all ticks. False: time is up.
+    // Wait until the ticks have ended. False: the time is over.
     bool waitForEnd(std::int64_t until);
     bool waitForWatcher(std::int64_t until);    // false: time is up
-    // The present tick hangs for ever: its thread will find that it is on its own. withAction: it keeps the safe action's object.
-    // False: it has just ended.
+    // Abandon the present tick, which hangs. withAction: its thread keeps the safe action's object. False: the tick has just
+    // ended.
     bool abandon(bool& withAction);
 
-    // ---- who watches ----
+    // ---- the watchdog's thread ----
 
-    // Declare the turn late that was seen in `w`; whose turn it is then waits for acted() before the turn ends. May act: nobody
-    // else is in the safe action's object until then.
+    // Declare the turn late that was seen in `w`. Its holder then waits for acted() before it ends the turn. mayAct: until
+    // acted() only this thread uses the safe action's object. none: that turn is over.
     enum class Claim { none, late, mayAct };
     Claim declareLate(Word w);
     void acted();
 
 private:
     static constexpr Word kHolder = 3;
-    static constexpr Word kAction = 4;      // whose turn it is may be in the safe action's object
+    static constexpr Word kAction = 4;      // the holder of the turn may be using the safe action's object
     static constexpr Word kLate = 8;
-    static constexpr Word kActing = 16;     // a watcher is busy with it: takes the safe action, tells of it
-    static constexpr Word kWaiting = 32;    // a request waits for an offer
+    static constexpr Word kActing = 16;     // the watchdog executes the safe action, or reports
+    static constexpr Word kWaiting = 32;    // a request waits for offer()
     static constexpr Word kAbandoned = 64;
     static constexpr Word kOneTick = 128;
     static constexpr Word kNumber = ~Word(127);
 
-    Word quiet(Word w);                     // waits while a watcher acts
+    Word quiet(Word w);                     // waits while the watchdog acts
 
     Futex word_{ended};
-    pthread_mutex_t lender_;                // held by a request as long as it has the turn
+    pthread_mutex_t priorityLock_;                // with priority inheritance; held by a request while it has the turn
 };
 
 template <class Fits> Turn::Answer Turn::ask(Fits fits, bool action, std::int64_t until) {
     for (bool waited = false;;) {
-        if (pthread_mutex_trylock(&lender_) != 0) {
+        if (pthread_mutex_trylock(&priorityLock_) != 0) {
             waited = true;
-            pthread_mutex_lock(&lender_);
+            pthread_mutex_lock(&priorityLock_);
         }
         Word w = word_.load();
         if (holder(w) == nobody && fits(waited) && word_.exchange(w, (w & kNumber) | request | (action ? kAction : 0)))
             return Answer::granted;
-        pthread_mutex_unlock(&lender_);     // who has not got the turn must not be waited for
+        pthread_mutex_unlock(&priorityLock_);     // a thread that did not get the turn must not hold it
         w = word_.load();
         if (holder(w) == ended) return Answer::free;
         bool up = nanoseconds() >= until;

@@ -49,7 +49,7 @@ Sight explain(const Rules& rules, const Position& p, std::string_view text, char
         if (seen.fits(after(rules, p, m))) out.moves.push_back(m);
     if (!out.moves.empty() || out.unchanged) return out;
 
-    // What has changed, colour by colour?
+    // The squares that have changed, for each colour.
     std::vector<int> left, come, taken, others;
     for (int s = 1; s <= rules.squares(); ++s) {
         Bits b = bitOf(rules, s);
@@ -78,7 +78,7 @@ Sight explain(const Rules& rules, const Position& p, std::string_view text, char
     } else if (left.empty() && come.size() == 1) out.wrong = "a piece too many has come to " + name(come[0]);
     else if (left.empty()) out.wrong = std::string("pieces of ") + opponent + " have gone from " + names(taken) + ", but no piece has captured them";
     else {
-        // Somebody has gone somewhere: with the right victims it would be legal, or there is a reason why not.
+        // One piece has moved: with the right victims the move would be legal, or there is a reason why not.
         const Move* same = nullptr;
         for (auto& m : list)
             if (squareOf(rules, m.from) == left[0] && squareOf(rules, m.to) == come[0]) same = &m;

@@ -1,4 +1,4 @@
-// camera.h -- which legal move explains what a camera has seen on the board?
+// camera.h -- finds the legal move that explains what a camera has seen on the board.
 #pragma once
 
 #include <string>

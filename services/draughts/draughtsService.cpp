@@ -55,13 +55,13 @@ public:
             .integer("-depth", &Draughts::depth_, {.low = 0, .high = 99, .help = "limit in moves of both sides; 0: none"})
             .integer("-nodes", &Draughts::nodes_, {.low = 0, .help = "limit in positions; 0: none"})
             .integer("-threads", &Draughts::threads_, {.low = 1, .high = 64, .help = "of a search"})
-            .integer("-hash", &Draughts::hash_, {.unit = "MB", .low = 1, .high = 65536, .help = "what a search may remember"})
+            .integer("-hash", &Draughts::hash_, {.unit = "MB", .low = 1, .high = 65536, .help = "memory of a search"})
             .flag("-endgames", &Draughts::useEndgames_, {.help = "8x8: use tables for four pieces; made at first use"})
             .text("-endgamesFile", &Draughts::endgamesFile_, {.help = "where they are kept; empty: in the user's cache folder", .fixed = true})
             .flag("-idle", &Draughts::idle_, {.help = "search at idle priority"})
             .text("-colours", &Draughts::colours_, {.help = "characters of White's and Black's pieces in what a camera saw"})
             .action("-stop", &Draughts::stopAction, "", "end the search with what it has found", 0, 0, sorma::Right::call)
-            .conduct(sorma::Conduct::concurrent)
+            .concurrency(sorma::Concurrency::concurrent)
             .words("legal | play move | path move | undo ?moves? | state | go | analyse ?time s? ?depth n? ?nodes n? | explain | "
                    "fen ?position? | pdn | picture | new")
             .reads(text, {}, "", "play, path: the move; explain: the board as seen; fen: the position; pdn: the game")
@@ -88,7 +88,7 @@ public:
         checkColours();
         begin();
     }
-    void leaving() override {
+    void removing() override {
         if (!job_) return;
         auto reply = job_->reply;
         endSearch();

@@ -323,7 +323,7 @@ std::shared_ptr<const Endgames> Endgames::provide(const Rules& rules, const std:
         if (::stat(file.c_str(), &there) != 0) note.clear();     // not yet made: nothing wrong with that
         e = compute(rules, progress);
         std::string why;
-        if (e && !e->save(file, why)) note += (note.empty() ? "" : "; ") + why + ": not kept, computed anew next time";
+        if (e && !e->save(file, why)) note += (note.empty() ? "" : "; ") + why + ": not kept, computed again next time";
     }
     known = e;
     return e;

@@ -1,4 +1,4 @@
-// endgames.h -- 8x8 with up to four pieces: won, drawn or lost, and how far.
+// endgames.h -- tables for 8x8 with up to four pieces: won, drawn or lost, and the number of moves.
 #pragma once
 
 #include <atomic>
@@ -21,7 +21,8 @@ class Endgames {
 public:
     static constexpr int kPieces = 4;
 
-    // Computes all tables. progress: part done, 0 .. 1; returns false to give up: then nothing is returned.
+    // Computes all tables. progress: called with the part that is done, 0 .. 1; returns false to cancel: then the result is
+    // null.
     static std::unique_ptr<Endgames> compute(const Rules& rules, const std::function<bool(double)>& progress, int pieces = kPieces);
     // Reads them from a file, and checks it. Null: why says what is wrong with it.
     static std::unique_ptr<Endgames> load(const Rules& rules, const std::string& file, std::string& why);
@@ -30,8 +31,9 @@ public:
     // Where they are kept: $XDG_CACHE_HOME/sorma or ~/.cache/sorma, draughts-GAME.egt.
     static std::string defaultFile(const Rules& rules);
 
-    // All of it: from this process, else from the file, else computed and saved. note: what was wrong with the file, if it was there,
-    // or with saving it; the tables are good all the same. Null: progress has given up. Any thread; a second one waits.
+    // Get the tables: from this process, else from the file, else compute and save them. note: what was wrong with the file,
+    // if it exists, or with saving it; the tables are valid in any case. Null: progress returned false. Any thread; a second
+    // one waits.
     static std::shared_ptr<const Endgames> provide(const Rules& rules, const std::string& file,
                                                    const std::function<bool(double)>& progress, std::string& note);
 

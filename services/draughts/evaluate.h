@@ -1,4 +1,4 @@
-// evaluate.h -- how good is a quiet position?
+// evaluate.h -- the value of a quiet position.
 //
 // A sum of learned weights, each in two phases between which the number of pieces decides: material and a few counts; the square
 // of each king; and patterns: each of 16 (9 on 8x8) overlapping fields of 2 x 4 squares, on 8x8 also each of four pairs of rows,

@@ -1,11 +1,11 @@
-// level.h -- from child to full strength.
+// level.h -- levels of play, from child to full strength.
 #pragma once
 
 #include "draughts/search.h"
 
 namespace draughts {
 
-// How many positions it looks at, and by how many hundredths of a man it misjudges each.
+// Number of positions that it looks at, and the error of their values in hundredths of a man.
 struct Level {
     std::uint64_t nodes;    // 0: as the time allows
     int noise;

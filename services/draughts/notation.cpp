@@ -201,7 +201,7 @@ std::string whyNot(const Rules& rules, const Position& p, int from, int to) {
     if (list[0].captured) {
         bool others = std::none_of(list.begin(), list.end(), [&](auto& m) { return squareOf(rules, m.from) == from; });
         std::string could = "for example " + pdnMove(rules, p, list[0]);
-        // What could it do if nothing else were said about captures?
+        // What could the piece do without the rules about captures?
         if (others && rules.majority)
             return piece + " may not move: capturing the greatest number is compulsory, " + pieces(countOf(list[0].captured)) + ", " + could;
         if (others) return piece + " may not move: another piece can capture, and must, " + could;

@@ -39,7 +39,7 @@ std::string pdnMove(const Rules& rules, const Position& p, const Move& m, bool a
 // Fails with MOVE: no legal move, and why not; or more than one.
 Move parseMove(const Rules& rules, const Position& p, std::string_view text);
 
-// Why can the side to move not go there? A sentence that names the piece and the rule.
+// A sentence that says why the side to move cannot make that move; it names the piece and the rule.
 std::string whyNot(const Rules& rules, const Position& p, int from, int to);
 
 }  // namespace draughts

@@ -1,4 +1,5 @@
-// position.h -- who stands where, and whose turn it is. A value of 32 bytes: copied, never taken back.
+// position.h -- a position: the pieces, and the side to move. A value of 32 bytes: it is copied, and moves are never undone
+// in it.
 #pragma once
 
 #include "draughts/board.h"

@@ -1,4 +1,4 @@
-// rules.h -- the three games, each a set of switches: what differs between them is data, nothing else asks for the game's name.
+// rules.h -- the rules of the three games as data. No other code depends on the name of a game.
 //
 // Source: FMJD annex 1 (international, 64), WCDF (English).
 #pragma once

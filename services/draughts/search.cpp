@@ -23,7 +23,7 @@ double now() {
     return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-// What the threads of one search share.
+// Data that the threads of one search share.
 struct Shared {
     std::atomic<bool>& stop;
     std::atomic<double>& end;
@@ -266,7 +266,7 @@ private:
         length_[ply] = end;
     }
 
-    // What has caused cutoffs before comes first: by kind of piece, from, to.
+    // Moves that have caused cutoffs before come first: by kind of piece, from, to.
     int& history(const Position& p, const Move& m) {
         return history_[p.side == Side::white][p.kings >> m.from & 1][m.from][m.to];
     }

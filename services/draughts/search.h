@@ -1,4 +1,4 @@
-// search.h -- the best move: principal variation search with iterative deepening.
+// search.h -- finds the best move: principal variation search with iterative deepening.
 //
 // Captures are played out before a position is evaluated; forced replies cost no depth; late moves are reduced; shallow searches
 // foretell deep ones (ProbCut). No null move: zugzwang is everywhere.
@@ -25,7 +25,7 @@ struct Limits {
     int depth = 0;                  // 0: none of these
     std::uint64_t nodes = 0;
     double time = 0;                // [s]
-    bool infinite = false;          // until stop: also when nothing is left to find out
+    bool infinite = false;          // until stop(), also when the result is certain
 };
 
 struct Progress {
@@ -54,12 +54,12 @@ public:
     Progress run(const std::vector<Position>& game, const Limits& limits, const SearchSettings& settings,
                  const std::function<void(const Progress&)>& report = nullptr);
 
-    // From any thread: end soon, with what has been found.
+    // Any thread: end soon, with the best move so far.
     void stop() { stop_.store(true, std::memory_order_relaxed); }
     bool stopped() const { return stop_.load(std::memory_order_relaxed); }
-    // From any thread: end after that time from now [s].
+    // Any thread: end after that time from now [s].
     void endIn(double seconds);
-    // Before run, by the one who may call stop.
+    // Call it before run(), in the thread that may call stop().
     void prepare() {
         stop_.store(false, std::memory_order_relaxed);
         end_.store(0, std::memory_order_relaxed);
@@ -68,7 +68,7 @@ public:
 private:
     const Rules& rules_;
     Transpositions& table_;
-    std::atomic<bool> stop_{false};     // hints, they order nothing
+    std::atomic<bool> stop_{false};     // no other data depends on these two
     std::atomic<double> end_{0};        // [s], steady clock; 0: none
 };
 

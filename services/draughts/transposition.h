@@ -1,7 +1,7 @@
-// transposition.h -- what a search knows already about positions, shared by its threads.
+// transposition.h -- the transposition table of a search, shared by its threads.
 //
-// An entry is two words, the first the key combined with the second: an entry that two threads have written at once fits no key,
-// so nothing needs a lock. Four entries share a cache line; of these the one goes that is old, then the one of least depth.
+// An entry is two words, the first the key combined with the second: an entry that two threads have written at once matches
+// no key, so no lock is needed. Four entries share a cache line; an old one is replaced first, then the one of least depth.
 #pragma once
 
 #include <atomic>

@@ -9,7 +9,7 @@ public:
         using enum sorma::Field;
         return sorma::Class::of<Echo>("echo", "returns text, floats, ints and any as they came")
             .real("-delay", &Echo::delay_, {.unit = "s", .low = 0, .high = 3600, .help = "wait first"})
-            .conduct(sorma::Conduct::concurrent)
+            .concurrency(sorma::Concurrency::concurrent)
             .reads(text, {}, "", "anything").reads(floats, {}, "", "").reads(ints, {}, "", "").reads(any, {}, "", "")
             .writes(text, {}, "", "the same").writes(floats, {}, "", "").writes(ints, {}, "", "").writes(any, {}, "", "")
             .example("echo EXEC TMSG hello FMSG 2 1.5 3");

@@ -37,7 +37,7 @@ public:
     }
 
 private:
-    // What the members hold when the object is made are the options' defaults.
+    // The values of the members after construction are the options' defaults.
     bool breakfast_ = false;
     std::string where_ = "kitchen";
     bool freshJuice_ = false;

@@ -5,7 +5,7 @@
 //
 // Words are appended to -command, text and any go to standard input; the answer comes when the program has ended:
 // standard output as text, exit status as an int, lines of standard error as warnings. The child belongs to its
-// request: when the caller gives up or dies, the object is removed, or this process ends, its process group is killed.
+// request: when the caller cancels or dies, the object is removed, or this process ends, its process group is killed.
 //
 // Published: started {pid}, output {pid} and error {pid} for each line, ended {pid status}; started and ended with the
 // command as text.
@@ -43,9 +43,9 @@ const sorma::Prototype kNothing{Severity::error, "OPTION MISSING", 2,
                                 "{}: {} is empty and EXEC came without words: one of them must say what to run"};
 const sorma::Prototype kCommand{Severity::error, "OPTION VALUE", 2, "{}: {} {} is no list of words: {}"};
 const sorma::Prototype kFolder{Severity::error, "OPTION VALUE", 2,
-                               "{}: {} {} holds a zero character, as no folder does"};
+                               "{}: {} {} has a zero character, which no folder name can have"};
 const sorma::Prototype kZero{Severity::error, "REQUEST SYNTAX", 1,
-                             "{}: word {} of the command, {}, holds a zero character: no program can be given that"};
+                             "{}: word {} of the command, {}, has a zero character, which no program can be given"};
 const sorma::Prototype kGone{Severity::error, "SERVICE GONE", 1, "{}: the service object has been removed; {} was {}"};
 const sorma::Prototype kStderr{Severity::warning, "FORK STDERR", 1, "{}: {}"};
 const sorma::Prototype kCut{Severity::warning, "FORK CUT", 1,
@@ -153,7 +153,7 @@ public:
             .action("-kill", &ForkService::killAll, "", "kill all children now, and refuse the requests that wait", 0, 0, Right::call)
             .action("-list", &ForkService::list, "", "a line for each child: process number, since when, command", 0, 0, Right::inspect)
             .execRight(Right::program)
-            .conduct(sorma::Conduct::concurrent)
+            .concurrency(sorma::Concurrency::concurrent)
             .words("?word ...?")
             .reads(text, {}, "", "standard input of the program")
             .reads(any, {}, "", "the same, as bytes, after the text")
@@ -178,7 +178,8 @@ public:
         child::Command command{commandWords(), directory_, {}};
         command.words.insert(command.words.end(), m.words.begin(), m.words.end());
         if (command.words.empty()) fail(kNothing, name(), "-command");
-        // The caller has been asked. What runs is chosen, too, by whoever wrote these, and by nobody else.
+        // The caller's right was checked before. The authors of these options choose the program, too, so check their
+        // rights.
         for (auto* option : {"-command", "-directory"}) sorm().access.need(author(option), Right::program, name(), name());
         for (std::size_t i = 0; i < command.words.size(); ++i)
             if (hasZero(command.words[i])) fail(kZero, name(), i + 1, sorma::shown(command.words[i]));
@@ -202,7 +203,7 @@ public:
         else start(job);
     }
 
-    void leaving() override { end(); }
+    void removing() override { end(); }
 
     std::string selftest() override {
         auto words = commandWords();
@@ -359,7 +360,7 @@ private:
         job.reply.fail(sorma::Error(std::move(job.trail)));
     }
 
-    // The caller has given up or died, or its deadline has passed: nobody wants the result.
+    // The caller has cancelled or died, or its deadline has passed: the result is not needed.
     void cancelled(Job& job) {
         if (job.process) return job.process->terminate(nanoseconds(job.grace));
         std::erase_if(waiting_, [&](auto& j) {
@@ -377,7 +378,7 @@ private:
             job->process->abandon();
             try {
                 job->timer.cancel();
-            } catch (const sorma::Error&) {     // the loop has gone before us
+            } catch (const sorma::Error&) {     // the loop was deleted before
             }
             tell("ended", *job, job->shown, {128 + SIGKILL});
             refuse(*job, "killed");

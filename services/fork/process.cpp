@@ -110,7 +110,7 @@ std::vector<std::string> candidates(const std::string& program) {
     }
 }
 
-// What a child tells in its last breath.
+// The report of a child that could not run the program.
 struct Report {
     enum Stage : int { directory, program } stage;
     int error;
@@ -224,7 +224,7 @@ void Process::start(const Command& command) {
         errno = error;
         failWith("cannot make a process");
     }
-    setpgid(pid, pid);                              // both do it: whoever needs the group first finds it
+    setpgid(pid, pid);                              // parent and child both call it, since each may need the group first
     pid_ = pid;
     running_ = true;
     groups.add(pid);
@@ -330,7 +330,7 @@ void Process::read(int& fd, const std::function<void(std::string_view)>& sink) {
     drop(fd);
 }
 
-// What is there, and no more: somebody who has left the group may hold the other end, and go on writing.
+// Read only what is there now: a process that has left the group may have the other end, and continue to write.
 void Process::drain(int& fd, const std::function<void(std::string_view)>& sink) {
     int there = 0;
     if (fd < 0 || ioctl(fd, FIONREAD, &there) < 0) return;
@@ -389,7 +389,7 @@ void Process::abandon() {
         std::int64_t end = sorma::monotonicNow() + std::int64_t(kReapTime) * 1'000'000;
         while (poll(&p, 1, left) < 0 && errno == EINTR)
             left = std::max<int>(0, int((end - sorma::monotonicNow()) / 1'000'000));
-        kill();                                     // what was born in the group meanwhile, before its number is free
+        kill();                                     // processes that were started in the group meanwhile, before the group's number is free
         while (waitpid(pid_, nullptr, WNOHANG) < 0 && errno == EINTR) {}
     } else {
         while (waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {}

@@ -48,6 +48,7 @@ std::optional<shmem::Reader> Control::look(std::string& problem) const {
 
 void Control::publish(const std::string& program) {
     set_.emplace(prefix_ + "hand.set", shmem::Shape{.blocks = 16, .floats = kSetFloats}, program);
+    set_->checksums(true);
 }
 
 bool Control::heard() const {

@@ -1,6 +1,7 @@
-// control.h -- the hand's control task: what happens in each tick between what the fingers feel and the next set-point.
+// control.h -- the hand's control task: in each tick it reads the fingers' sensors and writes the next set-point.
 //
-// Threads:   tick() and requestStop() by any thread, one tick at a time; everything else by the SORM's thread, between ticks.
+// Threads:   any thread may call tick() and requestStop(), one tick at a time. All else belongs to the SORM's thread,
+//            between ticks.
 // Allocates: never in tick().
 #pragma once
 
@@ -34,7 +35,7 @@ struct Leg {
 struct Settings {
     Geometry geometry;
     double forceFilter = 0.02;              // [s]
-    double lost = 0.1, lostTime = 0.05;     // [N], [s]: what is held has gone when two tips feel less for so long
+    double lost = 0.1, lostTime = 0.05;     // [N], [s]: an object counts as lost when two tips feel less for so long
 };
 
 enum class Outcome { done, stopped };
@@ -65,12 +66,12 @@ public:
     void sense() noexcept;                  // the newest state, when no tick runs
 
     void begin(std::vector<Leg> legs);      // from where the fingers have been sent
-    void hold(bool holds) { holds_ = holds, missing_ = 0, lost_ = false; }     // from now on it is told when the object is lost
+    void hold(bool holds) { holds_ = holds, missing_ = 0, lost_ = false; }     // true: from now on report when the object is lost
     bool holds() const { return holds_; }
-    bool takeEnding(Outcome& outcome);      // true: a motion has ended since
-    bool takeLoss();                        // true: what is held has been lost since
-    int bell() const { return bell_; }      // a descriptor that can be read then
-    void quiet() const;                     // ... and cannot be read again
+    bool takeEnding(Outcome& outcome);      // true: a motion has ended since the last call
+    bool takeLoss();                        // true: the object was lost since the last call
+    int bell() const { return bell_; }      // a descriptor that can be read when one of these is true
+    void quiet() const;                     // make it unreadable again
 
     bool moving() const { return leg_ < legs_.size(); }
     const State& state() const { return state_; }

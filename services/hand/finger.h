@@ -1,4 +1,4 @@
-// finger.h -- where the tip of a finger is, and the joint angles that bring it somewhere.
+// finger.h -- kinematics of a finger: the place of its tip, and the joint angles for a place.
 //
 // A finger spreads (ab), bends at its base (pf), and bends in the middle (mf); its last joint follows the middle one. Three of them
 // stand around the tool's axis, 60, 180 and 300 degrees from its x, and bend towards it.
@@ -33,8 +33,8 @@ double radiusOf(const Point& tip);                          // from the tool's a
 // Tips at one distance from the axis and one height, each straight in front of its finger's base.
 Targets ring(double radius, double height);
 
-// angles: in: near which ones to look; out: those that bring the tip there. False: no angles within the limits do, or the nearest
-// ones are far from those. Never allocates.
+// angles: in: search near these; out: angles for the tip. False: there are none within the limits, or the nearest
+// ones are far from the given ones. Never allocates.
 bool reach(const Geometry& g, std::size_t finger, const Point& tip, Angles& angles) noexcept;
 
 }  // namespace hand

@@ -110,7 +110,7 @@ public:
             .real("-speed", &Manus::speed_, {.unit = "m/s", .low = 0.001, .high = 1, .help = "of the fastest tip, at most, where tips are moved"})
             .text("-postures", &Manus::posturesText_, {.help = "name and angles [rad] of each posture: 9 (spread, base and middle joint of each "
                                                                "finger), or 3 that hold for all fingers"})
-            .choice("-whenBusy", &Manus::whenBusy_, {"refuse", "queue"}, {.help = "when somebody else moves the fingers: fail, or wait for the turn"})
+            .choice("-whenBusy", &Manus::whenBusy_, {"refuse", "queue"}, {.help = "when another request moves the fingers: fail, or wait for the turn"})
             .real("-objectRadius", &Manus::objectRadius_, {.unit = "m", .low = 0, .high = 0.06, .help = "of what is grasped", .group = "grasp"})
             .real("-squeeze", &Manus::squeeze_, {.unit = "m", .low = 0, .high = 0.02, .help = "how far into the object the tips are sent: that makes the force", .group = "grasp"})
             .real("-opening", &Manus::opening_, {.unit = "m", .low = 0, .high = 0.08, .help = "from the tool's axis to the tips of the open hand", .group = "grasp"})
@@ -120,7 +120,7 @@ public:
             .service("-speaker", &Manus::speaker_, {.help = "is told when the object is not there, or has been lost: its EXEC gets the words below; "
                                                             "none: nobody is told", .group = "voice"})
             .text("-sayMissing", &Manus::sayMissing_, {.help = "words, a list, when a grasp finds no object; empty: none", .group = "voice"})
-            .text("-sayLost", &Manus::sayLost_, {.help = "words, a list, when what was held has gone; empty: none", .group = "voice"})
+            .text("-sayLost", &Manus::sayLost_, {.help = "words, a list, when the object was lost; empty: none", .group = "voice"})
             .real("-interval", &Manus::interval_, {.unit = "s", .low = 0.001, .high = 0.1, .help = "from one tick of the control task to the next", .expert = true})
             .flag("-labTime", &Manus::labTime_, {.help = "ticks are due by the other side's time (its buffer lab.clock), not by the machine's", .fixed = true})
             .integer("-priority", &Manus::priority_, {.low = 0, .high = 99, .help = "of the control task, as of class cycle", .fixed = true, .expert = true})
@@ -129,8 +129,8 @@ public:
             .real("-tipRadius", &Manus::tipRadius_, {.unit = "m", .low = 0, .high = 0.02, .help = "of the sphere at the end of a finger", .expert = true})
             .real("-settle", &Manus::settle_, {.unit = "s", .low = 0, .high = 5, .help = "after closing and opening, before the forces are judged", .expert = true})
             .real("-arrival", &Manus::arrival_, {.unit = "s", .low = 0, .high = 5, .help = "after any other motion, until the fingers have followed", .expert = true})
-            .real("-freeForce", &Manus::freeForce_, {.unit = "N", .low = 0, .high = 20, .help = "a tip that feels more has not let go", .expert = true})
-            .real("-lostForce", &Manus::lostForce_, {.unit = "N", .low = 0, .high = 20, .help = "two tips that feel less have lost what was held", .expert = true})
+            .real("-freeForce", &Manus::freeForce_, {.unit = "N", .low = 0, .high = 20, .help = "a tip that feels more still holds the object", .expert = true})
+            .real("-lostForce", &Manus::lostForce_, {.unit = "N", .low = 0, .high = 20, .help = "when two tips feel less, the object is lost", .expert = true})
             .real("-lostTime", &Manus::lostTime_, {.unit = "s", .low = 0, .high = 5, .help = "for so long", .expert = true})
             .real("-forceFilter", &Manus::forceFilter_, {.unit = "s", .low = 1e-4, .high = 1, .help = "time constant of the low-pass for tip forces", .expert = true})
             .real("-tolerance", &Manus::tolerance_, {.unit = "rad", .low = 0, .high = 3, .help = "a joint that is farther from its angle is told as blocked", .expert = true})
@@ -145,7 +145,7 @@ public:
             .action({"-stop", "", "stop the fingers where they are", 0, 0,
                      [](Service& s, Args, Message& m) { static_cast<Manus&>(s).stopNow(m); }, sorma::Right::call, true})
             .action("-teach", &Manus::teach, "name", "keep where the fingers have been sent as a posture", 1, 1)
-            .action("-forget", &Manus::forget, "name", "the posture is no more", 1, 1)
+            .action("-forget", &Manus::forget, "name", "remove a posture", 1, 1)
             .words("?finger | grasp | joint | joints | posture name | release | sequence ?name|seconds ...? | status | tip | tips | tripod?")
             .reads(floats, sorma::between(0, 9 * kMostPostures), "rad, m",
                    "joints: 9 angles, spread, base, middle of each finger; finger: its number from 1, and 3 angles; joint: its number from 1, "
@@ -157,7 +157,7 @@ public:
                     "base, middle, end of each finger)")
             .writes(ints, sorma::exactly(2), "", "without words and status: whether the fingers move; whether they hold something")
             .writes(text, {}, "", "status: in clear text")
-            .conduct(sorma::Conduct::concurrent)
+            .concurrency(sorma::Concurrency::concurrent)
             .realtime()
             .example("manus CTRL -speed 0.05");
     }
@@ -176,7 +176,7 @@ public:
             if (o->name == "-interval") configureCycle({"-period", sorma::numberText(interval_)});
     }
 
-    void leaving() override {
+    void removing() override {
         halt();
         failAll(error(kGone, name()));
     }
@@ -521,7 +521,7 @@ private:
         job->reply.onCancel([this, weak = std::weak_ptr(job)] {
             auto j = weak.lock();
             if (!j) return;
-            if (j == job_) return stopMotion("because its caller has given up, or its deadline has passed");
+            if (j == job_) return stopMotion("because its caller has cancelled it, or its deadline has passed");
             if (std::erase(queue_, j)) j->reply.complete();
         });
         if (job_) return queue_.push_back(std::move(job));
@@ -703,13 +703,13 @@ private:
         }
         try {
             if (heard() || !job_) return;
-        } catch (const sorma::Error&) {         // a step of somebody else's hangs: next time
+        } catch (const sorma::Error&) {         // a step of another object hangs: try again later
             return;
         }
         auto job = std::exchange(job_, nullptr);
         job->reply.fail(error(kSilent, name(), "EXEC " + job->what, problem_));
         failAll(error(kHardware, name(), problem_));
-        halt();                                 // with the next request it begins anew
+        halt();                                 // the next request begins again
     }
 
     // ---- what others see ----

@@ -1,7 +1,8 @@
-// host.h -- figures of the machine we run on, in SI units, read from the kernel each time they are asked for.
+// host.h -- figures of this machine, in SI units. Each call reads them from the kernel.
 //
-// Source: proc(5), statvfs(3), clock_gettime(2); temperatures from /sys/class/hwmon and /sys/class/thermal.
-// Errors: HOST UNREADABLE, naming the file. A machine without thermometers has no temperatures: that is no error.
+// Source:  proc(5), statvfs(3), clock_gettime(2); temperatures from /sys/class/hwmon and /sys/class/thermal.
+// Threads: any.
+// Errors:  HOST UNREADABLE, with the name of the file. A machine without thermometers has no temperatures; that is no error.
 #pragma once
 
 #include <string>
@@ -10,7 +11,7 @@
 namespace host {
 
 struct Load {
-    double oneMinute, fiveMinutes, fifteenMinutes;      // processes that run or want to
+    double oneMinute, fiveMinutes, fifteenMinutes;      // load averages: processes that run or wait for a processor
     int running, processes, processors;
 };
 Load load();
@@ -35,7 +36,7 @@ std::vector<Temperature> temperatures();
 
 struct Clock {                                          // [s]
     double wall;                                        // since 1970
-    double monotonic;                                   // since some start, never set back
+    double monotonic;                                   // since an arbitrary time, never set back
     double uptime;                                      // since the machine was started, sleep included
     double resolution;                                  // of the monotonic clock
 };

@@ -44,7 +44,7 @@ public:
     }
 
 private:
-    // The figures of a disk tell whether there is such a path: whoever named it must have the right to see that.
+    // The figures of a disk say whether the path exists, so the author needs the right to read files there.
     void askForPath() {
         if (auto& by = author("-path")) sorm().access.need(by, sorma::Right::files, sorma::realPath(path_), name());
     }

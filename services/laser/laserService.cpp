@@ -38,13 +38,13 @@ public:
             .words("blink | off | on | point | status")
             .reads(floats, sorma::between(0, 3), "m, Hz", "point: x y z in the world; blink: its rate, if it is another one than -rate")
             .writes(floats, sorma::between(2, 7), "m, 1", "point: where the tool has been sent, position and quaternion; others: on (1 or 0), rate of blinking [Hz]")
-            .writes(text, {}, "", "point: who has moved the arm; status: in clear text")
-            .conduct(sorma::Conduct::concurrent)
+            .writes(text, {}, "", "point: the object that has moved the arm; status: as text")
+            .concurrency(sorma::Concurrency::concurrent)
             .example("laser CTRL -rate 4");
     }
 
-    ~Laser() override { leaving(); }
-    void leaving() override {
+    ~Laser() override { removing(); }
+    void removing() override {
         if (on_) set(false, 0);
         writer_.reset();
     }

@@ -12,14 +12,14 @@ using sorma::Severity;
 
 const sorma::Prototype kWord{Severity::error, "MUTEX WORD", 2, "{}: bad word \"{}\": must be holder, lock, or unlock"};
 const sorma::Prototype kUsage{Severity::error, "MUTEX SYNTAX", 1, "{}: wrong words: should be \"{}\""};
-const sorma::Prototype kBusy{Severity::error, "MUTEX BUSY", 1, "{}: held by {}; without \"now\" lock waits"};
+const sorma::Prototype kBusy{Severity::error, "MUTEX BUSY", 1, "{}: held by {}; without \"now\" lock waits for it"};
 const sorma::Prototype kNotHeld{Severity::error, "MUTEX NOTHELD", 1, "{}: not held by this client, {}"};
 
 class Mutex : public counted::Counted {
 public:
     static sorma::Class describe() {
         return sorma::Class::of<Mutex>("mutex", "lets one process at a time, first come, first served")
-            .conduct(sorma::Conduct::concurrent)
+            .concurrency(sorma::Concurrency::concurrent)
             .words("lock ?now? | unlock | holder")
             .writes(sorma::Field::text, {}, "", "holder: who has it, and since when; empty when nobody has")
             .example("mutex EXEC holder");

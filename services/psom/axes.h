@@ -1,4 +1,4 @@
-// axes.h -- the axes of a map, as its option and its file have them.
+// axes.h -- reads and checks the axes of a map.
 #pragma once
 
 #include <string>
@@ -12,7 +12,7 @@ constexpr std::size_t kMostDimension = 1000, kMostNumbers = 4'000'000;      // o
 // Fails with OPTION VALUE, naming the object.
 std::vector<std::vector<double>> parseAxes(const std::string& object, const std::string& text);
 
-// What is wrong with them; empty: nothing.
+// The error in the axes; empty: none.
 std::string checkAxes(const std::vector<std::vector<double>>& axes, std::size_t dimension);
 
 }  // namespace psom

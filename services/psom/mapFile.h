@@ -16,9 +16,9 @@
 
 namespace psom {
 
-// object: the one whose messages name it.
+// object: the name for messages.
 std::shared_ptr<Map> load(const std::string& object, const std::string& file);
-// The file is there as a whole or, when it cannot be written, as before.
+// Writes the whole file, or leaves the file that was there.
 void save(const std::string& object, const std::string& file, const Map& map);
 
 }  // namespace psom

@@ -494,7 +494,7 @@ Match Map::adapt(std::span<const double> x, double rate, const Search& search, s
             packed_[(i / kBlock * nodes_ + a) * kBlock + i % kBlock] += h * residual[inputs_[i]];
         for (std::size_t v = m; v-- > 0 && ++index[v] == parts_[v].count;) index[v] = 0;
     }
-    used_ = 0;                                          // what was brought together has changed
+    used_ = 0;                                          // the vectors have changed
     return match;
 }
 

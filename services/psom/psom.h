@@ -33,7 +33,7 @@ struct Search {
     double lambda = 0.01;           // Levenberg-Marquardt term to begin with, > 0
     double tolerance = 1e-10;       // converged when a step is smaller, of the range of the axis
     int steps = 50;                 // at most, from each start
-    double margin = 0.15;           // how far s may leave the range of the nodes in use, of that range
+    double margin = 0.15;           // how far s may be outside the range of the nodes in use, as a part of that range
     int starts = 1;                 // at most: from the nearest node, the next one ...
     double threshold = 0;           // ... until the error is not above this
     bool follow = false;            // begin where the last search has ended
@@ -64,13 +64,14 @@ public:
     void train(std::span<const double> vectors);        // nodes() * dimension()
     std::vector<double> vectors() const;
     void setLocal(std::size_t local);
-    // Of the components: p > 0 makes one an input. scaled: each is divided by the square of its component's range over the nodes.
+    // Weights of the components: p > 0 makes one an input. scaled: divide each by the square of its component's range over
+    // the nodes.
     void setWeights(std::span<const double> p, bool scaled);
     std::size_t inputs() const { return inputs_.size(); }
 
     // The point of the manifold that is nearest to x (d) in the inputs (4.4): its w (d) and s (m).
     Match complete(std::span<const double> x, const Search& search, std::span<double> w, std::span<double> s);
-    // The point of the manifold at s, which is held within its limits: false when it is outside.
+    // The point of the manifold at s, which is moved within its limits; false when it was outside.
     bool evaluate(std::span<const double> s, double margin, std::span<double> w);
     // dw_k/dx_i at the point where the last search has ended: d rows, a column for each input. False when the inputs do not
     // determine it there.
@@ -89,7 +90,7 @@ private:
         double scale[kMostNodes];                       // 1 / product of the differences to the other nodes
         double l[kMostNodes], dl[kMostNodes];
     };
-    // What the search knows about a point.
+    // A point of the search.
     struct Point {
         double s[kMostAxes], gradient[kMostAxes], hessian[kMostAxes][kMostAxes], error;
     };

@@ -92,7 +92,7 @@ public:
         ints_.reserve(2);
     }
 
-    // Everything is made anew beside what a cycle may be using, and put in its place between two ticks.
+    // Make a new map while a cycle may use the old one; exchange them between two ticks.
     sorma::Commit prepare(const sorma::Change& change) override {
         bool concerned = false;
         for (auto* option : {"-axes", "-dimension", "-map", "-metric", "-scale", "-local"}) concerned |= change.concerns(option);

@@ -1,4 +1,4 @@
-// puma.h -- a Puma 560: where is the flange, which joint angles bring it there, what does gravity cost?
+// puma.h -- kinematics of a Puma 560: pose of the flange, joint angles for a pose, torques of gravity.
 //
 // Frames: base frame on the mounting surface, frame 6 on the flange, whose z axis is the approach. Standard (distal)
 // Denavit-Hartenberg, i-1_T_i = Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i), with Corke's lengths and the signs of Paul: with all
@@ -35,7 +35,7 @@ Jacobian jacobian(const Joints& q);
 // Torques that hold the arm still against gravity, and a load whose centre is at `centre` in the flange frame.
 Joints gravity(const Joints& q, double acceleration = 9.81, double load = 0, const Eigen::Vector3d& centre = {0, 0, 0});
 
-// How far from where the arm loses a direction of motion; 0 is there.
+// Distances from the singularities, where the arm loses a direction of motion; 0: at one.
 struct Distances {
     double shoulder;        // [m] of the wrist centre from the cylinder around the waist that it cannot enter
     double elbow;           // [m] L - |K|, L the length of the forearm, K its part along the upper arm: 0 when stretched or folded

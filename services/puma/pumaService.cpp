@@ -32,7 +32,7 @@ const sorma::Prototype kTooFar{Severity::error, "PUMA UNREACHABLE", 1,
                                "{}: unreachable: the wrist centre {} {} {} m is {} m from the shoulder, which the arm bridges from "
                                "{} to {} m"};
 const sorma::Prototype kLimits{Severity::error, "PUMA LIMITS", 1,
-                               "{}: all 8 solutions are outside the limits; the one that is least so has joint {} at {}, allowed are "
+                               "{}: all 8 solutions are outside the limits; the nearest one has joint {} at {}, allowed are "
                                "{} .. {} rad"};
 const sorma::Prototype kOrder{Severity::error, "OPTION VALUE", 2, "{}: {} {} of joint {} is above its -upper {}"};
 
@@ -51,11 +51,11 @@ public:
         using enum sorma::Field;
         const std::string angles = "by joint, waist to flange";
         return sorma::Class::of<Puma>("puma", "kinematics and gravity of a Puma 560 arm")
-            .choice("-task", &Puma::task_, {kTasks.begin(), kTasks.end()}, {.help = "what EXEC without words does"})
+            .choice("-task", &Puma::task_, {kTasks.begin(), kTasks.end()}, {.help = "the meaning of EXEC without words"})
             .vector("-lower", &Puma::lower_, {.unit = "rad", .low = -10, .high = 10, .help = "least angles, " + angles, .minLength = 6, .maxLength = 6})
             .vector("-upper", &Puma::upper_, {.unit = "rad", .low = -10, .high = 10, .help = "largest angles, " + angles, .minLength = 6, .maxLength = 6})
             .vector("-posture", &Puma::posture_, {.unit = "rad", .low = -10, .high = 10,
-                                                  .help = "what solutions shall be near to, when a request does not say it", .minLength = 6, .maxLength = 6})
+                                                  .help = "posture to which solutions are to be near, when a request gives none", .minLength = 6, .maxLength = 6})
             .vector("-weights", &Puma::weights_, {.unit = "1", .low = 0, .high = 1e6,
                                                   .help = "of the angles in \"near\": the largest weighted difference counts", .minLength = 6, .maxLength = 6})
             .real("-gravity", &Puma::gravity_, {.unit = "m/s2", .low = 0, .high = 100, .help = "acceleration, against z of the base"})

@@ -1,6 +1,6 @@
 // queue -- messages in the order in which they came, each for one taker, and none lost when a taker dies.
 //
-// What get returns is on loan until its taker acknowledges it: then it is gone for good. When he returns it, or his
+// An item that get returns is on loan until the client acknowledges it; then it is removed. When the client returns it, or its
 // process ends before, it goes back to its old place, before all that came after it. A taker who has lost an answer
 // (COMM TIMEOUT, a cancelled call that was answered nevertheless) finds with `loans` what he has without knowing it.
 //
@@ -25,7 +25,7 @@ using Id = std::int64_t;
 const sorma::Prototype kWord{Severity::error, "QUEUE WORD", 2, "{}: bad word \"{}\": must be ack, get, loans, put, or return"};
 const sorma::Prototype kUsage{Severity::error, "QUEUE SYNTAX", 1, "{}: wrong words: should be \"{}\""};
 const sorma::Prototype kNumber{Severity::error, "QUEUE NUMBER", 2,
-                               "{}: \"{}\" is no number of an item; it is the first of the ints that get returns"};
+                               "{}: \"{}\" is not the number of an item; get returns it as the first of its ints"};
 const sorma::Prototype kFull{Severity::error, "QUEUE FULL", 1,
                              "{}: full: {} items waiting and {} on loan, -max {}; without \"now\" put waits for room"};
 const sorma::Prototype kEmpty{Severity::error, "QUEUE EMPTY", 1, "{}: no item; without \"now\" get waits for one"};
@@ -41,7 +41,7 @@ public:
         return sorma::Class::of<Queue>("queue", "hands messages on, each to one taker who acknowledges it")
             .integer("-max", &Queue::max_, {.unit = "items", .low = 1, .high = 1e9,
                                             .help = "items that it keeps at most, those on loan included: they may come back"})
-            .conduct(sorma::Conduct::concurrent)
+            .concurrency(sorma::Concurrency::concurrent)
             .words("put ?now? | get ?now? | ack id | return id | loans")
             .reads(text, {}, "", "put: the item, all four parts").reads(floats, {}, "", "").reads(ints, {}, "", "").reads(any, {}, "", "")
             .writes(text, {}, "", "get: the item as it was put").writes(floats, {}, "", "")
@@ -64,7 +64,7 @@ public:
 
     void changed(std::span<const sorma::Option* const>) override { settle(); }
 
-    void leaving() override {
+    void removing() override {
         releaseLoans();
         sorma::Error gone(sorma::makeEntry(kGone, {sorma::MessageArg::of(name())}));
         for (auto& [ticket, reply] : std::exchange(getters_, {})) reply.fail(gone);
@@ -99,7 +99,7 @@ private:
         std::uint64_t number = 0;           // of the loan: the same item may be lent again
         std::int64_t since = 0;
     };
-    using Line = std::map<std::uint64_t, Reply>;        // those who wait, by ticket: first come, first served
+    using Line = std::map<std::uint64_t, Reply>;        // requests that wait, by ticket, served in order
 
     static const std::string whoIs(const ClientPointer& client) {
         return (client ? client->caller : sorma::Caller::self()).toText();
@@ -220,7 +220,7 @@ private:
         while (!getters_.empty() && !items_.empty())
             if (Reply reply = first(getters_)) {
                 auto loan = lend(reply.client(), reply.message());
-                // From here to its delivery the getter may still give up: then he never had the item.
+                // Until the answer is delivered the caller may still cancel: then it never had the item.
                 reply.onCancel([this, id = loan->first, number = loan->second.number] {
                     auto found = loans_.find(id);
                     if (found == loans_.end() || found->second.number != number) return;

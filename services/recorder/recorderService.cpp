@@ -39,17 +39,17 @@ public:
                   {.help = "play: the buffer whose float 0 is the time to play by; empty, or not recorded: the time of writing"})
             .real("-speed", &Recorder::speed_,
                   {.unit = "1", .low = 0, .high = 1000, .help = "play: recorded seconds in a second; 0: as fast as it goes"})
-            .flag("-partial", &Recorder::partial_, {.help = "a file that has been cut is taken up to there"})
+            .flag("-partial", &Recorder::partial_, {.help = "read a file that was cut, up to there"})
             .action("-record", &Recorder::record, "", "begin to record; what is in the file is replaced")
             .action("-stop", &Recorder::stop, "", "end what is under way; says how much that was", 0, 0, sorma::Right::call)
-            .conduct(sorma::Conduct::concurrent)
+            .concurrency(sorma::Concurrency::concurrent)
             .words("play|list|export ?folder?")
             .writes(ints, {}, "", "play, export: records, buffers")
             .example("recorder.example CTRL -buffers {arm.* lab.clock}");
     }
 
-    ~Recorder() override { leaving(); }
-    void leaving() override {
+    ~Recorder() override { removing(); }
+    void removing() override {
         job_.reset();
         charge_.clear();
     }
@@ -83,7 +83,7 @@ public:
 private:
     bool busy() const { return job_ && !job_->ended(); }
 
-    // What the options say. Fails when something is under way.
+    // The plan that the options give. Fails when a job is under way.
     Plan begin(const char* what) {
         if (busy()) fail(kBusy, name(), what_, file_);
         if (file_.empty()) fail(kNoFile, name(), "-file");
@@ -118,7 +118,7 @@ private:
         });
     }
 
-    // What a job has thrown, in this object's words.
+    // The exception of a job as an error of this object.
     sorma::Error refusal(std::exception_ptr error) const {
         using sorma::MessageArg;
         try {
@@ -143,7 +143,7 @@ private:
         auto ended = [this, box = sorm().mailbox(), weak = std::weak_ptr<Recorder*>(alive_)](const Figures& figures, std::exception_ptr error) {
             figures_ = figures;
             error_ = error;
-            // Nobody waits for it, so it is told.
+            // No request waits for the job, so its end is published.
             if (error) box->post([weak, error] {
                 if (auto self = weak.lock()) (*self)->tell(error);
             });
@@ -178,7 +178,7 @@ private:
     Figures figures_;                       // of the recording; written by its thread, read when that has ended
     std::exception_ptr error_;
     std::shared_ptr<Recorder*> alive_ = std::make_shared<Recorder*>(this);      // work in the mailbox asks
-    sorma::Charge charge_;                  // of what is played, to whoever plays it
+    sorma::Charge charge_;                  // for the buffers that are played, on the account of the caller
     std::unique_ptr<Job> job_;              // last: its thread uses what is above
 };
 

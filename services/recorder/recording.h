@@ -18,12 +18,12 @@
 
 namespace recorder {
 
-// What went wrong with which file, at which byte.
+// The message names the file, the byte and what is wrong there.
 struct FileError : std::runtime_error {
     using runtime_error::runtime_error;
 };
 
-// A buffer that has been recorded. When one of another shape takes its key, that is another channel.
+// A recorded buffer. A buffer of another shape with the same key is another channel.
 struct Channel {
     std::string key;                // without the prefix
     shmem::Shape shape;
@@ -62,7 +62,7 @@ public:
     std::uint32_t announce(const Channel& channel);
     void write(const Record& record);
     void flush();                   // to the system: what is before this survives the end of this process
-    void close();                   // with the mark that all is there
+    void close();                   // writes the last frame, which says that the file is complete
 
 private:
     void put(Frame frame, const void* a, std::size_t aBytes, const void* b = nullptr, std::size_t bBytes = 0);
@@ -77,14 +77,14 @@ class RecordingReader {
 public:
     // partial: a file that has been cut ends with the last frame that is whole.
     RecordingReader(std::string file, bool partial);
-    // The next record; false: that was all. A channel is known before its first record comes.
+    // Read the next record; false: there are no more. Its channel is in channels() then.
     bool next(Record& record);
     const std::vector<Channel>& channels() const { return channels_; }
     const Head& head() const { return head_; }
 
 private:
-    bool get(void* to, std::size_t n);                  // false: it is cut here, and may be
-    bool cut() const;               // false: it may end here
+    bool get(void* to, std::size_t n);                  // false: the file is cut here, and that is allowed
+    bool cut() const;               // returns false when the file may end here; else throws
     [[noreturn]] void refuse(const std::string& why) const;
     const std::string file_;
     const bool partial_;

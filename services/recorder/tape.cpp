@@ -79,7 +79,7 @@ void Recording::look() {
             const std::uint64_t newest = std::max<std::uint64_t>(reader.count(), 1);       // how things are at the beginning
             sources_.emplace(entry.key, Source{reader, out_.announce({key, reader.shape()}), newest});
             seen_.insert(key);
-        } catch (const shmem::Failure&) {           // it has gone meanwhile, or is not ours to read
+        } catch (const shmem::Failure&) {           // it was removed meanwhile, or we may not read it
         }
     }
     nextLook_ = shmem::nanoseconds() + kLook;

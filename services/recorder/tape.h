@@ -32,7 +32,8 @@ struct Figures {
     std::size_t buffers = 0;
 };
 
-// Something that takes its time, in a thread. The work looks now and then whether it is to stop; done gets what it has thrown, or null.
+// Work in a thread of its own. The work calls rest() now and then to learn whether it has to stop. done gets its exception,
+// or null.
 class Job {
 public:
     using Work = std::function<Figures(Job&)>;
@@ -40,7 +41,7 @@ public:
     Job(Work work, Done done);
     ~Job();                                 // stops it, and waits for that
     void stop();
-    // Rest until a time [ns, monotonic]. False: it is to stop.
+    // Called by the work: sleep until a time [ns, monotonic]. False: the work has to stop.
     bool rest(std::int64_t until);
     bool ended() const;
 
@@ -54,9 +55,9 @@ private:
 // A recording that is being made.
 class Recording {
 public:
-    // Begins: what is written into the buffers from now on will be in the file. Fails with a FileError.
+    // Begins to record: records that are written to the buffers from now on will be in the file. Fails with a FileError.
     explicit Recording(Plan plan);
-    // Takes the records until the job is stopped, with all that has come by then.
+    // Writes records to the file until the job is stopped, including those that have come by then.
     Figures run(Job& job);
 
 private:

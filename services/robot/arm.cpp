@@ -19,9 +19,12 @@ const char* toText(Cause cause) {
 
 void Arm::publish(const std::string& program, bool records) {
     set_.emplace(prefix_ + "arm.set", shmem::Shape{.blocks = 16, .floats = kSetFloats}, program);
+    set_->checksums(true);
     if (!records) return;
     pose_.emplace(prefix_ + "tool.pose", shmem::Shape{.blocks = 256, .floats = kPoseFloats}, program);
     force_.emplace(prefix_ + "tool.force", shmem::Shape{.blocks = 256, .floats = kForceFloats}, program);
+    pose_->checksums(true);
+    force_->checksums(true);
 }
 
 Arm::Readers Arm::look() const {

@@ -1,7 +1,7 @@
-// arm.h -- the other side of the buffers: a real arm's controller, a simulation, or a recording (doc/hardware.man).
+// arm.h -- the arm's buffers. Their other side is a real arm's controller, a simulation, or a recording (doc/hardware.man).
 //
-// Threads:   attach, look, publish by the SORM's thread, between ticks; read and write by whoever ticks.
-// Allocates: in the former alone.
+// Threads:   the SORM's thread calls look, and between ticks attach and publish; the ticks call read, write and record.
+// Allocates: look, attach and publish only.
 #pragma once
 
 #include <array>
@@ -15,8 +15,9 @@
 namespace robot {
 
 enum class Mode { off, hold, run, stop };
-// Why the other side has cut the power, as it says it.
+// Why the other side has cut the power, as it reports.
 enum class Cause { none, emergencyStop, table, wrist, late, limit };
+inline constexpr std::size_t kCauses = std::size_t(Cause::limit) + 1;
 const char* toText(Cause cause);
 
 struct ArmState {
@@ -34,7 +35,7 @@ public:
 
     // Become the writer of arm.set, and with records of tool.pose and tool.force. Fails with shmem::Failure.
     void publish(const std::string& program, bool records);
-    // Readers of the other side's buffers, as far as they are there; what is wrong with them is problem().
+    // Readers of the other side's buffers, as far as these exist; problem() says what is wrong with the others.
     struct Readers {
         std::optional<shmem::Reader> state, wrist;
         std::string problem;
@@ -45,11 +46,11 @@ public:
     bool alive() const { return attached() && readers_.state->segment()->writing().alive(); }      // its writer's process runs
     const std::string& problem() const { return readers_.problem; }
 
-    // The newest state. False: there is none, or it is no state (not finite).   age: [s] since it was written.
+    // The newest state. False: there is none, or its numbers are not finite.   age: [s] since it was written.
     bool read(ArmState& state, double& age) noexcept;
     // Lab time less the machine's monotonic time [s], as of the state that was read last.
     double clockOffset() const { return clockOffset_; }
-    // The mean of what the wrist has felt since it was read last. False: nothing for longer than `silence` [s], or no numbers.
+    // Mean of the wrist's sensor since the last call. False: no record for longer than `silence` [s], or numbers not finite.
     bool readWrist(Wrench& raw, double silence) noexcept;
 
     void write(double time, const Joints& q, const Joints& qdot, Mode mode) noexcept;

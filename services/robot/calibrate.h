@@ -1,11 +1,11 @@
-// calibrate.h -- what does the hand weigh, where is its centre, and what does the sensor show without it?
+// calibrate.h -- measures the hand's weight and centre, and the reading of the wrist's sensor without it.
 #pragma once
 
 #include "mover.h"
 
 namespace robot {
 
-// What the wrist felt at rest, in some orientation.
+// A measurement of the wrist at rest, in one orientation.
 struct Weighing {
     Vector3d up;                            // the world's z in tool axes
     Wrench felt;
@@ -18,7 +18,7 @@ struct Load {
     double forceResidual = 0, momentResidual = 0;       // root of the mean square
 };
 
-// Least squares over at least three orientations, in which gravity acts along different axes of the tool. False: they are
+// Least squares over at least three orientations in which gravity acts along different axes of the tool. False: they are
 // too alike.
 bool weigh(const std::vector<Weighing>& weighings, Load& load);
 

@@ -15,6 +15,7 @@ namespace {
 constexpr double kPatience = 1.5;           // [s] until the power must have come
 constexpr double kOffFirst = 0.05;          // [s] of "off" before it: the other side may look at the newest set-point only
 constexpr double kSpeedSlack = 1.05, kAccelerationSlack = 2;    // of the gate: what rounding and corners of speed may add
+constexpr double kMostFelt = 1e6;           // [N], [N m]
 const Vector3d kGravity(0, 0, -9.81);       // [m/s2]
 
 }  // namespace
@@ -30,12 +31,39 @@ const char* toText(Phase phase) {
     return "";
 }
 
+const char* toText(Outcome outcome) {
+    switch (outcome) {
+        case Outcome::done: return "done";
+        case Outcome::stopped: return "stopped";
+        case Outcome::guard: return "guard";
+        case Outcome::overload: return "overload";
+        case Outcome::powerLost: return "power lost";
+        case Outcome::silent: return "other side silent";
+        case Outcome::unreachable: return "place out of reach";
+        case Outcome::limits: return "limits of a joint";
+        case Outcome::singular: return "singularity";
+        case Outcome::gate: return "stopped by the gate";
+        case Outcome::sensorLost: return "no sensor for a guard";
+    }
+    return "";
+}
+
 Control::Control(std::string prefix) : arm(std::move(prefix)), bell_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {
     if (bell_ < 0) throw std::system_error(errno, std::generic_category(), "eventfd");
     ending_.guard.reserve(256);
 }
 
 Control::~Control() { close(bell_); }
+
+namespace {
+
+// A tick of joints that brake, each as hard as it may.
+void slowDown(const ArmLimits& l, double period, Joints& q, Joints& qdot) noexcept {
+    for (int i = 0; i < 6; ++i) qdot[i] = std::copysign(std::max(0.0, std::fabs(qdot[i]) - l.acceleration[i] * period), qdot[i]);
+    q += qdot * period;
+}
+
+}  // namespace
 
 // ---- between ticks ----
 
@@ -104,7 +132,9 @@ void Control::tick(std::int64_t time, double period) noexcept {
 }
 
 void Control::sense(double period, double silence) noexcept {
+    const bool before = sensed_;
     sensed_ = settings.sensors && heard_ && arm.readWrist(raw_, silence);
+    faults.senseless += before && !sensed_ && settings.sensors && heard_;
     if (!sensed_) return felt_.setZero(), void();
     Wrench felt = settings.sensorOffset - raw_;
     if (settings.compensate) {
@@ -113,11 +143,14 @@ void Control::sense(double period, double silence) noexcept {
         felt.head<3>() += carried;
         felt.tail<3>() += settings.handCentre.cross(carried);
     }
+    // What no sensor can feel must not stay for long, or overflow.
+    felt = felt.cwiseMax(-kMostFelt).cwiseMin(kMostFelt);
     felt_ += -std::expm1(-period / settings.forceFilter) * (felt - felt_);
-    const bool over = felt_.head<3>().norm() > settings.wristForce || felt_.tail<3>().norm() > settings.wristMoment;
+    const bool over = !(felt_.head<3>().norm() <= settings.wristForce && felt_.tail<3>().norm() <= settings.wristMoment);
     if (!over) armed_ = true;
     if (!over || !armed_ || overloaded_) return;
     overloaded_ = true;
+    if (phase_ != Phase::moving && phase_ != Phase::braking) ++faults.overloads;
     if (phase_ == Phase::moving || (phase_ == Phase::braking && onPath_)) {
         if (reason_) onPath_ = false;
         else {
@@ -145,7 +178,9 @@ void Control::followPower() noexcept {
     const bool waited = phase_ == Phase::waking;
     ending_.outcome = heard_ ? Outcome::powerLost : Outcome::silent;
     phase_ = Phase::off;
-    if (motion_ || waited) finish();
+    if (motion_ || waited) return finish();
+    if (heard_) ++faults.power[std::size_t(state_.cause)];
+    else ++faults.silences;
 }
 
 void Control::move(double period) noexcept {
@@ -166,6 +201,8 @@ void Control::move(double period) noexcept {
         }
     }
     if (onPath_ && phase_ == Phase::moving) checkGuards(q, period);
+    if (onPath_ && motion_->looksAhead() > 0 && !restsInside(q, period))
+        failMotion(ending_.trip.what ? Outcome::guard : Outcome::limits, false);
     if (onPath_) {
         const Joints qdot = phase_ == Phase::holding ? Joints(Joints::Zero()) : Joints((q - q_) / period);
         if (Ending why; passes(q, qdot, period, why)) {
@@ -222,12 +259,32 @@ bool Control::passes(const Joints& q, const Joints& qdot, double period, Ending&
     return true;
 }
 
-void Control::brakeJoints(double period) noexcept {
-    const auto& l = settings.limits;
-    for (int i = 0; i < 6; ++i) {
-        qdot_[i] = std::copysign(std::max(0.0, std::fabs(qdot_[i]) - l.acceleration[i] * period), qdot_[i]);
-        q_[i] = std::clamp(q_[i] + qdot_[i] * period, l.angles.lower[i], l.angles.upper[i]);
+// After a set-point something may stop the arm by its joints at any moment, and that leads off its path. There, too, it must
+// stay where guards and the joints' limits allow it. False: ending_.trip is what a guard says, or empty.
+bool Control::restsInside(Joints q, double period) noexcept {
+    Joints qdot = (q - q_) / period;
+    for (int i = 0; i < 6; ++i)     // the gate would stop it: it does not get as far as that
+        if (!(std::fabs(qdot[i]) <= kSpeedSlack * settings.limits.speed[i])) return true;
+    View view;
+    for (Trip trip; !qdot.isZero(0);) {
+        slowDown(settings.limits, period, q, qdot);
+        view.ahead = view.tool.p = settings.frames.toolOf(q).p;
+        for (auto& guard : guards_) {
+            if (guard.check(view, trip)) continue;
+            if (!reason_) ending_.guard.assign(guard.name), ending_.trip = trip;
+            return false;
+        }
     }
+    const auto& angles = settings.limits.angles;
+    constexpr double kTolerance = 1e-9;
+    if ((q - angles.upper).maxCoeff() <= kTolerance && (angles.lower - q).maxCoeff() <= kTolerance) return true;
+    if (!reason_) ending_.trip = {};
+    return false;
+}
+
+void Control::brakeJoints(double period) noexcept {
+    slowDown(settings.limits, period, q_, qdot_);
+    q_ = q_.cwiseMax(settings.limits.angles.lower).cwiseMin(settings.limits.angles.upper);
     phase_ = qdot_.isZero(0) ? Phase::holding : Phase::braking;
 }
 
@@ -241,6 +298,7 @@ void Control::failMotion(Outcome outcome, bool onPath) noexcept {
 }
 
 void Control::finish() noexcept {
+    ++faults.motions[std::size_t(ending_.outcome)];
     motion_ = nullptr;
     ended_ = true;
     const std::uint64_t one = 1;

@@ -1,12 +1,13 @@
-// control.h -- the control task: what happens in each tick between the sensors and the next set-point.
+// control.h -- the control task: in each tick it reads the sensors and writes the next set-point.
 //
 //     read state and forces  ->  power  ->  motion  ->  guards  ->  gate  ->  set-point, records
 //
-// The gate is the last layer, and stands apart from motions and guards: whatever they want, no set-point leaves the joints'
-// limits of angle, speed and acceleration, and more force at the wrist than it may bear stops the arm.
+// The gate is the last check, and does not depend on motions and guards. It lets no set-point pass that exceeds the joints'
+// limits of angle, speed and acceleration, and it stops the arm when the force at the wrist is larger than the wrist may
+// bear.
 //
-// Threads:   tick() and requestStop() by any thread, one tick at a time; everything else by the SORM's thread, between
-// ticks.
+// Threads:   any thread may call tick() and requestStop(), one tick at a time. All else belongs to the SORM's thread,
+//            between ticks.
 // Allocates: never in tick().
 #pragma once
 
@@ -14,6 +15,8 @@
 #include <atomic>
 #include <string>
 #include <vector>
+
+#include "bus/incident.h"
 
 #include "arm.h"
 #include "motion.h"
@@ -24,12 +27,12 @@ struct Settings {
     Frames frames;
     ArmLimits limits;
     bool labClock = false;                  // ticks are due by lab time
-    double silence = 0.1;                   // [s] of wall time, and at least three periods: then the other side is not there
+    double silence = 0.1;                   // [s] wall time, at least three periods; without a record for so long it is absent
     bool sensors = true;                    // read the wrist's sensor
-    bool compensate = true;                 // take the hand's weight off
+    bool compensate = true;                 // subtract the hand's weight
     double handMass = 0;                    // [kg]
     Vector3d handCentre = {0, 0, 0};        // [m] tool axes, from the sensor
-    Wrench sensorOffset = Wrench::Zero();   // what it shows without any load
+    Wrench sensorOffset = Wrench::Zero();   // reading without any load
     double forceFilter = 0.01;              // [s]
     double wristForce = 60, wristMoment = 10;   // [N], [N m] more than that stops the arm
 };
@@ -38,8 +41,11 @@ enum class Phase { off, waking, holding, moving, braking };
 const char* toText(Phase phase);
 
 enum class Outcome { done, stopped, guard, overload, powerLost, silent, unreachable, limits, singular, gate, sensorLost };
+inline constexpr std::size_t kOutcomes = std::size_t(Outcome::sensorLost) + 1;
 
-// What has become of a motion, or of waking up (then only done, powerLost, silent).
+const char* toText(Outcome outcome);
+
+// The result of a motion, or of waking up (then only done, powerLost, silent).
 struct Ending {
     Outcome outcome = Outcome::done;
     std::string guard;                      // its name; memory from before the first tick
@@ -61,26 +67,34 @@ public:
     Arm arm;
     Settings settings;
 
-    void wake();                            // ask for power: it goes on holding what is measured
+    void wake();                            // ask for power; with power it holds the posture that is measured
     void sleep();                           // power off
-    // Take over a motion. guards: those that hold while it goes on. It must exist until its ending has been taken.
+    // Begin a motion. It must exist until its ending was taken.   guards: are checked while it goes on.
     void begin(Motion& motion, std::vector<Guard> guards);
-    void replaceGuard(const Guard& guard);  // one of them has other settings
+    void replaceGuard(const Guard& guard);  // a guard with that name has other settings
     void acknowledge() { overloaded_ = false, armed_ = false; }
-    bool takeEnding(Ending& ending);        // true: something has ended since
-    int bell() const { return bell_; }      // a descriptor that can be read then
-    void quiet() const;                     // ... and cannot be read again
+    bool takeEnding(Ending& ending);        // true: a motion has ended since the last call
+    int bell() const { return bell_; }      // a descriptor that can be read when one has ended
+    void quiet() const;                     // make it unreadable again
 
     Phase phase() const { return phase_; }
-    bool heard() const { return heard_; }               // the other side speaks
-    bool knows() const { return knows_; }               // where the arm is: the other side has spoken
-    bool sensed() const { return sensed_; }
-    bool overloaded() const { return overloaded_; }     // since; acknowledge() allows motions again
+    bool heard() const { return heard_; }               // the other side writes its state
+    bool knows() const { return knows_; }               // the other side has written its state at least once
+    bool sensed() const { return sensed_; }             // the wrist's sensor is read
+    bool overloaded() const { return overloaded_; }     // the wrist was overloaded; acknowledge() allows motions again
     const ArmState& state() const { return state_; }
     const Joints& setPoint() const { return q_; }
     const Wrench& felt() const { return felt_; }
     const Wrench& raw() const { return raw_; }
     double part() const { return motion_ ? motion_->part() : 0; }
+
+    // ---- any time ----
+    struct Faults {
+        std::array<sorma::Tally, kOutcomes> motions;        // that have ended so
+        std::array<sorma::Tally, kCauses> power;            // lost while nothing moved or was to wake, by cause
+        sorma::Tally silences, overloads;                   // the same
+        sorma::Tally senseless;                             // the wrist's sensor has fallen silent, or has written what is no number
+    } faults;
 
 private:
     void sense(double period, double silence) noexcept;
@@ -88,6 +102,7 @@ private:
     void move(double period) noexcept;
     View viewOf(const Joints& q, double period) const noexcept;
     void checkGuards(const Joints& q, double period) noexcept;
+    bool restsInside(Joints q, double period) noexcept;
     bool passes(const Joints& q, const Joints& qdot, double period, Ending& why) const noexcept;
     void brakeJoints(double period) noexcept;
     void failMotion(Outcome outcome, bool onPath) noexcept;

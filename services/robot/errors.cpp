@@ -46,7 +46,7 @@ const sorma::Prototype kOverload{Severity::error, "ROBOT OVERLOAD", 1,
                                  "why, then say \"{} EXEC reset\""};
 const sorma::Prototype kOverloaded{Severity::error, "ROBOT OVERLOAD", 1,
                                    "{}: the arm was stopped for too much at the wrist; see why, then say \"{} EXEC reset\""};
-const sorma::Prototype kSensor{Severity::error, "ROBOT SENSOR", 1, "{}: the wrist's sensor says nothing, and {}"};
+const sorma::Prototype kSensor{Severity::error, "ROBOT SENSOR", 1, "{}: the wrist's sensor gives no data, and {}"};
 const sorma::Prototype kStopped{Severity::error, "ROBOT STOPPED", 1, "{}: the motion was stopped, {}; the arm is at {} m"};
 const sorma::Prototype kGone{Severity::error, "SERVICE GONE", 1, "{}: the service object has been removed"};
 const sorma::Prototype kNotAGuard{Severity::error, "OPTION VALUE", 2,

@@ -1,4 +1,4 @@
-// errors.h -- what the classes of the robot say when something is wrong.
+// errors.h -- the errors of the robot's classes.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// fresh -- the newest record of a buffer, as long as somebody renews it; else zeros.
+// fresh -- the newest record of a buffer while it is renewed, else zeros.
 //
 //     fresh.force.out[1:3] -> matrix.force.in
 #include <algorithm>
@@ -20,13 +20,13 @@ const sorma::Prototype kKey{sorma::Severity::error, "OPTION MISSING", 2, "{}: {}
 
 sorma::Class Fresh::describe() {
     using enum sorma::Field;
-    return sorma::Class::of<Fresh>("fresh", "the newest record of a buffer, as long as somebody renews it; else zeros")
+    return sorma::Class::of<Fresh>("fresh", "the newest record of a buffer while it is renewed, else zeros")
         .text("-key", &Fresh::key_, {.help = "of the buffer; empty: the flavor", .fixed = true})
         .integer("-floats", &Fresh::floats_, {.unit = "1", .low = 1, .high = 1000, .help = "of a record", .fixed = true})
-        .real("-expiry", &Fresh::expiry_, {.unit = "s", .low = 0.001, .high = 3600, .help = "a record that is older counts as zeros"})
+        .real("-expiry", &Fresh::expiry_, {.unit = "s", .low = 0.001, .high = 3600, .help = "a record that is older counts as zeros; in a cycle, by its clock"})
         .reads(floats, sorma::exactly(0), "", "nothing")
         .writes(floats, {}, "", "the record, or zeros")
-        .conduct(sorma::Conduct::concurrent)
+        .concurrency(sorma::Concurrency::concurrent)
         .realtime()
         .example("fresh.mouse.state CTRL -expiry 0.1");
 }
@@ -38,7 +38,7 @@ std::string Fresh::key() const {
 }
 
 void Fresh::born() {
-    tap_ = Tap(std::size_t(floats_), std::size_t(floats_));
+    tap_.expect(std::size_t(floats_));
     record_.resize(std::size_t(floats_));
     watch();
 }
@@ -49,20 +49,44 @@ void Fresh::watch() {
     auto found = tap_.look(key(), problem_);
     sorma::BetweenTicks between(*this);
     tap_.use(std::move(found));
+    counter_ = 0;
+}
+
+// In a cycle its own time counts: while lab time stands still nothing grows old. What is found first has the age that it has.
+bool Fresh::old(const shmem::Stamp& stamp) {
+    const std::int64_t age = shmem::nanoseconds() - stamp.monotonic;
+    const auto* tick = sorma::Tick::current();
+    if (!tick) return double(age) * 1e-9 > expiry_;
+    if (stamp.counter != counter_) since_ = tick->time - (counter_ == 0 ? age : 0), counter_ = stamp.counter;
+    return double(tick->time - since_) * 1e-9 > expiry_;
 }
 
 void Fresh::exec(Message& m) {
     if (!sorma::Tick::current()) (void)key(), watch();
     m.floats.assign(record_.size(), 0);
+    const State now = read();
+    if (now == renewed) std::copy(record_.begin(), record_.end(), m.floats.begin());
+    // Before somebody has written for the first time nothing has expired.
+    if (now == expired && state_ != expired && state_ != none) ++expiries_;
+    if (now == damaged && state_ != damaged) ++damages_;
+    if (now != expired || state_ != none) state_ = now;
+    ++ticks_[now];
+}
+
+Fresh::State Fresh::read() {
     auto* reader = tap_.reader();
     shmem::Stamp stamp;
-    if (!reader || reader->latest(record_.data(), nullptr, stamp) != shmem::Outcome::read ||
-        double(shmem::nanoseconds() - stamp.monotonic) * 1e-9 > expiry_)
-        ++expired_;
-    else if (!std::all_of(record_.begin(), record_.end(), [](double x) { return std::isfinite(x); }))
-        ++damaged_;
-    else
-        ++renewed_, std::copy(record_.begin(), record_.end(), m.floats.begin());
+    if (!reader) return expired;
+    const auto outcome = reader->latest(record_.data(), nullptr, stamp);
+    if (outcome == shmem::Outcome::damaged) return damaged;
+    if (outcome != shmem::Outcome::read || old(stamp)) return expired;
+    return std::all_of(record_.begin(), record_.end(), [](double x) { return std::isfinite(x); }) ? renewed : damaged;
+}
+
+void Fresh::tellIncidents(sorma::Incidents& out) const {
+    out.push_back({name(), "record expired", expiries_});
+    out.push_back({name(), "record damaged", damages_});
+    tap_.tellIncidents(name(), key_.empty() && name().find('.') == std::string::npos ? "" : key(), out);
 }
 
 std::vector<sorma::Pin> Fresh::pins(std::string_view, std::size_t) const {
@@ -70,7 +94,8 @@ std::vector<sorma::Pin> Fresh::pins(std::string_view, std::size_t) const {
 }
 
 void Fresh::dumpState(std::string& out) const {
-    out += "# renewed " + std::to_string(renewed_) + "\n# expired " + std::to_string(expired_) + "\n# damaged " + std::to_string(damaged_) + "\n";
+    out += "# renewed " + std::to_string(ticks_[renewed]) + "\n# expired " + std::to_string(ticks_[expired]) + "\n# damaged " +
+           std::to_string(ticks_[damaged]) + "\n";
     if (!problem_.empty()) out += "# missing " + problem_ + "\n";
 }
 

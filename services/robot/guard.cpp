@@ -12,7 +12,7 @@ constexpr std::array<const char*, 6> kFelt = {"force x [N]", "force y [N]", "for
                                               "moment y [N m]", "moment z [N m]"};
 
 bool contains(const Box& box, const Vector3d& p) {
-    constexpr double kTolerance = 1e-9;     // what ends on the border of a box is in it
+    constexpr double kTolerance = 1e-9;     // a point on the border of a box is in it
     return ((p - box.low).array() >= -kTolerance).all() && ((box.high - p).array() >= -kTolerance).all();
 }
 

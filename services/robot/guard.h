@@ -1,4 +1,4 @@
-// guard.h -- what must be true while the arm moves: where the tool may be, how fast, what it may feel.
+// guard.h -- conditions for a motion of the arm: where the tool may be, how fast it may move, which forces it may feel.
 //
 // Threads:   a value; check() is called in ticks.
 // Allocates: never in check().
@@ -12,7 +12,7 @@
 
 namespace robot {
 
-// What a guard looks at.
+// The state that a guard checks.
 struct View {
     Place tool;                             // where the set-point brings it
     Vector3d ahead = {0, 0, 0};             // [m] where it comes to rest when it begins to brake now
@@ -23,8 +23,8 @@ struct View {
 };
 
 struct Trip {
-    const char* what = nullptr;             // "x of the tool", "speed": with its unit; a literal
-    double value = 0, low = 0, high = 0;    // what it was, and what is allowed
+    const char* what = nullptr;             // the quantity, "x of the tool", "speed"; a literal
+    double value = 0, low = 0, high = 0;    // its value, and the range that is allowed
 };
 
 struct Box {
@@ -46,7 +46,7 @@ struct Guard {
     bool feels() const {
         return force < kAny || moment < kAny || (low.array() > -kAny).any() || (high.array() < kAny).any();
     }
-    // False: it trips, for that reason.
+    // False: the condition is violated; trip says how.
     bool check(const View& view, Trip& trip) const;
 };
 

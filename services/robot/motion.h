@@ -1,6 +1,6 @@
-// motion.h -- what moves the arm: asked once a tick where the arm shall be next.
+// motion.h -- motions of the arm: each tick asks a motion for the next set-point.
 //
-// A motion is made by the SORM's thread, executed by the control task, and given back when it has ended.
+// The SORM's thread makes a motion. The control task executes it. When it has ended it belongs to the SORM's thread again.
 #pragma once
 
 #include <array>
@@ -27,11 +27,11 @@ struct Posture {
     puma::Solutions solutions;              // of the last one
 };
 
-// What a motion sees of the world in a tick.
+// The inputs of a motion in a tick.
 struct Senses {
     double period = 0;                      // [s]
     bool sensed = false;
-    Wrench raw = Wrench::Zero();            // as the wrist's sensor says it
+    Wrench raw = Wrench::Zero();            // reading of the wrist's sensor
     Vector3d pressed = {0, 0, 0};           // [N] from outside on the hand, world axes
 };
 
@@ -45,11 +45,11 @@ public:
     // Slow down within the limits, stay on the path, and be done then.
     virtual void brake() noexcept = 0;
     virtual double part() const = 0;        // of the way, 0 .. 1
-    // How much it slows down when it brakes [m/s2]; 0: where it comes to rest has been checked before it began.
+    // Its deceleration when it brakes [m/s2]; 0: the places where it can come to rest were checked before it began.
     virtual double looksAhead() const { return 0; }
 };
 
-// Relative displacements that somebody else writes: each record's floats 1 .. 6 (x y z [m], rotation vector [rad], world
+// Relative displacements from a buffer: each record's floats 1 .. 6 (x y z [m], rotation vector [rad], world
 // axes) are
 // added to where the tool shall be. It goes there within speed and acceleration.
 class Increments {

@@ -43,7 +43,7 @@ Pino& Mover::pino() {
     return *p;
 }
 
-void Mover::leaving() {
+void Mover::removing() {
     if (auto* p = dynamic_cast<Pino*>(arm_ ? arm_.get() : sorm().find("pino")); p && p->moves(name()))
         p->stopMotion("because " + name() + " has been removed");
 }

@@ -1,4 +1,6 @@
-// mover.h -- what the classes that move the arm have in common: whose arm, how fast, under which guards, who waits for whom.
+// mover.h -- base of the classes that move the arm: their common options, and motions as requests to the arm.
+//
+// Threads: the SORM's.
 #pragma once
 
 #include <functional>
@@ -20,7 +22,7 @@ namespace robot {
 
 class Mover : public sorma::Service {
 public:
-    void leaving() override;
+    void removing() override;
 
 protected:
     template <class S> static void describe(sorma::Class& c) {
@@ -28,7 +30,7 @@ protected:
             .text("-guards", &S::guards_, {.help = "names of guards (class wspc) that hold while it moves, besides those "
                                                    "of the arm"})
             .choice("-whenBusy", &S::whenBusy_, {"refuse", "queue"},
-                    {.help = "when somebody else moves the arm: fail, or wait for the turn"})
+                    {.help = "when another object moves the arm: fail, or wait for the turn"})
             .real("-speed", &S::speed_, {.unit = "m/s", .low = 0.001, .high = 1.5, .help = "of the tool on straight lines"})
             .real("-acceleration", &S::acceleration_, {.unit = "m/s2", .low = 0.01, .high = 5,
                                                        .help = "of the tool on straight lines; also how it brakes"})
@@ -37,7 +39,7 @@ protected:
             .action({"-stop", "", "stop its motion: the next tick of the control task begins to brake", 0, 0,
                      [](Service& s, sorma::Args, sorma::Message& m) { static_cast<S&>(s).stopNow(m); }, sorma::Right::call,
                          true})
-            .conduct(sorma::Conduct::concurrent);
+            .concurrency(sorma::Concurrency::concurrent);
     }
 
     Pino& pino();                           // fails with OPTION VALUE when -arm is none
@@ -46,11 +48,12 @@ protected:
     PathMotion::Leg line(const Path& path, double speed) const;
     Path lineFrom(const Now& now) const { return Path(Path::Kind::line, {now.q, now.tool}, speed_ / turnSpeed_); }
 
-    // Walk through a motion as the control task would. Fails with ROBOT UNREACHABLE, LIMITS, SINGULAR, GUARD.
+    // Simulate a motion as the control task would execute it. Fails with ROBOT UNREACHABLE, LIMITS, SINGULAR, GUARD.
     void verify(const Now& now, PathMotion& trial, const std::vector<Guard>& guards) const;
-    // The guards that are going to hold. Fails with ROBOT SENSOR when one needs a sensor that is silent.
+    // The guards for the next motion. Fails with ROBOT SENSOR when one needs a sensor that gives no data.
     std::vector<Guard> guards(const Now& now);
-    // Have the arm moved.
+    // Submit a motion to the arm; m is answered when it has ended. plan is called when its turn has come, finish when it has
+    // succeeded.
     void launch(sorma::Message& m, std::function<Job::Plan(const Now&)> plan, std::function<void(sorma::Message&, const Now&,
         Motion&)> finish);
 

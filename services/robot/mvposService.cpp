@@ -1,4 +1,4 @@
-// mvpos -- moves the arm to positions: absolute, named, relative, or as somebody else displaces them.
+// mvpos -- moves the arm to positions: absolute, named, relative, or displaced by increments from a buffer.
 //
 //     mvpos EXEC FMSG 6 q...                       joint angles
 //     mvpos CTRL -as pose -move line

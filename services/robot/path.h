@@ -1,8 +1,8 @@
-// path.h -- where a motion leads, and how far along it the arm is at a time.
+// path.h -- the path of a motion, and how far along it the arm is at a time.
 //
-// A path is a row of straight lines, in joint space or of the tool, whose corners may be rounded. A profile says how far
-// along it
-// one is: it speeds up, keeps the speed, slows down; and it can be told to brake any time, which stays on the path.
+// A path is a sequence of straight lines, in joint space or of the tool, whose corners may be rounded. A profile says how
+// far along it one is: it speeds up, keeps the speed, slows down; and it can be told to brake any time, which stays on the
+// path.
 //
 // Threads:   one at a time.
 // Allocates: Path::add alone.
@@ -22,7 +22,7 @@ struct Profile {
     double duration() const { return braking_ ? brakeAt_ + brakeSpeed_ / acceleration_ : total_; }      // [s] in all
     double at(double time) const;           // how far, 0 .. length
     double speedAt(double time) const;
-    void brake(double time);                // slow down from then on; what has begun to slow down goes on so
+    void brake(double time);                // slow down from then on; no change if it slows down already
 
 private:
     double length_ = 0, acceleration_ = 1, top_ = 0;

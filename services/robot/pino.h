@@ -1,6 +1,6 @@
-// pino.h -- the arm as a service object: its control task, its power, and whose turn it is to move it.
+// pino.h -- the arm as a service object: its control task, its power, and the queue of motions.
 //
-// Others of the robot's classes make motions and hand them to it (Job). One moves the arm at a time.
+// The other classes of the robot make motions and submit them (Job). One motion is executed at a time.
 #pragma once
 
 #include <deque>
@@ -44,25 +44,27 @@ struct Job {
     Plan present;
 };
 
-class Pino final : public sorma::Service {
+class Pino final : public sorma::Service, public sorma::HasIncidents {
 public:
     static sorma::Class describe();
     ~Pino() override;
 
     void born() override;
     void changed(std::span<const sorma::Option* const>) override;
-    void leaving() override;
+    void removing() override;
     void exec(sorma::Message& m) override;
     void dumpState(std::string& out) const override;
     std::string selftest() override;
+    void tellIncidents(sorma::Incidents& out) const override;
 
     Now now();
-    // May somebody move it now? waits: when it is busy his turn will come. Fails with ROBOT ...
+    // Fails with ROBOT ... when no motion is possible now.   waits: it may be busy, since the motion would wait for its
+    // turn.
     void admit(bool waits, const std::string& who);
-    // Move it, when its turn comes. The job's plan may throw at once, or fail its reply later.
+    // Execute a motion when its turn comes. An error of the job's plan is thrown at once, or answered later.
     // later: takes the request over.
     void submit(std::shared_ptr<Job> job, const std::function<sorma::Reply()>& later);
-    void stopMotion(const std::string& why);    // what is under way; the next tick begins to brake
+    void stopMotion(const std::string& why);    // the present motion: the next tick begins to brake
     bool moves(const std::string& who) const { return job_ && job_->who == who; }
     void guardChanged(const Guard& guard);
     std::vector<Guard> guards(const sorma::Service& user, const std::string& names,

@@ -54,7 +54,7 @@ sorma::Class Pino::describe() {
         .text("-tasks", &Pino::tasks_, {.help = "control tasks of other services that are executed in each tick before "
                                                 "this one: names, or requests as for cycle"})
         .flag("-sensors", &Pino::sensors_, {.help = "read the wrist's force and moment"})
-        .flag("-gravityCompensation", &Pino::compensate_, {.help = "take the hand's weight and inertia off what the wrist "
+        .flag("-gravityCompensation", &Pino::compensate_, {.help = "subtract the hand's weight and inertia from what the wrist "
                                                                    "feels"})
         .flag("-records", &Pino::records_, {.help = "write the buffers tool.pose and tool.force in each tick",
                                             .fixed = true})
@@ -78,7 +78,7 @@ sorma::Class Pino::describe() {
                                                     .help = "its centre from the sensor, tool axes", .minLength = 3,
                                                         .maxLength = 3})
         .vector("-sensorOffset", &Pino::sensorOffset_, {.unit = "N, N m", .low = -1000, .high = 1000,
-                                                        .help = "what the sensor shows when nothing is there",
+                                                        .help = "what the sensor shows without any load",
                                                          .minLength = 6, .maxLength = 6})
         .real("-forceFilter", &Pino::forceFilter_, {.unit = "s", .low = 1e-4, .high = 1,
                                                     .help = "time constant of the low-pass for forces"})
@@ -101,7 +101,7 @@ sorma::Class Pino::describe() {
         .writes(ints, sorma::between(0, 3), "", "without words and status: power; cause of its loss, 0 for none; whether "
                                                 "it is moving")
         .writes(text, {}, "", "status: in clear text")
-        .conduct(sorma::Conduct::concurrent)
+        .concurrency(sorma::Concurrency::concurrent)
         .realtime()
         .example("pino CTRL -interval 0.015");
 }
@@ -150,7 +150,7 @@ Settings Pino::settings() const {
 
 std::string Pino::steps() const { return tasks_.empty() ? name() : tasks_ + " " + name(); }
 
-// The cycle is the arm's own; what it shall execute has been named by whoever wrote -tasks.
+// The cycle belongs to the arm; the author of -tasks has named the objects that it executes.
 void Pino::configureCycle(std::vector<std::string> words) {
     Message m;
     m.words = std::move(words);
@@ -216,7 +216,7 @@ void Pino::halt() {
     control_.reset();
 }
 
-void Pino::leaving() {
+void Pino::removing() {
     halt();
     failAll(error(kGone, name()));
 }
@@ -243,7 +243,7 @@ void Pino::watch() {
         return failAll(why);
     }
     double part = 0;
-    bool gone;                              // by lab time nothing ticks any more then
+    bool gone;                              // with lab time there are no ticks then
     try {
         bool lost;
         {
@@ -257,7 +257,7 @@ void Pino::watch() {
             control_->arm.attach(std::move(readers));
         }
         gone = labTime_ && !control_->arm.alive();
-    } catch (const sorma::Error&) {         // a step of somebody else's hangs: next time
+    } catch (const sorma::Error&) {         // a step of another object hangs: try again later
         return;
     }
     if (gone) {
@@ -427,7 +427,7 @@ void Pino::submit(std::shared_ptr<Job> job, const std::function<sorma::Reply()>&
     job->reply.onCancel([this, weak] {
         auto j = weak.lock();
         if (!j) return;
-        if (j == job_) return stopMotion("because its caller has given up, or its deadline has passed");
+        if (j == job_) return stopMotion("because its caller has cancelled it, or its deadline has passed");
         if (std::erase(queue_, j)) j->reply.complete();
     });
     if (job_) queue_.push_back(std::move(job));
@@ -551,6 +551,22 @@ void Pino::guardChanged(const Guard& guard) {
 }
 
 // ---- what others see ----
+
+void Pino::tellIncidents(sorma::Incidents& out) const {
+    if (!control_) return;
+    auto add = [&](std::string kind, std::uint64_t count, bool told = false) { out.push_back({name(), std::move(kind), count, told}); };
+    const auto& f = control_->faults;
+    for (std::size_t i = std::size_t(Outcome::guard); i < kOutcomes; ++i) {
+        const auto outcome = Outcome(i);
+        add(std::string("motion ended: ") + toText(outcome), f.motions[i], outcome == Outcome::guard || outcome == Outcome::overload);
+    }
+    for (std::size_t i = 0; i < kCauses; ++i) add(std::string("power lost at rest, cause: ") + toText(Cause(i)), f.power[i]);
+    add("other side silent", f.silences);
+    add("overload at rest", f.overloads);
+    add("wrist's sensor silent or damaged", f.senseless);
+    if (job_)
+        if (auto* mover = sorm().find(job_->who); mover && mover != this) sorma::tellIncidents(*mover, out);
+}
 
 void Pino::tell(std::string_view event, std::string text, std::vector<double> floats) {
     Message m;

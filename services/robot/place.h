@@ -1,4 +1,4 @@
-// place.h -- where the tool is: poses in the world, and which posture of the arm brings it there.
+// place.h -- poses of the tool in the world, and the posture of the arm for each.
 //
 // World: z = 0 is the table top, x points from the robot across the table. Tool: the flange's axes, moved along them.
 // Threads:   values.

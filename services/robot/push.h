@@ -1,4 +1,4 @@
-// push.h -- a guarded approach with one straight finger, contact, and a push that gives way.
+// push.h -- a guarded approach with one straight finger, contact, and a push with limited force.
 #pragma once
 
 #include "mover.h"
@@ -9,7 +9,7 @@ class PushMotion final : public Motion {
 public:
     struct Manner {
         double approachSpeed, pushSpeed;    // [m/s]
-        double contact, most;               // [N] along the way: that is the object; there the push stands still
+        double contact, most;               // [N] along the way: force of contact; force at which the push stands still
         double acceleration, retreat;       // [m/s2], [m] back at the end
     };
     // transfer: to where the approach begins. Then on a straight line to `to`, the tool as it is there.
@@ -20,7 +20,7 @@ public:
     void brake() noexcept override;
     double part() const override { return length_ > 0 ? way_ / length_ : 1; }
 
-    // What has come of it.
+    // The result.
     bool touched = false;
     Vector3d contact = {0, 0, 0};           // [m] where the tool was then
     double contactWay = 0, reached = 0, peak = 0;       // [m] along the line, farthest along it; [N]
@@ -39,7 +39,7 @@ private:
     Phase phase_ = Phase::transfer;
     bool over_ = false;
     double force_ = 0;                      // [N] against the motion, in the last tick
-    double way_ = 0, speed_ = 0, back_ = 0, stuck_ = 0;     // [m], [m/s], [m], [s] that it has not got on
+    double way_ = 0, speed_ = 0, back_ = 0, stuck_ = 0;     // [m], [m/s], [m], [s] without progress
     Posture posture_;
 };
 

@@ -54,7 +54,7 @@ double PushMotion::wantedSpeed(double force, double period) noexcept {
     force_ = force;
     if (phase_ == Phase::push || phase_ == Phase::approach) {
         const bool pushes = phase_ == Phase::push;
-        // The more it resists, the slower; beyond the most force it is let go back.
+        // The larger the force, the slower; above the largest force it goes back.
         const double wanted = pushes
             ? manner_.pushSpeed * std::clamp((manner_.most - force) / (manner_.most - manner_.contact), -1.0, 1.0)
                                      : manner_.approachSpeed;

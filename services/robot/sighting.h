@@ -1,7 +1,8 @@
-// sighting.h -- where something that a camera of the tool has seen is in the world: a unit that trusts nobody.
+// sighting.h -- a unit that computes where in the world an object is that a camera on the tool has seen.
 //
-// A measurement is older than the tick that uses it. So it is combined with where the tool was when the picture was taken,
-// from the records of its poses. Each that cannot be used is counted by its reason, and nothing comes out in that tick.
+// A measurement is older than the tick that uses it. So the unit combines it with the pose of the tool at the time of the
+// picture, from the records of poses. It checks each measurement. One that cannot be used is counted by its reason, and the
+// unit has no output in that tick.
 #pragma once
 
 #include <array>
@@ -10,12 +11,14 @@
 
 #include <sorma.h>
 
+#include "bus/incident.h"
+
 #include "place.h"
 #include "tap.h"
 
 namespace robot {
 
-class Sighting final : public sorma::Service {
+class Sighting final : public sorma::Service, public sorma::HasIncidents {
 public:
     static sorma::Class describe();
     void born() override;
@@ -23,15 +26,16 @@ public:
     void exec(sorma::Message& m) override;
     std::vector<sorma::Pin> pins(std::string_view, std::size_t) const override;
     void dumpState(std::string& out) const override { tell(out, "# "); }
+    void tellIncidents(sorma::Incidents& out) const override;
 
 private:
-    // What has become of a record of the seen.
+    // The result for a measurement.
     enum Fate { used, refused, outside, old, future, late, unknown, damaged, lost };
     static constexpr const char* kFates[] = {"used", "refused", "outside", "old", "future", "late", "noPose", "damaged", "lost"};
 
     void watch();
     void forget(sorma::Args, sorma::Message&);
-    bool now(double& time) noexcept;                            // [s] lab time, as of the newest pose
+    bool now(double& time) noexcept;                            // [s] lab time of the newest pose
     Fate look(double now, std::array<double, 4>& out) noexcept; // out: t z
     bool poseAt(double time, Place& place) const noexcept;
     void tell(std::string& out, const std::string& before) const;
@@ -45,7 +49,7 @@ private:
     std::uint64_t counter_ = 0;             // of the record that was looked at last
     double last_ = -sorma::kInfinity;       // [s] time of the one that was used last
     double offset_ = 0;                     // [s] the tick's clock less lab time
-    std::array<std::uint64_t, std::size(kFates)> fates_{};
+    std::array<sorma::Tally, std::size(kFates)> fates_;
     sorma::Timer timer_;
 };
 

@@ -29,16 +29,16 @@ sorma::Class Sighting::describe() {
     return sorma::Class::of<Sighting>("sighting", "where something that a camera of the tool has seen is in the world")
         .text("-seen", &Sighting::seenKey_, {.help = "key of the buffer that says what was seen: time, x y z in the tool frame, residual, code (0: valid)"})
         .text("-poses", &Sighting::posesKey_, {.help = "key of the buffer of the tool's poses: time, position, quaternion"})
-        .real("-longest", &Sighting::longest_, {.unit = "s", .low = 0.01, .high = 10, .help = "what was seen longer ago is not used"})
-        .real("-residual", &Sighting::residual_, {.low = 0, .help = "what fits worse than that is not used"})
-        .vector("-inside", &Sighting::inside_, {.unit = "m", .low = -10, .high = 10, .help = "what is not inside is not used: least and "
+        .real("-longest", &Sighting::longest_, {.unit = "s", .low = 0.01, .high = 10, .help = "an older measurement is not used"})
+        .real("-residual", &Sighting::residual_, {.low = 0, .help = "a measurement with a larger residual is not used"})
+        .vector("-inside", &Sighting::inside_, {.unit = "m", .low = -10, .high = 10, .help = "measurements outside are not used: least and "
                                                 "largest x, y, z in the tool frame; empty: anywhere", .maxLength = 6})
-        .action("-reset", &Sighting::forget, "", "begin to count anew")
+        .action("-reset", &Sighting::forget, "", "begin to count again")
         .inspection({"-state", "", "how many were used, and how many were not, by reason", 0, 0,
                      [](sorma::Service& s, sorma::Args, Message& m) { static_cast<Sighting&>(s).tell(m.text, ""); }})
         .reads(floats, sorma::exactly(0), "", "nothing")
         .writes(floats, sorma::exactly(4), "", "time [s], position in the world [m]; nan when there is nothing new")
-        .conduct(sorma::Conduct::concurrent)
+        .concurrency(sorma::Concurrency::concurrent)
         .realtime()
         .example("sighting CTRL -longest 0.3");
 }
@@ -69,7 +69,7 @@ void Sighting::watch() {
         begin();
     };
     attach(poses_, posesKey_, posesProblem_, [] {});
-    // What was written before is not of today.
+    // Records that are older than this object are not used.
     attach(seen_, seenKey_, seenProblem_, [this] { counter_ = seen_.attached() ? seen_.reader()->count() : 0; });
 }
 
@@ -106,7 +106,9 @@ Sighting::Fate Sighting::look(double now, std::array<double, 4>& out) noexcept {
     const auto& reader = *seen_.reader();
     std::array<double, kSeen> f;
     shmem::Stamp stamp;
-    if (reader.latest(f.data(), nullptr, stamp) != shmem::Outcome::read) return lost;
+    const auto outcome = reader.latest(f.data(), nullptr, stamp);
+    if (outcome == shmem::Outcome::damaged) return counter_ = stamp.counter, damaged;
+    if (outcome != shmem::Outcome::read) return lost;
     if (stamp.counter > counter_ + 1) fates_[lost] += stamp.counter - counter_ - 1;
     counter_ = stamp.counter;
     if (f[5] != 0) return refused;
@@ -149,7 +151,16 @@ bool Sighting::poseAt(double time, Place& place) const noexcept {
     return false;
 }
 
-void Sighting::forget(sorma::Args, Message&) { fates_.fill(0), last_ = -sorma::kInfinity; }
+void Sighting::forget(sorma::Args, Message&) {
+    for (auto& fate : fates_) fate.clear();
+    last_ = -sorma::kInfinity;
+}
+
+void Sighting::tellIncidents(sorma::Incidents& out) const {
+    for (std::size_t i = used + 1; i < std::size(kFates); ++i) out.push_back({name(), std::string("measurement ") + kFates[i], fates_[i]});
+    seen_.tellIncidents(name(), seenKey_, out);
+    poses_.tellIncidents(name(), posesKey_, out);
+}
 
 std::vector<sorma::Pin> Sighting::pins(std::string_view, std::size_t) const {
     return {{"t", false, 0, 1, "s", "when it was seen; nan: nothing new"}, {"z", false, 1, 3, "m", "where it was then, in the world"}};

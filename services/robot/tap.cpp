@@ -2,18 +2,33 @@
 
 namespace robot {
 
-Tap::Found Tap::look(const std::string& key, std::string& problem) const {
+Tap::Found Tap::look(const std::string& key, std::string& problem) {
     problem.clear();
     try {
         shmem::Reader reader(key);
         const std::size_t floats = reader.shape().floats;
-        if (!reader.retired() && floats >= least_ && floats <= most_) return reader;
+        if (!reader.retired()) {
+            const bool fits = floats >= least_ && floats <= most_;
+            if (!fits && !misfit_) ++misfits_;
+            misfit_ = !fits;
+            if (fits) return reader;
+        }
         problem = key + " has records of " + std::to_string(floats) + " floats; " + std::to_string(least_) +
                   (most_ > least_ ? " or more" : "") + " are expected";
     } catch (const shmem::Failure& f) {
         problem = f.what();
     }
     return {};
+}
+
+void Tap::use(Found found) {
+    if (reader_ && !attached()) ++ended_;
+    reader_ = std::move(found);
+}
+
+void Tap::tellIncidents(const std::string& object, const std::string& key, sorma::Incidents& out) const {
+    out.push_back({object, "buffer " + key + " has ended", ended_});
+    out.push_back({object, "buffer " + key + " has another size", misfits_});
 }
 
 }  // namespace robot

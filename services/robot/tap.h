@@ -1,13 +1,15 @@
-// tap.h -- a snapshot buffer as a tick reads it: its writer may be missing, end, or be replaced by another one.
+// tap.h -- a snapshot buffer that is read in ticks. Its writer may be missing, end, or be replaced.
 //
-// Threads:   look() by the SORM's thread; take() and use() between ticks; reader() in a tick.
-// Allocates: look() alone.
+// Threads:   look() by the SORM's thread, while ticks go on; use() between ticks; reader() in a tick.
+// Allocates: only look().
 #pragma once
 
 #include <optional>
 #include <string>
 
 #include <shmem/ring.h>
+
+#include "bus/incident.h"
 
 namespace robot {
 
@@ -18,15 +20,19 @@ public:
     // Floats of a record: at least, at most.
     Tap(std::size_t least, std::size_t most) : least_(least), most_(most) {}
 
+    void expect(std::size_t floats) { least_ = most_ = floats; }
     bool attached() const { return reader_ && !reader_->retired(); }
     // None: nobody writes it, or its records have another size; `problem` says so.
-    Found look(const std::string& key, std::string& problem) const;
-    void use(Found found) { reader_ = std::move(found); }
+    Found look(const std::string& key, std::string& problem);
+    void use(Found found);
+    void tellIncidents(const std::string& object, const std::string& key, sorma::Incidents& out) const;
     const shmem::Reader* reader() const { return attached() ? &*reader_ : nullptr; }
 
 private:
     std::size_t least_, most_;
     Found reader_;
+    bool misfit_ = false;               // the one that was looked at last has records of another size
+    sorma::Tally ended_, misfits_;
 };
 
 }  // namespace robot

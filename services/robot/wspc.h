@@ -1,4 +1,4 @@
-// wspc.h -- a guard as a service object, for those that name it.
+// wspc.h -- a guard as a service object; motions name it in their option -guards.
 #pragma once
 
 #include <string>

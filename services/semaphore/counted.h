@@ -1,7 +1,7 @@
-// counted.h -- something of which there is a fixed number, lent to clients: what semaphore and mutex have in common.
+// counted.h -- units that clients acquire and release; the common part of semaphore and mutex.
 //
-// First come, first served, strictly: who wants much is not overtaken by those who want little. What a client holds is
-// given back when it ends. This process is a client as well, the null one; it gives back nothing by itself.
+// Requests are served strictly in order: a request for many units is not overtaken by one for few. When a client ends, its
+// units are released. This process is a client too (null); its units are not released by themselves.
 //
 // Threads: the SORM's.
 #pragma once
@@ -25,7 +25,7 @@ class Counted : public sorma::Service {
 public:
     ~Counted() override { releaseHolders(); }
 
-    void leaving() override {
+    void removing() override {
         releaseHolders();
         for (auto& [ticket, waiter] : std::exchange(waiters_, {})) refuse(waiter.reply, kGone);
     }
@@ -45,17 +45,17 @@ protected:
 
     virtual std::int64_t total() const = 0;
 
-    std::int64_t free() const { return total() - held_; }      // negative when the total has been lowered below
+    std::int64_t free() const { return total() - held_; }      // negative when the total was made smaller than what is held
     const std::map<const sorma::Client*, Holder>& holders() const { return holders_; }
     std::size_t waiting() const { return waiters_.size(); }
 
-    // What the client that asks holds.
+    // The units that the present client holds.
     std::int64_t held() const {
         auto found = holders_.find(sorma::CallContext::currentClient().get());
         return found == holders_.end() ? 0 : found->second.count;
     }
 
-    // For the client that asks: n of them at once, if there are as many and nobody was here before.
+    // Acquire n units for the present client, if they are free and nobody waits. False: nothing has happened.
     bool acquire(std::int64_t n) {
         const ClientPointer client = sorma::CallContext::currentClient();
         if (client && client->ended()) fail(kEnded, name());
@@ -64,7 +64,7 @@ protected:
         return true;
     }
 
-    // The same, when it is its turn.
+    // The same, waiting for its turn: m is answered later.
     void acquireLater(Message& m, std::int64_t n) {
         Reply reply = later(m);
         std::uint64_t ticket = ++tickets_;
@@ -74,18 +74,18 @@ protected:
             if (found == waiters_.end()) return;
             found->second.reply.complete();
             waiters_.erase(found);
-            grant();                        // it may have stood before others who want less
+            grant();                        // requests for fewer units may have waited behind it
         });
     }
 
-    // The client that asks gives n back. False: it does not hold as many, and nothing has changed.
+    // Release n units of the present client. False: it does not hold as many, and nothing has changed.
     bool release(std::int64_t n) {
         if (held() < n) return false;
         giveBack(sorma::CallContext::currentClient().get(), n);
         return true;
     }
 
-    // Serve those who wait, as far as it goes. Answers are only posted: nothing calls back from here.
+    // Serve the requests that wait, as far as there are free units. Answers are only posted: nothing calls back from here.
     void grant() {
         while (!waiters_.empty()) {
             auto at = waiters_.begin();
@@ -99,14 +99,14 @@ protected:
             if (n > free()) return;
             waiters_.erase(at);
             take(client, n);
-            // From here to its delivery the caller may still give up: then it never had them.
+            // Until the answer is delivered the caller may still cancel: then it never had the units.
             reply.onCancel([this, client = client.get(), n = n] { giveBack(client, n); });
             reply.message().clear();
             reply.complete();
         }
     }
 
-    // Those who want more than there can ever be would hold up all others.
+    // Refuse the requests for more than `most` units. They could never be served, and all others would wait behind them.
     void refuseMoreThan(std::int64_t most, const std::function<sorma::Error(std::int64_t n)>& why) {
         std::erase_if(waiters_, [&](auto& item) {
             if (item.second.n <= most) return false;
@@ -150,7 +150,7 @@ private:
         reply.fail(sorma::Error(sorma::makeEntry(why, {sorma::MessageArg::of(name())})));
     }
 
-    // Clients need not look after what they hold of an object that is no more.
+    // The object is removed: clients hold nothing of it any more.
     void releaseHolders() {
         for (auto& [key, holder] : std::exchange(holders_, {}))
             if (holder.client) holder.client->release(holder.lease);

@@ -18,7 +18,7 @@ const sorma::Prototype kWord{Severity::error, "SEMAPHORE WORD", 2, "{}: bad word
 const sorma::Prototype kUsage{Severity::error, "SEMAPHORE SYNTAX", 1, "{}: wrong words: should be \"{}\""};
 const sorma::Prototype kNumber{Severity::error, "SEMAPHORE NUMBER", 2, "{}: \"{}\" must be a whole number, 1 .. {}"};
 const sorma::Prototype kTooMany{Severity::error, "SEMAPHORE TOOMANY", 1,
-                                "{}: acquire {} would wait for ever, -count is {}; ask for less, or set -count"};
+                                "{}: acquire {} would wait for ever, -count is {}; ask for less, or raise -count"};
 const sorma::Prototype kBusy{Severity::error, "SEMAPHORE BUSY", 1,
                              "{}: {} of {} free, {} waiting; without \"now\" acquire waits"};
 const sorma::Prototype kNotHeld{Severity::error, "SEMAPHORE NOTHELD", 1, "{}: this client holds {}, it cannot release {}"};
@@ -28,7 +28,7 @@ public:
     static sorma::Class describe() {
         return sorma::Class::of<Semaphore>("semaphore", "a count that processes share, first come, first served")
             .integer("-count", &Semaphore::count_, {.unit = "1", .low = 1, .high = kMost, .help = "how many there are"})
-            .conduct(sorma::Conduct::concurrent)
+            .concurrency(sorma::Concurrency::concurrent)
             .words("acquire ?n? ?now? | release ?n? | value | held")
             .writes(sorma::Field::ints, sorma::between(0, 1), "1",
                     "value: how many are free, negative when -count was lowered below what is held; held: how many this client holds")

@@ -1,7 +1,9 @@
-// follower.h -- a thread that sleeps until there is a new record, for those who must not.
+// follower.h -- a thread that waits for a new record, for code that must not block.
 //
-// It exists from the first watch() to the end of the follower, and rests while nothing is to be watched: then the writer
-// has nobody to wake.
+// The thread exists from the first watch() until the follower is deleted. It sleeps while there is nothing to watch; then
+// the writer need not wake it.
+//
+// Threads: watch() and rest() belong to one thread, the one that deletes the follower.
 #pragma once
 
 #include <atomic>
@@ -17,14 +19,14 @@ namespace shmem {
 
 class Follower {
 public:
-    // news is called on the follower's thread.
+    // news is called on the follower's own thread, and must not throw.
     explicit Follower(std::function<void()> news) : news_(std::move(news)) {}
-    ~Follower();                        // ends the thread, and waits for that: at once unless news takes long
+    ~Follower();                        // waits for the end of the thread, which may be in news
     Follower(const Follower&) = delete;
     Follower& operator=(const Follower&) = delete;
 
-    // Call news once: when there is a record after n, the segment is retired, or a time has come [ns, monotonic]. Replaces
-    // what was watched before. No reader: just the time.
+    // Call news once: when there is a record after n, when the segment is retired, or at a time [ns, monotonic]. This
+    // replaces what was watched before. Without a reader it waits for the time only.
     void watch(std::optional<Reader> reader, std::uint64_t n, std::int64_t until);
     void rest();                        // watch nothing
 

@@ -1,11 +1,10 @@
-// layout.h -- what stands in the shared memory of a snapshot buffer; doc/snapshot.md shows the same as a table.
+// layout.h -- the layout of the shared memory of a snapshot buffer; doc/snapshot.md has it as a table.
 //
-// A header of five cache lines, then `blocks` blocks, each a stamp and the data of one record. The first line never
-// changes once its magic stands, and says enough for a stranger to find his way or to keep off. Numbers are in the byte
-// order of the machine.
+// First a header of five cache lines, then `blocks` blocks; each has a stamp and the data of one record. The first line
+// never changes after its magic was written; it says whether a program understands the rest. Numbers are in the byte order
+// of the machine.
 //
-// Everything that two processes touch at the same time is atomic, but for the floats and any of a record, for which see
-// ring.h: how they are copied.
+// All that two processes use at the same time is atomic, but for the floats and any of a record: see ring.h.
 #pragma once
 
 #include <atomic>
@@ -21,13 +20,13 @@ inline std::uint64_t magic() {
     std::memcpy(&word, "SORMAshm", sizeof word);
     return word;
 }
-inline constexpr std::uint32_t kOrder = 0x01020304;     // reads differently on a machine of the other byte order
-inline constexpr std::uint32_t kLayout = 1;             // counts up with every change of what follows
-inline constexpr std::size_t kLine = 64;                // blocks begin on lines of the cache
+inline constexpr std::uint32_t kOrder = 0x01020304;     // another number on a machine of the other byte order
+inline constexpr std::uint32_t kLayout = 1;             // version of this layout
+inline constexpr std::size_t kLine = 64;                // [bytes] blocks begin on cache lines
 
 // What is fixed when the segment is made.
 struct Shape {
-    std::uint64_t blocks = 16;      // records that it holds, >= 2: one may be in the making, or have been given up
+    std::uint64_t blocks = 16;      // records that it has, >= 2, since one may be incomplete
     std::uint64_t floats = 1;       // of a record
     std::uint64_t any = 0;          // [bytes] of a record
 
@@ -37,24 +36,24 @@ inline constexpr std::uint64_t kMostBlocks = 1'000'000, kMostFloats = 100'000'00
 
 struct Header {
     // -- line 0: constant --
-    std::atomic<std::uint64_t> magic;               // written last: without it the segment is still being made
+    std::atomic<std::uint64_t> magic;               // written last: without it the segment is not complete
     std::uint32_t order, layout;
     std::uint64_t size;                             // [bytes] of the whole segment
     std::uint64_t headerBytes, blockBytes;          // where the first block begins, and from one to the next
     std::uint64_t blocks, floats, any;
-    // -- line 1 and 2: who writes; set by him while he has the lock on writing --
+    // -- line 1 and 2: the writer; it sets them while it has the lock on writing --
     alignas(kLine) std::int64_t created;            // [us] since 1970
     std::atomic<std::int64_t> process;              // number of the process ...
     std::atomic<std::int64_t> started;              // ... and when it began, as /proc/PID/stat counts: no other has both
     std::atomic<std::int64_t> since;                // [us] since 1970, when it became the writer
     std::atomic<std::uint64_t> program[4];          // its name, filled with zeros
-    alignas(kLine) std::atomic<std::uint32_t> keep; // stays when its last user goes
-    // -- line 3: what readers look at --
-    alignas(kLine) std::atomic<std::uint64_t> count;    // records completed; the newest is number `count`, the first 1
-    std::atomic<std::uint32_t> retired;             // no more will come: there is a new segment of this name, or none
+    alignas(kLine) std::atomic<std::uint32_t> keep; // not 0: the segment stays when its last user closes it
+    // -- line 3: for readers --
+    alignas(kLine) std::atomic<std::uint64_t> count;    // complete records; the newest is number `count`, the first is 1
+    std::atomic<std::uint32_t> retired;             // not 0: no more records will come; there is a new segment of this name, or none
     // -- line 4: readers that sleep --
     alignas(kLine) std::atomic<std::uint32_t> bell; // futex; changed before they are woken
-    std::atomic<std::uint32_t> asleep;              // not 0: somebody may be sleeping
+    std::atomic<std::uint32_t> asleep;              // not 0: a reader may be sleeping
 };
 static_assert(sizeof(Header) == 5 * kLine && alignof(Header) == kLine);
 static_assert(std::atomic<std::uint64_t>::is_always_lock_free && std::atomic<std::uint32_t>::is_always_lock_free);
@@ -64,7 +63,7 @@ struct Block {
     std::atomic<std::uint64_t> sequence;            // 2n - 1 while record n is being written, 2n when it is complete
     std::atomic<std::int64_t> monotonic;            // [ns] when it was written
     std::atomic<std::int64_t> offset;               // [ns] from the monotonic to the wall clock, as the writer saw it
-    std::uint64_t reserved;
+    std::atomic<std::uint64_t> checksum;            // of number, monotonic, offset, floats and any (ring.cpp); 0: the writer makes none
     // floats, then any
 
     double* floats() { return reinterpret_cast<double*>(this + 1); }

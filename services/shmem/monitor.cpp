@@ -72,7 +72,7 @@ std::string timingText(const Reader& reader) {
     for (std::uint64_t n = first; n <= newest; ++n) {
         auto view = reader.view(n);
         if (view && view.valid()) times.push_back(view.stamp.monotonic);
-        else times.clear();                 // the writer is faster: begin anew behind it
+        else times.clear();                 // the writer is faster: begin again after it
     }
     std::string out = "records " + std::to_string(newest) + ", of which " + std::to_string(times.size()) + " are looked at";
     if (times.empty()) return out;

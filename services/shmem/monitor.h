@@ -1,4 +1,4 @@
-// monitor.h -- snapshot buffers in clear text: for -dump, DBX -timing, CTRL -list.
+// monitor.h -- snapshot buffers as text: for -dump, DBX -timing, CTRL -list.
 #pragma once
 
 #include <string>
@@ -7,11 +7,11 @@
 
 namespace shmem {
 
-// What the segment is and who writes it, then the last records, the newest first; lines that begin with "# ".
+// Append lines that begin with "# ": the segment and its writer, then the last records, the newest first.
 void appendDump(std::string& out, const Reader& reader);
 
-// How regularly records come: count, age, rate, period and jitter of the last thousand, as far as they are still there.
-// Lines, no newline at the end.
+// Count, age, rate, period and jitter of the last thousand records, as far as they are still there. Lines, without a newline
+// at the end.
 std::string timingText(const Reader& reader);
 
 // One line for each segment of this machine.

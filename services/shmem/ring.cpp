@@ -15,7 +15,7 @@ namespace {
 constexpr std::int64_t kRefresh = 1'000'000'000;        // [ns] between two looks at the wall clock
 constexpr std::int64_t kPeek = 1'000'000;             // [ns] that those sleep at most who cannot be woken
 
-// Times may be anything in a segment that somebody else has filled, or in a question.
+// Times may be any number in a segment that another program has filled, or in a request.
 std::int64_t distance(std::int64_t a, std::int64_t b) {
     std::int64_t d;
     if (__builtin_sub_overflow(std::max(a, b), std::min(a, b), &d)) return INT64_MAX;
@@ -60,8 +60,25 @@ void Writer::refresh(std::int64_t) noexcept {
     }
 }
 
-// Whoever marks itself from here on sees the record that was just counted; whoever has marked itself before has read the
-// bell before, and so does not sleep on its new value.
+// FNV-1a with words in place of bytes, and then with the bytes that are left (Fowler, Noll, Vo; RFC 9923): each word or byte h = (h ^ word) * prime,
+// so that a change of any one of them changes the result. In the order of the block, after the number. Never 0.
+std::uint64_t Writer::checksum(const Segment& segment, const Block& b, std::uint64_t n) noexcept {
+    std::uint64_t h = 0xcbf29ce484222325;
+    auto add = [&h](std::uint64_t word) { h = (h ^ word) * 0x100000001b3; };
+    add(n);
+    add(std::uint64_t(b.monotonic.load(kDataLoad)));
+    add(std::uint64_t(b.offset.load(kDataLoad)));
+    constexpr int kOrder = int(kDataLoad);
+    const auto* data = reinterpret_cast<const unsigned char*>(&b + 1);
+    const std::uint64_t bytes = segment.shape().floats * sizeof(double) + segment.shape().any;
+    std::uint64_t i = 0;
+    for (; i + 8 <= bytes; i += 8) add(__atomic_load_n(reinterpret_cast<const std::uint64_t*>(data + i), kOrder));
+    for (; i < bytes; ++i) add(__atomic_load_n(data + i, kOrder));
+    return h ? h : 1;
+}
+
+// A reader that sets `asleep` from here on sees the record that was just counted; a reader that has set it before has read
+// the bell before, and so does not sleep on its new value.
 void Writer::wake() noexcept {
     header_->asleep.exchange(0, std::memory_order_seq_cst);
     segment_->ring();
@@ -88,7 +105,7 @@ Outcome Reader::nearestTo(std::int64_t time, bool wall, double* floats, void* an
                 distance(timeOf(before.stamp), time) <= distance(timeOf(after.stamp), time))
                 best = low - 1;
         }
-        if (read(best, floats, any, stamp)) return Outcome::read;
+        if (Outcome outcome = copy(best, floats, any, stamp); outcome != Outcome::overwritten) return outcome;
     }
     return Outcome::overwritten;
 }

@@ -10,13 +10,13 @@
 //     shmem::Stamp stamp;
 //     if (reader.latest(now.data(), nullptr, stamp) == shmem::Outcome::read) ...
 //
-// The writer is wait-free: it never waits for a reader, calls the system only when a reader sleeps, and reads the clock
-// once for each record. Readers are lock-free, disturb neither the writer nor each other, and see whole records only.
-// Neither allocates in write, read, latest, view. A writer may be killed anywhere: the record in the making is never
-// seen, and the next writer goes on behind the last one that was complete.
+// The writer is wait-free: it never waits for a reader, calls the system only when a reader sleeps, and reads the clock once
+// for each record. Readers are lock-free, do not disturb the writer or each other, and get only whole records. Nothing is
+// allocated in write, read, latest and view. A writer may be killed at any moment: readers never get an incomplete record,
+// and the next writer continues after the last complete one.
 //
-// The model. Each block has a sequence number, odd while record n is being written (2n - 1), even when it is complete
-// (2n). A reader takes it before and after it copies, and has the whole of record n when it was 2n both times.
+// The model. Each block has a sequence number, odd while record n is being written (2n - 1), even when it is complete (2n).
+// A reader reads it before and after it copies. If it was 2n both times, the reader has the whole record n.
 //  1. The writer's 2n - 1 comes before its data: a release fence stands between. The reader's second look comes after
 //     its data: an acquire fence stands between. So a reader that has seen any word of record n' > n in the block sees
 //     2n' - 1 or more in its second look, and drops what it has.
@@ -24,16 +24,19 @@
 //  3. `count` is stored with release, after 2n: who loads it with acquire finds record `count` complete, or overwritten.
 //  4. Numbers never come again: a writer that takes over goes on behind the highest number that is complete. Its
 //     predecessor's last stores come before its own, because the kernel hands over the lock in between.
-//  5. By the letter of C++ the copy itself is a data race when the record is being overwritten; what it copied then is
-//     dropped. On all machines memcpy just copies some mixture. Under ThreadSanitizer, which holds the letter, copies go
-//     word by word through atomics, stored with release and loaded with acquire, which also stands for the fences of 1
-//     (it does not know fences): who loads a word of record n' sees the 2n' - 1 before it. It costs four times a memcpy.
+//  5. By the letter of C++ the copy itself is a data race when the record is being overwritten. The copy is dropped then. On all
+//     machines memcpy just copies a mixture. Under ThreadSanitizer, which goes by the letter, copies go word by word through atomics,
+//     stored with release and loaded with acquire. That also replaces the fences of 1, which it does not know: a reader that loads a
+//     word of record n' sees the 2n' - 1 before it. It costs four times a memcpy.
 //  6. Going to sleep: a reader sets `asleep` and then looks at `count`; the writer stores `count` and then looks at
 //     `asleep`. One of the two must see the other, for which each needs a full barrier in between. The reader's system
 //     call membarrier makes all writers execute one just then, so the writer needs none of its own, which would cost
 //     more than the rest of a small record. Where the kernel does not offer that, the writer uses a fence, and readers
 //     that cannot call it sleep for a millisecond at a time. `asleep` is a mark, not a count, so that a reader which is
 //     killed in its sleep costs one vain system call and no more.
+//
+//  7. A writer may give each record a checksum. The sequence number tells a reader all that writers of this library do; the checksum
+//     tells it what another program has done to the memory. Readers check it where there is one.
 //
 // Threads: a Writer belongs to one thread at a time; a Reader may be used by several.
 #pragma once
@@ -73,14 +76,15 @@ struct Stamp {
 enum class Outcome {
     read,
     empty,          // there is no record yet
-    overwritten,    // it is gone; latest: the writer was faster so many times in a row that there is no point in going on
+    overwritten,    // the record is not there any more; latest: it was overwritten kTries times in a row while it was copied
+    damaged,        // its data are not what its checksum was made of
 };
 
 class Reader;
 
 class Writer {
 public:
-    // Become the writer of a segment, see Segment::forWriting for what may fail.
+    // Become the writer of a segment. Fails as Segment::forWriting.
     Writer(const std::string& key, const Shape& shape, const std::string& program, Access access = Access::owner,
            bool keep = false);
 
@@ -88,17 +92,19 @@ public:
     const std::shared_ptr<Segment>& segment() const { return segment_; }
     std::uint64_t count() const { return count_; }          // records written, those of predecessors included
     Reader reader() const;                                  // of the same memory
+    // Give each record a checksum from now on, or none. It costs a nanosecond for a float on both sides.
+    void checksums(bool wanted) noexcept { checksums_ = wanted; }
 
     // Append a record.   floats (shape.floats);   any (shape.any) [bytes], may be null when that is 0.
     void write(const double* floats, const void* any) noexcept { write(floats, floatBytes_, any, anyBytes_); }
-    // The same with fewer bytes; the rest of the block keeps what an older record has left there.
+    // The same with fewer bytes; the rest of the block keeps the bytes of an older record.
     void write(const double* floats, std::size_t floatBytes, const void* any, std::size_t anyBytes) noexcept {
         Block& b = begin();
         if (floatBytes) copyIn(b.floats(), floats, floatBytes);
         if (any && anyBytes) copyIn(b.any(segment_->shape().floats), any, anyBytes);
         end(b);
     }
-    // In place: fill what begin() returns, then end() it. Until then readers do not see it.
+    // In place: fill the block that begin() returns, then call end(). Until then readers do not get it.
     Block& begin() noexcept {
         std::int64_t now = nanoseconds();
         if (now >= refresh_) [[unlikely]] refresh(now);
@@ -108,10 +114,12 @@ public:
         // Data as well, and ordered as data are.
         b.monotonic.store(now, kDataStore);
         b.offset.store(offset_, kDataStore);
+        b.checksum.store(0, kDataStore);
         return b;
     }
     void end(Block& b) noexcept {
         std::uint64_t n = ++count_;
+        if (checksums_) [[unlikely]] b.checksum.store(checksum(*segment_, b, n), kDataStore);         // 7
         b.sequence.store(2 * n, std::memory_order_release);                 // 2
         header_->count.store(n, std::memory_order_release);                 // 3
         char* next = reinterpret_cast<char*>(next_) + blockBytes_;
@@ -141,6 +149,7 @@ private:
         return header_->asleep.load(std::memory_order_relaxed) != 0;        // ordered by what stands above
     }
 #endif
+    static std::uint64_t checksum(const Segment& segment, const Block& b, std::uint64_t n) noexcept;
     void refresh(std::int64_t now) noexcept;
     void wake() noexcept;
 
@@ -152,13 +161,13 @@ private:
     std::int64_t offset_ = 0, refresh_ = 0;     // [ns]
     char *first_, *end_;
     std::uint32_t blockBytes_ = 0;
-    bool fence_;
+    bool fence_, checksums_ = false;
     std::size_t floatBytes_, anyBytes_;
 };
 
 class Reader {
 public:
-    // Look at the segment of that name, see Segment::forReading for what may fail.
+    // Read the segment of that name. Fails as Segment::forReading.
     explicit Reader(const std::string& key, const std::string& trusted = {}) : Reader(Segment::forReading(key, trusted)) {}
     explicit Reader(std::shared_ptr<Segment> segment) : segment_(std::move(segment)), header_(&segment_->header()) {}
 
@@ -166,36 +175,44 @@ public:
     const std::shared_ptr<Segment>& segment() const { return segment_; }
     // Number of the newest record, 0 when there is none.
     std::uint64_t count() const { return header_->count.load(std::memory_order_acquire); }      // 3
-    // The oldest that may still be there: it may be overwritten at any moment.
+    // Number of the oldest record that may still be there. It may be overwritten at any moment.
     std::uint64_t oldest() const { return oldest(count()); }
     std::uint64_t oldest(std::uint64_t count) const { return count > shape().blocks ? count - shape().blocks + 1 : 1; }
-    // No more records will come here: open the key anew.
-    bool retired() const { return header_->retired.load(std::memory_order_relaxed); }   // a hint: it orders nothing
+    // True: no more records will come; make another Reader of the same key. No other data depends on it.
+    bool retired() const { return header_->retired.load(std::memory_order_relaxed); }
 
-    // Copy out the newest record.   floats (shape.floats), any (shape.any): null for what is not wanted.
-    // Wait-free: after kTries that were overwritten meanwhile it gives up.
+    // Copy the newest record.   floats (shape.floats), any (shape.any): null if you do not want them.
+    // Wait-free: it tries kTries times at most.
     Outcome latest(double* floats, void* any, Stamp& stamp) const noexcept {
         for (int i = 0; i < kTries; ++i) {
             std::uint64_t n = count();
             if (n == 0) [[unlikely]] return Outcome::empty;
-            if (read(n, floats, any, stamp)) [[likely]] return Outcome::read;
+            if (Outcome outcome = copy(n, floats, any, stamp); outcome != Outcome::overwritten) [[likely]] return outcome;
         }
         return Outcome::overwritten;
     }
     static constexpr int kTries = 100;
 
-    // Copy out record n. False when it is not there any more, or not yet; then what was copied means nothing.
+    // Copy record n. False when it is not there any more, not yet, or damaged; then the copy is meaningless.
     bool read(std::uint64_t n, double* floats, void* any, Stamp& stamp) const noexcept {
+        return copy(n, floats, any, stamp) == Outcome::read;
+    }
+    // The same, and why there is none: overwritten or damaged.
+    Outcome copy(std::uint64_t n, double* floats, void* any, Stamp& stamp) const noexcept {
         Block& b = segment_->block(n);
-        if (b.sequence.load(std::memory_order_acquire) != 2 * n) return false;          // 2
+        if (b.sequence.load(std::memory_order_acquire) != 2 * n) return Outcome::overwritten;       // 2
         takeStamp(b, n, stamp);
         if (floats) Writer::copyOut(floats, b.floats(), shape().floats * sizeof(double));
         if (any && shape().any) Writer::copyOut(any, b.any(shape().floats), shape().any);
-        return intact(b, n);
+        const std::uint64_t sum = b.checksum.load(Writer::kDataLoad);
+        const bool right = sum == 0 || sum == Writer::checksum(*segment_, b, n);                             // 7
+        if (!intact(b, n)) return Outcome::overwritten;
+        return right ? Outcome::read : Outcome::damaged;
     }
 
-    // A record in place: nothing is copied. Use it, then ask whether it was whole all the time; if not, what was made of
-    // it means nothing (numbers may have been mixed, so do not use them as indices before).
+    // A record in place, without a copy. Use it, then call valid(). If that is false, the record was overwritten meanwhile,
+    // and what you computed from it is meaningless. Numbers may be a mixture before that check, so do not use them as
+    // indices. Its checksum is not looked at.
     class View {
     public:
         const double* floats = nullptr;
@@ -220,24 +237,25 @@ public:
         return v;
     }
 
-    // The record whose time is nearest to a time, given as in a Stamp: monotonic [ns], or with wall [us].
-    // Of the records that are there it looks at a few only. Outcome as for latest.
+    // The record nearest to a time, which is given as in a Stamp: monotonic [ns], or with wall [us]. It reads only a few of
+    // the records. Outcome as for latest.
     Outcome nearestTo(std::int64_t time, bool wall, double* floats, void* any, Stamp& stamp) const noexcept;
 
     // ---- waiting ----
 
-    // Sleep until there is a record after n, the segment is retired, the bell has changed since `bell` was read, or a
-    // time has come [ns, monotonic; INT64_MAX: none]. May return early. Who wants to be woken by poke() takes bell() first, then looks
-    // whether he is still wanted, then sleeps.
+    // Sleep until there is a record after n, the segment is retired, the bell has changed since `bell` was read, or until a
+    // time [ns, monotonic; INT64_MAX: none]. May return early. To be woken by poke(), read bell() first, then check whether
+    // you still have to wait, then sleep.
     void sleep(std::uint64_t n, std::uint32_t bell, std::int64_t until) const noexcept;
     std::uint32_t bell() const { return header_->bell.load(std::memory_order_seq_cst); }
-    void poke() const noexcept;         // wakes all sleepers of the segment, here and elsewhere; they go to sleep again
+    void poke() const noexcept;         // wakes all sleepers of the segment, also in other processes; those sleep again
 
 private:
     static void takeStamp(const Block& b, std::uint64_t n, Stamp& stamp) noexcept {
         stamp.counter = n;
         stamp.monotonic = b.monotonic.load(Writer::kDataLoad);
-        // Unsigned: in a block that is being overwritten, or was filled by a stranger, anything may stand.
+        // Unsigned, since in a block that is being overwritten, or that another program has filled, the number may be
+        // anything.
         auto offset = std::uint64_t(b.offset.load(Writer::kDataLoad));
         stamp.wall = std::int64_t(std::uint64_t(stamp.monotonic) + offset) / 1000;
     }

@@ -83,7 +83,7 @@ int openShared(const std::string& file, int flags, mode_t mode = 0) {
     return shm_open(file.c_str(), flags | O_NONBLOCK, mode);
 }
 
-// Take, or with F_UNLCK give back, the lock on one byte. False when somebody else has one that forbids it.
+// Take the lock on one byte, or with F_UNLCK release it. False when another process has a lock that excludes it.
 bool lock(int fd, short type, off_t byte, const std::string& key) {
     struct flock l{};
     l.l_type = type;
@@ -132,7 +132,7 @@ uid_t userOf(const std::string& text, const std::string& key) {
     return number;
 }
 
-// What another user has made under this name he can read, fill and cut short.
+// Another user can read, fill and truncate a file that he has made under this name.
 void needOwner(int fd, const std::string& key, uid_t user) {
     uid_t owner = factsOf(fd, key).st_uid;
     if (owner != user)
@@ -143,8 +143,8 @@ void setMode(int fd, mode_t mode, const std::string& key) {
     if (fchmod(fd, mode) != 0) failSystem("set who may read", key, errno);
 }
 
-// Take all rights, for removing; false when anybody else has one, or its name has gone already. Always in this order:
-// who fails at the first one has not stood in the way of another one's second.
+// Take all locks, to remove it; false when another process has one, or the name was removed already. Always in this order:
+// a process that does not get the first lock does not keep another one from its second.
 bool isAlone(int fd, const std::string& key) {
     return lock(fd, F_WRLCK, kUserByte, key) && lock(fd, F_WRLCK, kWriterByte, key) && factsOf(fd, key).st_nlink > 0;
 }
@@ -262,7 +262,7 @@ void retire(int fd) {
     if (p == MAP_FAILED) return;
     auto* h = static_cast<Header*>(p);
     h->retired.store(1, std::memory_order_seq_cst);
-    // Whoever goes to sleep now has seen `retired`, or is seen here.
+    // A reader that goes to sleep now has seen `retired`, or is seen here.
     h->bell.fetch_add(1, std::memory_order_seq_cst);
     syscall(SYS_futex, reinterpret_cast<std::uint32_t*>(&h->bell), FUTEX_WAKE, INT_MAX, nullptr, nullptr, 0);
     munmap(p, sizeof(Header));
@@ -313,7 +313,7 @@ std::shared_ptr<Segment> Segment::forWriting(const std::string& key, const Shape
         if (fd.get() < 0) failSystem("make", key, errno);
         needOwner(fd.get(), key, geteuid());
         if (!lock(fd.get(), F_WRLCK, kWriterByte, key)) {
-            // Whoever removes a segment has this lock for a moment; a writer has it for good.
+            // A process that removes a segment has this lock for a short time; a writer keeps it.
             Found f = examine(fd.get(), key);
             if (++refused < 10) {
                 pause();
@@ -328,7 +328,7 @@ std::shared_ptr<Segment> Segment::forWriting(const std::string& key, const Shape
             continue;
         }
         Found f = examine(fd.get(), key);
-        if (f.reason == Reason::absent) {           // nobody has ever seen it: ours
+        if (f.reason == Reason::absent) {           // it is not complete, so no reader has it: we may use it
             if (ftruncate(fd.get(), 0) != 0) failSystem("make", key, errno);
             int error;
             do error = posix_fallocate(fd.get(), 0, off_t(segmentBytes(shape)));
@@ -367,7 +367,7 @@ std::shared_ptr<Segment> Segment::forWriting(const std::string& key, const Shape
         }
         if (f.reason == Reason::foreign || f.reason == Reason::newer)
             throw Failure(*f.reason, f.text + "; remove it with -clean " + key);
-        // Nobody writes, and nobody can go on writing: it makes way.
+        // It has no writer, and cannot be taken over: retire it.
         if (!f.reason) retire(fd.get());
         if (shm_unlink(file.c_str()) != 0 && errno != ENOENT) failSystem("replace", key, errno);
     }
@@ -387,7 +387,7 @@ std::shared_ptr<Segment> Segment::forReading(const std::string& key, const std::
         if (fd.get() < 0 && errno == ENOENT)
             throw Failure(Reason::absent, "there is no segment " + key + ": nobody writes it yet");
         if (fd.get() < 0) failSystem("read", key, errno);
-        // Refused only while somebody removes it.
+        // Refused only while another process removes it.
         if (!lock(fd.get(), F_RDLCK, kUserByte, key)) {
             pause();
             continue;
@@ -396,7 +396,7 @@ std::shared_ptr<Segment> Segment::forReading(const std::string& key, const std::
         if (s.st_nlink == 0) continue;
         if (s.st_uid != geteuid() && s.st_uid != 0 && s.st_uid != also)
             throw Failure(Reason::denied, "segment " + key + " belongs to " + nameOf(s.st_uid) +
-                                              ", who could end whoever reads it by cutting it short; if you trust him, say -owner " +
+                                              ", who could end the processes that read it by truncating it; if you trust that user, say -owner " +
                                               nameOf(s.st_uid));
         Found f = examine(fd.get(), key);
         if (f.reason) throw Failure(*f.reason, f.text);
@@ -466,7 +466,7 @@ void Segment::leave() noexcept {
         return;
     }
     try {
-        // Rights are given up by hand: the mapping, too, keeps the open file description alive.
+        // Release the locks explicitly, since the mapping keeps the open file description, too.
         // Of two that leave at the same time one finds itself alone, because both first give up what they have.
         lock(fd, F_UNLCK, kWriterByte, key_);
         lock(fd, F_UNLCK, kUserByte, key_);

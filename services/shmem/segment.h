@@ -1,26 +1,27 @@
-// segment.h -- the shared memory of a snapshot buffer as a file: who makes it, who may write, who takes it away.
+// segment.h -- the shared memory of a snapshot buffer: making it, the right to write, removing it.
 //
-// A segment is the POSIX shared memory object "/sorma.KEY" (on Linux the file /dev/shm/sorma.KEY). Rights are locks of
-// its open file descriptions (OFD locks), which the kernel frees when a process dies, however it dies:
+// A segment is the POSIX shared memory object "/sorma.KEY" (on Linux the file /dev/shm/sorma.KEY). Locks on its open file
+// descriptions (OFD locks) say who uses it. The kernel releases them when a process ends, also when it is killed:
 //
-//     byte 0, exclusive    whoever writes, or makes, or removes the segment
-//     byte 1, shared       everybody who uses it; exclusive: whoever removes it
+//     byte 0, exclusive    the process that writes, makes or removes the segment
+//     byte 1, shared       every process that uses it; exclusive: the one that removes it
 //
-// So there is no list of users to go stale, and a process number that is used again deceives nobody. Descriptors are
-// closed by exec; a child that was forked without exec shares its parent's rights until it closes them or ends.
+// So there is no list of users that could be out of date, and it does not matter when a process number is used again. exec
+// closes the descriptors. A child that was forked without exec shares its parent's locks until it closes them or ends.
 //
-// Who owns it: only a segment of its own user is written, whoever has the name already (O_EXCL, then a look at the owner).
-// Whoever owns the file can truncate it at any time, and then the next access to a page that is gone is SIGBUS, in whatever
-// thread reads. There is no cheap guard: shared memory of this kind cannot be sealed (memfd alone can, and has no name),
-// a handler of SIGBUS belongs to the whole program, and pread() for each record costs several times the copy. So a reader
-// trusts owners instead: his own user and root, who can end him anyway, and the one he names.
+// Owner: a process writes only a segment of its own user; if another user's file has the name, it fails (O_EXCL, then a
+//        check of the owner). The owner of the file can truncate it at any time. Then the next access to a page that is
+//        missing is SIGBUS, in the thread that reads. There is no cheap protection: shared memory of this kind cannot be
+//        sealed (only memfd can, and it has no name), a handler of SIGBUS belongs to the whole program, and pread() for each
+//        record costs several times the copy. So a reader accepts only segments of certain owners: its own user and root,
+//        which can end it anyway, and one user that it names.
 //
-// Who writes: the writer alone has the records mapped writable. Readers map them read-only, and once more the first page,
+// Writing: only the writer maps the records writable. Readers map them read-only; they map the first page writable as well,
 // for the two words by which they say that they sleep.
 //
-// Who removes: the last user when he leaves or exits, unless `keep` is set; Segment::clean what the killed have left.
-// A segment without a writer is taken over by the next one when the shape is the same, counters go on; otherwise it is
-// retired, which its readers see, and a new one is made in its place.
+// Removing: the last user removes the segment when it closes it or exits, unless `keep` is set. Segment::clean removes those
+// of processes that were killed. The next writer takes over a segment without a writer if the shape is the same, and
+// counters continue. Otherwise the segment is retired, which its readers see, and a new one is made.
 #pragma once
 
 #include <memory>
@@ -35,13 +36,13 @@ namespace shmem {
 enum class Reason {
     key,            // no name for a segment
     absent,         // there is none of that name, or it is not complete yet
-    foreign,        // something else has that name, or another user's
+    foreign,        // the name belongs to another kind of file, or to another user's
     truncated,      // it is shorter than its header says
     older, newer,   // another layout than ours
     denied,         // no permission
     full,           // no room
     busy,           // another process writes
-    system,         // anything else, with the system's own words
+    system,         // another error, with the system's message
 };
 
 struct Failure : std::runtime_error {
@@ -49,25 +50,26 @@ struct Failure : std::runtime_error {
     Reason reason;
 };
 
-// Who may read: the user that writes, also his group, or everybody. Nobody else ever writes.
+// Who may read: the writer's user, also the group, or everybody. Only the writer's user may write.
 enum class Access { owner, group, all };
 
-struct Writing {        // who writes, or has been the last to write
+struct Writing {        // the writer, or the last one
     std::int64_t process = 0, started = 0, since = 0;
     std::string program;
-    bool alive() const;         // its process runs. A system call
+    bool alive() const;         // does its process run? Makes a system call
 };
 
 class Segment {
 public:
-    // Make the segment, or take it over, and become its writer. Fails with key, busy (naming the writer), foreign, newer,
-    // denied, full, system: foreign also for another user's. After full there is nothing left of the attempt, and later writes never hit a missing page.
+    // Make the segment, or take it over, and become its writer. Throws Failure: key, busy (the message names the writer),
+    // foreign, newer, denied, full, system. After full nothing stays of the attempt. All pages exist before it returns, so
+    // that writing never fails.
     static std::shared_ptr<Segment> forWriting(const std::string& key, const Shape& shape, Access access, bool keep,
                                                const std::string& program);
-    // Look at one that is there. trusted: another user who may own it, by name or number; empty: none but this one and root.
-    // Fails with key, absent, foreign, truncated, older, newer, denied (also an owner that is not trusted), system.
+    // Open a segment that exists. trusted: another user that may own it, by name or number; empty: only this user and root.
+    // Throws Failure: key, absent, foreign, truncated, older, newer, denied (also for an owner that is not trusted), system.
     static std::shared_ptr<Segment> forReading(const std::string& key, const std::string& trusted = {});
-    ~Segment();                             // leaves; the last one removes it
+    ~Segment();                             // closes it; the last user removes it
     Segment(const Segment&) = delete;
     Segment& operator=(const Segment&) = delete;
 
@@ -75,13 +77,13 @@ public:
     Block& block(std::uint64_t record) const {
         return *reinterpret_cast<Block*>(first_ + (record - 1) % shape_.blocks * blockBytes_);
     }
-    const Shape& shape() const { return shape_; }       // checked once; what others do to the header since does not count
+    const Shape& shape() const { return shape_; }       // a copy that was checked; later changes of the header do not matter
     const std::string& key() const { return key_; }
     std::uint64_t blockBytes() const { return blockBytes_; }
-    // The header where it can be written. Null: this reader cannot say that it sleeps.
+    // The header in the writable mapping. Null: this reader may not write there, and so cannot say that it sleeps.
     Header* words() const { return words_; }
-    bool unlinked() const;                              // its name has been removed. A system call
-    void ring() const;                                  // wake all who sleep
+    bool unlinked() const;                              // was its name removed? Makes a system call
+    void ring() const;                                  // wake all readers that sleep
     Writing writing() const;
     void setKeep(bool keep) { words_->keep.store(keep, std::memory_order_relaxed); }
 
@@ -93,13 +95,13 @@ public:
         Shape shape;
         Writing writing;
         std::int64_t created = 0;
-        bool written = false, used = false; // somebody writes; somebody, the writer included, uses it
+        bool written = false, used = false; // a process writes it; a process (perhaps the writer) uses it
         bool keep = false;
-        bool ours = false;                  // no stranger's file, nor one of a newer SORMA
+        bool ours = false;                  // a segment of ours, not of another program or a newer SORMA
     };
     static std::vector<Entry> list();
-    // Remove those that nobody uses, or the one of that key; kept ones only by key. Returns the keys removed.
-    // With a key it fails with key, absent, busy (in use, or another user's), system.
+    // Remove the segments that nobody uses, or the one of that key; those with `keep` only by key. Returns the keys that
+    // were removed. With a key it throws Failure: key, absent, busy (in use, or another user's), system.
     static std::vector<std::string> clean(const std::string& key = {});
 
 private:

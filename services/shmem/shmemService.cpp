@@ -45,7 +45,9 @@ const sorma::Prototype kUsage{Severity::error, "SHMEM SYNTAX", 1, "{}: wrong wor
 const sorma::Prototype kNumber{Severity::error, "SHMEM NUMBER", 2, "{}: \"{}\" must be {}"};
 const sorma::Prototype kEmpty{Severity::error, "SHMEM EMPTY", 1, "{}: segment {} has no record yet"};
 const sorma::Prototype kOverrun{Severity::error, "SHMEM OVERRUN", 1,
-                                "{}: the writer of segment {} was faster {} times in a row; more -blocks help"};
+                                "{}: the newest record of segment {} was overwritten {} times in a row while it was read; use more -blocks"};
+const sorma::Prototype kDamaged{Severity::error, "SHMEM DAMAGED", 1,
+                                "{}: the record of segment {} is not what its checksum was made of: another program has written there; start its writer anew"};
 const sorma::Prototype kTimeout{Severity::error, "SHMEM TIMEOUT", 1,
                                 "{}: no new record of segment {} in {} s, the newest is number {}"};
 const sorma::Prototype kGone{Severity::error, "SERVICE GONE", 1, "{}: the service object has been removed"};
@@ -67,15 +69,15 @@ const sorma::Prototype kGone{Severity::error, "SERVICE GONE", 1, "{}: the servic
     fail(kSystem, s.name(), text);
 }
 
-// What both have: a key, and a look at all segments.
+// Common to both classes: the key, and requests about all segments.
 class Snapshot : public sorma::Service {
 protected:
     template <class S> static void describe(sorma::Class& c) {
         using Args = sorma::Args;
         c.text("-key", &S::key_, {.help = "name of the segment, for all who write and read it; empty: the flavor", .fixed = true})
-            .conduct(sorma::Conduct::concurrent)
+            .concurrency(sorma::Concurrency::concurrent)
             .realtime()
-            .action({"-list", "", "all segments of this machine: what they hold, who writes, whether anybody uses them", 0, 0,
+            .action({"-list", "", "all segments of this machine: shape, writer, and whether anybody uses them", 0, 0,
                      [](sorma::Service&, Args, Message& m) { m.text += shmem::listText(); }, sorma::Right::inspect})
             .action({"-clean", "?key?", "remove segments that nobody uses, or the one of that key; returns their keys", 0, 1,
                      [](sorma::Service& s, Args args, Message& m) {
@@ -120,9 +122,10 @@ public:
             .integer("-any", &ShmemWriter::any_, {.unit = "bytes", .low = 0, .high = double(shmem::kMostAny),
                                                   .help = "bytes of any of each record", .fixed = true})
             .choice("-access", &ShmemWriter::access_, {"owner", "group", "all"}, {.help = "which users may read", .fixed = true})
-            .flag("-keep", &ShmemWriter::keep_, {.help = "the segment stays when its last user has gone"})
+            .flag("-keep", &ShmemWriter::keep_, {.help = "keep the segment when its last user has closed it"})
             .flag("-unchecked", &ShmemWriter::unchecked_,
                   {.help = "EXEC takes any size: what is too much is dropped, what is missing stays as it was in that block"})
+            .flag("-checksum", &ShmemWriter::checksum_, {.help = "give each record a checksum; a reader refuses a record that another program has changed"})
             .reads(sorma::Field::floats, {}, "", "the record's floats, as many as -floats")
             .reads(sorma::Field::any, {}, "", "the record's bytes, as many as -any")
             .example("shmem_w.example EXEC FMSG 1 0.5");
@@ -134,10 +137,12 @@ public:
     }
 
     void changed(std::span<const sorma::Option* const>) override {
-        if (writer_) writer_->segment()->setKeep(keep_);
+        if (!writer_) return;
+        writer_->segment()->setKeep(keep_);
+        writer_->checksums(checksum_);
     }
 
-    void leaving() override {
+    void removing() override {
         writer_.reset();
         charge_.clear();
     }
@@ -184,6 +189,7 @@ private:
         charge.need(name(), shmem::segmentBytes(shape));
         try {
             writer_.emplace(key(), shape, program, access, keep_);
+            writer_->checksums(checksum_);
             charge_ = std::move(charge);
         } catch (const shmem::Failure& f) {
             raise(*this, f);
@@ -197,8 +203,8 @@ private:
 
     std::int64_t blocks_ = 16, floats_ = 1, any_ = 0;
     std::string access_ = "owner";
-    bool keep_ = false, unchecked_ = false;
-    sorma::Charge charge_;                  // to whoever was the first to want the segment
+    bool keep_ = false, unchecked_ = false, checksum_ = false;
+    sorma::Charge charge_;                  // on the account of the first caller that needed the segment
     std::optional<shmem::Writer> writer_;
 };
 
@@ -211,7 +217,7 @@ public:
         auto c = sorma::Class::of<ShmemReader>("shmem_r", "reads records of a snapshot buffer in shared memory");
         Snapshot::describe<ShmemReader>(c);
         c.text("-owner", &ShmemReader::owner_,
-               {.help = "another user whose segment may be read; trust him: who owns it can end this process by cutting it short",
+               {.help = "another user whose segment may be read; trust that user, who can end this process by truncating the segment",
                 .fixed = true});
         c.words("?latest | since ?counter? | nearestTo time ?wall? | history n | next ?timeout ?counter???")
             .writes(floats, {}, "", "the record's floats; of several records one after another, the oldest first")
@@ -239,7 +245,7 @@ public:
             if (!reader_ || reader_->retired()) [[unlikely]] attach();
             return latest(m);
         }
-        // Not on the quick way: somebody may have removed the segment's name by hand.
+        // Not in each call, since it is slow: a user may have removed the segment's file.
         if (!reader_ || reader_->retired() || reader_->segment()->unlinked()) attach();
         const std::string word = m.words[0];
         if (word == "latest") take(m, 0, 0, "latest"), latest(m);
@@ -250,7 +256,7 @@ public:
         else fail(kWord, name(), word);
     }
 
-    void leaving() override {
+    void removing() override {
         forget();
         sorma::Error gone(sorma::makeEntry(kGone, {sorma::MessageArg::of(name())}));
         for (auto& [ticket, waiter] : std::exchange(waiters_, {})) waiter.reply.fail(gone);
@@ -263,7 +269,7 @@ public:
         std::size_t length = sorma::Pin::kOpen;
         try {
             length = reader_ && !reader_->retired() ? reader_->shape().floats : shmem::Reader(key(), owner_).shape().floats;
-        } catch (const std::exception&) {       // nobody writes yet
+        } catch (const std::exception&) {       // there is no writer yet
         }
         return {{"out", false, 0, length, "", "the latest record's floats"}};
     }
@@ -352,6 +358,7 @@ private:
     void check(Outcome outcome) const {
         if (outcome == Outcome::read) [[likely]] return;
         if (outcome == Outcome::empty) fail(kEmpty, name(), key());
+        if (outcome == Outcome::damaged) fail(kDamaged, name(), key());
         fail(kOverrun, name(), key(), shmem::Reader::kTries);
     }
 
@@ -395,14 +402,14 @@ private:
         auto args = take(m, 0, 1, "since ?counter?");
         const shmem::Reader& r = *reader_;
         const std::uint64_t newest = r.count();
-        std::uint64_t after = 0, promised = 0;      // those after `promised` count as overwritten when they are gone
+        std::uint64_t after = 0, promised = 0;      // records after `promised` that are not there any more count as overwritten
         Last* last = nullptr;
         if (!args.empty()) {
             promised = after = counter(args[0]);
             if (after > newest) fail(kNumber, name(), args[0], "the counter of a record that has been written");
         } else {
             last = &lastOf(sorma::CallContext::currentClient());
-            after = last->counter > newest ? 0 : last->counter;     // the buffer has begun anew
+            after = last->counter > newest ? 0 : last->counter;     // the buffer has begun again
             promised = after > 0 ? after : r.oldest(newest) - 1;
         }
         m.clear();
@@ -477,7 +484,7 @@ private:
                 followed_.emplace(followed_->segment()->key());
                 followable = true;
                 for (auto& [ticket, waiter] : waiters_) waiter.after = 0;       // whatever is there is new
-            } catch (const shmem::Failure&) {                                   // nobody writes just now
+            } catch (const shmem::Failure&) {                                   // there is no writer now
             }
         }
         const shmem::Reader& r = *followed_;

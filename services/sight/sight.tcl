@@ -26,7 +26,7 @@ oo::class create ::sorma::service::sight {
     sorma::option -samples int -range {1 1000} -default 4 -help "pictures that are averaged at each place"
     sorma::option -rest double -unit s -range {0 10} -default 0.4 -help "of the arm before it looks, by the pictures' time"
     sorma::option -patience double -unit s -range {0.1 1000} -default 20 -help "how long it waits for a valid picture"
-    sorma::option -tolerance double -unit m -range {0 1} -default 0.01 -help "a map that is farther off than that in between is not kept: the ball has moved"
+    sorma::option -tolerance double -unit m -range {0 1} -default 0.01 -help "a map with a larger error between its nodes is not kept: the ball has moved"
     sorma::option -margin double -range {0 10} -default 1 -help "how far beyond the map, of its width, its answer still counts: coarse, but it leads back"
     sorma::option -stream flag -default 0 -help "tell -result about each picture"
     sorma::reads floats 0..9 "" "a record of ball.obs; none: the newest one of -seen"
@@ -178,8 +178,15 @@ oo::class create ::sorma::service::sight {
                 }
             }
         } finally {
-            # Also when it was given up: back to where it began.
-            catch {[my cget -mover] exec -floats $begin}
+            # Also when it was given up; but then what this request calls fails at once: another coroutine calls. Who learns again waits for it.
+            if {[sorma::cancelled]} {
+                after 0 [namespace code [list coroutine [namespace current]::back my Back $begin [info coroutine]]]
+                if {[info coroutine] ne {}} {
+                    yield
+                }
+            } else {
+                my Back $begin
+            }
         }
         set mean [expr {[::tcl::mathop::+ {*}$wrong] / [llength $wrong]}]
         set most [::tcl::mathfunc::max {*}$wrong]
@@ -196,6 +203,19 @@ oo::class create ::sorma::service::sight {
         return [dict create floats [list $mean $most] text $text]
     }
 
+    # Back to where learning began. The arm may be slowing down still, and refuse. Then a coroutine goes on.
+    method Back {begin {then {}}} {
+        set end [expr {[clock milliseconds] + 1000 * [my cget -patience]}]
+        while {[catch {[my cget -mover] exec -floats $begin} - how] && [lrange [dict get $how -errorcode] 1 2] eq {ROBOT BUSY} &&
+                [clock milliseconds] < $end && [info coroutine] ne {}} {
+            after 100 [list catch [info coroutine]]
+            yield
+        }
+        if {$then ne {}} {
+            after 0 [list catch $then]
+        }
+    }
+
     method At {a b c} {
         return [lmap nominal [my cget -nominal] reach [my cget -reach] x [list $a $b $c] {expr {$nominal + $reach * $x}}]
     }
@@ -205,11 +225,16 @@ oo::class create ::sorma::service::sight {
         return [lmap a [lrange $pose 0 2] b [::sorma::service::transform::rotate [lrange $pose 3 6] $point] {expr {$a + $b}}]
     }
 
-    # Go to where the ball is at a place of the tool frame, and look: where it is, what is seen of it.
-    method Look {ball orientation place what} {
+    # Fails when nobody wants to know any more.
+    method Wanted what {
         if {[sorma::cancelled]} {
             sorma::fail {SIGHT CANCELLED} "[my name]: given up at $what; the map has not been learned"
         }
+    }
+
+    # Go to where the ball is at a place of the tool frame, and look: where it is, what is seen of it.
+    method Look {ball orientation place what} {
+        my Wanted $what
         set shift [::sorma::service::transform::rotate $orientation $place]
         [my cget -mover] exec -floats [concat [lmap a $ball b $shift {expr {$a - $b}}] $orientation]
         set begin [lindex [dict get [[my cget -seen] exec] floats] 0]
@@ -219,6 +244,7 @@ oo::class create ::sorma::service::sight {
         set code 1
         set counter {}
         while {$got < [my cget -samples]} {
+            my Wanted $what
             if {[clock milliseconds] > $end} {
                 sorma::fail {SIGHT NOTHING} "[my name]: at $what the ball was not seen in [my cget -patience] s, only $got of [my cget -samples]\
                     pictures were good, the last one's code is [format %g $code]; nothing has been learned"

@@ -1,4 +1,4 @@
-// buffers.h -- the two directions of the seam: records that simlab writes, and those that it reads, by snapshot buffers.
+// buffers.h -- the snapshot buffers that simlab writes, and those that it reads.
 //
 // Threads: one.
 #pragma once
@@ -12,8 +12,8 @@
 
 namespace simlab {
 
-// The newest record of a buffer that somebody else may write, or not yet, or not any more. Records from before this one was made are
-// not taken: they were meant for another run.
+// Reads the newest record of a buffer whose writer may be missing, come and end. Records that are older than this object are
+// ignored: they were meant for another run.
 class Input {
 public:
     Input(std::string key, std::size_t floats) : key_(std::move(key)), floats_(floats), born_(shmem::nanoseconds()) {}
@@ -29,7 +29,7 @@ public:
     void wait(std::int64_t until) const;
 
     const std::string& key() const { return key_; }
-    const std::string& problem() const { return problem_; }     // why what is there cannot be read; empty: nothing is wrong
+    const std::string& problem() const { return problem_; }     // why the buffer cannot be read; empty: nothing is wrong
 
 private:
     void attach();
@@ -48,7 +48,9 @@ class Output {
 public:
     Output(const std::string& key, std::size_t floats, const std::string& program, std::size_t blocks = 256,
            std::size_t any = 0)
-        : writer_(key, {blocks, floats, any}, program), record_(floats) {}
+        : writer_(key, {blocks, floats, any}, program), record_(floats) {
+        writer_.checksums(any == 0);            // for pictures it would take half a millisecond
+    }
     Output& at(double time) { return record_[0] = time, used_ = 1, *this; }
     template <std::size_t n> Output& put(const std::array<double, n>& values) {
         for (double v : values) record_[used_++] = v;

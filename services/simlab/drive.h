@@ -1,17 +1,17 @@
-// drive.h -- the arm's servos, their power, and the stops that act by themselves.
+// drive.h -- the arm's servos, their power, and automatic stops.
 //
-// Set-points come with the time at which they are to be reached. In between the drive interpolates positions and speeds linearly, and
-// goes on at the last speed while the next one is late. The motors bear the arm's weight and, before there is an error, what its inertia
-// and friction take on the way that is asked for. What makes it stop:
+// A set-point has the time at which it is to be reached. In between the drive interpolates positions and speeds linearly,
+// and goes on at the last speed while the next one is late. The motors carry the arm's weight. They add in advance the
+// torque that inertia and friction need on the path. It stops in two ways:
 //
 //     category 0   power off at once, the brakes engage 20 ms later: emergency stop, table force, wrist force
-//     category 1   decelerates along its path, then brakes and goes without power: no set-point for three periods, one that breaks
+//     category 1   decelerates along its path, then brakes and cuts the power: no set-point for three periods, one that breaks
 //                  a limit, and, without a cause, set-points of mode off or stop
 //
-// Power comes with a set-point of mode hold or run that follows one of mode off, where the arm is. After a stop that has a cause it
-// takes reset() first; so whoever streams on does not move the arm by somebody's reset.
+// Power comes with a set-point of mode hold or run that follows one of mode off, where the arm is. After a stop that has a
+// cause it needs reset() first; so a program that goes on streaming does not move the arm when another one calls reset().
 //
-// Threads: none of its own; the one that steps the model.
+// Threads: none of its own; called by the thread that steps the model.
 #pragma once
 
 #include <cstdint>
@@ -42,14 +42,14 @@ public:
 
     bool power() const { return phase_ == Phase::powered || phase_ == Phase::slowing; }
     Cause cause() const { return cause_; }
-    const std::string& why() const { return why_; }             // of the cause, or why power does not come back
+    const std::string& why() const { return why_; }             // text of the cause, or why power does not come back
     std::uint64_t counter() const { return counter_; }          // of the set-point in use
     double period() const { return period_; }
     double due() const { return lastDue_; }                     // of the last set-point that came
     bool streaming(double now) const;                           // set-points come: the last one three periods ago at most
     double torque(const mjData& d, std::size_t joint) const;    // [N m] of the motor
 
-    // The last stop, once the arm stands: from the first moment of the stop to the last motion.
+    // Measures of the last stop, from its beginning to the last motion; known when the arm stands still.
     struct Stopped {
         Cause cause = Cause::none;
         double seconds = 0, tool = 0, joint = 0;

@@ -277,7 +277,7 @@ void Laboratory::write() {
     for (int w : {mjWARN_BADQPOS, mjWARN_BADQVEL, mjWARN_BADQACC}) warnings += data->warning[w].number;
     if (warnings != toldWarnings_) {
         toldWarnings_ = warnings;
-        event_("unstable", "the physics has become unstable and begun anew at its first state; the arm is braked");
+        event_("unstable", "the physics became unstable and was reset to its first state; the arm is braked");
         drive.cut(Cause::limit, "the physics has become unstable", now);
         drive.place(*data, setup_.posture);
     }

@@ -64,7 +64,8 @@ public:
 
     double now() const { return time_; }
     void apply(const Settings& settings);
-    // Call `done` when so much lab time has passed, or the laboratory ends (true). While it is paused, that much passes.
+    // Call `done` when so much lab time has passed, or the laboratory ends (true). If it is paused, lab time runs until
+    // then.
     std::uint64_t after(double seconds, std::function<void(bool ends)> done);
     void forget(std::uint64_t ticket);
     void emergencyStop(const std::string& who);

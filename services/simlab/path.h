@@ -1,4 +1,4 @@
-// path.h -- where the ball on its stick is at a time.
+// path.h -- the position of the ball on its stick, as a function of time.
 //
 //     still  x y z
 //     line   x y z  x y z  v          from the first point to the second and back, at v [m/s]

@@ -50,12 +50,12 @@ private:
     EGLContext context_ = EGL_NO_CONTEXT;
 };
 
-// Standard deviation 1, in 1/16; a picture takes them from some place on.
+// Standard deviation 1, in 1/16; a picture takes them from some place on. Never deleted: when the process ends a picture may be under way.
 const std::vector<signed char>& noiseTable() {
-    static const auto table = [] {
-        std::vector<signed char> t(1 << 16);
+    static const auto& table = *[] {
+        auto* t = new std::vector<signed char>(1 << 16);
         units::Random random(1);
-        for (auto& x : t) x = static_cast<signed char>(std::clamp(std::lround(16 * random.gaussian()), -127L, 127L));
+        for (auto& x : *t) x = static_cast<signed char>(std::clamp(std::lround(16 * random.gaussian()), -127L, 127L));
         return t;
     }();
     return table;

@@ -1,7 +1,7 @@
 // picture.h -- renders pictures of the scene, without a window, in a thread of its own.
 //
-// The camera of the hand and a free one share the thread and its graphics context (EGL, surfaceless). A shot holds all that can be
-// seen, so that the physics goes on meanwhile.
+// The camera of the hand and a free one share the thread and its graphics context (EGL, surfaceless). A shot contains all
+// that can be seen, so the physics can go on meanwhile.
 #pragma once
 
 #include <condition_variable>
@@ -15,7 +15,7 @@
 
 namespace simlab {
 
-// What makes a difference to the eye alone.
+// Settings that change only the look.
 struct Look {
     double light = 1;                                   // factor of the usual light
     std::array<double, 3> colour{1, 1, 1};              // of the light
@@ -43,7 +43,7 @@ struct Shot {
 struct Image {
     int width = 0, height = 0;
     std::vector<unsigned char> rgb;     // top row first
-    std::string problem;                // why there is none
+    std::string problem;                // why there is no picture; empty: there is one
     double milliseconds = 0;            // that it took
 };
 
@@ -54,7 +54,7 @@ public:
 
     Pictures(const Scene& scene, int samples);      // returns when the context is there, or has failed: problem()
     ~Pictures() { halt(); }
-    // End the thread, and with it the context. Shots that wait are answered: there will be no picture; so are those that come.
+    // End the thread and its context. Shots that wait, and later ones, are answered with a problem and no picture.
     void halt();
 
     void take(Shot shot, Done done);    // any thread; done is called by the thread that renders

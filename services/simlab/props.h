@@ -1,6 +1,6 @@
-// props.h -- what people do in the laboratory: tokens, board, ball, a hand over the board, a push.
+// props.h -- actions of people in the laboratory: on tokens, board and ball; a hand over the board; a push.
 //
-// Threads: none of its own; the one that steps the model, or whoever holds it.
+// Threads: none of its own; called by the thread that steps the model, or with the laboratory's lock held.
 #pragma once
 
 #include "path.h"
@@ -15,7 +15,7 @@ public:
     // Each step, before it.
     void update(double now);
 
-    // Fail with a std::invalid_argument that says what is there instead.
+    // These throw std::invalid_argument, whose message says what is there instead.
     void moveToken(const std::string& name, double file, double rank, double h);
     void stealToken(const std::string& name);
     std::string addToken(const std::string& colour, double file, double rank, double h);    // a spare one; returns its name

@@ -1,6 +1,6 @@
-// scene.h -- a MuJoCo model that is a laboratory: where in it the arm, the hand, the tokens are.
+// scene.h -- the MuJoCo model of a laboratory, and the indices of the arm, the hand and the tokens in it.
 //
-// Threads: one at a time. The model is the owner's to change: each thread that needs one has its own.
+// Threads: one at a time. The owner may change the model; each thread that needs one has its own.
 #pragma once
 
 #include <mujoco/mujoco.h>
@@ -35,10 +35,10 @@ struct Place { double x, y, z, yaw; };
 
 class Scene {
 public:
-    // what: 8x8, 10x10, tracker, or the path of a file. Fails with a SceneError that says what the file lacks.
+    // what: 8x8, 10x10, tracker, or the path of a file. Throws SceneError, whose message says what is missing in the file.
     explicit Scene(const std::string& what);
 
-    static std::string text(const std::string& what);   // of a scene in the box; empty: it is none
+    static std::string text(const std::string& what);   // of a built-in scene; empty: there is no such scene
 
     Model model;
     std::array<int, 6> armQpos, armDof, servo;
@@ -47,7 +47,7 @@ public:
     int hand, wristForce, wristTorque, tabletop, laser, camera, tool;
     std::array<int, 3> touch;
     std::vector<Token> tokens;
-    // Of what a scene may lack: -1.
+    // A scene may lack these; then the index is -1.
     std::array<int, 3> boardQpos{-1, -1, -1};           // x, y, yaw
     int boardBody = -1, target = -1, secondTarget = -1, spot = -1, occluder = -1,
         person = -1;                                    // the last five: mocap bodies

@@ -1,7 +1,7 @@
-// sceneText.h -- the scenes in the box, as MuJoCo reads them.
+// sceneText.h -- the built-in scenes, as text for MuJoCo.
 //
-// World frame: z = 0 is the table top, the robot stands at x = y = 0, z = -0.25. Units m, kg, s, rad. The person is at +x and has
-// the yellow tokens; a1 is dark and at his left. What the numbers are good for: see doc/simlab.man, "THE SCENE".
+// World frame: z = 0 is the table top, the robot stands at x = y = 0, z = -0.25. Units m, kg, s, rad. The person is at +x
+// and has the yellow tokens; a1 is dark and at the person's left. doc/simlab.man, "THE SCENE", explains the numbers.
 #pragma once
 
 #include <string>

@@ -1,6 +1,6 @@
-// sensors.h -- what the sensors of the laboratory read after a step: with noise, as they do.
+// sensors.h -- the readings of the laboratory's sensors after a step, with noise.
 //
-// Threads: none of its own; the one that steps the model.
+// Threads: none of its own; called by the thread that steps the model.
 #pragma once
 
 #include <cstdint>

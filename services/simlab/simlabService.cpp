@@ -128,7 +128,7 @@ public:
                              auto text = simlab::Scene::text(static_cast<Simlab&>(s).scene_);
                              m.text += text.empty() ? simlab::Scene::text("8x8") : text;
                          }})
-            .conduct(sorma::Conduct::concurrent)
+            .concurrency(sorma::Concurrency::concurrent)
             .words("?camera|step|view?")
             .reads(floats, sorma::between(0, 6), "", "step, or no word: lab time [s] (1), none: one step; view: azimuth, elevation [degrees], "
                                                      "distance [m], what to look at x y z [m] (6), or none")
@@ -137,7 +137,7 @@ public:
             .example("simlab.example CTRL -paused 1");
     }
 
-    ~Simlab() override { leaving(); }
+    ~Simlab() override { removing(); }
 
     void born() override {
         checkLight();
@@ -177,7 +177,7 @@ public:
         apply(paced, rubbed);
     }
 
-    void leaving() override {
+    void removing() override {
         lab_.reset();
         charge_.clear();
     }
@@ -371,7 +371,7 @@ private:
     std::vector<double> lightColour_ = {1, 1, 1}, lightDirection_ = {0.1, 0.3, -1};
 
     std::shared_ptr<Simlab*> alive_ = std::make_shared<Simlab*>(this);      // work in the mailbox asks
-    sorma::Charge charge_;                  // to whoever was the first to want it
+    sorma::Charge charge_;                  // on the account of the first caller that needed it
     std::unique_ptr<Laboratory> lab_;       // last: its thread tells of what is above
 };
 

@@ -1,23 +1,34 @@
-// spacemouse -- what a hand moves in six directions: a hand controller by the socket of its daemon (spacenavd).
+// spacemouse -- what a hand moves in six directions: a hand controller by its daemon, spacenavd.
 //
 //     spacemouse.hand CTRL -socket /var/run/spnav.sock
 //     spacemouse.hand EXEC                                    x y z, turns about x y z
 //
-// The daemon sends records of eight integers: kind 0 with three ways, three turns and a time, kind 1 and 2 with a button that
-// was pressed or let go. They are read here without libspnav, which is no more than that and knows one socket alone.
+// libspnav speaks with the daemon. It has one connection in a process, reads whole records of 32 bytes alone, and takes the socket's
+// name from the environment.
+#include <fcntl.h>
+#include <sys/ioctl.h>
+#include <sys/select.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
+#ifdef HAVE_SPNAV
+#include <spnav.h>
+#endif
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <sorma.h>
+
+#include "bus/incident.h"
 
 namespace {
 
@@ -28,20 +39,25 @@ const sorma::Prototype kFloats{Severity::error, "SPACEMOUSE FLOATS", 1, "{}: EXE
 const sorma::Prototype kValue{Severity::error, "SPACEMOUSE VALUE", 1, "{}: float {} is {}; it must be a finite number"};
 const sorma::Prototype kPath{Severity::error, "OPTION VALUE", 2, "{}: -socket has {} characters; a socket's name has at most {}"};
 
+#ifdef HAVE_SPNAV
 constexpr std::int64_t kAgain = 500'000'000;    // [ns] between two looks for the daemon
+constexpr std::int64_t kRefused = 10'000'000'000;       // [ns] ... after it was there and did not answer: each time libspnav loses 80 bytes
+constexpr std::int64_t kRest = 10'000'000;      // [ns] for the rest of a record
+constexpr int kRecord = 32;                     // bytes
+#endif
 constexpr std::size_t kWays = 6;
 
-class Spacemouse final : public sorma::Service {
+class Spacemouse final : public sorma::Service, public sorma::HasIncidents {
 public:
     static sorma::Class describe() {
         using enum sorma::Field;
         return sorma::Class::of<Spacemouse>("spacemouse", "what a hand moves in six directions: a hand controller, by the socket of its daemon")
             .text("-socket", &Spacemouse::path_, {.help = "of the controller's daemon, as /var/run/spnav.sock; empty: none, EXEC alone says what the hand does"})
-            .real("-renew", &Spacemouse::renew_, {.unit = "s", .low = 0.001, .high = 60, .help = "what is not renewed within that counts as zero"})
+            .real("-renew", &Spacemouse::renew_, {.unit = "s", .low = 0.001, .high = 60, .help = "a record that was not renewed for so long counts as zeros"})
             .reads(floats, sorma::between(0, kWays), "", "none; or x y z and turns about x y z, as if the hand did that: a stand-in")
             .writes(floats, sorma::exactly(kWays), "", "x y z and turns about x y z, as the controller counts; zeros when they are not renewed")
             .writes(ints, {}, "", "out of a cycle: the buttons that are pressed")
-            .conduct(sorma::Conduct::concurrent)
+            .concurrency(sorma::Concurrency::concurrent)
             .realtime()
             .example("spacemouse.hand CTRL -renew 0.2");
     }
@@ -61,7 +77,7 @@ public:
         const bool ticks = sorma::Tick::current();
         if (m.floats.size() == kWays && !ticks) {
             for (std::size_t i = 0; i < kWays; ++i)
-                if (!std::isfinite(m.floats[i])) fail(kValue, name(), i + 1, m.floats[i]);
+                if (!std::isfinite(m.floats[i])) ++refused_, fail(kValue, name(), i + 1, m.floats[i]);
             std::array<double, kWays> ways;
             std::copy(m.floats.begin(), m.floats.end(), ways.begin());
             moved(ways);
@@ -83,65 +99,106 @@ public:
         out += fd_ >= 0 ? "# connected\n" : path_.empty() ? "# no -socket\n" : "# not connected: " + problem_ + "\n";
     }
 
+    void tellIncidents(sorma::Incidents& out) const override {
+        out.push_back({name(), "motion not renewed", silences_});
+        out.push_back({name(), "motion refused", refused_});
+    }
+
 private:
     bool fresh() const { return double(sorma::monotonicNow() - at_) * 1e-9 <= renew_; }
 
-    // ---- the daemon's socket: it may come late, and go ----
+    // ---- the daemon: it may come late, and go ----
 
     void look() {
         again_.cancel();
         if (path_.empty() || fd_ >= 0 || !sorm().hasLoop()) return;
-        again_ = sorm().loop().after(sorma::monotonicNow() + kAgain, [this] { look(); });
-        const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-        sockaddr_un address{};
-        address.sun_family = AF_UNIX;
-        std::memcpy(address.sun_path, path_.data(), path_.size());
-        if (fd < 0 || ::connect(fd, reinterpret_cast<sockaddr*>(&address), sizeof address) != 0) {
-            problem_ = std::strerror(errno);
-            if (fd >= 0) ::close(fd);
-            return;
-        }
-        again_.cancel();
-        fd_ = fd, open_ = path_, have_ = 0;
+#ifdef HAVE_SPNAV
+        if (holder_) return wait("libspnav has one connection in a process, and " + holder_->name() + " has it", kAgain);
+        struct stat file;
+        if (::stat(path_.c_str(), &file) != 0) return wait(std::strerror(errno), kAgain);
+        if (!S_ISSOCK(file.st_mode)) return wait("it is no socket", kAgain);
+        // libspnav waits with select().
+        const int next = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
+        if (next >= 0) ::close(next);
+        if (next < 0 || next >= FD_SETSIZE) return wait("the process has too many open files for libspnav", kAgain);
+        if (!connect()) return wait("it does not answer", kRefused);
+        fd_ = spnav_fd(), open_ = path_, holder_ = this;
+        ::fcntl(fd_, F_SETFD, FD_CLOEXEC);
+        watch();
+#else
+        problem_ = "this build has no libspnav";
+#endif
+    }
+
+#ifdef HAVE_SPNAV
+    static inline Spacemouse* holder_ = nullptr;        // of libspnav's connection
+
+    bool connect() const {
+        constexpr const char* kVariable = "SPNAV_SOCKET";
+        const char* before = std::getenv(kVariable);
+        const std::optional<std::string> kept = before ? std::optional<std::string>(before) : std::nullopt;
+        ::setenv(kVariable, path_.c_str(), 1);
+        const bool done = spnav_open() == 0;
+        kept ? ::setenv(kVariable, kept->c_str(), 1) : ::unsetenv(kVariable);
+        return done;
+    }
+
+    void wait(std::string problem, std::int64_t pause) {
+        problem_ = std::move(problem);
+        again_ = sorm().loop().after(sorma::monotonicNow() + pause, [this] { look(); });
+    }
+
+    void watch() {
         sorm().loop().watch(fd_, [this] { read(); });
     }
 
     void close() {
         if (fd_ < 0) return;
+        again_.cancel();
         if (sorm().hasLoop()) sorm().loop().unwatch(fd_);
-        ::close(fd_);
+        spnav_close();
         fd_ = -1;
+        holder_ = nullptr;
         pressed_.clear();
     }
 
     void read() {
         for (;;) {
-            const ssize_t n = ::recv(fd_, reinterpret_cast<char*>(record_.data()) + have_, sizeof record_ - have_, 0);
-            if (n < 0 && (errno == EAGAIN || errno == EINTR)) return;
-            if (n <= 0) {
-                problem_ = n == 0 ? "it has ended" : std::strerror(errno);
+            int bytes = 0;
+            char any;
+            if (::ioctl(fd_, FIONREAD, &bytes) != 0 || bytes == 0) {
+                const ssize_t n = ::recv(fd_, &any, 1, MSG_PEEK | MSG_DONTWAIT);
+                if (n > 0 || (n < 0 && (errno == EAGAIN || errno == EINTR))) return;
+                const std::string problem = n == 0 ? "it has ended" : std::strerror(errno);
                 close();
-                return look();
+                return wait(problem, kAgain);
             }
-            have_ += std::size_t(n);
-            if (have_ < sizeof record_) continue;
-            have_ = 0;
-            take();
+            if (bytes < kRecord) {
+                sorm().loop().unwatch(fd_);
+                again_ = sorm().loop().after(sorma::monotonicNow() + kRest, [this] { watch(); });
+                return;
+            }
+            spnav_event event;
+            switch (spnav_poll_event(&event)) {
+                case SPNAV_EVENT_MOTION: {
+                    const auto& e = event.motion;
+                    moved({double(e.x), double(e.y), double(e.z), double(e.rx), double(e.ry), double(e.rz)});
+                    break;
+                }
+                case SPNAV_EVENT_BUTTON: button(event.button.bnum, event.button.press); break;
+                default: break;         // of a daemon that knows more
+            }
         }
     }
+#else
+    void close() {}
+#endif
 
-    void take() {
-        if (record_[0] == 0) {
-            std::array<double, kWays> ways;
-            std::copy_n(record_.begin() + 1, kWays, ways.begin());
-            return moved(ways);
-        }
-        if (record_[0] != 1 && record_[0] != 2) return;         // of a daemon that knows more
-        const bool down = record_[0] == 1;
-        std::erase(pressed_, std::int64_t(record_[1]));
-        if (down) pressed_.push_back(record_[1]);
+    void button(std::int64_t number, bool down) {
+        std::erase(pressed_, number);
+        if (down) pressed_.push_back(number);
         Message m;
-        m.ints = {record_[1], down};
+        m.ints = {number, down};
         publish("button", m);
     }
 
@@ -160,6 +217,7 @@ private:
         const bool rests = std::all_of(ways.begin(), ways.end(), [](double x) { return x == 0; });
         if (rests || !sorm().hasLoop()) return;
         silence_ = sorm().loop().after(at_ + std::int64_t(renew_ * 1e9), [this] {
+            ++silences_;
             Message silent;
             silent.floats.assign(ways_.begin(), ways_.end());
             publish("silent", silent);
@@ -169,12 +227,11 @@ private:
     std::string path_, open_, problem_ = "nobody has looked yet";
     double renew_ = 0.1;
     int fd_ = -1;
-    std::array<std::int32_t, 8> record_{};
-    std::size_t have_ = 0;                      // bytes of the record
     std::array<double, kWays> ways_{};
     std::int64_t at_ = 0;                       // [ns] when they came
     std::vector<std::int64_t> pressed_;
     sorma::Timer again_, silence_;
+    sorma::Tally silences_, refused_;
 };
 
 }  // namespace

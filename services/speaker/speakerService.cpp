@@ -75,23 +75,23 @@ public:
         return sorma::Class::of<Speaker>("speaker", "says things aloud: recorded fragments, and spoken text")
             .text("-folder", &Speaker::folder_, {.help = "where recorded fragments are: a word of EXEC that names a file there is played; empty: all is spoken", .kind = sorma::Kind::file})
             .choice("-output", &Speaker::output_, {"sound", "files", "log"}, {.help = "sound: by the player; files: numbered files in -to; log: text alone, in the file -to"})
-            .text("-to", &Speaker::to_, {.help = "folder of -output files, or file of -output log; empty: the event said is all that is left of a log", .kind = sorma::Kind::file})
+            .text("-to", &Speaker::to_, {.help = "folder of -output files, or file of -output log; empty: the only the event said, no log", .kind = sorma::Kind::file})
             .integer("-verbosity", &Speaker::verbosity_, {.unit = "1", .low = 0, .high = 9, .help = "messages of a higher level are not said: 0 alarms alone, 1 what people should know, 2 what goes on"})
             .integer("-max", &Speaker::max_, {.unit = "messages", .low = 1, .high = 100, .help = "that are said at once"})
             .integer("-queue", &Speaker::queue_, {.unit = "messages", .low = 0, .high = 10'000, .help = "that wait meanwhile; more are refused"})
-            .real("-patience", &Speaker::patience_, {.unit = "s", .low = 0, .high = 1e6, .help = "what has waited longer is not said any more; 0: for ever"})
-            .real("-timeout", &Speaker::timeout_, {.unit = "s", .low = 0, .high = 1e6, .help = "what takes longer is cut off; 0: never"})
+            .real("-patience", &Speaker::patience_, {.unit = "s", .low = 0, .high = 1e6, .help = "a message that has waited longer is not said; 0: no limit"})
+            .real("-timeout", &Speaker::timeout_, {.unit = "s", .low = 0, .high = 1e6, .help = "a message that takes longer is cut off; 0: never"})
             .text("-voice", &Speaker::voice_, {.help = "of the synthesizer, as espeak-ng -v takes it"})
             .integer("-speed", &Speaker::speed_, {.unit = "words/min", .low = 80, .high = 450, .help = "of the synthesizer"})
             .integer("-volume", &Speaker::volume_, {.unit = "%", .low = 0, .high = 200, .help = "of the synthesizer"})
             .text("-synthesizer", &Speaker::synthesizer_, {.help = "program and arguments, a list: text comes by its standard input, sound leaves by its standard output. %v, %s and "
                                                                    "%a are voice, speed and volume", .expert = true})
             .text("-player", &Speaker::player_, {.help = "program and arguments, a list: it plays what comes by its standard input", .expert = true})
-            .action({"-quiet", "", "cut off what is said, and drop what waits", 0, 0,
+            .action({"-quiet", "", "cut off the present message, and remove those that wait", 0, 0,
                      [](Service& s, Args, Message& m) { static_cast<Speaker&>(s).quiet(m); }, Right::call})
             .action({"-list", "", "a line for each message that is said or waits: priority, text", 0, 0,
                      [](Service& s, Args, Message& m) { static_cast<Speaker&>(s).list(m); }, Right::inspect})
-            .conduct(sorma::Conduct::concurrent)
+            .concurrency(sorma::Concurrency::concurrent)
             .words("?fragment ...?")
             .reads(text, {}, "", "text to be spoken, after the fragments")
             .reads(ints, sorma::between(0, 2), "", "priority, higher first, default 0; level, as -verbosity counts, default 1")
@@ -105,7 +105,7 @@ public:
         check();
         startNext();                        // -max may have grown
     }
-    void leaving() override { end(); }
+    void removing() override { end(); }
 
     void exec(Message& m) override {
         auto job = std::make_shared<Job>();
@@ -161,7 +161,7 @@ private:
         std::vector<Piece> out;
         auto spoken = [&](const std::string& text) {
             if (text.find_first_not_of(" \t\n") == std::string::npos) return;
-            // What stands beside each other is spoken in one breath.
+            // Adjacent words are spoken as one text.
             if (!out.empty() && !out.back().recorded) out.back().what += " " + text;
             else out.push_back({false, text});
         };
@@ -178,7 +178,7 @@ private:
         return out;
     }
 
-    // What runs, what is read and where it goes, is chosen by whoever wrote these options, and must be allowed to him.
+    // The authors of these options choose programs and files, so they need the rights to them.
     void mayRun() {
         auto& access = sorm().access;
         if (output_ != "log") access.need(author("-synthesizer"), Right::program, name(), name());

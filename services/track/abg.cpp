@@ -120,13 +120,19 @@ Taken Filter::update(const Settings& settings, double t, std::span<const double>
         gains_ = gains(index);
         index_ = index;
     }
+    double sum = 0;
     const double beta = gains_.beta / dt, gamma = gains_.gamma / (dt * dt);
     for (std::size_t i = 0; i < state_.size(); ++i) {
         const Axis p = ahead(settings, state_[i], dt);
         const double residual = z[i] - p.x;
         state_[i] = {p.x + gains_.alpha * residual, p.v + beta * residual, p.a + gamma * residual};
+        sum += state_[i].x + state_[i].v + state_[i].a;
     }
     time_ = t;
+    if (!std::isfinite(sum)) [[unlikely]] {     // numbers so large that they have overflowed: they must not stay
+        start(t, z);
+        return Taken::begun;
+    }
     calm(settings);
     return Taken::used;
 }

@@ -9,6 +9,8 @@
 // Allocates: nothing.
 #pragma once
 
+#include <limits>
+
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
@@ -22,6 +24,9 @@ struct Limits {
     // the bare law is as steep as a root there, and noise makes the arm tremble.
     double soft = 4, stiff = 25;    // [1/s]; soft 0: the bare law
     double near = 0.010;            // [m], or [rad]
+    // Of a Course: below the height `floor` it goes down with `touch` at most, and it slows down before; something may be touched there.
+    double floor = -std::numeric_limits<double>::infinity();    // [m]
+    double touch = 0.02;            // [m/s]
 };
 
 // The speed from which steps of brake * dt lead to rest within distance s.

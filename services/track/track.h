@@ -7,6 +7,8 @@
 
 #include <sorma.h>
 
+#include "bus/incident.h"
+
 #include "abg.h"
 #include "course.h"
 
@@ -14,7 +16,7 @@ namespace track {
 
 inline constexpr std::array kTaken{"used", "begun", "late", "refused"};       // as Taken numbers them
 
-class Track final : public sorma::Service {
+class Track final : public sorma::Service, public sorma::HasIncidents {
 public:
     static sorma::Class describe();
     void born() override;
@@ -23,12 +25,14 @@ public:
     void exec(sorma::Message& m) override;
     std::vector<sorma::Pin> pins(std::string_view, std::size_t) const override;
     void dumpState(std::string& out) const override;
+    void tellIncidents(sorma::Incidents& out) const override;
 
 private:
     Settings settings() const;                  // as the options say
     void need(const sorma::Message& m, const char* task, std::size_t count, const char* what) const;
     void measure(sorma::Message& m);
-    void wait(sorma::Message& m, const sorma::Tick* tick) const;
+    void wait(sorma::Message& m, const sorma::Tick* tick);
+    void watch(const sorma::Tick* tick);
     void predict(sorma::Message& m) const;
     void tellGains(sorma::Message& m) const;
     void start(sorma::Message& m);
@@ -43,7 +47,9 @@ private:
     Settings settings_;
     Filter filter_;
     std::vector<Filter::Axis> room_;
-    std::array<std::int64_t, kTaken.size()> counts_{};
+    std::array<sorma::Tally, kTaken.size()> counts_;
+    sorma::Tally lost_;                         // times that nothing was measured for longer than -expiry
+    bool missing_ = false;                      // since the last measurement
 };
 
 class Trajectory final : public sorma::Service {
@@ -60,7 +66,7 @@ private:
     double period() const;
 
     double speed_ = 0.5, acceleration_ = 2, turnSpeed_ = 1, turnAcceleration_ = 4, brake_ = 8.0 / 9, soft_ = 4, stiff_ = 25, near_ = 0.010;
-    double turnNear_ = 0.05, period_ = 0;
+    double turnNear_ = 0.05, period_ = 0, floor_ = -100, touch_ = 0.02;
     Limits limits_, turnLimits_;
     Course course_;
     Turn turn_;

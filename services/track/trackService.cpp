@@ -37,13 +37,13 @@ sorma::Class Track::describe() {
                                                .help = "between measurements, for which -index holds; it grows with the square of the time between two"})
         .integer("-axes", &Track::axes_, {.unit = "1", .low = 1, .high = 100, .help = "positions in a measurement"})
         .real("-longest", &Track::longest_, {.unit = "s", .low = 1e-3, .high = 3600,
-                                             .help = "after a longer pause, or a clock that is set back by more, it begins anew"})
+                                             .help = "after a longer pause, or when the clock is set back by more, it begins again"})
         .real("-gate", &Track::gate_, {.unit = "m", .low = 0, .high = 1e9,
                                        .help = "how far a measurement may be from where the target is expected; 0: any"})
         .integer("-confirm", &Track::confirm_, {.unit = "1", .low = 1, .high = 100,
                                                 .help = "so many beyond the gate in a row, near each other: the target has jumped"})
         .real("-instant", &Track::instant_, {.unit = "s", .low = 0, .high = 3600,
-                                             .help = "one beyond the gate is taken at once when another was used as short a time ago; 0: never"})
+                                             .help = "a measurement beyond the gate is used at once when another was used so short a time ago; 0: never"})
         .real("-calmSpeed", &Track::calmSpeed_, {.unit = "m/s", .low = 0, .high = 1e9,
                                                  .help = "velocity and acceleration of slower motions are damped; 0: never"})
         .real("-calmAcceleration", &Track::calmAcceleration_, {.unit = "m/s^2", .low = 0, .high = 1e9,
@@ -54,9 +54,9 @@ sorma::Class Track::describe() {
         .real("-expiry", &Track::expiry_, {.unit = "s", .low = 0, .high = 3600, .help = "the target is lost, so long after the last measurement"})
         .real("-decay", &Track::decay_, {.unit = "s", .low = 0, .high = 3600, .help = "time constant with which a lost one comes to rest"})
         .flag("-predict", &Track::predict_, {.help = "answer where the target is when the tick is due, not when it was measured"})
-        .action("-reset", &Track::forget, "", "begin anew with the next measurement")
+        .action("-reset", &Track::forget, "", "begin again with the next measurement")
         .inspection({"-state", "", "time of the last measurement, what is known of each axis, and how many measurements were used, began anew, "
-                                   "were late, or were refused", 0, 0,
+                                   "were late, or were refused; how often it was lost", 0, 0,
                      [](sorma::Service& s, sorma::Args, Message& m) { static_cast<Track&>(s).tell(m.text); }})
         .words("?gains|predict|start?")
         .reads(floats, {}, "", "time [s], then a position [m] for each axis; gains: an index; predict: a time; start: a time, then x v a of each axis")
@@ -115,16 +115,31 @@ void Track::measure(Message& m) {
     need(m, "a measurement", 1 + n, "time, then a position for each axis");
     const Taken taken = filter_.update(settings_, m.floats[0], std::span(m.floats).subspan(1));
     ++counts_[std::size_t(taken)];
+    if (taken == Taken::used || taken == Taken::begun) missing_ = false;
+    watch(tick);
     m.clear();
     if (taken != Taken::used) [[unlikely]] m.text = kTaken[std::size_t(taken)];
     answer(m, predict_ ? double(tick->time) * 1e-9 : filter_.time());
 }
 
 // A tick in which nothing has been measured. Before the first measurement nobody knows where the target is: nan.
-void Track::wait(Message& m, const sorma::Tick* tick) const {
+void Track::wait(Message& m, const sorma::Tick* tick) {
+    watch(tick);
     m.clear();
     if (filter_.begun()) return answer(m, predict_ ? double(tick->time) * 1e-9 : filter_.time());
     m.floats.assign(3 * filter_.axes(), std::numeric_limits<double>::quiet_NaN());
+}
+
+void Track::watch(const sorma::Tick* tick) {
+    if (missing_ || !predict_ || !filter_.begun() || double(tick->time) * 1e-9 - filter_.time() <= settings_.expiry) return;
+    missing_ = true;
+    ++lost_;
+}
+
+void Track::tellIncidents(sorma::Incidents& out) const {
+    out.push_back({name(), "measurement refused by the gate", counts_[std::size_t(Taken::refused)]});
+    out.push_back({name(), "measurement not later than the last one", counts_[std::size_t(Taken::late)]});
+    out.push_back({name(), "target lost", lost_});
 }
 
 void Track::answer(Message& m, double time) const {
@@ -191,6 +206,7 @@ void Track::tell(std::string& out) const {
         }
     }
     for (std::size_t i = 0; i < std::size(kTaken); ++i) line(kTaken[i], double(counts_[i]));
+    line("lost", double(lost_));
 }
 
 void Track::dumpState(std::string& out) const {

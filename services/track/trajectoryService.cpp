@@ -43,6 +43,8 @@ sorma::Class Trajectory::describe() {
                                             .help = "at the target: speed by distance, so that noise does not make it tremble; 0: stop as fast as it can be done"})
         .real("-stiff", &Trajectory::stiff_, {.unit = "1/s", .low = 0, .high = 1000, .help = "the same, -near from it; it rises in between"})
         .real("-near", &Trajectory::near_, {.unit = "m", .low = 1e-6, .high = 1, .help = "distance for -stiff"})
+        .real("-floor", &Trajectory::floor_, {.unit = "m", .low = -100, .high = 100, .help = "height below which something may be touched: it goes down with -touchSpeed at most, and slows down before"})
+        .real("-touchSpeed", &Trajectory::touch_, {.unit = "m/s", .low = 1e-4, .high = 10, .help = "downwards, below -floor"})
         .real("-turnNear", &Trajectory::turnNear_, {.unit = "rad", .low = 1e-6, .high = 3, .help = "the same for the orientation"})
         .real("-period", &Trajectory::period_, {.unit = "s", .low = 0, .high = 1, .help = "time step when neither cycle nor circuit gives one"})
         .action("-reset", &Trajectory::forget, "", "forget where the tool is; EXEC start must say it again")
@@ -55,7 +57,7 @@ sorma::Class Trajectory::describe() {
 }
 
 void Trajectory::changed(std::span<const sorma::Option* const>) {
-    limits_ = {speed_, acceleration_, brake_, soft_, stiff_, near_};
+    limits_ = {speed_, acceleration_, brake_, soft_, stiff_, near_, floor_, touch_};
     turnLimits_ = {turnSpeed_, turnAcceleration_, brake_, soft_, stiff_, turnNear_};
 }
 

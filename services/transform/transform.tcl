@@ -26,7 +26,7 @@ oo::class create ::sorma::service::transform {
         -help "the camera (x right, y down, z forward) in the tool's frame: position, quaternion w x y z"
     sorma::option -fieldOfView double -unit rad -range {0.05 3} -default 1.0122909661567112 -help "of the camera, from the top row to the bottom row"
     sorma::option -size vector -unit pixels -length 2 -default {500 500} -help "width and height of its pictures"
-    sorma::option -mostResidual double -unit pixels -range {0.01 100} -default 1 -help "with more than that learnCamera fails"
+    sorma::option -mostResidual double -unit pixels -range {0.01 100} -default 1 -help "with a larger one learnCamera fails"
     sorma::option -colour enum -choices {red yellow} -default red -help "of the token that learnGrasp looks at"
     sorma::option -boardMap service -default psom.board -help "map of the board (class psom)"
     sorma::option -graspMap service -default psom.grasp -help "map of the correction (class psom)"
@@ -35,7 +35,7 @@ oo::class create ::sorma::service::transform {
     sorma::option -mover service -help "moves the tool on lines, to a pose in the world (class mvpos); none: it is moved by somebody else"
     sorma::option -hand service -help "centres the token before learnGrasp by closing on it (class manus); none: it stands in the middle"
     sorma::option -rest double -unit s -range {0 10} -default 0.1 -help "of the arm before it looks: its servos need a moment"
-    sorma::option -picture service -help "answers a picture, its first float is its time: it must be new; none: who sees has a new one taken"
+    sorma::option -picture service -help "answers a picture, its first float is its time: it must be new; none: the object that sees takes a new one"
     sorma::option -pose service -help "answers where the tool is: floats lab time, position, quaternion"
     sorma::words "boardToWorld|worldToBoard|boardToImage|imageToBoard|worldToImage|imageToWorld|correct|under|learnBoard|learnGrasp|learnCamera"
     sorma::reads floats 0..3 "" "board: file, rank, h (tokens underneath); world: x, y, z \[m\]; image: u, v \[pixels\], and how many\
@@ -284,7 +284,7 @@ oo::class create ::sorma::service::transform {
 }
 
 # Returns when the arm has rested for so many seconds of lab time, and there is a picture that was taken then. picture, pose: who answers
-# them; no picture: whoever sees has a new one taken; no pose: nobody waits. Fails when it takes longer than patience [s].
+# them; no picture: the object that sees takes a new one; no pose: no waiting. Fails when it takes longer than patience [s].
 namespace eval ::sorma::service::transform {}
 proc ::sorma::service::transform::fresh {picture pose rest {patience 10}} {
     if {$pose eq {}} {

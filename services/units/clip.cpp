@@ -33,8 +33,8 @@ private:
 
 sorma::Class describeClip() {
     return sorma::Class::of<Clip>("clip", "keeps each element between two bounds")
-        .real("-low", &Clip::low_, {.help = "what is less becomes this"})
-        .real("-high", &Clip::high_, {.help = "what is more becomes this"})
+        .real("-low", &Clip::low_, {.help = "smaller elements become this"})
+        .real("-high", &Clip::high_, {.help = "larger elements become this"})
         .text("-unit", &Clip::unit_, kUnit)
         .reads(sorma::Field::floats, {}, "", "values")
         .writes(sorma::Field::floats, {}, "", "values within the bounds; nan stays")

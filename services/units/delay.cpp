@@ -75,10 +75,10 @@ private:
 
 sorma::Class describeDelay() {
     return sorma::Class::of<Delay>("delay", "gives back what came some requests ago; may close a loop")
-        .integer("-steps", &Delay::steps_, {.low = 1, .high = 1e6, .help = "requests; a new number begins anew"})
+        .integer("-steps", &Delay::steps_, {.low = 1, .high = 1e6, .help = "requests; a new number begins again"})
         .vector("-initial", &Delay::initial_, kInitial)
         .text("-unit", &Delay::unit_, kUnit)
-        .action("-reset", &Delay::reset, "", "begin anew")
+        .action("-reset", &Delay::reset, "", "begin again")
         .reads(sorma::Field::floats, {}, "", "values; none: change nothing")
         .writes(sorma::Field::floats, {}, "", "values of an earlier request")
         .realtime()

@@ -65,7 +65,7 @@ sorma::Class describeIntegrator() {
         .real("-period", &Integrator::period_, kPeriod)
         .text("-unit", &Integrator::unit_, kInUnit)
         .text("-outUnit", &Integrator::outUnit_, kOutUnit)
-        .action("-reset", &Integrator::reset, "", "begin anew")
+        .action("-reset", &Integrator::reset, "", "begin again")
         .reads(sorma::Field::floats, {}, "", "values; none: change nothing")
         .writes(sorma::Field::floats, {}, "", "the integral up to the request before this one")
         .realtime()

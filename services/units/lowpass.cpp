@@ -22,7 +22,12 @@ public:
             share_ = -std::expm1(-2 * std::numbers::pi * cutoff_ * step);
         }
         if (state_.size() != m.floats.size()) [[unlikely]] begin(m.floats);
-        for (std::size_t i = 0; i < state_.size(); ++i) m.floats[i] = state_[i] += share_ * (m.floats[i] - state_[i]);
+        for (std::size_t i = 0; i < state_.size(); ++i) {
+            // What is not finite passes, but does not stay.
+            const double next = state_[i] + share_ * (m.floats[i] - state_[i]);
+            m.floats[i] = next;
+            if (std::isfinite(next)) [[likely]] state_[i] = next;
+        }
     }
 
     Pins pins(std::string_view, std::size_t width) const override { return through(widthOf(initial_), width, unit_, unit_); }
@@ -56,7 +61,7 @@ sorma::Class describeLowpass() {
                 {.help = "value before the first request; empty: what that one brings; one number stands for every width"})
         .real("-period", &Lowpass::period_, kPeriod)
         .text("-unit", &Lowpass::unit_, kUnit)
-        .action("-reset", &Lowpass::reset, "", "begin anew")
+        .action("-reset", &Lowpass::reset, "", "begin again")
         .reads(sorma::Field::floats, {}, "", "values")
         .writes(sorma::Field::floats, {}, "", "values, smoothed")
         .realtime()

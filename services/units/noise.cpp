@@ -41,9 +41,9 @@ sorma::Class describeNoise() {
         .real("-deviation", &Noise::deviation_, {.low = 0, .high = 1e300, .help = "standard deviation"})
         .real("-mean", &Noise::mean_, {.help = "mean"})
         .integer("-width", &Noise::width_, {.low = 1, .high = 100'000, .help = "numbers for each request"})
-        .integer("-seed", &Noise::seed_, {.help = "a new one begins anew"})
+        .integer("-seed", &Noise::seed_, {.help = "a new value begins again"})
         .text("-unit", &Noise::unit_, {.help = "unit of measurement of what comes out"})
-        .action("-reset", &Noise::reset, "", "begin anew")
+        .action("-reset", &Noise::reset, "", "begin again")
         .writes(sorma::Field::floats, {}, "", "-width numbers")
         .realtime()
         .example("noise EXEC");

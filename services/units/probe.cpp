@@ -114,7 +114,7 @@ private:
 
 sorma::Class describeProbe() {
     return sorma::Class::of<Probe>("probe", "lets everything pass, and remembers it")
-        .integer("-last", &Probe::last_, {.unit = "records", .low = 1, .high = 1e6, .help = "that it remembers; a new number begins anew"})
+        .integer("-last", &Probe::last_, {.unit = "records", .low = 1, .high = 1e6, .help = "that it remembers; a new number begins again"})
         .text("-unit", &Probe::unit_, kUnit)
         .action("-list", &Probe::list, "?n?", "the last records, the oldest first: number, time [s], values", 0, 1)
         .action("-reset", &Probe::reset, "", "forget everything")

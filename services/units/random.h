@@ -1,4 +1,4 @@
-// random.h -- random numbers that are the same on every machine.
+// random.h -- pseudo-random numbers that are the same on every machine.
 //
 // Source: Steele, Lea, Flood, Fast splittable pseudorandom number generators, OOPSLA 2014 (SplitMix64);
 // Box and Muller, A note on the generation of random normal deviates, 1958.

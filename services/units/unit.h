@@ -1,8 +1,8 @@
-// unit.h -- what the units of circuits have in common: sum, gain, matrix, clip, squash, lowpass, integrator, delay, table, select,
+// unit.h -- the base of the units of circuits: sum, gain, matrix, clip, squash, lowpass, integrator, delay, table, select,
 // sine, noise, probe.
 //
-// All of them are steps that a cycle may take: EXEC takes nothing from the heap, not even the first time in a circuit.
-// Widths follow what is wired; units that keep something begin anew when their width changes.
+// All of them may be steps of a cycle: EXEC does not allocate, not even at its first call in a circuit.
+// Widths follow from the wires. Units with a state reset it when their width changes.
 #pragma once
 
 #include <string>
@@ -23,7 +23,7 @@ protected:
 
     // in and out of one width: `fixed` when the options say it, else what was asked for, else open.
     Pins through(std::size_t fixed, std::size_t asked, const std::string& inUnit, const std::string& outUnit) const;
-    // Whoever wires a unit asks for its pins at a width: take the memory for that now, so that no tick has to.
+    // A circuit that wires a unit asks for its pins at a width: allocate the memory for it now, so that no tick has to.
     void expect(std::size_t width) const {
         if (width <= kMostWidth) const_cast<Unit*>(this)->reserve(width);
     }
@@ -32,7 +32,7 @@ protected:
     static std::size_t widthOf(const std::vector<double>& list) { return list.size() == 1 ? 0 : list.size(); }
     static double at(const std::vector<double>& list, std::size_t i) { return list[list.size() == 1 ? 0 : i]; }
 
-    // [s] of the cycle or circuit that drives it, else its own. Fails with UNIT PERIOD when there is neither.
+    // [s] time step of the cycle or circuit that executes it, else its own. Fails with UNIT PERIOD when there is neither.
     double timeStep(double own) const {
         if (auto* tick = sorma::Tick::current()) [[likely]] return tick->period;
         if (own == 0) [[unlikely]] failPeriod();
@@ -49,11 +49,11 @@ protected:
 };
 
 // Options that several classes have.
-inline const sorma::Spec kUnit{.help = "unit of measurement of what goes in and out; empty fits all"};
-inline const sorma::Spec kInUnit{.help = "unit of measurement of what goes in; empty fits all"};
-inline const sorma::Spec kOutUnit{.help = "unit of measurement of what comes out; empty fits all"};
+inline const sorma::Spec kUnit{.help = "unit of measurement of input and output; empty fits all"};
+inline const sorma::Spec kInUnit{.help = "unit of measurement of the input; empty fits all"};
+inline const sorma::Spec kOutUnit{.help = "unit of measurement of the output; empty fits all"};
 inline const sorma::Spec kPeriod{.unit = "s", .low = 0, .high = 3600, .help = "time step when neither cycle nor circuit gives one"};
-inline const sorma::Spec kInitial{.help = "what it starts with; one number stands for every width", .minLength = 1};
+inline const sorma::Spec kInitial{.help = "initial value; one number stands for every width", .minLength = 1};
 
 // Seconds since the first request, by the times at which ticks were due: nothing adds up.
 class Clock {

@@ -10,6 +10,9 @@ namespace vision {
 
 namespace {
 
+constexpr double kNever = 1e9;          // [pixels]
+constexpr double kClear = 0.5;          // the ball is the nearest one when the next one is twice as far
+
 // A pixel that the ball covers in part is not bright enough. By how much it is brighter than what is behind it, two pixels farther
 // outwards, its part is known: so the radius is known to a hundredth of a pixel, not to a few.
 Blob withEdge(const Blob& blob, const cv::Mat& grey, const cv::Mat& bright) {
@@ -41,19 +44,54 @@ Blob withEdge(const Blob& blob, const cv::Mat& grey, const cv::Mat& bright) {
 
 }  // namespace
 
-Sighting BallFinder::find(const cv::Mat& rgb, const Lens& lens, const BallRules& rules, std::optional<cv::Rect> window) {
+std::optional<std::size_t> BallMemory::chosen(const std::vector<cv::Point2d>& seen, double t, const BallRules& rules) const {
+    auto far = [](cv::Point2d a, cv::Point2d b) { return std::hypot(a.x - b.x, a.y - b.y); };
+    std::vector<std::size_t> ball, unknown;         // those that go on from the ball, and from nothing
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+        const double fromBall = known_ ? far(seen[i], ball_) : kNever;
+        double fromOther = kNever;
+        for (auto& other : others_) fromOther = std::min(fromOther, far(seen[i], other));
+        if (fromOther < rules.step && fromOther <= fromBall) continue;
+        unknown.push_back(i);
+        if (fromBall < rules.step) ball.push_back(i);
+    }
+    if (ball.size() > 1) {
+        std::sort(ball.begin(), ball.end(), [&](auto a, auto b) { return far(seen[a], ball_) < far(seen[b], ball_); });
+        if (far(seen[ball[0]], ball_) > kClear * far(seen[ball[1]], ball_)) return {};
+    }
+    if (!ball.empty()) return ball[0];
+    if (unknown.size() == 1) return unknown[0];
+    if (seen.size() == 1 && t - time_ > rules.doubt) return 0;
+    return {};
+}
+
+std::optional<std::size_t> BallMemory::choose(const std::vector<cv::Point2d>& seen, double t, const BallRules& rules) {
+    const auto choice = chosen(seen, t, rules);
+    if (choice) known_ = true, ball_ = seen[*choice], time_ = t;
+    others_.clear();
+    for (std::size_t i = 0; i < seen.size(); ++i)
+        if (i != choice) others_.push_back(seen[i]);
+    return choice;
+}
+
+Sighting BallFinder::find(const cv::Mat& rgb, const Lens& lens, const BallRules& rules, std::optional<cv::Rect> window, double t, BallMemory& memory) {
     const cv::Rect whole(0, 0, rgb.cols, rgb.rows), part = window ? *window & whole : whole;
     Sighting s;
     if (part.empty()) return s;
     cv::cvtColor(rgb(part), grey_, cv::COLOR_RGB2GRAY);
     cv::threshold(grey_, bright_, rules.threshold - 1, 255, cv::THRESH_BINARY);
     const auto& blobs = finder_.find(bright_, 4);
+    double largest = 0;
+    for (auto& b : blobs) largest = std::max(largest, b.area);
+    std::vector<const Blob*> all;
+    std::vector<cv::Point2d> places;
+    for (auto& b : blobs)
+        if (b.area > rules.second * largest) all.push_back(&b), places.emplace_back(part.x + b.u, part.y + b.v);
+    const auto choice = memory.choose(places, t, rules);
     const Blob* ball = nullptr;
-    double second = 0;
-    for (auto& b : blobs) {
-        if (!ball || b.area > ball->area) second = ball ? ball->area : 0, ball = &b;
-        else second = std::max(second, b.area);
-    }
+    for (auto* b : all)
+        if (!ball || b->area > ball->area) ball = b;
+    if (choice) ball = all[*choice];
     if (!ball) return s;
     const Blob disc = ball->clipped ? *ball : withEdge(*ball, grey_, bright_);
     const Ellipse e = ellipseOf(disc);
@@ -70,7 +108,7 @@ Sighting BallFinder::find(const cv::Mat& rgb, const Lens& lens, const BallRules&
     if (ball->clipped) return breaks(Verdict::clipped, 0, 0);
     if (!(s.radius >= rules.least)) return breaks(Verdict::size, s.radius, rules.least);
     if (s.radius > rules.most) return breaks(Verdict::size, s.radius, rules.most);
-    if (second > rules.second * s.area) return breaks(Verdict::ambiguous, second / s.area, rules.second);
+    if (!choice) return breaks(Verdict::ambiguous, double(all.size()), 1);
     // A wide lens makes an ellipse of a ball that is off its axis: e = sin(off) / cos(half the angle under which it is seen).
     const double off = std::atan(std::hypot(s.u - lens.centreU, s.v - lens.centreV) / lens.f), seen = s.radius / lens.f * std::cos(off);
     const double expected = std::sqrt(std::max(0.0, 1 - std::pow(std::sin(off), 2) / (1 - std::min(0.99, seen * seen))));

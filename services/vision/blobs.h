@@ -1,4 +1,4 @@
-// blobs.h -- pixels of one colour that hang together, and their moments.
+// blobs.h -- connected pixels of one colour, and their moments.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// boardReader.h -- a draughts board in a picture: where it lies, by its two markers, and what stands on each field.
+// boardReader.h -- a draughts board in a picture: its place, from its two markers, and the token on each field.
 //
 // Board frame: origin in its middle, x away from the robot, y to the left. Fields are the game's: file a..h = 1..n along y, rank 1 at
 // the person, x = (n/2 - rank + 1/2) F (simlab.md, "Sides").
@@ -22,7 +22,7 @@ struct BoardShape {
 struct BoardPose {
     double x = 0, y = 0, yaw = 0;                       // of the board in the world [m], [rad]
     Eigen::Vector2d a, b;                               // pixels of the markers
-    std::string trouble;                                // why there is none: "1 marker", "ratio 1.2 ..."; empty: there is one
+    std::string trouble;                                // why it was not found: "1 marker", "ratio 1.2 ..."; empty: it was
 
     Eigen::Vector3d world(double boardX, double boardY, double height) const;
 };
@@ -36,7 +36,7 @@ struct Situation {
     std::string trouble;                // "token between d4 and e5"; empty: none
 };
 
-// What stands where: each token goes to the field that it fits best, each field keeps the one that fits best.
+// The tokens on the fields: each token goes to the field that it fits best, and each field keeps the one that fits best.
 Situation readBoard(const std::vector<Blob>& blobs, const View& view, const BoardShape& shape, const BoardPose& pose);
 
 // One token, where one is expected: the blob of this colour that fits best, and how well it does (0 .. 1). null: there is none.

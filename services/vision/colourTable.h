@@ -1,4 +1,4 @@
-// colourTable.h -- which colour a pixel has: a table of 65536 codes, 6 bits of hue, 5 of saturation, 5 of brightness.
+// colourTable.h -- the colour of a pixel: a table of 65536 codes, 6 bits of hue, 5 of saturation, 5 of brightness.
 //
 // It is trained from pictures whose pixels are labelled: competitive clusters of each class in the cone of colours, a radial basis
 // function about each, and the class with the largest one gets the code (vision.md of the laboratory's reference, section 3).
@@ -41,7 +41,8 @@ private:
 // Labelled pictures, one after another, then the table.
 class Training {
 public:
-    // labels: CV_8U, the Colour of each pixel, other numbers: nobody knows. A pixel whose neighbours have another label is left out.
+    // labels: CV_8U, the Colour of each pixel; other numbers: not known. A pixel whose neighbours have another label is left
+    // out.
     void add(const cv::Mat& rgb, const cv::Mat& labels);
     ColourTable table() const;              // of no samples: all is background
 

@@ -7,7 +7,7 @@ namespace vision {
 using sorma::Severity;
 
 const sorma::Prototype kNoPicture{Severity::error, "VISION PICTURE", 1,
-                                  "{}: there is no picture: set -picture to an object that answers one, or bring one in EXEC"};
+                                  "{}: there is no picture: set -picture to an object that answers one, or give one to EXEC"};
 const sorma::Prototype kPicture{Severity::error, "VISION PICTURE", 1,
                                 "{}: {} is no picture: {}; it must be floats time, width, height, and {} byte{} for each pixel"};
 const sorma::Prototype kNoTable{Severity::error, "VISION TABLE", 1,

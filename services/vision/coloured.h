@@ -1,4 +1,4 @@
-// coloured.h -- what the classes of the module have in common: pictures in messages, and tables of colours from files.
+// coloured.h -- the common part of the module's classes: pictures in messages, and tables of colours from files.
 //
 // A picture is a record as camera.image has it: floats time, width, height ...; any: red, green, blue, 8 bits each, top row first.
 #pragma once
@@ -14,13 +14,13 @@ namespace vision {
 
 extern const sorma::Prototype kNoPicture, kPicture, kNoTable, kTable;
 
-// A picture of a message, without a copy: it lives as long as the message. planes: bytes that there must be for each pixel; type: of
-// OpenCV, what those that begin it are. Fails with VISION PICTURE; whose: where it comes from.
+// A picture of a message, without a copy: it lives as long as the message. planes: bytes that there must be for each pixel;
+// type: of OpenCV, of the first of them. Fails with VISION PICTURE; whose: where it comes from.
 cv::Mat pictureOf(const std::string& who, const std::string& whose, sorma::Message& m, std::size_t planes = 3, int type = CV_8UC3);
 
 using TablePointer = std::shared_ptr<ColourTable>;
 
-// What has a table of colours from a file.
+// Base of classes that read a table of colours from a file.
 class Coloured : public sorma::Service {
 protected:
     // For this author, who must be allowed to read the file; null: there is no file. Fails with VISION TABLE.

@@ -1,4 +1,4 @@
-// drawing.h -- a picture with what was found in it, for people.
+// drawing.h -- draws results into a picture, for people.
 #pragma once
 
 #include <string>
@@ -17,7 +17,7 @@ public:
 
     explicit Drawing(const cv::Mat& rgb) : rgb_(rgb.clone()) {}
 
-    // All in pixels; what is not finite, or far outside, is left out.
+    // All in pixels. Points that are not finite, or far outside, are left out.
     void circle(double u, double v, double radius, Colour colour);
     void cross(double u, double v, Colour colour);
     void box(double left, double top, double right, double bottom, Colour colour);

@@ -1,4 +1,4 @@
-// steps.h -- the steps below the classes that see, each as a class of its own: grab, classify, blobs, moments.
+// steps.h -- the steps of image processing as classes of their own: grab, classify, blobs, moments.
 #pragma once
 
 #include <vector>

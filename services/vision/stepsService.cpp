@@ -23,7 +23,7 @@ namespace {
 using sorma::Message;
 using sorma::Severity;
 
-const sorma::Prototype kNoInput{Severity::error, "VISION INPUT", 1, "{}: there is nothing to work on: set -from to an object that answers {}, or bring it in EXEC"};
+const sorma::Prototype kNoInput{Severity::error, "VISION INPUT", 1, "{}: there is nothing to work on: set -from to an object that answers {}, or give it to EXEC"};
 const sorma::Prototype kBlobs{Severity::error, "VISION INPUT", 1, "{}: {} is no list of blobs: it has {} floats; each blob has {}"};
 const sorma::Prototype kWindow{Severity::error, "VISION WINDOW", 1, "{}: -window {} {} {} {} is not in the picture, which has {} x {} pixels"};
 
@@ -105,7 +105,7 @@ public:
         using enum sorma::Field;
         return fed<Classify>(sorma::Class::of<Classify>("classify", "which class each pixel of a picture has: by a table of colours, or bright and dark"), "pictures, as camera and grab do")
             .text("-table", &Classify::file_, {.help = "file with the table of colours, as hsvtable has written it", .kind = sorma::Kind::file})
-            .integer("-threshold", &Classify::threshold_, {.unit = "1", .low = 0, .high = 255, .help = "pixels that are as bright have class 1, others 0; 0: the table says it"})
+            .integer("-threshold", &Classify::threshold_, {.unit = "1", .low = 0, .high = 255, .help = "pixels that are as bright have class 1, others 0; 0: the table decides"})
             .reads(floats, sorma::between(0, 16), "", "nothing, or a picture's time, width, height")
             .reads(any, {}, "", "a picture; none: -from is asked")
             .writes(floats, sorma::exactly(3), "s, pixels", "time, width, height")

@@ -1,4 +1,4 @@
-// view.h -- a camera and where it is: from points of the world to pixels, and back to a plane.
+// view.h -- a camera and its pose: from points of the world to pixels, and back to a plane.
 #pragma once
 
 #include <Eigen/Geometry>

@@ -179,7 +179,7 @@ public:
     }
 
 protected:
-    // What is asked, before anybody is.
+    // Read the words of the request first.
     virtual void check(const Message& m) const {
         if (!m.words.empty()) fail(kWord, name(), m.words[0], "debug");
     }
@@ -278,7 +278,7 @@ protected:
     TablePointer table_;
     cv::Mat colours_, hsv_;
     vision::BlobFinder finder_;
-    vision::Drawing* drawing_ = nullptr;    // what is seen is drawn, in a request for debug
+    vision::Drawing* drawing_ = nullptr;    // not null during a request for debug: the results are drawn into it
 };
 
 class FindBall : public Looker {
@@ -290,7 +290,9 @@ public:
             .vector("-radius", &FindBall::radius_, {.unit = "pixels", .low = 1, .high = 4096, .help = "least and largest", .minLength = 2, .maxLength = 2})
             .real("-roundness", &FindBall::roundness_, {.unit = "1", .low = 0, .high = 1, .help = "least b/a, of what the lens makes of a ball there, from 15 pixels of radius on; else 0.8"})
             .real("-solidity", &FindBall::solid_, {.unit = "1", .low = 0, .high = 1, .help = "least part of its ellipse that is bright"})
-            .real("-second", &FindBall::second_, {.unit = "1", .low = 0, .high = 1, .help = "another one as large as that, of its area, makes it ambiguous"})
+            .real("-second", &FindBall::second_, {.unit = "1", .low = 0, .high = 1, .help = "what is as large as that, of the largest one's area, may be the ball, too"})
+            .real("-step", &FindBall::step_, {.unit = "pixels", .low = 1, .high = 4096, .help = "in a stream the ball is looked for so near to where it was before: what is seen beside it stays another one"})
+            .real("-doubt", &FindBall::doubt_, {.unit = "s", .low = 0, .high = 3600, .help = "in a stream another one, when it is alone, is taken for the ball after so long"})
             .service("-results", &FindBall::results_, {.help = "is told of each picture while -stream is set: floats of a record of ball.obs, as shmem_w takes them"})
             .flag("-stream", &FindBall::stream_, {.help = "look at each picture that -picture, a shmem_r, brings, and tell -results; the ball is looked for "
                                                           "in the whole picture"})
@@ -310,7 +312,7 @@ public:
         if (stream_ && (!picture_ || !results_)) fail(kStream, name(), picture_ ? "-results" : "-picture");
         if (stream_ != bool(next_)) stream_ ? askNext() : end();
     }
-    void leaving() override { end(); }
+    void removing() override { end(); }
     void dumpState(std::string& out) const override {
         for (std::size_t i = 0; i < std::size(counts_); ++i) out += std::string("# ") + vision::kVerdicts[i] + " " + std::to_string(counts_[i]) + "\n";
         if (!trouble_.empty()) out += "# trouble " + trouble_ + "\n";
@@ -325,14 +327,22 @@ protected:
         for (double x : m.floats)
             if (!(std::abs(x) < 1e9)) fail(kFloats, name(), "finite numbers", x);
     }
+    // Who asks beside the stream is told what the stream would be, and changes nothing.
     void look(const cv::Mat& picture, double time, const Message& asked, const vision::View& view, Message& answer) override {
+        vision::BallMemory aside = asked.any.empty() ? memory_ : vision::BallMemory();
+        see(picture, time, asked, view, answer, aside);
+    }
+
+private:
+    void see(const cv::Mat& picture, double time, const Message& asked, const vision::View& view, Message& answer, vision::BallMemory& memory) {
         std::optional<cv::Rect> window;
         if (!asked.words.empty()) {
             const double* w = asked.floats.data() + (asked.any.empty() ? 0 : 3);
             window = cv::Rect(int(w[0] - w[2] / 2), int(w[1] - w[3] / 2), int(std::max(1.0, w[2])), int(std::max(1.0, w[3])));
         }
-        const vision::BallRules rules{.threshold = int(threshold_), .least = radius_[0], .most = radius_[1], .round = roundness_, .solid = solid_, .second = second_};
-        const auto s = ball_.find(picture, view.lens, rules, window);
+        const vision::BallRules rules{.threshold = int(threshold_), .least = radius_[0], .most = radius_[1], .round = roundness_, .solid = solid_, .second = second_,
+                                      .step = step_, .doubt = doubt_};
+        const auto s = ball_.find(picture, view.lens, rules, window, time, memory);
         answer.floats = {time, s.u, s.v, s.area, s.radius, s.eccentricity, s.angle, double(s.verdict), time};
         answer.text = vision::kVerdicts[int(s.verdict)];
         if (s.limit != 0) answer.text += ": " + sorma::numberText(s.measured) + ", the limit is " + sorma::numberText(s.limit);
@@ -343,7 +353,6 @@ protected:
         if (s.area > 0) drawing_->circle(s.u, s.v, s.radius, colour), drawing_->cross(s.u, s.v, colour);
     }
 
-private:
     // ---- pictures one after another ----
 
     void askNext() {
@@ -371,13 +380,14 @@ private:
         pause_ = {};
         if (auto next = std::exchange(next_, {})) next.cancel();
         counter_ = 0;
+        memory_.forget();
     }
     void take(Message& m) {
         const bool stamped = m.ints.size() >= 2;
         if (stamped) counter_ = std::uint64_t(m.ints[0]);
         const cv::Mat picture = pictureOf(name(), "what " + picture_->name() + " answered", m);
         Message answer;
-        look(picture, m.floats[0], Message(), viewOf(picture, at_, "-at"), answer);
+        see(picture, m.floats[0], Message(), viewOf(picture, at_, "-at"), answer, memory_);
         // Lab time goes as the machine's clock does since the picture was published.
         if (stamped) answer.floats[8] += double(sorma::monotonicNow() - m.ints[1]) * 1e-9;
         ++counts_[std::size_t(answer.floats[7])];
@@ -396,8 +406,9 @@ private:
 
     std::int64_t threshold_ = 250;
     std::vector<double> radius_{4, 120};
-    double roundness_ = 0.96, solid_ = 0.95, second_ = 0.3;
+    double roundness_ = 0.96, solid_ = 0.95, second_ = 0.3, step_ = 60, doubt_ = 2;
     vision::BallFinder ball_;
+    vision::BallMemory memory_;             // of the stream
 };
 
 class BoardLooker : public Looker {

@@ -47,6 +47,12 @@ void must(Sorm& sorm, const std::string& request) {
     check(reply.find(" RET 0") != std::string::npos || reply.find(" RET 1") != std::string::npos, request + ": " + reply);
 }
 
+// A change that takes too long for a tick is undone and told: that is right, too, and happens under a sanitizer on a busy machine.
+void tune(Sorm& sorm, const std::string& request) {
+    std::string reply = ask(sorm, request);
+    check(reply.find(" RET 0") != std::string::npos || reply.find("CYCLE LATE") != std::string::npos, request + ": " + reply);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -67,18 +73,18 @@ int main(int argc, char** argv) {
         must(sorm, "cycle.a CTRL -start");
         must(sorm, "cycle.b CTRL -start");
         for (int i = 0; i < 100; ++i) {
-            must(sorm, "trouble.a CTRL -value " + std::to_string(i));
+            tune(sorm, "trouble.a CTRL -value " + std::to_string(i));
             must(sorm, "trouble.c EXEC FMSG 2 1 2");
             must(sorm, "trouble.b CTRL -dump");
             ask(sorm, "trouble.b CTRL -nosuch 1");
             must(sorm, "cycle.a CTRL -dump");
             if (i % 10 == 0) must(sorm, "cycle.a DBX -stats");
-            if (i % 25 == 0) must(sorm, "cycle.a CTRL -period 0.001 -steps '" + std::string(i % 50 ? "trouble.a trouble.b" : "trouble.b trouble.d") + "'");
+            if (i % 25 == 0) tune(sorm, "cycle.a CTRL -period 0.001 -steps '" + std::string(i % 50 ? "trouble.a trouble.b" : "trouble.b trouble.d") + "'");
             if (i % 30 == 0) {
                 // A step that fails: the thread takes the safe action, and tells of it.
                 std::string dump = ask(sorm, "trouble.b CTRL -dump");
                 long calls = std::stol(dump.substr(dump.find("# calls ") + 8));
-                must(sorm, "trouble.b CTRL -failAt " + std::to_string(calls + 3));
+                tune(sorm, "trouble.b CTRL -failAt " + std::to_string(calls + 3));
             }
             sorm.turn(Deadline::in(1));
         }

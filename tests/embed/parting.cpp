@@ -18,7 +18,7 @@ public:
         return Class::of<Stops>("stops", "stops something elsewhere when it is removed").reads(Field::text, {}, "", "").example("stops EXEC");
     }
     void exec(Message&) override { arm_ = sorm().get("echo@" + where); }
-    void leaving() override {
+    void removing() override {
         for (int i = 0; i < 8; ++i) sorm().find("stops." + std::to_string(i));
         Message m;
         m.text = "stop";

@@ -34,7 +34,7 @@ void check(bool right, const std::string& what) {
 // Answers from a thread of its own, a moment later.
 class Worker : public Service {
 public:
-    static Class describe() { return Class::of<Worker>("worker", "squares numbers in a thread").conduct(Conduct::concurrent); }
+    static Class describe() { return Class::of<Worker>("worker", "squares numbers in a thread").concurrency(Concurrency::concurrent); }
     void exec(Message& m) override {
         Reply reply = later(m);
         std::thread([reply] {
@@ -49,7 +49,7 @@ public:
 class Timer : public Service {
 public:
     static Class describe() {
-        return Class::of<Timer>("timer", "answers after so many seconds").real("-delay", &Timer::delay_, {}).conduct(Conduct::concurrent);
+        return Class::of<Timer>("timer", "answers after so many seconds").real("-delay", &Timer::delay_, {}).concurrency(Concurrency::concurrent);
     }
     void exec(Message& m) override {
         Message event;

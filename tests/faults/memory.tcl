@@ -87,7 +87,7 @@ attack {
     begin $script {
         oo::class create never {
             superclass sorma::Service
-            sorma::conduct concurrent
+            sorma::concurrency concurrent
             method exec message {
                 yield
             }

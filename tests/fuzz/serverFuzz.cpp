@@ -78,8 +78,8 @@ enum Act : std::int64_t { quick, late, thrown, told, hold, answerNow, removeSelf
 // Does what the request says: ints are token, act, and what the act is done with.
 class Actor : public Service {
 public:
-    static Class describe(const char* name, Conduct conduct) {
-        return Class::of<Actor>(name, "does what it is told").conduct(conduct)
+    static Class describe(const char* name, Concurrency concurrency) {
+        return Class::of<Actor>(name, "does what it is told").concurrency(concurrency)
             .integer("-x", &Actor::x_).reads(Field::ints, {3, 3}, "", "token, act, with what").writes(Field::ints, {3, 3}, "", "the same")
             .writes(Field::text, {}, "", "");
     }
@@ -125,7 +125,7 @@ public:
             default: break;
         }
     }
-    void leaving() override { Message m; m.ints = {0, 0, 0}; publish("leaving", m); }
+    void removing() override { Message m; m.ints = {0, 0, 0}; publish("leaving", m); }
 
 private:
     static void forget(World& w, const Client* client) {
@@ -391,9 +391,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     w.settings.inFlight = 4;
     w.settings.maxMessage = 8192;
     w.sorm.setLoop(&w.reactor);
-    w.sorm.add(Actor::describe("many", Conduct::concurrent));
-    w.sorm.add(Actor::describe("one", Conduct::serial));
-    w.sorm.add(Actor::describe("own", Conduct::exclusive));
+    w.sorm.add(Actor::describe("many", Concurrency::concurrent));
+    w.sorm.add(Actor::describe("one", Concurrency::serial));
+    w.sorm.add(Actor::describe("own", Concurrency::exclusive));
     if (how & 4) w.sorm.access.add("allow anyone tune on many.*", "fuzz");
     if (how & 8) w.sorm.access.add("deny anyone call on one.*", "fuzz");
     Server::Wanted wanted;

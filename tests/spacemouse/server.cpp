@@ -34,6 +34,11 @@ int main(int argc, char** argv) {
         if (poll(watched, client < 0 ? 2 : 1, -1) < 0) return 1;
         if (watched[1].revents && client < 0) {
             client = accept(server, nullptr, nullptr);
+            // The client asks for a version of the protocol and waits for the answer: 1.
+            std::int32_t version = 0;
+            if (recv(client, &version, sizeof version, MSG_WAITALL) != sizeof version) return 1;
+            version = (version & ~0xff) | 1;
+            if (send(client, &version, sizeof version, MSG_NOSIGNAL) < 0) return 1;
             std::cout << "client" << std::endl;
         }
         if (!watched[0].revents) continue;

@@ -1,5 +1,5 @@
-# liar.tcl TEXT ?N? -- listens on a TCP port like a daemon, greets its clients as one, and answers every call with TEXT and a
-# trail of N warnings; who subscribes is refused without a reason. Prints its port. Ends with its standard input.
+# liar.tcl TEXT|-file:PATH ?N? -- listens on a TCP port like a daemon, greets its clients as one, and answers every call with TEXT and a
+# trail of N warnings (TEXT may be what a file holds); who subscribes is refused without a reason. Prints its port. Ends with its standard input.
 
 source [file join [file dirname [file normalize [info script]]] rpc.tcl]
 
@@ -28,7 +28,7 @@ proc answer {channel record} {
     append welcome [binary format IIWI 1000000 64 0 0]
     switch $procedure {
         1 { rpc::send $channel [rpc::record $head$welcome] }
-        2 { rpc::send $channel [rpc::record $head[binary format IIII 0 0 0 0][rpc::message [lindex $::argv 0]][trail]] }
+        2 { rpc::send $channel [rpc::record $head[binary format IIII 0 0 0 0][rpc::message $::lie][trail]] }
         5 { rpc::send $channel [rpc::record $head[binary format IIII -1 0 0 0][rpc::message][binary format II 0 0]] }
     }
 }
@@ -40,6 +40,12 @@ proc trail {} {
     return [binary format II 0 $n][string repeat $entry $n]
 }
 
+set lie [lindex $argv 0]
+if {[regsub {^-file:} $lie {} path]} {
+    set channel [open $path]
+    set lie [read $channel]
+    close $channel
+}
 set listener [socket -server accept -myaddr 127.0.0.1 0]
 puts [lindex [fconfigure $listener -sockname] 2]
 flush stdout

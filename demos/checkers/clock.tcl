@@ -1,0 +1,30 @@
+# clock.tcl -- how long each side has thought and moved. The game keeps the times and their limit (game.tcl); the player counts them here.
+
+package provide checkers::clock 1.0
+
+# What every player can do.
+oo::class create ::checkers::clock {
+    variable Ticked     ;# [s] the time up to here has been counted; empty: the clock has not begun to run
+
+    # What has passed since the last time is time of the side whose turn it is. While the robot waits in its own turn for a board that is
+    # in disorder, the clock stands.
+    method Tick {} {
+        my variable Game Trouble
+        set now [expr {[clock milliseconds] / 1e3}]
+        if {[info exists Ticked] && $Ticked ne {} && ($Trouble eq {} || [$Game side] ne [my Setting -robot])} {
+            $Game spend [$Game side] [expr {max(0, $now - $Ticked)}]
+        }
+        set Ticked $now
+    }
+    # For a new game.
+    method Unclock {} { set Ticked {} }
+
+    # Whoever is out of time has lost.
+    method Late {} {
+        my variable Game
+        my Tick
+        if {[$Game late] ne {}} {
+            throw {CHECKERS ORDER time} "[$Game late] is out of time"
+        }
+    }
+}

@@ -1,0 +1,67 @@
+# pictures.tcl FILE ?THEME? ?OPTION VALUE ...? -- a picture of the window for a page, PNG: a game in the laboratory after some moves. Options
+# are those of checkers.tcl.
+#
+#     xvfb-run -a -s "-screen 0 1920x1200x24" tclsh8.6 pictures.tcl checkers.png
+#
+# It needs a display, Tk's package Img, and a runtime folder where no daemon has the name of one of the game's.
+
+package require Tk
+set argv [lassign $argv picture theme]
+set picture [file normalize $picture]         ;# the game goes to a folder of its own
+if {$theme ne {}} {
+    catch {package require awthemes}
+    catch {package require ttk::theme::$theme}
+    ttk::style theme use $theme
+}
+# A copy of the demo whose buffers have names of their own: another one may run.
+proc own folder {
+    set demos [file dirname [file dirname [file normalize [info script]]]]
+    foreach name {lab checkers} {
+        file copy [file join $demos $name] $folder
+    }
+    set in [open [file join $demos checkers checkers.dict]]
+    set out [open [file join $folder checkers checkers.dict] w]
+    puts -nonewline $out [regsub -all {(-prefix|-key) checkers\.} [read $in] "\\1 picture[pid]."]
+    close $in
+    close $out
+}
+set folder [exec mktemp -d]
+own $folder
+set argv [list -once -speed 0 -level 1 -personLevel 1 -folder [file join $folder game] {*}$argv]
+source [file join $folder checkers checkers.tcl]
+package require img::window
+package require img::png
+
+# When the person's fourth turn begins the laboratory stands still; the camera, which was above the board then, and what moves
+# in the window get a moment to be shown.
+proc photograph args {
+    if {$::checkersWindow::State ni {person ponder} || ![regexp {3\. \S+ \S+ } [dict get $::checkersWindow::Last pdn]]} {
+        return
+    }
+    trace remove variable ::checkersWindow::State write photograph
+    $::session::Lab CTRL -paused 1
+    after 1500 develop
+}
+proc develop {} {
+    wm geometry . +0+0
+    raise .
+    update
+    try {
+        [image create photo -format window -data .] write $::picture -format png
+    } finally {
+        $::session::Lab CTRL -paused 0
+        checkersGame::Closed .
+    }
+}
+# Nobody sees a dialog here.
+proc bgerror text {
+    puts stderr $::errorInfo
+}
+source [file join $::session::Here window.tcl]
+trace add variable ::checkersWindow::State write photograph
+try {
+    checkersGame::run
+} finally {
+    file delete -force $folder
+}
+exit [expr {![file exists $picture]}]

@@ -1,0 +1,244 @@
+# settings.tcl -- what can be set in the window, each by mouse and by keys, and the page for developers.
+#
+# What is shown is what is in force: a daemon tells what its objects have. What a person has chosen is told again to a daemon that is new.
+# Rules, time, who plays, and without robot hold from the next game on; another size of the board, or with and without robot, need other daemons:
+# then the program that made the window starts them (-restart).
+
+package require sorma::subject
+
+namespace eval checkersWindow {
+    # option of the program -> what is chosen, what holds in this game
+    variable Wanted {}
+    variable Now {}
+    variable Objects {}         ;# {object option} -> value that a person has set here
+    variable Restart {}         ;# command: the daemons are started anew with Wanted
+    variable Again {}           ;# command: another game has begun
+    variable Rules {braz "Brazilian, 8x8" engl "English, 8x8" intl "international, 10x10"}
+    # widget, label, key, what it sets: object, option, from, to
+    variable Rows {
+        level    "Robot's level (Ctrl-L)"            l {draughts.engine@player -level 1 10}
+        person   "Person's level (Ctrl-E)"           e {human.sim@human -level 1 10}
+        speed    "Speed, 0: all it can (Ctrl-S)"     s {simlab@lab -speed 0 20}
+    }
+}
+
+# A dict: -variant -dry -mouse -limit, as in force; -restart, -again: commands.
+proc checkersWindow::settings given {
+    variable Restart [dict get $given -restart]
+    variable Again [dict get $given -again]
+    variable Wanted [dict remove $given -restart -again]
+    variable Now $Wanted
+}
+# What holds in this game.
+proc checkersWindow::Holds option { variable Now; return [dict get $Now $option] }
+# Is there no such daemon, since the game is one without robot?
+proc checkersWindow::Dry name { return [expr {[Holds -dry] && $name in {eye robot hand transform laser}}] }
+
+proc checkersWindow::Settings {} {
+    variable Rows
+    variable Rules
+    ttk::labelframe .settings -text "Settings"
+    set s .settings
+    set pad [sorma::style pixels 2]
+    foreach {name text key command} {
+        new    "New game"         n checkersWindow::New
+        resign "Resign"           r {checkersWindow::send checkers@player CTRL -resign}
+        draw   "Offer a draw"     d {checkersWindow::send checkers@player CTRL -draw}
+        sides  "Change sides"     t {checkersWindow::send checkers@player CTRL -sides}
+        order  "Put in order"     o {checkersWindow::send checkers@player CTRL -order}
+        reset  "Power: reset"     g {checkersWindow::send simlab@lab CTRL -reset}
+        panels "Panels"           p checkersWindow::Panels
+    } {
+        ttk::button $s.$name -text $text -command $command
+        ttk::label $s.k$name -text "Ctrl-[string toupper $key]" -font [sorma::style font small]
+        bind . <Control-$key> [list $s.$name invoke]
+    }
+    foreach {a b} {new resign draw sides order reset} {
+        grid $s.$a $s.k$a $s.$b $s.k$b -sticky ew -padx $pad -pady $pad
+    }
+    foreach {name text key what} $Rows {
+        lassign $what object option from to
+        ttk::label $s.t$name -text $text
+        ttk::spinbox $s.$name -from $from -to $to -width 6 -command [list checkersWindow::Choose $name]
+        foreach event {<Return> <FocusOut>} {
+            bind $s.$name $event [list checkersWindow::Choose $name]
+        }
+        bind . <Control-$key> [list focus $s.$name]
+        set subject [sorma::subject of $object]
+        $subject listen [list checkersWindow::InForce $name $subject $option] $option
+    }
+    ttk::label $s.tvariant -text "Rules (Ctrl-U)"
+    ttk::combobox $s.variant -width 18 -state readonly -values [dict values $Rules]
+    $s.variant set [dict get $Rules [Holds -variant]]
+    bind $s.variant <<ComboboxSelected>> {
+        dict set ::checkersWindow::Wanted -variant [lindex [dict keys $::checkersWindow::Rules] [.settings.variant current]]
+        checkersWindow::Later
+    }
+    ttk::label $s.tlimit -text "Minutes each, 0: no limit (Ctrl-M)"
+    ttk::spinbox $s.limit -from 0 -to 600 -width 6
+    $s.limit set [expr {[Holds -limit] / 60.0 == [Holds -limit] / 60 ? [Holds -limit] / 60 : [Holds -limit] / 60.0}]
+    set command {checkersWindow::Limit [.settings.limit get]}
+    $s.limit configure -command $command
+    foreach event {<Return> <FocusOut>} {
+        bind $s.limit $event $command
+    }
+    bind . <Control-u> [list focus $s.variant]
+    bind . <Control-m> [list focus $s.limit]
+    ttk::checkbutton $s.voice -text "Speak aloud (Ctrl-A)" -command checkersWindow::Speak -variable ::checkersWindow::Voice
+    set subject [sorma::subject of speaker@voice]
+    $subject listen [list checkersWindow::InForce voice $subject -output] -output
+    ttk::checkbutton $s.dry -text "Without robot (Ctrl-W)" -variable ::checkersWindow::WantDry -command {
+        dict set ::checkersWindow::Wanted -dry $::checkersWindow::WantDry; checkersWindow::Later
+    }
+    ttk::checkbutton $s.mouse -text "I play (Ctrl-Y)" -variable ::checkersWindow::WantMouse -command {
+        dict set ::checkersWindow::Wanted -mouse $::checkersWindow::WantMouse; checkersWindow::Later
+    }
+    foreach {key name} {a voice w dry y mouse} {
+        bind . <Control-$key> [list $s.$name invoke]
+    }
+    set ::checkersWindow::WantDry [Holds -dry]
+    set ::checkersWindow::WantMouse [Holds -mouse]
+    foreach name {level person speed variant limit} {
+        grid $s.t$name - - $s.$name -sticky ew -padx $pad -pady $pad
+    }
+    grid $s.voice - $s.dry - -sticky w -padx $pad
+    grid $s.mouse - $s.panels $s.kpanels -sticky ew -padx $pad -pady $pad
+    grid [ttk::label $s.later -textvariable ::checkersWindow::Later -foreground [sorma::style colour mine]] -columnspan 4 -sticky w -padx $pad
+    grid columnconfigure $s {0 2} -weight 1
+}
+
+# ---- what holds at once ----
+
+proc checkersWindow::InForce {name subject option args} {
+    if {![winfo exists .settings.$name]} return
+    set told [$subject get $option]
+    if {[dict get $told state] ne "live"} return
+    set value [dict get $told live]
+    if {$name eq "voice"} {
+        set ::checkersWindow::Voice [expr {$value eq "sound"}]
+    } elseif {[focus] ne ".settings.$name" || ![info exists ::checkersWindow::Shown($name)] || [.settings.$name get] eq $::checkersWindow::Shown($name)} {
+        Shows $name $value
+    }
+}
+# What a person is typing there is left alone.
+proc checkersWindow::Shows {name value} {
+    variable Shown
+    set Shown($name) [expr {$value == int($value) ? int($value) : $value}]
+    .settings.$name set $Shown($name)
+}
+proc checkersWindow::Choose name {
+    variable Rows
+    lassign [lindex $Rows [expr {[lsearch -exact $Rows $name] + 3}]] object option from to
+    set value [.settings.$name get]
+    set told [[sorma::subject of $object] get $option]
+    [sorma::subject of $object] release
+    if {[dict get $told state] eq "live" && [string is double -strict $value] && $value == [dict get $told live]} return
+    if {![string is double -strict $value] || $value < $from || $value > $to} {
+        Complain "\"$value\" is not a number from $from to $to"
+        if {[string is double -strict [dict get $told live]]} {
+            Shows $name [dict get $told live]
+        }
+        return
+    }
+    Shows $name $value
+    Set $object $option $value
+}
+proc checkersWindow::Speak {} {
+    variable Voice
+    Set speaker@voice -output [expr {$Voice ? "sound" : "log"}]
+}
+proc checkersWindow::Set {object option value} {
+    variable Objects
+    dict set Objects [list $object $option] $value
+    if {$option eq "-speed"} {
+        set ::session::Speed $value
+    }
+    send $object CTRL $option $value
+}
+# A daemon is new: what was chosen is told again.
+proc checkersWindow::Again daemon {
+    variable Objects
+    dict for {what value} $Objects {
+        lassign $what object option
+        if {[lindex [split $object @] 1] eq $daemon} {
+            send $object CTRL $option $value
+        }
+    }
+}
+
+# ---- what holds from the next game on ----
+
+proc checkersWindow::Limit minutes {
+    variable Wanted
+    if {![string is double -strict $minutes] || $minutes < 0 || $minutes > 600} {
+        Complain "\"$minutes\" is not a number from 0 to 600"
+        return
+    }
+    dict set Wanted -limit [expr {round(60 * $minutes)}]
+    Later
+}
+proc checkersWindow::Later {} {
+    variable Wanted
+    variable Now
+    variable Later
+    set Later [expr {$Wanted eq $Now ? {} : [Apart] ? "The next game will start other daemons (Ctrl-N)." : "This holds from the next game on (Ctrl-N)."}]
+}
+# Does the next game need other daemons?
+proc checkersWindow::Apart {} {
+    variable Wanted
+    variable Now
+    return [expr {[dict get $Wanted -dry] != [dict get $Now -dry] || ([dict get $Wanted -variant] eq "intl") != ([dict get $Now -variant] eq "intl")}]
+}
+# Both give up their game, and begin another one.
+proc checkersWindow::New {} {
+    variable Wanted
+    variable Now
+    variable Restart
+    variable Again
+    set apart [Apart]
+    set Now $Wanted
+    Later
+    Yours
+    if {$apart} {
+        set ::checkersWindow::State starting
+        set ::checkersWindow::Side {}
+        Clocks
+        {*}$Restart $Now
+        return
+    }
+    send checkers@player CTRL -variant [Holds -variant] -limit [Holds -limit]
+    send human.sim@human CTRL -variant [Holds -variant] -mouse [Holds -mouse]
+    foreach name {human.sim@human checkers@player} {
+        send $name CTRL -new
+        send $name EXEC play
+    }
+    {*}$Again
+}
+
+# ---- for developers: a page for each service concerned, with its panel ----
+
+proc checkersWindow::Panels {} {
+    if {[winfo exists .panels]} {
+        raise .panels
+        focus .panels.n
+        return
+    }
+    package require sorma::panel
+    toplevel .panels -background [ttk::style lookup TFrame -background]
+    wm title .panels "Services"
+    set gap [sorma::style pixels 6]
+    Stop .panels.top 0
+    pack .panels.top -fill x -padx $gap -pady $gap
+    pack [ttk::notebook .panels.n] -fill both -expand 1 -padx $gap -pady $gap
+    ttk::notebook::enableTraversal .panels.n
+    set known [lmap d [sorma::daemons] {dict get $d name}]
+    set i 0
+    foreach name {checkers@player draughts.engine@player porter@player sight@player carry@robot pino@robot manus@hand getbrdsit@eye transform@transform
+            laser@laser speaker@voice simlab@lab human.sim@human} {
+        if {[lindex [split $name @] 1] in $known} {
+            .panels.n add [sorma::panel .panels.n.p[incr i] $name] -text [lindex [split $name @] 0]
+        }
+    }
+    wm minsize .panels [winfo reqwidth .panels.top.stop] [expr {[winfo reqheight .panels.top.stop] * 3}]
+    focus .panels.n
+}
