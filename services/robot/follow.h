@@ -71,7 +71,7 @@ private:
     FollowMotion* motion() const;           // while it moves the arm
     void watch();
 
-    std::string target_ = "tool.target", problem_;
+    std::string target_ = "tool.target";
     double turnAcceleration_ = 3, soft_ = 4, stiff_ = 25, near_ = 0.010, patience_ = 0.1, floor_ = -10, touch_ = 0.02;
     FollowMotion::Feed feed_;
     FollowMotion* motion_ = nullptr;

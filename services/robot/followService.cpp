@@ -118,7 +118,7 @@ void Follow::exec(Message& m) {
     launch(m, [this](const Now& now) {
                auto next = std::make_unique<FollowMotion>(now.settings.frames, now.settings.limits, now.tool, manner(), feed_);
                motion_ = next.get();
-               motion_->use(feed_.target.look(target_, problem_));
+               motion_->use(feed_.target.look(target_));
                timer_ = sorm().loop().after(sorma::monotonicNow() + kLook, [this] { watch(); });
                return Job::Plan{std::move(next), guards(now)};
            },
@@ -131,7 +131,7 @@ void Follow::watch() {
     if (!m) return;
     timer_ = sorm().loop().after(sorma::monotonicNow() + kLook, [this] { watch(); });
     if (feed_.target.attached()) return;
-    auto found = feed_.target.look(target_, problem_);
+    auto found = feed_.target.look(target_);
     sorma::BetweenTicks between(pino());
     m->use(std::move(found));
 }
@@ -145,7 +145,7 @@ void Follow::tellIncidents(sorma::Incidents& out) const {
 void Follow::dumpState(std::string& out) const {
     out += "# followed " + std::to_string(feed_.followed) + "\n# waited " + std::to_string(feed_.waited) + "\n# wrong " +
            std::to_string(feed_.wrong) + "\n";
-    if (!problem_.empty()) out += "# missing " + problem_ + "\n";
+    if (const auto why = feed_.target.missing(); !why.empty()) out += "# missing " + why + "\n";
 }
 
 }  // namespace robot

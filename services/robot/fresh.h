@@ -31,7 +31,7 @@ private:
     State read();
     std::string key() const;
 
-    std::string key_, problem_;
+    std::string key_;
     std::int64_t floats_ = 7;
     double expiry_ = 0.1;
     Tap tap_{7, 7};

@@ -46,7 +46,7 @@ void Fresh::born() {
 void Fresh::watch() {
     if (sorm().hasLoop()) timer_ = sorm().loop().after(sorma::monotonicNow() + kLook, [this] { watch(); });
     if (tap_.attached() || (key_.empty() && name().find('.') == std::string::npos)) return;
-    auto found = tap_.look(key(), problem_);
+    auto found = tap_.look(key());
     sorma::BetweenTicks between(*this);
     tap_.use(std::move(found));
     counter_ = 0;
@@ -96,7 +96,7 @@ std::vector<sorma::Pin> Fresh::pins(std::string_view, std::size_t) const {
 void Fresh::dumpState(std::string& out) const {
     out += "# renewed " + std::to_string(ticks_[renewed]) + "\n# expired " + std::to_string(ticks_[expired]) + "\n# damaged " +
            std::to_string(ticks_[damaged]) + "\n";
-    if (!problem_.empty()) out += "# missing " + problem_ + "\n";
+    if (const auto why = tap_.missing(); !why.empty()) out += "# missing " + why + "\n";
 }
 
 }  // namespace robot

@@ -40,7 +40,7 @@ private:
     bool poseAt(double time, Place& place) const noexcept;
     void tell(std::string& out, const std::string& before) const;
 
-    std::string seenKey_ = "target.rel", posesKey_ = "tool.pose", seenProblem_, posesProblem_;
+    std::string seenKey_ = "target.rel", posesKey_ = "tool.pose";
     double longest_ = 0.5, residual_ = sorma::kInfinity;
     std::vector<double> inside_;
 

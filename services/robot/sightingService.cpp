@@ -61,16 +61,16 @@ void Sighting::changed(std::span<const sorma::Option* const> options) {
 // Buffers come and go; no tick can look for them.
 void Sighting::watch() {
     if (sorm().hasLoop()) timer_ = sorm().loop().after(sorma::monotonicNow() + kLook, [this] { watch(); });
-    auto attach = [&](Tap& tap, const std::string& key, std::string& problem, auto begin) {
+    auto attach = [&](Tap& tap, const std::string& key, auto begin) {
         if (tap.attached()) return;
-        auto found = tap.look(key, problem);
+        auto found = tap.look(key);
         sorma::BetweenTicks between(*this);
         tap.use(std::move(found));
         begin();
     };
-    attach(poses_, posesKey_, posesProblem_, [] {});
+    attach(poses_, posesKey_, [] {});
     // Records that are older than this object are not used.
-    attach(seen_, seenKey_, seenProblem_, [this] { counter_ = seen_.attached() ? seen_.reader()->count() : 0; });
+    attach(seen_, seenKey_, [this] { counter_ = seen_.attached() ? seen_.reader()->count() : 0; });
 }
 
 void Sighting::exec(Message& m) {
@@ -168,8 +168,8 @@ std::vector<sorma::Pin> Sighting::pins(std::string_view, std::size_t) const {
 
 void Sighting::tell(std::string& out, const std::string& before) const {
     for (std::size_t i = 0; i < std::size(kFates); ++i) out += before + kFates[i] + " " + std::to_string(fates_[i]) + "\n";
-    for (auto* problem : {&seenProblem_, &posesProblem_})
-        if (!problem->empty()) out += before + "missing " + *problem + "\n";
+    for (auto* tap : {&seen_, &poses_})
+        if (const auto why = tap->missing(); !why.empty()) out += before + "missing " + why + "\n";
 }
 
 }  // namespace robot

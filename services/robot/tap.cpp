@@ -2,8 +2,8 @@
 
 namespace robot {
 
-Tap::Found Tap::look(const std::string& key, std::string& problem) {
-    problem.clear();
+Tap::Found Tap::look(const std::string& key) {
+    problem_.clear();
     try {
         shmem::Reader reader(key);
         const std::size_t floats = reader.shape().floats;
@@ -13,10 +13,10 @@ Tap::Found Tap::look(const std::string& key, std::string& problem) {
             misfit_ = !fits;
             if (fits) return reader;
         }
-        problem = key + " has records of " + std::to_string(floats) + " floats; " + std::to_string(least_) +
+        problem_ = key + " has records of " + std::to_string(floats) + " floats; " + std::to_string(least_) +
                   (most_ > least_ ? " or more" : "") + " are expected";
     } catch (const shmem::Failure& f) {
-        problem = f.what();
+        problem_ = f.what();
     }
     return {};
 }
@@ -25,6 +25,8 @@ void Tap::use(Found found) {
     if (reader_ && !attached()) ++ended_;
     reader_ = std::move(found);
 }
+
+std::string Tap::missing() const { return reader_ && !attached() ? "its writer has ended" : problem_; }
 
 void Tap::tellIncidents(const std::string& object, const std::string& key, sorma::Incidents& out) const {
     out.push_back({object, "buffer " + key + " has ended", ended_});

@@ -22,15 +22,17 @@ public:
 
     void expect(std::size_t floats) { least_ = most_ = floats; }
     bool attached() const { return reader_ && !reader_->retired(); }
-    // None: nobody writes it, or its records have another size; `problem` says so.
-    Found look(const std::string& key, std::string& problem);
+    // None: nobody writes it, or its records have another size; missing() says so.
+    Found look(const std::string& key);
     void use(Found found);
+    std::string missing() const;        // by the SORM's thread: why there is none; empty while there is one, and before the first look
     void tellIncidents(const std::string& object, const std::string& key, sorma::Incidents& out) const;
     const shmem::Reader* reader() const { return attached() ? &*reader_ : nullptr; }
 
 private:
     std::size_t least_, most_;
     Found reader_;
+    std::string problem_;               // of the last look
     bool misfit_ = false;               // the one that was looked at last has records of another size
     sorma::Tally ended_, misfits_;
 };
