@@ -8,6 +8,7 @@
 package require Tk
 package require sorma::image
 package require sorma::style
+package require sorma::world
 source [file join [file dirname [file normalize [info script]]] packages.tcl]
 package require checkers::repair
 package require checkers::tokens
@@ -33,6 +34,7 @@ namespace eval checkersWindow {
     variable Shows 0                    ;# how often something was shown: what was asked before that is old
     variable Thoughts {}
     variable Hears {}                   ;# subscriptions
+    variable Boots                      ;# array: daemon -> which process it was when it was last seen
 }
 
 proc checkersWindow::send {name args} {
@@ -103,6 +105,7 @@ proc checkersWindow::build settings {
     Themed
     Yours
     Tick
+    sorma::world watch * -events daemon.* -command checkersWindow::Daemon
     update idletasks
     # It does not grow with what is shown in it.
     wm geometry . [expr {min([winfo reqwidth .], [winfo screenwidth .])}]x[expr {min([winfo reqheight .], [winfo screenheight .])}]
@@ -160,11 +163,16 @@ proc checkersWindow::Yours {} {
 
 proc checkersWindow::begin {} {
     variable Hears
+    variable Daemons
     foreach subscription $Hears {
         sorma::unsubscribe $subscription
     }
     set Hears [list [sorma::subscribe [expr {[Holds -dry] ? "drysight" : "sight"}]@player -event seen -latest -command checkersWindow::Seen] \
         [sorma::subscribe checkers@player -event said -queue 1000 -command checkersWindow::Said]]
+    foreach name $Daemons {
+        set told [sorma::world get $name]
+        Lamp $name [expr {$told eq {} ? "gone" : [dict get $told state]}]
+    }
     # Without robot there is no camera.
     .camera.picture configure -every [expr {[Holds -dry] ? 0 : 1000}]
     if {[Holds -dry]} {
@@ -183,25 +191,29 @@ proc checkersWindow::Lamps {} {
         canvas .lamps.c$name -width $d -height $d -highlightthickness 0
         .lamps.c$name create oval [expr {$d * 0.14}] [expr {$d * 0.14}] [expr {$d * 0.86}] [expr {$d * 0.86}] -fill #909090 -outline #505050 -tags lamp
         pack .lamps.c$name [ttk::label .lamps.l$name -text "$name  "] -side left
+        Lamp $name gone
     }
 }
+# A daemon was found, has changed, or is gone. A process that is new begins with what it was started with.
+proc checkersWindow::Daemon {event name told} {
+    variable Boots
+    if {![winfo exists .lamps.c$name]} return
+    Lamp $name [dict get $told state]
+    if {[dict get $told state] ne "alive"} return
+    set boot [dict get $told boot]
+    if {[info exists Boots($name)] && $Boots($name) ne $boot} {
+        Again $name
+    }
+    set Boots($name) $boot
+}
+proc checkersWindow::Lamp {name state} {
+    if {$state ne "alive" && [Dry $name]} {
+        set state none
+    }
+    .lamps.c$name itemconfigure lamp -fill [switch $state {alive {string cat #38b048} busy {string cat #e0b030} none {string cat #a0a0a0} default {string cat #d03020}}]
+}
 proc checkersWindow::Tick {} {
-    variable Daemons
-    variable Alive
     if {![winfo exists .lamps]} return
-    set states {}
-    foreach d [sorma::daemons] {
-        dict set states [dict get $d name] [dict get $d state]
-    }
-    foreach name $Daemons {
-        set state [expr {[dict exists $states $name] ? [dict get $states $name] : [Dry $name] ? "none" : "gone"}]
-        .lamps.c$name itemconfigure lamp -fill [switch $state {alive {string cat #38b048} busy {string cat #e0b030} none {string cat #a0a0a0} default {string cat #d03020}}]
-        # One that is back begins with what it was started with.
-        if {$state eq "alive" && [info exists Alive($name)] && $Alive($name) ni {alive busy}} {
-            Again $name
-        }
-        set Alive($name) $state
-    }
     Clocks
     Look
     after 500 checkersWindow::Tick

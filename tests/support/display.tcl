@@ -54,10 +54,23 @@ proc display::click {window {x 5} {y 5}} {
     update
 }
 
+# display::focus WINDOW -- the keyboard is there, or in a part of it, when this returns: the X server gives it when it comes to that.
+proc display::focus window {
+    ::focus -force $window
+    set end [expr {[clock milliseconds] + 30000}]
+    update
+    while {![string match $window* [::focus -displayof $window]]} {
+        if {[clock milliseconds] > $end} {
+            error "$window does not get the focus: \"[::focus -displayof $window]\" has it"
+        }
+        after 10
+        update
+    }
+}
+
 # display::type WINDOW TEXT -- each character as a key.
 proc display::type {window text} {
-    focus -force $window
-    update
+    focus $window
     foreach character [split $text {}] {
         set names [list " " space - minus . period \r Return]
         event generate $window <Key> -keysym [expr {[dict exists $names $character] ? [dict get $names $character] : $character}]
