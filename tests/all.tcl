@@ -1,23 +1,27 @@
-# all.tcl ?-jobs N? ?SUITE ...? -- runs every suite in a process of its own, several at a time, and sums up.
+# all.tcl ?-jobs N? ?-until TIME? ?SUITE ...? -- runs every suite in a process of its own, several at a time, and sums up.
 #
+# TIME, in seconds as `date +%s` gives them: no suite begins after it. Those that are left out are told, and each counts as skipped.
 # Each suite gets its own folder for temporary files, its own runtime folder for daemons, and a mark in its environment,
 # by which processes that it leaves behind are found. What is left behind, a crash, a suite that runs no test and one
 # that takes longer than its bound all count as failures. Last line: N passed, N failed, N skipped.
 
 set here [file dirname [file normalize [info script]]]
 set bound 300000    ;# ms for one suite
-set jobs [expr {[catch {exec nproc} n] ? 2 : $n}]
+set given [dict create -jobs [expr {[catch {exec nproc} n] ? 2 : $n}] -until {}]
 set wanted {}
-foreach {word} $argv {
-    if {[info exists takesJobs]} {
-        set jobs $word
-        unset takesJobs
-    } elseif {$word eq "-jobs"} {
-        set takesJobs 1
-    } else {
+for {set i 0} {$i < [llength $argv]} {incr i} {
+    set word [lindex $argv $i]
+    if {![dict exists $given $word]} {
         lappend wanted $word
+    } elseif {![string is wideinteger -strict [lindex $argv [incr i]]]} {
+        puts "$word expects a whole number, got \"[lindex $argv $i]\""
+        exit 2
+    } else {
+        dict set given $word [lindex $argv $i]
     }
 }
+set jobs [dict get $given -jobs]
+set until [dict get $given -until]
 array set total {passed 0 failed 0 skipped 0}
 set failures {}
 
@@ -128,7 +132,14 @@ proc finish pipe {
 }
 
 proc next {} {
-    global queue alone running jobs done
+    global queue alone running jobs until total done
+    if {$until ne {} && [clock seconds] >= $until && [llength $queue] + [llength $alone] > 0} {
+        set left [concat $queue $alone]
+        puts "left out, since the time is over: [lmap suite $left {file rootname [file tail $suite]}]"
+        incr total(skipped) [llength $left]
+        set queue {}
+        set alone {}
+    }
     while {[llength $queue] > 0 && [array size running] < $jobs} {
         set queue [lassign $queue suite]
         start $suite

@@ -422,6 +422,9 @@ snit::widget ::sorma::browserTree {
         }]} {
             set status error
             set value [list "its answer makes no sense"]
+        } elseif {$status ne "ok" && [string match "SORMA COMM TIMEOUT*" [lindex $value 1]]} {
+            # It is there, but slow: as long as this is open, it is asked again.
+            ::sorma::timer::once [list $win again $kind $key] 3000 {*}[mymethod AskOpen $key [list $kind]]
         }
         if {$kind eq "daemon"} {
             if {$status eq "ok"} {

@@ -595,8 +595,8 @@ proc ::sorma::world::Resolved {key place} {
         }
         asking { State $key asking [dict get $place why] }
         default {
-            Close $key
             State $key unresolved [dict get $place why]
+            Lost $key
         }
     }
 }
@@ -737,9 +737,16 @@ proc ::sorma::world::Failed {key message code} {
             }
         }
     }
+    Lost $key
+}
+
+# There is no line to it any more. Of one that is not there nothing is left; one that is silent may come back with all it has.
+proc ::sorma::world::Lost key {
+    variable Daemons
+    variable Names
     Close $key
-    foreach name [dict keys $::sorma::world::Names($key)] {
-        if {[dict get $Daemons $key state] in {dead refused unresolved}} {
+    if {[dict get $Daemons $key state] in {dead refused unresolved}} {
+        foreach name [dict keys $Names($key)] {
             Removed $key $name
         }
     }

@@ -38,9 +38,14 @@ proc state {} {
 }
 proc get what { return [dict get [state] $what] }
 
+# By the clock of the other side, which may be slower than that of the wall; when that stands still, for ten times as long.
 proc pause seconds {
-    after [expr {round(1000 * $seconds)}] {set ::paused 1}
-    vwait ::paused
+    set until [expr {[get time] + $seconds}]
+    set end [expr {[clock milliseconds] + 10000 * $seconds}]
+    while {[get time] < $until && [clock milliseconds] < $end} {
+        after 5 {set ::paused 1}
+        vwait ::paused
+    }
 }
 
 # A set-point that is due after one period.

@@ -46,6 +46,7 @@ if {[regsub {^-file:} $lie {} path]} {
     set lie [read $channel]
     close $channel
 }
+set reply [rpc::message $lie][trail]
 set listener [socket -server accept -myaddr 127.0.0.1 0]
 puts [lindex [fconfigure $listener -sockname] 2]
 flush stdout
