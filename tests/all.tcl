@@ -1,12 +1,13 @@
 # all.tcl ?-jobs N? ?-until TIME? ?SUITE ...? -- runs every suite in a process of its own, several at a time, and sums up.
 #
 # TIME, in seconds as `date +%s` gives them: no suite begins after it. Those that are left out are told, and each counts as skipped.
+# Suites run in the order in which they are named.
 # Each suite gets its own folder for temporary files, its own runtime folder for daemons, and a mark in its environment,
 # by which processes that it leaves behind are found. What is left behind, a crash, a suite that runs no test and one
 # that takes longer than its bound all count as failures. Last line: N passed, N failed, N skipped.
 
 set here [file dirname [file normalize [info script]]]
-set bound 300000    ;# ms for one suite
+set bound 600000    ;# ms for one suite
 set given [dict create -jobs [expr {[catch {exec nproc} n] ? 2 : $n}] -until {}]
 set wanted {}
 for {set i 0} {$i < [llength $argv]} {incr i} {
@@ -156,14 +157,13 @@ proc next {} {
 # Libtool links modules anew in the build tree when it installs: nobody may load one meanwhile.
 set queue {}
 set alone {}
-foreach suite [lsort [glob -directory $here *.test]] {
-    if {[llength $wanted] == 0 || [file rootname [file tail $suite]] in $wanted} {
-        lappend [expr {[file tail $suite] eq "install.test" ? "alone" : "queue"}] $suite
+set there [lmap suite [lsort [glob -tails -directory $here *.test]] {file rootname $suite}]
+foreach name [expr {[llength $wanted] > 0 ? $wanted : $there}] {
+    if {$name ni $there} {
+        puts "no suite \"$name\"; there are: $there"
+        exit 2
     }
-}
-if {[llength $queue] + [llength $alone] == 0} {
-    puts "no suite of that name; there are: [lmap s [lsort [glob -tails -directory $here *.test]] {file rootname $s}]"
-    exit 2
+    lappend [expr {$name eq "install" ? "alone" : "queue"}] [file join $here $name.test]
 }
 puts "Tcl [info patchlevel]"
 array set running {}
