@@ -22,7 +22,6 @@ snit::widget ::sorma::browserSearch {
     variable wanted {}
     variable found {}
     variable index {}           ;# dict: {KEY CLASS} -> list of OPTION {its name, unit and help}, flat
-    variable missing {}         ;# dict: {KEY CLASS} -> 1: its table has not come yet
 
     constructor args {
         $self configurelist $args
@@ -63,70 +62,58 @@ snit::widget ::sorma::browserSearch {
 
     # ---- what is known ----
 
-    # Texts of classes that are not in the index yet.
     method Focused {} {
         $options(-tree) learn
         $self Learn
     }
+    # Texts of classes that are not in the index yet. Were there any? A question may fail, and then no answer comes: ask again, as long as
+    # somebody searches.
     method Learn {} {
+        set learned 0
+        set missing 0
         foreach class [$options(-tree) classes] {
             if {![dict exists $index $class]} {
-                $self LearnClass $class
+                if {[$self LearnClass $class]} {
+                    set learned 1
+                } else {
+                    set missing 1
+                }
             }
         }
-        $self Again
-    }
-    # A question may fail, and then no answer comes: ask again, as long as somebody searches.
-    method Again {} {
-        if {[dict size $missing] > 0 && $wanted ne {}} {
+        if {$missing && $wanted ne {}} {
             ::sorma::timer::once $win.again 1000 {*}[mymethod More]
         }
+        return $learned
     }
+    # Is it known?
     method LearnClass class {
         lassign $class daemon name
         # Its own table has no such name; an object of that flavor is not made by the question.
         set where [if {$daemon ne "self"} {string cat @$daemon}]
         if {[catch {::sorma::table describe $name.?$where} table] || $table eq {}} {
-            dict set missing $class 1
-            return
+            return 0
         }
-        dict unset missing $class
         set texts {}
         foreach option [dict get $table options] {
             lassign $option word type unit range default value help
             lappend texts $word "$word $unit $help"
         }
         dict set index $class $texts
+        return 1
     }
+    # A table has come, a daemon has changed, or another process has its name: then its classes may be of another version.
     method Answered {event about dict} {
         if {$event eq "daemon.process"} {
-            $self Forget $about
+            set index [dict filter $index script {class texts} {expr {[lindex $class 0] ne $about}}]
         }
-        if {[dict size $missing] > 0} {
+        if {$wanted ne {}} {
             ::sorma::timer::once $win 50 {*}[mymethod More]
         }
     }
-    # Another process has that name: its classes may be of another version.
-    method Forget daemon {
-        foreach class [dict keys $index] {
-            if {[lindex $class 0] eq $daemon} {
-                dict unset index $class
-                dict set missing $class 1
-            }
-        }
-    }
     method More {} {
-        foreach class [dict keys $missing] {
-            if {![$options(-tree) has $class]} {
-                dict unset missing $class
-                continue
-            }
-            $self LearnClass $class
-        }
-        if {$wanted ne {}} {
+        if {[$self Learn] && $wanted ne {}} {
             $self Show
         }
-        $self Again
     }
 
     # ---- looking ----

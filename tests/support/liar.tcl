@@ -1,4 +1,4 @@
-# liar.tcl TEXT|-file:PATH ?N? -- listens on a TCP port like a daemon, greets its clients as one, and answers every call with TEXT and a
+# liar.tcl TEXT|-file:PATH ?N? -- listens on a TCP port like a daemon, greets its clients as one, is well, and answers every call with TEXT and a
 # trail of N warnings (TEXT may be what a file holds); who subscribes is refused without a reason. Prints its port. Ends with its standard input.
 
 source [file join [file dirname [file normalize [info script]]] rpc.tcl]
@@ -29,6 +29,7 @@ proc answer {channel record} {
     switch $procedure {
         1 { rpc::send $channel [rpc::record $head$welcome] }
         2 { rpc::send $channel [rpc::record $head[binary format IIII 0 0 0 0][rpc::message $::lie][trail]] }
+        4 { rpc::send $channel [rpc::record $head[rpc::text liar][binary format WI 0 0][rpc::text {}][binary format WII 0 0 1]] }
         5 { rpc::send $channel [rpc::record $head[binary format IIII -1 0 0 0][rpc::message][binary format II 0 0]] }
     }
 }
