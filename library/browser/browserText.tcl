@@ -103,7 +103,13 @@ snit::widget ::sorma::browserText {
         if {$length > $Most} {
             set text "[string range $text 0 $Most-1]\n\u2026 and [expr {$length - $Most}] characters more"
         }
-        return [regsub -all {(?:[^\n]{250}){4}} [::sorma::text::clean $text] "&\n"]
+        set lines {}
+        foreach line [split [::sorma::text::clean $text] \n] {
+            for {set at 0} {$at == 0 || $at < [string length $line]} {incr at 1000} {
+                lappend lines [string range $line $at $at+999]
+            }
+        }
+        return [join $lines \n]
     }
     method Put text {
         if {$text eq $shown} return
