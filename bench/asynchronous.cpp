@@ -4,7 +4,10 @@
 #include <malloc.h>
 
 #include <algorithm>
+#include <chrono>
+#include <functional>
 #include <memory>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -28,11 +31,15 @@ constexpr int kCancelled = 16;                  // in one operation
 constexpr double kMostBytes = 1000;             // of the caller's memory for a pending future
 constexpr double kDelivery = 1e9 / 150'000;     // [ns]
 
+constexpr std::int64_t kTimer = 5'000'000;      // [ns]
+constexpr int kInFlight = 64;
+
 constexpr const char* kRaw = "raw sockets, as many bytes to ten processes";
 
 const Case kFuture = {"FUTURE_unix", "Tcl: async nop@robot EXEC, wait, destroy", "nop@robot EXEC in the same interpreter", 1.3, 0, 0,
                       Interpreter::kUnrolled, kBatch};
 const Case kBusy = {"CTRL_busy", "CTRL of an object whose EXEC is under way", "CTRL of an idle one", 2, 0, 0, 1, kBatch};
+const Case kLate = {"TIMER_busy", "lateness of a 5 ms timer, p99; 64 calls in flight", "of an idle daemon; one CPU", 0, 0, 0, 1, 50'000'000, 3};
 const std::vector<Case> kStreams = {
     {"STREAM", "events to 100 subscribers, each; one CPU", kRaw, 0, kDelivery, 0, kEvents * kSubscribers, kLong, 5},
     {"STREAM_single", "the same, one event at a time; one CPU", kRaw, 0, kDelivery, 0, kSubscribers, kBatch, 20},
@@ -46,7 +53,7 @@ const std::vector<Case> kCrowds = {
 const Case kMemory = {"FUTURES", "a pending future, memory of the caller"};
 
 std::vector<Case> allCases() {
-    std::vector<Case> all = {kFuture, kBusy, kPublish, kDeaf, kMemory};
+    std::vector<Case> all = {kFuture, kBusy, kLate, kPublish, kDeaf, kMemory};
     for (auto* more : {&kStreams, &kCrowds}) all.insert(all.end(), more->begin(), more->end());
     return all;
 }
@@ -64,6 +71,26 @@ oo::class create ticker {
     }
     method exec message {
         return $message
+    }
+}
+oo::class create metronome {
+    superclass sorma::Service
+    variable Due Late
+    constructor {} {
+        set Due [expr {[clock microseconds] + 5000}]
+        set Late {}
+        after 5 [namespace code {my Tick}]
+    }
+    method Tick {} {
+        set now [clock microseconds]
+        lappend Late [expr {$now - $Due}]
+        set Due [expr {$now + 5000}]
+        after 5 [namespace code {my Tick}]
+    }
+    method exec message {
+        set late $Late
+        set Late {}
+        return [dict create ints $late]
     }
 }
 )";
@@ -173,6 +200,31 @@ void crowds(Table& table, const Daemon& daemon) {
     if (!many.pending() || !few.pending()) throw std::runtime_error("FUTURES: a call that takes an hour was over");
 }
 
+// How late the timers of a daemon come that has calls to answer all the time, and of one that has none. They are asked for what
+// has come since they were asked before [us].
+void timers(Table& table, Bus& bus, const Daemon& daemon, const std::string& script) {
+    if (!table.wants(kLate.row)) return;
+    Daemon idle("idle", cpus().first, {"-script", script});
+    Remote load(bus, daemon.unixAddress(), false);
+    auto lateness = [&bus](const Daemon& of, std::int64_t count, const std::function<void(std::int64_t until)>& meanwhile) {
+        sorma::Reference timer = bus.sorm.get("metronome.m@" + of.unixAddress());
+        Message m;
+        timer->invoke(Method::exec, m);
+        meanwhile(now() + std::max<std::int64_t>(count, 20) * kTimer);
+        m.clear();
+        timer->invoke(Method::exec, m);
+        if (m.ints.empty()) throw std::runtime_error("TIMER_busy: no timer came");
+        return std::int64_t(1000 * quantile({m.ints.begin(), m.ints.end()}, 0.99)) * count;
+    };
+    auto busy = [&](std::int64_t count) {
+        return lateness(daemon, count, [&](std::int64_t until) { load.pipeline(kInFlight, [&](std::size_t) { return now() < until; }); });
+    };
+    auto quiet = [&](std::int64_t count) {
+        return lateness(idle, count, [](std::int64_t until) { std::this_thread::sleep_for(std::chrono::nanoseconds(until - now())); });
+    };
+    table.measure(kLate, busy, quiet);
+}
+
 // ---- events ----
 
 // On the wire.
@@ -236,10 +288,12 @@ void asynchronous(Table& table) {
     if (!table.wantsAny(all)) return;
     try {
         Folder folder;
-        Daemon daemon("bench", cpus().first, {"-script", folder.file("ticker.tcl", kTicker)});
+        const std::string script = folder.file("ticker.tcl", kTicker);
+        Daemon daemon("bench", cpus().first, {"-script", script});
         Bus bus;
         futures(table, daemon);
         busy(table, daemon);
+        timers(table, bus, daemon, script);
         streams(table, bus, daemon);
         crowds(table, daemon);
     } catch (const Interrupted&) {

@@ -1,7 +1,6 @@
 #include "measure.h"
 
 #include <dirent.h>
-#include <fnmatch.h>
 #include <sched.h>
 #include <signal.h>
 #include <time.h>
@@ -10,6 +9,8 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+
+#include "bus/glob.h"
 
 namespace bench {
 
@@ -130,7 +131,7 @@ bool Result::met() const {
 
 Table::Table(std::string pattern, int rounds, bool json) : pattern_(std::move(pattern)), rounds_(rounds), json_(json) {}
 
-bool Table::wants(const char* row) const { return fnmatch(pattern_.c_str(), row, 0) == 0; }
+bool Table::wants(const char* row) const { return sorma::globMatch(pattern_, row); }
 
 bool Table::wantsAny(const std::vector<Case>& cases) const {
     return std::any_of(cases.begin(), cases.end(), [&](auto& c) { return wants(c.row); });

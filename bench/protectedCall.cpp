@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <memory>
+#include <utility>
 
 #include "interpreter.h"
 #include "process.h"
@@ -30,6 +31,11 @@ const std::vector<Case> kPairs = {
     {"P10_tcp_2cpu", "call, text and 10 floats; two CPUs", kRaw, 1.4, 0, 0, 1, kBatch},
 };
 const Case kIdle = {"P_unix_idle", "call, empty, after 5 ms of silence; one CPU", kRaw, 0, 0, 0, 1, kBatch, 20};
+constexpr std::int64_t kTailBatch = 20'000'000;        // [ns]: 1000 calls and more, of which ten are later than the figure
+const std::vector<Case> kTails = {
+    {"P99_unix", "99th percentile of empty calls; one CPU", "that of raw ping-pong", 1.3, 0, 0, 1, kTailBatch, 30},
+    {"P99_tcp", "99th percentile of empty calls; one CPU", "that of raw ping-pong", 1.3, 0, 0, 1, kTailBatch, 30},
+};
 const std::vector<Case> kPipes = {
     {"PIPE_unix", "64 calls in flight, empty; one CPU", kRawMany, 0, 0, 0, kInFlight * kRounds, kBatch},
     {"PIPE_tcp", "64 calls in flight, empty; one CPU", kRawMany, 0, 0, 0, kInFlight * kRounds, kBatch},
@@ -48,7 +54,7 @@ const std::vector<Case> kBigs = {
 std::vector<Case> allCases() {
     std::vector<Case> all = kPairs;
     all.push_back(kIdle);
-    for (auto* more : {&kPipes, &kScripts, &kBigs}) all.insert(all.end(), more->begin(), more->end());
+    for (auto* more : {&kTails, &kPipes, &kScripts, &kBigs}) all.insert(all.end(), more->begin(), more->end());
     return all;
 }
 
@@ -67,6 +73,19 @@ Body afterSilence(std::function<void()> call) {
     };
 }
 
+// Its time is that of as many calls which all take as long as the 99th percentile.
+Body tail(std::function<void()> call) {
+    return [call, times = std::vector<double>()](std::int64_t count) mutable {
+        times.clear();
+        for (std::int64_t n = 0, last = now(); n < count; ++n) {
+            call();
+            std::int64_t after = now();
+            times.push_back(double(after - std::exchange(last, after)));
+        }
+        return std::int64_t(quantile(times, 0.99) * double(count));
+    };
+}
+
 void calls(Table& table, Bus& bus, const Daemon& daemon, const std::vector<Case>& cases) {
     for (auto& c : cases) {
         if (!table.wants(c.row)) continue;
@@ -75,7 +94,9 @@ void calls(Table& table, Bus& bus, const Daemon& daemon, const std::vector<Case>
         pin(daemon.process(), cpu);
         Remote remote(bus, tcp ? daemon.tcpAddress() : daemon.unixAddress(), contains(c, "P10"));
         RawServer raw(tcp ? Kind::tcp : Kind::unixSocket, cpu, remote.requestSize(), remote.replySize());
-        if (idle)
+        if (contains(c, "P99"))
+            table.measure(c, tail([&] { remote.call(); }), tail([&] { raw.call(); }));
+        else if (idle)
             table.measure(c, afterSilence([&] { remote.call(); }), afterSilence([&] { raw.call(); }));
         else
             table.measure(c, repeat([&] { remote.call(); }), repeat([&] { raw.call(); }));
@@ -157,6 +178,7 @@ void protectedCall(Table& table) {
         Bus bus;
         calls(table, bus, daemon, kPairs);
         calls(table, bus, daemon, {kIdle});
+        calls(table, bus, daemon, kTails);
         pipelines(table, bus, daemon);
         if (table.wantsAny(kScripts)) scripts(table, bus, daemon);
         bigOnes(table, bus, daemon);

@@ -9,7 +9,7 @@ void byReference(Table& table);         // F TO
 void tclCommand(Table& table);          // T
 void textDispatch(Table& table);        // S
 void protectedCall(Table& table);       // P PT PIPE BIG
-void asynchronous(Table& table);        // FUTURE CTRL_busy STREAM PUBLISH FUTURES
+void asynchronous(Table& table);        // FUTURE CTRL_busy TIMER_busy STREAM PUBLISH FUTURES
 void snapshot(Table& table);            // M
 void cycle(Table& table);               // CYCLE
 void circuit(Table& table);             // CIRCUIT

@@ -59,8 +59,8 @@ private:
 void copies(Table& table, Interpreter& interpreter, std::size_t floats, const Case& write, const Case& read) {
     if (!table.wants(write.row) && !table.wants(read.row)) return;
     const std::string key = ownKey(floats);
-    auto writer = interpreter.sorm().create("shmem_w." + key, {"-blocks", std::to_string(kBlocks), "-floats", std::to_string(floats)});
-    auto reader = interpreter.sorm().create("shmem_r." + key, {});
+    auto writer = interpreter.sorm().create("shmem_w." + key, {"-blocks", std::to_string(kBlocks), "-floats", std::to_string(floats)}, nullptr);
+    auto reader = interpreter.sorm().create("shmem_r." + key, {}, nullptr);
     const std::size_t bytes = floats * sizeof(double);
     sorma::Message in, out;
     in.floats.assign(floats, 1.5);
@@ -95,8 +95,8 @@ void copies(Table& table, Interpreter& interpreter, std::size_t floats, const Ca
                       std::memcpy(out.floats.data(), pages.at(), bytes);
                       keep(out);
                   }));
-    interpreter.sorm().remove(reader->name());
-    interpreter.sorm().remove(writer->name());
+    interpreter.sorm().remove(reader->name(), sorma::Permit::owner());
+    interpreter.sorm().remove(writer->name(), sorma::Permit::owner());
 }
 
 void inPlace(Table& table, const Case& of) {
@@ -170,7 +170,7 @@ private:
 void wake(Table& table, Interpreter& interpreter, const Case& of) {
     if (!table.wants(of.row)) return;
     const std::string key = ownKey(1);
-    auto writer = interpreter.sorm().create("shmem_w." + key, {"-floats", "1"});
+    auto writer = interpreter.sorm().create("shmem_w." + key, {"-floats", "1"}, nullptr);
     sorma::Message m;
     m.floats.assign(1, 0);
     Sleeper ours([reader = shmem::Reader(key), last = std::uint64_t{0}](Sleeper::Shared&) mutable {
@@ -196,7 +196,7 @@ void wake(Table& table, Interpreter& interpreter, const Case& of) {
                       s.word.fetch_add(1);
                       syscall(SYS_futex, reinterpret_cast<std::uint32_t*>(&s.word), FUTEX_WAKE, INT_MAX, nullptr, nullptr, 0);
                   }));
-    interpreter.sorm().remove(writer->name());
+    interpreter.sorm().remove(writer->name(), sorma::Permit::owner());
 }
 
 }  // namespace

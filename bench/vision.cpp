@@ -46,7 +46,7 @@ void ball(Table& table) {
 // Seen from straight above, so that it can be drawn here.
 void board(Table& table) {
     const vision::BoardShape shape;
-    vision::View view;
+    vision::CameraView view;
     view.camera.linear() << 0, -1, 0, -1, 0, 0, 0, 0, -1;
     view.camera.translation() << 0.57, 0, 0.62;
     vision::BoardPose pose;

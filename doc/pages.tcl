@@ -25,7 +25,7 @@ source -encoding utf-8 [file join [file dirname [info script]] classPage.tcl]
 proc public {headers name} {
     foreach file [concat [file join $headers sorma.h] [lsort [glob -directory $headers bus/*.h comm/*.h]]] {
         set text [read_file $file]
-        if {![regexp -indices -line "^(class|struct|enum class) $name\\y\[^;\]*\$" $text range]} continue
+        if {![regexp -indices -line "^(?:template <\[^>\]*> )?(class|struct|enum class) $name\\y\[^;\]*\$" $text range]} continue
         set out {}
         foreach line [split [string range $text [lindex $range 0] end] \n] {
             if {$line in {private: \}\;}} break

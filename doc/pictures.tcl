@@ -84,6 +84,7 @@ namespace eval pictures {
         led        {sorma::led -name arm.left@pictures -option -lamp -text "light at the fingers"}
         meter      {sorma::meter -name arm.left@pictures -option -force}
         reading    {sorma::reading -name foo.cell@pictures -part text}
+        notice     {sorma::notice -lines 2}
         status     {sorma::status -name arm.left@pictures}
         stripchart {sorma::stripchart -span 20 -width 420 -height 160}
         image      {sorma::image -name camera.hand@pictures -every 200 -width 320 -height 240 -zoom 2}
@@ -177,6 +178,7 @@ proc pictures::Ready name {
             .w choose {object pictures arm.left}
             until {[string match "*-speed 0.5*" [.w text]]}
         }
+        notice { wm geometry . 460x64; .w say gone "arm.left is not there any more. A request makes it again, from its recipe." {apply {{} {}}} }
         status { until {[.w shows] eq "alive"} }
         image { until {[.w answer] eq "ok"} }
         stripchart {

@@ -23,6 +23,7 @@ apply {{} {
         lamp {led meter reading status}
         image image
         painter painter
+        notice notice
         trailview trailview
         panel panel
         window window
@@ -37,3 +38,12 @@ apply {{} {
         }
     }
 }}
+
+# A line of SORMA_DICT, or of another variable, that is wrong is left out; whatever the program, it is said.
+if {[info exists env(SORMA_DICT)] || [array names env SORMA_ENTRY_*] ne {}} {
+    apply {{} {
+        foreach line [split [lindex [::sorma::so::dict CTRL -leftOut] 3] \n] {
+            catch {puts stderr "warning: $line"}
+        }
+    }}
+}

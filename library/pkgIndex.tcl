@@ -15,9 +15,9 @@ apply {dir {
         json line message options text timer usage
         elsewhere events load news table value world
         complete listing manual reply trail
-        arrangement chart console execform field form image lamp layout painter panel parts style subject trailview window
+        arrangement chart console execform field form image lamp layout notice painter panel parts style subject trailview window
         browser browserDict browserEvents browserGraph browserLaunch browserLog browserSearch browserText browserTree
-        await browse daemon doctor inspect launch launchDaemon launchFile launchForward observe record scott scottwish shell
+        await browse daemon doctor inspect launch launchDaemon launchFile launchForward observe packages record scott scottwish shell
     } {
         package ifneeded sorma::$name 1.0 [list source -encoding utf-8 [file join $dir $name.tcl]]
     }

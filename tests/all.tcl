@@ -1,14 +1,15 @@
-# all.tcl ?-jobs N? ?-until TIME? ?SUITE ...? -- runs every suite in a process of its own, several at a time, and sums up.
+# all.tcl ?-jobs N? ?-until TIME? ?-bound SECONDS? ?SUITE ...? -- runs every suite in a process of its own, several at a time, and sums up.
 #
-# TIME, in seconds as `date +%s` gives them: no suite begins after it. Those that are left out are told, and each counts as skipped.
-# Suites run in the order in which they are named.
+# A suite that takes longer than SECONDS (600 unless given) is ended.
+# TIME, in seconds as `date +%s` gives them: no suite begins after it. Those that are left out are told, and each counts as failed, or with
+# SORMA_QUICK=1 as skipped. Suites run in the order in which they are named, else those first that take longest.
 # Each suite gets its own folder for temporary files, its own runtime folder for daemons, and a mark in its environment,
 # by which processes that it leaves behind are found. What is left behind, a crash, a suite that runs no test and one
-# that takes longer than its bound all count as failures. Last line: N passed, N failed, N skipped.
+# that takes longer than its bound all count as failures. The end lists which tests were skipped and why: CONTRIBUTING.md has the reasons that
+# there may be. With SORMA_REQUIRE=all a test that is skipped for no such reason is a failure, too. Last line: N passed, N failed, N skipped.
 
 set here [file dirname [file normalize [info script]]]
-set bound 600000    ;# ms for one suite
-set given [dict create -jobs [expr {[catch {exec nproc} n] ? 2 : $n}] -until {}]
+set given [dict create -jobs [expr {[catch {exec nproc} n] ? 2 : $n + 1}] -until {} -bound 600]     ;# suites wait most of the time
 set wanted {}
 for {set i 0} {$i < [llength $argv]} {incr i} {
     set word [lindex $argv $i]
@@ -23,8 +24,51 @@ for {set i 0} {$i < [llength $argv]} {incr i} {
 }
 set jobs [dict get $given -jobs]
 set until [dict get $given -until]
+set bound [expr {[dict get $given -bound] * 1000}]      ;# ms for one suite
 array set total {passed 0 failed 0 skipped 0}
 set failures {}
+set times {}        ;# list of {suite seconds}
+set skips {}        ;# dict: reason -> list of {suite number}
+set strict [expr {[info exists env(SORMA_REQUIRE)] && $env(SORMA_REQUIRE) eq "all"}]
+set quick [expr {[info exists env(SORMA_QUICK)] && $env(SORMA_QUICK) eq "1"}]
+
+# The reasons for which tests may be skipped: the table of CONTRIBUTING.md whose cells are a reason, `an expression` that says when it holds,
+# and the `constraints` of tests. Returns a dict: constraint -> {reason holds}.
+proc reasons file {
+    set f [open $file]
+    fconfigure $f -encoding utf-8
+    set found {}
+    foreach line [split [read $f] \n] {
+        if {[regexp {^\| ([^|]+) \| `([^|]+)` \| ((?:`[^`|]+` ?)+)\|$} $line -> reason when constraints]} {
+            foreach {- constraint} [regexp -all -inline {`([^`]+)`} $constraints] {
+                dict set found $constraint [list $reason [uplevel #0 [list expr $when]]]
+            }
+        }
+    }
+    close $f
+    return $found
+}
+
+# Why tests of a suite were skipped, from what tcltest says at its end. Returns what is wrong with that.
+proc whySkipped {name output} {
+    global skips permitted
+    set problems {}
+    regexp {Number of tests skipped for each constraint:((?:\n\t\d+\t[^\n]*)*)} $output -> lines
+    if {[info exists lines]} {
+        foreach {- number constraint} [regexp -all -inline -line {^\t(\d+)\t(.*)$} $lines] {
+            set reason "\"$constraint\", which CONTRIBUTING.md does not list"
+            if {[dict exists $permitted $constraint]} {
+                lassign [dict get $permitted $constraint] listed holds
+                set reason [expr {$holds ? $listed : "\"$constraint\", though here its reason does not hold: $listed"}]
+            }
+            dict lappend skips $reason [list $name $number]
+            if {![dict exists $permitted $constraint] || !$holds} {
+                lappend problems "$number skipped for $reason"
+            }
+        }
+    }
+    return $problems
+}
 
 proc start suite {
     global here running env bound
@@ -75,7 +119,7 @@ proc marked mark {
 }
 
 proc finish pipe {
-    global running total failures done
+    global running total failures times strict done
     set suite $running($pipe)
     unset running($pipe)
     after cancel [dict get $suite timer]
@@ -95,6 +139,10 @@ proc finish pipe {
         set passed 0
         set skipped 0
         lappend problems "it ended without its sum"
+    }
+    set unlisted [whySkipped $name $output]
+    if {$strict} {
+        lappend problems {*}$unlisted
     }
     if {$crash && $failed == 0} {
         lappend problems "it ended with an error: $message"
@@ -119,8 +167,9 @@ proc finish pipe {
     file delete -force [dict get $suite folder]
     incr failed [llength $problems]
     incr total(failed) $failed
-    puts [format "%-24s %4d passed %3d failed %3d skipped %7.1f s" $name $passed $failed $skipped \
-        [expr {([clock milliseconds] - [dict get $suite begin]) / 1000.0}]]
+    set seconds [expr {([clock milliseconds] - [dict get $suite begin]) / 1000.0}]
+    lappend times [list $name $seconds]
+    puts [format "%-24s %4d passed %3d failed %3d skipped %7.1f s" $name $passed $failed $skipped $seconds]
     if {$failed > 0} {
         lappend failures $name
         puts [string trim $output]
@@ -133,11 +182,11 @@ proc finish pipe {
 }
 
 proc next {} {
-    global queue alone running jobs until total done
+    global queue alone running jobs until total quick done
     if {$until ne {} && [clock seconds] >= $until && [llength $queue] + [llength $alone] > 0} {
         set left [concat $queue $alone]
         puts "left out, since the time is over: [lmap suite $left {file rootname [file tail $suite]}]"
-        incr total(skipped) [llength $left]
+        incr total([expr {$quick ? "skipped" : "failed"}]) [llength $left]
         set queue {}
         set alone {}
     }
@@ -155,10 +204,16 @@ proc next {} {
 }
 
 # Libtool links modules anew in the build tree when it installs: nobody may load one meanwhile.
+set permitted [reasons [file join [file dirname $here] CONTRIBUTING.md]]
 set queue {}
 set alone {}
 set there [lmap suite [lsort [glob -tails -directory $here *.test]] {file rootname $suite}]
-foreach name [expr {[llength $wanted] > 0 ? $wanted : $there}] {
+# A long suite that begins last would run alone at the end. First come those that take longest, as measured; then the others, by the sizes of
+# their files, and by name.
+set longest {checkers trackerDemo draughts robot launch checkersWindow hardware lab connection sync tutorials simlab browser panel hand cycle vision}
+set byLength [lmap item [lsort -decreasing -integer -index 1 [lmap name $there {list $name [file size [file join $here $name.test]]}]] {lindex $item 0}]
+set order [concat [lmap name $longest {expr {$name in $there ? $name : [continue]}}] [lmap name $byLength {expr {$name in $longest ? [continue] : $name}}]]
+foreach name [expr {[llength $wanted] > 0 ? $wanted : $order}] {
     if {$name ni $there} {
         puts "no suite \"$name\"; there are: $there"
         exit 2
@@ -170,6 +225,12 @@ array set running {}
 next
 if {![info exists done]} {
     vwait done
+}
+if {[llength $times] > 10} {
+    puts "the slowest: [join [lmap item [lrange [lsort -decreasing -real -index 1 $times] 0 9] {format "%s %.0f s" {*}$item}] {, }]"
+}
+dict for {reason suites} $skips {
+    puts "skipped for $reason: [join [lmap item $suites {lassign $item name number; string cat "$number in $name"}] {, }]"
 }
 if {[llength $failures] > 0} {
     puts "suites with failures: $failures"

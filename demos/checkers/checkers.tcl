@@ -61,6 +61,12 @@ proc checkersGame::Begin {o folder go windows} {
     session::ready
 }
 
+# Has the robot believed what is not so? Against a simulated person also: has it lost a token, or has he put all tokens where they belong?
+proc checkersGame::Failed {figures simulated} {
+    set names [list wrong_readings_accepted {*}[expr {$simulated ? {tokens_lost_unnoticed put_in_order} : {}}]]
+    return [expr {[tcl::mathop::+ {*}[lmap name $names {lindex [dict get $figures $name] 0}]] > 0}]
+}
+
 # What the window wants: another game with these options, with other daemons or with the same.
 proc checkersGame::Restart chosen {
     variable Wants $chosen
@@ -121,7 +127,7 @@ proc checkersGame::run {} {
                 dict for {name value} $figures {
                     puts "$name [join $value]"
                 }
-                set code [expr {[lindex [dict get $figures result] 0] ni {1-0 0-1 1/2-1/2} || [lindex [dict get $figures wrong_readings_accepted] 0] > 0}]
+                set code [expr {[lindex [dict get $figures result] 0] ni {1-0 0-1 1/2-1/2} || [Failed $figures [expr {[dict get $o -human] eq "sim"}]]}]
                 if {!$windows || [dict get $o -once]} {
                     return $code
                 }

@@ -3,7 +3,8 @@
 # Each game: the board is put somewhere else, the light is another one (+-20 %), the person has another seed. -kills: every so many
 # seconds of wall time one of the daemons is killed, of all or of -victims. -shifts: so often the board is moved during a game. -dry: without arm, hand and eye.
 # -most: a game that has not ended after so much wall time is given up, and it is said where the plot stood. Exit code 0: all games were ended
-# by the rules, nothing wrong was believed, no token was lost without being noticed, each fault was named.
+# by the rules, nothing wrong was believed, no token was lost without being noticed, each fault was named, all daemons that were killed came
+# back, and nobody set out all tokens at once but after a kill of the laboratory or of the person.
 
 source [file join [file dirname [file normalize [info script]]] session.tcl]
 package require sorma::service::drycarry
@@ -12,7 +13,6 @@ package require sorma::options
 namespace eval checkersFigures {
     variable Place {0 0 0}      ;# of the board: by how much it has been moved
     variable Shifts 0           ;# that are still to come in this game
-    variable Kills 0
     variable Killing {}         ;# id of after
 }
 
@@ -36,10 +36,8 @@ proc checkersFigures::Watch told {
 }
 proc checkersFigures::Kill {daemons seconds} {
     variable Killing
-    variable Kills
     set victim [lindex $daemons [expr {int(rand() * [llength $daemons])}]]
-    incr Kills [session::kill $victim]
-    if {$victim eq "lab"} {
+    if {[session::kill $victim] && $victim eq "lab"} {
         variable Place {0 0 0}
     }
     set Killing [after [expr {int(1e3 * $seconds)}] [list checkersFigures::Kill $daemons $seconds]]
@@ -47,7 +45,6 @@ proc checkersFigures::Kill {daemons seconds} {
 
 proc checkersFigures::run {} {
     variable Shifts
-    variable Kills
     variable Killing
     set o [sorma::options::parse {-games {any 20} -seed {any 1} -faults {any 0} -kills {any 0} -shifts {any 0} -variant {{choice braz engl intl} braz} -speed {any 0}
         -folder any -dry flag -most {any 900} -victims {any {}}} $::argv]
@@ -86,20 +83,28 @@ proc checkersFigures::run {} {
         set failed 1
     } finally {
         after cancel $Killing
+        set kills [session::killed 60]
         session::end
     }
-    return [expr {[Report $rows] || $failed}]
+    foreach name [dict keys $::session::Killed] {
+        puts "daemon $name was killed and has not come back"
+        set failed 1
+    }
+    return [expr {[Report $rows $kills] || $failed}]
 }
-proc checkersFigures::Report rows {
-    variable Kills
+# KILLS: daemon -> how often.
+proc checkersFigures::Report {rows kills} {
     set ended [llength [lsearch -all -regexp [lmap row $rows {dict get $row result}] {1-0|0-1|1/2-1/2}]]
-    puts "games [llength $rows] 1\nended_by_the_rules $ended 1\ndaemons_killed $Kills 1"
-    foreach name {carries troubles heights_felt moves_foreseen board_moved wrong_readings_accepted tokens_lost_unnoticed faults_of_the_person faults_named faults_undone put_in_order lab_time wall_time} {
+    puts "games [llength $rows] 1\nended_by_the_rules $ended 1\ndaemons_killed [tcl::mathop::+ 0 {*}[dict values $kills]] 1"
+    foreach name {carries troubles heights_felt moves_foreseen board_moved wrong_readings_accepted tokens_lost_unnoticed claims_judged claims_not_judged
+        faults_of_the_person faults_named faults_undone put_in_order set_out_again lab_time wall_time} {
         set $name [tcl::mathop::+ 0 {*}[lmap row $rows {lindex [dict get $row $name] 0}]]
         puts "$name [set $name] [expr {[string match *_time $name] ? "s" : "1"}]"
     }
     puts "speed [format %.1f [expr {double($lab_time) / max(1, $wall_time)}]] 1"
-    return [expr {$ended < [llength $rows] || $wrong_readings_accepted > 0 || $tokens_lost_unnoticed > 0 || $faults_named + $faults_undone < $faults_of_the_person}]
+    set allowed [tcl::mathop::+ 0 {*}[dict values [dict filter $kills script {name -} {expr {$name in {lab human}}}]]]
+    return [expr {$ended < [llength $rows] || $wrong_readings_accepted > 0 || $tokens_lost_unnoticed > 0 || $claims_judged == 0
+        || $faults_named + $faults_undone < $faults_of_the_person || $put_in_order > 0 || $set_out_again > $allowed}]
 }
 
 if {[file normalize $argv0] eq [file normalize [info script]]} {

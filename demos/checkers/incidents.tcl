@@ -88,8 +88,9 @@ proc incidents::answered {} {
     variable Told
     until "the robot has played" {[lsearch -glob $Told "*state played*"] >= 0}
     until "it waits for the person" {[dict get [lindex $Told end] state] in {person ponder}}
-    if {[session::Differs 8 [::checkers::tokens lie 8 [dict get [lindex $Told end] position]]]} {
-        return -code error -errorcode {CHECKERS INCIDENT} "the tokens do not lie as the game says"
+    set look [$::session::Judge exec look]
+    if {[lindex [dict get $look ints] 0] > 0} {
+        return -code error -errorcode {CHECKERS INCIDENT} "the tokens do not lie as the game says: [dict get $look text]"
     }
 }
 
@@ -211,6 +212,7 @@ proc incidents::run {} {
         set ::session::Watch incidents::Watch
         sorma::subscribe $::session::Checkers -event said -queue 10000 -command incidents::Said
         session::ready
+        $::session::Judge exec begin
         drycarry.incidents configure -lab $::session::Lab
         draughts.incidents configure -variant braz -colours yr
         sorma::async -timeout 0 $::session::Checkers exec play

@@ -6,6 +6,7 @@ apply {folder {
         player checkers::player   boardview checkers::boardview
         dry {sorma::service::drycarry sorma::service::drysight}
         body {sorma::service::humaneye sorma::service::humanhand}   person checkers::person   people sorma::service::human
+        judge sorma::service::judge
         plot sorma::service::checkers   sight sorma::service::sight   porter sorma::service::porter
     } {
         foreach package $packages {

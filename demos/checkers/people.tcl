@@ -3,7 +3,8 @@
 #
 #     human.sim EXEC play         until his game is over
 #
-# He waits while the arm is over the board. All that he does to the laboratory are requests to simlab.
+# He waits while the arm is over the board. All that he does to the laboratory are requests to simlab. Of the robot he knows what it says
+# (event said) and whose clock runs (event clock), never what it believes. Only where a real person plays (-mouse) the game is taken from it.
 
 package require sorma
 package require sorma::service::draughts
@@ -16,7 +17,7 @@ oo::class create ::sorma::service::human {
     sorma::option -lab service -default simlab -help "the laboratory"
     sorma::option -eye service -default humaneye -help "sees the tokens"
     sorma::option -hand service -default humanhand -help "moves them"
-    sorma::option -robot string -default {} -help "what it says he hears (event said of class checkers); none: he is told nothing"
+    sorma::option -robot string -default {} -help "he hears what it says, and sees the clock (class checkers); none: he is told nothing"
     sorma::option -variant enum -choices {braz engl intl} -default braz -help "of a new game"
     sorma::option -colour enum -choices {white black} -default white -help "what he plays"
     sorma::option -position string -default {} -help "FEN with which a new game begins; empty: as usual"
@@ -36,21 +37,22 @@ oo::class create ::sorma::service::human {
     variable Player Game    ;# objects; Player empty: he does not play
     variable State          ;# idle, begin, play
     variable Asked          ;# what the robot has told last of the board; empty: nothing
+    variable Announced      ;# the move that the robot has said it plays, and he has not seen; empty: none
     variable Hears          ;# subscription of what the robot tells; empty: none
     variable Feels          ;# subscription of the laboratory, if that is in another process
     variable Began          ;# when the daemon of the laboratory was started [us]
     method born {} {
-        set Player [set Hears [set Asked [set Feels [set Began {}]]]]
+        set Player [set Hears [set Asked [set Announced [set Feels [set Began {}]]]]]
         set State idle
     }
     destructor {
         my Deaf
     }
     method Deaf {} {
-        if {$Hears ne {}} {
-            sorma::unsubscribe $Hears
-            set Hears {}
+        foreach subscription $Hears {
+            sorma::unsubscribe $subscription
         }
+        set Hears {}
         if {$Feels ne {}} {
             sorma::unsubscribe $Feels
             set Feels {}
@@ -97,16 +99,10 @@ oo::class create ::sorma::service::human {
         my SetOut [my Known]
         my publish person -text {state remembered}
     }
-    # What lies where, as he knows it; or as the robot says, if it has seen or carried a move that he has not seen.
+    # What lies where, as he remembers the game, and after the move that the robot has said since.
     method Known {} {
-        if {[my cget -robot] ne {} && ![catch {dict get [[my cget -robot] exec state] text} told] && [dict exists $told pdn]} {
-            set mine [my Moves [$Game pdn]]
-            set its [my Moves [dict get $told pdn]]
-            if {$its ne $mine && [string match "$mine*" $its]} {
-                return [dict get $told lies]
-            }
-        }
-        return [$Game lies]
+        set lies [expr {$Announced eq {} ? {} : [$Player meant $Announced]}]
+        return [expr {$lies eq {} ? [$Game lies] : $lies}]
     }
 
     method exec message {
@@ -133,8 +129,12 @@ oo::class create ::sorma::service::human {
             set colour [expr {[$Game robot] eq {} ? [my cget -colour] : [$Game robot]}]
             $Player sides $colour
             set another [my Attend]
-            set Hears [expr {[my cget -robot] eq {} ? {} : [sorma::subscribe [my cget -robot] -event * -queue 1000 -command [namespace code {my Heard}]]}]
+            set Asked {}
+            foreach {event method} [expr {[my cget -robot] eq {} ? {} : [my cget -mouse] ? {plot Told said Reset} : {said Heard clock Pressed}}] {
+                lappend Hears [sorma::subscribe [my cget -robot] -event $event -queue 1000 -command [namespace code [list my $method]]]
+            }
             set begun [expr {[$Game resume] && ![$Game over]}]
+            my Announce [expr {$begun ? [my Kept] : {}}]
             if {!$begun} {
                 draughts.$suffix configure -variant [my cget -variant]
                 $Game begin [my cget -position] [::checkers::tokens spares [$Game width]]
@@ -153,6 +153,7 @@ oo::class create ::sorma::service::human {
             } elseif {([$Game side] eq $colour || [$Game state moves] == 0) && ([my Missing [$Game lies]] ne {} || [my Wrong])} {
                 # He was about to do something wrong.
                 my SetOut [$Game lies]
+                my publish person -text {state undid}
             }
             # What he does at random after a restart is not what he did before.
             expr {srand([my cget -seed] + 1 + 7919 * [$Game state moves])}
@@ -160,9 +161,11 @@ oo::class create ::sorma::service::human {
             set State play
             set result [if {[my cget -mouse]} {$Player watch} else {$Player play}]
             $Game forget
+            my Announce {}
             return [dict create text $result]
         } trap {CHECKERS ORDER} {} {
             $Game forget
+            my Announce {}
             return {text *}
         } finally {
             $Player destroy
@@ -172,42 +175,73 @@ oo::class create ::sorma::service::human {
             my Deaf
         }
     }
-    method Heard event {
-        if {$Player eq {}} {
+    # The move that the robot has said is kept beside the memory of the game.
+    method Announce move {
+        set Announced $move
+        if {[my cget -file] eq {}} {
             return
         }
-        switch [dict get $event event] {
-            said {
-                if {[string match "*a person must reset it*" [dict get $event text]]} {
-                    [my cget -lab] CTRL -reset
+        if {$move eq {}} {
+            file delete [my cget -file].said
+            return
+        }
+        set out [open [my cget -file].said w]
+        puts $out $move
+        close $out
+    }
+    method Kept {} {
+        set file [my cget -file].said
+        if {![file exists $file]} {
+            return
+        }
+        set in [open $file]
+        try {
+            return [gets $in]
+        } finally {
+            close $in
+        }
+    }
+    # What the robot says.
+    method Heard event {
+        if {$Player eq {} || [dict get $event event] ne "said"} {
+            return
+        }
+        my Reset $event
+        set text [dict get $event text]
+        switch -glob $text {
+            "I play *" - "I go on with *" { my Announce [string trimright [lindex $text end] .] }
+            "You play *" - "You take back *" { my Announce {} }
+            "We change sides.*" { $Player order sides }
+            "I offer a draw." { my Consider }
+            "The game is over: *" {
+                # Of an end by the rules he sees for himself.
+                if {[regexp {you have resigned|agreed on a draw|out of time} $text]} {
+                    $Player order new
                 }
             }
-            plot {
-                set told [dict get $event text]
-                if {[my cget -mouse]} {
-                    # What is told of a game by other rules, which ends now, is nothing to him.
-                    if {$State eq "play"} {
-                        catch {my Hear $told}
-                    }
-                    return
-                }
-                set state [dict get $told state]
-                $Player robot $state
-                switch $state {
-                    trouble {
-                        # About the board; in the person's turn it is as the person has left it.
-                        if {[dict exists $told sight]} {
-                            $Player heard [dict get $told text]
-                            if {![dict exists $told expected]} {
-                                my Asked $told
-                            }
-                        }
-                    }
-                    sides { $Player order sides }
-                    offer { my Consider }
-                    agreed { $Player order new }
-                }
+        }
+        # Of the board, as it was seen: a field is named. In the robot's turn it waits, and says what should be there.
+        if {[dict get $event words] eq "trouble" && [regexp {\m[a-j]\d+\M} $text] && ![string match "* I feel *" " $text"]} {
+            $Player heard $text
+            if {![string match "The board is not as it should be.*" $text]} {
+                my Asked $text
             }
+        }
+    }
+    method Reset event {
+        if {[dict get $event event] eq "said" && [string match "*a person must reset it*" [dict get $event text]]} {
+            [my cget -lab] CTRL -reset
+        }
+    }
+    method Pressed event {
+        if {$Player ne {} && [dict get $event event] eq "clock"} {
+            $Player clock [dict get $event text]
+        }
+    }
+    # A real person plays. What is told of a game by other rules, which ends now, is nothing to him.
+    method Told event {
+        if {$Player ne {} && $State eq "play" && [dict get $event event] eq "plot"} {
+            catch {my Hear [dict get $event text]}
         }
     }
     # A real person plays: where the game stands is known from the robot alone, which may be away.
@@ -232,13 +266,15 @@ oo::class create ::sorma::service::human {
         }
     }
     method Watch {what facts} {
+        if {$what eq "validate"} {
+            my Announce {}
+        }
         my publish person -text [dict merge [list state $what] $facts]
     }
 
-    # Of what the robot tells once more he is not aware: then he puts all tokens where his game says, if he knows all that the robot knows.
-    method Asked told {
-        set text [dict get $told text]
-        if {$text ne $Asked || [$Player errs] || [$Game intended] ne {} || ![string match "[my Moves [dict get $told pdn]]*" [my Moves [$Game pdn]]]} {
+    # Of what the robot tells once more he is not aware: then he puts all tokens where they belong.
+    method Asked text {
+        if {$text ne $Asked || [$Player errs] || [$Game intended] ne {}} {
             set Asked $text
             return
         }
@@ -246,14 +282,10 @@ oo::class create ::sorma::service::human {
         my publish person -text {state order}
         coroutine [self namespace]::Orders [namespace which my] Order
     }
-    # Of a game, as one text.
-    method Moves pdn {
-        return [string trimright [regsub -all {\s+} [regsub -all {\[[^]]*\]\s*} $pdn {}] { }] "* "]
-    }
     method Order {} {
         [my cget -eye] exec
         if {$Player ne {} && ![$Player errs] && [$Game intended] eq {}} {
-            my SetOut [$Game lies]
+            my SetOut [my Known]
         }
     }
 

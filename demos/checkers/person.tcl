@@ -9,9 +9,9 @@ oo::class create ::checkers::person {
 
     # faults: how often, 0 to 1; kinds: which; lab: the laboratory
     constructor {game lab faults kinds args} {
-        my variable Lab Faults Kinds Heard Robot Carried Erring
+        my variable Lab Faults Kinds Heard Runs Carried Erring
         set Erring 0
-        set Robot [set Carried {}]
+        set Runs [set Carried {}]
         set Lab $lab
         set Faults $faults
         set Kinds $kinds
@@ -21,8 +21,21 @@ oo::class create ::checkers::person {
     # The robot has said that something is wrong.
     method heard text { my variable Heard; lappend Heard $text }
 
-    # In which state of the plot it is.
-    method robot state { my variable Robot; set Robot $state }
+    # Whose clock runs: white or black.
+    method clock side { my variable Runs; set Runs $side }
+
+    # What lies where when the robot has played a move that it has said, as people spell it; empty: there is none of that kind.
+    method meant spelled {
+        my variable Game
+        if {[$Game side] eq [my Setting -robot] || [$Game over]} {
+            return
+        }
+        foreach move [dict get [[$Game draughts] exec legal] text] {
+            if {[my Spelled $move] eq $spelled && ![catch {$Game plan $move} planned]} {
+                return [lindex $planned 1]
+            }
+        }
+    }
 
     # Sides are changed when the robot says so. It has seen no move: one that he has begun he takes back.
     method Obey {} {
@@ -59,11 +72,11 @@ oo::class create ::checkers::person {
     }
 
     method Answer {} {
-        my variable Faults Kinds Game Robot Carried Erring
+        my variable Faults Kinds Game Runs Carried Erring
         set Carried {}
-        # It looks once more before it says that it is his turn.
+        # The robot looks once more before it presses its clock.
         set end [expr {[clock milliseconds] + 20000}]
-        while {$Robot in {thought answer carry carried verify played} && [clock milliseconds] < $end} {
+        while {$Runs ni [list {} [my Setting -robot]] && [clock milliseconds] < $end} {
             sorma::await sleep 20
         }
         if {[$Game intended] eq {} && rand() < $Faults} {

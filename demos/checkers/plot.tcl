@@ -51,12 +51,13 @@ oo::class create ::sorma::service::checkers {
     variable Game Player    ;# objects; empty: none
     variable State          ;# dict: state, what the last event of the plot has told
     variable Waiting        ;# coroutines that wait for the result
+    variable Runs           ;# whose clock runs, as it was told last; empty: it has not been told
     variable Silent         ;# why the speaker has not spoken; empty: it has not failed
 
     method born {} {
         set Game [set Player {}]
         set State {state idle}
-        set Waiting [set Silent {}]
+        set Waiting [set Silent [set Runs {}]]
     }
 
     method exec message {
@@ -161,6 +162,11 @@ oo::class create ::sorma::service::checkers {
         set State [dict merge [list state $what position [$Game position] pdn [$Game pdn] side [$Game side] \
             robot [$Player robot] lies [$Game lies] clock [$Game clock]] $facts]
         my publish plot -text $State
+        # Everybody sees the clock.
+        if {[dict get $State side] ne $Runs} {
+            set Runs [dict get $State side]
+            my publish clock -text $Runs
+        }
     }
     method Say text {
         my publish said -text $text [dict get $State state]

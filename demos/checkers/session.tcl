@@ -21,19 +21,21 @@ namespace eval session {
     variable Hears {}           ;# subscriptions of what the daemons tell
     variable Signals 0          ;# has it been said what Ctrl-C does?
     variable Watch {}           ;# command that gets what the plot tells: a dict
-    variable Wrong 0            ;# readings that were believed and are not so
-    variable Lost 0             ;# carries after which tokens lay elsewhere than the robot believes
-    variable Dry 0              ;# there is no arm for which the player waits: what lies there is later than what it told
+    variable Judge judge@judge
+    variable Dry 0              ;# there is no arm, hand and eye
     variable State {}           ;# where the plot stands: what it told last
     variable Counts {}          ;# state of the plot -> how often it was entered, in this game
     variable Faults 0           ;# of the person
     variable Named 0            ;# those of which he was told, with a field where they are
     variable Undone 0           ;# those that he put right because his daemon was killed, before he was told
     variable Ordered 0          ;# how often he has put all tokens where they belong, because he was told once more
+    variable Remembered 0       ;# how often he has set out all tokens because a daemon was new
     variable Speed 1            ;# of lab time
     variable Earlier 0          ;# [s] lab time of laboratories that have been killed
     variable Began {}           ;# when the laboratory's daemon was started [us]
     variable Forgotten 0        ;# a laboratory has been started anew, and nobody has set out the tokens again
+    variable Killed {}          ;# daemon -> process that was killed, as long as there is no other one
+    variable Kills {}           ;# daemon -> how often it was killed and has come back
     variable Fault {}           ;# of which he has not been told yet: dict kind, fields; empty: none
 }
 
@@ -77,7 +79,8 @@ proc session::begin {folder settings speed args} {
     variable Hears [list [sorma::subscribe $Lab -event sorma.reconnected -command session::Anew] \
         [sorma::subscribe $Checkers -event plot -queue 10000 -command session::Plot] \
         [sorma::subscribe $Checkers -event said -queue 10000 -command session::Said] \
-        [sorma::subscribe $Human -event person -queue 10000 -command session::Person]]
+        [sorma::subscribe $Human -event person -queue 10000 -command session::Person] \
+        [sorma::subscribe $::session::Judge -event found -command session::Found]]
 }
 # The launch file of this game. Other recipes, or fewer daemons, make another one of it, in this folder.
 proc session::LaunchFile {intl dry} {
@@ -98,7 +101,7 @@ proc session::LaunchFile {intl dry} {
     set out [open game.launch w]
     foreach line $lines {
         if {$dry && [regexp {^daemon (\S+)} $line -> name]} {
-            if {$name ni {lab voice player human}} continue
+            if {$name ni {lab voice player human judge}} continue
             if {$name eq "player"} {
                 regsub -- {-after .*} $line {-after lab} line
             }
@@ -157,8 +160,11 @@ proc session::settings {checkers engine dry} {
     return [dict create checkers $checkers draughts.engine [list -threads $threads {*}$engine] \
         {*}[expr {$dry ? [list drysight [list -width $width]] : [list porter [list -fields $width]]}]]
 }
-# Before begin: the person remembers the game as the robot does.
+# Before begin: a person who has no memory of the game (a real one played) has the robot's.
 proc session::remember folder {
+    if {[file exists [file join $folder human.game]]} {
+        return
+    }
     set in [open [file join $folder checkers.game]]
     set kept [read $in]
     close $in
@@ -186,8 +192,8 @@ proc session::interrupt {} {
 proc session::play {{most 0}} {
     variable Checkers
     variable State
-    variable Wrong 0
-    variable Lost 0
+    variable Judge
+    variable Remembered 0
     variable Faults 0
     variable Named 0
     variable Undone 0
@@ -196,6 +202,7 @@ proc session::play {{most 0}} {
     variable Counts {}
     set begun [clock milliseconds]
     set labTime [labTime]
+    set count [lindex [dict get [$Judge exec begin] floats] 0]
     set timer [if {$most > 0} {after [expr {int(1e3 * $most)}] {set ::session::Ended timeout}}]
     try {
         while 1 {
@@ -229,13 +236,39 @@ proc session::play {{most 0}} {
         after cancel $timer
     }
     set wall [expr {([clock milliseconds] - $begun) / 1e3}]
+    set judged [Judged $count]
     set lab [expr {[labTime] - $labTime}]
     lassign [lmap state {carried verify trouble shifted validate felt foreseen} {expr {[dict exists $Counts $state] ? [dict get $Counts $state] : 0}}] \
         carries looks troubles shifts moves felt foreseen
     return [dict create result [list [dict get $came text] {}] moves_of_the_person [list $moves 1] carries [list $carries 1] looks [list $looks 1] \
-        troubles [list $troubles 1] heights_felt [list $felt 1] moves_foreseen [list $foreseen 1] board_moved [list $shifts 1] wrong_readings_accepted [list $Wrong 1] tokens_lost_unnoticed [list $Lost 1] \
+        troubles [list $troubles 1] heights_felt [list $felt 1] moves_foreseen [list $foreseen 1] board_moved [list $shifts 1] \
+        wrong_readings_accepted [list [dict get $judged wrong] 1] tokens_lost_unnoticed [list [dict get $judged lost] 1] \
+        claims_judged [list [dict get $judged judged] 1] claims_not_judged [list [dict get $judged unjudged] 1] set_out_again [list $Remembered 1] \
         faults_of_the_person [list $Faults 1] faults_named [list $Named 1] faults_undone [list $Undone 1] put_in_order [list $Ordered 1] \
         lab_time [list [format %.0f $lab] s] wall_time [list [format %.0f $wall] s] speed [list [format %.1f [expr {$lab / max(0.001, $wall)}]] 1]]
+}
+# What the judge has counted. It waits for a laboratory that is dead, or whose tokens have not been set out.
+proc session::Judged count {
+    variable Judge
+    set end [expr {[clock milliseconds] + 60000}]
+    while 1 {
+        try {
+            return [dict get [$Judge exec -floats $count counts] text]
+        } trap {CHECKERS COUNT} {text how} {
+            return -options $how $text
+        } on error {text how} {
+            if {[clock milliseconds] > $end} {
+                return -options $how $text
+            }
+        }
+        after 200 {set ::session::Tick 1}
+        vwait ::session::Tick
+    }
+}
+proc session::Found event {
+    if {[dict get $event event] eq "found" && [dict get $event text kind] ne "unjudged"} {
+        puts "    (the judge: [dict get $event text kind]: [dict get $event text text])"
+    }
 }
 proc session::labTime {} {
     variable Lab
@@ -266,57 +299,15 @@ proc session::Plot event {
     variable Counts
     variable Watch
     variable State
-    variable Wrong
-    variable Lost
     if {[dict get $event event] ne "plot"} {
         return
     }
     set told [dict get $event text]
     set State $told
     dict incr Counts [dict get $told state]
-    # Then the person is quiet: the arm is over the board, or about to be.
-    set width [::checkers::tokens width [dict get $told pdn]]
-    variable Dry
-    variable Forgotten
-    switch [expr {$Dry || $Forgotten ? {} : [dict get $told state]}] {
-        answer {
-            # A move that goes on has perhaps been carried already, in part.
-            if {![dict get $told again]} {
-                incr Wrong [Differs $width [::checkers::tokens lie $width [dict get $told position]]]
-            }
-        }
-        carried { incr Lost [Differs $width [dict get $told lies]] }
-    }
     if {$Watch ne {}} {
         {*}$Watch $told
     }
-}
-# Do the tokens on the board lie otherwise than they should? What is in the person's hand, high above the board, does not count.
-proc session::Differs {width should} {
-    variable Lab
-    set is {}
-    if {[catch {lindex [$Lab DBX -tokens] 3} tokens]} {
-        return 0            ;# it has just been killed
-    }
-    foreach line [lsort -real -index 5 [split $tokens \n]] {
-        lassign $line name file rank - - z
-        set place [list [expr {round($file)}] [expr {round($rank)}]]
-        if {$file > 0.5 && $rank > 0.5 && $file < $width + 0.5 && $rank < $width + 0.5 && $z < 0.03} {
-            dict lappend is $place [lindex [split $name _] 0]
-        }
-    }
-    set should [dict filter $should script {place -} {expr {[lindex $place 0] >= 1 && [lindex $place 0] <= $width}}]
-    if {[lsort -stride 2 $is] eq [lsort -stride 2 $should]} {
-        return 0
-    }
-    foreach place [lsort -unique [concat [dict keys $is] [dict keys $should]]] {
-        set a [expr {[dict exists $is $place] ? [dict get $is $place] : "nothing"}]
-        set b [expr {[dict exists $should $place] ? [dict get $should $place] : "nothing"}]
-        if {$a ne $b} {
-            puts "    (at $place lies $a, the game says $b)"
-        }
-    }
-    return 1
 }
 proc session::Said event {
     if {[dict get $event event] eq "said"} {
@@ -339,7 +330,12 @@ proc session::Person event {
         }
         remembered {
             variable Forgotten 0
+            incr ::session::Remembered
             puts "    (the person sets out the tokens as they were)"
+        }
+        undid {
+            incr ::session::Remembered
+            puts "    (the person sets out the tokens as they were before he erred)"
         }
         order {
             incr ::session::Ordered
@@ -361,22 +357,61 @@ proc session::Person event {
         }
     }
 }
-# Kill a daemon, which is started again. Returns whether it was there.
+# Kill a daemon, which is started again. Returns its process; 0: it is not there, or has not come back since it was killed last. The kill
+# counts when the daemon has another process (see killed).
 proc session::kill name {
+    variable Killed
+    killed
+    set process [Process $name]
+    if {$process == 0 || $process in [dict values [dict filter $Killed key $name]]} {
+        return 0
+    }
+    if {$name eq "lab"} {
+        variable Earlier
+        set earlier $Earlier
+        catch {set earlier [labTime]}
+    }
+    if {[catch {exec kill -KILL $process}]} {
+        return 0
+    }
+    puts "    (killed: $name)"
+    dict set Killed $name $process
+    if {$name eq "lab"} {
+        set Earlier $earlier
+    }
+    if {$name eq "human"} {
+        forgotten
+    }
+    return $process
+}
+# Of a daemon, as those that are there say; 0: none.
+proc session::Process name {
     foreach daemon [sorma::daemons] {
-        if {[dict get $daemon name] ne $name || ![regexp {(\d+)\]$} [dict get $daemon identity] -> process]} continue
-        puts "    (killed: $name)"
-        if {$name eq "lab"} {
-            variable Earlier
-            catch {set Earlier [labTime]}
+        if {[dict get $daemon name] eq $name && [regexp {(\d+)\]$} [dict get $daemon identity] -> process]} {
+            return $process
         }
-        catch {exec kill -KILL $process}
-        if {$name eq "human"} {
-            forgotten
-        }
-        return 1
     }
     return 0
+}
+# Daemon -> how often it was killed and has come back with another process number. WAIT: for so long [s] for those that have not yet;
+# $::session::Killed has those that are still away.
+proc session::killed {{wait 0}} {
+    variable Killed
+    variable Kills
+    set end [expr {[clock milliseconds] + 1000 * $wait}]
+    while 1 {
+        foreach name [dict keys $Killed] {
+            if {[Process $name] ni [list 0 [dict get $Killed $name]]} {
+                dict unset Killed $name
+                dict incr Kills $name
+            }
+        }
+        if {$Killed eq {} || [clock milliseconds] >= $end} {
+            return $Kills
+        }
+        after 100 {set ::session::Tick 1}
+        vwait ::session::Tick
+    }
 }
 # The person's daemon has been killed: what he has done wrong he puts right when he is there again.
 proc session::forgotten {} {

@@ -68,7 +68,7 @@ proc checkersWindow::Settings {} {
         $subject listen [list checkersWindow::InForce $name $subject $option] $option
     }
     ttk::label $s.tvariant -text "Rules (Ctrl-U)"
-    ttk::combobox $s.variant -width 18 -state readonly -values [dict values $Rules]
+    ttk::combobox $s.variant -style [::sorma::style own TCombobox] -width 18 -state readonly -values [dict values $Rules]
     $s.variant set [dict get $Rules [Holds -variant]]
     bind $s.variant <<ComboboxSelected>> {
         dict set ::checkersWindow::Wanted -variant [lindex [dict keys $::checkersWindow::Rules] [.settings.variant current]]
@@ -84,13 +84,14 @@ proc checkersWindow::Settings {} {
     }
     bind . <Control-u> [list focus $s.variant]
     bind . <Control-m> [list focus $s.limit]
-    ttk::checkbutton $s.voice -text "Speak aloud (Ctrl-A)" -command checkersWindow::Speak -variable ::checkersWindow::Voice
+    ttk::checkbutton $s.voice -style [::sorma::style own TCheckbutton] -text "Speak aloud (Ctrl-A)" \
+        -command checkersWindow::Speak -variable ::checkersWindow::Voice
     set subject [sorma::subject of speaker@voice]
     $subject listen [list checkersWindow::InForce voice $subject -output] -output
-    ttk::checkbutton $s.dry -text "Without robot (Ctrl-W)" -variable ::checkersWindow::WantDry -command {
+    ttk::checkbutton $s.dry -style [::sorma::style own TCheckbutton] -text "Without robot (Ctrl-W)" -variable ::checkersWindow::WantDry -command {
         dict set ::checkersWindow::Wanted -dry $::checkersWindow::WantDry; checkersWindow::Later
     }
-    ttk::checkbutton $s.mouse -text "I play (Ctrl-Y)" -variable ::checkersWindow::WantMouse -command {
+    ttk::checkbutton $s.mouse -style [::sorma::style own TCheckbutton] -text "I play (Ctrl-Y)" -variable ::checkersWindow::WantMouse -command {
         dict set ::checkersWindow::Wanted -mouse $::checkersWindow::WantMouse; checkersWindow::Later
     }
     foreach {key name} {a voice w dry y mouse} {

@@ -7,6 +7,7 @@
 
 package require Tk
 package require sorma::image
+package require sorma::notice
 package require sorma::style
 package require sorma::world
 source [file join [file dirname [file normalize [info script]]] packages.tcl]
@@ -31,6 +32,8 @@ namespace eval checkersWindow {
     variable Lies {}                    ;# what lies where, as the left board shows it
     variable Last {}                    ;# the last position that the plot has told: dict
     variable Hand 0                     ;# moves of the person's hand that are under way
+    variable Looking 0                  ;# the laboratory is asked what lies on the table
+    variable Blind {}                   ;# why that is not known; empty: it is
     variable Shows 0                    ;# how often something was shown: what was asked before that is old
     variable Thoughts {}
     variable Hears {}                   ;# subscriptions
@@ -69,6 +72,8 @@ proc checkersWindow::build settings {
     set size [expr {int(min([sorma::style pixels 400], 0.27 * [winfo screenwidth .], 0.48 * [winfo screenheight .]))}]
     Stop .top 1
     pack .top -fill x -padx $gap -pady $gap
+    sorma::notice .away -lines 1
+    pack .away -fill x -padx $gap
     Lamps
     pack .lamps -side bottom -fill x -padx $gap -pady $gap
     pack [ttk::frame .f] -fill both -expand 1
@@ -83,9 +88,9 @@ proc checkersWindow::build settings {
     pack .camera.picture -fill both -expand 1
 
     text .moves.text -width 24 -height 8 -wrap word -state disabled -takefocus 0 -tabs [sorma::style pixels 34] -yscrollcommand {.moves.y set}
-    ttk::scrollbar .moves.y -command {.moves.text yview}
+    ttk::scrollbar .moves.y -style [::sorma::style own Vertical.TScrollbar] -command {.moves.text yview}
     text .said -width 44 -height 8 -wrap word -state disabled -takefocus 0 -yscrollcommand {.talk.y set}
-    ttk::scrollbar .talk.y -command {.said yview}
+    ttk::scrollbar .talk.y -style [::sorma::style own Vertical.TScrollbar] -command {.said yview}
     ttk::label .talk.thoughts -textvariable ::checkersWindow::Thoughts
     pack .talk.thoughts -side bottom -fill x
     foreach {frame text} {.moves .moves.text .talk .said} {
@@ -173,6 +178,7 @@ proc checkersWindow::begin {} {
         set told [sorma::world get $name]
         Lamp $name [expr {$told eq {} ? "gone" : [dict get $told state]}]
     }
+    .away configure -daemons [lmap name $Daemons {if {[Dry $name]} continue; set name}]
     # Without robot there is no camera.
     .camera.picture configure -every [expr {[Holds -dry] ? 0 : 1000}]
     if {[Holds -dry]} {
@@ -226,7 +232,8 @@ proc checkersWindow::Head {} {
     variable Plot
     variable Head
     variable Last
-    set Head [expr {$State eq "over" ? "The game is over: [dict get $Last result], [dict get $Last reason]"
+    variable Blind
+    set Head [expr {$Blind ne {} ? "The table is not seen: [lindex [split $Blind \n] 0]" : $State eq "over" ? "The game is over: [dict get $Last result], [dict get $Last reason]"
         : $State in {person ponder} && ![Holds -mouse] ? "The person's turn" : [dict exists $Plot $State] ? [dict get $Plot $State] : $State}]
 }
 # A clock for each side: what is left when there is a limit, else what has been taken.
@@ -360,17 +367,25 @@ proc checkersWindow::Seen event {
 
 # ---- a person with mouse or keys: his hand moves the token ----
 
-# He looks at the table, unless his hand is there.
+# He looks at the table, unless his hand is there. While it is not seen the board shows what was seen last, and the head says so.
 proc checkersWindow::Look {} {
     variable Hand
-    if {[Holds -mouse] && $Hand == 0} {
-        sorma::async -timeout 5 -command [list checkersWindow::Looked $::checkersWindow::Shows] simlab@lab DBX -tokens
+    variable Looking
+    variable Blind
+    if {![Holds -mouse]} {
+        set Blind {}
+    } elseif {$Hand == 0 && !$Looking} {
+        set Looking 1
+        sorma::async -timeout 2000 -command [list checkersWindow::Looked $::checkersWindow::Shows] simlab@lab DBX -tokens
     }
 }
 proc checkersWindow::Looked {asked future} {
     variable Shows
     variable Width
-    if {![catch {lindex [$future result] 3} text] && $Shows == $asked && [winfo exists .game.board]} {
+    variable Looking 0
+    variable Blind
+    set Blind [expr {[catch {lindex [$future result] 3} text] ? $text : {}}]
+    if {$Blind eq {} && $Shows == $asked && [winfo exists .game.board]} {
         set lies {}
         foreach line [lsort -real -index 5 [split $text \n]] {
             lassign $line name file rank - - z

@@ -15,6 +15,7 @@ namespace eval lab {
 # A program whose lines are shown as they come; at its end lab::Heard says how. Programs are in sessions of their own: Ctrl-C is for this
 # one, which ends them. A launcher ends also when this program has been killed: its standard input ends then.
 proc lab::start args {
+    fconfigure stdout -buffering line
     set pipe [open [list | setsid {*}$args 2>@1] r+]
     fconfigure $pipe -blocking 0
     fileevent $pipe readable [list lab::Read $pipe]

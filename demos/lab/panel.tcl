@@ -5,6 +5,7 @@ package require Tk
 package require sorma::panel
 package require sorma::chart
 package require sorma::image
+package require sorma::notice
 package require sorma::trailview
 package require sorma::world
 
@@ -65,7 +66,7 @@ proc panel::Felt {- - told} {
     variable Place
     dict for {- value} $told {
         if {[dict get $value state] ne "live"} {
-            set Place "no news of the arm: [dict get $value why]"
+            set Place "no news of the arm"      ;# why, the top says
             continue
         }
         if {![dict exists $value value floats]} {
@@ -99,6 +100,8 @@ proc panel::build {} {
     variable Place "where is the arm?"
     set gap [sorma::style pixels 6]
     wm title . "Laboratory"
+    sorma::notice .notice -lines 1 -daemons [lmap name [list $Hardware $Arm] {lindex [split $name @] 1}]
+    pack .notice -fill x -padx $gap
     pack [ttk::frame .f -padding $gap] -fill both -expand 1
     grid columnconfigure .f 0 -weight 1
     grid rowconfigure .f 0 -weight 1

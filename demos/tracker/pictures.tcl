@@ -140,7 +140,7 @@ proc pictures::window {file folder} {
         rows::learn 1
         rows::follow
         uplevel #0 [list source [file join $folder window.tcl]]
-        ::window::build
+        ::tracker::window::build
         wm geometry . +0+0
         simlab@lab CTRL -speed 1
         rows::ball sine 0.56 0 0.12 0 0.1 0 0.4

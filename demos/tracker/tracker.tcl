@@ -1,9 +1,10 @@
 # tracker.tcl -- an arm that follows a ball by sight, and the table that says how well, in about a minute.
 #
-#     ./bootstrap run tracker      the daemons end with it; exit code 0: it followed to the end
+#     ./bootstrap run tracker      the daemons end with it; exit code 0: it followed to the end, and each row met its target
 #
-# -window: no table but a window, until it is closed (window.tcl). -learn: teach the map anew, even when there is one. -speed N: of lab time. -csv FILE: where ball and tool were. -figures: count each row
-# for so long that the numbers mean something, and kill daemons (figures.tcl).
+# -window: no table but a window, until it is closed (window.tcl). -learn: teach the map anew, even when there is one. -speed N: of lab time.
+# -csv FILE: where ball and tool were. -short: each row as short as it still means something. What counts each row for so long that the
+# numbers can be quoted, and kills daemons, is figures.tcl.
 
 package require sorma
 package require sorma::options
@@ -16,20 +17,36 @@ namespace eval tracker {
 source [file join $::tracker::Here .. lab lab.tcl]
 source [file join $::tracker::Here rows.tcl]
 
+# Count rows: name -> {in which time it is measured, what counts it, how long, how long with -short}. In lab time, which stands between two
+# samples, or which the row itself lets run, each has one try.
+proc tracker::count rows {
+    variable Options
+    dict for {- row} $rows {
+        lassign $row time script long short
+        set script [list {*}$script [expr {[dict get $Options -short] ? $short : $long}]]
+        switch $time {
+            lab { rows::lab {*}$script }
+            runs { {*}$script }
+            wall { rows::wall {*}$script }
+        }
+    }
+}
 proc tracker::minute {} {
-    rows::rest 8
-    rows::sine 12
-    rows::jumps 4
-    rows::hidden 2
-    rows::lost 1
-    rows::push 2
+    count {
+        rest {lab rows::rest 8 2}
+        sine {lab rows::sine 12 5}
+        jumps {lab rows::jumps 4 1}
+        hidden {lab rows::hidden 2 1}
+        lost {lab rows::lost 1 1}
+        push {lab rows::push 2 1}
+    }
 }
 
 proc tracker::run rowsCmd {
     variable Here
     variable Options
     variable Only
-    set options [sorma::options::parse [concat {-learn flag -speed {any 1} -csv {any {}} -window flag} $Only] $::argv]
+    set options [sorma::options::parse [concat {-learn flag -speed {any 1} -csv {any {}} -window flag -short flag} $Only] $::argv]
     set Options $options
     set launch [lab::start sorma-launch --until-eof [file join $Here tracker.launch]]
     lab::untilSignal $launch
@@ -44,19 +61,20 @@ proc tracker::run rowsCmd {
         if {[dict get $options -window]} {
             source [file join $Here window.tcl]
             window::build
+            puts "The window is yours; close it to end."
             tkwait window .
             rows::unfollow
             return 0
         }
         puts [format {%-34s %-44s %-36s %s} what measured target met]
         {*}$rowsCmd
-        rows::ticks
+        rows::wall rows::ticks
         rows::unfollow
         if {[dict get $options -csv] ne {}} {
             rows::save [dict get $options -csv]
         }
         pino@robot EXEC park
-        return 0
+        return [rows::missed]
     } on error {- info} {
         puts stderr [dict get $info -errorinfo]
         return 1

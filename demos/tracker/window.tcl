@@ -2,6 +2,9 @@
 #
 #     ./bootstrap run tracker -window
 #
+# While a daemon does not answer, the top says which and why; what shows it comes back with it. An arm whose daemon is new moves only when
+# somebody says so.
+#
 # Escape stops following, F12 is the emergency stop; arrow keys, Prior and Next are a hand that pushes, except where one types. Alt and the
 # letter that is underlined press a button.
 #
@@ -11,24 +14,26 @@ package require Tk
 package require sorma::panel
 package require sorma::chart
 package require sorma::image
+package require sorma::notice
 package require sorma::trailview
 
-namespace eval window {
+namespace eval ::tracker::window {
     variable Said {}                    ;# what the last button has said
     variable Hand {0 0 0}               ;# where keys and mouse push
     variable Inputs {sight {ball seen} force {hand pushed} hand {controller moved}}
     variable Expecting 0                ;# somebody is asked where the ball is by now
     variable Nominal {0 0 0.3} Reach {0.1 0.1 0.08}     ;# of the learned map: sight.ball in tracker.dict
     variable Begin [clock milliseconds]
+    variable Boot {}                    ;# which process the robot's daemon is
 }
-foreach {name key} {rel target.rel pose tool.pose force tool.force} {
+foreach {name key} {rel target.rel pose tool.pose force tool.force target tool.target} {
     sorma::so::dict CTRL -add shmem_r.window.$name [list -key tracker.$key]
 }
 
-proc window::send {name args} {
-    sorma::async -timeout 0 -command window::Answered $name {*}$args
+proc ::tracker::window::send {name args} {
+    sorma::async -timeout 0 -command ::tracker::window::Answered $name {*}$args
 }
-proc window::Answered future {
+proc ::tracker::window::Answered future {
     variable Said
     catch {$future result} Said
     set Said [string map {\n { }} $Said]
@@ -37,13 +42,13 @@ proc window::Answered future {
 
 # ---- what is known, ten times a second ----
 
-proc window::Tick {} {
+proc ::tracker::window::Tick {} {
     variable Last
     if {![winfo exists .chart]} {
         return
     }
-    after 100 window::Tick
-    set now [expr {([clock milliseconds] - $::window::Begin) / 1000.0}]
+    after 100 ::tracker::window::Tick
+    set now [expr {([clock milliseconds] - $::tracker::window::Begin) / 1000.0}]
     set seen 0
     catch {
         lassign [dict get [shmem_r.window.rel exec] floats] time x y z - code
@@ -70,22 +75,23 @@ proc window::Tick {} {
     }
     Lamp sight [expr {$seen ? "good" : "alarm"}]
     Lamp force [expr {$pushed ? "good" : "gone"}]
-    Lamp hand [expr {$::window::Hand ne {0 0 0} ? "good" : "gone"}]
+    Lamp hand [expr {$::tracker::window::Hand ne {0 0 0} ? "good" : "gone"}]
     # A hand that goes on pushing says so again and again.
-    if {$::window::Hand ne {0 0 0}} {
-        send spacemouse.hand@robot EXEC FMSG 6 {*}$::window::Hand 0 0 0
+    if {$::tracker::window::Hand ne {0 0 0}} {
+        send spacemouse.hand@robot EXEC FMSG 6 {*}$::tracker::window::Hand 0 0 0
     }
 }
 # A cross in the picture where the ball is expected by now: as track predicts it, and as the learned map sees that.
-proc window::Expect pose {
+proc ::tracker::window::Expect pose {
     variable Expecting
-    if {$Expecting} {
+    # It is predicted by the circuit: where that does not run, nobody knows.
+    if {$Expecting || [clock microseconds] - [lindex [dict get [shmem_r.window.target exec] ints] 2] > 500000} {
         return
     }
     set Expecting 1
-    sorma::async -timeout 2000 -command [list window::Predicted $pose] track.ball@robot exec -floats [lindex $pose 0] predict
+    sorma::async -timeout 2000 -command [list ::tracker::window::Predicted $pose] track.ball@robot exec -floats [lindex $pose 0] predict
 }
-proc window::Predicted {pose future} {
+proc ::tracker::window::Predicted {pose future} {
     variable Nominal
     variable Reach
     try {
@@ -93,14 +99,14 @@ proc window::Predicted {pose future} {
         lassign $pose - x y z
         # The tool points down.
         set places [lmap rel [list [expr {$bx - $x}] [expr {$y - $by}] [expr {$z - $bz}]] nominal $Nominal reach $Reach {expr {($rel - $nominal) / $reach}}]
-        sorma::async -timeout 2000 -command window::Projected psom.ball@sight exec -floats $places evaluate
+        sorma::async -timeout 2000 -command ::tracker::window::Projected psom.ball@sight exec -floats $places evaluate
     } on error {} {
         Unexpected
     } finally {
         $future destroy
     }
 }
-proc window::Projected future {
+proc ::tracker::window::Projected future {
     variable Expecting
     try {
         lassign [lrange [dict get [$future wait] floats] 3 4] u v
@@ -114,42 +120,54 @@ proc window::Projected future {
         $future destroy
     }
 }
-proc window::Unexpected {} {
+proc ::tracker::window::Unexpected {} {
     if {[winfo exists .camera]} {
         .camera unmark expected
     }
-    after 1000 {set ::window::Expecting 0}
+    after 1000 {set ::tracker::window::Expecting 0}
 }
-proc window::Lamp {input state} {
+proc ::tracker::window::Lamp {input state} {
     variable Inputs
     .inputs.l$input configure -text "[sorma::style::mark $state] [dict get $Inputs $input]" -foreground [sorma::style::colour $state]
 }
 
+# The robot's daemon may be another process than before: then it has forgotten that it followed.
+proc ::tracker::window::Robot {event key told} {
+    variable Boot
+    if {$key ne "robot" || [dict get $told boot] in [list {} $Boot]} return
+    if {$Boot ne {}} {
+        .notice say stale "The robot's daemon is new since [clock format [clock seconds] -format %T], and the arm stands still: \"Reset, power on\", then \"Follow\"."
+    }
+    set Boot [dict get $told boot]
+}
+
 # ---- the stand-in of a hand controller: arrow keys, Prior and Next ----
 
-proc window::Push {key way} {
-    bind . <KeyPress-$key> [list window::Pushed %W $way]
-    bind . <KeyRelease-$key> {set ::window::Hand {0 0 0}}
+proc ::tracker::window::Push {key way} {
+    bind . <KeyPress-$key> [list ::tracker::window::Pushed %W $way]
+    bind . <KeyRelease-$key> {set ::tracker::window::Hand {0 0 0}}
 }
 
 # Where one types the keys are for that.
-proc window::Pushed {focus way} {
+proc ::tracker::window::Pushed {focus way} {
     if {[winfo class $focus] ni {TEntry Entry TSpinbox TCombobox Treeview}} {
-        set ::window::Hand $way
+        set ::tracker::window::Hand $way
     }
 }
 
 # ---- the window ----
 
 # The letter that Alt presses it with.
-proc window::Letter {button index} {
+proc ::tracker::window::Letter {button index} {
     $button configure -underline $index
     bind . <Alt-Key-[string tolower [string index [$button cget -text] $index]]> [list $button invoke]
 }
 
-proc window::build {} {
+proc ::tracker::window::build {} {
     wm title . "The tracker"
     set gap [sorma::style pixels 6]
+    sorma::notice .notice -lines 1 -daemons {lab robot argus sight}
+    pack .notice -fill x -padx $gap
     pack [ttk::frame .f -padding $gap] -fill both -expand 1
     sorma::image .camera -name findball.argus@argus -request {EXEC debug} -every 200 -zoom fit -width 500 -height 360
     sorma::stripchart .chart -span 20 -low 0 -width 420 -height 180
@@ -161,12 +179,12 @@ proc window::build {} {
 
     ttk::frame .run
     button .run.stop -text "EMERGENCY STOP (F12)" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
-        -font TkHeadingFont -pady 10 -command {window::send simlab@lab CTRL -emergencyStop} -takefocus 1
+        -font TkHeadingFont -pady 10 -command {::tracker::window::send simlab@lab CTRL -emergencyStop} -takefocus 1
     grid .run.stop -columnspan 2 -sticky ew
     sorma::button .run.follow -name follow.ball@robot -request EXEC -text Follow
-    ttk::button .run.halt -text Stop -command {window::send follow.ball@robot CTRL -stop}
+    ttk::button .run.halt -text Stop -command {::tracker::window::send follow.ball@robot CTRL -stop}
     sorma::button .run.learn -name sight.ball@sight -request {EXEC learn} -text Learn
-    ttk::button .run.power -text "Reset, power on" -command window::Power
+    ttk::button .run.power -text "Reset, power on" -command ::tracker::window::Power
     grid .run.follow .run.halt -sticky ew -pady 2
     grid .run.learn .run.power -sticky ew -pady 2
     grid columnconfigure .run {0 1} -weight 1 -uniform half
@@ -180,8 +198,8 @@ proc window::build {} {
     grid [ttk::label .inputs.lspeed -text "at most"] [ttk::label .inputs.nspeed -text -speed] [sorma::entry .inputs.speed -name follow.ball@robot -option -speed] -sticky ew -padx $gap
     grid columnconfigure .inputs 2 -weight 1
     grid [ttk::frame .inputs.presets] -columnspan 3 -sticky ew
-    grid [ttk::button .inputs.presets.pursuit -text Pursuit -command {window::send track.ball@robot CTRL -index 0.3}] \
-        [ttk::button .inputs.presets.saccade -text Saccade -command {window::send track.ball@robot CTRL -index 1}] -sticky ew -padx 2 -pady 2
+    grid [ttk::button .inputs.presets.pursuit -text Pursuit -command {::tracker::window::send track.ball@robot CTRL -index 0.3}] \
+        [ttk::button .inputs.presets.saccade -text Saccade -command {::tracker::window::send track.ball@robot CTRL -index 1}] -sticky ew -padx 2 -pady 2
 
     grid columnconfigure .inputs.presets {0 1} -weight 1 -uniform half
 
@@ -194,7 +212,7 @@ proc window::build {} {
         "Hide" {-lamp 0}                           "Show" {-lamp 1 -secondBall away}
         "A second one" {-secondBall 0.6 0.08 0.12} "Push the hand" {-push 0 15 0 1}
     } {
-        grid [ttk::button .tease.b$n -text $text -command [list window::send simlab@lab CTRL {*}$request]] -row [expr {$n / 2}] -column [expr {$n % 2}] \
+        grid [ttk::button .tease.b$n -text $text -command [list ::tracker::window::send simlab@lab CTRL {*}$request]] -row [expr {$n / 2}] -column [expr {$n % 2}] \
             -sticky ew -padx 2 -pady 2
         incr n
     }
@@ -205,7 +223,7 @@ proc window::build {} {
     } {
         Letter $button $index
     }
-    ttk::label .said -textvariable window::Said -wraplength [sorma::style pixels 900]
+    ttk::label .said -textvariable ::tracker::window::Said -wraplength [sorma::style pixels 900]
 
     grid .camera -in .f -row 0 -column 0 -sticky nsew
     grid [ttk::frame .side] -in .f -row 0 -column 1 -rowspan 2 -sticky new -padx $gap
@@ -219,15 +237,17 @@ proc window::build {} {
     foreach {key way} {Up {150 0 0} Down {-150 0 0} Left {0 150 0} Right {0 -150 0} Prior {0 0 150} Next {0 0 -150}} {
         Push $key $way
     }
-    bind . <Escape> {window::send follow.ball@robot CTRL -stop}
+    bind . <Escape> {::tracker::window::send follow.ball@robot CTRL -stop}
     bind . <F12> {.run.stop invoke}
     Tick
+    sorma::world watch robot -events daemon.* -command ::tracker::window::Robot
     update idletasks
     # What presses and what is set is always there; pictures and messages may be smaller.
     wm minsize . [expr {[winfo reqwidth .run] + [winfo reqwidth .tease]}] \
-        [expr {[winfo reqheight .side] + [winfo reqheight .trail] + [winfo reqheight .said]}]
+        [expr {[winfo reqheight .side] + [winfo reqheight .trail] + [winfo reqheight .said] + [winfo reqheight .notice]}]
 }
-proc window::Power {} {
+proc ::tracker::window::Power {} {
     send simlab@lab CTRL -reset
     send pino@robot EXEC power on
+    .notice say live {}
 }

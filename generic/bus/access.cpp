@@ -13,6 +13,7 @@
 #include "bus/catalogue.h"
 #include "bus/client.h"
 #include "bus/glob.h"
+#include "bus/nearest.h"
 #include "bus/requestText.h"
 #include "bus/statistics.h"
 
@@ -22,6 +23,8 @@ namespace {
 
 const Prototype kDenied{Severity::error, "COMM DENIED", 2, "{0}: {2} may not {3}; {4}"};
 const Prototype kSyntax{Severity::error, "POLICY SYNTAX", 1, "{0}: {1}; a line is: allow|deny SUBJECT RIGHT ... ?on PATTERN ...?"};
+const Prototype kPermit{Severity::error, "POLICY PERMIT", 2, "{}: the right to {} was not asked for: an error of the program"};
+const Prototype kLine{Severity::error, "POLICY LINE", 1, "-disallow expects the number of a line that was added at run time{1}, got {0}"};
 const Prototype kFile{Severity::error, "POLICY FILE", 1, "cannot take the policy file \"{0}\": {1}"};
 
 constexpr std::size_t kDeniedLength = 100;
@@ -34,6 +37,7 @@ struct Word {
 };
 constexpr Rights kUse = Right::call | Right::inspect;
 constexpr Rights kTune = kUse | Right::configure | Right::make | Right::dictionary;
+constexpr Rights kEverything = kTune | Right::files | Right::program | Right::reach | Rights(Right::operate | Right::relay);
 constexpr Word kWords[] = {
     {"call", Rights(Right::call), "call {}"},
     {"inspect", Rights(Right::inspect), "inspect {}"},
@@ -43,12 +47,15 @@ constexpr Word kWords[] = {
     {"files", Rights(Right::files), "have file {} read or written"},
     {"program", Rights(Right::program), "choose what {} runs"},
     {"reach", Rights(Right::reach), "have this daemon call {}"},
+    {"operate", Rights(Right::operate), "have {} move, power or fire something"},
+    {"relay", Rights(Right::relay), "pass requests of others on to {}"},
     {"policy", Rights(Right::policy), "change the policy"},
     {"use", kUse, nullptr},
     {"tune", kTune, nullptr},
-    {"everything", kTune | Right::files | Right::program | Right::reach, nullptr},
+    {"everything", kEverything, nullptr},
 };
-constexpr std::string_view kRightNames = "call, inspect, configure, make, dictionary, files, program, reach, use, tune, or everything";
+constexpr std::string_view kRightNames = "call, inspect, configure, make, dictionary, files, program, reach, operate, relay, use, tune, or everything";
+constexpr const char* kSubjectNames = "user, group, local, host, or anyone";
 
 Rights rightsOf(std::string_view name) {
     for (auto& w : kWords)
@@ -77,8 +84,21 @@ std::vector<std::string> wordsOf(std::string_view line) {
     return words;
 }
 
+// A wrong word, and what is near among names such as "a, b, or c".
+std::string quoted(const std::string& word, std::string_view names) {
+    std::vector<std::string> known;
+    for (auto& name : wordsOf(names))
+        if (name != "or") known.push_back(name.substr(0, name.find(',')));
+    return "\"" + word + "\"" + didYouMean(word, known);
+}
+
 // The caller in a refusal: what is known, then what it claims.
 std::string whoText(const PrincipalPointer& author) {
+    if (author->kind() == Principal::Kind::several) {
+        std::string all;
+        for (auto& member : author->members()) all += (all.empty() ? "" : " and ") + whoText(member);
+        return all.empty() ? author->toText() : all;
+    }
     std::string who = author->kind() == Principal::Kind::host || (author->kind() == Principal::Kind::anyone && author->byNetwork())
                           ? Principal::toText(author->address()) : author->toText();
     auto* context = CallContext::current();
@@ -92,6 +112,61 @@ std::string whoText(const PrincipalPointer& author) {
 }  // namespace
 
 const char* toText(Right right) { return wordOf(right).name; }
+
+Permit::Permit(Rights rights, std::string_view target) : owner_(false), rights_(rights), target_(std::hash<std::string_view>{}(target)) {}
+
+void Permit::check(Right right) const {
+    if (!includes(right)) fail(kPermit, "it", toText(right));
+}
+
+void Permit::compare(Right right, std::string_view target) const {
+    if (!(rights_ & Rights(right)) || target_ != std::hash<std::string_view>{}(target)) fail(kPermit, target, toText(right));
+}
+
+// One line for each way in. The manual's table is made from it, and tests/doors.test walks through all of it.
+const std::vector<Door>& Access::doors() {
+    static const std::vector<Door> list = {
+        {"NAME EXEC", Right::call, "the object"},
+        {"NAME EXEC of a class or with a word that declares -danger move, power or fire", Right::operate, "the object, besides call"},
+        {"NAME EXEC of a class that runs programs (fork)", Right::program, "the object, instead of call"},
+        {"the first use of a name", Right::call, "the object that it makes"},
+        {"NAME CTRL -option value", Right::configure, "the object"},
+        {"NAME CTRL -option value, -action, with -danger move, power or fire", Right::operate, "the object, besides configure"},
+        {"NAME CTRL -action", Right::configure, "the object, unless the action declares another right"},
+        {"NAME CTRL -action that stops something", Right::call, "the object"},
+        {"NAME CTRL -help, -dump, -save", Right::inspect, "the object"},
+        {"NAME CTRL -save", Right::dictionary, "the entry, besides inspect"},
+        {"NAME CTRL -undo", Right::configure, "the object"},
+        {"NAME CTRL -lock", Right::configure, "the object, and as long as it is locked"},
+        {"NAME CTRL -unlock", Right::call, "the object"},
+        {"NAME CTRL -unlock break", Right::policy, "policy, besides call"},
+        {"NAME DBX", Right::inspect, "the object"},
+        {"NAME DBX -verbosity LEVEL", Right::configure, "the object, besides inspect"},
+        {"an option of type service, a wire, a step", Right::call, "the object that it names, and operate where its EXEC needs that"},
+        {"a safe action", Right::call, "the object that it names; each word of a CTRL asks for its own right when it is sent"},
+        {"a safe action of a class that runs programs", Right::program, "the object that it names, instead of call"},
+        {"an option or word of type file, folder or segment", Right::files, "what it names, when it is set and when it is used"},
+        {"an option or word of type program", Right::program, "the object, when it is set and when it is used"},
+        {"a name at another daemon", Right::reach, "the place after @"},
+        {"a recipe", Right::configure, "the object that is made: of each word, asked of who wrote it"},
+        {"a subscription, a stream", Right::inspect, "the object, and as long as events come"},
+        {"an event object.changed, trail.* or monitor.* of sorm", Right::inspect, "the object that it tells of"},
+        {"sorm DBX -describe NAME, CTRL -references NAME", Right::inspect, "the object that is there"},
+        {"sorm DBX -look NAME WORD", Right::inspect, "the object"},
+        {"sorm DBX -daemons", Right::reach, "*"},
+        {"sorm CTRL, dict CTRL", Right::inspect, "sorm or dict, besides what the word asks for"},
+        {"sorm CTRL -create, -remove", Right::make, "the object"},
+        {"sorm CTRL -create", Right::call, "the object, besides make"},
+        {"sorm CTRL -alias NAME TARGET", Right::make, "the name, and the object"},
+        {"sorm CTRL -allow, -reloadPolicy", Right::policy, "policy"},
+        {"sorm EXEC", Right::call, "sorm; then the request asks for its own"},
+        {"dict CTRL -add, -remove", Right::dictionary, "the entry"},
+        {"dict CTRL -load, -reload, -save", Right::dictionary, "*"},
+        {"dict CTRL -load FILE, -save FILE", Right::files, "the file, besides dictionary"},
+        {"a request that a neighbour passes on for somebody", Right::relay, "the object, asked of the neighbour; without it the author is anyone"},
+    };
+    return list;
+}
 
 // ---- lines ----
 
@@ -121,7 +196,7 @@ bool Access::Line::covers(std::string_view what) const {
 void Access::parseRights(Line& line, const std::vector<std::string>& words, std::size_t at) {
     for (; at < words.size() && words[at] != "on"; ++at) {
         Rights r = rightsOf(words[at]);
-        if (r == 0) fail(kSyntax, line.source, "\"" + words[at] + "\" is no right: must be " + std::string(kRightNames));
+        if (r == 0) fail(kSyntax, line.source, quoted(words[at], kRightNames) + " is no right: must be " + std::string(kRightNames));
         line.rights = Rights(line.rights | r);
     }
     if (line.rights == 0) fail(kSyntax, line.source, "a right is missing: " + std::string(kRightNames));
@@ -140,7 +215,7 @@ Access::Line Access::parse(std::string_view text, std::string source) {
         return words[i];
     };
     if (word(0, "allow or deny") != "allow" && words[0] != "deny")
-        fail(kSyntax, line.source, "\"" + words[0] + "\" must be allow or deny");
+        fail(kSyntax, line.source, quoted(words[0], "allow, or deny") + " must be allow or deny");
     line.allow = words[0] == "allow";
     const std::string& subject = word(1, "the subject: user, group, local, host, or anyone");
     if (subject == "anyone") {
@@ -150,7 +225,7 @@ Access::Line Access::parse(std::string_view text, std::string source) {
     }
     const bool host = subject == "host", named = subject == "user" || subject == "group" || subject == "local";
     if (!host && !named)
-        fail(kSyntax, line.source, "\"" + subject + "\" is no subject: must be user, group, local, host, or anyone");
+        fail(kSyntax, line.source, quoted(subject, std::string(kSubjectNames) + ", or allow, or deny") + " is no subject: must be " + kSubjectNames);
     const std::string& who = word(2, host ? "the address of the host" : "the name");
     if (host) {
         line.subject = Line::Subject::host;
@@ -175,22 +250,27 @@ Access::Line Access::parse(std::string_view text, std::string source) {
     return line;
 }
 
-const std::vector<Access::Line>& Access::builtIn() {
-    static const std::vector<Line> lines = [] {
+const std::vector<Access::Line>& Access::builtIn() const {
+    static const std::vector<Line> closed = [] {
         Line self;
         self.subject = Line::Subject::local;
         self.allow = true;
         self.number = geteuid();
-        self.rights = kTune;
-        self.text = "allow local " + userName(geteuid()) + " tune";
+        self.rights = Rights(kTune | Rights(Right::operate));
+        self.text = "allow local " + userName(geteuid()) + " tune operate";
         self.source = "built in";
-        return std::vector<Line>{self, parse("allow anyone use", "built in")};
+        return std::vector<Line>{self};
     }();
-    return lines;
+    static const std::vector<Line> open = [] {
+        auto lines = closed;
+        lines.push_back(parse("allow anyone use", "-open 1"));
+        return lines;
+    }();
+    return open_ ? open : closed;
 }
 
 template <class F> void Access::eachLine(F body) const {
-    for (auto* list : {&given_, &ofFile_, &builtIn()})
+    for (auto* list : {&added_, &given_, &ofFile_, &builtIn()})
         for (auto& line : *list)
             if (!body(line)) return;
 }
@@ -212,24 +292,33 @@ const Access::Line* Access::decide(const Principal* who, Right right, std::strin
 }
 
 Rights Access::rights(const PrincipalPointer& author, std::string_view subject) const {
-    constexpr Rights kAll = kTune | Right::files | Right::program | Right::reach;
-    if (!author && !restricted_) return kAll | Right::policy;
-    Rights out = author ? Rights(0) : kTune;        // rights of a safe interpreter on its own objects
+    if (!author && !restricted_) return kEverything | Right::policy;
+    if (!author || author->kind() != Principal::Kind::several) return rightsOfOne(author.get(), subject);
+    Rights out = author->members().empty() ? Rights(0) : kEverything;
+    for (auto& member : author->members()) out = Rights(out & rightsOfOne(member.get(), subject));
+    return out;
+}
+
+Rights Access::rightsOfOne(const Principal* who, std::string_view subject) const {
+    Rights out = who ? Rights(0) : Rights(kTune | Rights(Right::operate));      // of a safe interpreter on its own objects
     for (auto& w : kWords) {
         if (w.doing == nullptr || w.rights == Rights(Right::policy)) continue;
-        if (auto* line = decide(author.get(), Right(w.rights), subject)) out = Rights(line->allow ? out | w.rights : out & ~w.rights);
+        if (auto* line = decide(who, Right(w.rights), subject)) out = Rights(line->allow ? out | w.rights : out & ~w.rights);
     }
     return out;
 }
 
-void Access::ask(const PrincipalPointer& author, Right right, std::string_view subject, std::string_view object) {
-    if (!(rights(author, subject) & Rights(right))) refuse(author, right, subject, object);
+Permit Access::ask(const PrincipalPointer& author, Right right, std::string_view subject, std::string_view object) {
+    const Rights all = rights(author, subject);
+    if (!(all & Rights(right))) refuse(author, right, subject, object);
+    return Permit(all, subject);
 }
 
 std::string Access::remedy(const PrincipalPointer& author, Right right, std::string_view subject) const {
     if (right == Right::policy) return "only this daemon's own user may, by Unix socket";
     std::string on;
-    if (right == Right::dictionary || right == Right::configure || right == Right::make || right == Right::call || right == Right::inspect) {
+    if (right == Right::dictionary || right == Right::configure || right == Right::make || right == Right::call || right == Right::inspect ||
+        right == Right::operate || right == Right::relay) {
         auto dot = subject.find('.');
         on = dot == subject.npos ? std::string(subject) : std::string(subject.substr(0, dot)) + ".*";
     } else {
@@ -238,7 +327,15 @@ std::string Access::remedy(const PrincipalPointer& author, Right right, std::str
     std::string what = std::string(toText(right)) + " on " + on;
     if (!author) return "its parent can grant it: sorma::grant INTERP allow " + what;
     std::string file = file_.empty() ? "~/.config/sorma/policy" : file_;
-    return "allow it with sormad -allow \"" + author->toText() + " " + what + "\" or that line in " + file;
+    std::string who = author->toText();
+    if (author->kind() == Principal::Kind::several) {       // each needs the right: a line for the first who has it not
+        for (auto& member : author->members()) {
+            if (rightsOfOne(member.get(), subject) & Rights(right)) continue;
+            who = member->toText();
+            break;
+        }
+    }
+    return "allow it with sormad -allow \"" + who + " " + what + "\" or that line in " + file;
 }
 
 void Access::refuse(const PrincipalPointer& author, Right right, std::string_view subject, std::string_view object) {
@@ -248,40 +345,66 @@ void Access::refuse(const PrincipalPointer& author, Right right, std::string_vie
     if (auto at = doing.find("{}"); at != doing.npos) doing.replace(at, 2, subject);
     std::string who = author ? whoText(author) : std::string("this interpreter is safe and");
     ++denials_;
-    std::string text = who + ": " + doing;
-    auto known = std::find_if(denied_.begin(), denied_.end(), [&](auto& d) { return d.text == text; });
+    std::string text = cutText(who + ": " + doing, kKeptText);
+    auto known = std::find_if(denied_.begin(), denied_.end(), [&](auto& d) { return d->text == text; });
     Denial denial{wallNow(), text, 1};
     if (known != denied_.end()) {
-        denial.times += known->times;
+        denial.times += (*known)->times;
         denied_.erase(known);
     } else if (denied_.size() == kDeniedLength) {
         denied_.pop_front();
     }
-    denied_.push_back(std::move(denial));
+    denied_.push_back(Charged<Denial>::forced(budget && author ? budget->of(author) : nullptr, Account::Use::records, std::move(denial)));
     fail(kDenied, named, toText(right), who, doing, remedy(author, right, subject));
 }
 
 std::string Access::deniedText() const {
     std::string out = std::to_string(denials_) + " refused";
     for (auto d = denied_.rbegin(); d != denied_.rend(); ++d)
-        out += "\n" + clockText(d->time) + " " + d->text + (d->times > 1 ? ", " + std::to_string(d->times) + " times" : "");
+        out += "\n" + clockText((*d)->time) + " " + (*d)->text + ((*d)->times > 1 ? ", " + std::to_string((*d)->times) + " times" : "");
     return out;
 }
 
 // ---- the policy ----
 
-void Access::add(std::string_view text, std::string source) {
-    // `sormad -allow` takes the line without its first word as well, since that is what its name says.
+// `sormad -allow` takes the line without its first word as well, since that is what its name says.
+Access::Line Access::parseGiven(std::string_view text, std::string source) {
     std::string whole(text);
     auto words = wordsOf(text);
     if (!words.empty() && words[0] != "allow" && words[0] != "deny") whole = "allow " + whole;
-    given_.push_back(parse(whole, std::move(source)));
+    return parse(whole, std::move(source));
+}
+
+void Access::add(std::string_view text, std::string source) {
+    given_.push_back(parseGiven(text, std::move(source)));
+    anotherHolds();
+}
+
+int Access::addFirst(std::string_view text, const std::string& source) {
+    Line line = parseGiven(text, source);
+    line.line = ++lastAdded_;
+    line.source = source + ", line " + std::to_string(line.line);
+    added_.insert(added_.begin(), std::move(line));
+    anotherHolds();
+    return lastAdded_;
+}
+
+void Access::remove(int number) {
+    auto at = std::find_if(added_.begin(), added_.end(), [&](auto& line) { return line.line == number; });
+    if (at == added_.end()) {
+        std::string known;
+        for (auto& line : added_) known += (known.empty() ? ": " : ", ") + std::to_string(line.line);
+        fail(kLine, number, known.empty() ? ", and there is none" : known);
+    }
+    added_.erase(at);
     anotherHolds();
 }
 
 void Access::anotherHolds() {
     ++epoch_;
-    if (changed) changed();
+    auto watchers = watchers_;                          // one may come or go meanwhile
+    for (auto& [who, changed] : watchers)
+        if (watchers_.contains(who)) changed();
 }
 
 void Access::load(const std::string& file) {

@@ -16,7 +16,8 @@ const Prototype kTotal{Severity::error, "COMM LIMIT", 1,
     "{}: {} bytes for {} are too many: all clients of this daemon together may make it keep {} bytes; raise it there: "
     "sorma::configure -totalbudget BYTES"};
 
-constexpr const char* kUseNames[Account::kUses] = {"requests", "replies", "queues", "subscriptions", "objects", "segments"};
+constexpr const char* kUseNames[Account::kUses] = {"requests", "replies", "queues", "subscriptions", "objects", "segments",
+                                                   "values", "records", "threads", "tables"};
 
 bool isMapped(const Principal::Address& a) {            // IPv4
     return std::all_of(a.begin(), a.begin() + 10, [](auto byte) { return byte == 0; }) && a[10] == 0xff && a[11] == 0xff;
@@ -29,6 +30,7 @@ Budget::Key Budget::keyOf(const Principal& p) {
         case Principal::Kind::user:
         case Principal::Kind::local: return {p.kind(), p.uid(), {}};
         case Principal::Kind::anyone: return {p.kind(), 0, {}};
+        case Principal::Kind::several: return p.members().empty() ? Key{Principal::Kind::anyone, 0, {}} : keyOf(*p.members()[0]);
         case Principal::Kind::host: break;
     }
     Key key{p.kind(), 0, p.address()};

@@ -2,7 +2,8 @@
 //
 // Memory that stays after a request, or that a request needs much of, is a Charge on the Account of the principal who asked:
 // long requests, replies that are kept, data that waits for a peer, subscriptions, objects, segments of shared memory. A
-// small call that is answered at once is charged nothing, and neither is what this process does for itself.
+// small call that is answered at once is charged nothing, and neither is what this process does for itself. Values that are
+// kept carry their charge with them: see bus/kept.h.
 //
 // The owner by Unix-domain socket has no limit of his own. The last quarter of the limit for all is only for him, so that he
 // can connect however much others keep.
@@ -29,8 +30,10 @@ namespace sorma {
 // The memory kept for one principal.
 class Account {
 public:
-    enum class Use : std::uint8_t { requests, replies, queues, subscriptions, objects, segments };
-    static constexpr std::size_t kUses = 6;
+    // values: what services keep, entries of the dictionary, options; records: audit, refusals, trails.
+    enum class Use : std::uint8_t { requests, replies, queues, subscriptions, objects, segments, values, records, threads, tables };
+    static constexpr std::size_t kUses = 10;
+    static constexpr std::size_t kThread = 8 << 20;             // [bytes] what a thread is charged with: its stack
 
     const std::string& name() const { return name_; }           // as the subject of a policy's line, or "the owner"
     bool owner() const { return owner_; }
@@ -84,6 +87,7 @@ public:
 
     std::size_t bytes() const { return bytes_; }
     const AccountPointer& account() const { return account_; }
+    Account::Use use() const { return use_; }
     bool set(std::size_t bytes);                                // charge so many in all; false: too many, nothing has changed
     void force(std::size_t bytes);                              // the same without regard to the limit
     void need(const std::string& object, std::size_t bytes);    // as set; throws the refusal (COMM LIMIT) instead of false

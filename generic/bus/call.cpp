@@ -129,8 +129,10 @@ bool CallContext::currentCancelled() { return currentGivenUp() || (theContext &&
 KeptCallPointer CallContext::keep() {
     CallContext* c = theContext;
     if (!c) return nullptr;
-    if (!c->kept_)
+    if (!c->kept_) {
         c->kept_ = std::make_shared<KeptCall>(c->client, c->deadline, currentRequest(), c->behalf);
+        if (c->cancelled.load(std::memory_order_relaxed)) c->kept_->cancel();     // before anybody kept it
+    }
     return c->kept_;
 }
 

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "bus/deadline.h"
+#include "bus/kept.h"
 #include "bus/requestText.h"
 
 namespace sorma {
@@ -57,7 +58,7 @@ std::string toText(const MessageArg& arg) {
         case MessageArg::Kind::integer: return std::to_string(arg.integer);
         case MessageArg::Kind::text: break;
     }
-    return std::string(arg.text);
+    return cutText(arg.text, kQuotedText);
 }
 
 const Prototype kFailed{Severity::error, "SERVICE FAILED", 1, "{}: {}"};
@@ -133,16 +134,10 @@ const char* Error::what() const noexcept {
 }
 
 std::vector<std::string> Error::code() const {
-    std::vector<std::string> words;
     const Entry* cause = trail.cause();
-    if (!cause) return words;
-    std::string_view symbol = cause->symbol;
-    while (!symbol.empty()) {
-        auto space = std::min(symbol.find(' '), symbol.size());
-        if (space > 0) words.emplace_back(symbol.substr(0, space));
-        symbol.remove_prefix(std::min(space + 1, symbol.size()));
-    }
-    words.insert(words.end(), cause->details.begin(), cause->details.end());
+    if (!cause) return {};
+    auto words = cause->code();
+    if (cause->symbol != Entry::kForeign) words.erase(words.begin());
     return words;
 }
 

@@ -81,7 +81,8 @@ public:
     explicit Error(Entry entry) : trail(std::move(entry)) {}
     explicit Error(Trail t) : trail(std::move(t)) {}
     const char* what() const noexcept override;     // text of the cause
-    // The words after SORMA of the error code: {"OPTION", "RANGE", "carry.slow", "-transferSpeed"}.
+    // The words after SORMA of the error code: {"OPTION", "RANGE", "carry.slow", "-transferSpeed"}; all words of a code that
+    // a class in Tcl has made of its own.
     std::vector<std::string> code() const;
     bool is(std::string_view symbol) const;    // e.g. is("COMM TIMEOUT")
 

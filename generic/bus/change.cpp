@@ -15,7 +15,7 @@ bool Change::concerns(std::string_view option) const { return find(option) != nu
 
 Value Change::value(std::string_view option) const {
     if (auto* v = find(option)) return v->value;
-    return service_.type().options()[std::size_t(service_.type().findOption(option))].get(service_);
+    return service_.type().options()[std::size_t(service_.type().findOption(option))].value(service_, Permit::owner());
 }
 
 const PrincipalPointer& Change::author(std::string_view option) const {

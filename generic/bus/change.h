@@ -28,6 +28,7 @@ public:
     Value value(std::string_view option) const;
     const PrincipalPointer& author(std::string_view option) const;      // who wrote that value
     template <class V> V get(std::string_view option) const { return std::get<V>(value(option)); }
+    template <Kind kind> Named<kind> named(std::string_view option) const { return {get<std::string>(option), author(option)}; }
 
 private:
     const Setting* find(std::string_view option) const;

@@ -1,8 +1,8 @@
 // client.h -- a process that sends requests, as objects know it: its identity, and what it holds.
 //
 // A client may hold things of an object: a lock, a semaphore's count, an item of a queue. Each is a lease. When the client
-// has died, or has been disconnected for longer than Settings::grace, COMM calls end(): each object is told, and takes its
-// thing back.
+// has died, or has been disconnected for longer than Settings::grace, COMM calls end(); when the policy has changed, judge().
+// Then the objects concerned are told, and take their things back.
 //
 // Threads: the SORM's.
 #pragma once
@@ -11,7 +11,11 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <string>
+#include <utility>
+#include <vector>
 
+#include "bus/access.h"
 #include "bus/call.h"
 
 namespace sorma {
@@ -27,11 +31,12 @@ public:
     Caller caller;
     PrincipalPointer principal;         // who is charged for it, and is the author of its requests; null: the owner
 
-    // Hold something until release(). lost() is called if the client ends before that; at once if it has ended already.
-    // lost() must not throw; it may hold and release leases.
-    Lease hold(std::function<void()> lost) {
+    // Hold something of an object until release(). lost() is called if the client ends before that, or when a change of the
+    // policy takes the right from it; at once if it has ended already. lost() must not throw; it may hold and release
+    // leases.   object: its own name.
+    Lease hold(std::string object, std::function<void()> lost, Right right = Right::call) {
         if (ended_) return lost(), 0;
-        leases_.emplace(++last_, std::move(lost));
+        leases_.emplace(++last_, Held{std::move(object), right, std::move(lost)});
         return last_;
     }
     void release(Lease lease) { leases_.erase(lease); }
@@ -40,14 +45,33 @@ public:
     void end() {
         ended_ = true;
         while (!leases_.empty()) {
-            auto lost = std::move(leases_.begin()->second);
+            auto lost = std::move(leases_.begin()->second.lost);
             leases_.erase(leases_.begin());
             lost();
         }
     }
 
+    // The policy has changed: call lost() of each lease that it does not allow any more.
+    void judge(const Access& access) {
+        if (!principal) return;
+        std::vector<Lease> all;
+        for (auto& [lease, held] : leases_) all.push_back(lease);
+        for (Lease lease : all) {
+            auto at = leases_.find(lease);
+            if (at == leases_.end() || (access.rights(principal, at->second.object) & Rights(at->second.right))) continue;
+            auto lost = std::move(at->second.lost);
+            leases_.erase(at);
+            lost();
+        }
+    }
+
 private:
-    std::map<Lease, std::function<void()>> leases_;
+    struct Held {
+        std::string object;
+        Right right;
+        std::function<void()> lost;
+    };
+    std::map<Lease, Held> leases_;
     Lease last_ = 0;
     bool ended_ = false;
 };

@@ -12,42 +12,8 @@ namespace sorma {
 namespace {
 
 const Prototype kNothingToUndo{Severity::error, "SERVICE FAILED", 1, "{}: there is no CTRL to undo"};
-const Prototype kNotLocked{Severity::error, "SERVICE LOCKED", 1, "{}: this client holds no lock of it"};
 
 }  // namespace
-
-// ---- locks: a client keeps others from EXEC and from setting options; what stops or inspects stays open to all ----
-
-void CommonRequests::lock(Service& s, Args, Message& reply) {
-    if (s.guard() & Service::kLockedBit) {
-        s.checkLock();
-    } else {
-        auto& lock = s.record().lock;
-        lock.holder = CallContext::currentClient();
-        lock.by = CallContext::currentCallers();
-        lock.since = wallNow();
-        s.setGuard(Service::kLockedBit, true);
-        if (lock.holder)
-            lock.lease = lock.holder->hold([self = Reference(&s)] {
-                if (self->guard() & Service::kLockedBit) CommonRequests::freeLock(*self);
-            });
-    }
-    addLine(reply, "locked by " + s.record().lock.by);
-}
-
-void CommonRequests::freeLock(Service& s) {
-    s.setGuard(Service::kLockedBit, false);
-    s.record().lock = {};
-}
-
-void CommonRequests::unlock(Service& s, Args, Message&) {
-    if (!(s.guard() & Service::kLockedBit)) fail(kNotLocked, s.name());
-    s.checkLock();
-    auto holder = s.record().lock.holder;
-    auto lease = s.record().lock.lease;
-    freeLock(s);
-    if (holder) holder->release(lease);
-}
 
 // ---- what every class answers ----
 
@@ -56,7 +22,8 @@ int CommonRequests::needOption(Service& s, const std::string& name) {
     if (index < 0) {
         std::vector<std::string> known;
         for (auto& o : s.type().options()) known.push_back(o.name);
-        fail(kUnknownWord, s.name(), name, known.empty() ? "(this class has no options)" : oneOf(std::move(known)));
+        std::string hint = didYouMean(name, known);
+        fail(kUnknownWord, s.name(), name, known.empty() ? "(this class has no options)" : oneOf(std::move(known)), hint);
     }
     return index;
 }
@@ -74,9 +41,9 @@ std::string CommonRequests::describe(const Service::Record::Source& source) {
 void CommonRequests::why(Service& s, Args args, Message& reply) {
     int index = needOption(s, args[0]);
     Service::Record::Source none;
-    auto& source = s.record_ ? s.record_->sources[index] : none;
+    auto& source = s.record_ ? *s.record_->sources[index] : none;
     std::string line = args[0];
-    appendWord(line, toText(s.type().options()[index].get(s)));
+    appendWord(line, s.shown(s.type().options()[std::size_t(index)], s.need(reply.author, Right::inspect)));
     addLine(reply, line + ": " + describe(source));
 }
 
@@ -94,6 +61,7 @@ void CommonRequests::diff(Service& s, Args, Message& reply) {
         recipe.emplace_back(index, value);
     }
     bool any = false;
+    const Permit permit = s.need(reply.author, Right::inspect);
     for (std::size_t i = 0; i < s.type().options().size(); ++i) {
         auto& o = s.type().options()[i];
         std::string wanted = i < s.type().defaults().size() ? toText(s.type().defaults()[i]) : std::string();
@@ -107,8 +75,9 @@ void CommonRequests::diff(Service& s, Args, Message& reply) {
                     wanted = value;     // the recipe has become wrong: show it as it stands
                 }
             }
-        std::string now = toText(o.get(s));
+        std::string now = toText(o.value(s, permit));
         if (now == wanted) continue;
+        if (s.shown(o, permit) != now) now = wanted = kMask;
         std::string line = o.name;
         line += std::string(": ") + source;
         appendWord(line, wanted);
@@ -149,28 +118,28 @@ void CommonRequests::verbosity(Service& s, Args args, Message& reply) {
 
 void CommonRequests::undo(Service& s, Args, Message& reply) {
     auto& r = s.record();
-    if (s.guard() & Service::kLockedBit) s.checkLock();
+    if (s.guard() & Service::kLockBits) s.checkLock();
     if (r.undo.empty()) fail(kNothingToUndo, s.name());
     // The first value of each is what it had; an option that was set twice is put back once.
     Service::Applying a;
     for (auto& u : r.undo.back()) {
         if (std::any_of(a.values.begin(), a.values.end(), [&](auto& v) { return v.option == u.option; })) continue;
-        a.values.push_back({u.option, u.value, u.source.author});
-        a.sources.push_back(u.source);
+        a.values.push_back({u.option, u.value, u.source->author});
+        a.sources.push_back(u.source.again());
     }
     s.apply(a);
     r.undo.pop_back();
     std::string line;
     for (auto& v : a.values) {
         appendWord(line, s.type().options()[v.option].name);
-        appendWord(line, toText(s.type().options()[v.option].get(s)));
+        appendWord(line, s.shown(s.type().options()[std::size_t(v.option)], Permit::owner()));
     }
     addLine(reply, line);
 }
 
-// The recipe that makes an object as this one is: what the present recipe splices in, and says beside options, stays; behind it
-// stands what differs from that.
-static std::string recipeOf(const Service& s, const std::vector<std::string>& words, const Dictionary& dictionary) {
+// The recipe that makes an object as this one is. From the present recipe stay its splices, and all but its options. The options
+// that differ stand behind them.
+static std::string recipeOf(const Service& s, const std::vector<std::string>& words, const Dictionary& dictionary, const Permit& permit) {
     const Class& type = s.type();
     auto isAction = [&](const std::string& word) {
         if (type.findAction(word)) return true;
@@ -208,7 +177,7 @@ static std::string recipeOf(const Service& s, const std::vector<std::string>& wo
         }
     }
     for (std::size_t i = 0; i < type.options().size(); ++i) {
-        std::string now = toText(type.options()[i].get(s));
+        std::string now = toText(type.options()[i].value(s, permit));
         if (now == base[i]) continue;
         appendWord(out, type.options()[i].name);
         appendWord(out, now);
@@ -228,27 +197,28 @@ void CommonRequests::save(Service& s, Args args, Message& m) {
     // Saving launders nothing: the entry is written by all who have written its words.
     PrincipalPointer author = m.author;
     if (s.record_)
-        for (auto& source : s.record_->sources) author = Principal::both(author, source.author);
+        for (auto& source : s.record_->sources) author = Principal::both(author, source->author);
     std::vector<std::string> words;
     if (auto* known = dictionary.get(s.name())) {
         words = *known;
         for (auto& w : dictionary.expand(s.name())) author = Principal::both(author, w.origin.author);
     }
-    std::string recipe = recipeOf(s, words, dictionary);
+    std::string recipe = recipeOf(s, words, dictionary, s.need(m.author, Right::inspect));
     std::string by = CallContext::currentCallers();
     try {
-        dictionary.add(target, splitWords(recipe), by, author);
+        dictionary.add(target, splitWords(recipe), by, author, s.sorm().budget.ofCaller(m.author));
     } catch (const Error& e) {
         if (!e.is("DICT LOOP")) throw;
-        recipe = s.recipe();            // the entry splices the one that is written, so all options are written
-        dictionary.add(target, splitWords(recipe), by, author);
+        recipe = s.recipe(s.need(m.author, Right::inspect));            // the entry splices the one that is written, so all options are written
+        dictionary.add(target, splitWords(recipe), by, author, s.sorm().budget.ofCaller(m.author));
     }
     std::string line;
     appendWord(line, target);
+    if (!(s.sorm().access.rights(m.author, s.name()) & Rights(Right::configure))) recipe = s.sorm().masked(recipe);
     addLine(m, line + " " + recipe);
 }
 
-std::string CommonRequests::optionsList(Service& s, std::string_view only) {
+std::string CommonRequests::optionsList(Service& s, std::string_view only, const Permit& permit) {
     std::string list;
     for (std::size_t i = 0; i < s.type().options().size(); ++i) {
         auto& o = s.type().options()[i];
@@ -256,7 +226,7 @@ std::string CommonRequests::optionsList(Service& s, std::string_view only) {
         std::string item;
         for (auto& field : {o.name, std::string(toText(o.type)), o.spec.unit, o.range(),
                             i < s.type().defaults().size() ? toText(s.type().defaults()[i]) : std::string(),
-                            toText(o.get(s)), o.spec.help})
+                            s.shown(o, permit), o.spec.help})
             appendListElement(item, field);
         appendListElement(list, item);
     }
@@ -267,8 +237,7 @@ std::string CommonRequests::optionsList(Service& s, std::string_view only) {
 std::string CommonRequests::trailText(const Trail& trail) {
     std::string list;
     for (auto& e : trail.entries()) {
-        std::string item, code = "SORMA " + e.symbol;
-        for (auto& d : e.details) appendListElement(code, d);
+        std::string item, code = listOf(e.code());
         auto put = [&](std::string_view key, std::string_view value) {
             appendListElement(item, key);
             appendListElement(item, value);
@@ -290,7 +259,7 @@ std::string CommonRequests::trailText(const Trail& trail) {
 // Plain values for `NAME info ...`, as Tcl lists where there is more than one.
 void CommonRequests::info(Service& s, Args args, Message& reply) {
     static const Prototype kInfo{Severity::error, "REQUEST SYNTAX", 2, "{}: bad info \"{}\": must be actions, class, dump, "
-                                 "example, help, inspections, location, methods, name, options, purpose, signature, trail, or version"};
+                                 "example, help, inspections, location, methods, name, options, purpose, secrets, signature, trail, or version"};
     const std::string& what = args[0];
     auto actionList = [&](const std::vector<Action>& own, const std::vector<Action>& common) {
         std::string list;
@@ -303,18 +272,22 @@ void CommonRequests::info(Service& s, Args args, Message& reply) {
         return list;
     };
     std::string out;
-    if (what == "options") out = optionsList(s, args.size() > 1 ? std::string_view(args[1]) : std::string_view());
+    if (what == "options") out = optionsList(s, args.size() > 1 ? std::string_view(args[1]) : std::string_view(), s.need(reply.author, Right::inspect));
     else if (what == "class") out = s.type().name();
     else if (what == "purpose") out = s.type().purpose();
     else if (what == "name") out = s.name();
+    else if (what == "secrets") {
+        for (auto& o : s.type().options())
+            if (o.spec.secret) appendWord(out, o.name);
+    }
     else if (what == "location") out = s.location();
     else if (what == "version") out = s.type().version();
     else if (what == "methods") out = "EXEC CTRL DBX";
     else if (what == "signature") out = s.type().signatureText();
     else if (what == "example") out = s.type().example();
     else if (what == "help") out = s.type().helpText(s.name());
-    else if (what == "dump") out = s.dump();
-    else if (what == "trail") out = trailText(s.record().trail);
+    else if (what == "dump") out = s.dump(s.need(reply.author, Right::inspect));
+    else if (what == "trail") out = trailText(*s.record().trail);
     else if (what == "actions") out = actionList(s.type().actions(), actions());
     else if (what == "inspections") out = actionList(s.type().inspections(), inspections());
     else fail(kInfo, s.name(), what);
@@ -322,7 +295,7 @@ void CommonRequests::info(Service& s, Args args, Message& reply) {
 }
 
 void CommonRequests::help(Service& s, Args args, Message& m) {
-    if (!args.empty() && args[0] != "expert") fail(kUnknownWord, s.name(), args[0], "expert, after -help");
+    if (!args.empty() && args[0] != "expert") fail(kUnknownWord, s.name(), args[0], "expert, after -help", "");
     addLine(m, s.type().helpText(s.name(), !args.empty()));
 }
 
@@ -330,7 +303,7 @@ const std::vector<Action>& CommonRequests::actions() {
     static const std::vector<Action> list = {
         {"-help", "?expert?", "purpose, options, signature, example; expert: also the options that few need", 0, 1, help, Right::inspect, true},
         {"-dump", "", "all state inside, as CTRL would read it again", 0, 0,
-         [](Service& s, Args, Message& m) { addLine(m, s.dump()); }, Right::inspect},
+         [](Service& s, Args, Message& m) { addLine(m, s.dump(s.need(m.author, Right::inspect))); }, Right::inspect},
         {"-save", "?flavor?", "write the options as this name's recipe, or that of another flavor, into the dictionary", 0, 1,
          save, Right::inspect},
         {"-selftest", "", "check itself", 0, 0,
@@ -360,8 +333,8 @@ const std::vector<Action>& CommonRequests::inspections() {
              }},
             {"-audit", "", "who sent which CTRL, and when", 0, 0,
              [](Service& s, Args, Message& m) {
-                 for (auto& a : s.record().audit)
-                     addLine(m, clockText(a.time) + " " + a.by + (a.done ? ": CTRL " : " (refused): CTRL ") + a.request);
+                 static constexpr const char* states[] = {" (under way)", "", " (refused)"};
+                 for (auto& a : s.record().audit) addLine(m, clockText(a->time) + " " + a->by + states[a->state] + ": CTRL " + a->request);
              }},
             {"-verbosity", "?0..2?", "messages that are kept: 0 errors, 1 and warnings, 2 and verbose", 0, 1, verbosity},
             {"-stats", "", "call counts, rates, histogram of times", 0, 0, stats},
@@ -373,11 +346,11 @@ const std::vector<Action>& CommonRequests::inspections() {
                  for (auto& pin : args.empty() ? s.pins() : s.pins(args[0], std::size_t(n))) addLine(m, pin.toText());
              }},
             {"-trail", "", "messages of the last request that had any", 0, 0,
-             [](Service& s, Args, Message& m) { addLine(m, s.record().trail.toText()); }},
+             [](Service& s, Args, Message& m) { addLine(m, s.record().trail->toText()); }},
             {"-info", "what ?option?", "plain values for programs", 1, 2, CommonRequests::info},
             {"-get", "option", "value of one option", 1, 1,
              [](Service& s, Args args, Message& m) {
-                 m.text += toText(s.type().options()[CommonRequests::needOption(s, args[0])].get(s));
+                 m.text += s.shown(s.type().options()[std::size_t(CommonRequests::needOption(s, args[0]))], s.need(m.author, Right::inspect));
              }},
     };
         for (auto& action : all) action.right = Right::inspect;
@@ -388,9 +361,10 @@ const std::vector<Action>& CommonRequests::inspections() {
 
 Class& Class::concurrency(Concurrency concurrency) {
     if (concurrency == Concurrency::exclusive && !findAction("-lock")) {
-        action({"-lock", "", "keep other clients from EXEC and from setting options, until -unlock or this client's end", 0, 0,
-                CommonRequests::lock, Right::call});
-        action({"-unlock", "", "free the lock", 0, 0, CommonRequests::unlock, Right::call});
+        action({"-lock", "?seconds?", "keep other clients from EXEC and from setting options, until -unlock, this client's end, or so many seconds "
+                "(60, at most 3600); again: from now on", 0, 1, CommonRequests::lock, Right::configure});
+        action({"-unlock", "?break?", "free the lock; break: somebody else's, which only the daemon's owner may", 0, 1,
+                CommonRequests::unlock, Right::call});
     }
     concurrency_ = concurrency;
     return *this;

@@ -1,5 +1,8 @@
 // The object `dict`: the dictionary of its SORM, used like any service object, here or from another process.
+#include <algorithm>
+
 #include "bus/call.h"
+#include "bus/nearest.h"
 #include "bus/requestText.h"
 #include "bus/sorm.h"
 
@@ -7,14 +10,19 @@ namespace sorma {
 
 namespace {
 
-const Prototype kUnknown{Severity::error, "DICT UNKNOWN", 1, "dict: there is no entry \"{}\""};
+const Prototype kUnknown{Severity::error, "DICT UNKNOWN", 1, "dict: there is no entry \"{}\"{}"};
+
+bool hasSecrets(const Class& type) {
+    return std::any_of(type.options().begin(), type.options().end(), [](auto& o) { return o.spec.secret; });
+}
 
 class DictService : public Service {
 public:
     void exec(Message& m) override {
         std::string word = !m.text.empty() ? m.text : m.words.empty() ? std::string() : m.words[0];
+        const PrincipalPointer author = m.author;
         m.clear();
-        m.text = expansion(word);
+        m.text = expansion(word, author);
     }
 
     void dumpState(std::string& out) const override {
@@ -25,14 +33,15 @@ public:
 
     void add(Args args, Message& m) {
         sorm().access.need(m.author, Right::dictionary, args[0], name());
-        sorm().dictionary().add(args[0], {args.begin() + 1, args.end()}, CallContext::currentCallers(), m.author);
+        sorm().dictionary().add(args[0], {args.begin() + 1, args.end()}, CallContext::currentCallers(), m.author,
+                                sorm().budget.ofCaller(m.author));
         sorm().dictionaryChanged(args[0]);
     }
 
     void remove(Args args, Message& m) {
         for (auto& word : args) sorm().access.need(m.author, Right::dictionary, word, name());
         for (auto& word : args)
-            if (!sorm().dictionary().has(word)) fail(kUnknown, word);
+            if (!sorm().dictionary().has(word)) failUnknown(word);
         for (auto& word : args) {
             sorm().dictionary().remove(word);
             sorm().dictionaryChanged(word);
@@ -41,49 +50,64 @@ public:
 
     void get(Args args, Message& reply) {
         auto* words = sorm().dictionary().get(args[0]);
-        if (!words) fail(kUnknown, args[0]);
-        addLine(reply, joinWords(*words));
+        if (!words) failUnknown(args[0]);
+        addLine(reply, joinWords(visible(args[0], *words, reply.author)));
     }
 
     void list(Args args, Message& reply) {
         for (auto& word : sorm().dictionary().words(args.empty() ? "*" : args[0])) addLine(reply, word);
     }
 
-    void expand(Args args, Message& reply) { addLine(reply, expansion(args[0])); }
+    void expand(Args args, Message& reply) { addLine(reply, expansion(args[0], reply.author)); }
 
-    void load(Args args, Message& m) {
-        needFile(m.author, args[0]);
+    void load(Message& m, const Named<Kind::file>& file) {
         sorm().access.need(m.author, Right::dictionary, "*", name());
-        sorm().dictionary().load(args[0]);
+        const Permit permit = file.permit(*this);
+        sorm().dictionary().load(file.get(permit), permit);
         sorm().dictionaryChanged({});
     }
 
     void reload(Args, Message& m) {
         sorm().access.need(m.author, Right::dictionary, "*", name());
-        if (sorm().access.restricted()) needFile(nullptr, "*");
+        if (sorm().access.restricted()) needFile("*");
         sorm().dictionary().reload();
         sorm().dictionaryChanged({});
     }
 
     // Without a file only those are written that the owner has had loaded.
-    void save(Args args, Message& m) {
-        if (!args.empty()) needFile(m.author, args[0]);
-        else if (sorm().access.restricted()) needFile(nullptr, "*");
+    void save(Message& m, const Named<Kind::file>& file) {
+        if (file.empty() && sorm().access.restricted()) needFile("*");
         sorm().access.need(m.author, Right::dictionary, "*", name());
-        sorm().dictionary().save(args.empty() ? std::string() : args[0]);
+        const Permit permit = file.permit(*this);
+        if (file.empty()) sorm().dictionary().save();
+        else sorm().dictionary().save(file.get(permit), permit);
+    }
+
+    void leftOut(Args, Message& reply) {
+        for (auto& line : sorm().dictionary().leftOut()) addLine(reply, line);
     }
 
 private:
-    std::string expansion(const std::string& word) {
-        if (!sorm().dictionary().has(word)) fail(kUnknown, word);
-        std::vector<std::string> words;
-        for (auto& w : sorm().dictionary().expand(word)) words.push_back(w.text);
-        return joinWords(words);
+    [[noreturn]] void failUnknown(const std::string& word) { fail(kUnknown, word, didYouMean(word, sorm().dictionary().words())); }
+
+    // As this viewer may see them: the secrets in the recipe of an object for those who may set its options, others for the owner.
+    std::vector<std::string> visible(const std::string& entry, std::vector<std::string> words, const PrincipalPointer& viewer) {
+        bool may = !viewer;
+        if (Name::isName(entry) && !Name::isElsewhere(entry)) {
+            auto* type = sorm().findClass(Name::parse(entry).className);
+            may = (may || (type && hasSecrets(*type))) && (sorm().access.rights(viewer, entry) & Rights(Right::configure));
+        }
+        return may ? words : sorm().masked(std::move(words));
     }
 
-    void needFile(const PrincipalPointer& author, const std::string& file) {
-        if (author || sorm().access.restricted()) sorm().access.need(author, Right::files, realPath(file), name());
+    std::string expansion(const std::string& word, const PrincipalPointer& viewer) {
+        if (!sorm().dictionary().has(word)) failUnknown(word);
+        std::vector<std::string> words;
+        for (auto& w : sorm().dictionary().expand(word)) words.push_back(w.text);
+        return joinWords(visible(word, std::move(words), viewer));
     }
+
+    void needFile(const std::string& file) { sorm().access.need(nullptr, Right::files, realPath(file), name()); }
 
     static void addLine(Message& reply, const std::string& line) {
         if (!reply.text.empty()) reply.text += '\n';
@@ -102,11 +126,14 @@ Class describeDict() {
         .action("-get", &DictService::get, "word", "the words of an entry as they were written", 1, 1, Right::inspect)
         .action("-expand", &DictService::expand, "word", "the words of an entry with every -SUBST spliced in", 1, 1, Right::inspect)
         .action("-list", &DictService::list, "?pattern?", "the words that have an entry", 0, 1, Right::inspect)
-        .action("-load", &DictService::load, "file", "read a file, all of it or nothing", 1, 1, Right::inspect)
+        .action("-load", &DictService::load, "file", "read a file, all of it or nothing", 1, Right::inspect)
         .action("-reload", &DictService::reload, "", "read all files again, and forget what they gave before", 0, 0,
                 Right::inspect)
+        .action("-leftOut", &DictService::leftOut, "", "what was wrong in SORMA_DICT, or in other variables, and was left out: a line for each", 0, 0,
+                Right::inspect)
         .action("-save", &DictService::save, "?file?", "write back to the file that was loaded last, or to another; comments "
-                "and order stay", 0, 1, Right::inspect)
+                "and order stay", 0, Right::inspect)
+        .actsOnWords()
         .reads(Field::text, {}, "", "a word, also without TMSG")
         .writes(Field::text, {}, "", "its expansion")
         .words("?word?")

@@ -19,6 +19,7 @@
 
 #include "bus/catalogue.h"
 #include "bus/glob.h"
+#include "bus/nearest.h"
 #include "bus/requestText.h"
 
 extern char** environ;
@@ -32,11 +33,12 @@ const Prototype kEntry{Severity::error, "DICT SYNTAX", 1, "dictionary entry {1}:
 const Prototype kLoop{Severity::error, "DICT LOOP", 1, "dictionary entry {0}: -SUBST leads in a loop: {1}"};
 const Prototype kLoopInFile{Severity::error, "DICT LOOP", 1, "dictionary entry {0}: -SUBST leads in a loop: {1} ({2}:{3})"};
 const Prototype kTooLarge{Severity::error, "DICT SYNTAX", 1, "dictionary entry {}: its expansion exceeds {}"};
+const Prototype kNoSubst{Severity::error, "DICT UNKNOWN", 2, "dictionary entry {0}: -SUBST {1}{3}: there is no entry of that name ({2})"};
 const Prototype kFile{Severity::error, "DICT FILE", 1, "cannot {1} dictionary file \"{0}\": {2}"};
 const Prototype kNoFile{Severity::error, "DICT FILE", 0, "no dictionary file is loaded; name the one to write: dict CTRL -save FILE"};
 
-// A line above an entry that another than the owner has written: it names the author, whose rights its words have. Without
-// it they are the owner's.
+// A line above an entry that another than the owner has written, in files of former versions: it names the author. Today the
+// authors stand in FILE.authors.
 constexpr std::string_view kAuthorMark = "#@ by ";
 constexpr std::string_view kSubst = "-SUBST", kByteOrderMark = "\xef\xbb\xbf";
 constexpr std::size_t kMaxFile = std::size_t{64} << 20;
@@ -141,7 +143,7 @@ private:
 };
 
 // The author that a line above an entry names; empty: none.
-std::string_view authorOf(const LogicalLine& line) {
+std::string_view markedAuthor(const LogicalLine& line) {
     std::string_view text = line.text;
     if (!text.starts_with(kAuthorMark)) return {};
     text.remove_prefix(kAuthorMark.size());
@@ -236,8 +238,8 @@ bool readFile(const std::string& file, bool mayLack, std::string& text) {
     }
 }
 
-// What processes have left that were killed while they saved: files FILE.new-PID-N that are not quite new, of a process that
-// is no more (here; on another host, which shares the folder, saving takes no minute either).
+// A process that is killed while it saves leaves a file FILE.new-PID-N. Remove those that are not quite new, of processes that
+// have ended. Another host that shares the folder needs less than a minute, too.
 void sweepLeftOvers(const std::string& folder, std::string_view file) {
     constexpr std::time_t kAge = 60;        // [s]
     DIR* dir = ::opendir(folder.c_str());
@@ -260,7 +262,7 @@ void sweepLeftOvers(const std::string& folder, std::string_view file) {
     ::closedir(dir);
 }
 
-void replaceFile(const std::string& file, std::string_view text) {
+void replaceFile(const std::string& file, std::string_view text, mode_t mode = 0666) {
     std::string target = file;              // behind symbolic links: the link stays
     if (char* real = ::realpath(file.c_str(), nullptr)) {
         target = real;
@@ -273,7 +275,7 @@ void replaceFile(const std::string& file, std::string_view text) {
     int fd;
     do {    // the name is new; not mkstemp, whose mode forgets the umask
         temporary = target + ".new-" + std::to_string(::getpid()) + '-' + std::to_string(count++);
-        fd = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+        fd = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
     } while (fd < 0 && errno == EEXIST);
     if (fd < 0) failFile(file, "write", errno);
     Descriptor out(fd);
@@ -305,6 +307,82 @@ void replaceFile(const std::string& file, std::string_view text) {
     if (at.get() >= 0) (void)!::fsync(at.get());
 }
 
+// FILE.authors stands beside FILE, and only the owner may read it. Each line has a hash of an entry, its word included, and the
+// author, if that is not the owner. An entry that somebody has edited since has another hash, and so is the owner's.
+class AuthorsFile {
+public:
+    // Fails with DICT FILE when it cannot be read, or others than the owner may have written it.
+    explicit AuthorsFile(const std::string& file) : path_(realPath(file) + ".authors") {
+        std::string text;
+        if (!readFile(path_, true, text)) return;
+        struct stat facts {};
+        if (::stat(path_.c_str(), &facts) != 0) failFile(path_, "read", errno);
+        if ((facts.st_uid != ::geteuid() && facts.st_uid != 0) || (facts.st_mode & (S_IWGRP | S_IWOTH)))
+            fail(kFile, path_, "trust", "others than its owner may have written it; chmod go-w it, or remove it to make all entries yours");
+        was_ = text;
+        for (std::string_view rest = text; !rest.empty();) {
+            auto line = rest.substr(0, rest.find('\n'));
+            rest.remove_prefix(std::min(rest.size(), line.size() + 1));
+            // A line that has lost its author is anyone's, not the owner's.
+            if (line.size() > kDigits && line[kDigits] == ' ') lines_.insert_or_assign(std::string(line.substr(0, kDigits)), line.substr(kDigits + 1));
+        }
+    }
+
+    // Null: the owner.
+    PrincipalPointer of(std::string_view word, const std::vector<std::string>& words) const {
+        auto found = lines_.find(hash(word, words));
+        return found == lines_.end() ? nullptr : Principal::parse(found->second);
+    }
+    void note(std::string_view word, const std::vector<std::string>& words, const PrincipalPointer& author) {
+        if (author) now_.insert_or_assign(hash(word, words), author->toText());
+    }
+    // Write the file, before and after the dictionary itself is written. All old lines stay until then. So no entry loses its
+    // author when this process ends in between.
+    void writeBefore() const {
+        auto all = lines_;
+        for (auto& [hash, author] : now_) all.insert_or_assign(hash, author);
+        write(all);
+    }
+    void writeAfter() const {
+        if (!now_.empty()) return write(now_);
+        if (!was_.empty() && ::unlink(path_.c_str()) != 0 && errno != ENOENT) failFile(path_, "remove", errno);
+    }
+    bool changed() const { return lines_ != now_; }
+
+private:
+    static constexpr std::size_t kDigits = 16;
+    using Lines = std::map<std::string, std::string, std::less<>>;      // by hash
+
+    static std::string hash(std::string_view word, const std::vector<std::string>& words) {
+        std::uint64_t h = 0xcbf29ce484222325;                           // FNV-1a: no secret, it only tells versions apart
+        auto add = [&](std::string_view text) {
+            for (char c : text) h = (h ^ static_cast<unsigned char>(c)) * 0x100000001b3;
+            h = (h ^ 0xff) * 0x100000001b3;                             // a byte that no UTF-8 has, between words
+        };
+        add(word);
+        for (auto& w : words) add(w);
+        char digits[kDigits + 1];
+        std::snprintf(digits, sizeof digits, "%016llx", static_cast<unsigned long long>(h));
+        return digits;
+    }
+    void write(const Lines& lines) const {
+        if (lines.empty()) return;
+        std::string text = "# Who wrote entries of the dictionary beside this file. An entry without a line is its owner's.\n";
+        for (auto& [hash, author] : lines) text += hash + " " + author + "\n";
+        replaceFile(path_, text, 0600);
+    }
+
+    const std::string path_;
+    std::string was_;
+    Lines lines_, now_;
+};
+
+template <class Table> void learnAuthors(Table& table, const std::string& file) {
+    AuthorsFile authors(file);
+    for (auto& [word, kept] : table)
+        if (kept->file == file && !kept->author) kept.edit([&, &word = word](auto& entry) { entry.author = authors.of(word, entry.words); });
+}
+
 }  // namespace
 
 std::string realPath(const std::string& file) {
@@ -334,11 +412,17 @@ std::string Origin::toText() const {
 
 // ---- looking up ----
 
+const PrincipalPointer& Dictionary::authorOf(std::string_view word) const {
+    static const PrincipalPointer owner;
+    auto found = entries_.find(word);
+    return found == entries_.end() ? owner : found->second->author;
+}
+
 bool Dictionary::has(std::string_view word) const { return entries_.find(word) != entries_.end(); }
 
 const std::vector<std::string>* Dictionary::get(std::string_view word) const {
     auto found = entries_.find(word);
-    return found == entries_.end() ? nullptr : &found->second.words;
+    return found == entries_.end() ? nullptr : &found->second->words;
 }
 
 struct Dictionary::Expansion {
@@ -358,7 +442,7 @@ std::vector<DictionaryWord> Dictionary::expand(std::string_view word) const {
 void Dictionary::expandInto(std::string_view word, Expansion& state) const {
     auto found = entries_.find(word);
     if (found == entries_.end()) return;
-    const Entry& entry = found->second;
+    const Entry& entry = *found->second;
     Origin origin;
     if (entry.file.empty() || entry.changed) {
         origin.by = entry.by;
@@ -379,6 +463,7 @@ void Dictionary::expandInto(std::string_view word, Expansion& state) const {
         if (entry.words[i] == kSubst && i + 1 < entry.words.size()) {
             const std::string& next = entry.words[++i];
             count(0);
+            if (!has(next)) fail(kNoSubst, state.root, next, origin.toText(), didYouMean(next, this->words()));
             if (state.via.size() == kMaxDepth) fail(kTooLarge, state.root, std::to_string(kMaxDepth) + " levels of -SUBST");
             state.via.push_back(next);
             auto outer = std::exchange(state.author, origin.author);
@@ -437,7 +522,7 @@ void Dictionary::checkLoops(const Table& fresh, const Table& base) {
             fail(kLoopInFile, blame->word, chain, e.file, e.line);
         }
         state = open;
-        stack.push_back({found->first, &found->second, 0});
+        stack.push_back({found->first, &*found->second, 0});
     };
     for (auto& [word, entry] : fresh) {
         enter(word);
@@ -463,20 +548,22 @@ void Dictionary::take(Table&& fresh) {
     }
 }
 
-void Dictionary::add(std::string_view word, const std::vector<std::string>& expansion, const std::string& by, PrincipalPointer author) {
+void Dictionary::add(std::string_view word, const std::vector<std::string>& expansion, const std::string& by, PrincipalPointer author,
+                     AccountPointer account) {
     if (auto why = badKey(word)) fail(kEntry, word, shown(word), why);
     if (expansion.size() != 1 || std::none_of(expansion[0].begin(), expansion[0].end(), isWhite))
-        return put(word, expansion, by, std::move(author));
+        return put(word, expansion, by, std::move(author), std::move(account));
     std::vector<std::string> words;
     try {
         words = splitWords(expansion[0]);
     } catch (const Error& e) {
         fail(kEntry, word, shown(word), e.what());
     }
-    put(word, std::move(words), by, std::move(author));
+    put(word, std::move(words), by, std::move(author), std::move(account));
 }
 
-void Dictionary::put(std::string_view word, std::vector<std::string> words, const std::string& by, PrincipalPointer author) {
+void Dictionary::put(std::string_view word, std::vector<std::string> words, const std::string& by, PrincipalPointer author,
+                     AccountPointer account) {
     if (auto why = badKey(word)) fail(kEntry, word, shown(word), why);
     for (auto& w : words)
         if (!isUtf8(w)) fail(kEntry, word, shown(word), shown(w) + " is not UTF-8");
@@ -486,9 +573,9 @@ void Dictionary::put(std::string_view word, std::vector<std::string> words, cons
     auto found = entries_.find(word);
     auto gone = removed_.find(word);
     if (found != entries_.end()) {
-        if (found->second.words == words && found->second.author == author) return;
-        entry.file = found->second.file;
-        entry.line = found->second.line;
+        if (found->second->words == words && found->second->author == author) return;
+        entry.file = found->second->file;
+        entry.line = found->second->line;
     } else if (gone != removed_.end()) {
         entry.file = gone->second;
     }
@@ -497,8 +584,9 @@ void Dictionary::put(std::string_view word, std::vector<std::string> words, cons
     entry.by = by;
     entry.author = std::move(author);
     entry.changed = !entry.file.empty();
+    entry.key = word.size();
     Table fresh;
-    fresh.emplace(word, std::move(entry));
+    fresh.emplace(word, Charged<Entry>("dict", std::move(account), Account::Use::values, std::move(entry)));
     checkLoops(fresh, entries_);
     take(std::move(fresh));
 }
@@ -508,23 +596,23 @@ bool Dictionary::loaded(const std::string& file) const { return std::find(files_
 bool Dictionary::remove(std::string_view word) {
     auto found = entries_.find(word);
     if (found == entries_.end()) return false;
-    if (loaded(found->second.file)) removed_.insert_or_assign(found->first, found->second.file);
+    if (loaded(found->second->file)) removed_.insert_or_assign(found->first, found->second->file);
     entries_.erase(found);
     return true;
 }
 
 // ---- files ----
 
-void Dictionary::parse(std::string_view text, const std::string& file, Table& into) {
+void Dictionary::parse(std::string_view text, const std::string& file, Table& into, std::vector<std::string>* wrong) {
     LineReader lines(text);
     std::string author;                 // of the next entry
     for (LogicalLine line; lines.next(line);) {
-        if (!isUtf8(line.text)) fail(kLine, file, line.number, "the line is not UTF-8");
         try {
+            if (!isUtf8(line.text)) fail(kLine, file, line.number, "the line is not UTF-8");
             LineWords reader(line.text);
             std::string_view word;
             if (!reader.next(word)) {
-                if (auto named = authorOf(line); !named.empty()) author = named;
+                if (auto named = markedAuthor(line); !named.empty()) author = named;
                 continue;
             }
             if (auto why = badKey(word)) fail(kLine, file, line.number, why);
@@ -535,10 +623,12 @@ void Dictionary::parse(std::string_view text, const std::string& file, Table& in
             entry.file = file;
             entry.line = line.number;
             if (!author.empty()) entry.author = Principal::parse(std::exchange(author, {}));
-            into.insert_or_assign(std::move(key), std::move(entry));
+            into.insert_or_assign(std::move(key), Charged<Entry>::forced(nullptr, Account::Use::values, std::move(entry)));
         } catch (const Error& e) {
-            if (e.is("DICT SYNTAX")) throw;
-            fail(kLine, file, line.number, e.what());
+            const Error said = e.is("DICT SYNTAX") ? e : Error(makeEntry(kLine, {MessageArg::of(file), MessageArg::of(line.number), MessageArg::of(e.what())}));
+            if (!wrong) throw said;
+            wrong->push_back(said.what());
+            author.clear();
         }
     }
 }
@@ -550,10 +640,15 @@ void Dictionary::loadText(std::string_view text, const std::string& file) {
     take(std::move(fresh));
 }
 
-void Dictionary::load(const std::string& file) {
+void Dictionary::load(const std::string& file, const Permit& permit) {
+    checkKind(permit, Kind::file, file);
     std::string text;
     readFile(file, false, text);
-    loadText(text, file);
+    Table fresh;
+    parse(text, file, fresh);
+    learnAuthors(fresh, file);
+    checkLoops(fresh, entries_);
+    take(std::move(fresh));
     std::erase(files_, file);
     files_.push_back(file);
 }
@@ -562,24 +657,28 @@ void Dictionary::reload() {
     const std::set<std::string, std::less<>> known(files_.begin(), files_.end());
     Table all;
     for (auto& [word, entry] : entries_)
-        if (!known.contains(entry.file)) all.emplace(word, entry);
+        if (!known.contains(entry->file)) all.emplace(word, entry.again());
     for (auto& file : files_) {
         std::string text;
         readFile(file, false, text);
-        parse(text, file, all);
+        Table fresh;
+        parse(text, file, fresh);
+        learnAuthors(fresh, file);
+        for (auto& [word, entry] : fresh) all.insert_or_assign(word, std::move(entry));
     }
     checkLoops(all, Table());
     entries_ = std::move(all);
     std::erase_if(removed_, [&](auto& gone) { return known.contains(gone.second); });
 }
 
-void Dictionary::save(const std::string& file) {
-    if (!file.empty()) {
-        const bool home = loaded(file) || files_.empty();
-        saveTo(file, !loaded(file), home);
-        if (files_.empty()) files_.push_back(file);
-        return;
-    }
+void Dictionary::save(const std::string& file, const Permit& permit) {
+    checkKind(permit, Kind::file, file);
+    const bool home = loaded(file) || files_.empty();
+    saveTo(file, !loaded(file), home);
+    if (files_.empty()) files_.push_back(file);
+}
+
+void Dictionary::save() {
     if (files_.empty()) fail(kNoFile);
     const std::vector<std::string> files = files_;
     for (auto& f : files) saveTo(f, false, f == files.back());
@@ -597,7 +696,7 @@ void Dictionary::saveTo(const std::string& file, bool everything, bool home) {
         return gone != removed_.end() && gone->second == file;
     };
     bool dirty = std::any_of(removed_.begin(), removed_.end(), [&](auto& gone) { return gone.second == file; });
-    for (auto& [word, entry] : entries_) dirty = dirty || wanted(entry);
+    for (auto& [word, entry] : entries_) dirty = dirty || wanted(*entry);
     if (!dirty) return;
 
     // Entries are found by their word, not by the line they were read from: others may have edited the file since.
@@ -611,33 +710,29 @@ void Dictionary::saveTo(const std::string& file, bool everything, bool home) {
     std::string text;
     std::size_t copied = 0;         // of old
     std::size_t mark = old.npos;    // of old: where the line begins that names the author of the next entry
-    auto appendMark = [&](const Entry& e) {
-        if (e.author) text += std::string(kAuthorMark) + e.author->toText() + "\n";
-    };
     auto take = [&](const LogicalLine& line, LineWords& words, std::string_view word) {
         key = word;
         auto found = entries_.find(key);
         const bool goes = removed(key);
         const std::size_t begin = std::min(std::exchange(mark, old.npos), line.begin);
-        if (!goes && (found == entries_.end() || !ours(found->second) || last[key] != line.begin)) return;
-        // What stands between an author's mark and its entry stays, the mark goes.
+        if (!goes && (found == entries_.end() || !ours(*found->second) || last[key] != line.begin)) return;
+        // The author's mark goes. The lines between it and its entry stay.
         text += std::string_view(old).substr(copied, begin - copied);
         if (begin < line.begin) {
             std::size_t next = old.find('\n', begin) + 1;
             text += std::string_view(old).substr(next, line.begin - next);
         }
         copied = line.end;
-        if (!goes) appendMark(found->second);
-        if (!goes) appendReplaced(text, line, words, found->second.words, std::string_view(old).substr(line.begin, line.end - line.begin));
+        if (!goes) appendReplaced(text, line, words, found->second->words, std::string_view(old).substr(line.begin, line.end - line.begin));
     };
     eachLine(old, take, [&](const LogicalLine& line) {
-        if (!authorOf(line).empty()) mark = line.begin;
+        if (!markedAuthor(line).empty()) mark = line.begin;
     });
     text += std::string_view(old).substr(copied);
 
     std::vector<std::string_view> fresh;
     for (auto& [word, entry] : entries_)
-        if (wanted(entry) && !last.contains(word)) fresh.push_back(word);
+        if (wanted(*entry) && !last.contains(word)) fresh.push_back(word);
     std::sort(fresh.begin(), fresh.end());
     if (!fresh.empty() && !text.empty()) {
         if (text.back() != '\n') text += '\n';
@@ -647,32 +742,82 @@ void Dictionary::saveTo(const std::string& file, bool everything, bool home) {
         if (continues(end)) text += '\n';       // else it would take the next line in
     }
     for (auto word : fresh) {
-        appendMark(entries_.find(word)->second);
         appendEntryWord(text, word);
-        for (auto& w : entries_.find(word)->second.words) appendEntryWord(text, w);
+        for (auto& w : entries_.find(word)->second->words) appendEntryWord(text, w);
         text += '\n';
     }
-    if (!exists || text != old) replaceFile(file, text);
+    // An entry has the author that it has here, unless another process has written it: then the one that stands there.
+    AuthorsFile authors(file);
+    eachEntry(text, [&](const LogicalLine&, LineWords& reader, std::string_view word) {
+        const std::string entry(word);
+        std::vector<std::string> words;
+        try {
+            for (std::string_view w; reader.next(w);) words.emplace_back(w);
+        } catch (const Error&) {            // spoilt since it was loaded
+            return;
+        }
+        auto found = entries_.find(entry);
+        const bool here = found != entries_.end() && (found->second->file == file || ours(*found->second)) && found->second->words == words;
+        authors.note(entry, words, here ? found->second->author : authors.of(entry, words));
+    });
+    const bool differs = !exists || text != old;
+    if (authors.changed()) authors.writeBefore();
+    if (differs) replaceFile(file, text);
+    if (authors.changed()) authors.writeAfter();
 
     // The file is written: from here on only memory follows.
     std::erase_if(removed_, [&](auto& gone) { return gone.second == file; });
-    for (auto& [word, entry] : entries_) {
-        if (entry.file.empty() && home) entry.file = file;
-        if (entry.file == file) entry.changed = false;
-    }
+    for (auto& [word, kept] : entries_)
+        kept.edit([&](Entry& entry) {
+            if (entry.file.empty() && home) entry.file = file;
+            if (entry.file == file) entry.changed = false;
+        });
     eachEntry(text, [&](const LogicalLine& line, LineWords&, std::string_view word) {
         auto found = entries_.find(word);
-        if (found != entries_.end() && found->second.file == file) found->second.line = line.number;
+        if (found != entries_.end() && found->second->file == file) found->second.edit([&](Entry& entry) { entry.line = line.number; });
     });
 }
 
 // ---- environment ----
 
+// As load, without what is wrong in it.
+void Dictionary::loadGood(const std::string& file) {
+    try {
+        std::string text;
+        readFile(file, false, text);
+        Table fresh;
+        parse(text, file, fresh, &leftOut_);
+        try {
+            checkLoops(fresh, entries_);
+            take(std::move(fresh));
+        } catch (const Error&) {        // one by one, in the order of the file: the entry that closes a loop is left out
+            std::vector<Table::node_type> nodes;
+            while (!fresh.empty()) nodes.push_back(fresh.extract(fresh.begin()));
+            std::sort(nodes.begin(), nodes.end(), [](auto& a, auto& b) { return a.mapped()->line < b.mapped()->line; });
+            for (auto& node : nodes) {
+                Table one;
+                one.insert(std::move(node));
+                try {
+                    checkLoops(one, entries_);
+                    take(std::move(one));
+                } catch (const Error& e) {
+                    leftOut_.push_back(e.what());
+                }
+            }
+        }
+        std::erase(files_, file);
+        files_.push_back(file);
+    } catch (const Error& e) {
+        leftOut_.push_back(e.what());
+    }
+}
+
 void Dictionary::loadEnvironment() {
+    leftOut_.clear();
     if (const char* list = std::getenv("SORMA_DICT")) {
         for (std::string_view rest = list; !rest.empty();) {
             std::size_t end = std::min(rest.find(':'), rest.size());
-            if (end > 0) load(std::string(rest.substr(0, end)));
+            if (end > 0) loadGood(std::string(rest.substr(0, end)));
             rest.remove_prefix(std::min(end + 1, rest.size()));
         }
     }
@@ -685,13 +830,12 @@ void Dictionary::loadEnvironment() {
         std::size_t equals = variable.find('=');
         if (equals == variable.npos) continue;
         std::string_view word = variable.substr(kPrefix.size(), equals - kPrefix.size());
-        std::vector<std::string> words;
+        const std::string origin = "environment variable " + std::string(variable.substr(0, equals));
         try {
-            words = splitWords(variable.substr(equals + 1));
+            put(word, splitWords(variable.substr(equals + 1)), origin, nullptr, nullptr);
         } catch (const Error& e) {
-            fail(kEntry, word, shown(word), "environment variable " + std::string(variable.substr(0, equals)) + ": " + e.what());
+            leftOut_.push_back(origin + ": " + e.what());
         }
-        put(word, std::move(words), "environment variable " + std::string(variable.substr(0, equals)), nullptr);
     }
 }
 

@@ -2,8 +2,11 @@
 
 #include <algorithm>
 
+#include "bus/access.h"
+#include "bus/call.h"
 #include "bus/requestText.h"
 #include "bus/service.h"
+#include "bus/sorm.h"
 
 namespace sorma {
 
@@ -46,39 +49,42 @@ std::string partsText(const Message& m) {
     return text + left;
 }
 
+class Monitor : public Observer {
+public:
+    explicit Monitor(Sorm& sorm) : sorm_(sorm) {}
+
+    void came(const Passage& p, const Message& m) override {
+        Message event;
+        const bool hidden = p.method == Method::ctrl && p.service && sorm_.awaitsSecrets(p.service->name());
+        event.text = hidden ? std::string(kMask) : sorm_.masked(partsText(m));
+        event.words = wordsOf(p);
+        sorm_.monitor("monitor.request", event);
+    }
+    void answered(const Passage& p, const Message& m, std::int64_t ran) override {
+        Message event;
+        auto* cause = m.code < 0 ? m.trail.cause() : nullptr;
+        event.text = cause ? cause->text.substr(0, kMostText) : mayTellSecrets(p) ? std::string(kMask) : partsText(m);
+        event.words = wordsOf(p);
+        event.words.push_back(std::to_string(m.code));
+        event.ints.push_back(ran / 1000);
+        sorm_.monitor("monitor.reply", event);
+    }
+
+private:
+    // The reply to words of CTRL and DBX may hold the values of options.
+    bool mayTellSecrets(const Passage& p) const {
+        Service* object = p.method == Method::exec && p.object != "sorm" ? nullptr : sorm_.find(p.object);
+        return object && sorm_.holdsSecrets(*object);
+    }
+    static std::vector<std::string> wordsOf(const Passage& p) {
+        return {std::string(p.object), toText(p.method), p.callers(), std::to_string(p.number)};
+    }
+    Sorm& sorm_;
+};
+
 }  // namespace
 
-void Passing::begin(std::uint64_t number, std::string_view service, Method method, const Message& m) {
-    started_ = monotonicNow();
-    words_ = {std::string(service), toText(method), CallContext::currentCallers(), std::to_string(number)};
-    Message event;
-    event.text = partsText(m);
-    event.words = words_;
-    sorm_.monitor("monitor.request", event);
-}
-
-void Passing::end(const Message& m, std::int64_t ran) {
-    Message event;
-    auto* cause = m.code < 0 ? m.trail.cause() : nullptr;
-    event.text = cause ? cause->text.substr(0, kMostText) : partsText(m);
-    event.words = words_;
-    event.words.push_back(std::to_string(m.code));
-    event.ints.push_back(ran);
-    sorm_.monitor("monitor.reply", event);
-}
-
-void Passing::later(const PendingPointer& pending) {
-    if (started_ == 0) return;
-    // Not the pending itself: it would keep itself.
-    pending->whenAnswered([self = *this, p = pending.get()]() mutable {
-        std::int64_t ran = (monotonicNow() - self.started_) / 1000;
-        if (!p->failed()) return self.end(p->message, ran);
-        Message m;
-        m.code = -1;
-        m.trail = p->failure;
-        self.end(m, ran);
-    });
-}
+std::unique_ptr<Observer> makeMonitor(Sorm& sorm) { return std::make_unique<Monitor>(sorm); }
 
 void tellPassing(const Service& from, std::string_view name, const Message& m) {
     Message event;
@@ -87,9 +93,23 @@ void tellPassing(const Service& from, std::string_view name, const Message& m) {
     from.sorm().monitor("monitor.event", event);
 }
 
-bool concealed(const Event& event, const Access& access, const PrincipalPointer& author) {
-    if (!author || !event.name.starts_with(kPrefix) || event.object != "sorm" || event.message.words.empty()) return false;
-    return !(access.rights(author, event.message.words[0]) & Rights(Right::inspect));
+bool concealed(const Event& event, const Sorm& sorm, const PrincipalPointer& author) {
+    if (!author || event.object != "sorm" || event.message.words.empty() || event.message.words[0].empty()) return false;
+    bool tells = event.name == "object.changed" || event.name.starts_with("trail.") || event.name.starts_with(kPrefix);
+    if (!tells) return false;
+    std::string about = event.message.words[0];
+    try {
+        about = sorm.canonical(about);
+    } catch (const Error&) {            // a request for what is no name: nobody's
+    }
+    return !(sorm.access.rights(author, about) & Rights(Right::inspect));
+}
+
+// The words of a monitor are no contents; those of other events may be.
+std::vector<std::string> bareWords(const Event& event) {
+    auto& words = event.message.words;
+    if (event.name.starts_with(kPrefix)) return words;
+    return {words.begin(), words.begin() + 1};
 }
 
 }  // namespace sorma

@@ -161,6 +161,7 @@ Problem checkName(std::string_view text, Name* out) {
         if (dot + 1 == at) return missing(at, "the flavor is missing after the dot");
         constexpr std::string_view kSpecial = "[]{}$\"\\;";
         for (std::size_t i = dot + 1; i < at; ++i) {
+            if (text[i] == '.' && (text[i - 1] == '.' || i + 1 == at)) return missing(i, "a part of the flavor between dots is empty");
             if (isSeparator(text[i])) return here(i, "must not be in a flavor (white space and control characters)");
             if (kSpecial.find(text[i]) != kSpecial.npos) return here(i, "must not be in a flavor (it is special to Tcl)");
         }
@@ -239,6 +240,15 @@ bool Name::isLocation(std::string_view word) {
 
 bool Name::isName(std::string_view text) { return !checkName(text, nullptr); }
 
+// An address as an entry says it: with or without @ before it.
+static std::string_view withoutAt(std::string_view word) { return word.starts_with('@') ? word.substr(1) : word; }
+
+std::string whereOf(const Name& name, const Dictionary& dictionary) {
+    if (!name.byDefault) return name.where;
+    auto words = dictionary.expand(name.location());
+    return words.empty() ? std::string() : std::string(withoutAt(words[0].text));
+}
+
 Address resolve(const Name& name, const Dictionary& dictionary, std::string* rule) {
     const std::string whole = name.toText();
     std::vector<std::string> chain;         // entries that were looked at
@@ -254,11 +264,9 @@ Address resolve(const Name& name, const Dictionary& dictionary, std::string* rul
         }
         auto words = dictionary.expand(chain.back());
         if (words.empty()) fail(kNoAddress, whole, chain.back());
-        std::string_view text = words[0].text;
-        if (text.starts_with('@')) text.remove_prefix(1);
         wait = wait || std::any_of(words.begin() + 1, words.end(), [](auto& word) { return word.text == "-wait"; });
         try {
-            return Address::parse(text);
+            return Address::parse(withoutAt(words[0].text));
         } catch (const Error& e) {
             fail(kBadEntry, whole, chain.back(), e.what());
         }

@@ -8,8 +8,9 @@
 //     CLASS.flavor                     the dictionary's entry CLASS says where
 //
 // A class is a letter, then letters, digits and _, all in one case. A flavor holds any character except white space,
-// control characters, @ and Tcl's special ones: [ ] { } $ " \ ;   Host and alias: letters, digits, _ - and dots; an
-// IPv6 host stands in brackets, foo@[::1]:7014 (in Tcl such a name must be quoted). A path begins with /.
+// control characters, @ and Tcl's special ones: [ ] { } $ " \ ;   Dots divide a flavor into parts, and no part is empty. Host and
+// alias: letters, digits, _ - and dots; an IPv6 host stands in brackets, foo@[::1]:7014 (in Tcl such a name must be quoted).
+// A path begins with /.
 #pragma once
 
 #include <cstdint>
@@ -58,6 +59,9 @@ struct Name {
     // Is a word of the dictionary a location (@alias or CLASS)? Else it is a recipe.
     static bool isLocation(std::string_view word);
 };
+
+// The location of a name: its text after @, or that in the dictionary's entry for a class in upper case. Empty when there is none.
+std::string whereOf(const Name& name, const Dictionary& dictionary);
 
 // Find the address of a name: follow aliases and default locations through the dictionary. The first word of an entry is an
 // address, with or without @ before it (`@robot localhost:7014`, `@arm @robot`, `CARRY robot`, `@vision self`). Returns kind

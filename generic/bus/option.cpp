@@ -4,8 +4,10 @@
 #include <cmath>
 #include <utility>
 
+#include "bus/enumText.h"
 #include "bus/listText.h"
 #include "bus/name.h"
+#include "bus/nearest.h"
 #include "bus/requestText.h"
 #include "bus/service.h"
 
@@ -14,7 +16,7 @@ namespace sorma {
 namespace {
 
 const Prototype kRange{Severity::error, "OPTION RANGE", 2, "{}: {} {} is outside {}"};
-const Prototype kChoice{Severity::error, "OPTION VALUE", 2, "{}: {} \"{}\" is not one of {}"};
+const Prototype kChoice{Severity::error, "OPTION VALUE", 2, "{0}: {1} \"{2}\"{4} is not one of {3}"};
 const Prototype kValue{Severity::error, "OPTION VALUE", 2, "{}: {} expects {}, got \"{}\""};
 const Prototype kLength{Severity::error, "OPTION VALUE", 2, "{}: {} expects {}, got {}"};
 const Prototype kSignature{Severity::error, "REQUEST SIGNATURE", 2, "{}: EXEC expects {} {}, got {}{}"};
@@ -97,6 +99,23 @@ Count together(const std::vector<Part>& parts, Field field) {
     return sum;
 }
 
+// For people: what a dangerous word does.
+const char* dangerText(Danger danger) {
+    switch (danger) {
+        case Danger::move: return "moves something: needs the right operate";
+        case Danger::power: return "switches power: needs the right operate";
+        case Danger::fire: return "fires something: needs the right operate";
+        case Danger::stop: return "stops: whoever may call may do it";
+        case Danger::none: break;
+    }
+    return "";
+}
+
+std::string withDanger(const std::string& help, Danger danger) {
+    if (danger == Danger::none) return help;
+    return help + (help.empty() ? "" : "; ") + dangerText(danger);
+}
+
 // The meaning of the parts, for messages: " (from (3), to (3))".
 std::string meaning(const std::vector<Part>& parts, Field field) {
     std::string out;
@@ -138,21 +157,23 @@ const char* toText(Type type) {
     return names[static_cast<int>(type)];
 }
 
-bool fromText(std::string_view text, Type& out) {
-    for (int i = 0; i <= static_cast<int>(Type::service); ++i)
-        if (text == toText(static_cast<Type>(i))) return out = static_cast<Type>(i), true;
-    return false;
+bool fromText(std::string_view text, Type& out) { return findText(text, Type::flag, Type::service, out); }
+
+const char* toText(Danger danger) {
+    static constexpr const char* names[] = {"", "move", "power", "fire", "stop"};
+    return names[static_cast<int>(danger)];
 }
 
-const char* toText(Kind kind) {
-    static constexpr const char* names[] = {"", "file", "colour", "time"};
-    return names[static_cast<int>(kind)];
+bool fromText(std::string_view text, Danger& out) { return findText(text, Danger::move, Danger::stop, out); }
+
+Value Option::value(const Service& service, const Permit& permit) const {
+    permit.check(Right::inspect, service.name());
+    return get.read_(service);
 }
 
-bool fromText(std::string_view text, Kind& out) {
-    for (int i = 0; i <= static_cast<int>(Kind::time); ++i)
-        if (text == toText(static_cast<Kind>(i))) return out = static_cast<Kind>(i), true;
-    return false;
+void Action::run(Service& service, Args args, Message& reply, const Permit& permit) const {
+    permit.check(right, service.name());
+    body.run_(service, args, reply);
 }
 
 const char* toText(Field field) {
@@ -191,6 +212,8 @@ std::string Option::hints() const {
     put("names", listOf(spec.names));
     put("group", spec.group);
     put("expert", spec.expert ? "1" : "");
+    put("danger", toText(spec.danger));
+    put("secret", spec.secret ? "1" : "");
     return out;
 }
 
@@ -207,16 +230,23 @@ std::string Option::limitsText() const {
     return out;
 }
 
+Kind Option::kindOf(std::string_view value) const {
+    return std::find(spec.literals.begin(), spec.literals.end(), value) == spec.literals.end() ? spec.kind : Kind::plain;
+}
+
 std::string Option::misfit() const {
     std::string of = std::string("of type ") + toText(type);
     bool number = type == Type::integer || type == Type::real;
     if (spec.kind != Kind::plain && (spec.kind == Kind::time ? !number : type != Type::text)) return of + " cannot be a " + toText(spec.kind);
     if (!(isOpen(spec.warn) && isOpen(spec.alarm)) && !number && type != Type::vector) return of + " is no number that has limits";
+    if (spec.danger == Danger::stop) return of + " cannot stop: declare an action";
+    if (spec.secret && (type == Type::flag || type == Type::choice || type == Type::service)) return of + " cannot be secret";
     if (!spec.names.empty() && type != Type::vector) return of + " has no elements that have names";
     return {};
 }
 
 void Option::check(std::string_view object, const Value& value, std::string_view given) const {
+    if (spec.secret) given = kMask;
     bool ranged = spec.low != -kInfinity || spec.high != kInfinity;
     auto inside = [&](double x) { return !ranged || (x >= spec.low && x <= spec.high); };     // NaN is not inside
     auto outside = [&] {
@@ -237,7 +267,7 @@ void Option::check(std::string_view object, const Value& value, std::string_view
         }
         case Type::choice:
             if (std::find(choices.begin(), choices.end(), std::get<std::string>(value)) == choices.end())
-                fail(kChoice, object, name, given, joinChoices(choices));
+                fail(kChoice, object, name, given, joinChoices(choices), didYouMean(given, choices));
             break;
         default: break;
     }
@@ -246,6 +276,7 @@ void Option::check(std::string_view object, const Value& value, std::string_view
 Value Option::parse(std::string_view object, std::string_view text) const {
     Value value;
     bool good = true;
+    if (spec.secret && text == kMask) fail(kValue, object, name, "the secret itself", std::string(kMask) + ", which stands for it");
     switch (type) {
         case Type::flag: {
             bool v = false;
@@ -283,7 +314,7 @@ Value Option::parse(std::string_view object, std::string_view text) const {
             good = isUtf8(text);
             value = std::string(text);
     }
-    if (!good) fail(kValue, object, name, type == Type::text ? "UTF-8 text" : expectation(type), text);
+    if (!good) fail(kValue, object, name, type == Type::text ? "UTF-8 text" : expectation(type), spec.secret ? kMask : text);
     check(object, value, text);
     return value;
 }
@@ -303,9 +334,21 @@ Class& Class::option(Option o) {
     return *this;
 }
 
+void Class::refuseKind(const std::string& option) const {
+    fail(kTable, name_, "option", option, "names a file or a program: declare it with named()");
+}
+
 Class& Class::action(Action a) {
     if (findAction(a.name)) fail(kTable, name_, "action", a.name, "is declared twice");
     actions_.push_back(std::move(a));
+    lastIsInspection_ = false;
+    return actions_.back().danger == Danger::none ? *this : danger(actions_.back().danger);
+}
+
+// The body of a word asks for the rights of its author, so exec gets him.
+Class& Class::word(Word word) {
+    actsOnWords_ = actsOnWords_ || word.body;
+    wordKinds_.push_back(std::move(word));
     return *this;
 }
 
@@ -313,6 +356,61 @@ Class& Class::inspection(Action a, Right right) {
     if (findInspection(a.name)) fail(kTable, name_, "inspection", a.name, "is declared twice");
     a.right = right;
     inspections_.push_back(std::move(a));
+    lastIsInspection_ = true;
+    return *this;
+}
+
+Class& Class::danger(Danger danger) {
+    auto& last = (lastIsInspection_ ? inspections_ : actions_).back();
+    last.danger = danger;
+    if (danger == Danger::stop) last.right = Right::call;
+    return *this;
+}
+
+Class& Class::execDanger(Danger danger, std::vector<std::string> words) {
+    if (words.empty()) words.emplace_back();
+    for (auto& word : words) execDangers_.emplace_back(std::move(word), danger);
+    return *this;
+}
+
+// A word's own declaration comes before that of every EXEC.
+bool Class::isDangerous(const Message& m) const {
+    if (execDangers_.empty()) return false;
+    auto begins = [&](std::string_view words) {
+        for (auto& given : m.words) {
+            std::string_view word = words.substr(0, words.find(' '));
+            if (given != word) return false;
+            if (word.size() == words.size()) return true;
+            words.remove_prefix(word.size() + 1);
+        }
+        return false;
+    };
+    bool all = false;
+    for (auto& [words, danger] : execDangers_) {
+        if (words.empty()) all = needsOperate(danger);
+        else if (begins(words)) return needsOperate(danger);
+    }
+    return all;
+}
+
+bool Class::isDangerous() const {
+    return std::any_of(execDangers_.begin(), execDangers_.end(), [](auto& d) { return needsOperate(d.second); });
+}
+
+std::vector<std::string> Class::dangers() const {
+    std::vector<std::string> out;
+    auto add = [&](const std::string& word, Danger danger) {
+        if (danger != Danger::none) out.insert(out.end(), {word, toText(danger)});
+    };
+    for (auto& [word, danger] : execDangers_) add(word, danger);
+    for (auto& o : options_) add(o.name, o.spec.danger);
+    for (auto* list : {&actions_, &inspections_})
+        for (auto& a : *list) add(a.name, a.danger);
+    return out;
+}
+
+Class& Class::flavors(Flavors flavors) {
+    flavors_ = flavors;
     return *this;
 }
 
@@ -377,7 +475,7 @@ const Action* Class::findInspection(std::string_view name) const { return findIn
 void Class::learnDefaults(const Service& fresh) const {
     if (defaults_.size() == options_.size()) return;
     defaults_.clear();
-    for (auto& o : options_) defaults_.push_back(o.get(fresh));
+    for (auto& o : options_) defaults_.push_back(o.value(fresh, Permit::owner()));
 }
 
 void Class::checkRequest(std::string_view object, const Message& m) const {
@@ -396,13 +494,21 @@ void Class::checkRequest(std::string_view object, const Message& m) const {
     }
 }
 
+namespace {
+bool looksLikeNumber(std::string_view word) { return word.find_first_not_of("0123456789.+-eE") == word.npos; }
+}  // namespace
+
 void Class::refuse(std::string_view object, const Message& m) const {
     if (!takesWords_ && !m.words.empty()) {
         const std::string& word = m.words[0];
         std::string hint;
         if (findOption(word) >= 0) hint = "; it is an option: CTRL " + word;
         else if (findAction(word)) hint = "; it is a word of CTRL";
+        else if (auto part = didYouMean(word, {"TMSG", "FMSG", "IMSG", "AMSG", "-text", "-floats", "-ints", "-any"}); !part.empty()) hint = part;
         else if (word.starts_with('-')) hint = "; options are set with CTRL";
+        else if (looksLikeNumber(word) && m.floats.size() + m.ints.size() > 0)
+            hint = "; more numbers follow than the " + std::to_string(m.ints.empty() ? m.floats.size() : m.ints.size()) + " that " +
+                   (m.ints.empty() ? "FMSG" : "IMSG") + " announces";
         fail(kNoWords, object, word, hint);
     }
     checkRequest(object, m);
@@ -454,6 +560,10 @@ std::string Class::signatureText() const {
     describe("reads", reads_);
     if (!words_.empty()) out += std::string(out.empty() ? "" : "\n") + "reads words: " + words_;
     describe("writes", writes_);
+    for (auto& [word, danger] : execDangers_) {
+        if (!out.empty()) out += '\n';
+        out += (word.empty() ? std::string("EXEC") : "EXEC " + word) + " " + dangerText(danger);
+    }
     return out;
 }
 
@@ -469,7 +579,7 @@ std::string Class::helpText(std::string_view object, bool expert) const {
                 ++hidden;
                 continue;
             }
-            std::string left = o.name, right = o.spec.help;
+            std::string left = o.name, right = withDanger(o.spec.help, o.spec.danger);
             if (o.type == Type::flag) left += " ?boolean?";
             else left += std::string(" ") + toText(o.type);
             if (!o.spec.unit.empty()) left += " [" + o.spec.unit + "]";
@@ -487,14 +597,14 @@ std::string Class::helpText(std::string_view object, bool expert) const {
     }
     if (!actions_.empty()) {
         out += "\nactions";
-        for (auto& a : actions_) appendRow(out, a.usage.empty() ? a.name : a.name + " " + a.usage, a.help);
+        for (auto& a : actions_) appendRow(out, a.usage.empty() ? a.name : a.name + " " + a.usage, withDanger(a.help, a.danger));
     }
     out += "\nin every class";
     appendRow(out, "CTRL", "-help -dump -save -selftest -undo");
     appendRow(out, "DBX", "-audit -class -diff -stats -trail -verbosity -version -why");
     if (!inspections_.empty()) {
         out += "\ninspections (DBX)";
-        for (auto& a : inspections_) appendRow(out, a.usage.empty() ? a.name : a.name + " " + a.usage, a.help);
+        for (auto& a : inspections_) appendRow(out, a.usage.empty() ? a.name : a.name + " " + a.usage, withDanger(a.help, a.danger));
     }
     if (auto s = signatureText(); !s.empty()) {
         out += "\nEXEC\n  ";
@@ -503,6 +613,7 @@ std::string Class::helpText(std::string_view object, bool expert) const {
             if (c == '\n') out += "  ";
         }
     }
+    if (flavors_ == Flavors::dictionary) out += "\nflavors\n  only those that have an entry in the dictionary";
     if (!example_.empty()) out += "\nexample\n  " + example_;
     return out;
 }

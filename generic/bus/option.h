@@ -29,10 +29,12 @@
 #include <string_view>
 #include <utility>
 #include <variant>
+#include <tuple>
 #include <vector>
 
 #include "bus/access.h"
 #include "bus/message.h"
+#include "bus/named.h"
 #include "bus/reference.h"
 #include "bus/where.h"
 
@@ -55,11 +57,12 @@ struct Limits {
     double low = -kInfinity, high = kInfinity;
 };
 
-// The meaning of a text or number: a file's name (string), a colour such as #ff8000 (string), seconds since 1970 (int,
-// double).
-enum class Kind : std::uint8_t { plain, file, colour, time };
-const char* toText(Kind kind);                  // "" "file" "colour" "time"
-bool fromText(std::string_view text, Kind& out);
+// A word does this to the world. Whoever has it move, power or fire something needs Right::operate besides the word's own
+// right; whoever may call may stop it.
+enum class Danger : std::uint8_t { none, move, power, fire, stop };
+const char* toText(Danger danger);              // "" "move" "power" "fire" "stop"
+bool fromText(std::string_view text, Danger& out);
+constexpr bool needsOperate(Danger danger) { return danger != Danger::none && danger != Danger::stop; }
 
 // The properties of an option that most options do not set. Values outside low .. high are refused; NaN is refused when
 // there is a range.
@@ -69,12 +72,30 @@ struct Spec {
     std::string help = {};                          // a line for people
     bool fixed = false;                             // only a recipe may set it; later it is refused (OPTION READONLY)
     std::size_t minLength = 0, maxLength = SIZE_MAX;    // vector: number of elements
+    Danger danger = Danger::none;                   // of setting it; not stop
     // The rest is only for panels and help.
     Limits warn = {}, alarm = {};                   // int, double, each element of a vector
     Kind kind = Kind::plain;
+    std::vector<std::string> literals = {};         // of such a kind: words of the class's own, which name no file or program
     std::vector<std::string> names = {};            // vector: names of its elements
     std::string group = {};                         // options of one group are shown together
     bool expert = false;                            // help and panels show it only on demand
+    // kMask stands for the value wherever somebody may see it who may not set it: dumps, trails, audits, events, monitors, the
+    // dictionary. Not for a flag, an enum or a service.
+    bool secret = false;
+    // service: its object is executed in this one's EXEC, and has its real-time owner (Service::parts). False: it gets requests of its own.
+    bool part = true;
+};
+inline constexpr std::string_view kMask = "********";
+
+// Reads the value of an option. It is called through Option::value, which asks for a permit.
+class Getter {
+public:
+    template <class F> Getter(F read) : read_(std::move(read)) {}
+
+private:
+    friend struct Option;
+    std::function<Value(const Service&)> read_;
 };
 
 struct Option {
@@ -82,14 +103,20 @@ struct Option {
     Type type = Type::text;
     Spec spec;
     std::vector<std::string> choices;                   // enum: the values that are allowed
-    std::function<Value(const Service&)> get;           // must not throw
+    Getter get = nullptr;                               // must not throw
     std::function<void(Service&, const Value&)> set;    // the value has been checked; throw to refuse it
     // type service: called instead of set. The object has been found with the rights of the author of its name; null: none.
     std::function<void(Service&, Reference)> refer = nullptr;
+    // A value that names a file or program: called instead of set, with its author (bus/named.h).
+    std::function<void(Service&, const std::string& text, const PrincipalPointer& author)> entrust = nullptr;
 
+    // The present value.   permit: to inspect the object.
+    Value value(const Service& service, const Permit& permit) const;
     std::string range() const;      // for people and panels: "0.01 .. 1.5", "largo adagio ...", "" when all values are allowed
-    // A dict for panels: warn and alarm {low high} (an open end is empty), kind, names, group, expert.
+    // A dict for panels: warn and alarm {low high} (an open end is empty), kind, names, group, expert, secret.
     std::string hints() const;
+    // A value names something of the option's kind, unless it is one of its literals.
+    Kind kindOf(std::string_view value) const;
     std::string limitsText() const;     // for people: "warning outside 10 .. 60, alarm above 90"
     std::string misfit() const;         // a property that does not fit the type; empty: none
     // Read and check a value. Fails with OPTION VALUE or OPTION RANGE; the message has object, option, value and rule.
@@ -98,6 +125,24 @@ struct Option {
 };
 
 using Args = std::span<const std::string>;
+
+// The body of an action. It is called through Action::run, which asks for a permit.
+class Body {
+public:
+    template <class F> Body(F run) : run_(std::move(run)) {}
+    // For a language without types: its arguments have these kinds, and come as texts when their author's rights have been
+    // asked. In C++ the kinds follow from the type of a member function, see Class::action.
+    template <class F> static Body untyped(F run, std::vector<Kind> kinds) {
+        Body body(std::move(run));
+        body.kinds_ = std::move(kinds);
+        return body;
+    }
+
+private:
+    friend struct Action;
+    std::function<void(Service&, Args, Message& reply)> run_;
+    std::vector<Kind> kinds_;
+};
 
 // An action (a word of CTRL) or an inspection (a word of DBX). It runs after all options of its request were set.
 struct Action {
@@ -108,11 +153,16 @@ struct Action {
     int minArgs = 0, maxArgs = 0;   // maxArgs kRest: all words that follow
     // Appends its answer to reply.text; throws to refuse. reply.author wrote the arguments: if one of them names another
     // thing than this object, the body checks the author's right to it.
-    std::function<void(Service&, Args, Message& reply)> body;
+    Body body = nullptr;
     Right right = Right::configure;     // that the author of the request needs; only Right::call for an action that stops a motion
     // For an object that is executed in ticks. true: the body runs while ticks go on, and uses BetweenTicks where it has to.
     // false: it runs between two ticks, and so must be short.
     bool whileTicking = false;
+    Danger danger = Danger::none;       // stop: the right is call
+    // Kinds of its arguments; the last holds for all that follow. Empty: all are plain.
+    const std::vector<Kind>& kinds() const { return body.kinds_; }
+
+    void run(Service& service, Args args, Message& reply, const Permit& permit) const;      // permit: to `right` on the object
 };
 
 // Parts of a message that EXEC reads and writes.
@@ -142,8 +192,16 @@ enum class Concurrency : std::uint8_t {
     exclusive,          // as serial; and a client may lock the object with CTRL -lock
 };
 
+// Which flavors a name of the class may have. A name with another one makes no object (NAME UNKNOWN_FLAVOR); only
+// sorma::create and `sorm CTRL -create` do.
+enum class Flavors : std::uint8_t {
+    unsaid,             // any, unless names are strict (Sorm::strict)
+    any,                // any in either case: the flavor has a meaning of its own, as with shmem_r.KEY
+    dictionary,         // only those that have an entry in the dictionary
+};
+
 // The table. Each function adds to it and returns it, so that calls can be chained.
-class Class {
+class Class : public std::enable_shared_from_this<Class> {
 public:
     // purpose: a line for people.   make: makes an object, which then has the defaults; it may throw.
     Class(std::string name, std::string purpose, std::function<std::unique_ptr<Service>()> make,
@@ -167,6 +225,16 @@ public:
     template <class S> Class& text(std::string name, std::string S::*member, Spec spec = {}) {
         return bind<std::string>(std::move(name), Type::text, member, std::move(spec));
     }
+    // The name of a file, folder, segment or program: the kind comes from the member.
+    template <class S, Kind kind> Class& named(std::string name, Named<kind> S::*member, Spec spec = {}) {
+        spec.kind = kind;
+        return option({std::move(name), Type::text, std::move(spec), {},
+                       [member](const Service& s) { return Value((static_cast<const S&>(s).*member).get(Permit::owner())); },
+                       nullptr, nullptr,
+                       [member](Service& s, const std::string& text, const PrincipalPointer& author) {
+                           static_cast<S&>(s).*member = Named<kind>(text, author);
+                       }});
+    }
     template <class S>
     Class& choice(std::string name, std::string S::*member, std::vector<std::string> choices, Spec spec = {}) {
         bind<std::string>(std::move(name), Type::choice, member, std::move(spec));
@@ -187,8 +255,26 @@ public:
         return action({std::move(name), std::move(usage), std::move(help), minArgs, maxArgs,
                        [body](Service& s, Args args, Message& reply) { (static_cast<S&>(s).*body)(args, reply); }, right});
     }
+    // All its arguments name files, folders, segments or programs: their kinds come from the body, which gets the names only
+    // for a permit (bus/named.h).   least: so many must be given; a Named is empty for others.
+    template <class S, Kind... kinds>
+        requires(sizeof...(kinds) > 0)
+    Class& action(std::string name, void (S::*body)(Message&, const Named<kinds>&...), std::string usage, std::string help,
+                  int least = sizeof...(kinds), Right right = Right::configure, bool whileTicking = false) {
+        auto run = [body](Service& s, Args args, Message& reply) {
+            std::size_t at = 0;
+            auto next = [&] { return at < args.size() ? args[at++] : std::string(); };
+            std::tuple<Named<kinds>...> all{Named<kinds>(next(), reply.author)...};         // in braces: from left to right
+            std::apply([&](auto&... named) { (static_cast<S&>(s).*body)(reply, named...); }, all);
+        };
+        return action({std::move(name), std::move(usage), std::move(help), least, int(sizeof...(kinds)), Body::untyped(run, {kinds...}), right,
+                       whileTicking});
+    }
     Class& action(Action action);                   // of CTRL
     Class& inspection(Action action, Right right = Right::inspect);     // of DBX
+    Class& danger(Danger danger);                   // of the action or inspection that was declared last
+    // EXEC does this; with words, such as "power off": only an EXEC that begins with one of them; the first that fits decides.
+    Class& execDanger(Danger danger, std::vector<std::string> words = {});
     // execRight: EXEC needs this right instead of Right::call. actsOnWords: the words of EXEC name other objects, files or
     // programs. Then exec finds their author in the message, and checks the author's rights.
     Class& execRight(Right right);
@@ -203,9 +289,18 @@ public:
                  double high = kInfinity);
     Class& writes(Field field, Count count, std::string unit, std::string help);
     Class& words(std::string usage);                // words that EXEC takes: "?nearestTo|latest?"
+    // An EXEC of two words, of which the second names a file, folder, segment or program. Its kind comes from the body, which
+    // gets the name only for a permit. exec calls it by Service::execWord.
+    template <class S, Kind kind> Class& word(std::string verb, void (S::*body)(Message&, const Named<kind>&)) {
+        return word({std::move(verb), 1, kind, [body](Service& s, Message& m) { (static_cast<S&>(s).*body)(m, Named<kind>(m.words[1], m.author)); }});
+    }
+    // For a language without types: the word comes as text, when its author's right has been asked.   verb: the first word of
+    // such requests, "" for all; at: its place, from 0.
+    Class& untypedWord(std::string verb, std::size_t at, Kind kind) { return word({std::move(verb), at, kind}); }
     Class& example(std::string request);            // printed by -help, run by the tests
     Class& version(std::string version);
     Class& concurrency(Concurrency concurrency);                // default: serial
+    Class& flavors(Flavors flavors);
     // The class promises: EXEC without words does not allocate, lock, wait or use the SORM, but for its first calls. So the
     // object may be a step of a cycle.
     Class& realtime();
@@ -215,9 +310,22 @@ public:
     Class& declaredAt(std::string file, int line);  // place of the declaration, for classes in other languages
 
     Concurrency concurrency() const { return concurrency_; }
+    Flavors flavors() const { return flavors_; }
     bool isRealtime() const { return realtime_; }
     Right execRight() const { return execRight_; }
     bool doesActOnWords() const { return actsOnWords_; }
+    // Does this EXEC need Right::operate? The second: does any?
+    bool isDangerous(const Message& m) const;
+    bool isDangerous() const;
+    // {word danger ...} of all words of EXEC (an empty word: every EXEC), CTRL and DBX that declare one, options too.
+    std::vector<std::string> dangers() const;
+    struct Word {
+        std::string verb;
+        std::size_t at;
+        Kind kind;
+        std::function<void(Service&, Message&)> body = nullptr;
+    };
+    const std::vector<Word>& wordKinds() const { return wordKinds_; }
     bool hasFeedthrough() const { return feedthrough_; }
     const std::string& name() const { return name_; }
     const std::string& purpose() const { return purpose_; }
@@ -258,6 +366,7 @@ public:
 
 private:
     template <class V, class S, class M> Class& bind(std::string name, Type type, M S::*member, Spec spec) {
+        if (carriesRight(spec.kind)) refuseKind(name);
         return option({std::move(name), type, std::move(spec), {},
                        [member](const Service& s) { return Value(V(static_cast<const S&>(s).*member)); },
                        [member](Service& s, const Value& v) { static_cast<S&>(s).*member = M(std::get<V>(v)); }});
@@ -273,6 +382,8 @@ private:
                within(m.ints.size(), Field::ints) && within(m.any.size(), Field::any) && (takesWords_ || m.words.empty());
     }
     [[noreturn]] void refuse(std::string_view object, const Message& m) const;
+    [[noreturn]] void refuseKind(const std::string& option) const;      // the member gives its text to everybody
+    Class& word(Word word);
     void declared();
 
     std::string name_, purpose_, words_, example_, version_ = "1.0", file_;
@@ -282,12 +393,16 @@ private:
     std::vector<Action> actions_, inspections_;
     std::vector<Part> reads_, writes_;
     mutable std::vector<Value> defaults_;
+    std::vector<Word> wordKinds_;
     std::uint8_t checks_ = 0;               // sum of Check
     std::array<Count, 4> takes_{};          // by Field: lengths that some part allows; without a signature: all
     bool takesWords_ = true, ranged_ = false;
     bool realtime_ = false, feedthrough_ = true, actsOnWords_ = false;
     Right execRight_ = Right::call;
+    std::vector<std::pair<std::string, Danger>> execDangers_;   // by word; empty word: every EXEC
+    bool lastIsInspection_ = false;         // what was declared last, for danger()
     Concurrency concurrency_ = Concurrency::serial;
+    Flavors flavors_ = Flavors::unsaid;
 };
 
 }  // namespace sorma

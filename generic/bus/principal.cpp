@@ -3,11 +3,9 @@
 #include <arpa/inet.h>
 #include <grp.h>
 #include <netinet/in.h>
-#include <pwd.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cstring>
 #include <map>
 #include <mutex>
@@ -17,55 +15,42 @@ namespace sorma {
 
 namespace {
 
-constexpr unsigned char kMapped[12] = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff};
-
-bool isMapped(const Principal::Address& a) { return std::memcmp(a.data(), kMapped, sizeof kMapped) == 0; }
-
-// getpwuid_r and its like, with as much room as they want.
-template <class Record, class Look> bool lookUp(Record& record, std::vector<char>& space, Look look) {
-    space.resize(1024);
-    Record* found = nullptr;
-    int result;
-    while ((result = look(&record, space.data(), space.size(), &found)) == ERANGE && space.size() < 1 << 20) space.resize(space.size() * 2);
-    return result == 0 && found;
-}
+constexpr std::string_view kAnd = " + ";
+constexpr std::string_view kTooMany = "too many authors";
+constexpr std::size_t kMostMembers = 16;
+constexpr unsigned char kMapped[12] = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff};     // ::ffff:
 
 }  // namespace
-
-std::string userName(uid_t uid) {
-    passwd entry{};
-    std::vector<char> space;
-    bool known = lookUp(entry, space, [uid](auto... rest) { return getpwuid_r(uid, rest...); });
-    return known ? std::string(entry.pw_name) : std::to_string(uid);
-}
-
-bool userNumber(std::string_view name, uid_t& out) {
-    passwd entry{};
-    std::vector<char> space;
-    std::string text(name);
-    if (!lookUp(entry, space, [&](auto... rest) { return getpwnam_r(text.c_str(), rest...); })) return false;
-    out = entry.pw_uid;
-    return true;
-}
 
 bool groupNumber(std::string_view name, gid_t& out) {
     group entry{};
     std::vector<char> space;
     std::string text(name);
-    if (!lookUp(entry, space, [&](auto... rest) { return getgrnam_r(text.c_str(), rest...); })) return false;
+    if (!lookUpEntry(entry, space, [&](auto... rest) { return getgrnam_r(text.c_str(), rest...); })) return false;
     out = entry.gr_gid;
     return true;
 }
 
+std::vector<gid_t> groupsOf(uid_t uid) {
+    passwd entry{};
+    std::vector<char> space;
+    if (!lookUpEntry(entry, space, [uid](auto... rest) { return getpwuid_r(uid, rest...); })) return {};
+    int count = 32;
+    std::vector<gid_t> groups(static_cast<std::size_t>(count));
+    while (getgrouplist(entry.pw_name, entry.pw_gid, groups.data(), &count) < 0) groups.resize(static_cast<std::size_t>(count) + 1);
+    groups.resize(static_cast<std::size_t>(count));
+    return groups;
+}
+
 // The table holds who is in use somewhere; it is swept when it has doubled, so it stays in proportion to that.
 PrincipalPointer Principal::intern(Principal wanted) {
-    using Key = std::tuple<Kind, uid_t, std::vector<gid_t>, Address>;
+    using Key = std::tuple<Kind, uid_t, std::vector<gid_t>, std::vector<PrincipalPointer>, Address>;
     static std::mutex mutex;
     static auto& table = *new std::map<Key, std::weak_ptr<const Principal>>;    // outlives every thread
     static std::size_t sweepAt = 64;
     static std::uint64_t last = 0;
     std::lock_guard lock(mutex);
-    auto& entry = table[{wanted.kind_, wanted.uid_, wanted.groups_, wanted.address_}];
+    auto& entry = table[{wanted.kind_, wanted.uid_, wanted.groups_, wanted.members_, wanted.address_}];
     if (auto known = entry.lock()) return known;
     wanted.serial_ = ++last;
     PrincipalPointer fresh(new Principal(std::move(wanted)));
@@ -114,12 +99,23 @@ std::string Principal::toText() const {
         case Kind::user: return "user " + userName(uid_);
         case Kind::local: return "local " + userName(uid_);
         case Kind::host: return "host " + toText(address_);
+        case Kind::several: {
+            std::string out;
+            for (auto& member : members_) out += std::string(out.empty() ? std::string_view() : kAnd) + member->toText();
+            return out.empty() ? std::string(kTooMany) : out;
+        }
         case Kind::anyone: break;
     }
     return "anyone";
 }
 
 PrincipalPointer Principal::parse(std::string_view text) {
+    if (auto at = text.find(kAnd); at != text.npos) return both(parse(text.substr(0, at)), parse(text.substr(at + kAnd.size())));
+    if (text == kTooMany) {
+        Principal p;
+        p.kind_ = Kind::several;
+        return intern(std::move(p));
+    }
     auto gap = text.find(' ');
     std::string_view kind = text.substr(0, gap), rest = gap == text.npos ? std::string_view() : text.substr(gap + 1);
     Address address{};
@@ -129,14 +125,27 @@ PrincipalPointer Principal::parse(std::string_view text) {
         fromText("127.0.0.1", address);
         return local(uid, address);
     }
-    if (kind == "user" && userNumber(rest, uid)) return user(uid, {});
+    if (kind == "user" && userNumber(rest, uid)) return user(uid, groupsOf(uid));
     return anyone();
 }
 
-const PrincipalPointer& Principal::both(const PrincipalPointer& a, const PrincipalPointer& b) {
+PrincipalPointer Principal::both(const PrincipalPointer& a, const PrincipalPointer& b) {
     if (!a) return b;
     if (!b || a == b) return a;
-    return nobody();
+    Principal p;
+    p.kind_ = Kind::several;
+    for (auto* one : {&a, &b}) {
+        const bool many = (*one)->kind() == Kind::several;
+        if (many && (*one)->members_.empty()) return *one;
+        if (many) p.members_.insert(p.members_.end(), (*one)->members_.begin(), (*one)->members_.end());
+        else p.members_.push_back(*one);
+    }
+    auto bySerial = [](auto& x, auto& y) { return x->serial() < y->serial(); };
+    std::sort(p.members_.begin(), p.members_.end(), bySerial);
+    p.members_.erase(std::unique(p.members_.begin(), p.members_.end()), p.members_.end());
+    if (p.members_.size() == 1) return p.members_[0];
+    if (p.members_.size() > kMostMembers) p.members_.clear();
+    return intern(std::move(p));
 }
 
 const PrincipalPointer& Principal::nobody() {
@@ -144,9 +153,18 @@ const PrincipalPointer& Principal::nobody() {
     return one;
 }
 
+bool Principal::isIPv4(const Address& address) { return std::memcmp(address.data(), kMapped, sizeof kMapped) == 0; }
+
+Principal::Address Principal::fromIPv4(const void* four) {
+    Address out;
+    std::memcpy(out.data(), kMapped, sizeof kMapped);
+    std::memcpy(out.data() + sizeof kMapped, four, 4);
+    return out;
+}
+
 std::string Principal::toText(const Address& address) {
     char text[INET6_ADDRSTRLEN] = "";
-    if (isMapped(address)) inet_ntop(AF_INET, address.data() + sizeof kMapped, text, sizeof text);
+    if (isIPv4(address)) inet_ntop(AF_INET, address.data() + sizeof kMapped, text, sizeof text);
     else inet_ntop(AF_INET6, address.data(), text, sizeof text);
     return text;
 }
@@ -154,7 +172,8 @@ std::string Principal::toText(const Address& address) {
 bool Principal::fromText(std::string_view text, Address& out) {
     std::string copy(text);
     Address read{};
-    if (inet_pton(AF_INET, copy.c_str(), read.data() + sizeof kMapped) == 1) std::memcpy(read.data(), kMapped, sizeof kMapped);
+    in_addr four{};
+    if (inet_pton(AF_INET, copy.c_str(), &four) == 1) read = fromIPv4(&four);
     else if (inet_pton(AF_INET6, copy.c_str(), read.data()) != 1) return false;
     out = read;
     return true;

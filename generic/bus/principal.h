@@ -6,7 +6,8 @@
 //     user anna              by Unix socket; the kernel knows the user and the groups
 //     local anna             by TCP from this host; the kernel knows whose socket it is
 //     host 192.168.7.21      by TCP; only the address is known
-//     anyone                 not known; also the author of words that somebody else passes on
+//     anyone                 not known; also the author of words that a neighbour without the right `relay` passes on
+//     A + B                  words that several have written together: whatever they ask for, each of them needs the right to
 //
 // Principals are interned: equal ones are the same object. No two ever have the same serial().
 // Threads: any.
@@ -21,6 +22,8 @@
 #include <string_view>
 #include <vector>
 
+#include "bus/users.h"
+
 namespace sorma {
 
 class Principal;
@@ -28,7 +31,7 @@ using PrincipalPointer = std::shared_ptr<const Principal>;      // null: the own
 
 class Principal {
 public:
-    enum class Kind : std::uint8_t { user, local, host, anyone };
+    enum class Kind : std::uint8_t { user, local, host, anyone, several };
     // IPv6, or IPv4 as ::ffff:a.b.c.d. All zero: not by TCP.
     using Address = std::array<unsigned char, 16>;
 
@@ -39,23 +42,28 @@ public:
     static PrincipalPointer anyone(const Address& address = {});
     static const PrincipalPointer& nobody();                    // anyone, without an address
 
-    // From toText(). A user that this host does not know, and all text that cannot be read, is anyone.
+    // From toText(). A user has the groups that this host knows. A user that it does not know, and all text that cannot be
+    // read, is anyone.
     static PrincipalPointer parse(std::string_view text);
-    // As the subject of a policy's line: "host 192.168.7.21".
+    // As the subject of a policy's line: "host 192.168.7.21". Of several: each of them, "user anna + host 192.168.7.21".
     std::string toText() const;
 
-    // The author of words that two have written together. When one of them is the owner, it is the other one.
-    static const PrincipalPointer& both(const PrincipalPointer& a, const PrincipalPointer& b);
+    // The author of words that two have written together: both of them, each one once. When one of them is the owner, it is
+    // the other one. More than 16 together have no right at all.
+    static PrincipalPointer both(const PrincipalPointer& a, const PrincipalPointer& b);
 
     Kind kind() const { return kind_; }
     uid_t uid() const { return uid_; }                          // user, local
     const std::vector<gid_t>& groups() const { return groups_; }    // user
+    const std::vector<PrincipalPointer>& members() const { return members_; }       // several; empty: too many of them
     const Address& address() const { return address_; }
     bool byNetwork() const { return address_ != Address{}; }
     std::uint64_t serial() const { return serial_; }
 
     static std::string toText(const Address& address);          // "192.168.7.21", "fe80::1"
     static bool fromText(std::string_view text, Address& out);  // numeric only
+    static bool isIPv4(const Address& address);
+    static Address fromIPv4(const void* four);                  // its four bytes
 
 private:
     Principal() = default;
@@ -64,13 +72,13 @@ private:
     Kind kind_ = Kind::anyone;
     uid_t uid_ = 0;
     std::vector<gid_t> groups_;         // sorted
+    std::vector<PrincipalPointer> members_;     // by serial
     Address address_{};
     std::uint64_t serial_ = 0;
 };
 
-// Names of users and groups of this host. userName returns the number of an unknown one; the others return false.
-std::string userName(uid_t uid);
-bool userNumber(std::string_view name, uid_t& out);
+// Of this host, as bus/users.h. False: there is no such group.
 bool groupNumber(std::string_view name, gid_t& out);
+std::vector<gid_t> groupsOf(uid_t uid);                        // empty: this host does not know the user
 
 }  // namespace sorma

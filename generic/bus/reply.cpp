@@ -53,7 +53,7 @@ void Pending::answer() {
             trail.add(makeEntry(kCode, {MessageArg::of(who), MessageArg::of(message.code)}));
         return answer(std::move(trail));
     }
-    settle();
+    runCallbacks();
 }
 
 void Pending::answer(Trail trail) {
@@ -62,10 +62,10 @@ void Pending::answer(Trail trail) {
         if (e.so.empty()) e.so = who;
     if (service) service->noteFailure(trail);
     failure = std::move(trail);
-    settle();
+    runCallbacks();
 }
 
-void Pending::settle() {
+void Pending::runCallbacks() {
     answered_ = true;
     timer.cancel();
     if (asker && sent != 0) asker->subTime += static_cast<std::uint32_t>((monotonicNow() - sent) / 1000);
@@ -138,6 +138,21 @@ void Reply::fail(const std::exception& error) const {
 }
 bool Reply::cancelled() const { return promise_->pending->cancelled(); }
 void Reply::onCancel(std::function<void()> callback) const { promise_->pending->onCancel(std::move(callback)); }
+void Reply::ask(const Reference& object, Message request, std::function<void(Message&)> then, const Trail& context) const {
+    Future under = object->async(Method::exec, std::move(request));
+    onCancel([under] { under.cancel(); });
+    under.then([reply = *this, then = std::move(then), context](Future answered) {
+        try {
+            then(answered.result());
+        } catch (const Error& e) {
+            Trail trail = e.trail;
+            trail.append(context);
+            reply.fail(Error(std::move(trail)));
+        } catch (const std::exception& e) {
+            reply.fail(e);
+        }
+    });
+}
 bool Reply::answered() const { return promise_->pending->answered(); }
 Deadline Reply::deadline() const { return promise_->pending->deadline; }
 const ClientPointer& Reply::client() const { return promise_->pending->client(); }

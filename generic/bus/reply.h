@@ -68,7 +68,7 @@ public:
     const std::shared_ptr<Mailbox> mailbox;
     Carrier* carrier = nullptr;         // null: an object of this process executes it
     std::uint32_t ticket = 0;           // for the carrier's own use
-    bool relayed = false;               // somebody other than the owner has named the object
+    PrincipalPointer relayFor;          // who has named the object, when it was not the owner
     std::string who;                    // name of the object, for messages
     Reference service;                  // the object that executes it, from its start until finish()
 
@@ -90,7 +90,7 @@ public:
     void finish();
 
 private:
-    void settle();
+    void runCallbacks();
     std::atomic<bool> cancelled_{false};
     bool answered_ = false;
     std::uint64_t number_ = 0;
@@ -112,7 +112,10 @@ public:
     void complete() const;                              // answer with message(); once, others are ignored
     void fail(const std::exception& error) const;       // answer with an error: an Error with its trail, or any other exception
     bool cancelled() const;                             // nobody waits any more: stop early, then complete or fail
-    void onCancel(std::function<void()> callback) const;
+    void onCancel(std::function<void()> callback) const;    // of several only the last one
+    // Make an EXEC of another object for this request: then() gets its answer, and completes this one or asks on. Whatever fails
+    // there or in then() is this one's answer; context is added to that error. Cancelling this one cancels that one.
+    void ask(const Reference& object, Message request, std::function<void(Message&)> then, const Trail& context = {}) const;
     bool answered() const;                              // the caller has the answer already, or has cancelled
     Deadline deadline() const;
     const ClientPointer& client() const;                // null: this process

@@ -7,6 +7,8 @@
 #include <climits>
 #include <cstring>
 
+#include "bus/utf8.h"
+
 namespace sorma {
 
 namespace {
@@ -430,13 +432,7 @@ bool WordReader::nextQuoted(std::string_view& word) {
                 int high = i + 2 < word.size() ? hexDigit(word[i + 1]) : -1;
                 int low = i + 2 < word.size() ? hexDigit(word[i + 2]) : -1;
                 if (high < 0 || low < 0) fail(kSyntax, index_, "two hexadecimal digits after \\x", shown(word.substr(i - 1, 4)));
-                int code = high * 16 + low;
-                if (code < 0x80) {
-                    scratch_ += static_cast<char>(code);
-                } else {
-                    scratch_ += static_cast<char>(0xc0 | code >> 6);
-                    scratch_ += static_cast<char>(0x80 | (code & 0x3f));
-                }
+                appendUtf8(scratch_, char32_t(high * 16 + low));
                 i += 2;
                 continue;
             }

@@ -1,5 +1,7 @@
 #include "bus/service.h"
 
+#include <algorithm>
+
 #include "bus/call.h"
 #include "bus/serviceParts.h"
 
@@ -8,11 +10,8 @@ namespace sorma {
 namespace {
 
 const Prototype kRemoved{Severity::error, "SERVICE GONE", 1, "{}: the service object has been removed"};
-const Prototype kCode{Severity::error, "SERVICE FAILED", 1, "{}: EXEC returned code {}"};
 const Prototype kLater{Severity::error, "SERVICE FAILED", 1, "{}: it answers later, and so cannot be a step that others wait for"};
 const Prototype kTooLate{Severity::error, "COMM TIMEOUT", 1, "{}: the deadline had passed before the request was started; it was not executed"};
-const Prototype kNoWords{Severity::error, "REQUEST SYNTAX", 1, "{}: {} needs at least one word, try -help"};
-const Prototype kLockedBy{Severity::error, "SERVICE LOCKED", 1, "{}: locked by {} since {}; it is freed by CTRL -unlock there, or when that client ends"};
 
 }  // namespace
 
@@ -34,10 +33,14 @@ std::vector<Pin> Service::pins(std::string_view, std::size_t) const {
 std::vector<Reference> Service::parts() const {
     std::vector<Reference> out;
     for (auto& o : class_->options()) {
-        if (o.type != Type::service) continue;
-        if (Service* s = sorm_->find(std::get<std::string>(o.get(*this)))) out.emplace_back(s);
+        if (o.type != Type::service || !o.spec.part) continue;
+        if (Service* s = sorm_->find(std::get<std::string>(o.value(*this, Permit::owner())))) out.emplace_back(s);
     }
     return out;
+}
+
+bool Service::holdsSecrets() const {
+    return std::any_of(class_->options().begin(), class_->options().end(), [](auto& o) { return o.spec.secret; });
 }
 
 // Make the data now that both threads may read.
@@ -50,7 +53,7 @@ void Service::setRealtimeOwner(RealtimeOwner* owner) {
 
 // A step that cannot be taken as it is.
 void Service::unusable(Message& m) {
-    if (!m.later) fail(kCode, name_, m.code);
+    if (!m.later) failCode(m.code);
     if (!realtimeOwner_) return awaitLater(m);
     std::exchange(m.later, nullptr)->cancel(Trail());
     fail(kLater, name_);
@@ -66,40 +69,45 @@ Service::Record& Service::record() {
 
 void Service::failGone() const { fail(kRemoved, name_); }
 
-// ---- rights ----
+// ---- the rights that values of some types carry, and the objects that it uses by name ----
 
-// Check the author's right to the request. For CTRL and DBX each word is checked when it is read.
-void Service::admit(Method method, Message& m) {
-    if (isElsewhere()) return;
-    if (method != Method::exec) return;
-    try {
-        need(m.author, class_->execRight());
-    } catch (const Error& e) {
-        noteFailure(e.trail);
-        throw;
+bool Service::mayKeepValues() const {
+    for (auto& o : class_->options()) {
+        auto& by = author(o.name);
+        if (!by || o.type != Type::text) continue;
+        const auto value = std::get<std::string>(o.value(*this, Permit::owner()));
+        auto needed = rightOf(o.kindOf(value), value, name_);
+        if (needed && !(sorm_->access.rights(by, needed->subject) & Rights(needed->right))) return false;
     }
-    if (m.author && !class_->doesActOnWords()) m.author.reset();
+    return true;
 }
 
-void Service::need(const PrincipalPointer& author, Right right) {
-    Access& access = sorm_->access;
-    if (!author && !access.restricted()) return;
-    std::uint64_t principal = author ? author->serial() : 0;
-    if (known_.epoch != access.epoch() || known_.principal != principal)
-        known_ = {principal, access.epoch(), access.rights(author, name_)};
-    if (!(known_.rights & Rights(right))) access.refuse(author, right, name_, name_);
+void Service::needWords(const PrincipalPointer& author, std::span<const std::string> words) const {
+    for (auto& word : class_->wordKinds())
+        if (word.at < words.size() && (word.verb.empty() || words[0] == word.verb)) needKind(author, word.kind, words[word.at]);
+}
+
+bool Service::execWord(Message& m) {
+    for (auto& word : class_->wordKinds())
+        if (word.body && m.words.size() == 2 && m.words[0] == word.verb) return word.body(*this, m), true;
+    return false;
 }
 
 std::vector<Service::NamedPart> Service::namedParts() const {
     std::vector<NamedPart> out;
     for (auto& o : class_->options())
         if (o.type == Type::service)
-            if (auto name = std::get<std::string>(o.get(*this)); !name.empty()) out.push_back({std::move(name), author(o.name)});
+            if (auto name = std::get<std::string>(o.value(*this, Permit::owner())); !name.empty()) out.push_back({std::move(name), author(o.name)});
     return out;
 }
 
 void Service::needParts() const {
     for (auto& part : namedParts()) sorm_->needUse(part.author, part.name, name_);
+    for (auto& o : class_->options()) {
+        if (o.type != Type::text) continue;
+        const auto value = std::get<std::string>(o.value(*this, Permit::owner()));
+        needKind(author(o.name), o.kindOf(value), value);
+    }
 }
 
 // Nothing is asked within a tick: while a cycle runs the object, it keeps what it has.
@@ -108,6 +116,7 @@ void Service::judgeParts() {
     try {
         if (!realtimeOwner_ && record_)
             for (auto& part : namedParts()) denied |= !sorm_->mayUse(part.author, part.name);
+        if (!realtimeOwner_ && record_) denied |= !mayKeepValues();
     } catch (const Error&) {                // no such place any more: EXEC will say so
         denied = true;
     }
@@ -117,49 +126,16 @@ void Service::judgeParts() {
 const PrincipalPointer& Service::author(std::string_view option) const {
     static const PrincipalPointer owner;
     int index = class_->findOption(option);
-    return record_ && index >= 0 ? record_->sources[std::size_t(index)].author : owner;
+    return record_ && index >= 0 ? record_->sources[std::size_t(index)]->author : owner;
 }
 
 void Service::assign(const Option& option, const Value& value, const PrincipalPointer& author) {
+    if (option.entrust) {
+        auto& text = std::get<std::string>(value);
+        return option.entrust(*this, text, option.kindOf(text) == Kind::plain ? nullptr : author);
+    }
     if (!option.refer) return option.set(*this, value);
     option.refer(*this, subService(*this, std::get<std::string>(value), author));
-}
-
-// Inline: one call less in each request.
-[[gnu::always_inline]] inline bool Service::proceed(Method method, Message& m) {
-    try {
-        enter(method, m);
-    } catch (...) {
-        if (m.later) std::exchange(m.later, nullptr)->finish();     // taken over, and then refused
-        Trail trail = trailOfCurrentException(name_);
-        noteFailure(trail);
-        throw Error(std::move(trail));
-    }
-    if (m.later) [[unlikely]] return true;
-    if (!m.trail.empty()) [[unlikely]] review(m);
-    return false;
-}
-
-bool Service::start(Method method, Message& m) {
-    if (m.author) [[unlikely]] admit(method, m);
-    return guard() ? startGuarded(method, m) : proceed(method, m);
-}
-
-// The reasons why a request may not run now.
-bool Service::startGuarded(Method method, Message& m) {
-    if (gone()) failGone();
-    if ((guard() & kAskBit) && !m.author) admit(method, m);
-    // CTRL prepares while ticks go on, see configure().
-    std::optional<BetweenTicks> between;
-    if (realtimeOwner_ && method != Method::ctrl) between.emplace(*this);
-    if (method == Method::exec && (guard() & kPartsBit)) needParts();
-    if (method == Method::exec && (guard() & kLockedBit)) checkLock();
-    if (method == Method::exec && (guard() & kBusyBit)) return enqueue(m), true;
-    return proceed(method, m);
-}
-
-void Service::invoke(Method method, Message& m) {
-    if (start(method, m)) [[unlikely]] awaitLater(m);
 }
 
 // By reference, parts that an earlier call has left in the message are no part of the request, and are ignored.
@@ -202,12 +178,12 @@ void Service::released() {
     while (!(guard() & (kBusyBit | kGoneBit)) && !r.waiting.empty()) {
         auto next = std::move(r.waiting.front());
         r.waiting.pop_front();
-        perform(next, Method::exec);
+        perform(next, Method::exec, true);
     }
 }
 
-// A request that stands for itself, with nobody on the stack who waits for it.
-void Service::perform(const PendingPointer& pending, Method method) {
+// A request that stands for itself, with nobody on the stack who waits for it.   again: it was started before, and had to wait.
+void Service::perform(const PendingPointer& pending, Method method, bool again) {
     if (pending->answered()) return;
     if (pending->deadline.passed()) return pending->answer(Trail(makeEntry(kTooLate, {MessageArg::of(name_)})));
     if (!pending->own) {
@@ -219,7 +195,7 @@ void Service::perform(const PendingPointer& pending, Method method) {
     Message m;
     m.swap(pending->message);
     try {
-        if (!start(method, m)) {
+        if (again ? !startHeld(method, m) : !start(method, m)) {
             pending->message.swap(m);
             return pending->answer();
         }
@@ -251,7 +227,9 @@ Future Service::async(Method method, Message request, Deadline deadline) {
     } catch (...) {
         pending->answer(trailOfCurrentException(name_));
     }
-    return Future(std::move(pending));
+    Future future(std::move(pending));
+    if (asker && asker->cancelled()) future.cancel();       // no cancellation comes any more
+    return future;
 }
 
 void Service::carry(const PendingPointer& pending, Method method) {
@@ -300,15 +278,19 @@ void Service::leave(bool hangs) {
 
 std::size_t Service::underWay() const { return record_ ? record_->underWay + record_->waiting.size() : 0; }
 
-void Service::subscribe(Subscriber* subscriber, std::string pattern) {
+void Service::subscribe(Subscriber* subscriber, std::string pattern, const Permit& permit) {
+    permit.check(Right::inspect, name_);
     if (gone()) failGone();
     if (!stream_) stream_ = std::make_unique<Stream>();
     std::vector<std::string> words{pattern, subscriber->who()};
     stream_->add(subscriber, std::move(pattern));
-    if (sorm_) sorm_->announceLater("subscription.opened", name_, std::move(words));
+    if (!sorm_) return;
+    sorm_->listenersChanged(*this);
+    sorm_->announceLater("subscription.opened", name_, std::move(words));
 }
 
-void Service::replay(Subscriber* subscriber, std::string_view pattern) const {
+void Service::replay(Subscriber* subscriber, std::string_view pattern, const Permit& permit) const {
+    permit.check(Right::inspect, name_);
     if (stream_) stream_->replay(*this, subscriber, pattern);
 }
 
@@ -318,7 +300,9 @@ void Service::publishState(std::string_view event, const Message& m) {
 }
 
 void Service::unsubscribe(Subscriber* subscriber) {
-    if (stream_ && stream_->remove(subscriber) && sorm_) sorm_->announceLater("subscription.closed", name_, {});
+    if (!stream_ || !stream_->remove(subscriber) || !sorm_) return;
+    sorm_->listenersChanged(*this);
+    sorm_->announceLater("subscription.closed", name_, {});
 }
 
 namespace {
@@ -328,8 +312,8 @@ public:
     // latest: it begins with the last one of those that have been published before.
     LocalListening(Reference object, const std::string& pattern, std::shared_ptr<Inbox> inbox, bool latest)
         : object_(std::move(object)), inbox_(std::move(inbox)) {
-        object_->subscribe(this, pattern);
-        if (latest) object_->replay(this, pattern);
+        object_->subscribe(this, pattern, Permit::owner());
+        if (latest) object_->replay(this, pattern, Permit::owner());
     }
     ~LocalListening() override {
         inbox_->close();
@@ -354,68 +338,6 @@ private:
 std::unique_ptr<Listening> Service::listen(std::string pattern, std::size_t keep, Listener listener) {
     auto inbox = std::make_shared<Inbox>(sorm_->mailbox(), keep, std::move(listener));
     return std::make_unique<LocalListening>(Reference(this), pattern, std::move(inbox), keep == 1);
-}
-
-// ---- locks: a client keeps others from EXEC and from setting options; what stops or inspects stays open to all ----
-
-void Service::checkLock() const {
-    auto& lock = record_->lock;
-    if (lock.holder != CallContext::currentClient()) fail(kLockedBy, name_, lock.by, clockText(lock.since));
-}
-
-void Service::enter(Method method, Message& m) {
-    if (method == Method::exec) [[likely]] {
-        const std::uint8_t checks = checks_;
-        if (checks & Class::undeclared) class_->checkNamed(name_, m);
-        count();
-        if ((calls() & 63) == 1) [[unlikely]] timed(method, m);
-        else exec(m);
-        if (m.later) [[unlikely]] return;
-        if ((checks & Class::replies) && m.code == 0) class_->checkReply(name_, m);
-        if (!m.words.empty()) m.words.clear();      // words go in, never out
-        if (m.code < 0) [[unlikely]] fail(kCode, name_, m.code);
-        return;
-    }
-    if (m.words.empty()) fail(kNoWords, name_, toText(method));
-    if (method == Method::ctrl) {
-        ++record().ctrls;
-        ctrl(m);
-    } else {
-        ++record().dbxs;
-        dbx(m);
-    }
-    m.words.clear();
-}
-
-// The clock costs as much as the call, so only one call in 64 pays for it.
-void Service::timed(Method, Message& m) {
-    std::int64_t start = monotonicNow();
-    exec(m);
-    record().times.add(monotonicNow() - start);
-}
-
-void Service::noteFailure(const Trail& trail) {
-    Record& r = record();
-    ++r.errors;
-    r.trail = trail;
-    sorm_->announce(trail);
-}
-
-void Service::review(Message& m) {
-    if (m.trail.empty()) return;
-    auto& entries = m.trail.entries();
-    for (auto& e : entries)
-        if (e.so.empty()) e.so = name_;
-    auto tooQuiet = [&](const Entry& e) {
-        return (e.severity == Severity::verbose && verbosity_ < 2) || (e.severity == Severity::warning && verbosity_ < 1);
-    };
-    std::erase_if(entries, tooQuiet);
-    if (!entries.empty()) {
-        record().trail = m.trail;
-        sorm_->announce(m.trail);
-        if (m.code == 0 && std::any_of(entries.begin(), entries.end(), [](auto& e) { return e.severity != Severity::verbose; }))
-            m.code = 1;
-    }
 }
 
 }  // namespace sorma

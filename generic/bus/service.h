@@ -67,7 +67,7 @@ public:
     virtual void answerSelftest(Message& m);
 
     // The object was removed from the repository. End all that is under way: a reply that is not answered keeps the object
-    // alive. What it throws is ignored.
+    // alive. An error in it is ignored.
     virtual void removing() {}
 
     // Append state that is not in the options, in lines "# name value", for -dump.
@@ -78,7 +78,8 @@ public:
     // Default: from the signature.
     virtual std::vector<Pin> pins(std::string_view pin = {}, std::size_t length = Pin::kOpen) const;
 
-    // The objects that it executes in its own EXEC. They have its real-time owner. Default: those of its options.
+    // The objects that it executes in its own EXEC. They have its real-time owner. Default: those of its options, as far
+    // as these are declared to be parts.
     virtual std::vector<Reference> parts() const;
 
     // The objects that it uses by name, and who wrote the names. If a change of the policy takes an author's right away,
@@ -95,6 +96,7 @@ public:
     virtual std::string location() const { return "self"; }
     // True for a proxy: the other process checks rights and signature.
     virtual bool isElsewhere() const { return false; }
+    virtual bool holdsSecrets() const;      // has it options that are secret?
 
     // ---- for callers ----
     const std::string& name() const { return name_; }
@@ -107,9 +109,12 @@ public:
     void setRealtimeOwner(RealtimeOwner* owner);
     // Fails with COMM DENIED when an author of its namedParts() has no right to use that part, by the present policy.
     void needParts() const;
+    // Fails with COMM DENIED when the author of the words of an EXEC lacks the right that the type of one of them needs.
+    void needWords(const PrincipalPointer& author, std::span<const std::string> words) const;
 
-    // Execute a request, as the dispatcher, the Tcl command and the server do. It checks rights and signature, counts,
-    // measures one call in 64, reduces the trail to the object's verbosity, and names this object in errors. Throws Error.
+    // Execute a request, as the dispatcher, the Tcl command and the server do: the one entrance, see bus/request.h. It checks
+    // rights and signature, counts, tells observers, reduces the trail to the object's verbosity, and names this object in
+    // errors. Throws Error.
     // True: the answer comes later, in m.later, and m is empty.
     bool start(Method method, Message& m);
     // The same, and wait for the answer.
@@ -129,24 +134,37 @@ public:
     // when the object refuses.
     virtual std::unique_ptr<Listening> listen(std::string pattern, std::size_t keep, Listener listener);
     // The same without a queue: the subscriber is called inside publish(), and gone() when the object is removed.
-    void subscribe(Subscriber* subscriber, std::string pattern);
+    // permit: to inspect the object.
+    void subscribe(Subscriber* subscriber, std::string pattern, const Permit& permit);
     void unsubscribe(Subscriber* subscriber);
     // Give a new subscriber the last events that match: those since somebody first listened, and states.
-    void replay(Subscriber* subscriber, std::string_view pattern) const;
+    void replay(Subscriber* subscriber, std::string_view pattern, const Permit& permit) const;
     const Stream* stream() const { return stream_.get(); }      // of its events; null: nobody has listened yet
     bool isMonitored() const { return stream_ && stream_->monitored(); }     // of the object `sorm`: bus/monitor.h
     // Requests that it has taken over, and those that wait for them.
     std::size_t underWay() const;
-    std::string dump() const;               // lines "-option value" of the options that can be set, then state lines "# ..."
-    std::string recipe() const;             // options that differ from their defaults, as words of CTRL
+    // Lines "-option value" of the options that can be set, then state lines "# ...". What is secret is kMask, unless the
+    // permit includes the right to configure.   permit: to inspect the object.
+    std::string dump(const Permit& permit) const;
+    std::string shown(const Option& option, const Permit& permit) const;        // its value in the same way
+    std::string recipe(const Permit& permit) const;     // options that differ from their defaults, as words of CTRL
+    // Fails with COMM DENIED if the author has not this right to this object; what it knows of the last author is kept.
+    Permit need(const PrincipalPointer& author, Right right);
 
     // Who wrote the present value of an option, also inside changed(); null: the owner. If the value names a thing, the
     // object uses it with the author's rights.
     const PrincipalPointer& author(std::string_view option) const;
+    // Who made it: the author of its recipe in the dictionary, else whoever used the name first; null: the owner. If the name
+    // itself says what the object uses, it uses that with the rights of the maker.
+    const PrincipalPointer& maker() const { return maker_; }
+    // Fails with COMM DENIED when somebody may not write such a value, see bus/named.h.
+    Permit needKind(const PrincipalPointer& author, Kind kind, const std::string& value) const { return sorma::needKind(*this, author, kind, value); }
 
 protected:
     void count() { calls_.store(calls() + 1, std::memory_order_relaxed); }      // count a request
     void review(Message& m);                // of an answer: note its trail, and reduce it to the verbosity
+    // For exec: does the request begin with a word that Class::word has given a body? Then that has done it.
+    bool execWord(Message& m);
     // Take over the request of exec: its content moves into the reply's message. Then return from exec, and answer through
     // the reply, at any time, from any thread.
     Reply later(Message& m);
@@ -167,42 +185,50 @@ private:
     friend class Pending;
     friend class Sorm;
     friend struct CommonRequests;           // -help, -dump, -why ... that every class has
+    friend struct Bookkeeping;              // what -stats and -audit show
 
     struct Record;                          // see serviceParts.h; made when first needed
     Record& record();
-    void configure(const std::vector<DictionaryWord>& words, bool birth, const std::string& request, Message* reply);
+    void configure(const std::vector<DictionaryWord>& words, bool birth, Message* reply);
     struct Applying;
     void apply(Applying& a);
     [[noreturn]] void failGone() const;
     void admit(Method method, Message& m);
-    void need(const PrincipalPointer& author, Right right);
     void assign(const Option& option, const Value& value, const PrincipalPointer& author);
+    void needArguments(const Action& action, Args args, const PrincipalPointer& author) const;
+    bool mayKeepValues() const;             // may the authors of its values keep them, by the present policy?
     void judgeParts();                      // check needParts() by the present policy, and set kPartsBit
     bool startGuarded(Method method, Message& m);
+    bool startHeld(Method method, Message& m);
+    [[noreturn]] void failCode(int code) const;
     bool proceed(Method method, Message& m);
     void enter(Method method, Message& m);
-    void timed(Method method, Message& m);
+    void keepTrail(const Trail& trail);
     void noteFailure(const Trail& trail);
     void enqueue(Message& m);
-    void perform(const PendingPointer& pending, Method method);
+    void perform(const PendingPointer& pending, Method method, bool again = false);
     void released();                        // a request that it had taken over is finished: start the next one
-    void checkLock() const;
+    void checkLock();                       // fails with SERVICE LOCKED, UNLOCKED
+    void expireLock();                      // end it if its time is over
     void leave(bool hangs);
     void left();                            // it was removed: it takes no more requests, and those that wait fail
     void awaitLater(Message& m);            // wait for an answer that comes later
 
-    // The thread to which the object belongs writes guard_ and calls_. Other threads may read them at any time; memory order
-    // is relaxed, since no other data depends on them.
+    // The thread to which the object belongs writes calls_. Other threads may read it at any time, and change bits of guard_;
+    // memory order is relaxed, since no other data depends on them.
     std::uint8_t guard() const { return guard_.load(std::memory_order_relaxed); }
+    bool isSample() const { return (calls() & 63) == 0; }      // its next EXEC is the one in 64 that statistics measure
     void setGuard(std::uint8_t bit, bool on) {
-        guard_.store(std::uint8_t(on ? guard() | bit : guard() & ~bit), std::memory_order_relaxed);
+        if (on) guard_.fetch_or(bit, std::memory_order_relaxed);
+        else guard_.fetch_and(std::uint8_t(~bit), std::memory_order_relaxed);
     }
     void invokeInPlace(Message& m);         // Reference::exec when guard_ is not 0
     void unusable(Message& m);              // Reference::step got no usable answer
 
     Charge charge_;                         // for the object itself
     std::string name_;
-    const Class* class_ = nullptr;
+    PrincipalPointer maker_;
+    std::shared_ptr<const Class> class_;
     Sorm* sorm_ = nullptr;
     std::unique_ptr<Record> record_;
     RealtimeOwner* realtimeOwner_ = nullptr;    // while guard_ has kOwnedBit
@@ -213,6 +239,9 @@ private:
     static constexpr std::uint8_t kGoneBit = 1, kBusyBit = 2, kLockedBit = 4, kOwnedBit = 8;
     static constexpr std::uint8_t kAskBit = 16;     // the SORM is a safe interpreter's: its own requests need rights, too
     static constexpr std::uint8_t kPartsBit = 32;   // the author of a named part has lost the right to use it
+    static constexpr std::uint8_t kObservedBit = 64;    // an observer wants all its requests: bus/request.h
+    static constexpr std::uint8_t kFormerBit = 128; // a client is to be told that its lock has ended
+    static constexpr std::uint8_t kLockBits = kLockedBit | kFormerBit;
     std::atomic<std::uint8_t> guard_{0};    // 0: a request may run at once; else the reasons why it may not
     std::uint8_t checks_ = 0;               // class_->checks()
     std::uint8_t verbosity_ = 1;            // 0: errors; 1: and warnings; 2: and verbose
@@ -244,7 +273,7 @@ inline void Reference::exec(Message& message) const {
 inline void Reference::step(Message& message, RealtimeOwner* here) const {
     Service& s = *service_;
     std::uint8_t guard = s.guard();
-    if (guard && (guard != Service::kOwnedBit || s.realtimeOwner_ != here)) [[unlikely]] return s.invokeInPlace(message);
+    if (guard && ((guard & ~Service::kObservedBit) != Service::kOwnedBit || s.realtimeOwner_ != here)) [[unlikely]] return s.invokeInPlace(message);
     s.count();
     s.exec(message);
     if (message.later || message.code < 0) [[unlikely]] s.unusable(message);

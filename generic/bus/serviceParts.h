@@ -1,8 +1,10 @@
 // serviceParts.h -- shared by the files that implement Service. No other file includes it.
 //
-//     service.cpp          the life of an object, and its requests
+//     request.cpp          the one entrance for requests
+//     service.cpp          the life of an object, and requests that wait
 //     serviceWords.cpp     CTRL and DBX: options, actions and inspections of its class
 //     commonRequests.cpp   actions and inspections that every class has
+//     serviceLock.cpp      CTRL -lock and -unlock
 #pragma once
 
 #include <algorithm>
@@ -12,6 +14,9 @@
 #include <utility>
 #include <vector>
 
+#include "bus/kept.h"
+#include "bus/nearest.h"
+#include "bus/request.h"
 #include "bus/requestText.h"
 #include "bus/service.h"
 #include "bus/sorm.h"
@@ -19,7 +24,7 @@
 
 namespace sorma {
 
-inline const Prototype kUnknownWord{Severity::error, "OPTION UNKNOWN", 2, "{}: unknown word \"{}\": must be {}"};
+inline const Prototype kUnknownWord{Severity::error, "OPTION UNKNOWN", 2, "{0}: unknown word \"{1}\"{3}: must be {2}"};
 inline const Prototype kMissingValue{Severity::error, "OPTION MISSING", 2, "{}: {} needs {}"};
 
 // Data that many objects never need. Made when it is first needed.
@@ -31,28 +36,40 @@ struct Service::Record {
         PrincipalPointer author;        // who wrote the value; null: the owner
         std::string by, request;        // ctrl: the caller, and the request, for people
         std::int64_t time = 0;          // [us since 1970]
+        std::size_t value = 0;          // what the value takes [bytes], which is charged here
+        std::size_t heap() const {
+            return value + heapOf(origin.file) + heapOf(origin.via) + heapOf(origin.by) + heapOf(by) + heapOf(request);
+        }
     };
+    using KeptSource = Charged<Source>;
     // The value of an option before a change.
     struct Undo {
         int option;
         Value value;
-        Source source;
+        KeptSource source;
     };
     // A CTRL request, for DBX -audit.
     struct Audit {
+        std::uint64_t number;           // of the request
         std::int64_t time;              // [us since 1970]
         std::string by, request;
-        bool done;                      // false: it was refused
+        enum State : std::uint8_t { underWay, done, refused };
+        mutable State state;            // charged for nothing
+        std::size_t heap() const { return heapOf(by) + heapOf(request); }
     };
 
-    std::vector<Source> sources;        // one for each option
+    std::vector<KeptSource> sources;    // one for each option
     static constexpr std::size_t kUndoDepth = 10;
     std::deque<std::vector<Undo>> undo; // the changes of the last CTRLs, the latest last
-    std::deque<Audit> audit;
-    Histogram times;                    // of EXEC, one call in 64
+    void remember(std::vector<Undo> before) {
+        if (undo.size() == kUndoDepth) undo.pop_front();
+        undo.push_back(std::move(before));
+    }
+    std::deque<Charged<Audit>> audit;
+    Histogram times;                    // of EXEC, one call in 64, until its answer
     std::uint64_t errors = 0, ctrls = 0, dbxs = 0;      // how many
     std::int64_t since = monotonicNow();
-    Trail trail;                        // of the last request that had one
+    Charged<Trail> trail;               // of the last request that had one
     std::size_t underWay = 0;           // requests that it has taken over and not finished
     std::deque<PendingPointer> waiting; // requests that start after those
     struct Lock {
@@ -60,14 +77,25 @@ struct Service::Record {
         Client::Lease lease = 0;
         std::string by;                 // the holder, for people
         std::int64_t since = 0;         // [us since 1970]
+        std::string until;              // when it ends by itself, for people
+        std::int64_t ends = 0;          // the same [ns], monotonic
+        Timer timer;                    // ends it then, where there is a loop
     } lock;                             // while guard_ has kLockedBit
+    // A client whose lock was broken or ran out, and who has not been told yet.
+    struct Former {
+        std::weak_ptr<Client> client;
+        bool local;                     // it was this process
+        std::string why;
+        bool is(const ClientPointer& other) const { return other ? client.lock() == other : local; }
+    };
+    std::vector<Former> formerHolders;  // while guard_ has kFormerBit
 };
 
 // A change of options. Members are deleted from the last to the first: so ticks go on again before the old values, which
 // commit and before keep, are deleted.
 struct Service::Applying {
     Change::Values values;
-    std::vector<Record::Source> sources;    // of each value
+    std::vector<Record::KeptSource> sources;    // of each value
     bool birth = false;                     // the recipe: there were no values before
     std::vector<Record::Undo> before;       // the values so far
     Commit commit = nullptr;
@@ -89,8 +117,9 @@ struct CommonRequests {
     static void save(Service& s, Args args, Message& reply);
     static void lock(Service& s, Args args, Message& reply);
     static void unlock(Service& s, Args args, Message& reply);
-    static void freeLock(Service& s);       // whoever has it
-    static std::string optionsList(Service& s, std::string_view only);      // a Tcl list; only: one option, or empty for all
+    // told: the holder knows that it ends.
+    static void endLock(Service& s, const std::string& why, bool told);
+    static std::string optionsList(Service& s, std::string_view only, const Permit& permit);    // a Tcl list; only: one option, or empty for all
     static std::string trailText(const Trail& trail);
     static std::string describe(const Service::Record::Source& source);     // for people
     static int needOption(Service& s, const std::string& name);

@@ -1,12 +1,13 @@
 #include "bus/serviceParts.h"
 
+#include <algorithm>
+
 namespace sorma {
 
 namespace {
 
 const Prototype kReadonly{Severity::error, "OPTION READONLY", 2, "{}: {} can only be set by a recipe, when the object is made"};
 
-constexpr std::size_t kAuditLength = 100;
 constexpr std::string_view kSubstWord = "-SUBST";
 
 const Action* findIn(const std::vector<Action>& actions, std::string_view name) {
@@ -21,7 +22,8 @@ const Action* findIn(const std::vector<Action>& actions, std::string_view name) 
         for (auto& o : type.options()) known.push_back(o.name);
     for (auto& a : ctrl ? type.actions() : type.inspections()) known.push_back(a.name);
     for (auto& a : ctrl ? CommonRequests::actions() : CommonRequests::inspections()) known.push_back(a.name);
-    fail(kUnknownWord, name, word, oneOf(std::move(known)));
+    std::string hint = didYouMean(word, known);
+    fail(kUnknownWord, name, word, oneOf(std::move(known)), hint);
 }
 
 // Takes the arguments of an action: the least it needs, then more while they are no words of the table.
@@ -35,6 +37,21 @@ Args takeArguments(const std::string& name, const Action& action, const std::vec
     else
         while (n < std::size_t(action.maxArgs) && n < rest && !isKnown(words[at + n])) ++n;
     return Args(words).subspan(at, n);
+}
+
+// Runs f. An error in a word of a recipe then also says where the word stands. An error of another object tells its own place.
+template <class F> void readAt(const Origin& origin, F f) {
+    try {
+        f();
+    } catch (const Error& e) {
+        Error placed = e;
+        for (auto& entry : placed.trail.entries()) {
+            if (entry.severity != Severity::error) continue;
+            if (entry.so.empty() && (!origin.file.empty() || !origin.via.empty())) entry.text += " (" + origin.toText() + ")";
+            break;
+        }
+        throw placed;
+    }
 }
 
 [[noreturn]] void failMissing(const std::string& name, const Option& o) {
@@ -93,66 +110,77 @@ std::string oneOf(std::vector<std::string> words) {
     return out;
 }
 
+// The words of a class are told to nobody who has no right at all to the object.
+static void needSome(Service& s, const PrincipalPointer& author) {
+    if (s.sorm().access.rights(author, s.name()) == 0) s.need(author, Right::inspect);
+}
+
+void Service::needArguments(const Action& action, Args args, const PrincipalPointer& author) const {
+    auto& kinds = action.kinds();
+    if (kinds.empty()) return;
+    for (std::size_t k = 0; k < args.size(); ++k) needKind(author, kinds[std::min(k, kinds.size() - 1)], args[k]);
+}
+
 // Apply words of CTRL, all or nothing. Options are parsed and checked first, then set together, then actions run. Each
 // word is applied with the rights of its author: that of the recipe's entry, or of the request.
-void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, const std::string& request, Message* reply) {
+void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, Message* reply) {
     struct Step {
         const Action* action;
         Args args;
         const Origin* origin;
+        Permit permit;
     };
     Applying a;
     std::vector<const Origin*> origins;     // of each
     std::vector<Step> steps;
     std::vector<std::string> words;
-    words.reserve(recipe.size());
     for (auto& w : recipe) words.push_back(w.text);
 
     auto known = [&](const std::string& word) {
         return class_->findOption(word) >= 0 || class_->findAction(word) || findIn(CommonRequests::actions(), word);
     };
-    for (std::size_t i = 0; i < words.size();) {
+    std::size_t i = 0;
+    auto take = [&] {
         const std::string& word = words[i];
-        const Origin* origin = &recipe[i].origin;
-        ++i;
+        const Origin* origin = &recipe[i++].origin;
         if (int index = class_->findOption(word); index >= 0) {
             const Option& o = class_->options()[index];
             need(origin->author, Right::configure);
+            if (needsOperate(o.spec.danger)) need(origin->author, Right::operate);
             if (o.spec.fixed && !birth) fail(kReadonly, name_, o.name);
-            if (o.type == Type::flag) {
-                bool given = i < words.size() && !words[i].starts_with('-');     // a flag alone is set
-                a.values.push_back({index, o.parse(name_, given ? std::string_view(words[i++]) : "1"), origin->author});
-                origins.push_back(origin);
-                continue;
-            }
-            if (i == words.size()) failMissing(name_, o);
-            a.values.push_back({index, o.parse(name_, words[i++]), origin->author});
+            const bool flag = o.type == Type::flag, given = i < words.size() && !(flag && words[i].starts_with('-'));
+            if (!given && !flag) failMissing(name_, o);         // a flag alone is set
+            if (given) needKind(origin->author, o.kindOf(words[i]), words[i]);
+            a.values.push_back({index, o.parse(name_, given ? std::string_view(words[i++]) : "1"), origin->author});
             origins.push_back(origin);
-            continue;
+            return;
         }
         const Action* action = class_->findAction(word);
         if (!action) action = findIn(CommonRequests::actions(), word);
-        if (!action) failUnknown(name_, *class_, word, true);
-        need(origin->author, action->right);
-        Args args = takeArguments(name_, *action, words, i, known);
+        if (!action) needSome(*this, origin->author), failUnknown(name_, *class_, word, true);
+        const Permit permit = need(origin->author, action->right);
+        if (needsOperate(action->danger)) need(origin->author, Right::operate);
+        const Args args = takeArguments(name_, *action, words, i, known);
         i += args.size();
-        steps.push_back({action, args, origin});
-    }
+        needArguments(*action, args, origin->author);
+        steps.push_back({action, args, origin, permit});
+    };
+    while (i < words.size()) readAt(recipe[i].origin, take);
 
-    if (!birth && !a.values.empty() && (guard() & kLockedBit)) checkLock();
     if (!a.values.empty()) {
+        if (!birth && (guard() & kLockBits)) checkLock();
         Record& r = record();
-        std::string by = birth ? std::string() : CallContext::currentCallers();
-        std::int64_t now = wallNow();
+        const std::string by = birth ? std::string() : CallContext::currentCallers();
+        const std::string shown = birth ? std::string() : cutText(joinWords(sorm_->masked(words)));
+        const std::int64_t now = wallNow();
         for (std::size_t i = 0; i < a.values.size(); ++i)
-            a.sources.push_back({birth ? Record::Source::Kind::recipe : Record::Source::Kind::ctrl, birth ? *origins[i] : Origin{},
-                                 origins[i]->author, by, request, now});
+            a.sources.emplace_back(name_, sorm_->budget.ofCaller(origins[i]->author), Account::Use::values,
+                                   Record::Source{birth ? Record::Source::Kind::recipe : Record::Source::Kind::ctrl,
+                                                  birth ? *origins[i] : Origin{}, origins[i]->author, by, shown, now,
+                                                  heapOf(a.values[i].value)});
         a.birth = birth;
         apply(a);
-        if (!birth) {
-            if (r.undo.size() == Record::kUndoDepth) r.undo.pop_front();
-            r.undo.push_back(std::move(a.before));
-        }
+        if (!birth) r.remember(std::move(a.before));
     }
     for (auto& step : steps) {
         if (step.action->whileTicking) a.between.reset();
@@ -160,7 +188,7 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, c
         Message none;
         Message& into = reply ? *reply : none;
         into.author = step.origin->author;
-        step.action->body(*this, step.args, into);
+        step.action->run(*this, step.args, into, step.permit);
         // The last one may answer later; the others are waited for here.
         if (into.later && (!reply || &step != &steps.back())) [[unlikely]] awaitLater(into);
     }
@@ -179,7 +207,7 @@ void Service::apply(Applying& a) {
             if (std::find(options.begin(), options.end(), &o) == options.end()) options.push_back(&o);
             if (a.birth || o.type != Type::service) continue;
             planted.push_back(subService(*this, std::get<std::string>(v.value), v.author));
-            if (owner && planted.back()) owner->adopt(*planted.back());
+            if (owner && o.spec.part && planted.back()) owner->adopt(*planted.back());
         }
         if (!a.birth) a.commit = prepare(Change(*this, a.values));
         a.between.emplace(*this);
@@ -187,9 +215,9 @@ void Service::apply(Applying& a) {
         for (std::size_t i = 0; i < a.values.size(); ++i) {
             auto& v = a.values[i];
             const Option& o = class_->options()[v.option];
-            a.before.push_back({v.option, o.get(*this), r.sources[v.option]});
-            assign(o, v.value, v.author);
-            r.sources[v.option] = a.sources[i];
+            a.before.push_back({v.option, o.value(*this, Permit::owner()), std::move(r.sources[v.option])});
+            readAt(a.sources[i]->origin, [&] { assign(o, v.value, v.author); });
+            r.sources[v.option] = std::move(a.sources[i]);
         }
         if (a.birth) return;
         if (a.commit) a.commit(), committed = true;
@@ -202,8 +230,8 @@ void Service::apply(Applying& a) {
         }
     } catch (...) {
         for (auto u = a.before.rbegin(); u != a.before.rend(); ++u) {
-            assign(class_->options()[u->option], u->value, u->source.author);
-            r.sources[u->option] = u->source;
+            assign(class_->options()[u->option], u->value, u->source->author);
+            r.sources[u->option] = std::move(u->source);
         }
         try {
             if (committed) a.commit();
@@ -220,22 +248,8 @@ void Service::ctrl(Message& m) {
     std::vector<DictionaryWord> words;
     words.reserve(m.words.size());
     for (auto& w : m.words) words.push_back({w, {}}), words.back().origin.author = m.author;
-    std::string request = joinWords(m.words);
     m.text.clear();
-    bool done = false;
-    auto note = [&] {
-        auto& audit = record().audit;
-        if (audit.size() == kAuditLength) audit.pop_front();
-        audit.push_back({wallNow(), CallContext::currentCallers(), request, done});
-    };
-    try {
-        configure(words, false, request, &m);
-        done = true;
-    } catch (...) {
-        note();
-        throw;
-    }
-    note();
+    configure(words, false, &m);
 }
 
 void Service::dbx(Message& m) {
@@ -245,6 +259,7 @@ void Service::dbx(Message& m) {
     struct Step {
         const Action* action;
         Args args;
+        Permit permit;
     };
     std::vector<Step> steps;
     auto find = [&](std::string_view word) {
@@ -253,14 +268,16 @@ void Service::dbx(Message& m) {
     };
     for (std::size_t i = 0; i < words.size();) {
         const Action* action = find(words[i]);
-        if (!action) failUnknown(name_, *class_, words[i], false);
-        need(m.author, action->right);
+        if (!action) needSome(*this, m.author), failUnknown(name_, *class_, words[i], false);
+        Permit permit = need(m.author, action->right);
+        if (needsOperate(action->danger)) need(m.author, Right::operate);
         Args args = takeArguments(name_, *action, words, i + 1, find);
         i += 1 + args.size();
-        steps.push_back({action, args});
+        needArguments(*action, args, m.author);
+        steps.push_back({action, args, permit});
     }
     for (auto& step : steps) {
-        step.action->body(*this, step.args, m);
+        step.action->run(*this, step.args, m, step.permit);
         if (m.later && &step != &steps.back()) [[unlikely]] awaitLater(m);
     }
 }
@@ -268,12 +285,17 @@ void Service::dbx(Message& m) {
 void Service::answerSelftest(Message& m) { addLine(m, selftest()); }
 
 
-std::string Service::dump() const {
+std::string Service::shown(const Option& o, const Permit& permit) const {
+    std::string value = toText(o.value(*this, permit));
+    return !o.spec.secret || value.empty() || permit.includes(Right::configure) ? value : std::string(kMask);
+}
+
+std::string Service::dump(const Permit& permit) const {
     std::string out;
     for (auto& o : class_->options()) {
         if (!out.empty()) out += '\n';
         out += o.name;
-        appendWord(out, toText(o.get(*this)));
+        appendWord(out, shown(o, permit));
     }
     std::string state;
     dumpState(state);
@@ -284,11 +306,11 @@ std::string Service::dump() const {
     return out;
 }
 
-std::string Service::recipe() const {
+std::string Service::recipe(const Permit& permit) const {
     std::string out;
     for (std::size_t i = 0; i < class_->options().size(); ++i) {
         auto& o = class_->options()[i];
-        Value now = o.get(*this);
+        Value now = o.value(*this, permit);
         if (i < class_->defaults().size() && now == class_->defaults()[i]) continue;
         appendWord(out, o.name);
         appendWord(out, toText(now));
@@ -296,33 +318,17 @@ std::string Service::recipe() const {
     return out;
 }
 
-namespace {
-
-// While a daemon serves a peer's request it does not wait for a third one: that one may be silent, or wait for this one. What is
-// wrong with a name elsewhere is told when it is used.
-class OnTrust {
-public:
-    explicit OnTrust(Sorm& sorm) : sorm_(sorm), was_(sorm.nonBlocking) {
-        if (CallContext::currentClient()) sorm.nonBlocking = true;
-    }
-    ~OnTrust() { sorm_.nonBlocking = was_; }
-    OnTrust(const OnTrust&) = delete;
-    OnTrust& operator=(const OnTrust&) = delete;
-
-private:
-    Sorm& sorm_;
-    const bool was_;
-};
-
-}  // namespace
-
 Reference subService(Service& user, const std::string& name, const PrincipalPointer& author) {
     if (name.empty()) return {};
-    OnTrust onTrust(user.sorm());
-    Reference found = user.sorm().get(name, author);
+    // While a daemon serves a peer's request it does not wait for a third one: that one may be silent, or wait for this one.
+    // What is wrong with a name elsewhere is told when it is used.
+    Reference found = user.sorm().get(name, author, CallContext::currentClient() ? Probe::later : Probe::now);
     // What the class does with it, it does as the owner; so whoever has named it must have the right to that. Elsewhere that
     // daemon judges.
-    if (!found->isElsewhere()) user.sorm().access.need(author, Right::call, found->name(), found->name());
+    if (!found->isElsewhere()) {
+        found->need(author, Right::call);
+        if (found->type().isDangerous()) found->need(author, Right::operate);
+    }
     return found;
 }
 }  // namespace sorma

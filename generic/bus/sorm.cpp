@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <mutex>
 
+#include "bus/bookkeeping.h"
 #include "bus/call.h"
 #include "bus/glob.h"
+#include "bus/monitor.h"
+#include "bus/nearest.h"
 #include "bus/requestText.h"
 
 namespace sorma {
@@ -15,7 +18,10 @@ Class describeSorm();
 namespace {
 
 const Prototype kUnknownClass{Severity::error, "NAME UNKNOWN_CLASS", 1,
-                              "unknown service class \"{}\" in \"{}\": no package sorma::service::{} was found either"};
+                              "unknown service class \"{0}\"{1} in \"{0}\": no package sorma::service::{0} was found either{2}"};
+const Prototype kUnknownFlavor{Severity::error, "NAME UNKNOWN_FLAVOR", 1,
+                               "unknown flavor in \"{0}\"{1}: {2}, and the dictionary has no entry {0}; "
+                               "sorma::create {0} makes it all the same"};
 const Prototype kDuplicate{Severity::error, "CLASS DUPLICATE", 1, "service class \"{}\" is registered already, from {}:{}"};
 const Prototype kClassName{Severity::error, "NAME SYNTAX", 1, "bad class name \"{}\": must be lower-case letters, digits and _"};
 const Prototype kCycle{Severity::error, "SERVICE CYCLE", 1, "{}: sub-services form a cycle: {}"};
@@ -38,19 +44,23 @@ Bindings& bindings() {
 }
 
 constexpr std::size_t kObjectSize = 4096;       // that an object is charged with
+constexpr std::size_t kMostRelays = 64;
 
 // A thread that executes ticks has no business in the repository.
 bool onForeignThread() { return RealtimeOwner::current() != nullptr; }
 
 }  // namespace
 
-Sorm::Sorm(Host* host) : host_(host) {
+Sorm::Sorm(Host* host) : host_(host), statistics_(makeStatistics()), audit_(makeAudit(*this)) {
+    observers.add(statistics_.get());
+    observers.add(audit_.get());
     add(describeDict());
     add(describeSorm());
     mailbox_->owner = this;
-    access.changed = [this] {
-        for (auto& [key, service] : repository_) service->judgeParts();
-    };
+    access.watch(this, [this] {
+        for (auto& [key, place] : repository_) place->service->judgeParts();
+    });
+    access.budget = &budget;
     makeLocal(Name::parse("sorm"), nullptr, nullptr);
     self_ = find("sorm");
     makeLocal(Name::parse("dict"), nullptr, nullptr);
@@ -69,18 +79,19 @@ Sorm::~Sorm() {
         std::vector<std::string> leaving;
         do {                                            // objects may make others while they go
             leaving.clear();
-            for (auto& [key, service] : repository_)
-                if (elsewhere || !service->isElsewhere()) leaving.push_back(key);
+            for (auto& [key, place] : repository_)
+                if (elsewhere || !place->service->isElsewhere()) leaving.push_back(key);
             for (auto& key : leaving) {
                 auto found = repository_.find(key);
                 if (found == repository_.end()) continue;
-                Reference r = std::move(found->second);
+                Reference r = found->second.release().service;
                 recent(key) = {};                       // an object that is deleted may look for others in the repository
                 repository_.erase(found);
                 if (!r->gone()) r->left();
             }
         } while (!leaving.empty());
     }
+    relays_.clear();
     mailbox_->close();
 }
 
@@ -106,8 +117,10 @@ void Sorm::add(Class type) {
     }
     if (parsed.service != type.name() || !parsed.flavor.empty() || !parsed.local()) fail(kClassName, type.name());
     if (auto* known = findClass(type.name())) fail(kDuplicate, type.name(), known->file(), known->line());
+    for (auto& o : type.options())
+        if (o.spec.secret) secrets_.insert(o.name);
     std::string name = type.name();
-    classes_.emplace(std::move(name), std::make_unique<Class>(std::move(type)));
+    classes_.emplace(std::move(name), std::make_shared<Class>(std::move(type)));
 }
 
 const Class* Sorm::findClass(std::string_view name) const {
@@ -118,7 +131,12 @@ const Class* Sorm::findClass(std::string_view name) const {
 const Class& Sorm::needClass(const std::string& name) {
     const Class* known = findClass(name);
     if (!known && host_ && host_->loadClass(name)) known = findClass(name);
-    if (!known) fail(kUnknownClass, name, name, name);
+    if (!known) {
+        std::vector<std::string> names = host_ ? host_->classNames() : std::vector<std::string>();
+        for (auto& [key, type] : classes_) names.push_back(key);
+        std::string hint = didYouMean(name, names), places = hint.empty() && host_ ? host_->classPlaces() : std::string();
+        fail(kUnknownClass, name, hint, places.empty() ? places : " in " + places);
+    }
     return *known;
 }
 
@@ -130,71 +148,101 @@ std::vector<const Class*> Sorm::classes() const {
 
 void Sorm::forget(std::string_view name) {
     auto found = classes_.find(name);
-    if (found == classes_.end()) return;
-    forgotten_.push_back(std::move(found->second));
-    classes_.erase(found);
+    if (found != classes_.end()) classes_.erase(found);
 }
 
 // ---- repository and plant ----
 
-Reference Sorm::get(std::string_view text, const PrincipalPointer& author) {
-    Service* known = find(text);
+std::size_t Sorm::Relay::heap() const { return kObjectSize + heapOf(name) + heapOf(place); }
+
+Reference Sorm::get(std::string_view text, Service* known, const PrincipalPointer& author, Probe probe) {
     if (known && (!author || !known->isElsewhere())) return Reference(known);
-    return make(Name::parse(text), nullptr, author);
+    for (auto& relay : relays_) {
+        if (relay->author != author || relay->name != text) continue;
+        Reference proxy = relay->proxy;
+        access.need(author, Right::reach, relay->place, text);
+        return proxy;
+    }
+    return make(Name::parse(text), nullptr, author, probe);
 }
 
 Reference Sorm::create(std::string_view text, const std::vector<std::string>& words, const PrincipalPointer& author) {
     if (find(text)) fail(kExists, text);
-    access.need(author, Right::make, text, text);
+    access.need(author, Right::make, canonical(text), text);
     return make(Name::parse(text), &words, author);
 }
 
-Reference Sorm::make(const Name& name, const std::vector<std::string>* words, const PrincipalPointer& author) {
+Reference Sorm::make(const Name& name, const std::vector<std::string>* words, const PrincipalPointer& author, Probe probe) {
     if (onForeignThread()) fail(kThread, name.toText());
-    if (name.local()) return makeLocal(name, words, author);
+    if (!births_.empty()) probe = std::max(probe, births_.back().probe);
+    if (name.local()) return makeLocal(name, words, author, probe);
     Address address = resolve(name, dictionary_);
     std::string key = name.toText();
     if (address.kind == Address::Kind::self) {
-        Reference here = makeHere(name, words, author);
-        if (!here->gone()) keep(key, here);     // the name with its address is a second name
+        Reference here = makeHere(name, words, author, probe);
+        if (!here->gone()) keep(key, here, budget.ofCaller(author));    // the name with its address is a second name
         return here;
     }
-    access.need(author, Right::reach, placeOf(name, address), key);
-    if (!makeProxy) fail(kNoNetwork, key);
-    if (author) return adopt(makeProxy(name, words ? *words : std::vector<std::string>(), author), key, *findClass("proxy"));
+    const std::string place = placeOf(name, address);
+    access.need(author, Right::reach, place, key);
+    if (!network) fail(kNoNetwork, key);
+    auto proxyOf = [&](std::vector<std::string> recipe) {
+        return adopt(network->makeProxy(name, std::move(recipe), author, probe), key, network->proxyClass());
+    };
+    if (author) {
+        Reference made = proxyOf(words ? *words : std::vector<std::string>());
+        if (words) return made;
+        while (relays_.size() >= kMostRelays) relays_.pop_front();
+        relays_.emplace_back(key, budget.ofCaller(author), Account::Use::objects, Relay{key, place, author, made});
+        return made;
+    }
     if (auto* known = find(key)) return Reference(known);
     std::vector<std::string> recipe;
     for (auto& w : recipeOf(name)) {
-        access.need(w.origin.author, Right::reach, placeOf(name, address), key);    // it goes there as ours
+        access.need(w.origin.author, Right::reach, place, key);     // it goes there as ours
         recipe.push_back(w.text);
     }
     if (words) recipe.insert(recipe.end(), words->begin(), words->end());
-    Reference made = adopt(makeProxy(name, std::move(recipe), nullptr), key, *findClass("proxy"));
-    keep(key, made);
+    Reference made = proxyOf(std::move(recipe));
+    keep(key, made, budget.ofCaller());
     return made;
+}
+
+// A mistyped flavor makes no second object where its class, or the whole program, is strict.
+void Sorm::needFlavor(const Name& name, const Class& type, const PrincipalPointer& author) const {
+    bool wanted = type.flavors() == Flavors::dictionary || (strict && type.flavors() == Flavors::unsaid);
+    if (!wanted || name.flavor.empty() || dictionary_.has(name.service)) return;
+    std::vector<std::string> known;
+    for (auto& word : dictionary_.words(name.className + ".*"))
+        if (access.rights(author, word) & Rights(Right::call)) known.push_back(word);
+    fail(kUnknownFlavor, name.service, didYouMean(name.service, known),
+         strict && type.flavors() == Flavors::unsaid ? "names are strict here" : "class " + name.className + " takes only flavors of the dictionary");
 }
 
 std::string Sorm::placeOf(const Name& name, const Address& address) const { return name.where.empty() ? address.toText() : name.where; }
 
 Sorm::Use Sorm::useOf(const std::string& text) const {
     Service* known = find(text);
-    if (known && !known->isElsewhere()) return {Right::call, known->name()};
+    if (known && !known->isElsewhere()) return {Right::call, known->name(), known->type().isDangerous()};
     Name name = Name::parse(text);
     if (!name.local())
-        if (Address address = resolve(name, dictionary_); address.kind != Address::Kind::self) return {Right::reach, placeOf(name, address)};
-    return {Right::call, name.service};
+        if (Address address = resolve(name, dictionary_); address.kind != Address::Kind::self) return {Right::reach, placeOf(name, address), false};
+    const Class* type = findClass(name.className);
+    return {Right::call, name.service, type && type->isDangerous()};
 }
 
 bool Sorm::mayUse(const PrincipalPointer& author, const std::string& name) const {
     if (!author && !access.restricted()) return true;
     auto use = useOf(name);
-    return access.rights(author, use.subject) & Rights(use.right);
+    const Rights rights = access.rights(author, use.subject);
+    return (rights & Rights(use.right)) && (!use.operate || (rights & Rights(Right::operate)));
 }
 
 void Sorm::needUse(const PrincipalPointer& author, const std::string& name, const std::string& user) {
     if (!author && !access.restricted()) return;
     auto use = useOf(name);
     access.need(author, use.right, use.subject, user);
+    if (use.operate) access.need(author, Right::operate, use.subject, user);
 }
 
 std::vector<DictionaryWord> Sorm::recipeOf(const Name& name) const {
@@ -203,14 +251,14 @@ std::vector<DictionaryWord> Sorm::recipeOf(const Name& name) const {
 }
 
 // A recipe that a daemon elsewhere would get from us as CTRL is used for an object of this process, too.
-Reference Sorm::makeHere(const Name& name, const std::vector<std::string>* words, const PrincipalPointer& author) {
+Reference Sorm::makeHere(const Name& name, const std::vector<std::string>* words, const PrincipalPointer& author, Probe probe) {
     auto wish = recipeOf(name);
     Service* known = find(name.service);
     if (!known) {
         Name here = name;
         here.where.clear();
         here.byDefault = false;
-        return makeLocal(here, words, author, wish);
+        return makeLocal(here, words, author, probe, wish);
     }
     if (words) fail(kExists, name.service);
     Reference here(known);
@@ -229,14 +277,15 @@ Reference Sorm::adopt(std::unique_ptr<Service> service, const std::string& name,
     Service* s = service.release();
     Reference reference(s);
     s->name_ = name;
-    s->class_ = &type;
+    s->class_ = type.shared_from_this();
     s->sorm_ = this;
     s->checks_ = type.checks();
     if (access.restricted()) s->setGuard(Service::kAskBit, true);
+    if (observers.any()) s->setGuard(Service::kObservedBit, true);
     return reference;
 }
 
-Reference Sorm::makeLocal(const Name& which, const std::vector<std::string>* words, const PrincipalPointer& author,
+Reference Sorm::makeLocal(const Name& which, const std::vector<std::string>* words, const PrincipalPointer& author, Probe probe,
                           const std::vector<DictionaryWord>& wish) {
     const std::string &name = which.service, &className = which.className;
     if (auto* known = find(name)) {
@@ -244,17 +293,20 @@ Reference Sorm::makeLocal(const Name& which, const std::vector<std::string>* wor
         return Reference(known);
     }
     access.need(author, Right::call, name, name);
-    if (std::find(births_.begin(), births_.end(), name) != births_.end()) {
+    auto birth = std::find_if(births_.begin(), births_.end(), [&](auto& b) { return b.name == name; });
+    if (birth != births_.end()) {
         std::string chain;
-        for (auto at = std::find(births_.begin(), births_.end(), name); at != births_.end(); ++at) chain += *at + " -> ";
+        for (; birth != births_.end(); ++birth) chain += birth->name + " -> ";
         fail(kCycle, name, chain + name);
     }
     Charge charge(budget.ofCaller(author), Account::Use::objects);
     charge.need(name, kObjectSize + name.size());
-    const Class& type = needClass(className);
-    births_.push_back(name);
+    const std::shared_ptr<const Class> kept = needClass(className).shared_from_this();     // a recipe may remove it
+    const Class& type = *kept;
+    if (!words && wish.empty()) needFlavor(which, type, author);
+    births_.push_back({name, probe});
     struct Popper {
-        std::vector<std::string>& births;
+        std::vector<Birth>& births;
         ~Popper() { births.pop_back(); }
     } popper{births_};
 
@@ -271,18 +323,19 @@ Reference Sorm::makeLocal(const Name& which, const std::vector<std::string>* wor
     Reference made = adopt(std::move(fresh), name, type);
     made->charge_ = std::move(charge);
     type.learnDefaults(*made);
+    made->maker_ = dictionary_.has(which.recipeKey()) ? dictionary_.authorOf(which.recipeKey()) : author;
     auto recipe = recipeOf(which);
     recipe.insert(recipe.end(), wish.begin(), wish.end());
     if (words)
         for (auto& w : *words) recipe.push_back({w, Origin{{}, 0, {}, CallContext::currentCallers(), author}});
     Message reply;
     try {
-        if (!recipe.empty()) made->configure(recipe, true, {}, &reply);
+        if (!recipe.empty()) made->configure(recipe, true, &reply);
         made->born();
     } catch (...) {
         throw Error(trailOfCurrentException(name));
     }
-    keep(name, made);
+    keep(name, made, nullptr);              // charged with the object
     announce("object.made", name, {className});
     return made;
 }
@@ -303,34 +356,37 @@ void Sorm::dismiss(const Reference& anonymous) {
     if (!anonymous->gone()) anonymous->left();
 }
 
-void Sorm::keep(const std::string& key, const Reference& service) {
+void Sorm::keep(const std::string& key, const Reference& service, AccountPointer account) {
+    Charged<Registration> registration(key, std::move(account), Account::Use::objects, {service, key.size()});
     drop(key);
-    repository_.emplace(key, service);
+    repository_.emplace(key, std::move(registration));
     ++service->names_;
 }
 
 void Sorm::drop(const std::string& key) {
     auto found = repository_.find(key);
     if (found == repository_.end()) return;
-    Reference service = std::move(found->second);       // it may end with this function, and look at us then
+    Reference service = found->second.release().service;    // it may end with this function, and look at us then
     recent(key) = {};
     repository_.erase(found);
     --service->names_;
 }
 
-void Sorm::remove(std::string_view name) {
+void Sorm::remove(std::string_view name, const Permit& permit) {
     if (onForeignThread()) fail(kThread, name);
     auto found = repository_.find(name);
     if (found == repository_.end()) fail(kGone, name);
-    Reference service = found->second;
+    permit.check(Right::make, canonical(name));
+    Reference service = found->second->service;
     if (service->name() == "sorm" || service->name() == "dict") fail(kProtected, name);
+    if (service->gone()) return;                        // it is being removed, and its own code removes it again
     std::string own = service->name();
     std::vector<std::string> leaving;
     if (own == name) {
         service->left();
         if (service->names_ > 1) {
             for (auto& [key, value] : repository_)
-                if (value.get() == service.get()) leaving.push_back(key);
+                if (value->service.get() == service.get()) leaving.push_back(key);
         } else {
             leaving.push_back(own);
         }
@@ -346,11 +402,30 @@ void Sorm::remove(std::string_view name) {
 void Sorm::alias(std::string_view name, std::string_view target, const PrincipalPointer& author) {
     if (find(name)) fail(kExists, name);
     Name parsed = Name::parse(name);
+    // Requests that are meant for that place come here.
     if (!parsed.where.empty()) access.need(author, Right::reach, parsed.where, name);
-    access.need(author, Right::make, name, name);
-    access.need(author, Right::make, target, target);
+    else if (parsed.byDefault && (author || access.restricted()))
+        if (Address address = resolve(parsed, dictionary_); address.kind != Address::Kind::self)
+            access.need(author, Right::reach, placeOf(parsed, address), name);
+    access.need(author, Right::make, canonical(name), name);
+    access.need(author, Right::make, canonical(target), target);
     Reference service = get(target, author);
-    keep(parsed.toText(), service);
+    keep(parsed.toText(), service, budget.ofCaller(author));
+}
+
+std::string Sorm::canonical(std::string_view text) const {
+    auto here = [this](std::string_view name) {
+        Service* known = find(name);
+        return known && !known->isElsewhere() ? known->name() : std::string(name);
+    };
+    if (Service* known = find(text); known && !known->isElsewhere()) return known->name();
+    Name name = Name::parse(text);
+    if (name.local()) return here(name.service);
+    try {
+        if (resolve(name, dictionary_).kind == Address::Kind::self) return here(name.service);
+    } catch (const Error&) {            // no such place: the name itself
+    }
+    return name.toText();
 }
 
 std::vector<std::string> Sorm::names(std::string_view pattern) const {
@@ -366,6 +441,7 @@ void Sorm::dictionaryChanged(std::string_view word) {
     bool everything = word.empty();
     if (!everything && !Name::isLocation(word)) return;
     ++locationChanges_;
+    relays_.clear();
     std::vector<std::string> leaving;
     for (auto& [key, service] : repository_) {
         if (!Name::isElsewhere(key)) continue;
@@ -415,10 +491,26 @@ void Sorm::announce(const Trail& trail) {
 
 void Sorm::announceChange(const Service& service, std::span<const Option* const> options) {
     std::vector<std::string> words{service.name()};
-    for (auto* o : options) words.insert(words.end(), {o->name, toText(o->get(service))});
+    for (auto* o : options)
+        words.insert(words.end(), {o->name, o->spec.secret ? std::string(kMask) : toText(o->value(service, Permit::owner()))});
     words.push_back(CallContext::currentCallers());
     if (!onForeignThread()) return announce("object.changed", service.name(), std::move(words));
     mailbox_->post([this, name = service.name(), words] { announce("object.changed", name, words); });
+}
+
+void Sorm::listenersChanged(const Service& of) {
+    if (&of != self_ || monitored() == (monitor_ != nullptr)) return;
+    if (monitor_) {
+        observers.remove(monitor_.get());
+        monitor_.reset();
+    } else {
+        monitor_ = makeMonitor(*this);
+        observers.add(monitor_.get());
+    }
+}
+
+void Sorm::markObserved() {
+    for (auto& [key, place] : repository_) place->service->setGuard(Service::kObservedBit, true);
 }
 
 void Sorm::monitor(std::string_view event, const Message& m) {
@@ -454,6 +546,7 @@ void Sorm::dispatchWith(Message& m, std::string& name, std::string_view request,
     std::string_view who = request.ends_with(kBare) ? request.substr(0, request.size() - kBare.size()) : std::string_view();
     // "NAME EXEC" of a known object needs no parser: no name holds anything that would be read otherwise.
     Service* known = who.empty() ? nullptr : find(who);
+    bool reached = false;
     try {
         if (known) {
             m.reset();
@@ -463,20 +556,22 @@ void Sorm::dispatchWith(Message& m, std::string& name, std::string_view request,
             who = name;
             known = find(who);
         }
-        Reference service = known && !author ? Reference(known) : get(who, author);
+        Reference service = get(who, known, author, Probe::now);
         if (author) [[unlikely]] m.author = author;
+        reached = true;
         service->invoke(method, m);
     } catch (...) {
         Trail trail = trailOfCurrentException({});
         for (auto& e : trail.entries())
-            if (e.request.empty() && e.daemon.empty()) e.request.assign(request.substr(0, 4096));
+            if (e.request.empty() && e.daemon.empty()) e.request = masked(cutText(request, kQuotedText));
+        if (!reached) observers.refused(who.empty() ? std::string_view(name) : who, method, m, trail);
         m.reset();
         m.code = -1;
         m.trail = std::move(trail);
         if (who.empty()) who = name.empty() ? std::string_view("sorm") : name;
     }
     if (m.author) [[unlikely]] m.forget();
-    if (!m.trail.empty() || !lastTrail_.empty()) lastTrail_ = m.trail;
+    setLastTrail(m.trail);
     appendReply(reply, who, m);
 }
 

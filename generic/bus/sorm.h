@@ -12,9 +12,11 @@
 #pragma once
 
 #include <array>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <string_view>
 #include <unordered_map>
@@ -26,6 +28,8 @@
 #include "bus/loop.h"
 #include "bus/message.h"
 #include "bus/name.h"
+#include "bus/network.h"
+#include "bus/request.h"
 #include "bus/service.h"
 
 namespace sorma {
@@ -37,6 +41,9 @@ public:
     virtual ~Host() = default;
     // Find the class and add() it. False: there is no such class. May throw Error.
     virtual bool loadClass(const std::string&) { return false; }
+    // For the message when there is none: classes that loadClass might have found, and where it has looked, for people.
+    virtual std::vector<std::string> classNames() { return {}; }
+    virtual std::string classPlaces() { return {}; }
     virtual void removed(const std::string&) {}                     // a name was removed from the repository
     virtual void providePackage(const char*, const char*) {}        // the package of that name and version is loaded
     virtual void report(const std::string&) {}                      // the message when provide() fails
@@ -59,32 +66,51 @@ public:
     // Remove a class; it may be added again. Objects that it has keep using it.
     void forget(std::string_view name);
 
+    // ---- secret options (Spec::secret) ----
+    bool isSecret(std::string_view word) const { return secrets_.contains(word); }      // an option of that name is, in some class
+    // Words or a request, with kMask instead of what follows the name of a secret option.
+    std::vector<std::string> masked(std::vector<std::string> words) const;
+    std::string masked(std::string request) const;
+    // May messages to and from this object hold secrets? Monitors do not show them.
+    bool holdsSecrets(const Service& service) const;
+    // Another process has told its secret options; this one does not show them from now on. text: their names, as words.
+    // Returns whether there is one.
+    bool learnSecrets(std::string_view text);
+    // The process of this object has not told them yet: until it has, what a CTRL of the object says is not shown at all.
+    void awaitSecrets(const std::string& name) { untold_.insert(name); }
+    void endAwait(const std::string& name) { untold_.erase(name); }
+    bool awaitsSecrets(const std::string& name) const { return untold_.contains(name); }
+
     // ---- repository ----
     Service* find(std::string_view name) const {                    // null when there is none; never makes one
         Recent& last = recent(name);
         if (last.name && *last.name == name) return last.service;
         auto found = repository_.find(name);
         if (found == repository_.end()) return nullptr;
-        last = {&found->first, found->second.get()};
+        last = {&found->first, found->second->service.get()};
         return last.service;
     }
-    // The object of that name, made when need be. For a remote object it blocks until the daemon has answered, unless
-    // nonBlocking. Fails with NAME SYNTAX, NAME UNKNOWN_CLASS, OPTION ..., SERVICE CYCLE, SERVICE FAILED (its constructor
-    // threw), ADDRESS UNRESOLVED, COMM ...
+    // The object of that name, made when need be. For a remote object that blocks until the daemon has answered, unless
+    // probe is later; what an object names while it is made is probed like it. Fails with NAME SYNTAX, NAME UNKNOWN_CLASS,
+    // OPTION ..., SERVICE CYCLE, SERVICE FAILED (its constructor threw), ADDRESS UNRESOLVED, COMM ...
     // author: who wrote the name; null: the owner. Others need the right to call the object when it has to be made, and the
     // right to reach its place when it is elsewhere. Then they get a proxy of their own, and the other daemon gives its
     // requests no rights but those of anyone.
-    Reference get(std::string_view name) {
+    Reference get(std::string_view name, Probe probe = Probe::now) {
         if (auto* known = find(name)) return Reference(known);
-        return make(Name::parse(name), nullptr, nullptr);
+        return make(Name::parse(name), nullptr, nullptr, probe);
     }
-    Reference get(std::string_view name, const PrincipalPointer& author);
+    Reference get(std::string_view name, const PrincipalPointer& author, Probe probe = Probe::now) { return get(name, find(name), author, probe); }
     // Make an object with words of CTRL beyond its recipe. Fails with SERVICE EXISTS when the name is taken, or as get.
-    Reference create(std::string_view name, const std::vector<std::string>& words, const PrincipalPointer& author = nullptr);
+    // author: as in get; others need the right to make it.
+    Reference create(std::string_view name, const std::vector<std::string>& words, const PrincipalPointer& author);
     // Remove the object with all its names; or a second name alone. Fails with SERVICE GONE when there is none. References
-    // stay valid, and calls by them fail with SERVICE GONE.
-    void remove(std::string_view name);
-    void alias(std::string_view name, std::string_view target, const PrincipalPointer& author = nullptr);   // a second name
+    // stay valid, and calls by them fail with SERVICE GONE.   permit: to make that object (canonical(name)).
+    void remove(std::string_view name, const Permit& permit);
+    void alias(std::string_view name, std::string_view target, const PrincipalPointer& author);     // a second name
+    // The name for which a right to an object is asked, after spelling and second names: that of the object here, or that which
+    // it would get; for one that is elsewhere all of it. Fails with NAME SYNTAX.
+    std::string canonical(std::string_view name) const;
     // Make an object that is not in the repository. It has its defaults, and born() was called. label: its name in messages.
     // The reference owns it; dismiss() it at its end.
     Reference makeAnonymous(std::unique_ptr<Service> service, const std::string& label, const std::string& className);
@@ -107,7 +133,7 @@ public:
 
     const Trail& lastTrail() const { return lastTrail_; }           // of the last request
     void setLastTrail(const Trail& trail) {
-        if (!trail.empty() || !lastTrail_.empty()) lastTrail_ = trail;
+        if (!trail.empty() || !lastTrail_.empty()) lastTrail_ = CallContext::currentClient() ? cutTrail(trail) : trail;
     }
 
     // ---- waiting ----
@@ -131,6 +157,8 @@ public:
     void announceChange(const Service& service, std::span<const Option* const> options);
     // Does anybody monitor requests (bus/monitor.h)? monitor() publishes to those who do.
     bool monitored() const { return self_ && self_->isMonitored(); }
+    void listenersChanged(const Service& of);       // an object has other subscribers now
+    Observers observers{*this};                     // of requests: bus/request.h
     void monitor(std::string_view event, const Message& m);
 
     Host* host() const { return host_; }                            // null: none
@@ -142,16 +170,11 @@ public:
     Budget budget;                                                  // memory that this process keeps for others
     std::string daemonName;                                         // as served; empty: this is no daemon
 
-    // While it is true, making the proxy of a remote object does not block: the daemon is not asked whether it has the
-    // object.
-    bool nonBlocking = false;
+    // Names are strict: a name makes an object only if its flavor has an entry in the dictionary. Classes with Flavors::any
+    // take any flavor all the same.
+    bool strict = false;
 
-    // Makes the proxy of a remote object; set by COMM. recipe: this client's recipe for the object; the proxy sends it to
-    // the daemon as CTRL.   relayFor: who named the object, when it was not the owner.
-    using ProxyMaker = std::function<std::unique_ptr<Service>(const Name&, std::vector<std::string> recipe, const PrincipalPointer& relayFor)>;
-    ProxyMaker makeProxy;
-    // Facts about connections, daemons and servers for DBX of the object `sorm`, as lines of text; set by COMM.
-    std::function<std::string(std::string_view what)> networkFacts;
+    Network* network = nullptr;                                     // set by COMM; null: names elsewhere do not work
 
     // The SORM of an interpreter, for packages that know only the pointer to it. Any pointer serves as key. Null: there is
     // none.
@@ -163,7 +186,20 @@ private:
         using is_transparent = void;
         std::size_t operator()(std::string_view s) const { return std::hash<std::string_view>{}(s); }
     };
-    using Repository = std::unordered_map<std::string, Reference, Hash, std::equal_to<>>;
+    // The object of a name.
+    struct Registration {
+        Reference service;
+        std::size_t key = 0;                // size of the name, which the repository keeps
+        std::size_t heap() const { return key; }
+    };
+    using Repository = std::unordered_map<std::string, Charged<Registration>, Hash, std::equal_to<>>;
+    // A proxy for the requests of one author who is not the owner.
+    struct Relay {
+        std::string name, place;            // place: subject of the right to reach it
+        PrincipalPointer author;
+        Reference proxy;
+        std::size_t heap() const;
+    };
 
     void dispatchWith(Message& m, std::string& name, std::string_view request, std::string& reply, const PrincipalPointer& author) noexcept;
     void dispatchInside(std::string_view request, std::string& reply, const PrincipalPointer& author) noexcept;
@@ -179,33 +215,47 @@ private:
         return recent_[n == 0 ? 0 : (n + 7 * at(n / 2) + 5 * at(n - 1)) % recent_.size()];
     }
 
-    Reference make(const Name& name, const std::vector<std::string>* words, const PrincipalPointer& author);
-    Reference makeHere(const Name& name, const std::vector<std::string>* words, const PrincipalPointer& author);
+    // known: what find() says to that name.
+    Reference get(std::string_view name, Service* known, const PrincipalPointer& author, Probe probe);
+    Reference make(const Name& name, const std::vector<std::string>* words, const PrincipalPointer& author, Probe probe = Probe::now);
+    Reference makeHere(const Name& name, const std::vector<std::string>* words, const PrincipalPointer& author, Probe probe);
     // wish: words that come after the recipe and before words.
-    Reference makeLocal(const Name& name, const std::vector<std::string>* words, const PrincipalPointer& author,
+    Reference makeLocal(const Name& name, const std::vector<std::string>* words, const PrincipalPointer& author, Probe probe = Probe::now,
                         const std::vector<DictionaryWord>& wish = {});
     std::vector<DictionaryWord> recipeOf(const Name& name) const;
+    void needFlavor(const Name& name, const Class& type, const PrincipalPointer& author) const;
     std::string placeOf(const Name& name, const Address& address) const;        // subject of the right to reach it
     // The right that an author needs to use an object.
     struct Use {
         Right right;
         std::string subject;
+        bool operate;               // and this right, too
     };
     Use useOf(const std::string& name) const;
-    void keep(const std::string& key, const Reference& service);        // add a name to the repository
+    void keep(const std::string& key, const Reference& service, AccountPointer account);    // add a name to the repository
     void drop(const std::string& key);                                  // remove it
+    friend class Observers;
+    void markObserved();                                                // tell all objects that they are observed
     Reference adopt(std::unique_ptr<Service> service, const std::string& name, const Class& type);
 
     Host* host_;
     Loop* loop_ = nullptr;
     std::shared_ptr<Mailbox> mailbox_ = std::make_shared<Mailbox>();
     Service* self_ = nullptr;               // the object `sorm`
-    std::map<std::string, std::unique_ptr<Class>, std::less<>> classes_;
-    std::vector<std::unique_ptr<Class>> forgotten_;     // removed classes, to which objects may still point
+    const std::unique_ptr<Observer> statistics_, audit_;       // of requests
+    std::unique_ptr<Observer> monitor_;     // while somebody monitors them
+    std::map<std::string, std::shared_ptr<Class>, std::less<>> classes_;     // objects share theirs, which may have been removed
+    std::set<std::string, std::less<>> secrets_;        // names of options
+    std::set<std::string> untold_;                      // names of objects, see awaitSecrets
     Repository repository_;
     mutable std::array<Recent, 64> recent_{};
     Dictionary dictionary_;
-    std::vector<std::string> births_;       // names of objects that are being made, outermost first
+    std::deque<Charged<Relay>> relays_;     // the last ones, the oldest first
+    struct Birth {
+        std::string name;
+        Probe probe;
+    };
+    std::vector<Birth> births_;             // objects that are being made, outermost first
     Message scratch_;                       // for dispatch, unless an outer dispatch uses it
     std::string scratchName_;
     bool scratchBusy_ = false;

@@ -50,6 +50,16 @@ std::string partsText(const std::vector<Part>& parts) {
     return list;
 }
 
+// What the caller of a word needs: the word's own right, and what its arguments carry by their types.
+std::string rightsOf(const Action& a) {
+    std::string out = toText(a.right);
+    for (Kind kind : a.kinds()) {
+        if (kind == Kind::file || kind == Kind::folder || kind == Kind::segment) out += " files";
+        if (kind == Kind::program) out += " program";
+    }
+    return out;
+}
+
 class SormService : public Service {
 public:
     // A request in a request, for those who have a message at hand and no dispatcher.
@@ -94,18 +104,19 @@ public:
     void referencesOf(Args args, Message& reply) {
         Service* s = sorm().find(args[0]);
         if (!s) fail(kGone, args[0]);
+        if (!s->isElsewhere()) s->need(reply.author, Right::inspect);
         addLine(reply, std::to_string(s->references()));
     }
 
-    void connections(Args, Message& reply) { network("connections", reply); }
+    void connections(Args, Message& reply) { network(&Network::connectionLines, reply); }
     // It asks each of them.
     void daemons(Args, Message& reply) {
         sorm().access.need(reply.author, Right::reach, "*", name());
-        network("daemons", reply);
+        network(&Network::daemonLines, reply);
     }
     void statistics(Args, Message& reply) {
         addLine(reply, sizes());
-        network("statistics", reply);
+        network(&Network::statisticsLines, reply);
     }
 
     void create(Args args, Message& reply) {
@@ -144,15 +155,13 @@ public:
                     if (expansion && !expansion->empty()) appendListElement(list, listOf({word, expansion->front()}));
                 }
             } else if (what == "siblings") {
-                std::string text = sorm().networkFacts ? sorm().networkFacts("siblings") : std::string();
-                for (std::size_t at = 0; at < text.size(); at = std::min(text.find('\n', at), text.size() - 1) + 1)
-                    appendListElement(list, text.substr(at, text.find('\n', at) - at));
+                if (sorm().network) list = sorm().network->siblingRows();
             } else if (what == "connections") {
-                if (sorm().networkFacts) list = sorm().networkFacts("connectionsList");
+                if (sorm().network) list = sorm().network->connectionRows();
             } else if (what == "subscriptions") {
                 list = subscriptions(reply.author);
             } else if (what == "serves") {
-                for (auto& name : served()) appendListElement(list, name);
+                if (sorm().network) list = listOf(sorm().network->served());
             } else {
                 fail(kInventory, what);
             }
@@ -197,13 +206,14 @@ public:
         if (!s) {
             if (Name::isElsewhere(args[0])) fail(kElsewhere, args[0]);
         }
+        const Permit permit = s ? s->need(reply.author, Right::inspect) : Permit::owner();        // the table of a class is no secret
         const Class& type = s ? s->type() : sorm().needClass(Name::parse(args[0]).className);
         std::string options, fixed, hints;
         for (std::size_t i = 0; i < type.options().size(); ++i) {
             auto& o = type.options()[i];
             appendListElement(options, listOf({o.name, toText(o.type), o.spec.unit, o.range(),
                                                i < type.defaults().size() ? toText(type.defaults()[i]) : std::string(),
-                                               s ? toText(o.get(*s)) : std::string(), o.spec.help}));
+                                               s ? s->shown(o, permit) : std::string(), o.spec.help}));
             if (o.spec.fixed) appendListElement(fixed, o.name);
             if (auto h = o.hints(); !h.empty()) {
                 appendListElement(hints, o.name);
@@ -225,9 +235,17 @@ public:
         out.put("writes", partsText(type.writes()));
         out.put("words", type.words());
         out.put("signature", type.signatureText());
+        DictText rights;                            // CTRL {word right ...} DBX {word right ...}
+        for (auto [method, list] : {std::pair{"CTRL", &type.actions()}, {"DBX", &type.inspections()}}) {
+            DictText words;
+            for (auto& a : *list) words.put(a.name, rightsOf(a));
+            rights.put(method, words.text());
+        }
+        out.put("rights", rights.text());
+        out.put("danger", listOf(type.dangers()));
         out.put("example", type.example());
         out.put("help", type.helpText(args[0]));
-        if (s) out.put("dump", s->dump());
+        if (s) out.put("dump", s->dump(permit));
         addLine(reply, out.text());
     }
 
@@ -251,12 +269,8 @@ public:
             if (!s) fail(kLook, args[0]);
             s->invoke(Method::dbx, m);
         } else {
-            std::string where = name.where;
-            if (name.byDefault) {
-                auto entry = sorm().dictionary().expand(name.location());
-                if (entry.empty()) fail(kLook, args[0]);
-                where = entry[0].text.starts_with('@') ? entry[0].text.substr(1) : entry[0].text;
-            }
+            const std::string where = whereOf(name, sorm().dictionary());
+            if (where.empty()) fail(kLook, args[0]);
             m.words.insert(m.words.begin(), {"-look", name.service});
             sorm().get("sorm@" + where, reply.author)->invoke(Method::dbx, m);
         }
@@ -264,22 +278,35 @@ public:
     }
 
     void remove(Args args, Message& reply) {
-        for (auto& each : args) sorm().access.need(reply.author, Right::make, each, each);
+        std::vector<Permit> permits;
+        for (auto& each : args) permits.push_back(sorm().access.need(reply.author, Right::make, sorm().canonical(each), each));
         for (auto& name : args)
             if (!sorm().find(name)) fail(kGone, name);
-        for (auto& name : args)
-            if (sorm().find(name)) sorm().remove(name);
+        for (std::size_t i = 0; i < args.size(); ++i)
+            if (sorm().find(args[i])) sorm().remove(args[i], permits[i]);
     }
 
     // ---- who may do what ----
 
     void policy(Args, Message& reply) { addLine(reply, sorm().access.text()); }
     void may(Args args, Message& reply) { addLine(reply, sorm().access.explain(args[0], args[1], args[2])); }
+    // The doors of a daemon: {what right target} of each.
+    void doors(Args, Message& reply) {
+        std::string list;
+        for (auto& door : Access::doors()) appendListElement(list, listOf({door.words, toText(door.right), door.target}));
+        addLine(reply, list);
+    }
     void denied(Args, Message& reply) { addLine(reply, sorm().access.deniedText()); }
     void budgets(Args, Message& reply) { addLine(reply, sorm().budget.text()); }
     void allow(Args args, Message& reply) {
         sorm().access.need(reply.author, Right::policy, "policy", name());
-        sorm().access.add(args[0], "sorm CTRL -allow");
+        addLine(reply, std::to_string(sorm().access.addFirst(args[0], "sorm CTRL -allow")));
+    }
+    void disallow(Args args, Message& reply) {
+        sorm().access.need(reply.author, Right::policy, "policy", name());
+        std::int64_t number = 0;
+        if (!parseNumber(args[0], number) || number < 0 || number > INT32_MAX) number = 0;
+        sorm().access.remove(int(number));
     }
     void reloadPolicy(Args, Message& reply) {
         sorm().access.need(reply.author, Right::policy, "policy", name());
@@ -292,22 +319,9 @@ private:
                ", dictionary entries " + std::to_string(sorm().dictionary().size());
     }
 
-    void network(const char* what, Message& reply) {
-        std::string text = sorm().networkFacts ? sorm().networkFacts(what) : std::string("# this program has no COMM");
+    template <class Lines> void network(Lines lines, Message& reply) {
+        std::string text = sorm().network ? (sorm().network->*lines)() : std::string("# this program has no COMM");
         if (!text.empty()) addLine(reply, text);
-    }
-
-    // The daemon names of this process: what COMM says begins its lines with "daemon NAME: ".
-    std::vector<std::string> served() const {
-        constexpr std::string_view kBegin = "daemon ";
-        std::string text = sorm().networkFacts ? sorm().networkFacts("statistics") : std::string();
-        std::vector<std::string> names;
-        for (std::size_t at = 0; at < text.size();) {
-            std::string_view line = std::string_view(text).substr(at, text.find('\n', at) - at);
-            at += line.size() + 1;
-            if (line.starts_with(kBegin)) names.emplace_back(line.substr(kBegin.size(), line.find(':') - kBegin.size()));
-        }
-        return names;
     }
 
     int depth_ = 0;
@@ -330,8 +344,11 @@ Class describeSorm() {
         .action("-policy", &SormService::policy, "", "who may do what: the lines that hold, and where each comes from", 0, 0, Right::inspect)
         .action("-may", &SormService::may, "subject right name", "would it be allowed, and by which line: -may {host 192.168.7.21} configure carry",
                 3, 3, Right::inspect)
-        .action("-allow", &SormService::allow, "line", "add a line to the policy, before those of its file", 1, 1, Right::inspect)
+        .action("-allow", &SormService::allow, "line", "add a line to the policy, before all others; answers its number", 1, 1, Right::inspect)
+        .action("-disallow", &SormService::disallow, "number", "take back a line that -allow has added", 1, 1, Right::inspect)
         .action("-reloadPolicy", &SormService::reloadPolicy, "", "read the file of the policy again", 0, 0, Right::inspect)
+        .inspection({"-doors", "", "list of {what right target}: every way in, and the right that it asks for", 0, 0,
+                     [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).doors(a, m); }})
         .inspection({"-denied", "", "what was refused: how often, to whom", 0, 0,
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).denied(a, m); }})
         .inspection({"-budgets", "", "what each client makes this daemon keep, in bytes, and how much it may", 0, 0,

@@ -32,7 +32,7 @@ bool Stream::remove(Subscriber* subscriber) {
         monitors_ -= entry.pattern.starts_with("monitor");
         found = true;
     }
-    settle();
+    removeUnsubscribed();
     return found;
 }
 
@@ -41,7 +41,7 @@ void Stream::each(const std::function<void(const Subscriber&, const std::string&
         if (entry.subscriber) tell(*entry.subscriber, entry.pattern);
 }
 
-void Stream::settle() {
+void Stream::removeUnsubscribed() {
     if (handing_ == 0) std::erase_if(subscribers_, [](auto& entry) { return !entry.subscriber; });
 }
 
@@ -49,7 +49,7 @@ void Stream::publish(const Service& from, std::string_view name, const Message& 
     static std::atomic<std::uint64_t> serial{0};        // interpreters in several threads publish, too
     Event event{from.name(), name, m, wallNow(), serial.fetch_add(1, std::memory_order_relaxed) + 1, CallContext::currentRequest()};
     if (!monitor) {
-        keep(event);
+        keep(event, from);
         if (from.sorm().monitored() && from.name() != "sorm") [[unlikely]] tellPassing(from, name, m);
     }
     ++handing_;
@@ -59,33 +59,38 @@ void Stream::publish(const Service& from, std::string_view name, const Message& 
         if (entry.pattern == "*" || globMatch(entry.pattern, name)) entry.subscriber->event(event);
     }
     --handing_;
-    settle();
+    removeUnsubscribed();
 }
 
-void Stream::keep(const Event& event) {
+// An event that nobody can pay for any more is not kept.
+void Stream::keep(const Event& event, const Service& from) {
     constexpr std::size_t kNames = 32, kBytes = 1 << 16;
     const Message& m = event.message;
-    auto at = std::find_if(last_.begin(), last_.end(), [&](auto& l) { return l.name == event.name; });
+    auto at = std::find_if(last_.begin(), last_.end(), [&](auto& l) { return l->name == event.name; });
     std::size_t bytes = m.text.size() + m.any.size() + 8 * (m.floats.size() + m.ints.size());
-    if (bytes > kBytes) {               // the event that was kept before is not the last one any more
+    auto account = from.sorm().budget.ofCaller();
+    if (bytes > kBytes || (account && bytes > 0 && !account->fits(2 * bytes))) {               // the event that was kept before is not the last one any more
         if (at != last_.end()) last_.erase(at);
         return;
     }
     if (at == last_.end()) {
         if (last_.size() >= kNames)
-            last_.erase(std::min_element(last_.begin(), last_.end(), [](auto& a, auto& b) { return a.serial < b.serial; }));
-        at = last_.insert(last_.end(), {std::string(event.name), {}, 0, 0, 0});
+            last_.erase(std::min_element(last_.begin(), last_.end(), [](auto& a, auto& b) { return a->serial < b->serial; }));
+        at = last_.insert(last_.end(), Charged<Last>());
     }
-    at->message = m;
-    at->time = event.time;
-    at->serial = event.serial;
-    at->request = event.request;
+    at->charge(std::move(account), Account::Use::records, [&](Last& last) {
+        last.name = event.name;
+        last.message = m;
+        last.time = event.time;
+        last.serial = event.serial;
+        last.request = event.request;
+    });
 }
 
 void Stream::replay(const Service& from, Subscriber* subscriber, std::string_view pattern) const {
     std::vector<const Last*> found;
     for (auto& l : last_)
-        if (pattern == "*" || globMatch(pattern, l.name)) found.push_back(&l);
+        if (pattern == "*" || globMatch(pattern, l->name)) found.push_back(&*l);
     std::sort(found.begin(), found.end(), [](auto* a, auto* b) { return a->serial < b->serial; });
     for (auto* l : found) subscriber->event({from.name(), l->name, l->message, l->time, l->serial, l->request});
 }

@@ -15,6 +15,7 @@
 #include <string_view>
 #include <vector>
 
+#include "bus/kept.h"
 #include "bus/loop.h"
 #include "bus/message.h"
 
@@ -65,13 +66,14 @@ private:
     struct Last {
         std::string name;
         Message message;
-        std::int64_t time;
-        std::uint64_t serial, request;
+        std::int64_t time = 0;
+        std::uint64_t serial = 0, request = 0;
+        std::size_t heap() const { return heapOf(name) + heapOf(message); }
     };
-    void keep(const Event& event);
-    void settle();
+    void keep(const Event& event, const Service& from);
+    void removeUnsubscribed();
     std::vector<Entry> subscribers_;
-    std::vector<Last> last_;
+    std::vector<Charged<Last>> last_;
     int handing_ = 0, monitors_ = 0;
 };
 

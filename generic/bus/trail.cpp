@@ -8,6 +8,8 @@
 #include <iterator>
 #include <utility>
 
+#include "bus/enumText.h"
+
 namespace sorma {
 
 namespace {
@@ -45,12 +47,7 @@ const char* toText(Severity severity) {
 }
 
 bool fromText(std::string_view text, Severity& out) {
-    for (Severity s : {Severity::verbose, Severity::warning, Severity::error}) {
-        if (text != toText(s)) continue;
-        out = s;
-        return true;
-    }
-    return false;
+    return findText(text, Severity::verbose, Severity::error, out);
 }
 
 void Trail::setLimit(std::size_t entries) { theLimit.store(entries > 0 ? entries : 1, std::memory_order_relaxed); }
@@ -105,6 +102,19 @@ const Entry* Trail::cause() const {
     for (auto& e : entries_)
         if (e.severity == Severity::error) return &e;
     return entries_.empty() ? nullptr : &entries_.back();
+}
+
+std::vector<std::string> Entry::code() const {
+    if (symbol == kForeign && details.size() > 1) return {details.begin() + 1, details.end()};
+    std::vector<std::string> words{"SORMA"};
+    std::string_view rest = symbol;
+    while (!rest.empty()) {
+        auto space = std::min(rest.find(' '), rest.size());
+        if (space > 0) words.emplace_back(rest.substr(0, space));
+        rest.remove_prefix(std::min(space + 1, rest.size()));
+    }
+    words.insert(words.end(), details.begin(), details.end());
+    return words;
 }
 
 std::string Trail::toText() const {

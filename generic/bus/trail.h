@@ -30,6 +30,11 @@ struct Entry {
     std::string file;                   // source file, without folders
     int line = 0;
     std::int64_t time = 0;              // [us since 1970] of the clock of the host that raised it
+    // The error code that a caller sees: {"SORMA", "OPTION", "RANGE", ...}. An entry SERVICE CODE has the whole code of a
+    // class that does not follow this form, behind the name of the object.
+    std::vector<std::string> code() const;
+    static constexpr const char* kForeign = "SERVICE CODE";
+
     std::string request;                // text of the request that was executed there; typed again it shows the error again
 
     bool operator==(const Entry&) const = default;

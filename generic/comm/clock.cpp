@@ -15,6 +15,7 @@ namespace {
 
 constexpr std::int64_t kWindow = 10'000'000'000;        // [ns] in two of them clocks drift by 10 ms at 500 ppm
 constexpr std::int64_t kMillisecond = 1'000'000;
+constexpr std::int64_t kLatest = INT64_MAX / 4;         // [ns] 73 years: no clock that began at a boot says more
 
 // "BOOT NAMESPACE"; empty when the kernel does not say: then no two are the same.
 std::string seen(const char* link) {
@@ -48,6 +49,7 @@ bool hasEnded(std::int64_t process, std::string_view processes) {
 }
 
 void PeerClock::sample(std::int64_t sent, std::int64_t arrived) {
+    if (sent < 0 || sent > kLatest) return;
     std::int64_t difference = arrived - sent;
     if (arrived - since_ > kWindow) {
         before_ = std::exchange(least_, difference);
@@ -59,6 +61,7 @@ void PeerClock::sample(std::int64_t sent, std::int64_t arrived) {
 Deadline PeerClock::deadline(std::uint32_t mark, std::int64_t arrived) const {
     if (mark == 0) return {};
     std::int64_t difference = same_ ? 0 : std::min(least_, before_);
+    if (difference == INT64_MAX) difference = 0;                    // nothing that it said could be a time
     std::int64_t theirs = (arrived - difference) / kMillisecond;
     std::int64_t left = std::int32_t(mark - static_cast<std::uint32_t>(theirs));
     return Deadline::at((theirs + left) * kMillisecond + difference);

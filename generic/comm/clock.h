@@ -40,10 +40,11 @@ class PeerClock {
 public:
     // It is our clock, too: no estimate is needed.
     void same() { same_ = true; }
-    // A record has arrived that says when it was sent.   sent: time of the peer's clock [ns];   arrived: of ours [ns]
+    // A record has arrived that says when it was sent.   sent: time of the peer's clock [ns]; what cannot be such a time is
+    // ignored;   arrived: of ours [ns]
     void sample(std::int64_t sent, std::int64_t arrived);
     // The peer's mark (see deadlineMark) as a time of our clock.   arrived: when the mark came [ns]; the deadline is taken
-    // to be within 24 days of it. Needs same() or one sample() before.
+    // to be within 24 days of it. Without same() and without a sample() the two clocks count as one.
     Deadline deadline(std::uint32_t mark, std::int64_t arrived) const;
 
 private:

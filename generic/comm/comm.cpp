@@ -1,13 +1,11 @@
 #include "comm/comm.h"
 
-#include <dirent.h>
-
 #include <algorithm>
 #include <cstdio>
 
 #include "bus/listText.h"
-#include "comm/endpoint.h"
 #include "comm/errors.h"
+#include "comm/runtimeFolder.h"
 #include "comm/siblings.h"
 
 namespace sorma {
@@ -33,14 +31,10 @@ bool goodName(const std::string& name) {
 
 Comm::Comm(Sorm& sorm) : Comm(sorm, std::make_shared<Settings>()) {}
 
-Comm::Comm(Sorm& sorm, std::shared_ptr<Settings> own) : settings(*own), sorm_(sorm), shared_(std::move(own)), reactor_(std::make_shared<Reactor>(sorm.mailbox())),
+Comm::Comm(Sorm& sorm, std::shared_ptr<Settings> own) : settings(*own), sorm_(sorm), proxyClass_(std::make_shared<Class>(Proxy::describe())), shared_(std::move(own)), reactor_(std::make_shared<Reactor>(sorm.mailbox())),
       resolver_(sorm.dictionary(), [this](const Address& a) { return servesAt(a); }, sorm.mailbox()) {
     sorm_.setLoop(reactor_.get());
-    sorm_.add(Proxy::describe());
-    sorm_.makeProxy = [this](const Name& name, std::vector<std::string> recipe, const PrincipalPointer& relayFor) {
-        return makeProxy(name, std::move(recipe), relayFor);
-    };
-    sorm_.networkFacts = [this](std::string_view what) { return facts(what); };
+    sorm_.network = this;
 }
 
 Comm::~Comm() {
@@ -52,8 +46,7 @@ Comm::~Comm() {
     for (auto& [key, weak] : connections_)
         if (auto connection = weak.lock()) connection->end();
     sorm_.setLoop(nullptr);
-    sorm_.makeProxy = nullptr;
-    sorm_.networkFacts = nullptr;
+    sorm_.network = nullptr;
 }
 
 void Comm::finish() {
@@ -68,7 +61,11 @@ void Comm::finish() {
 std::shared_ptr<Connection> Comm::lineTo(const Name& name) {
     std::string rule;
     Address address = resolve(name, sorm_.dictionary(), &rule);
-    if (address.kind == Address::Kind::self) return nullptr;
+    if (isHere(address)) return nullptr;
+    if (connections_.size() >= sweepAt_) {
+        std::erase_if(connections_, [](auto& item) { return item.second.expired(); });
+        sweepAt_ = std::max<std::size_t>(64, 2 * connections_.size());
+    }
     auto& known = connections_[rule + ' ' + address.toText()];
     if (auto connection = known.lock()) return connection;
     // Each reconnect looks the address up again, by the rule that is the same for all proxies of this connection.
@@ -79,7 +76,7 @@ std::shared_ptr<Connection> Comm::lineTo(const Name& name) {
     }
     auto locate = [&sorm = sorm_, ruler, address] {
         Address now = resolve(ruler, sorm.dictionary());
-        return now.kind == Address::Kind::self ? address : now;     // the name is local now: keep the old address
+        return isHere(now) ? address : now;     // the name is local now: keep the old address
     };
     std::string who = !name.where.empty() ? name.where : rule[0] == '@' ? rule.substr(1) : address.toText();
     auto connection = std::make_shared<Connection>(std::move(who), locate, shared_, reactor_, sorm_.mailbox());
@@ -94,9 +91,9 @@ std::shared_ptr<Connection> Comm::privateLine(const std::string& where) {
     auto locate = [self = std::weak_ptr(self_), where]() -> Address {
         auto comm = self.lock();
         if (!comm) fail(kUnresolved, where, "the program ends");
-        Place place = (*comm)->resolver_.find("@" + where);
-        if (place.state == Place::State::known) return place.target;
-        fail(kUnresolved, where, place.state == Place::State::here ? "it is this process" : place.why);
+        Resolution place = (*comm)->resolver_.find("@" + where);
+        if (place.state == Resolution::State::known) return place.target;
+        fail(kUnresolved, where, place.state == Resolution::State::here ? "it is this process" : place.why);
     };
     auto line = std::make_shared<Connection>(where, locate, shared_, reactor_, sorm_.mailbox());
     line->inBackground();
@@ -104,30 +101,34 @@ std::shared_ptr<Connection> Comm::privateLine(const std::string& where) {
 }
 
 bool Comm::servesAt(const Address& a) const {
-    for (auto& [name, server] : servers_) {
-        if (a.kind == Address::Kind::path && a.host == server->socket()) return true;
-        if (a.kind == Address::Kind::tcp && server->port() > 0 && int(a.number) == server->port() &&
-            (a.host == "localhost" || a.host == "[::1]" || a.host.starts_with("127.")))
-            return true;
-    }
-    return false;
+    return std::any_of(servers_.begin(), servers_.end(), [&](auto& item) { return item.second->listensAt(a); });
 }
 
-std::unique_ptr<Service> Comm::makeProxy(const Name& name, std::vector<std::string> recipe, const PrincipalPointer& relayFor) {
+std::unique_ptr<Service> Comm::makeProxy(const Name& name, std::vector<std::string> recipe, const PrincipalPointer& relayFor, Probe probe) {
     auto connection = lineTo(name);
     Deadline deadline = Deadline::in(settings.timeout).earlier(CallContext::currentDeadline());
-    // The daemon makes the object now, so that a name that cannot be served is told at once.
-    if (!sorm_.nonBlocking) {
+    // The daemon makes the object now, so that a name that cannot be served is told at once. And it says what is secret there.
+    auto secrets = Proxy::Secrets::later;
+    if (probe == Probe::now) try {
         Message m;
-        m.words = {"-info", "class"};
-        connection->call(name.service, Method::dbx, m, deadline, relayFor != nullptr);
+        m.words = {"-info", "secrets"};
+        connection->call(name.service, Method::dbx, m, deadline, relayFor);
+        secrets = sorm_.learnSecrets(m.text) ? Proxy::Secrets::some : Proxy::Secrets::none;
+    } catch (const Error& e) {
+        // A daemon of a release before this question takes it as a syntax error: the object is there, and has no secrets.
+        if (e.is("REQUEST SYNTAX")) secrets = Proxy::Secrets::none;
+        // The request itself may be allowed, and its refusal says what it needs.
+        else if (e.is("COMM DENIED")) secrets = Proxy::Secrets::untold;
+        else throw;
     }
     auto proxy = std::make_unique<Proxy>(name.service, std::move(connection), shared_,
                                          Proxy::Line{sorm_.locationChanges(), [comm = std::weak_ptr(self_), name] {
                                              auto found = comm.lock();
                                              return found ? (*found)->lineTo(name) : nullptr;
                                          }}, relayFor);
-    if (!recipe.empty()) proxy->setRecipe(std::move(recipe), sorm_.nonBlocking);
+    if (!recipe.empty()) proxy->setRecipe(std::move(recipe), probe);
+    proxy->setSecrets(secrets);
+    if (secrets > Proxy::Secrets::some) sorm_.awaitSecrets(name.toText());
     return proxy;
 }
 
@@ -175,21 +176,14 @@ std::vector<Comm::Found> Comm::daemons() {
     std::vector<Found> out;
     sorm_.access.need(nullptr, Right::reach, "*", "daemons");
     std::string folder = runtimeFolder();
-    DIR* dir = opendir(folder.c_str());
-    if (!dir) return out;
-    while (dirent* e = readdir(dir)) {
-        std::string file = e->d_name;
-        if (file.size() > 5 && file.ends_with(".sock")) out.push_back({file.substr(0, file.size() - 5), folder + "/" + file, {}, {}, {}});
-    }
-    closedir(dir);
-    std::sort(out.begin(), out.end(), [](auto& a, auto& b) { return a.name < b.name; });
+    for (auto& name : namesIn(folder, kSocketEnding)) out.push_back({name, folder + "/" + name + std::string(kSocketEnding), {}, {}, {}});
     for (auto& d : out) {
         if (servers_.contains(d.name)) {                // ourselves: we cannot answer while we ask
             d.state = "alive";
             d.identity = Caller::self().toText();
             continue;
         }
-        Connection probe(d.name, [&] { return Address{Address::Kind::path, d.socket, 0}; }, shared_, reactor_, sorm_.mailbox());
+        Connection probe(d.name, [&] { return addressOf(d.socket); }, shared_, reactor_, sorm_.mailbox());
         try {
             wire::Health h = probe.health(Deadline::in(kProbe));
             auto& w = probe.daemon();
@@ -204,37 +198,59 @@ std::vector<Comm::Found> Comm::daemons() {
     return out;
 }
 
-std::string Comm::facts(std::string_view what) {
+// ---- for DBX of the SORM ----
+
+namespace {
+
+void addLine(std::string& out, const std::string& text) {
+    if (!out.empty() && !text.empty()) out += '\n';
+    out += text;
+}
+
+}  // namespace
+
+std::vector<std::string> Comm::served() const {
+    std::vector<std::string> names;
+    for (auto& [name, server] : servers_) names.push_back(name);
+    return names;
+}
+
+std::string Comm::connectionLines() const {
     std::string out;
-    auto line = [&](const std::string& text) {
-        if (text.empty()) return;
-        if (!out.empty()) out += '\n';
-        out += text;
-    };
-    if (what == "connections") {
-        for (auto& [key, weak] : connections_)
-            if (auto c = weak.lock()) line("to " + c->facts());
-        for (auto& [name, server] : servers_) line(server->connectionsText());
-    } else if (what == "connectionsList") {
-        for (auto& [key, weak] : connections_)
-            if (auto c = weak.lock()) appendListElement(out, c->row());
-        for (auto& [name, server] : servers_) server->listConnections(out, kMostRows);
-    } else if (what == "daemons") {
-        for (auto& d : daemons()) {
-            std::string item;
-            for (auto& field : {d.name, d.state, d.identity, d.socket})
-                if (!field.empty()) appendListElement(item, field);
-            line(item);
-        }
-    } else if (what == "siblings") {
-        for (auto& s : siblings()) {
-            std::string item;
-            for (auto& field : {s.name, s.host, std::to_string(s.port)}) appendListElement(item, field);
-            line(item);
-        }
-    } else if (what == "statistics") {
-        for (auto& [name, server] : servers_) line(server->statisticsText());
+    for (auto& [key, weak] : connections_)
+        if (auto c = weak.lock()) addLine(out, "to " + c->facts());
+    for (auto& [name, server] : servers_) addLine(out, server->connectionsText());
+    return out;
+}
+
+std::string Comm::connectionRows() const {
+    std::string out;
+    for (auto& [key, weak] : connections_)
+        if (auto c = weak.lock()) appendListElement(out, c->row());
+    for (auto& [name, server] : servers_) server->listConnections(out, kMostRows);
+    return out;
+}
+
+std::string Comm::statisticsLines() const {
+    std::string out;
+    for (auto& [name, server] : servers_) addLine(out, server->statisticsText());
+    return out;
+}
+
+std::string Comm::daemonLines() {
+    std::string out;
+    for (auto& d : daemons()) {
+        std::string item;
+        for (auto& field : {d.name, d.state, d.identity, d.socket})
+            if (!field.empty()) appendListElement(item, field);
+        addLine(out, item);
     }
+    return out;
+}
+
+std::string Comm::siblingRows() const {
+    std::string out;
+    for (auto& s : siblings()) appendListElement(out, listOf({s.name, s.host, std::to_string(s.port)}));
     return out;
 }
 

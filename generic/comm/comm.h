@@ -28,15 +28,16 @@ namespace sorma {
 
 class FolderWatch;
 
-class Comm {
+class Comm : public Network {
 public:
     explicit Comm(Sorm& sorm);      // the SORM must outlive it
-    ~Comm();
+    ~Comm() override;
     Comm(const Comm&) = delete;
     Comm& operator=(const Comm&) = delete;
 
     Settings& settings;
     Reactor& reactor() { return *reactor_; }
+    const std::shared_ptr<Reactor>& sharedReactor() { return reactor_; }
 
     // Make this process a daemon of that name. Fails with NAME SYNTAX, COMM REFUSED when the name is served already or an
     // address is taken, COMM DENIED without permission. The server stays until unserve() or the end of Comm, which owns it.
@@ -72,18 +73,26 @@ public:
 
 private:
     Comm(Sorm& sorm, std::shared_ptr<Settings> settings);
-    std::unique_ptr<Service> makeProxy(const Name& name, std::vector<std::string> recipe, const PrincipalPointer& relayFor);
+    const Class& proxyClass() const override { return *proxyClass_; }
+    std::unique_ptr<Service> makeProxy(const Name& name, std::vector<std::string> recipe, const PrincipalPointer& relayFor, Probe probe) override;
+    std::vector<std::string> served() const override;
+    std::string connectionLines() const override;
+    std::string statisticsLines() const override;
+    std::string daemonLines() override;
+    std::string connectionRows() const override;
+    std::string siblingRows() const override;
     // The connection for a name, as the dictionary says now; null when the object is in this process.
     std::shared_ptr<Connection> lineTo(const Name& name);
-    std::string facts(std::string_view what);               // for DBX of the SORM
     bool servesAt(const Address& address) const;            // is that address one of our servers?
 
     Sorm& sorm_;
+    const std::shared_ptr<Class> proxyClass_;
     const std::shared_ptr<Settings> shared_;    // shared with connections and proxies, which may outlive us
     std::shared_ptr<Reactor> reactor_;          // shared with connections
     ServerLock lock_;                     // guards servers_ and stopped_, and all that they own
     std::map<std::string, std::unique_ptr<Server>> servers_;
     std::vector<std::unique_ptr<Server>> stopped_;        // unserved while one of their own requests was on the stack
+    std::size_t sweepAt_ = 64;              // connections_ has so many: forget those that are no more
     std::map<std::string, std::weak_ptr<Connection>> connections_;      // by "RULE ADDRESS", see resolve in bus/name.h
     Resolver resolver_;
     std::unique_ptr<FolderWatch> folder_;                       // of .tcp files, once a server listens to TCP

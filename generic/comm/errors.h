@@ -17,8 +17,7 @@
 
 namespace sorma::errors {
 
-inline const Prototype kUnresolved{Severity::error, "ADDRESS UNRESOLVED", 1,
-    "{}: the dictionary has no entry @{}, and no daemon of this user listens on {}"};
+inline const Prototype kUnresolved{Severity::error, "ADDRESS UNRESOLVED", 1, "{}: {}"};
 inline const Prototype kRefused{Severity::error, "COMM REFUSED", 1, "{}: cannot connect to {}: {}; never sent; {}"};
 inline const Prototype kConnectTimeout{Severity::error, "COMM TIMEOUT", 1, "{}: no connection to {} within the deadline; never sent"};
 inline const Prototype kTimeoutSent{Severity::error, "COMM TIMEOUT", 1,
@@ -48,7 +47,13 @@ inline const Prototype kReplyGone{Severity::error, "COMM LOST", 1,
     "{}: the request was executed, but its reply of {} bytes was too large for {} to keep until the connection was back"};
 inline const Prototype kNoObject{Severity::error, "SERVICE GONE", 1, "there is no service object \"{}\"; subscribing does not make one"};
 inline const Prototype kCode{Severity::error, "SERVICE FAILED", 1, "{}: EXEC returned code {}"};
+inline const Prototype kStopped{Severity::error, "COMM CANCELLED", 1, "{}: the call was cancelled by its caller; it may have run"};
+inline const Prototype kClientGone{Severity::error, "COMM CANCELLED", 1, "{}: its client has ended, or was disconnected for too long"};
 inline const Prototype kRelay{Severity::error, "COMM DENIED", 1, "{}: a daemon serves only its own objects; use the address of the daemon that has this one"};
 inline const Prototype kSequence{Severity::error, "COMM PROTOCOL", 1, "{}: sequence {} of slot {} does not follow {}"};
+
+// An error that is not thrown here: as fail() takes them.
+template <class... Args> Trail trailOf(Raised raised, const Args&... args) { return Trail(makeEntry(raised, {MessageArg::of(args)...})); }
+template <class... Args> Error errorOf(Raised raised, const Args&... args) { return Error(makeEntry(raised, {MessageArg::of(args)...})); }
 
 }  // namespace sorma::errors

@@ -2,6 +2,7 @@
 
 #include "bus/call.h"
 #include "bus/requestText.h"
+#include "bus/sorm.h"
 
 namespace sorma {
 
@@ -24,7 +25,27 @@ Proxy::Proxy(std::string target, std::shared_ptr<Connection> connection, std::sh
       relayFor_(std::move(relayFor)) {}
 
 Proxy::~Proxy() {
-    if (restart_ != 0) connection_->cancelRestart(restart_);
+    connection_->cancelRestart(restart_);
+    connection_->cancelRestore(this);
+    if (secrets_ > Secrets::some) sorm().endAwait(name());
+}
+
+void Proxy::setSecrets(Secrets secrets) {
+    secrets_ = secrets;
+}
+
+void Proxy::learnSecrets() {
+    secrets_ = Secrets::untold;
+    auto pending = std::make_shared<Pending>(sorm(), patience(), nullptr, nullptr);
+    pending->who = name();
+    pending->message.words = {"-info", "secrets"};
+    pending->relayFor = relayFor_;
+    pending->whenAnswered([self = Reference(this), this, p = pending.get()] {
+        if (p->failed() || self->gone()) return;    // perhaps it may not be told to us
+        secrets_ = sorm().learnSecrets(p->message.text) ? Secrets::some : Secrets::none;
+        sorm().endAwait(name());
+    });
+    connection_->begin(pending, target_, Method::dbx);
 }
 
 void Proxy::follow() {
@@ -35,18 +56,16 @@ void Proxy::follow() {
     } catch (const Error&) {            // its name leads nowhere any more; what it has works as long as it lasts
     }
     if (!now || now == connection_) return;
-    if (restart_ != 0) connection_->cancelRestart(std::exchange(restart_, 0));
+    connection_->cancelRestart(std::exchange(restart_, 0));
+    connection_->cancelRestore(this);
     connection_ = std::move(now);
-    if (!recipe_.empty()) setRecipe(recipe_, true);
+    if (recipe_.empty() && set_.empty()) return;
+    untold_ = true;
+    listenForRestart();
 }
 
 void Proxy::forward(Method method, Message& m) {
     Connection& connection = line();
-    if (!unsentRecipe_.empty()) {
-        Message recipe;
-        recipe.words = std::exchange(unsentRecipe_, {});
-        forward(Method::ctrl, recipe);
-    }
     const std::int64_t start = monotonicNow();
     Deadline deadline = settings_.timeout > 0 ? Deadline::at(start + settings_.timeout * 1'000'000) : Deadline();
     if (CallContext* outer = CallContext::current()) {
@@ -55,9 +74,9 @@ void Proxy::forward(Method method, Message& m) {
             std::int64_t start;
             ~Count() { outer->subTime += std::uint32_t((monotonicNow() - start) / 1000); }
         } count{outer, start};
-        connection.call(target_, method, m, deadline.earlier(CallContext::deadlineForCalls(start)), relayFor_ != nullptr, start);
+        connection.call(target_, method, m, deadline.earlier(CallContext::deadlineForCalls(start)), relayFor_, start);
     } else {
-        connection.call(target_, method, m, deadline, relayFor_ != nullptr, start);
+        connection.call(target_, method, m, deadline, relayFor_, start);
     }
     if (!notice_.empty()) [[unlikely]] sayNotice(m);
 }
@@ -74,7 +93,7 @@ bool Proxy::answers(Method method, Message& m) {
         return true;
     }
     if (method != Method::dbx || m.words.size() != 1 || m.words[0] != "-connection") return false;
-    line();
+    if (line_.changes != seen_) follow();
     m.text = "proxy " + name() + " of " + target_ + "\n" + connection_->facts();
     m.text += "\nCTRL here " + std::to_string(set_.size()) + " times since the daemon began, -restore " + (restore_ ? "1" : "0");
     m.words.clear();
@@ -85,12 +104,7 @@ void Proxy::carry(const PendingPointer& pending, Method method) {
     if (answers(method, pending->message)) return pending->answer();
     count();
     Connection& connection = line();
-    if (!unsentRecipe_.empty()) {
-        Message m;
-        m.words = std::exchange(unsentRecipe_, {});
-        async(Method::ctrl, std::move(m));
-    }
-    pending->relayed = relayFor_ != nullptr;
+    pending->relayFor = relayFor_;
     pending->whenAnswered([self = Reference(this), this, p = pending.get(), words = method == Method::ctrl ? pending->message.words : Words()] {
         if (p->failed()) return;
         if (!words.empty()) remember(words);
@@ -98,11 +112,16 @@ void Proxy::carry(const PendingPointer& pending, Method method) {
     });
     connection.begin(pending, target_, method);
 }
-void Proxy::oneway(Method method, Message request) { count(), line().oneway(target_, method, request, relayFor_ != nullptr); }
+
+void Proxy::oneway(Method method, Message request) {
+    count();
+    line().oneway(target_, method, request, relayFor_);
+    if (method == Method::ctrl) remember(std::move(request.words));
+}
 
 std::unique_ptr<Listening> Proxy::listen(std::string pattern, std::size_t keep, Listener listener) {
     Deadline deadline = Deadline::in(settings_.timeout).earlier(CallContext::currentDeadline());
-    return line().listen(target_, std::move(pattern), keep, std::move(listener), deadline, relayFor_ != nullptr);
+    return line().listen(target_, std::move(pattern), keep, std::move(listener), deadline, relayFor_);
 }
 
 void Proxy::exec(Message& m) { forward(Method::exec, m); }
@@ -125,24 +144,26 @@ std::vector<Pin> Proxy::pins(std::string_view pin, std::size_t length) const {
     return Pin::fromText(m.text);
 }
 
-void Proxy::setRecipe(std::vector<std::string> words, bool later) {
+void Proxy::setRecipe(std::vector<std::string> words, Probe probe) {
     if (words.size() >= 2 && words[0] == "-restore") {
         restore_ = parseBoolean(name(), words);
         words.erase(words.begin(), words.begin() + 2);
     }
     recipe_ = std::move(words);
     if (recipe_.empty()) return;
-    // The daemon executes in order: what is called next finds the recipe applied.
-    if (later) unsentRecipe_ = recipe_;
-    else if (connection_->inEvents()) send(Method::ctrl, recipe_, nullptr, "its recipe");
-    else forwardWords(Method::ctrl, recipe_);
+    untold_ = probe == Probe::later || connection_->inEvents();
+    if (!untold_) {
+        Message m;
+        m.words = recipe_;
+        forward(Method::ctrl, m);
+    }
     listenForRestart();
 }
 
 // ---- what this daemon has been told, and the next one does not know ----
 
 void Proxy::listenForRestart() {
-    if (restart_ == 0) restart_ = connection_->onRestart([this] { restarted(); });
+    if (restart_ == 0) restart_ = connection_->onRestart([this] { restore(true); });
 }
 
 void Proxy::remember(Words words) {
@@ -154,59 +175,57 @@ void Proxy::remember(Words words) {
     listenForRestart();
 }
 
-std::string Proxy::forwardWords(Method method, Words words) {
-    Message m;
-    m.words = std::move(words);
-    forward(method, m);
-    return std::move(m.text);
+void Proxy::notice(const std::string& text) {
+    if (!notice_.empty()) notice_ += "; ";
+    notice_ += text;
 }
 
-// Now, or where nothing may block as soon as it can be. What fails is said with the next answer.
-void Proxy::send(Method method, Words words, std::function<void(const std::string& text)> then, const char* why) {
-    auto failed = [this, why](const std::string& what) { notice_ = std::string(why) + " could not be set again: " + what; };
-    if (!connection_->inEvents()) {
-        try {
-            std::string text = forwardWords(method, std::move(words));
-            if (then) then(text);
-        } catch (const Error& e) {
-            failed(e.what());
-        }
-        return;
-    }
-    Message m;
-    m.words = std::move(words);
-    auto pending = async(method, std::move(m)).pending();
-    pending->whenAnswered([self = Reference(this), p = pending.get(), then = std::move(then), failed] {
-        if (p->failed()) failed(p->failure.cause() ? p->failure.cause()->text : std::string());
-        else if (then) then(p->message.text);
-    });
+void Proxy::send(Method method, Words words, std::string what, std::function<void(const Message&)> then) {
+    connection_->restore(this, target_, method, std::move(words), relayFor_,
+                         [this, what = std::move(what), then = std::move(then)](const Message& reply, const Trail& failure) {
+                             if (!failure.empty()) notice(what + " could not be set again: " + (failure.cause() ? failure.cause()->text : std::string()));
+                             else if (then) then(reply);
+                         });
 }
 
-void Proxy::restarted() {
-    if (!recipe_.empty()) send(Method::ctrl, recipe_, nullptr, "its recipe");
-    if (!set_.empty()) send(Method::dbx, {"-info", "options"}, [this](const std::string& text) { restore(text); }, "what CTRL had set");
+void Proxy::restore(bool here) {
+    untold_ = false;
+    if (!recipe_.empty()) send(Method::ctrl, recipe_, "its recipe");
+    if (!set_.empty() && (here || restore_))
+        send(Method::dbx, {"-info", "options"}, "what CTRL had set", [this](const Message& reply) { restoreValues(reply.text); });
 }
 
 // The last value of each option that CTRL has set here. Words that are no options are actions: those are not repeated.
-void Proxy::restore(const std::string& options) {
-    std::vector<std::pair<std::string, std::string>> values;
-    for (auto& words : std::exchange(set_, {}))
+void Proxy::restoreValues(const std::string& options) {
+    std::deque<Words> values;
+    for (auto& words : set_)
         for (std::size_t i = 0; i + 1 < words.size() && options.find('{' + words[i] + ' ') != options.npos; i += 2) {
-            std::erase_if(values, [&](auto& v) { return v.first == words[i]; });
-            values.emplace_back(words[i], words[i + 1]);
+            std::erase_if(values, [&](auto& v) { return v[0] == words[i]; });
+            values.push_back({words[i], words[i + 1]});
         }
+    // Kept until the daemon has them: it may end before.
+    set_ = restore_ ? values : std::deque<Words>();
     if (values.empty()) return;
     Words all;
     std::string text;
-    for (auto& [option, value] : values) {
-        all.insert(all.end(), {option, value});
-        for (auto& word : {option, value}) text += ' ', appendWord(text, word);
-    }
-    if (!restore_) {
-        notice_ = "another daemon has answered since, and the options that CTRL had set here are lost:" + text;
-        return;
-    }
-    send(Method::ctrl, all, [this, all](const std::string&) { remember(all); }, "what CTRL had set");
+    for (auto& value : values)
+        for (auto& word : sorm().masked(value)) text += ' ', appendWord(text, word);
+    for (auto& value : values) all.insert(all.end(), value.begin(), value.end());
+    if (restore_) restoreValue(values.size(), std::move(all));
+    else notice("another daemon has answered since, and the options that CTRL had set here are lost:" + text);
+}
+
+// All at once, since some options fit only together. When the daemon refuses that, each alone.
+void Proxy::restoreValue(std::size_t count, Words words) {
+    connection_->restore(this, target_, Method::ctrl, words, relayFor_, [this, count, words](const Message&, const Trail& failure) {
+        if (failure.empty()) return;
+        if (count > 1) {
+            for (std::size_t i = 0; i + 1 < words.size(); i += 2) restoreValue(1, {words[i], words[i + 1]});
+            return;
+        }
+        std::erase(set_, words);
+        notice("what CTRL had set could not be set again: " + (failure.cause() ? failure.cause()->text : words[0]));
+    });
 }
 
 Class Proxy::describe() {

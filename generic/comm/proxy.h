@@ -4,7 +4,8 @@
 // answered here: DBX -connection and CTRL -restore.
 //
 // When another daemon takes the place of the one before, the values that CTRL had set are lost. The proxy then says so with
-// the next answer, as a warning; or it sets them again, when CTRL -restore 1 has asked for it.
+// the next answer, as a warning; or it sets them again, when CTRL -restore 1 has asked for it. Either way this is settled
+// before any request reaches the new daemon, whichever way it goes there: see Connection::restore.
 //
 // Threads:  belongs to the thread of its SORM.
 // Blocking: exec, ctrl, dbx, listen and pins block until the daemon answers, for at most Settings::timeout or the deadline
@@ -12,10 +13,12 @@
 // Errors:   as Connection::call.
 #pragma once
 
+#include <cstddef>
 #include <deque>
 #include <functional>
 #include <memory>
 
+#include "bus/network.h"
 #include "bus/service.h"
 #include "comm/connection.h"
 
@@ -42,11 +45,16 @@ public:
     std::vector<Pin> pins(std::string_view pin, std::size_t length) const override;
     std::string location() const override { return connection_->who(); }
     bool isElsewhere() const override { return true; }
+    bool holdsSecrets() const override { return secrets_ != Secrets::none; }
+    // Has the object secret options? later: it is asked before the next request. untold: it does not tell us. In the last two
+    // cases Sorm::awaitSecrets has its name.
+    enum class Secrets : std::uint8_t { none, some, later, untold };
+    void setSecrets(Secrets secrets);
 
     // The client's own recipe for the remote object: it is sent as a CTRL, and again to each daemon that takes the place of
-    // the one before.   words: as for CTRL, perhaps with -restore BOOLEAN first.   later: send it before the next call; else
-    // now, which blocks and throws as ctrl does.
-    void setRecipe(std::vector<std::string> words, bool later);
+    // the one before.   words: as for CTRL, perhaps with -restore BOOLEAN first.   probe: now blocks and throws as ctrl does;
+    // later sends it before the next request, whose answer says what the daemon refuses.
+    void setRecipe(std::vector<std::string> words, Probe probe);
 
     Connection& connection() { return *connection_; }
     const std::string& target() const { return target_; }
@@ -62,18 +70,22 @@ private:
     void forward(Method method, Message& m);        // send it, blocking; m becomes the reply
     // Answer it here if it is DBX -connection or CTRL -restore BOOLEAN. False: it is for the daemon.
     bool answers(Method method, Message& m);
-    void remember(std::vector<std::string> words);  // words of a CTRL that was done
-    void restarted();                                 // called when another daemon than before has answered
-    void restore(const std::string& options);       // options: the answer to DBX -info options
-    // Send a request now, or later where nothing may block. then gets the text of the answer. A failure is said with the
-    // next answer of this proxy; why names the request there.
-    void send(Method method, std::vector<std::string> words, std::function<void(const std::string& text)> then, const char* why);
-    std::string forwardWords(Method method, std::vector<std::string> words);
-    void listenForRestart();                                    // have restarted() called
+    void remember(std::vector<std::string> words);  // words of a CTRL that was done, or sent one-way
+    // Have the daemon told what the one before knew.   here: it is that daemon's successor; else another place.
+    void restore(bool here);
+    void learnSecrets();                            // ask, and go on: what is sent next does not wait for the answer
+    void restoreValues(const std::string& options); // options: the answer to DBX -info options
+    void restoreValue(std::size_t count, std::vector<std::string> words);     // count: options in words
+    // A request that goes before all others. A failure is said with the next answer of this proxy, after the word what.
+    void send(Method method, std::vector<std::string> words, std::string what, std::function<void(const Message&)> then = nullptr);
+    void notice(const std::string& text);           // for the next answer
     void sayNotice(Message& m);                     // add notice_ to the reply, as a warning
-    // The connection to use. Looks first whether the dictionary's locations have changed.
+    void listenForRestart();                        // have restore() called
+    // The connection to use. Looks first whether the dictionary's locations have changed, and what it has to be told.
     Connection& line() {
         if (line_.changes != seen_) [[unlikely]] follow();
+        if (untold_) [[unlikely]] restore(false);
+        if (secrets_ == Secrets::later) [[unlikely]] learnSecrets();
         return *connection_;
     }
     void follow();
@@ -87,10 +99,11 @@ private:
     const PrincipalPointer relayFor_;
     std::uint64_t restart_ = 0;             // number from Connection::onRestart, 0: none
     bool restore_ = false;
+    Secrets secrets_ = Secrets::none;
+    bool untold_ = false;                           // restore() has to be called before the next request
     std::deque<std::vector<std::string>> set_;      // CTRL requests that this daemon has done, the oldest first; 100 at most
     std::string notice_;                            // warning for the next answer
-    std::vector<std::string> recipe_;         // the recipe
-    std::vector<std::string> unsentRecipe_;       // the same as long as it still has to be sent
+    std::vector<std::string> recipe_;
 };
 
 }  // namespace sorma

@@ -26,7 +26,12 @@ constexpr int kBatch = 64;
 struct Reactor::Batch {
     epoll_event events[kBatch];
     int at = 0, count = 0;
-    Batch* outer;
+    Batch* outer = nullptr;
+
+    void forget(Watcher* watcher) {
+        for (int i = at; i < count; ++i)
+            if (events[i].data.ptr == watcher) events[i].events = 0;
+    }
 };
 
 // Someone who waits for a descriptor without a class of his own.
@@ -39,7 +44,7 @@ struct Reactor::Descriptor : Watcher {
     }
 };
 
-Reactor::Reactor(std::shared_ptr<Mailbox> mailbox) : mailbox_(std::move(mailbox)) {
+Reactor::Reactor(std::shared_ptr<Mailbox> mailbox) : mailbox_(std::move(mailbox)), gathered_(std::make_unique<Batch>()) {
     epoll_ = epoll_create1(EPOLL_CLOEXEC);
     timer_ = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
     bell_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
@@ -71,19 +76,18 @@ void Reactor::add(int fd, std::uint32_t events, Watcher* watcher) {
         throw std::system_error(errno, std::generic_category(), "cannot watch a descriptor");
 }
 
-void Reactor::change(int fd, std::uint32_t events, Watcher* watcher) {
+bool Reactor::change(int fd, std::uint32_t events, Watcher* watcher) {
     epoll_event e{};
     e.events = events;
     e.data.ptr = watcher;
-    epoll_ctl(epoll_, EPOLL_CTL_MOD, fd, &e);
+    return epoll_ctl(epoll_, EPOLL_CTL_MOD, fd, &e) == 0;
 }
 
 void Reactor::remove(int fd, Watcher* watcher) {
     epoll_ctl(epoll_, EPOLL_CTL_DEL, fd, nullptr);
-    // Polls on the stack must not call it any more.
-    for (Batch* b = batches_; b; b = b->outer)
-        for (int i = b->at; i < b->count; ++i)
-            if (b->events[i].data.ptr == watcher) b->events[i].events = 0;
+    // Polls on the stack must not call it any more, and neither must callGathered.
+    for (Batch* b = batches_; b; b = b->outer) b->forget(watcher);
+    gathered_->forget(watcher);
     if (watcher->pending_) std::erase(pending_, watcher);
     watcher->pending_ = false;
 }
@@ -111,7 +115,7 @@ int Reactor::runPending() {
     int called = 1;
     for (; n > 0 && !pending_.empty(); --n, ++called) {
         Watcher* watcher = pending_.front();
-        pending_.erase(pending_.begin());
+        pending_.pop_front();
         watcher->pending_ = false;
         watcher->ready(0);
     }
@@ -138,6 +142,21 @@ int Reactor::wait(int timeout, std::int64_t end) {
         int called = callAll(batch);
         if (called > 0 || timeout == 0 || (end != 0 && monotonicNow() >= end)) return called;
     }
+}
+
+bool Reactor::gather(std::int64_t until) {
+    if (gathered_->count > 0) return true;
+    if (until > 0) armTimer(until);
+    gathered_->count = std::max(0, epoll_wait(epoll_, gathered_->events, kBatch, until == kNoWait ? 0 : -1));
+    return gathered_->count > 0;
+}
+
+int Reactor::callGathered() {
+    if (gathered_->count == 0) return 0;
+    Batch batch;                        // those who are called may gather again
+    batch.count = std::exchange(gathered_->count, 0);
+    std::copy_n(gathered_->events, batch.count, batch.events);
+    return callAll(batch);
 }
 
 int Reactor::callAll(Batch& batch) {
@@ -218,6 +237,7 @@ int Reactor::runTimers() {
     if (read(timer_, &expired, sizeof expired) < 0) return 0;
     int called = 0;
     std::int64_t now = monotonicNow();
+    seen_ = now;
     armed_ = 0;
     while (!timers_.empty() && timers_.begin()->first.first <= now) {
         auto callback = std::move(timers_.begin()->second);

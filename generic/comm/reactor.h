@@ -11,6 +11,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -49,7 +50,7 @@ public:
     // Call watcher->ready() when one of the events is there. add throws std::system_error when the kernel refuses the
     // descriptor. After remove the watcher is not called any more, not even in a turn that has begun.
     void add(int fd, std::uint32_t events, Watcher* watcher);
-    void change(int fd, std::uint32_t events, Watcher* watcher);
+    bool change(int fd, std::uint32_t events, Watcher* watcher);        // false: the descriptor is not watched
     void remove(int fd, Watcher* watcher);
 
     // Call the watchers that are ready and the timers that are due. When there are none, wait for the first one, for at most
@@ -62,6 +63,14 @@ public:
     std::int64_t seen() const { return seen_; }
     void seen(std::int64_t now) { seen_ = now; }
     bool polling() const { return batches_ != nullptr; }        // is a poll on the stack?
+
+    // poll() in two steps, for an event loop that waits in this set, and calls later. gather waits for events, until a time
+    // on the monotonic clock [ns], 0: without limit, kNoWait: not at all. True: callGathered has something to call; it
+    // returns how many were called.
+    static constexpr std::int64_t kNoWait = -1;
+    bool gather(std::int64_t until);
+    int callGathered();
+    void wake() { ring(); }                 // a gather that waits returns, or else the next one. Any thread
 
     // Call watcher->ready(0) in the next poll, which then does not wait. Once, also when it is asked for again before.
     void again(Watcher* watcher);
@@ -104,8 +113,9 @@ private:
     std::shared_ptr<Mailbox> mailbox_;
     std::atomic<std::uint64_t> turns_{0};
     std::atomic<int> sleeper_{-1};
-    std::vector<Watcher*> pending_;     // from again(); while it is not empty the bell can be read
+    std::deque<Watcher*> pending_;      // from again(); while it is not empty the bell can be read
     Batch* batches_ = nullptr;          // of the polls on the stack, the innermost first
+    std::unique_ptr<Batch> gathered_;   // what gather() has found
 };
 
 // Move a descriptor above 1023, which select() cannot use, and close the old one. Returns the new one, close-on-exec; the

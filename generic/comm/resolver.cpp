@@ -1,19 +1,16 @@
 #include "comm/resolver.h"
 
-#include <arpa/inet.h>
-#include <netdb.h>
-#include <unistd.h>
-
 #include <map>
 #include <mutex>
+#include <optional>
 #include <system_error>
 #include <thread>
 
 #include "bus/catalogue.h"
 #include "bus/deadline.h"
 #include "bus/dictionary.h"
-#include "comm/endpoint.h"
 #include "comm/signalsBlocked.h"
+#include "comm/transport.h"
 
 namespace sorma {
 
@@ -23,64 +20,40 @@ constexpr std::int64_t kKnown = 60'000'000'000, kUnknown = 10'000'000'000;      
 constexpr int kMostThreads = 16;
 constexpr std::size_t kMostAnswers = 10'000;
 
-// Is it a number already, or a name that needs no other host? Brackets of IPv6 go.
-bool isNumeric(const std::string& host) {
-    unsigned char space[16];
-    std::string bare = host.size() > 2 && host.front() == '[' ? host.substr(1, host.size() - 2) : host;
-    return inet_pton(AF_INET, bare.c_str(), space) == 1 || inet_pton(AF_INET6, bare.c_str(), space) == 1;
-}
-
-bool isLoopback(const std::string& host) { return host == "localhost" || host == "[::1]" || host.starts_with("127."); }
-
 }  // namespace
 
 struct Resolver::Shared : std::enable_shared_from_this<Resolver::Shared> {
     struct Answer {
-        std::string host, why;          // number; empty and why: it is not known
-        int port = 0;                   // of a program
+        std::optional<Address> target;  // none and why: it is not known
+        std::string why;
         std::int64_t came = 0;          // [ns]; 0: never
         bool asking = false;
     };
     std::mutex mutex;
-    std::map<std::string, Answer> answers;      // by "host" or "host:0xprogram"
+    std::map<std::string, Answer> answers;      // by address
     int threads = 0;
     std::shared_ptr<Mailbox> mailbox;
     Resolver* owner = nullptr;                  // for the SORM's thread alone
 
     Answer look(const std::string& key, const Address& address);
-    static Answer ask(const Address& address);
 };
-
-// Blocks for as long as it takes.
-Resolver::Shared::Answer Resolver::Shared::ask(const Address& address) {
-    Answer out;
-    addrinfo hints{}, *list = nullptr;
-    hints.ai_socktype = SOCK_STREAM;
-    if (int code = getaddrinfo(address.host.c_str(), nullptr, &hints, &list); code != 0) {
-        out.why = "host " + address.host + " is not known: " + gai_strerror(code);
-        return out;
-    }
-    char text[NI_MAXHOST];
-    if (getnameinfo(list->ai_addr, list->ai_addrlen, text, sizeof text, nullptr, 0, NI_NUMERICHOST) == 0)
-        out.host = list->ai_family == AF_INET6 ? "[" + std::string(text) + "]" : text;
-    freeaddrinfo(list);
-    if (address.kind != Address::Kind::program) return out;
-    out.port = rpcbindLookup(address.host, address.number);
-    if (out.port == 0) out.host.clear(), out.why = "rpcbind on " + address.host + " knows no program " + address.toText().substr(address.toText().rfind(':') + 1);
-    return out;
-}
 
 Resolver::Shared::Answer Resolver::Shared::look(const std::string& key, const Address& address) {
     std::lock_guard lock(mutex);
     if (answers.size() > kMostAnswers) std::erase_if(answers, [](auto& a) { return !a.second.asking; });
     Answer& known = answers[key];
     std::int64_t age = monotonicNow() - known.came;
-    bool old = known.came == 0 || age > (known.host.empty() ? kUnknown : kKnown);
+    bool old = known.came == 0 || age > (known.target ? kKnown : kUnknown);
     if (!old || known.asking || threads >= kMostThreads) return known;
     try {
         SignalsBlocked blocked;
         std::thread([self = shared_from_this(), key, address] {
-            Answer answer = ask(address);
+            Answer answer;
+            try {
+                answer.target = transportOf(address).lookUp(address);       // blocks for as long as it takes
+            } catch (const Error& e) {
+                answer.why = e.what();
+            }
             answer.came = monotonicNow();
             {
                 std::lock_guard inside(self->mutex);
@@ -107,8 +80,8 @@ Resolver::Resolver(const Dictionary& dictionary, std::function<bool(const Addres
 
 Resolver::~Resolver() { shared_->owner = nullptr; }
 
-Place Resolver::find(std::string_view text) {
-    Place out;
+Resolution Resolver::find(std::string_view text) {
+    Resolution out;
     Address address;
     if (text.starts_with('@')) {
         out.where = text.substr(1);
@@ -126,65 +99,47 @@ Place Resolver::find(std::string_view text) {
     } else {
         Name name = Name::parse(text);
         out.service = name.service;
-        out.where = name.where;
         if (name.local()) {
-            out.state = Place::State::here;
+            out.state = Resolution::State::here;
             return out;
         }
         try {
-            if (name.byDefault) {
-                auto entry = dictionary_.expand(name.location());
-                if (!entry.empty()) out.where = entry[0].text.starts_with('@') ? entry[0].text.substr(1) : entry[0].text;
-            }
+            out.where = whereOf(name, dictionary_);
             address = resolve(name, dictionary_);
         } catch (const Error& e) {
             out.why = e.what();
             return out;
         }
     }
-    Place found = followed(address);
+    Resolution found = followed(address);
     found.service = std::move(out.service);
     found.where = std::move(out.where);
     return found;
 }
 
-Place Resolver::followed(const Address& given) {
-    Place out;
+Resolution Resolver::followed(const Address& given) {
+    using State = Transport::Found::State;
+    Resolution out;
     out.address = out.target = given;
-    auto known = [&] {
-        out.state = serves_(out.target) ? Place::State::here : Place::State::known;
-        return out;
-    };
-    switch (given.kind) {
-        case Address::Kind::self:
-            out.state = Place::State::here;
-            return out;
-        case Address::Kind::path: return known();
-        case Address::Kind::alias:
-            try {
-                out.target = {Address::Kind::path, runtimeSocket(given.host), 0, given.wait};
-            } catch (const Error& e) {
-                out.why = e.what();
-                return out;
-            }
-            if (known().state == Place::State::here || access(out.target.host.c_str(), F_OK) == 0) return out;
-            out.state = Place::State::unresolved;
-            out.why = "the dictionary has no entry @" + given.host + ", and no daemon of this user listens on " + out.target.host;
-            return out;
-        case Address::Kind::tcp:
-            if (isNumeric(given.host) || isLoopback(given.host)) return known();
-            break;
-        case Address::Kind::program: break;
-    }
-    std::string key = given.kind == Address::Kind::program ? given.toText() : given.host;
-    auto answer = shared_->look(key, given);
-    if (answer.host.empty()) {
-        out.state = answer.came == 0 && answer.why.empty() ? Place::State::asking : Place::State::unresolved;
-        out.why = answer.why.empty() ? "host " + given.host + " is being looked up" : answer.why;
+    if (isHere(given)) {
+        out.state = Resolution::State::here;
         return out;
     }
-    out.target = {Address::Kind::tcp, answer.host, given.kind == Address::Kind::program ? std::uint32_t(answer.port) : given.number, given.wait};
-    return known();
+    auto found = transportOf(given).place(given);
+    if (found.state == State::asks) {
+        auto answer = shared_->look(given.toText(), given);
+        if (!answer.target) {
+            out.state = answer.came == 0 && answer.why.empty() ? Resolution::State::asking : Resolution::State::unresolved;
+            out.why = answer.why.empty() ? "host " + hostOf(given) + " is being looked up" : answer.why;
+            return out;
+        }
+        found = {State::known, *answer.target};
+    }
+    out.target = found.target;
+    if (serves_(out.target)) out.state = Resolution::State::here;
+    else if (found.state == State::known) out.state = Resolution::State::known;
+    else out.why = found.why;
+    return out;
 }
 
 }  // namespace sorma

@@ -19,7 +19,7 @@ namespace sorma {
 
 class Dictionary;
 
-struct Place {
+struct Resolution {
     enum class State { here, known, asking, unresolved };       // here: in this process
     State state = State::unresolved;
     std::string service;            // name of the object, as its process knows it
@@ -37,13 +37,13 @@ public:
     ~Resolver();
 
     // name: of an object, or @WHERE alone. Fails with NAME SYNTAX; every other failure is a state.
-    Place find(std::string_view name);
+    Resolution find(std::string_view name);
     // Called from the loop when a look-up is done: call find() again. May be empty.
     std::function<void()> changed;
 
 private:
     struct Shared;                  // answers, shared with the threads
-    Place followed(const Address& address);
+    Resolution followed(const Address& address);
 
     const Dictionary& dictionary_;
     std::function<bool(const Address&)> serves_;

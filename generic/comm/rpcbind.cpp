@@ -1,4 +1,5 @@
-// Registration with rpcbind, through libtirpc.
+#include "comm/rpcbind.h"
+
 #include <netdb.h>
 #include <netinet/in.h>
 #include <rpc/rpc.h>
@@ -9,7 +10,6 @@
 #include <memory>
 
 #include "bus/catalogue.h"
-#include "comm/endpoint.h"
 #include "comm/wire.h"
 
 namespace sorma {
@@ -20,12 +20,6 @@ const Prototype kRegister{Severity::error, "COMM REFUSED", 1,
     "cannot register program 0x{} with this host's rpcbind: {}; is rpcbind running?"};
 const Prototype kNoFree{Severity::error, "COMM LIMIT", 0, "no free program number: 0x20000001 .. 0x200003ff are all registered"};
 constexpr std::uint32_t kLastOffset = 0x3ff;
-
-std::string hex(std::uint32_t v) {
-    char text[16];
-    std::snprintf(text, sizeof text, "%x", v);
-    return text;
-}
 
 struct NetworkId {
     netconfig* config = getnetconfigent("tcp");
@@ -49,6 +43,12 @@ bool registerOne(std::uint32_t offset, const std::string& host, int port) {
 }
 
 }  // namespace
+
+std::string hex(std::uint32_t v) {
+    char text[16];
+    std::snprintf(text, sizeof text, "%x", v);
+    return text;
+}
 
 int rpcbindLookup(const std::string& host, std::uint32_t program) {
     NetworkId tcp;

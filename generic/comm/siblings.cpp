@@ -1,23 +1,20 @@
 #include "comm/siblings.h"
 
-#include <dirent.h>
 #include <fcntl.h>
 #include <sys/inotify.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <charconv>
-#include <memory>
 
 #include "bus/catalogue.h"
 #include "bus/name.h"
-#include "comm/endpoint.h"
+#include "comm/runtimeFolder.h"
 
 namespace sorma {
 
 namespace {
 
-constexpr std::string_view kSocket = ".sock", kTcp = ".tcp";
+constexpr std::string_view kTcp = ".tcp";
 
 // "HOST PORT" of a file of our own folder; port 0: it says something else.
 Sibling read(const std::string& folder, const std::string& name) {
@@ -48,26 +45,21 @@ std::vector<Sibling> siblings() {
     } catch (const Error&) {
         return found;
     }
-    std::unique_ptr<DIR, int (*)(DIR*)> dir(opendir(folder.c_str()), closedir);
-    while (dirent* e = dir ? readdir(dir.get()) : nullptr) {
-        std::string_view file = e->d_name;
-        if (!file.ends_with(kTcp)) continue;
-        std::string name(file.substr(0, file.size() - kTcp.size()));
-        if (!Name::isName("sorm@" + name) || access((folder + "/" + name + std::string(kSocket)).c_str(), F_OK) != 0) continue;
+    for (auto& name : namesIn(folder, kTcp)) {
+        if (!Name::isName("sorm@" + name) || access((folder + "/" + name + std::string(kSocketEnding)).c_str(), F_OK) != 0) continue;
         if (Sibling s = read(folder, name); s.port > 0) found.push_back(std::move(s));
     }
-    std::sort(found.begin(), found.end(), [](auto& a, auto& b) { return a.name < b.name; });
     return found;
 }
 
 SiblingFile::SiblingFile(const std::string& socket, const std::string& host, int port) {
-    if (!std::string_view(socket).ends_with(kSocket)) return;
+    if (!std::string_view(socket).ends_with(kSocketEnding)) return;
     try {
         if (socket.substr(0, socket.rfind('/')) != runtimeFolder()) return;
     } catch (const Error&) {
         return;
     }
-    std::string file = socket.substr(0, socket.size() - kSocket.size()) + std::string(kTcp), made = file + ".new";
+    std::string file = socket.substr(0, socket.size() - kSocketEnding.size()) + std::string(kTcp), made = file + ".new";
     std::string text = host + ' ' + std::to_string(port) + '\n';
     int fd = open(made.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (fd < 0) return;                 // then it is not found from elsewhere; everything else works

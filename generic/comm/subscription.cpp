@@ -1,28 +1,24 @@
-// The subscriptions of a client, in the daemon.
+#include "comm/subscription.h"
+
+#include <algorithm>
+
 #include "bus/monitor.h"
 #include "comm/errors.h"
-#include "comm/serverParts.h"
+#include "comm/peer.h"
 
 namespace sorma {
 
-namespace {
-
-constexpr std::size_t kUncharged = 1024;        // of events that wait
-
-}  // namespace
-
 Server::Subscription::Subscription(Server& server, Session& session, const wire::Subscription& wanted, const PrincipalPointer& author)
     : id(wanted.id), server_(server), session_(session),
-      own_(1024 + wanted.name.size() + wanted.pattern.size()), charge_(session.peer->account_, Account::Use::subscriptions),
+      waiting_(wanted.name, session.peer->requests.account, Account::Use::subscriptions, {{}, 1024 + wanted.name.size() + wanted.pattern.size(), 0}),
       author_(author), pattern_(wanted.pattern),
       keep_(std::clamp<std::size_t>(wanted.keep, 1, static_cast<std::size_t>(server.settings_.maxQueue))) {
-    charge_.need(wanted.name, own_);
     ServerLock::Released released(server_.lock_);               // the object may have to be made
     Sorm& sorm = server_.sorm_;
-    sorm.access.need(author, Right::inspect, wanted.name, wanted.name);
+    sorm.access.need(author, Right::inspect, sorm.canonical(wanted.name), wanted.name);
     if (wanted.existing && !sorm.find(wanted.name)) fail(errors::kNoObject, wanted.name);
     object_ = sorm.get(wanted.name, author);
-    object_->subscribe(this, wanted.pattern);
+    object_->subscribe(this, wanted.pattern, object_->need(author, Right::inspect));
 }
 
 Server::Subscription::~Subscription() {
@@ -33,9 +29,9 @@ Server::Subscription::~Subscription() {
 void Server::Subscription::event(const Event& event) {
     ServerLock::Held held(server_.lock_);
     if (author_ && epoch_ != server_.sorm_.access.epoch() && !mayListen()) [[unlikely]] return;
-    if (concealed(event, server_.sorm_.access, author_)) [[unlikely]] {
+    if (author_ && concealed(event, server_.sorm_, author_)) [[unlikely]] {
         Message bare;
-        bare.words = event.message.words;
+        bare.words = bareWords(event);
         auto body = std::make_shared<Buffer>();
         wire::writeEventBody(*body, {event.time, std::string(event.name), event.request}, bare);
         return push(std::move(body));
@@ -52,7 +48,7 @@ void Server::Subscription::event(const Event& event) {
 std::string Server::Subscription::who() const { return session_.client->caller.toText(); }
 
 void Server::Subscription::replay() {
-    if (keep_ == 1 && object_) object_->replay(this, pattern_);
+    if (keep_ == 1 && object_ && mayListen()) object_->replay(this, pattern_, object_->need(author_, Right::inspect));
 }
 
 void Server::Subscription::gone() {
@@ -70,11 +66,15 @@ void Server::Subscription::end(const char* event, std::string why) {
     push(std::move(body));
 }
 
+void Server::Subscription::judge() {
+    if (author_ && object_) mayListen();
+}
+
 // Another policy may hold than when it subscribed.
 bool Server::Subscription::mayListen() {
     epoch_ = server_.sorm_.access.epoch();
     try {
-        server_.sorm_.access.need(author_, Right::inspect, object_->name(), object_->name());
+        object_->need(author_, Right::inspect);
         return true;
     } catch (const Error& e) {
         object_->unsubscribe(this);
@@ -89,43 +89,57 @@ void Server::Subscription::push(std::shared_ptr<const Buffer> body) {
         ++lost_;
         return;
     }
-    if (items_.size() >= keep_) dropOldest();
-    items_.push_back({std::move(body), number_, std::exchange(lost_, 0)});
-    waits_ += sizeOf(items_.back());
-    while (waits_ > kUncharged && !charge()) {
+    Item item{std::move(body), number_, 0};
+    const std::size_t size = sizeOf(item);
+    if (waiting_->items.size() >= keep_) dropOldest();
+    while (!fits(size)) {
+        if (waiting_->items.empty()) {
+            ++lost_;
+            return;
+        }
         dropOldest();
-        if (items_.empty()) return;
     }
+    item.lost = std::exchange(lost_, 0);
+    waiting_.edit([&](Waiting& w) {
+        w.items.push_back(std::move(item));
+        w.bytes += size;
+    });
     if (!scheduled) session_.peer->schedule(*this);
 }
 
-// One or two small ones are on their way in a moment.
-bool Server::Subscription::charge() { return charge_.set(own_ + (waits_ > kUncharged ? waits_ : 0)); }
+bool Server::Subscription::fits(std::size_t more) const {
+    const std::size_t now = Waiting::charged(waiting_->bytes), then = Waiting::charged(waiting_->bytes + more);
+    return then <= now || waiting_.account()->fits(then - now);
+}
 
 // The next event says how many were lost before it.
 void Server::Subscription::dropOldest() {
-    lost_ += 1 + items_.front().lost;
-    waits_ -= sizeOf(items_.front());
-    items_.pop_front();
-    if (!items_.empty()) items_.front().lost += std::exchange(lost_, 0);
+    waiting_.edit([&](Waiting& w) {
+        lost_ += 1 + w.items.front().lost;
+        w.bytes -= sizeOf(w.items.front());
+        w.items.pop_front();
+        if (!w.items.empty()) w.items.front().lost += std::exchange(lost_, 0);
+    });
 }
 
-bool Server::Subscription::pump(Peer&, Buffer& out) {
-    while (!items_.empty() && out.size() < kEventWindow) {
-        auto& item = items_.front();
-        wire::writeEvent(out, {id, item.number, item.lost}, *item.body);
-        waits_ -= sizeOf(item);
-        items_.pop_front();
-    }
-    if (charge_.bytes() != own_) charge();
-    return !items_.empty();
+bool Server::Subscription::pump(Buffer& out) {
+    waiting_.edit([&](Waiting& w) {
+        while (!w.items.empty() && out.size() < kEventWindow) {
+            auto& item = w.items.front();
+            wire::writeEvent(out, {id, item.number, item.lost}, *item.body);
+            w.bytes -= sizeOf(item);
+            w.items.pop_front();
+        }
+    });
+    return waiting();
 }
 
 void Server::Subscription::stopKeeping() {
-    for (auto& item : items_) lost_ += 1 + item.lost;
-    items_.clear();
-    waits_ = 0;
-    charge();
+    waiting_.edit([&](Waiting& w) {
+        for (auto& item : w.items) lost_ += 1 + item.lost;
+        w.items.clear();
+        w.bytes = 0;
+    });
     scheduled = false;
 }
 

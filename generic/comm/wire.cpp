@@ -1,10 +1,15 @@
 #include "comm/wire.h"
 
+#include "bus/call.h"
+#include "bus/kept.h"
 #include "bus/requestText.h"
 
 namespace sorma::wire {
 
 namespace {
+
+constexpr std::size_t kMostCallersRead = 256;      // those who do not name an author may write so much
+constexpr std::string_view kTooLong = "too many authors";       // as Principal::toText() says it
 
 constexpr std::uint32_t kCallKind = 0, kReplyKind = 1;
 constexpr std::uint32_t kMaxCredential = 400;       // RFC 5531, section 8.2
@@ -95,16 +100,27 @@ void writeAccepted(XdrWriter& w, std::uint32_t xid, std::uint32_t status) {
 
 }  // namespace
 
+Behalf behalfOf(const PrincipalPointer& relayFor, std::uint64_t request, std::string callers) {
+    return {relayFor != nullptr, request, std::move(callers), relayFor ? relayFor->toText() : std::string()};
+}
+
+Behalf behalfOf(const PrincipalPointer& relayFor) {
+    return behalfOf(relayFor, CallContext::currentRequest(), CallContext::currentCallers());
+}
+
 void writeCallHeader(XdrWriter& w, const CallHeader& h, const Behalf* behalf) {
     w.words(h.xid, kCallKind, h.rpcVersion, h.program, h.version, h.procedure);
     if (behalf) [[unlikely]] {
         std::string_view callers = std::string_view(behalf->callers).substr(0, kMostCallers);
         while (!callers.empty() && !isUtf8(callers)) callers.remove_suffix(1);
         w.u32(kBehalfFlavor);
-        w.u32(static_cast<std::uint32_t>(16 + XdrWriter::padded(callers.size())));
+        std::string_view author = behalf->author.size() <= kMostAuthor ? std::string_view(behalf->author) : kTooLong;
+        const bool named = behalf->relayed && !author.empty();
+        w.u32(static_cast<std::uint32_t>(16 + XdrWriter::padded(callers.size()) + (named ? 4 + XdrWriter::padded(author.size()) : 0)));
         w.u32(behalf->relayed);
         w.u64(behalf->request);
         w.text(callers);
+        if (named) w.text(author);
         w.words(0, 0);
     } else {
         w.words(0, 0, 0, 0);
@@ -116,50 +132,55 @@ bool readBehalf(std::string_view body, Behalf& behalf) {
     behalf.relayed = r.u32() != 0;
     behalf.request = r.u64();
     auto callers = r.text();
-    if (!r.good() || callers.size() > kMostCallers || !isUtf8(callers)) return false;
+    if (!r.good() || callers.size() > kMostCallersRead || !isUtf8(callers)) return false;
     behalf.callers = callers;
+    if (behalf.relayed && r.left() > 0) {
+        auto author = r.text();
+        if (!r.good() || author.size() > kMostAuthor || !isUtf8(author)) return false;
+        behalf.author = author;
+    }
     return true;
 }
 
 void writeCall(Buffer& out, std::uint32_t xid, std::uint32_t program, const Request& request, const Message& m,
                std::uint32_t procedure, const Behalf* behalf) {
-    std::size_t start = openRecord(out);
+    std::size_t start = record::open(out);
     XdrWriter w(out);
     writeCallHeader(w, {xid, 2, program, kVersion, procedure}, behalf);
     w.words(request.slot, request.sequence, request.deadline, request.method);
     w.text(request.name);
     writeMessage(w, m);
-    closeRecord(out, start);
+    record::close(out, start);
 }
 
 void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Message& m) {
-    std::size_t start = openRecord(out);
+    std::size_t start = record::open(out);
     XdrWriter w(out);
     writeAccepted(w, xid, 0);
     w.words(m.code, times.waited, times.ran, times.sub);
     writeMessage(w, m);
     writeTrail(w, m.trail);
-    closeRecord(out, start);
+    record::close(out, start);
 }
 
 void writeCancel(Buffer& out, std::uint32_t program, const Cancel& c) {
-    std::size_t start = openRecord(out);
+    std::size_t start = record::open(out);
     XdrWriter w(out);
     writeCallHeader(w, {0, 2, program, kVersion, kCancel});
     w.u32(c.slot);
     w.u32(c.sequence);
-    closeRecord(out, start);
+    record::close(out, start);
 }
 
 void writeHealthRequest(Buffer& out, std::uint32_t xid, std::uint32_t program) {
-    std::size_t start = openRecord(out);
+    std::size_t start = record::open(out);
     XdrWriter w(out);
     writeCallHeader(w, {xid, 2, program, kVersion, kHealth});
-    closeRecord(out, start);
+    record::close(out, start);
 }
 
 void writeHealth(Buffer& out, std::uint32_t xid, const Health& h) {
-    std::size_t start = openRecord(out);
+    std::size_t start = record::open(out);
     XdrWriter w(out);
     writeAccepted(w, xid, 0);
     w.text(h.name);
@@ -169,28 +190,28 @@ void writeHealth(Buffer& out, std::uint32_t xid, const Health& h) {
     w.u64(h.since);
     w.u32(h.underway);
     w.u32(h.connections);
-    closeRecord(out, start);
+    record::close(out, start);
 }
 
 constexpr std::uint32_t kExisting = 0x80000000;        // in keep: see sorma.x
 
 void writeSubscribe(Buffer& out, std::uint32_t xid, std::uint32_t program, const Subscription& s, const Behalf* behalf) {
-    std::size_t start = openRecord(out);
+    std::size_t start = record::open(out);
     XdrWriter w(out);
     writeCallHeader(w, {xid, 2, program, kVersion, kSubscribe}, behalf);
     w.u32(s.id);
     w.text(s.name);
     w.text(s.pattern);
     w.u32(s.keep | (s.existing ? kExisting : 0));
-    closeRecord(out, start);
+    record::close(out, start);
 }
 
 void writeUnsubscribe(Buffer& out, std::uint32_t program, std::uint32_t id) {
-    std::size_t start = openRecord(out);
+    std::size_t start = record::open(out);
     XdrWriter w(out);
     writeCallHeader(w, {0, 2, program, kVersion, kUnsubscribe});
     w.u32(id);
-    closeRecord(out, start);
+    record::close(out, start);
 }
 
 void writeEventBody(Buffer& out, const EventBody& body, const Message& content) {
@@ -202,33 +223,33 @@ void writeEventBody(Buffer& out, const EventBody& body, const Message& content) 
 }
 
 void writeEvent(Buffer& out, const EventHeader& h, const Buffer& body) {
-    std::size_t start = openRecord(out);
+    std::size_t start = record::open(out);
     XdrWriter w(out);
     writeCallHeader(w, {0, 2, kProgram, kVersion, kEvent});
     w.u32(h.id);
     w.u64(h.number);
     w.u64(h.lost);
     out.append(body.data(), body.size());
-    closeRecord(out, start);
+    record::close(out, start);
 }
 
 void writeHello(Buffer& out, std::uint32_t xid, std::uint32_t program, const Hello& h) {
-    std::size_t start = openRecord(out);
+    std::size_t start = record::open(out);
     XdrWriter w(out);
     writeCallHeader(w, {xid, 2, program, kVersion, kHello});
     w.u64(h.client);
-    w.text(h.user);
-    w.text(h.host);
+    w.text(cutText(h.user, kKeptName));
+    w.text(cutText(h.host, kKeptName));
     w.i64(h.process);
-    w.text(h.program);
+    w.text(cutText(h.program, kKeptName));
     w.u32(h.maxMessage);
     w.text(h.clock);
     w.i64(h.sent);
-    closeRecord(out, start);
+    record::close(out, start);
 }
 
 void writeWelcome(Buffer& out, std::uint32_t xid, const Welcome& v) {
-    std::size_t start = openRecord(out);
+    std::size_t start = record::open(out);
     XdrWriter w(out);
     writeAccepted(w, xid, 0);
     w.u64(v.boot);
@@ -245,55 +266,55 @@ void writeWelcome(Buffer& out, std::uint32_t xid, const Welcome& v) {
         w.text(v.clock);
         w.text(v.processes);
     }
-    closeRecord(out, start);
+    record::close(out, start);
 }
 
 void writeClock(Buffer& out, std::uint32_t program, std::int64_t sent) {
-    std::size_t start = openRecord(out);
+    std::size_t start = record::open(out);
     XdrWriter w(out);
     writeCallHeader(w, {0, 2, program, kVersion, kClock});
     w.i64(sent);
-    closeRecord(out, start);
+    record::close(out, start);
 }
 
 void writeNull(Buffer& out, std::uint32_t xid, std::uint32_t program) {
-    std::size_t start = openRecord(out);
+    std::size_t start = record::open(out);
     XdrWriter w(out);
     writeCallHeader(w, {xid, 2, program, kVersion, kNull});
-    closeRecord(out, start);
+    record::close(out, start);
 }
 
 void writeEmptyReply(Buffer& out, std::uint32_t xid) {
-    std::size_t start = openRecord(out);
+    std::size_t start = record::open(out);
     XdrWriter w(out);
     writeAccepted(w, xid, 0);
-    closeRecord(out, start);
+    record::close(out, start);
 }
 
 void writeGoodbye(Buffer& out, std::string_view reason) {
-    std::size_t start = openRecord(out);
+    std::size_t start = record::open(out);
     XdrWriter w(out);
     writeCallHeader(w, {0, 2, kProgram, kVersion, kGoodbye});
     w.text(reason);
-    closeRecord(out, start);
+    record::close(out, start);
 }
 
 void writeRefusal(Buffer& out, std::uint32_t xid, Refusal refusal) {
-    std::size_t start = openRecord(out);
+    std::size_t start = record::open(out);
     XdrWriter w(out);
     writeAccepted(w, xid, static_cast<std::uint32_t>(refusal));
     if (refusal == Refusal::programMismatch) {
         w.u32(kVersion);        // lowest and highest version served
         w.u32(kVersion);
     }
-    closeRecord(out, start);
+    record::close(out, start);
 }
 
 void writeRpcMismatch(Buffer& out, std::uint32_t xid) {
-    std::size_t start = openRecord(out);
+    std::size_t start = record::open(out);
     XdrWriter w(out);
     for (std::uint32_t word : {xid, kReplyKind, 1u, 0u, 2u, 2u}) w.u32(word);     // denied, RPC_MISMATCH, 2 .. 2
-    closeRecord(out, start);
+    record::close(out, start);
 }
 
 Envelope readEnvelope(XdrReader& r) {
@@ -317,6 +338,7 @@ CallHeader readCallHeader(XdrReader& r, std::uint32_t xid) {
 }
 
 std::string readReplyHeader(XdrReader& r) {
+    if (r.skipZeros(16)) [[likely]] return {};          // accepted, no verifier, successful
     std::uint32_t denied = r.u32();
     if (!r.good() || denied > 1) return "a malformed reply";
     if (denied == 1) {
@@ -353,17 +375,20 @@ bool readRequest(XdrReader& r, Request& request, Message& m) {
     return readMessage(r, m) && r.atEnd();
 }
 
-std::size_t wordsSize(XdrReader r) {
-    constexpr std::size_t kWord = sizeof(std::string) + 16;         // a word longer than a few bytes is a block of its own
+Extent extentOf(XdrReader r) {
     r.skip(16);
-    for (int i = 0; i < 2; ++i) r.text();                           // name, text
+    Extent extent;
+    extent.name = r.text().size();
+    r.text();
     for (int i = 0; i < 2; ++i) {                                   // floats, ints
         std::size_t n = r.u32();
-        if (n > r.left() / 8) return 0;
+        if (n > r.left() / 8) return {};
         r.skip(8 * n);
     }
     r.text();
-    return r.count(4) * kWord;
+    extent.words = r.count(4);
+    extent.bytes = r.left();
+    return extent;
 }
 
 bool readReply(XdrReader& r, Times& times, Message& m) {
@@ -420,16 +445,23 @@ bool readEvent(XdrReader& r, EventHeader& h, EventBody& body, Message& content) 
 }
 
 bool readHello(XdrReader& r, Hello& h) {
+    auto text = [&](const char* what) {
+        std::string_view given = r.text();
+        if (given.size() <= kKeptName) return clean(given);
+        h.tooLong = what;
+        h.bytes = given.size();
+        return std::string();
+    };
     h.client = r.u64();
-    h.user = clean(r.text());
-    h.host = clean(r.text());
+    h.user = text("user");
+    h.host = text("host");
     h.process = r.i64();
-    h.program = clean(r.text());
+    h.program = text("program");
     h.maxMessage = r.u32();
     h.clock.clear();
     h.clocks = !r.atEnd();
     if (h.clocks) {
-        h.clock = clean(r.text());
+        h.clock = text("clock");
         h.sent = r.i64();
     }
     return r.good() && r.atEnd();
@@ -437,11 +469,12 @@ bool readHello(XdrReader& r, Hello& h) {
 
 bool readWelcome(XdrReader& r, Welcome& v) {
     v.boot = r.u64();
-    v.name = clean(r.text());
-    v.user = clean(r.text());
-    v.host = clean(r.text());
+    auto text = [&] { return clean(cutText(r.text(), kKeptName)); };
+    v.name = text();
+    v.user = text();
+    v.host = text();
     v.process = r.i64();
-    v.program = clean(r.text());
+    v.program = text();
     v.maxMessage = r.u32();
     v.slots = r.u32();
     v.started = r.i64();

@@ -15,6 +15,8 @@
 #include <string_view>
 
 #include "bus/message.h"
+#include "bus/principal.h"
+#include "comm/record.h"
 #include "comm/xdr.h"
 
 namespace sorma::wire {
@@ -25,19 +27,21 @@ inline constexpr std::uint32_t kProgram = 0x20534f52, kProgramBase = 0x20000000,
 inline constexpr std::uint32_t kNull = 0, kHello = 1, kCall = 2, kCancel = 3, kHealth = 4, kSubscribe = 5, kUnsubscribe = 6, kOneway = 7, kClock = 8,
                                kGoodbye = 16, kEvent = 17;
 inline constexpr std::uint32_t kNoSlot = 0xffffffff;            // a call outside of a session
-// The mark before each fragment of a record (RFC 5531 section 11): its length, and this bit in the last fragment.
-inline constexpr std::uint32_t kLastFragment = 0x80000000;
-inline constexpr std::size_t kMarkSize = 4;                     // [bytes]
 
 // Says for whom a call is made that is part of another one. It stands in the credentials of the RPC header; other calls have
 // AUTH_NONE there.
 struct Behalf {
-    bool relayed = false;           // the caller's own caller chose the name: the call does not get the caller's rights
+    bool relayed = false;           // the caller's own caller chose the name: both need the right
     std::uint64_t request = 0;      // number of the request that it is part of, at the caller
     std::string callers;            // for people: who called the caller, nearest first
+    std::string author = {};        // relayed: for whom, as Principal::toText() says it; empty: anyone
 };
+// relayFor: who has named the object, when it was not the owner of this process. Without request and callers: of the present
+// context.
+Behalf behalfOf(const PrincipalPointer& relayFor, std::uint64_t request, std::string callers);
+Behalf behalfOf(const PrincipalPointer& relayFor);
 inline constexpr std::uint32_t kBehalfFlavor = kProgram;        // flavor of these credentials
-inline constexpr std::size_t kMostCallers = 256;                // [bytes]; RFC 5531 allows 400 for all of it
+inline constexpr std::size_t kMostCallers = 248, kMostAuthor = 120;     // [bytes]; RFC 5531 allows 400 for all of it
 
 struct CallHeader {             // RPC header of a call
     std::uint32_t xid = 0, rpcVersion = 2, program = kProgram, version = kVersion, procedure = 0;
@@ -64,6 +68,8 @@ struct Hello {
     std::string clock = {};         // as clockSeen(); empty: its deadlines are the time left
     std::int64_t sent = 0;          // [ns] of that clock
     bool clocks = true;             // the record has the two fields above; old clients do not send them
+    const char* tooLong = nullptr;  // reading: which of the texts has more than kKeptName bytes; it is left empty
+    std::size_t bytes = 0;          // of that text
 };
 
 struct Welcome {
@@ -108,15 +114,8 @@ struct EventBody {              // the part that is the same for all subscribers
 
 // ---- writing: each appends one whole record to out ----
 
-// Begin a record; closeRecord writes its mark when its length is known. Returns where it begins.
-inline std::size_t openRecord(Buffer& out) {
-    std::size_t start = out.size();
-    out.extend(kMarkSize);
-    return start;
-}
-inline void closeRecord(Buffer& out, std::size_t start) {
-    XdrWriter::put(out.data() + start, kLastFragment | static_cast<std::uint32_t>(out.size() - start - kMarkSize));
-}
+// Change the xid of a record that was written.
+inline void setXid(char* record, std::uint32_t xid) { XdrWriter::put(record + record::kMarkSize, xid); }
 
 // xid: chosen by the caller, returned with the answer.   program: kProgram, or the daemon's own number.
 void writeCallHeader(XdrWriter& w, const CallHeader& header, const Behalf* behalf = nullptr);
@@ -161,8 +160,15 @@ CallHeader readCallHeader(XdrReader& r, std::uint32_t xid);             // skips
 std::string readReplyHeader(XdrReader& r);
 bool readBehalf(std::string_view body, Behalf& behalf);                 // body: CallHeader::behalf
 bool readRequest(XdrReader& r, Request& request, Message& m);           // m is cleared first
-// Memory that the words of a request need beyond its bytes [bytes].   r: where readRequest would begin; it is a copy.
-std::size_t wordsSize(XdrReader r);
+// The size of a request's name and words, since each word costs work. Long texts, many numbers and bytes have fields of
+// their own.
+struct Extent {
+    std::size_t name = 0, words = 0, bytes = 0;         // bytes: of all words, with their counts and padding
+    // Memory that the words need beyond the record: one that is longer than a few bytes is a block of its own [bytes].
+    std::size_t memory() const { return words * (sizeof(std::string) + 16); }
+};
+inline constexpr Extent kMost{64 * 1024, 64 * 1024, 1 << 20};           // that a request may have
+Extent extentOf(XdrReader r);                           // r: where readRequest would begin; it is a copy
 bool readReply(XdrReader& r, Times& times, Message& m);
 bool readClock(XdrReader& r, std::int64_t& sent);
 bool readCancel(XdrReader& r, Cancel& cancel);

@@ -172,6 +172,12 @@ public:
         };
         (next(v), ...);
     }
+    bool skipZeros(std::size_t n) {                                 // false: something else is there, and nothing is skipped
+        static constexpr char kZeros[16] = {};
+        if (n > sizeof kZeros || left() < n || std::memcmp(at_, kZeros, n) != 0) return false;
+        at_ += n;
+        return true;
+    }
     std::string_view text() {                                       // a view into the record; UTF-8 is not checked
         std::size_t n = u32();
         if (n > left() || !has(XdrWriter::padded(n))) return {};    // first: where size_t has 32 bits padding may overflow
@@ -181,6 +187,7 @@ public:
     }
     void bytes(std::vector<unsigned char>& out) {
         auto v = text();
+        if (v.empty()) return out.clear();                          // which is inline
         auto* p = reinterpret_cast<const unsigned char*>(v.data());
         out.assign(p, p + v.size());
     }
@@ -188,6 +195,7 @@ public:
         static_assert(sizeof(T) == 8);
         std::size_t n = u32();
         if (n > left() / 8) return spoil();
+        if (n == 0) return out.clear();
         out.resize(n);
         for (std::size_t i = 0; i < n; ++i) {
             std::uint64_t w;

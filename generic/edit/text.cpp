@@ -3,6 +3,8 @@
 #include <cwchar>
 #include <stdexcept>
 
+#include "bus/utf8.h"
+
 namespace sorma {
 
 // This module stands alone: what the shim declares is the bus's there, and ours here.
@@ -40,24 +42,7 @@ std::wstring toWide(std::string_view s) {
 
 std::string toUtf8(std::wstring_view text) {
     std::string out;
-    for (wchar_t w : text) {
-        auto c = char32_t(w);
-        if (c < 0x80) {
-            out += char(c);
-        } else if (c < 0x800) {
-            out += char(0xc0 | c >> 6);
-            out += char(0x80 | (c & 0x3f));
-        } else if (c < 0x10000) {
-            out += char(0xe0 | c >> 12);
-            out += char(0x80 | (c >> 6 & 0x3f));
-            out += char(0x80 | (c & 0x3f));
-        } else {
-            out += char(0xf0 | c >> 18);
-            out += char(0x80 | (c >> 12 & 0x3f));
-            out += char(0x80 | (c >> 6 & 0x3f));
-            out += char(0x80 | (c & 0x3f));
-        }
-    }
+    for (wchar_t w : text) appendUtf8(out, char32_t(w));
     return out;
 }
 

@@ -1,3 +1,4 @@
+#include "bus/nearest.h"
 #include "tcl/asyncCommands.h"
 
 #include <algorithm>
@@ -15,7 +16,7 @@ namespace sorma {
 
 namespace {
 
-const Prototype kOption{Severity::error, "REQUEST SYNTAX", 0, "bad option \"{}\": must be {}"};
+const Prototype kOption{Severity::error, "REQUEST SYNTAX", 0, "bad option \"{}\"{}: must be {}"};
 const Prototype kValue{Severity::error, "REQUEST SYNTAX", 0, "{} needs a value"};
 const Prototype kMilliseconds{Severity::error, "REQUEST SYNTAX", 0, "-timeout expects a number of ms, 0 for none, got \"{}\""};
 const Prototype kQueue{Severity::error, "REQUEST SYNTAX", 0, "-queue expects a whole number from 1 to 1000000, got \"{}\""};
@@ -31,15 +32,6 @@ Deadline deadlineOf(Tcl_Obj* o) {
     std::int64_t ms = 0;
     if (!parseNumber(toUtf8(o), ms) || ms < 0) fail(kMilliseconds, toUtf8(o));
     return ms == 0 ? Deadline::at(INT64_MAX) : Deadline::in(ms);
-}
-
-// Calls a command prefix with one more word at global level, as an event does.
-void callback(Interpreter& i, Tcl_Obj* prefix, Tcl_Obj* word) {
-    if (i.closing()) return;
-    Interpreter::Kept kept(i);
-    Obj command(Tcl_DuplicateObj(prefix)), keep(word);
-    if (Tcl_ListObjAppendElement(i.interp, command, word) != TCL_OK || Tcl_EvalObjEx(i.interp, command, TCL_EVAL_GLOBAL | TCL_EVAL_DIRECT) != TCL_OK)
-        if (!i.closing()) Tcl_BackgroundException(i.interp, TCL_ERROR);
 }
 
 // ---- futures ----
@@ -66,7 +58,7 @@ int FutureNRCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
         if (wait) {
             Deadline deadline;
             if (objc == 4) {
-                if (view(objv[2]) != "-timeout") fail(kOption, toUtf8(objv[2]), "-timeout");
+                if (view(objv[2]) != "-timeout") fail(kOption, toUtf8(objv[2]), didYouMean(toUtf8(objv[2]), {"-timeout"}), "-timeout");
                 deadline = deadlineOf(objv[3]);
             }
             return waitThen(i, {pending->future()}, true, deadline, [pending, &i] {
@@ -130,7 +122,7 @@ int AsyncObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
                 oneway = true;
                 continue;
             }
-            if (option != "-timeout" && option != "-command") fail(kOption, std::string(option), "-command, -oneway, or -timeout");
+            if (option != "-timeout" && option != "-command") fail(kOption, option, didYouMean(option, {"-command", "-oneway", "-timeout"}), "-command, -oneway, or -timeout");
             if (at + 1 >= objc) fail(kValue, std::string(option));
             ++at;
             if (option == "-timeout") deadline = deadlineOf(objv[at]);
@@ -157,7 +149,7 @@ int AsyncObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
                 Tcl_CmdInfo info;               // it may have been thrown away meanwhile
                 if (!Tcl_GetCommandInfo(i.interp, Tcl_GetString(name), &info) || info.deleteProc != futureDeleted) return;
                 Obj call = static_cast<FutureCommand*>(info.objClientData)->prefix;
-                callback(i, call, name);
+                callBack(i, call, {name});
             });
         }
         Tcl_SetObjResult(interp, f->name);
@@ -235,7 +227,7 @@ int SubscribeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* cons
                 keep = 1;
                 continue;
             }
-            if (option != "-event" && option != "-queue" && option != "-command") fail(kOption, option, "-command, -event, -latest, or -queue");
+            if (option != "-event" && option != "-queue" && option != "-command") fail(kOption, option, didYouMean(option, {"-command", "-event", "-latest", "-queue"}), "-command, -event, -latest, or -queue");
             if (++at >= objc) fail(kValue, option);
             if (option == "-event") pattern = toUtf8(objv[at]);
             else if (option == "-command") prefix = Obj(objv[at]);
@@ -245,7 +237,7 @@ int SubscribeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* cons
         std::string token = "subscription" + std::to_string(++a.lastSubscription);
         Reference so = i.sorm.get(name);
         auto listening = so->listen(pattern, std::size_t(keep), [&i, prefix](Received& e) {
-            if (!i.closing()) callback(i, prefix, eventDict(i.constants, e));
+            if (!i.closing()) callBack(i, prefix, {eventDict(i.constants, e)});
         });
         a.subscriptions.emplace(token, Async::Subscription{name, pattern, std::move(listening)});
         Tcl_SetObjResult(interp, newText(token));
@@ -292,18 +284,10 @@ int HealthObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
         if (objc != 2 && objc != 4) return Tcl_WrongNumArgs(interp, 1, objv, "daemon ?-timeout ms?"), TCL_ERROR;
         Deadline deadline = Deadline::in(5000);
         if (objc == 4) {
-            if (view(objv[2]) != "-timeout") fail(kOption, toUtf8(objv[2]), "-timeout");
+            if (view(objv[2]) != "-timeout") fail(kOption, toUtf8(objv[2]), didYouMean(toUtf8(objv[2]), {"-timeout"}), "-timeout");
             deadline = deadlineOf(objv[3]);
         }
-        bool before = std::exchange(i.sorm.nonBlocking, true);
-        Reference so;
-        try {
-            so = i.sorm.get("sorm@" + toUtf8(objv[1]));
-        } catch (...) {
-            i.sorm.nonBlocking = before;
-            throw;
-        }
-        i.sorm.nonBlocking = before;
+        Reference so = i.sorm.get("sorm@" + toUtf8(objv[1]), Probe::later);
         auto* proxy = dynamic_cast<Proxy*>(so.get());
         if (!proxy) fail(kLocalDaemon, toUtf8(objv[1]));
         wire::Health h = proxy->connection().health(deadline);

@@ -9,7 +9,7 @@
 
 #include "bus/requestText.h"
 #include "comm/comm.h"
-#include "comm/endpoint.h"
+#include "comm/runtimeFolder.h"
 #include "tcl/eventSource.h"
 #include "tcl/peerCommands.h"
 
@@ -18,7 +18,7 @@ namespace sorma {
 namespace {
 
 const Prototype kServeOption{Severity::error, "REQUEST SYNTAX", 0,
-    "bad option \"{}\": must be -allow, -connection, -host, -listen, -policy, -port, -program, -rpcbind, -share, -socket, or -wait"};
+    "bad option \"{}\": must be -allow, -connection, -host, -listen, -open, -policy, -port, -program, -rpcbind, -share, -socket, or -wait"};
 const Prototype kServeValue{Severity::error, "REQUEST SYNTAX", 0, "{} expects {}, got \"{}\""};
 const Prototype kServeConnection{Severity::error, "REQUEST SYNTAX", 0, "{} does not go with -connection: that is served, and nothing listened to"};
 const Prototype kServeMissing{Severity::error, "REQUEST SYNTAX", 0, "{} needs a value"};
@@ -26,25 +26,23 @@ const Prototype kServeMissing{Severity::error, "REQUEST SYNTAX", 0, "{} needs a 
 constexpr char kKey[] = "sorma::comm";
 
 // The COMM of an interpreter. The event source is deleted first: so no request comes in while the rest is deleted.
-struct Network {
-    explicit Network(Interpreter& i) : comm(i.sorm), source(i, comm) { Tcl_CreateExitHandler(exits, this); }
-    ~Network() { Tcl_DeleteExitHandler(exits, this); }
+struct InterpreterComm {
+    explicit InterpreterComm(Interpreter& i) : comm(i.sorm), source(i, comm) { Tcl_CreateExitHandler(exits, this); }
+    ~InterpreterComm() { Tcl_DeleteExitHandler(exits, this); }
     // `exit` and the end of a script do not delete interpreters, so clients are told and sockets closed here. Not in a child
     // that has forked from us.
     static void exits(ClientData data) {
-        auto& network = *static_cast<Network*>(data);
-        if (getpid() != network.process) return;
-        while (!network.comm.servers().empty()) network.comm.unserve(network.comm.servers().begin()->first, "the program has ended");
-        network.comm.finish();
+        auto& own = *static_cast<InterpreterComm*>(data);
+        if (getpid() != own.process) return;
+        while (!own.comm.servers().empty()) own.comm.unserve(own.comm.servers().begin()->first, "the program has ended");
+        own.comm.finish();
     }
     const pid_t process = getpid();
     Comm comm;
     EventSource source;
 };
 
-Network& networkOf(Interpreter& i) {
-    return *static_cast<Network*>(Tcl_GetAssocData(i.interp, kKey, nullptr));
-}
+Comm& commOf(Interpreter& i) { return static_cast<InterpreterComm*>(Tcl_GetAssocData(i.interp, kKey, nullptr))->comm; }
 
 std::int64_t wholeNumber(const std::string& option, const std::string& text, std::int64_t low, std::int64_t high) {
     std::string digits = text;
@@ -92,13 +90,13 @@ std::vector<int> descriptors(const std::string& option, Tcl_Obj* list) {
 }
 
 // sorma::serve name ?-port P? ?-host H? ?-socket PATH? ?-rpcbind bool? ?-program N? ?-listen FDS? ?-connection FD?
-// ?-allow LINE ...? ?-policy FILE? ?-share bool? ?-wait?
+// ?-allow LINE ...? ?-policy FILE? ?-open bool? ?-share bool? ?-wait?
 int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     return guarded(i, objc, objv, [&] {
         if (objc < 2) {
             Tcl_WrongNumArgs(interp, 1, objv, "name ?-port number? ?-host name? ?-socket path? ?-rpcbind boolean? ?-program number? "
-                                              "?-listen descriptors? ?-connection descriptor? ?-allow line? ?-policy file? ?-share boolean? ?-wait?");
+                                              "?-listen descriptors? ?-connection descriptor? ?-allow line? ?-policy file? ?-open boolean? ?-share boolean? ?-wait?");
             return TCL_ERROR;
         }
         Server::Wanted wanted;
@@ -107,6 +105,7 @@ int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
         std::string address;                            // an option that says where to listen
         std::vector<std::string> lines;                 // of the policy
         std::string policy;
+        bool open = false;
         for (int at = 2; at < objc; at += 2) {
             std::string option = toUtf8(objv[at]);
             if (option == "-wait") {
@@ -116,14 +115,15 @@ int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
             }
             bool known = option == "-port" || option == "-host" || option == "-socket" || option == "-rpcbind" ||
                          option == "-program" || option == "-listen" || option == "-connection" || option == "-allow" ||
-                         option == "-policy" || option == "-share";
+                         option == "-policy" || option == "-open" || option == "-share";
             if (!known) fail(kServeOption, option);
             if (at + 1 == objc) fail(kServeMissing, option);
             std::string value = toUtf8(objv[at + 1]);
-            const bool policyWord = option == "-allow" || option == "-policy";
+            const bool policyWord = option == "-allow" || option == "-policy" || option == "-open";
             if (option != "-connection" && !policyWord) address = option;
             if (option == "-allow") lines.push_back(value);
             else if (option == "-policy") policy = value;
+            else if (option == "-open") open = toBoolean(objv[at + 1]);
             else if (option == "-share") wanted.share = toBoolean(objv[at + 1]);
             else if (option == "-port") wanted.port = value.empty() ? -1 : int(wholeNumber(option, value, 0, 65535));
             else if (option == "-host") wanted.host = value;
@@ -139,7 +139,8 @@ int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
         if (policy.empty()) access.loadDefault();
         else access.load(policy);
         for (auto& line : lines) access.add(line, "-allow");
-        auto& comm = networkOf(i).comm;
+        if (open) access.setOpen(true);
+        auto& comm = commOf(i);
         Obj served(describe(comm.serve(wanted)));
         // -wait: run the event loop here until unserve, or the end of the interpreter; at tclsh's own prompt none runs.
         while (wait && comm.findServer(wanted.name)) {
@@ -161,7 +162,7 @@ int UnserveObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const 
             return TCL_ERROR;
         }
         std::string name = toUtf8(objv[1]);
-        networkOf(i).comm.unserve(name, objc == 3 ? toUtf8(objv[2]) : "daemon " + name + " has ended its service");
+        commOf(i).unserve(name, objc == 3 ? toUtf8(objv[2]) : "daemon " + name + " has ended its service");
         Tcl_ResetResult(interp);
         return TCL_OK;
     });
@@ -176,7 +177,7 @@ int DaemonsObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const 
             return TCL_ERROR;
         }
         Obj list(Tcl_NewListObj(0, nullptr));
-        for (auto& d : networkOf(i).comm.daemons()) {
+        for (auto& d : commOf(i).daemons()) {
             Tcl_Obj* dict = Tcl_NewDictObj();
             put(dict, "name", d.name);
             put(dict, "state", d.state);
@@ -217,17 +218,17 @@ int SweepSocketObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* co
 }  // namespace
 
 void initCommCommands(Interpreter& i) {
-    auto network = std::make_shared<Network>(i);
-    Tcl_SetAssocData(i.interp, kKey, nullptr, network.get());
-    i.atEnd([network]() mutable { network.reset(); });
-    initPeerCommands(i, network->comm);
+    auto own = std::make_shared<InterpreterComm>(i);
+    Tcl_SetAssocData(i.interp, kKey, nullptr, own.get());
+    i.atEnd([own]() mutable { own.reset(); });
+    initPeerCommands(i, own->comm);
     i.define("serve", ServeObjCmd);
     i.define("unserve", UnserveObjCmd);
     i.define("daemons", DaemonsObjCmd);
     Tcl_CreateObjCommand(i.interp, "::sorma::SweepSocket", SweepSocketObjCmd, &i, nullptr);
     Tcl_CreateObjCommand(i.interp, "::sorma::RuntimeSocket", RuntimeSocketObjCmd, &i, nullptr);
 
-    Settings& s = network->comm.settings;
+    Settings& s = own->comm.settings;
     auto add = [&](const char* name, const char* unit, const char* help, std::int64_t low, std::int64_t high, std::int64_t& value) {
         i.addInteger(name, unit, help, low, high, [&value] { return value; }, [&value, &s, &sorm = i.sorm](std::int64_t v) {
             value = v;

@@ -4,6 +4,7 @@
 #include <set>
 
 #include "bus/glob.h"
+#include "bus/nearest.h"
 #include "tcl/soCommand.h"
 #include "tcl/tclService.h"
 
@@ -11,7 +12,7 @@ namespace sorma {
 
 namespace {
 
-const Prototype kSetting{Severity::error, "OPTION UNKNOWN", 1, "unknown setting \"{}\": must be {}"};
+const Prototype kSetting{Severity::error, "OPTION UNKNOWN", 1, "unknown setting \"{0}\"{2}: must be {1}"};
 const Prototype kMissing{Severity::error, "OPTION MISSING", 1, "{} needs a value"};
 const Prototype kNotTrusted{Severity::error, "COMM DENIED", 0, "a safe interpreter cannot grant rights; its parent can"};
 const Prototype kNoChild{Severity::error, "REQUEST SYNTAX", 0, "no interpreter \"{}\""};
@@ -54,7 +55,7 @@ int CreateObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
         std::vector<std::string> words;
         for (int k = 2; k < objc; ++k) words.push_back(toUtf8(objv[k]));
         std::string name = toUtf8(objv[1]);
-        Reference made = i.sorm.create(name, words);
+        Reference made = i.sorm.create(name, words, nullptr);
         commandOf(i, name);
         Tcl_SetObjResult(interp, objv[1]);
         return TCL_OK;
@@ -65,7 +66,7 @@ int RemoveObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
     if (objc != 2) return wrongArgs(interp, objv, "name");
     auto& i = of(data);
     return guarded(i, objc, objv, [&] {
-        i.sorm.remove(toUtf8(objv[1]));
+        i.sorm.remove(toUtf8(objv[1]), Permit::owner());
         Tcl_ResetResult(interp);
         return TCL_OK;
     });
@@ -148,7 +149,9 @@ int ConfigureObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* cons
                 if (s.name == name) return s;
                 known += (known.empty() ? "" : ", ") + s.name;
             }
-            fail(kSetting, toUtf8(word), known);
+            std::vector<std::string> names;
+            for (auto& s : i.settings()) names.push_back(s.name);
+            fail(kSetting, toUtf8(word), known, didYouMean(name, names));
         };
         if (objc == 1) {
             Tcl_Obj* list = Tcl_NewListObj(0, nullptr);
@@ -220,6 +223,15 @@ int KeepTrailObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* cons
     });
 }
 
+// sorma::DidYouMean word known: " (did you mean -tempo?)", or nothing when no word of the list is near.
+int DidYouMeanObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    if (objc != 3) return wrongArgs(interp, objv, "word known");
+    return guarded(of(data), objc, objv, [&] {
+        Tcl_SetObjResult(interp, newText(didYouMean(toUtf8(objv[1]), listStrings(objv[2]))));
+        return TCL_OK;
+    });
+}
+
 }  // namespace
 
 void initCommands(Interpreter& i) {
@@ -234,6 +246,7 @@ void initCommands(Interpreter& i) {
     i.define("configure", ConfigureObjCmd);
     i.define("grant", GrantObjCmd);
     Tcl_CreateObjCommand(i.interp, "::sorma::KeepTrail", KeepTrailObjCmd, &i, nullptr);
+    Tcl_CreateObjCommand(i.interp, "::sorma::DidYouMean", DidYouMeanObjCmd, &i, nullptr);
 }
 
 }  // namespace sorma

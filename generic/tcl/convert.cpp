@@ -1,10 +1,12 @@
 #include "tcl/convert.h"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
 #include "bus/requestText.h"
 #include "bus/service.h"
+#include "bus/utf8.h"
 
 namespace sorma {
 
@@ -12,11 +14,13 @@ namespace {
 
 const Prototype kWord{Severity::error, "REQUEST SYNTAX", 0, "expected {} but got \"{}\""};
 const Prototype kEnd{Severity::error, "REQUEST SYNTAX", 0, "expected {} after {} but the request ends"};
-const Prototype kCount{Severity::error, "REQUEST SYNTAX", 0, "{} announces {} numbers but only {} words follow"};
+const Prototype kTwice{Severity::error, "REQUEST SYNTAX", 0, "{} stands twice"};
+const Prototype kPartLate{Severity::error, "REQUEST SYNTAX", 0, "{} stands after the word \"{}\": parts stand before words; words behind -- are never parts"};
+const Prototype kCount{Severity::error, "REQUEST SYNTAX", 0, "{} announces {} numbers but {} {}"};
 const Prototype kWide{Severity::error, "REQUEST SYNTAX", 0, "integer \"{}\" does not fit in 64 bits"};
 const Prototype kSurrogate{Severity::error, "REQUEST SYNTAX", 0, "half a surrogate pair in text cannot be written as UTF-8"};
 const Prototype kBytes{Severity::error, "REQUEST SYNTAX", 0, "expected bytes but got a character above 255"};
-const Prototype kResult{Severity::error, "SERVICE RESULT", 0, "method exec returned {}"};
+const Prototype kResult{Severity::error, "SERVICE RESULT", 0, "{}: method exec returned {}"};
 
 using Byte = unsigned char;
 
@@ -30,24 +34,6 @@ bool ordinary(std::string_view tclText) {
 int halfAt(std::string_view s, std::size_t i) {     // the surrogate that begins there, or -1
     if (i + 2 >= s.size() || Byte(s[i]) != 0xED || Byte(s[i + 1]) < 0xA0) return -1;
     return 0xD000 | (Byte(s[i + 1]) & 0x3F) << 6 | (Byte(s[i + 2]) & 0x3F);
-}
-
-void appendCharacter(std::string& out, unsigned c) {
-    if (c < 0x80) {
-        out += char(c);
-    } else if (c < 0x800) {
-        out += char(0xC0 | c >> 6);
-        out += char(0x80 | (c & 0x3F));
-    } else if (c < 0x10000) {
-        out += char(0xE0 | c >> 12);
-        out += char(0x80 | (c >> 6 & 0x3F));
-        out += char(0x80 | (c & 0x3F));
-    } else {
-        out += char(0xF0 | c >> 18);
-        out += char(0x80 | (c >> 12 & 0x3F));
-        out += char(0x80 | (c >> 6 & 0x3F));
-        out += char(0x80 | (c & 0x3F));
-    }
 }
 
 // Length of the UTF-8 character at i, 0 when there is none.
@@ -65,14 +51,14 @@ Tcl_Obj* newTextSlowly(std::string_view utf8) {
         if (utf8[i] == 0) {
             out += "\xC0\x80";
         } else if (n == 0) {
-            appendCharacter(out, Byte(utf8[i]));
+            appendUtf8(out, Byte(utf8[i]));
             n = 1;
 #if TCL_UTF_MAX <= 3
         } else if (n == 4) {
             unsigned c = (Byte(utf8[i]) & 7u) << 18 | (Byte(utf8[i + 1]) & 0x3Fu) << 12 |
                          (Byte(utf8[i + 2]) & 0x3Fu) << 6 | (Byte(utf8[i + 3]) & 0x3Fu);
-            appendCharacter(out, 0xD800 + ((c - 0x10000) >> 10));
-            appendCharacter(out, 0xDC00 + ((c - 0x10000) & 0x3FF));
+            appendUtf8(out, 0xD800 + ((c - 0x10000) >> 10));
+            appendUtf8(out, 0xDC00 + ((c - 0x10000) & 0x3FF));
 #endif
         } else {
             out += utf8.substr(i, n);
@@ -97,15 +83,32 @@ Keyword keyword(Tcl_Obj* o) {
 }
 
 template <class T, class Read>
-std::size_t readNumbers(std::span<Tcl_Obj* const> words, const char* key, std::vector<T>& out, Read read) {
-    if (words.empty()) fail(kEnd, "a count", key);
+void readNumbers(std::span<Tcl_Obj* const> words, std::size_t& at, const char* key, std::vector<T>& out, Read read) {
+    if (at == words.size()) fail(kEnd, "a count", key);
     Tcl_WideInt n;
-    if (Tcl_GetWideIntFromObj(nullptr, words[0], &n) != TCL_OK || n < 0) fail(kWord, "a count", toUtf8(words[0]));
-    if (std::size_t(n) > words.size() - 1) fail(kCount, key, std::int64_t(n), words.size() - 1);
-    std::size_t at = out.size();
-    out.resize(at + std::size_t(n));
-    for (std::size_t i = 0; i < std::size_t(n); ++i) out[at + i] = read(words[i + 1]);
-    return std::size_t(n) + 1;
+    if (Tcl_GetWideIntFromObj(nullptr, words[at], &n) != TCL_OK || n < 0) fail(kWord, "a count", toUtf8(words[at]));
+    const std::size_t rest = words.size() - at - 1;
+    if (std::size_t(n) > rest) fail(kCount, key, std::int64_t(n), rest == 0 ? "none" : "only " + std::to_string(rest), rest == 1 ? "follows" : "follow");
+    ++at;
+    out.reserve(out.size() + std::size_t(n));
+    for (const std::size_t end = at + std::size_t(n); at < end; ++at) out.push_back(read(words[at]));
+}
+
+// Says which object the request is for, and where in it the error is. at: of the word, among those after the method.
+[[noreturn]] [[gnu::cold]] void failIn(std::string_view object, std::string_view method, std::span<Tcl_Obj* const> words,
+                                       std::size_t at, Error e, const std::string& within = {}) {
+    constexpr std::size_t kBefore = 3, kAfter = 2;
+    std::string around;
+    const std::size_t from = at > kBefore ? at - kBefore : 0, to = std::min(words.size(), at + kAfter + 1);
+    for (std::size_t k = from; k < to; ++k) {
+        std::string word = shown(toUtf8(words[k]));             // cut, and without control characters
+        appendWord(around, std::string_view(word).substr(1, word.size() - 2));
+    }
+    auto& cause = e.trail.entries().front();
+    const std::size_t first = 2 + std::size_t(std::count(method.begin(), method.end(), ' '));
+    cause.text = std::string(object) + ": word " + std::to_string(first + at + 1) + within + ": " + cause.text + ", in: " +
+                 (from > 0 ? "..." : std::string(object) + ' ' + std::string(method)) + ' ' + around + (to < words.size() ? " ..." : "");
+    throw e;
 }
 
 }  // namespace
@@ -130,7 +133,7 @@ void appendUtf8(std::string& out, Tcl_Obj* o) {
         } else if (int high = halfAt(s, i); high >= 0) {
             int low = halfAt(s, i + 3);
             if (high >= 0xDC00 || low < 0xDC00) fail(kSurrogate);
-            appendCharacter(out, 0x10000u + ((unsigned(high) - 0xD800u) << 10) + (unsigned(low) - 0xDC00u));
+            appendUtf8(out, 0x10000u + ((unsigned(high) - 0xD800u) << 10) + (unsigned(low) - 0xDC00u));
             i += 6;
         } else {
             out += s[i++];
@@ -231,11 +234,14 @@ Constants::Constants() {
 
 // ---- requests ----
 
-void readParts(std::span<Tcl_Obj* const> words, Message& m) {
+namespace {
+
+// i: the word that is being read, also when it fails.
+void takeParts(std::span<Tcl_Obj* const> words, std::size_t& i, Message& m) {
     bool seen[5] = {};
-    for (std::size_t i = 0; i < words.size();) {
+    while (i < words.size()) {
         Keyword key = keyword(words[i]);
-        if (key != Keyword::none && std::exchange(seen[int(key)], true)) fail(kWord, "each part once", toUtf8(words[i]));
+        if (key != Keyword::none && std::exchange(seen[int(key)], true)) fail(kTwice, toUtf8(words[i]));
         ++i;
         switch (key) {
             case Keyword::none:
@@ -246,10 +252,10 @@ void readParts(std::span<Tcl_Obj* const> words, Message& m) {
                 appendUtf8(m.text, words[i++]);
                 break;
             case Keyword::fmsg:
-                i += readNumbers(words.subspan(i), "FMSG", m.floats, toDouble);
+                readNumbers(words, i, "FMSG", m.floats, toDouble);
                 break;
             case Keyword::imsg:
-                i += readNumbers(words.subspan(i), "IMSG", m.ints, toInteger);
+                readNumbers(words, i, "IMSG", m.ints, toInteger);
                 break;
             case Keyword::amsg:
                 if (i == words.size()) fail(kEnd, "base64", "AMSG");
@@ -260,33 +266,64 @@ void readParts(std::span<Tcl_Obj* const> words, Message& m) {
     }
 }
 
-void readOptions(std::span<Tcl_Obj* const> words, Message& m) {
-    std::size_t i = 0;
-    for (; i < words.size(); i += 2) {
+// element: the one that is being read, from 1; 0 when all have been.
+template <class T, class Read> void readList(Tcl_Obj* list, std::vector<T>& out, std::size_t& element, Read read) {
+    out.clear();
+    element = 0;
+    for (auto* o : listElements(list)) ++element, out.push_back(read(o));
+    element = 0;
+}
+
+void takeOptions(std::span<Tcl_Obj* const> words, std::size_t& i, std::size_t& element, Message& m) {
+    bool all = false;
+    auto isPart = [](std::string_view w) { return w == "-text" || w == "-floats" || w == "-ints" || w == "-any"; };
+    for (; i < words.size(); ++i) {
         std::string_view w = view(words[i]);
         bool text = w == "-text", floats = w == "-floats", ints = w == "-ints", any = w == "-any";
         if (w == "--") {
             ++i;
+            all = true;
             break;
         }
         if (!text && !floats && !ints && !any) break;
         if (i + 1 == words.size()) fail(kEnd, text ? "a text" : any ? "bytes" : "a list of numbers", w);
-        Tcl_Obj* value = words[i + 1];
+        Tcl_Obj* value = words[++i];
         if (text) {
             m.text.clear();
             appendUtf8(m.text, value);
         } else if (floats) {
-            m.floats.clear();
-            for (auto* o : listElements(value)) m.floats.push_back(toDouble(o));
+            readList(value, m.floats, element, toDouble);
         } else if (ints) {
-            m.ints.clear();
-            for (auto* o : listElements(value)) m.ints.push_back(toInteger(o));
+            readList(value, m.ints, element, toInteger);
         } else {
             m.any.clear();
             toBytes(value, m.any);
         }
     }
-    for (; i < words.size(); ++i) m.words.push_back(toUtf8(words[i]));
+    for (; i < words.size(); ++i) {
+        if (!all && isPart(view(words[i]))) fail(kPartLate, view(words[i]), m.words.front());
+        m.words.push_back(toUtf8(words[i]));
+    }
+}
+
+}  // namespace
+
+void readParts(std::string_view object, std::span<Tcl_Obj* const> words, Message& m) {
+    std::size_t i = 0;
+    try {
+        takeParts(words, i, m);
+    } catch (const Error& e) {
+        failIn(object, "EXEC", words, i, e);
+    }
+}
+
+void readOptions(std::string_view object, std::span<Tcl_Obj* const> words, Message& m, std::string_view method) {
+    std::size_t i = 0, element = 0;
+    try {
+        takeOptions(words, i, element, m);
+    } catch (const Error& e) {
+        failIn(object, method, words, i, e, element ? ", element " + std::to_string(element) : std::string());
+    }
 }
 
 // ---- replies ----
@@ -368,14 +405,7 @@ Tcl_Obj* dictReply(const Constants& c, const Message& m) {
 
 Tcl_Obj* errorCode(const Entry& entry) {
     Tcl_Obj* list = Tcl_NewListObj(0, nullptr);
-    Tcl_ListObjAppendElement(nullptr, list, Tcl_NewStringObj("SORMA", -1));
-    std::string_view rest = entry.symbol;
-    while (!rest.empty()) {
-        std::size_t n = std::min(rest.find(' '), rest.size());
-        if (n > 0) Tcl_ListObjAppendElement(nullptr, list, newText(rest.substr(0, n)));
-        rest.remove_prefix(std::min(n + 1, rest.size()));
-    }
-    for (auto& d : entry.details) Tcl_ListObjAppendElement(nullptr, list, newText(d));
+    for (auto& word : entry.code()) Tcl_ListObjAppendElement(nullptr, list, newText(word));
     return list;
 }
 
@@ -443,7 +473,7 @@ Tcl_Obj* eventDict(const Constants& c, const Received& e) {
     return dict;
 }
 
-void readResult(Tcl_Obj* dict, Message& m) {
+void readResult(Tcl_Obj* dict, const std::string& so, Message& m) {
     m.text.clear();
     m.floats.clear();
     m.ints.clear();
@@ -452,7 +482,7 @@ void readResult(Tcl_Obj* dict, Message& m) {
     Tcl_Size n;
     Tcl_Obj** pairs;
     if (Tcl_ListObjGetElements(nullptr, dict, &n, &pairs) != TCL_OK || n % 2 != 0)
-        fail(kResult, "\"" + toUtf8(dict) + "\": must be a dict of text, floats, ints, any, and code");
+        fail(kResult, so, "\"" + toUtf8(dict) + "\": must be a dict of text, floats, ints, any, and code");
     for (Tcl_Size i = 0; i < n; i += 2) {
         std::string_view key = view(pairs[i]);
         Tcl_Obj* value = pairs[i + 1];
@@ -468,11 +498,11 @@ void readResult(Tcl_Obj* dict, Message& m) {
             } else if (key == "code") {
                 m.code = int(toInteger(value));
             } else if (key != "words" && key != "trail") {      // as they came in, or from a reply that is passed on
-                fail(kResult, "the key \"" + toUtf8(pairs[i]) + "\": must be text, floats, ints, any, or code");
+                fail(kResult, so, "the key \"" + toUtf8(pairs[i]) + "\": must be text, floats, ints, any, or code");
             }
         } catch (const Error& e) {
             if (e.is("SERVICE RESULT")) throw;
-            fail(kResult, std::string(key) + ": " + e.what());
+            fail(kResult, so, std::string(key) + ": " + e.what());
         }
     }
 }

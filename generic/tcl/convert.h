@@ -54,11 +54,14 @@ private:
     std::array<Obj, std::size_t(kHigh - kLow)> small_;
 };
 
-// Requests. m must be clear; after an error it may be filled in part.
+// Requests. m must be clear; after an error it may be filled in part. object: its name, for messages. They also say the word's
+// number, counted from the object's name, and show the words around it.
 // The words after EXEC: TMSG, FMSG, IMSG and AMSG fill the parts of the message, the other words go to m.words.
-void readParts(std::span<Tcl_Obj* const> words, Message& m);
-// The words after exec: -text s -floats l -ints l -any bytes, then words.
-void readOptions(std::span<Tcl_Obj* const> words, Message& m);
+void readParts(std::string_view object, std::span<Tcl_Obj* const> words, Message& m);
+// The words after exec: -text s -floats l -ints l -any bytes, then words. A part after a word is an error, but for words
+// behind --.
+// method: for messages, what stands between the object and the words.
+void readOptions(std::string_view object, std::span<Tcl_Obj* const> words, Message& m, std::string_view method = "exec");
 
 // Replies. Each is a new value or a shared one.
 // RET code ?TMSG t? ?FMSG n x..? ?IMSG n i..? ?AMSG b64? ?TDBX trail?, as a list.
@@ -74,7 +77,7 @@ Tcl_Obj* errorCode(const Entry& entry);
 // The dict that their exec gets: text floats ints any words.
 Tcl_Obj* messageDict(const Constants& constants, const Message& m);
 // The dict that their exec returns (text floats ints any code) replaces the parts of m. Fails with SERVICE RESULT.
-void readResult(Tcl_Obj* dict, Message& m);
+void readResult(Tcl_Obj* dict, const std::string& so, Message& m);
 // The dict that the command of a subscription gets: object event number lost time request, and the parts of the message.
 Tcl_Obj* eventDict(const Constants& constants, const Received& event);
 

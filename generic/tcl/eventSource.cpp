@@ -1,18 +1,21 @@
 #include "tcl/eventSource.h"
 
 #include "bus/deadline.h"
+#include "tcl/notifier.h"
 
 namespace sorma {
 
 EventSource::EventSource(Interpreter& interpreter, Comm& comm)
-    : interpreter_(interpreter), comm_(comm), epoll_(comm.reactor().descriptor()) {
-    Tcl_CreateFileHandler(epoll_, TCL_READABLE, readable, this);
+    : interpreter_(interpreter), comm_(comm), epoll_(comm.reactor().descriptor()),
+      shared_(notifier::install(interpreter.interp, comm.sharedReactor(), [this] { serve(); })) {
+    if (!shared_) Tcl_CreateFileHandler(epoll_, TCL_READABLE, readable, this);
     Tcl_CreateEventSource(enteringLoop, nullptr, this);
 }
 
 EventSource::~EventSource() {
     Tcl_DeleteEventSource(enteringLoop, nullptr, this);
-    Tcl_DeleteFileHandler(epoll_);
+    if (shared_) notifier::release(comm_.reactor());
+    else Tcl_DeleteFileHandler(epoll_);
 }
 
 // Tcl is about to wait. In the middle of a request that is a service's own event loop: what the reactor has read and not
@@ -27,18 +30,8 @@ void EventSource::readable(ClientData data, int) { static_cast<EventSource*>(dat
 void EventSource::serve() {
     Interpreter& interpreter = interpreter_;            // *this may end before this call does
     Interpreter::Kept kept(interpreter);
-    Reactor& reactor = comm_.reactor();
-    // A service that runs the event loop waits for something of its own: serve what is there, and no more.
-    bool nested = reactor.polling();
-    std::int64_t linger = nested || comm_.servers().empty() ? 0 : comm_.settings.linger * 1000;
-    std::int64_t start = monotonicNow();
-    reactor.seen(start);
-    std::int64_t end = start + 2 * linger;
     try {
-        // Nothing may be there: the reactor's timer goes off once more after a linger that a request cut short.
-        bool more = reactor.poll(0) > 0 && linger > 0;
-        // Each request tells the reactor the time; reading the clock here as well would be a hundredth of a call.
-        while (more && !interpreter.closing() && reactor.seen() < end) more = reactor.pollUntil(reactor.seen() + linger) > 0;
+        callReactor();
     } catch (...) {
         // An error of a request is in its reply; this one is of COMM itself (no memory, no descriptors).
         if (!interpreter.closing()) {
@@ -46,6 +39,27 @@ void EventSource::serve() {
             Tcl_BackgroundException(interpreter.interp, TCL_ERROR);
         }
     }
+}
+
+void EventSource::callReactor() {
+    Interpreter& interpreter = interpreter_;
+    Reactor& reactor = comm_.reactor();
+    std::int64_t start = monotonicNow();
+    reactor.seen(start);
+    // A service that runs the event loop waits for something of its own: serve what is there, and no more.
+    bool nested = reactor.polling();
+    std::int64_t linger = nested || comm_.servers().empty() ? 0 : comm_.settings.linger * 1000;
+    std::int64_t end = start + 2 * linger;
+    if (shared_) {
+        // The timer is set once in a turn, so that it disturbs one call of 200.
+        do reactor.callGathered();
+        while (linger > 0 && !interpreter.closing() && reactor.seen() < end && notifier::goOn(end));
+        return;
+    }
+    // Nothing may be there: the reactor's timer goes off once more after a linger that a request cut short.
+    bool more = reactor.poll(0) > 0 && linger > 0;
+    // Each request tells the reactor the time; reading the clock here as well would be a hundredth of a call.
+    while (more && !interpreter.closing() && reactor.seen() < end) more = reactor.pollUntil(reactor.seen() + linger) > 0;
 }
 
 }  // namespace sorma

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "bus/call.h"
+#include "bus/kept.h"
 #include "bus/requestText.h"
 #include "tcl/soCommand.h"
 #include "tcl/tclService.h"
@@ -46,6 +47,8 @@ Interpreter::Interpreter(Tcl_Interp* i, bool isSafe) : interp(i), safe(isSafe), 
     Tcl_SetAssocData(interp, kKey, deleted, this);
     addInteger("-traillimit", "entries", "longest trail of a request; the oldest verbose entries go first (whole process)",
                1, 1'000'000, [] { return std::int64_t(Trail::limit()); }, [](std::int64_t n) { Trail::setLimit(std::size_t(n)); });
+    addInteger("-strict", "", "1: a name makes an object only if its flavor is in the dictionary, or its class takes any", 0, 1,
+               [this] { return std::int64_t(sorm.strict); }, [this](std::int64_t n) { sorm.strict = n != 0; });
 }
 
 Interpreter::~Interpreter() {
@@ -117,7 +120,7 @@ int Interpreter::raise(Trail trail, const std::string& request) noexcept {
     if (closing()) return TCL_ERROR;
     try {
         for (auto& e : trail.entries())
-            if (e.request.empty()) e.request = request;
+            if (e.request.empty()) e.request = sorm.masked(request);
         const Entry* cause = trail.cause();
         Tcl_ResetResult(interp);
         if (cause) {
@@ -141,7 +144,7 @@ bool Interpreter::loadClass(const std::string& name) {
     KeepErrorVariables keepVariables(interp);
     if (registerTclClass(*this, name)) return true;
     std::string package = "sorma::service::" + name;
-    if (missing_.has(package)) return false;
+    if (name.size() > kKeptName || missing_.has(package)) return false;
     sorm.access.need(nullptr, Right::files, package, name);
     Obj words[] = {Tcl_NewStringObj("::package", -1), Tcl_NewStringObj("require", -1), newText(package)};
     Tcl_Obj* objv[] = {words[0], words[1], words[2]};
@@ -152,7 +155,36 @@ bool Interpreter::loadClass(const std::string& name) {
     std::string message = toUtf8(Tcl_GetObjResult(interp));
     if (message != "can't find package " + package) fail(kPackage, name, message);
     missing_.add(package);
+    // Tcl has made an entry for the name all the same, and keeps it.
+    words[1] = newText("forget");
+    Tcl_Obj* forget[] = {words[0], words[1], words[2]};
+    Tcl_EvalObjv(interp, 3, forget, TCL_EVAL_GLOBAL);
     return false;
+}
+
+std::vector<std::string> Interpreter::classNames() {
+    if (closing()) return {};
+    KeepState keep(interp);
+    std::vector<std::string> out = tclClassNames(*this);
+    constexpr std::string_view kPrefix = "sorma::service::";
+    if (Tcl_EvalEx(interp, "::package names", -1, TCL_EVAL_GLOBAL) != TCL_OK) return out;
+    Obj names(Tcl_GetObjResult(interp));
+    for (auto& name : listStrings(names))
+        if (name.starts_with(kPrefix)) out.push_back(name.substr(kPrefix.size()));
+    return out;
+}
+
+// The folders of auto_path; the list stays short.
+std::string Interpreter::classPlaces() {
+    constexpr std::size_t kLongest = 300;
+    Tcl_Obj* path = closing() || safe ? nullptr : Tcl_GetVar2Ex(interp, "auto_path", nullptr, TCL_GLOBAL_ONLY);
+    if (!path) return {};
+    std::string out;
+    for (auto& folder : listStrings(path)) {
+        if (out.size() + folder.size() > kLongest) return out + ", ...";
+        out += (out.empty() ? "" : ", ") + folder;
+    }
+    return out;
 }
 
 void Interpreter::removed(const std::string& name) {
@@ -178,6 +210,22 @@ bool Interpreter::turn(std::int64_t until) {
     Tcl_DoOneEvent(TCL_ALL_EVENTS);
     Tcl_DeleteTimerHandler(timer);
     return true;
+}
+
+void runScript(Interpreter& i, Tcl_Obj* script) {
+    Obj keep(script);
+    if (i.closing()) return;
+    Interpreter::Kept kept(i);
+    if (Tcl_EvalObjEx(i.interp, script, TCL_EVAL_GLOBAL) != TCL_OK && !i.closing()) Tcl_BackgroundException(i.interp, TCL_ERROR);
+}
+
+void callBack(Interpreter& i, Tcl_Obj* prefix, std::initializer_list<Tcl_Obj*> words) {
+    std::vector<Obj> keep(words.begin(), words.end());
+    if (i.closing() || view(prefix).empty()) return;
+    Obj command(Tcl_DuplicateObj(prefix));
+    for (auto* w : words)
+        if (Tcl_ListObjAppendElement(i.interp, command, w) != TCL_OK) return Tcl_BackgroundException(i.interp, TCL_ERROR);
+    runScript(i, command);
 }
 
 std::string commandText(int objc, Tcl_Obj* const objv[]) {

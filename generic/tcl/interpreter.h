@@ -73,6 +73,8 @@ public:
 
     // ---- Host: called by the SORM, see bus/sorm.h ----
     bool loadClass(const std::string& name) override;
+    std::vector<std::string> classNames() override;
+    std::string classPlaces() override;
     void removed(const std::string& name) override;
     void providePackage(const char* package, const char* version) override;
     void report(const std::string& message) override;
@@ -135,6 +137,11 @@ private:
     bool due_ = false;                              // idle() has something to do
     std::vector<std::function<void()>> waiting_;    // of whenIdle
 };
+
+// Evaluate a script at global level, as an event does: an error goes to the background error handler. Nothing happens when the
+// interpreter is closing. callBack: a command prefix with further words; empty: none.
+void runScript(Interpreter& i, Tcl_Obj* script);
+void callBack(Interpreter& i, Tcl_Obj* prefix, std::initializer_list<Tcl_Obj*> words);
 
 // The words of a command as request text, for the trail; 4096 bytes at most.
 std::string commandText(int objc, Tcl_Obj* const objv[]);

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <memory>
 
+#include "bus/call.h"
+#include "bus/client.h"
 #include "tcl/interpreter.h"
 
 namespace sorma {
@@ -13,6 +15,12 @@ namespace sorma {
 namespace {
 
 constexpr std::size_t kMost = 10'000;           // names
+constexpr std::int64_t kRest = 1'000'000'000;   // [ns] between looks for others than the owner
+
+bool forStranger() {
+    const ClientPointer& client = CallContext::currentClient();
+    return client && client->principal;
+}
 
 std::int64_t changedAt(const std::string& path) {
     struct stat s;
@@ -21,15 +29,21 @@ std::int64_t changedAt(const std::string& path) {
 
 }  // namespace
 
-// `package versions`, which reads no files, shows an `ifneeded` script that was added meanwhile.
-bool MissingPackages::has(const std::string& package) {
-    if (!missing_.contains(package)) return false;
+// `package versions` reads no files. It knows an `ifneeded` script that was added meanwhile, and each class in the folders that Tcl
+// has read.
+bool MissingPackages::known(const std::string& package) const {
     Obj words[] = {newText("::package"), newText("versions"), newText(package)};
     Tcl_Obj* objv[] = {words[0], words[1], words[2]};
-    bool changed = Tcl_EvalObjv(interp_, 3, objv, TCL_EVAL_GLOBAL) == TCL_OK && !view(Tcl_GetObjResult(interp_)).empty();
-    changed = changed || places() != places_ ||
-              std::any_of(seen_.begin(), seen_.end(), [](auto& s) { return changedAt(s.path) != s.changed; });
+    return Tcl_EvalObjv(interp_, 3, objv, TCL_EVAL_GLOBAL) == TCL_OK && !view(Tcl_GetObjResult(interp_)).empty();
+}
+
+bool MissingPackages::has(const std::string& package) {
+    if (looked_ != 0 && forStranger() && monotonicNow() - looked_ < kRest) return !known(package);
+    if (!missing_.contains(package)) return false;
+    bool changed = known(package) || places() != places_ ||
+                   std::any_of(seen_.begin(), seen_.end(), [](auto& s) { return changedAt(s.path) != s.changed; });
     if (changed) missing_.clear();
+    looked_ = changed ? 0 : monotonicNow();
     return !changed;
 }
 
@@ -37,6 +51,7 @@ void MissingPackages::add(const std::string& package) {
     std::string now = places();
     if (missing_.empty() || missing_.size() >= kMost || now != places_) look(now);
     missing_.insert(package);
+    looked_ = monotonicNow();
 }
 
 std::string MissingPackages::places() const {

@@ -1,7 +1,5 @@
 #include "tcl/peerCommands.h"
 
-#include <dirent.h>
-
 #include <algorithm>
 #include <map>
 #include <memory>
@@ -10,8 +8,9 @@
 
 #include "bus/requestText.h"
 #include "comm/comm.h"
-#include "comm/endpoint.h"
 #include "comm/errors.h"
+#include "comm/rpcbind.h"
+#include "comm/runtimeFolder.h"
 #include "comm/siblings.h"
 #include "comm/signalsBlocked.h"
 
@@ -31,28 +30,17 @@ const Prototype kPrograms{Severity::error, "REQUEST SYNTAX", 0, "sorma::peer pro
 const Prototype kThread{Severity::error, "COMM LIMIT", 1, "the rpcbind of {} cannot be asked: {}"};
 const Prototype kEnded{Severity::error, "COMM LOST", 1, "{}: the connection to its daemon has ended; the request may have run"};
 
-// Calls a command prefix with further words at global level, as an event does.
-void call(Interpreter& i, Tcl_Obj* prefix, std::initializer_list<Tcl_Obj*> words) {
-    std::vector<Obj> keep(words.begin(), words.end());
-    if (i.closing() || view(prefix).empty()) return;
-    Interpreter::Kept kept(i);
-    Obj command(Tcl_DuplicateObj(prefix));
-    for (auto* w : words)
-        if (Tcl_ListObjAppendElement(i.interp, command, w) != TCL_OK) return Tcl_BackgroundException(i.interp, TCL_ERROR);
-    if (Tcl_EvalObjEx(i.interp, command, TCL_EVAL_GLOBAL | TCL_EVAL_DIRECT) != TCL_OK && !i.closing()) Tcl_BackgroundException(i.interp, TCL_ERROR);
-}
-
 void put(Tcl_Obj* dict, const char* key, Tcl_Obj* value) { Tcl_DictObjPut(nullptr, dict, Tcl_NewStringObj(key, -1), value); }
 void put(Tcl_Obj* dict, const char* key, std::string_view value) { put(dict, key, newText(value)); }
 
 // ---- sorma::resolve ----
 
-const char* toText(Place::State state) {
+const char* toText(Resolution::State state) {
     switch (state) {
-        case Place::State::here: return "here";
-        case Place::State::known: return "known";
-        case Place::State::asking: return "asking";
-        case Place::State::unresolved: break;
+        case Resolution::State::here: return "here";
+        case Resolution::State::known: return "known";
+        case Resolution::State::asking: return "asking";
+        case Resolution::State::unresolved: break;
     }
     return "unresolved";
 }
@@ -81,12 +69,12 @@ public:
     Interpreter& interpreter;
     std::shared_ptr<Connection> connection;             // null: this process
     std::map<std::string, std::unique_ptr<Listening>> subscriptions;
-    struct Request {
+    struct Asked {
         Future future;
         std::string name;
         Obj prefix;
     };
-    std::map<std::uint64_t, Request> asked;             // by number: what is under way
+    std::map<std::uint64_t, Asked> asked;             // by number: what is under way
     std::uint64_t last = 0;
     Tcl_Command token = nullptr;
 };
@@ -121,7 +109,7 @@ void PeerCommand::ask(int objc, Tcl_Obj* const objv[]) {
     if (method != "EXEC" && method != "CTRL" && method != "DBX") fail(kRequest, method);
     auto pending = std::make_shared<Pending>(interpreter.sorm, ms > 0 ? Deadline::in(ms) : Deadline(), nullptr, nullptr);
     std::span<Tcl_Obj* const> words(objv + at + 2, std::size_t(objc - at - 2));
-    if (method == "EXEC") readParts(words, pending->message);
+    if (method == "EXEC") readParts(toUtf8(objv[at]), words, pending->message);
     else
         for (auto* w : words) pending->message.words.push_back(toUtf8(w));
     Future future(pending);
@@ -135,14 +123,14 @@ void PeerCommand::ask(int objc, Tcl_Obj* const objv[]) {
         const Obj prefix = request.mapped().prefix;
         try {
             Message& m = f.result();
-            call(i, prefix, {newText("ok"), dictReply(i.constants, m)});
+            callBack(i, prefix, {newText("ok"), dictReply(i.constants, m)});
         } catch (const Error& e) {
             const Entry* cause = e.trail.cause();
             Tcl_Obj* words[] = {newText(cause ? cause->text : std::string(e.what())), cause ? errorCode(*cause) : Tcl_NewObj()};
-            call(i, prefix, {newText("error"), Tcl_NewListObj(2, words)});
+            callBack(i, prefix, {newText("error"), Tcl_NewListObj(2, words)});
         }
     });
-    asked.emplace(itsNumber, Request{future, toUtf8(objv[at]), prefix});
+    asked.emplace(itsNumber, Asked{future, toUtf8(objv[at]), prefix});
     try {
         connection->begin(pending, toUtf8(objv[at]), method == "EXEC" ? Method::exec : method == "CTRL" ? Method::ctrl : Method::dbx);
     } catch (...) {
@@ -165,7 +153,7 @@ void PeerCommand::giveUp() {
             if (i.closing()) return;
             const Entry entry = makeEntry(kEnded, {MessageArg::of(name)});
             Tcl_Obj* words[] = {newText(entry.text), errorCode(entry)};
-            call(i, prefix, {newText("error"), Tcl_NewListObj(2, words)});
+            callBack(i, prefix, {newText("error"), Tcl_NewListObj(2, words)});
         });
 }
 
@@ -178,7 +166,7 @@ void PeerCommand::subscribe(int objc, Tcl_Obj* const objv[]) {
     std::string name = "s" + std::to_string(++last), so = toUtf8(objv[at]);
     auto listener = [weak = weak_from_this(), prefix](Received& e) {
         auto self = weak.lock();
-        if (self && !self->interpreter.closing()) call(self->interpreter, prefix, {eventDict(self->interpreter.constants, e)});
+        if (self && !self->interpreter.closing()) callBack(self->interpreter, prefix, {eventDict(self->interpreter.constants, e)});
     };
     if (connection) {
         subscriptions[name] = connection->listenLater(so, toUtf8(pattern), std::size_t(keep), listener, true);
@@ -238,7 +226,7 @@ int PeerObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const obj
                 put(dict, "since", Tcl_NewWideIntObj(Tcl_WideInt(h.since / 1000)));
                 put(dict, "underway", Tcl_NewWideIntObj(h.underway));
                 put(dict, "connections", Tcl_NewWideIntObj(h.connections));
-                call(peer->interpreter, prefix, {dict});
+                callBack(peer->interpreter, prefix, {dict});
             });
             return TCL_OK;
         }
@@ -254,7 +242,7 @@ struct Peers : std::enable_shared_from_this<Peers> {
         if (watch && watch->alive() && watch->folder() == folder) return;
         watch = std::make_unique<FolderWatch>(comm.reactor(), folder, ".sock", [this] {
             Obj kept = changedCmd;
-            call(interpreter, kept, {});
+            callBack(interpreter, kept, {});
         });
     }
 
@@ -270,17 +258,17 @@ int ResolveObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const 
     auto& p = *static_cast<Peers*>(data);
     return guarded(p.interpreter, objc, objv, [&] {
         if (objc != 2) return Tcl_WrongNumArgs(interp, 1, objv, "name"), TCL_ERROR;
-        Place place = p.comm.resolver().find(toUtf8(objv[1]));
-        const bool target = place.state == Place::State::known || place.state == Place::State::here;
+        Resolution place = p.comm.resolver().find(toUtf8(objv[1]));
+        const bool target = place.state == Resolution::State::known || place.state == Resolution::State::here;
         const Address& a = place.target;
         Tcl_Obj* dict = Tcl_NewDictObj();
         put(dict, "service", place.service);
         put(dict, "where", place.where);
         put(dict, "state", toText(place.state));
-        put(dict, "address", place.address.kind == Address::Kind::self ? std::string() : describe(target ? a : place.address));
-        put(dict, "socket", a.kind == Address::Kind::path ? a.host : std::string());
-        put(dict, "host", a.kind == Address::Kind::tcp || a.kind == Address::Kind::program ? a.host : std::string());
-        put(dict, "port", a.kind == Address::Kind::tcp ? std::to_string(a.number) : std::string());
+        put(dict, "address", isHere(place.address) ? std::string() : target ? describe(a) : place.address.toText());
+        put(dict, "socket", pathOf(a));
+        put(dict, "host", hostOf(a));
+        put(dict, "port", portOf(a) > 0 ? std::to_string(portOf(a)) : std::string());
         put(dict, "why", place.why);
         Tcl_SetObjResult(interp, dict);
         return TCL_OK;
@@ -295,15 +283,8 @@ int names(Peers& p, int objc, Tcl_Obj* const objv[]) {
     std::string folder = runtimeFolder();
     if (command) p.watchFolder(folder, command);
     Obj list(Tcl_NewListObj(0, nullptr));
-    std::vector<std::string> found;
-    std::unique_ptr<DIR, int (*)(DIR*)> dir(opendir(folder.c_str()), closedir);
-    while (dirent* e = dir ? readdir(dir.get()) : nullptr) {
-        std::string_view file = e->d_name;
-        if (file.size() > 5 && file.ends_with(".sock") && Name::isName("sorm@" + std::string(file.substr(0, file.size() - 5))))
-            found.emplace_back(file.substr(0, file.size() - 5));
-    }
-    std::sort(found.begin(), found.end());
-    for (auto& name : found) Tcl_ListObjAppendElement(nullptr, list, newText(name));
+    for (auto& name : namesIn(folder, kSocketEnding))
+        if (Name::isName("sorm@" + name)) Tcl_ListObjAppendElement(nullptr, list, newText(name));
     Tcl_SetObjResult(p.interpreter.interp, list);
     return TCL_OK;
 }
@@ -329,7 +310,7 @@ int programs(const std::shared_ptr<Peers>& p, int objc, Tcl_Obj* const objv[]) {
                 if (!told) return;
                 Obj list(Tcl_NewListObj(0, nullptr));
                 for (auto& f : found) Tcl_ListObjAppendElement(nullptr, list, newText(f));
-                call(peers->interpreter, told.mapped(), {list});
+                callBack(peers->interpreter, told.mapped(), {list});
             });
         }).detach();
     } catch (const std::system_error& e) {
@@ -355,7 +336,7 @@ int NewPeerObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const 
         Address::parse(where);
         auto peer = std::make_shared<PeerCommand>(i, where == "self" ? nullptr : p.comm.privateLine(where));
         if (peer->connection) peer->connection->changed = [weak = std::weak_ptr(peer), command] {
-            if (auto self = weak.lock(); self && !self->interpreter.closing()) call(self->interpreter, command, {});
+            if (auto self = weak.lock(); self && !self->interpreter.closing()) callBack(self->interpreter, command, {});
         };
         std::string name = "::sorma::peer::p" + std::to_string(++p.last);
         peer->token = Tcl_CreateObjCommand(interp, name.c_str(), PeerObjCmd, new PeerPointer(peer),

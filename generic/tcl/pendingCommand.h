@@ -10,7 +10,7 @@
 namespace sorma {
 
 // The method of a request, and the form of its result.
-struct Request {
+struct RequestForm {
     // flat: RET ...; dict: as of exec; text: the text alone; oneOption: the value of `cget`; nothing: empty
     enum class Answer { flat, dict, text, oneOption, nothing };
     Method method = Method::exec;
@@ -19,7 +19,7 @@ struct Request {
 
 class PendingCommand {
 public:
-    PendingCommand(Interpreter& i, std::string name, Request request, Future future, int objc, Tcl_Obj* const objv[]);
+    PendingCommand(Interpreter& i, std::string name, RequestForm request, Future future, int objc, Tcl_Obj* const objv[]);
     const Future& future() const { return future_; }
     const std::string& name() const { return name_; }
     // When the future is done: set the interpreter's result and return TCL_OK, or raise the error. May be called again.
@@ -28,7 +28,7 @@ public:
 private:
     Interpreter& interpreter_;
     std::string name_;
-    Request request_;
+    RequestForm request_;
     Future future_;
     Obj words_;                         // NAME METHOD word ..., for messages
 };

@@ -55,12 +55,6 @@ int number(const char* what, Tcl_Obj* given) {
     return int(value);
 }
 
-void evaluate(Interpreter& i, Tcl_Obj* script) {
-    Interpreter::Kept kept(i);
-    Obj keep(script);
-    if (Tcl_EvalObjEx(i.interp, keep, TCL_EVAL_GLOBAL) != TCL_OK && !i.closing()) Tcl_BackgroundException(i.interp, TCL_ERROR);
-}
-
 // ---- signals ----
 
 int signalBell = -1;
@@ -88,7 +82,7 @@ void signalReadable(ClientData data, int) {
     auto& s = *static_cast<SignalScript*>(data);
     std::uint64_t count;
     if (read(signalBell, &count, sizeof count) < 0) return;
-    evaluate(s.interpreter, s.script);      // which may end the interpreter, and s with it
+    runScript(s.interpreter, s.script);      // which may end the interpreter, and s with it
 }
 
 int AtSignalObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
@@ -159,7 +153,7 @@ void childEnded(ClientData data, int) {
     Interpreter& i = ended->interpreter;
     Obj script = ended->script;
     std::erase_if(ended->all, [&](auto& s) { return s.get() == ended; });
-    evaluate(i, script);
+    runScript(i, script);
 }
 
 int AtEndObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {

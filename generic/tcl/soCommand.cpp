@@ -1,3 +1,4 @@
+#include "bus/nearest.h"
 #include "tcl/soCommand.h"
 
 #include <cstring>
@@ -16,9 +17,13 @@ constexpr std::string_view kNamespace = "::sorma::so::";
 
 const Prototype kNoOption{Severity::error, "OPTION UNKNOWN", 2, "{}: unknown option \"{}\""};
 const Prototype kBadMethod{Severity::error, "REQUEST SYNTAX", 0,
-                           "bad method \"{}\": must be CTRL, DBX, EXEC, cget, configure, destroy, exec, or info"};
+                           "bad method \"{}\"{}: must be CTRL, DBX, EXEC, cget, configure, destroy, exec, or info"};
 const Prototype kNotAsync{Severity::error, "REQUEST SYNTAX", 0, "{} cannot be asked for later: must be CTRL, DBX, EXEC, cget, configure, exec, or info"};
 const Prototype kPairs{Severity::error, "OPTION MISSING", 2, "{}: {} needs a value"};
+
+[[noreturn]] void badMethod(Tcl_Obj* word) {
+    fail(kBadMethod, toUtf8(word), didYouMean(toUtf8(word), {"CTRL", "DBX", "EXEC", "cget", "configure", "destroy", "exec", "info"}));
+}
 
 enum class Word { none, EXEC, CTRL, DBX, exec, configure, cget, info, destroy };
 
@@ -48,7 +53,7 @@ public:
         Tcl_Command token = nullptr;
     };
     SoBinding(Interpreter& i, std::string n, Reference r)
-        : interpreter(i), name(std::move(n)), so(std::move(r)), remote(isRemote(*so)) {
+        : interpreter(i), name(std::move(n)), so(std::move(r)), remote(so->isElsewhere()) {
         for (auto& c : commands) c.owner = this;
     }
 
@@ -61,10 +66,8 @@ public:
     bool registered = false;            // in interpreter.bindings
     Command commands[2];                // ::sorma::so::NAME and ::NAME
 
-    static bool isRemote(const Service& s) { return s.type().name() == "proxy"; }
-
     // Without a command it goes, but not under the feet of a call in progress.
-    void release() {
+    void deleteUnused() {
         if (commands[0].token || commands[1].token) return;
         if (registered) interpreter.bindings.erase(name);
         registered = false;
@@ -73,7 +76,7 @@ public:
     // A call in progress may stand on the reference that is replaced.
     void renew(Reference fresh) {
         std::swap(so, fresh);
-        remote = isRemote(*so);
+        remote = so->isElsewhere();
         interpreter.whenIdle([old = std::move(fresh)] {});
     }
 
@@ -123,8 +126,8 @@ std::string requestText(const std::string& name, int objc, Objects objv) {
         };
         Method verb = Method::dbx;
         switch (method) {
-            case Word::EXEC: verb = Method::exec; readParts(words, m); break;
-            case Word::exec: verb = Method::exec; readOptions(words, m); break;
+            case Word::EXEC: verb = Method::exec; readParts(name, words, m); break;
+            case Word::exec: verb = Method::exec; readOptions(name, words, m); break;
             case Word::CTRL: case Word::configure: verb = Method::ctrl; take({}); break;
             case Word::DBX: take({}); break;
             case Word::cget: take({"-get"}); break;
@@ -147,7 +150,7 @@ std::string requestText(const std::string& name, int objc, Objects objv) {
     if (!m.trail.empty()) {
         std::string request = requestText(name, objc, objv);
         for (auto& e : m.trail.entries())
-            if (e.request.empty()) e.request = request;
+            if (e.request.empty()) e.request = interpreter.sorm.masked(request);
         // Inside a TclOO service this was a call to a sub-service: its messages travel on with the reply.
         if (auto running = runningNow(interpreter); running.message) running.message->trail.append(m.trail);
     }
@@ -169,42 +172,42 @@ int answer(SoBinding& b, Tcl_Obj* result) { return answer(b.interpreter, result)
 
 // ---- from words to a request, and from its message to a result ----
 
-int configure(SoBinding& b, int objc, Objects objv, Request& request, Message& m) {
+int configure(SoBinding& b, int objc, Objects objv, RequestForm& request, Message& m) {
     request.method = Method::dbx;
     if (objc == 2) {
         m.words = {"-info", "options"};
-        request.answer = Request::Answer::text;
+        request.answer = RequestForm::Answer::text;
     } else if (objc == 3) {
         m.words = {"-info", "options", toUtf8(objv[2])};
-        request.answer = Request::Answer::oneOption;
+        request.answer = RequestForm::Answer::oneOption;
     } else {
         if (objc % 2 != 0) fail(kPairs, b.name, toUtf8(objv[objc - 1]));
         for (int i = 2; i < objc; ++i) m.words.push_back(toUtf8(objv[i]));
         request.method = Method::ctrl;
-        request.answer = Request::Answer::nothing;
+        request.answer = RequestForm::Answer::nothing;
     }
     return TCL_OK;
 }
 
 // Read the words of a command. TCL_CONTINUE: it is no request, but something between this interpreter and the command.
-int readRequest(SoBinding& b, Word word, int objc, Objects objv, Request& request, Message& m) {
+int readRequest(SoBinding& b, Word word, int objc, Objects objv, RequestForm& request, Message& m) {
     Tcl_Interp* interp = b.interpreter.interp;
     std::span<Tcl_Obj* const> words(objv + 2, std::size_t(objc - 2));
-    request.answer = Request::Answer::text;
+    request.answer = RequestForm::Answer::text;
     request.method = Method::dbx;
     switch (word) {
         case Word::EXEC:
-            readParts(words, m);
-            request = {Method::exec, Request::Answer::flat};
+            readParts(b.name, words, m);
+            request = {Method::exec, RequestForm::Answer::flat};
             return TCL_OK;
         case Word::exec:
-            readOptions(words, m);
-            request = {Method::exec, Request::Answer::dict};
+            readOptions(b.name, words, m);
+            request = {Method::exec, RequestForm::Answer::dict};
             return TCL_OK;
         case Word::CTRL:
         case Word::DBX:
             for (auto* o : words) m.words.push_back(toUtf8(o));
-            request = {word == Word::CTRL ? Method::ctrl : Method::dbx, Request::Answer::flat};
+            request = {word == Word::CTRL ? Method::ctrl : Method::dbx, RequestForm::Answer::flat};
             return TCL_OK;
         case Word::configure:
             return configure(b, objc, objv, request, m);
@@ -225,12 +228,12 @@ int readRequest(SoBinding& b, Word word, int objc, Objects objv, Request& reques
 }
 
 // so: the object that has answered; null: it was removed meanwhile.
-Tcl_Obj* resultOf(const Constants& constants, const std::string& name, Service* so, const Request& request, const Message& m, Tcl_Obj* option) {
+Tcl_Obj* resultOf(const Constants& constants, const std::string& name, Service* so, const RequestForm& request, const Message& m, Tcl_Obj* option) {
     switch (request.answer) {
-        case Request::Answer::flat: return flatReply(constants, m);
-        case Request::Answer::dict: return dictReply(constants, m);
-        case Request::Answer::nothing: return constants.empty;
-        case Request::Answer::oneOption: {
+        case RequestForm::Answer::flat: return flatReply(constants, m);
+        case RequestForm::Answer::dict: return dictReply(constants, m);
+        case RequestForm::Answer::nothing: return constants.empty;
+        case RequestForm::Answer::oneOption: {
             Obj list(newText(m.text));
             auto entries = listElements(list);
             if (entries.size() == 1) return Obj(entries[0]), Tcl_DuplicateObj(entries[0]);
@@ -240,11 +243,11 @@ Tcl_Obj* resultOf(const Constants& constants, const std::string& name, Service* 
             so->invoke(Method::dbx, again);
             return newText(again.text);
         }
-        case Request::Answer::text: break;
+        case RequestForm::Answer::text: break;
     }
     return newText(m.text);
 }
-Tcl_Obj* resultOf(SoBinding& b, const Request& request, const Message& m, Tcl_Obj* option) {
+Tcl_Obj* resultOf(SoBinding& b, const RequestForm& request, const Message& m, Tcl_Obj* option) {
     return resultOf(b.interpreter.constants, b.name, &*b.so, request, m, option);
 }
 
@@ -265,12 +268,12 @@ int ownMethod(SoBinding& b, Word method, int objc, Objects objv) {
         case Word::destroy:
             if (objc != 2) return Tcl_WrongNumArgs(interp, 2, objv, nullptr), TCL_ERROR;
             // The name may have been written otherwise than the repository has it: nop@h:0x014.
-            b.interpreter.sorm.remove(b.interpreter.sorm.find(b.name) ? b.name : b.so->name());
+            b.interpreter.sorm.remove(b.interpreter.sorm.find(b.name) ? b.name : b.so->name(), Permit::owner());
             if (!b.interpreter.closing()) deleteCommands(b.interpreter, b.name);
             return answer(b, b.interpreter.constants.empty);
         default:
             if (b.name == "dict") return tclDict(interp, objc, objv);
-            fail(kBadMethod, toUtf8(objv[1]));
+            badMethod(objv[1]);
     }
 }
 
@@ -282,7 +285,7 @@ void forgetNowhere(Interpreter& i, const std::string& name, const Trail& trail) 
         if (i.closing()) return;
         auto* proxy = dynamic_cast<Proxy*>(i.sorm.find(name));
         if (!proxy || proxy->references() > 2 || !proxy->isNowhere()) return;
-        i.sorm.remove(name);
+        i.sorm.remove(name, Permit::owner());
         deleteCommands(i, name);
     });
 }
@@ -295,13 +298,13 @@ void forgetNowhere(Interpreter& i, const std::string& name, const Trail& trail) 
 
 // ---- answers that come later ----
 
-int answerLater(SoBinding& b, Future future, Request request, int objc, Objects objv) {
+int answerLater(SoBinding& b, Future future, RequestForm request, int objc, Objects objv) {
     auto pending = std::make_shared<PendingCommand>(b.interpreter, b.name, request, std::move(future), objc, objv);
     return waitThen(b.interpreter, {pending->future()}, true, {}, [pending] { return pending->finish(); });
 }
 
 // In a coroutine, what another process answers suspends that coroutine alone.
-[[gnu::noinline]] int callRemote(SoBinding& b, const Request& request, Message& m, int objc, Objects objv) {
+[[gnu::noinline]] int callRemote(SoBinding& b, const RequestForm& request, Message& m, int objc, Objects objv) {
     Obj coroutine = coroutineName(b.interpreter);
     if (view(coroutine).empty()) {
         invoke(b, request.method, m, objc, objv);
@@ -315,7 +318,7 @@ int answerLater(SoBinding& b, Future future, Request request, int objc, Objects 
 [[gnu::noinline]] int otherMethod(SoBinding& b, Word method, int objc, Objects objv) {
     SoBinding::Borrowed borrowed(b);
     Message& m = *borrowed;
-    Request request;
+    RequestForm request;
     int code = readRequest(b, method, objc, objv, request, m);
     if (code == TCL_CONTINUE) return ownMethod(b, method, objc, objv);
     if (code != TCL_OK) return code;
@@ -339,10 +342,10 @@ int call(SoBinding& b, int objc, Objects objv) noexcept {
         if (method != Word::EXEC || b.remote) return otherMethod(b, method, objc, objv);
         SoBinding::Borrowed borrowed(b);
         Message& m = *borrowed;
-        if (objc > 2) readParts({objv + 2, std::size_t(objc - 2)}, m);
+        if (objc > 2) readParts(b.name, {objv + 2, std::size_t(objc - 2)}, m);
         // The call may remove the object, but not before it returns: see renew, release.
         if (b.so->start(Method::exec, m)) [[unlikely]]
-            return answerLater(b, Future(std::exchange(m.later, nullptr)), {Method::exec, Request::Answer::flat}, objc, objv);
+            return answerLater(b, Future(std::exchange(m.later, nullptr)), {Method::exec, RequestForm::Answer::flat}, objc, objv);
         if (!m.trail.empty() || !interpreter.sorm.lastTrail().empty()) [[unlikely]] keepTrail(b.interpreter, b.name, m, objc, objv);
         if (interpreter.ended()) [[unlikely]] return TCL_ERROR;
         if (m.code == 0 && m.floats.empty() && m.text.empty() && m.ints.empty() && m.any.empty() && m.trail.empty()) {
@@ -368,7 +371,7 @@ int SoObjCmd(ClientData data, Tcl_Interp* interp, int objc, Objects objv) {
 void soCommandDeleted(ClientData data) {
     auto* command = static_cast<SoBinding::Command*>(data);
     command->token = nullptr;
-    command->owner->release();
+    command->owner->deleteUnused();
 }
 
 // ---- from names to commands ----
@@ -386,7 +389,7 @@ void makeCommands(SoBinding& b) {
 }
 
 // Never null; the object is made when need be.
-SoBinding& bindingFor(Interpreter& i, std::string_view name) {
+SoBinding& bindingFor(Interpreter& i, std::string_view name, Probe probe = Probe::now) {
     std::string key(name);
     auto known = i.bindings.find(key);
     if (known != i.bindings.end() && !known->second->so->gone()) {
@@ -395,7 +398,7 @@ SoBinding& bindingFor(Interpreter& i, std::string_view name) {
     }
     if (key.starts_with("::"))          // no name, but perhaps a TclOO object that a script has made
         if (std::string label = labelOfObject(i, key); !label.empty()) return *i.bindings.at(label);
-    Reference so = i.sorm.get(name);
+    Reference so = i.sorm.get(name, probe);
     known = i.bindings.find(key);       // making it may have bound it
     SoBinding* b;
     if (known != i.bindings.end()) {
@@ -409,21 +412,6 @@ SoBinding& bindingFor(Interpreter& i, std::string_view name) {
     makeCommands(*b);
     return *b;
 }
-
-// In a coroutine nothing may block, not even the first mention of a remote object.
-class NonBlocking {
-public:
-    explicit NonBlocking(Interpreter& i, bool always = false) : sorm_(i.sorm), was_(i.sorm.nonBlocking) {
-        if (always || !view(coroutineName(i)).empty()) sorm_.nonBlocking = true;
-    }
-    ~NonBlocking() { sorm_.nonBlocking = was_; }
-    NonBlocking(const NonBlocking&) = delete;
-    NonBlocking& operator=(const NonBlocking&) = delete;
-
-private:
-    Sorm& sorm_;
-    const bool was_;
-};
 
 // ---- unknown words ----
 
@@ -524,12 +512,12 @@ int UnknownNRCmd(ClientData data, Tcl_Interp* interp, int objc, Objects objv) {
                 }
                 Word method = objc > 1 ? methodOf(objv[1]) : Word::none;
                 if (method == Word::none) {         // no connection is made for a slip of the pen
-                    if (objc > 1) fail(kBadMethod, toUtf8(objv[1]));
+                    if (objc > 1) badMethod(objv[1]);
                     Tcl_WrongNumArgs(interp, 1, objv, "method ?word ...?");
                     return TCL_ERROR;
                 }
-                NonBlocking nonBlocking(i);
-                SoBinding& b = bindingFor(i, mention.name);
+                // In a coroutine nothing may block, not even the first mention of a remote object.
+                SoBinding& b = bindingFor(i, mention.name, view(coroutineName(i)).empty() ? Probe::now : Probe::later);
                 return call(b, objc, objv);
             }
         } catch (const Error& e) {
@@ -555,7 +543,7 @@ int UnknownObjCmd(ClientData data, Tcl_Interp* interp, int objc, Objects objv) {
 
 }  // namespace
 
-PendingCommand::PendingCommand(Interpreter& i, std::string name, Request request, Future future, int objc, Tcl_Obj* const objv[])
+PendingCommand::PendingCommand(Interpreter& i, std::string name, RequestForm request, Future future, int objc, Tcl_Obj* const objv[])
     : interpreter_(i), name_(std::move(name)), request_(request), future_(std::move(future)), words_(Tcl_NewListObj(objc, objv)) {}
 
 int PendingCommand::finish() const {
@@ -579,11 +567,10 @@ int PendingCommand::finish() const {
 }
 
 std::shared_ptr<PendingCommand> beginCommand(Interpreter& i, std::string_view name, int objc, Tcl_Obj* const objv[], Deadline deadline) {
-    NonBlocking nonBlocking(i, true);
-    SoBinding& b = bindingFor(i, name);
+    SoBinding& b = bindingFor(i, name, Probe::later);
     if (objc < 2) return Tcl_WrongNumArgs(i.interp, 1, objv, "method ?word ...?"), nullptr;
     Message m;
-    Request request;
+    RequestForm request;
     int code = readRequest(b, methodOf(objv[1]), objc, objv, request, m);
     if (code == TCL_CONTINUE) fail(kNotAsync, toUtf8(objv[1]));
     if (code != TCL_OK) return nullptr;
@@ -594,7 +581,7 @@ bool sendOneway(Interpreter& i, std::string_view name, int objc, Tcl_Obj* const 
     SoBinding& b = bindingFor(i, name);
     if (objc < 2) return Tcl_WrongNumArgs(i.interp, 1, objv, "method ?word ...?"), false;
     Message m;
-    Request request;
+    RequestForm request;
     int code = readRequest(b, methodOf(objv[1]), objc, objv, request, m);
     if (code == TCL_CONTINUE) fail(kNotAsync, toUtf8(objv[1]));
     if (code != TCL_OK) return false;
@@ -623,7 +610,7 @@ void bindAnonymous(Interpreter& i, const std::string& label, Reference so) {
 
 void releaseAnonymous(Interpreter& i, const std::string& label) {
     auto found = i.bindings.find(label);
-    if (found != i.bindings.end()) found->second->release();
+    if (found != i.bindings.end()) found->second->deleteUnused();
 }
 
 bool isBound(Interpreter& i, const std::string& label) { return i.bindings.contains(label); }

@@ -19,10 +19,23 @@ void classDeleted(ClientData data) {
     auto* handle = static_cast<ClassHandle*>(data);
     TclClass& c = **handle;
     c.tcl = nullptr;
-    if (!c.interpreter->closing()) c.interpreter->sorm.forget(c.service);
+    if (!c.interpreter->closing() && !c.service.empty()) c.interpreter->sorm.forget(c.service);
     delete handle;
 }
 void objectDeleted(ClientData data) { static_cast<TclService*>(data)->objectDeleted(); }
+
+// oo::copy. Without these the copy would have the same pointer. A class keeps its declarations; declarationsOf gives it its name.
+int classCopied(Tcl_Interp*, ClientData from, ClientData* to) {
+    auto made = std::make_shared<TclClass>(**static_cast<ClassHandle*>(from));
+    made->tcl = nullptr;
+    made->service.clear();
+    *to = new ClassHandle(made);
+    return TCL_OK;
+}
+int objectCopied(Tcl_Interp*, ClientData, ClientData* to) {
+    *to = nullptr;          // its first request makes it a service object of its own
+    return TCL_OK;
+}
 
 std::string lower(std::string text) {
     for (char& c : text) c = char(std::tolower(static_cast<unsigned char>(c)));
@@ -36,8 +49,8 @@ std::string tailOf(const std::string& path) {
 
 }  // namespace
 
-const Tcl_ObjectMetadataType kClassData = {TCL_OO_METADATA_VERSION_CURRENT, "sorma::Class", classDeleted, nullptr};
-const Tcl_ObjectMetadataType kObjectData = {TCL_OO_METADATA_VERSION_CURRENT, "sorma::Object", objectDeleted, nullptr};
+const Tcl_ObjectMetadataType kClassData = {TCL_OO_METADATA_VERSION_CURRENT, "sorma::Class", classDeleted, classCopied};
+const Tcl_ObjectMetadataType kObjectData = {TCL_OO_METADATA_VERSION_CURRENT, "sorma::Object", objectDeleted, objectCopied};
 
 // A class of Tcl may be called anything; what no name of SORMA may hold becomes a _.
 std::string serviceName(std::string_view tclClass) {
@@ -51,12 +64,13 @@ std::string serviceName(std::string_view tclClass) {
 std::string objectName(Tcl_Interp* interp, Tcl_Object object) { return toUtf8(Tcl_GetObjectName(interp, object)); }
 
 TclClass& declarationsOf(Interpreter& i, Tcl_Class type) {
-    if (auto* known = static_cast<ClassHandle*>(Tcl_ClassGetMetadata(type, &kClassData))) return **known;
-    auto made = std::make_shared<TclClass>();
+    auto* known = static_cast<ClassHandle*>(Tcl_ClassGetMetadata(type, &kClassData));
+    if (known && (*known)->tcl) return **known;
+    auto made = known ? *known : std::make_shared<TclClass>();
     made->interpreter = &i;
     made->tcl = type;
     made->service = serviceName(objectName(i.interp, Tcl_GetClassAsObject(type)));
-    Tcl_ClassSetMetadata(type, &kClassData, new ClassHandle(made));
+    if (!known) Tcl_ClassSetMetadata(type, &kClassData, new ClassHandle(made));
     answerRequests(i, Tcl_GetClassAsObject(type));
     return *made;
 }
@@ -145,7 +159,9 @@ Trail trailOfTclError(Interpreter& i, int code, const std::string& so, const Cla
     } catch (const Error&) {
     }
     bool ours = words.size() >= 3 && words[0] == "SORMA";
-    if (ours) {
+    // A code of the class's own, or of a library. Tcl's own codes for a fault in a script do not count.
+    bool foreign = !ours && !words.empty() && words[0] != "NONE" && words[0] != "TCL" && words[0] != "ARITH" && words[0] != "SORMA";
+    if (ours || foreign) {
         // Raised by one of our own commands below: its trail says more than a Tcl error can.
         const Trail& last = i.sorm.lastTrail();
         if (const Entry* cause = last.cause(); cause && cause->severity == Severity::error && cause->text == text) {
@@ -153,13 +169,14 @@ Trail trailOfTclError(Interpreter& i, int code, const std::string& so, const Cla
             if (view(lastCode) == view(errorCodeValue)) return last;
         }
     }
-    Entry e = ours ? Entry{} : makeEntry(kTcl, {MessageArg::of(so), MessageArg::of(text)});
+    Entry e = ours ? Entry{} : makeEntry(foreign ? kForeignCode : kTcl, {MessageArg::of(so), MessageArg::of(text)});
     if (ours) {
         e.symbol = words[1] + " " + words[2];
         e.details.assign(words.begin() + 3, words.end());
         e.text = text;
         e.time = makeEntry(kTcl, {}).time;
     }
+    if (foreign) e.details.insert(e.details.end(), words.begin(), words.end());
     e.so = so;
     e.file = type.file();
     e.line = type.line();

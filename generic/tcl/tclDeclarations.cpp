@@ -1,3 +1,4 @@
+#include "bus/nearest.h"
 #include "tcl/tclServiceParts.h"
 
 #include <algorithm>
@@ -35,6 +36,7 @@ Class buildClass(Interpreter& i, const std::vector<TclClass*>& line, Tcl_Class t
         if (!c->version.empty()) made.version(c->version);
         if (!c->concurrency.empty())
             made.concurrency(c->concurrency == "concurrent" ? Concurrency::concurrent : c->concurrency == "exclusive" ? Concurrency::exclusive : Concurrency::serial);
+        if (!c->flavors.empty()) made.flavors(c->flavors == "dictionary" ? Flavors::dictionary : Flavors::any);
         if (!c->file.empty()) made.declaredAt(c->file, c->line);
         for (auto& d : c->options) {
             std::size_t index = made.options().size();
@@ -45,8 +47,10 @@ Class buildClass(Interpreter& i, const std::vector<TclClass*>& line, Tcl_Class t
                 o.refer = [index](Service& s, Reference r) { static_cast<TclService&>(s).setService(index, std::move(r)); };
             made.option(std::move(o));
         }
+        for (auto& word : c->wordKinds) made.untypedWord(word.verb, word.at, word.kind);
         for (auto& a : c->actions) made.action(a);
         for (auto& a : c->inspections) made.inspection(a, a.right);
+        for (auto& [danger, words] : c->dangers) made.execDanger(danger, words);
         for (auto& p : c->reads) made.reads(p.field, p.count, p.unit, p.help, p.low, p.high);
         for (auto& p : c->writes) made.writes(p.field, p.count, p.unit, p.help);
     }
@@ -131,13 +135,25 @@ std::string oneOf(std::initializer_list<const char*> words) {
     return out;
 }
 
+// The end of an error about an unknown word: the near one, and all that there are.
+std::string nearAndOneOf(Tcl_Obj* word, std::initializer_list<const char*> words) {
+    return "\"" + toUtf8(word) + "\"" + didYouMean(toUtf8(word), {words.begin(), words.end()}) + ": must be " + oneOf(words);
+}
+
+Danger danger(Tcl_Obj* command, const std::string& word, Tcl_Obj* value) {
+    Danger out = Danger::none;
+    if (!fromText(view(value), out))
+        bad(command, word + ": bad danger \"" + toUtf8(value) + "\": must be " + oneOf({"fire", "move", "power", "stop"}));
+    return out;
+}
+
 int OptionObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     return guarded(i, objc, objv, [&] {
         if (objc < 3 || objc % 2 == 0)
             return wrongArgs(interp, objv, "-name type ?-unit u? ?-range {low high}? ?-choices list? ?-length n? ?-default value? "
-                                           "?-fixed boolean? ?-warn {low high}? ?-alarm {low high}? ?-kind file|colour|time? "
-                                           "?-names list? ?-group name? ?-expert boolean? ?-help text?");
+                                           "?-fixed boolean? ?-warn {low high}? ?-alarm {low high}? ?-kind file|folder|segment|program|colour|time? "
+                                           "?-names list? ?-group name? ?-expert boolean? ?-danger move|power|fire? ?-secret boolean? ?-help text?");
         TclClass& c = target(i, objv[0]);
         OptionDeclaration d;
         Option& o = d.option;
@@ -175,17 +191,20 @@ int OptionObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
                 else (word == "-warn" ? o.spec.warn : o.spec.alarm) = l;
             } else if (word == "-kind") {
                 if (!fromText(view(value), o.spec.kind))
-                    bad(objv[0], o.name + ": bad kind \"" + toUtf8(value) + "\": must be " + oneOf({"colour", "file", "time"}));
+                    bad(objv[0], o.name + ": bad kind \"" + toUtf8(value) + "\": must be " + oneOf({"colour", "file", "folder", "program", "segment", "time"}));
+            } else if (word == "-danger") {
+                o.spec.danger = danger(objv[0], o.name, value);
             } else if (word == "-names") {
                 o.spec.names = listStrings(value);
             } else if (word == "-group") {
                 o.spec.group = toUtf8(value);
             } else if (word == "-expert") {
                 o.spec.expert = toBoolean(value);
+            } else if (word == "-secret") {
+                o.spec.secret = toBoolean(value);
             } else {
-                bad(objv[0], "unknown word \"" + toUtf8(objv[k]) + "\": must be " +
-                                 oneOf({"-alarm", "-choices", "-default", "-expert", "-fixed", "-group", "-help", "-kind", "-length", "-names", "-range",
-                                        "-unit", "-warn"}));
+                bad(objv[0], "unknown word " + nearAndOneOf(objv[k], {"-alarm", "-choices", "-danger", "-default", "-expert", "-fixed", "-group", "-help", "-kind", "-length", "-names", "-range",
+                                        "-secret", "-unit", "-warn"}));
             }
         }
         if (o.type == Type::choice && o.choices.empty()) bad(objv[0], o.name + ": an enum needs -choices");
@@ -209,10 +228,31 @@ int OptionObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
     });
 }
 
+Kind kindOf(Tcl_Obj* command, const std::string& where, Tcl_Obj* o) {
+    Kind kind = Kind::plain;
+    if (!fromText(view(o), kind) || (kind != Kind::file && kind != Kind::folder && kind != Kind::segment && kind != Kind::program))
+        bad(command, where + ": bad kind \"" + toUtf8(o) + "\": must be file, folder, program, or segment");
+    return kind;
+}
+
+// {argument kind ...} of an action. The kind of args holds for all words that it takes.
+template <class Parameters, class Kinds>
+std::vector<Kind> kindsOf(Tcl_Obj* command, const Action& a, const Parameters& parameters, const Kinds& kinds) {
+    if (kinds.size() % 2) bad(command, a.name + ": -kinds must be {argument kind ...}");
+    std::vector<Kind> out(parameters.size() + (a.maxArgs == Action::kRest ? 0 : 1), Kind::plain);
+    for (std::size_t k = 0; k < kinds.size(); k += 2) {
+        auto at = std::find_if(parameters.begin(), parameters.end(), [&](Tcl_Obj* p) { return view(listElements(p)[0]) == view(kinds[k]); });
+        if (at == parameters.end()) bad(command, a.name + ": -kinds: there is no argument \"" + toUtf8(kinds[k]) + "\"");
+        out[std::size_t(at - parameters.begin())] = kindOf(command, a.name, kinds[k + 1]);
+    }
+    return out;
+}
+
 // sorma::action, sorma::inspection: the body becomes a private method of the class.
 int declareAction(Interpreter& i, int objc, Tcl_Obj* const objv[], bool ctrl) {
     return guarded(i, objc, objv, [&] {
-        if (objc != 5 && !(objc == 7 && view(objv[5]) == "-right")) return wrongArgs(i.interp, objv, "-name args help body ?-right right?");
+        if (objc < 5 || objc % 2 == 0)
+            return wrongArgs(i.interp, objv, "-name args help body ?-right right? ?-danger move|power|fire|stop? ?-kinds {argument kind ...}?");
         TclClass& c = target(i, objv[0]);
         Action a;
         a.name = toUtf8(objv[1]);
@@ -222,10 +262,21 @@ int declareAction(Interpreter& i, int objc, Tcl_Obj* const objv[], bool ctrl) {
             if (known.name == a.name) bad(objv[0], a.name + " is declared twice");
         a.help = toUtf8(objv[3]);
         a.right = ctrl ? Right::configure : Right::inspect;
-        if (objc == 7) {
-            std::string right = toUtf8(objv[6]), known;
+        Tcl_Obj* kinds = nullptr;
+        for (int k = 5; k < objc; k += 2) {
+            if (view(objv[k]) == "-danger") {
+                a.danger = danger(objv[0], a.name, objv[k + 1]);
+                continue;
+            }
+            if (view(objv[k]) == "-kinds") {
+                kinds = objv[k + 1];
+                continue;
+            }
+            if (view(objv[k]) != "-right")
+                bad(objv[0], a.name + ": unknown word \"" + toUtf8(objv[k]) + "\": must be " + oneOf({"-danger", "-kinds", "-right"}));
+            std::string right = toUtf8(objv[k + 1]), known;
             bool found = false;
-            for (Right r : {Right::call, Right::inspect, Right::configure, Right::make, Right::program}) {
+            for (Right r : {Right::call, Right::inspect, Right::configure, Right::make, Right::program, Right::operate}) {
                 if (right == toText(r)) a.right = r, found = true;
                 known += (known.empty() ? "" : ", ") + std::string(toText(r));
             }
@@ -248,10 +299,12 @@ int declareAction(Interpreter& i, int objc, Tcl_Obj* const objv[], bool ctrl) {
                 a.minArgs = ++a.maxArgs;
             }
         }
+        auto ofArguments = kinds ? kindsOf(objv[0], a, parameters, listElements(kinds)) : std::vector<Kind>();
         std::string method = (ctrl ? "CTRL" : "DBX") + a.name;
         std::string type = objectName(i.interp, Tcl_GetClassAsObject(c.tcl));
         if (!eval(i, {str("::oo::define"), str(type), str("method"), str(method), objv[2], objv[4]})) return TCL_ERROR;
-        a.body = [method](Service& s, Args args, Message& reply) { static_cast<TclService&>(s).act(method, args, reply); };
+        a.body = Body::untyped([method](Service& s, Args args, Message& reply) { static_cast<TclService&>(s).act(method, args, reply); },
+                               std::move(ofArguments));
         list.push_back(std::move(a));
         declared(i, c);
         Tcl_ResetResult(i.interp);
@@ -312,6 +365,19 @@ int TextObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const obj
         return TCL_OK;
     });
 }
+// sorma::danger kind ?word ...?: EXEC does this; with words: an EXEC that begins with one of them.
+int DangerObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc < 2) return wrongArgs(interp, objv, "move|power|fire|stop ?word ...?");
+        TclClass& c = target(i, objv[0]);
+        std::vector<std::string> words;
+        for (int k = 2; k < objc; ++k) words.push_back(toUtf8(objv[k]));
+        c.dangers.emplace_back(danger(objv[0], "EXEC", objv[1]), std::move(words));
+        declared(i, c);
+        return TCL_OK;
+    });
+}
 int ConcurrencyObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     return guarded(i, objc, objv, [&] {
@@ -326,8 +392,39 @@ int ConcurrencyObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* co
     });
 }
 
+int FlavorsObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc != 2) return wrongArgs(interp, objv, "any|dictionary");
+        TclClass& c = target(i, objv[0]);
+        std::string flavors = toUtf8(objv[1]);
+        if (flavors != "any" && flavors != "dictionary") bad(objv[0], "bad flavors \"" + flavors + "\": must be any or dictionary");
+        c.flavors = flavors;
+        declared(i, c);
+        return TCL_OK;
+    });
+}
+
+// sorma::words usage ?verb at kind ...?
+int WordsObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc < 2 || objc % 3 != 2) return wrongArgs(interp, objv, "usage ?verb place kind ...?");
+        TclClass& c = target(i, objv[0]);
+        std::vector<Class::Word> kinds;
+        for (int k = 2; k < objc; k += 3) {
+            std::int64_t at = 0;
+            if (!parseNumber(view(objv[k + 1]), at) || at < 0) bad(objv[0], "bad place \"" + toUtf8(objv[k + 1]) + "\": must be a number from 0");
+            kinds.push_back({toUtf8(objv[k]), std::size_t(at), kindOf(objv[0], "word " + toUtf8(objv[k + 1]), objv[k + 2])});
+        }
+        c.words = toUtf8(objv[1]);
+        c.wordKinds = std::move(kinds);
+        declared(i, c);
+        return TCL_OK;
+    });
+}
+
 constexpr const char* kTextUsage = "text";
-constexpr const char* kUsageUsage = "usage";
 constexpr const char* kRequestUsage = "request";
 constexpr const char* kVersionUsage = "version";
 
@@ -361,8 +458,9 @@ void tcloo::initDeclarations(Interpreter& i) {
     };
     for (auto& c : std::initializer_list<Command>{
              {"option", OptionObjCmd}, {"action", ActionObjCmd}, {"inspection", InspectionObjCmd},
-             {"concurrency", ConcurrencyObjCmd}, {"reads", ReadsObjCmd}, {"writes", WritesObjCmd},
-             {"purpose", TextObjCmd<&TclClass::purpose, kTextUsage>}, {"words", TextObjCmd<&TclClass::words, kUsageUsage>},
+             {"concurrency", ConcurrencyObjCmd}, {"danger", DangerObjCmd}, {"flavors", FlavorsObjCmd}, {"reads", ReadsObjCmd},
+             {"writes", WritesObjCmd},
+             {"purpose", TextObjCmd<&TclClass::purpose, kTextUsage>}, {"words", WordsObjCmd},
              {"example", TextObjCmd<&TclClass::example, kRequestUsage>},
              {"version", TextObjCmd<&TclClass::version, kVersionUsage>}})
         i.define(c.name, c.proc);

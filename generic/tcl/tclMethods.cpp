@@ -150,7 +150,7 @@ int PublishMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context
         if (objc < skip + 1)
             return Tcl_WrongNumArgs(interp, skip, objv, "event ?-text text? ?-floats list? ?-ints list? ?-any bytes? ?word ...?"), TCL_ERROR;
         Message m;
-        readOptions({objv + skip + 1, std::size_t(objc - skip - 1)}, m);
+        readOptions(self(context, i).name(), {objv + skip + 1, std::size_t(objc - skip - 1)}, m, "publish event");
         InCoroutine request(i, coroutineName(i));       // whose number the event carries
         self(context, i).tell(toUtf8(objv[skip]), m);
         return TCL_OK;

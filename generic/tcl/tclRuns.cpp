@@ -150,10 +150,7 @@ void TclService::begin(const std::shared_ptr<TclRun>& run, std::span<const Obj> 
     run->reply.onCancel([run] {
         run->cancelled = true;
         if (!run->atCancel || !run->service || run->service->interpreter().closing()) return;
-        Interpreter& i = run->service->interpreter();
-        Interpreter::Kept kept(i);
-        Obj script = std::exchange(run->atCancel, Obj());
-        if (Tcl_EvalObjEx(i.interp, script, TCL_EVAL_GLOBAL) != TCL_OK && !i.closing()) Tcl_BackgroundException(i.interp, TCL_ERROR);
+        runScript(run->service->interpreter(), std::exchange(run->atCancel, Obj()));
     });
 }
 
@@ -162,7 +159,7 @@ void TclService::answer(TclRun& run, Message& m) const {
     if (run.code == TCL_OK && run.isExec) {
         m.clear();
         m.trail = std::move(run.said.trail);
-        return readResult(run.result, m);
+        return readResult(run.result, name(), m);
     }
     if (run.code == TCL_OK) {
         m.trail.append(run.said.trail);

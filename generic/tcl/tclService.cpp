@@ -58,7 +58,7 @@ void TclService::objectDeleted() {
         return releaseAnonymous(interpreter_, name());
     }
     try {
-        if (sorm().find(name()) == this) sorm().remove(name());
+        if (sorm().find(name()) == this) sorm().remove(name(), Permit::owner());
     } catch (...) {     // it is not in the repository any more
     }
 }

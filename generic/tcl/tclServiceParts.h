@@ -24,10 +24,12 @@ struct TclClass {
     Interpreter* interpreter = nullptr;
     Tcl_Class tcl = nullptr;            // null when the TclOO class has been deleted
     std::string service;                // name of the service class
-    std::string purpose, words, example, version, concurrency;
+    std::string purpose, words, example, version, concurrency, flavors;
+    std::vector<Class::Word> wordKinds;     // of words
     std::vector<OptionDeclaration> options;
     std::vector<Action> actions, inspections;
     std::vector<Part> reads, writes;
+    std::vector<std::pair<Danger, std::vector<std::string>>> dangers;   // of EXEC, see Class::execDanger
     std::string file;                   // of its first declaration
     int line = 0;
     std::string path;                   // of that file, with its folders
@@ -36,6 +38,7 @@ struct TclClass {
 namespace tcloo {
 
 inline const Prototype kTcl{Severity::error, "SERVICE FAILED", 1, "{}: {}"};
+inline const Prototype kForeignCode{Severity::error, "SERVICE CODE", 1, "{}: {}"};     // Entry::kForeign
 inline const Prototype kStep{Severity::error, "SERVICE FAILED", 0, "{} failed: {}"};
 inline const Prototype kObjectGone{Severity::error, "SERVICE GONE", 1, "{}: its TclOO object has been destroyed"};
 inline const Prototype kInterpGone{Severity::error, "SERVICE GONE", 1, "{}: its interpreter was deleted while it was executing"};

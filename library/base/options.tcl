@@ -16,7 +16,9 @@
 
 package provide sorma::options 1.0
 
-namespace eval ::sorma::options {}
+namespace eval ::sorma::options {
+    variable Suggest {}         ;# as suggest was told; empty: nothing is suggested
+}
 
 # ::sorma::options::parse --
 #       Read the words of a command.
@@ -72,7 +74,7 @@ proc ::sorma::options::One {table settings wordsVar} {
     upvar 1 $wordsVar words
     set words [lassign $words option]
     if {![dict exists $table $option]} {
-        Fail "bad option \"$option\": must be [oneOf [lsort [dict keys $table]]]"
+        Fail "bad option \"$option\"[Near $option [dict keys $table]]: must be [oneOf [lsort [dict keys $table]]]"
     }
     set kind [lindex [dict get $table $option] 0]
     if {$kind eq "flag"} {
@@ -96,6 +98,16 @@ proc ::sorma::options::One {table settings wordsVar} {
     return $settings
 }
 
+proc ::sorma::options::Near {word known} {
+    variable Suggest
+    return [if {$Suggest ne {}} {{*}$Suggest $word $known}]
+}
+
+# ::sorma::options::suggest PREFIX -- from now on an error of a wrong option, or of a wrong choice, also has the text that PREFIX WORD KNOWN returns.
+proc ::sorma::options::suggest prefix {
+    variable Suggest $prefix
+}
+
 # ::sorma::options::check NAME KIND VALUE -- the value as it is used; fails when it is none of that kind. NAME: whose value it is.
 proc ::sorma::options::check {name kind value} {
     lassign $kind type low high
@@ -114,9 +126,20 @@ proc ::sorma::options::check {name kind value} {
         default { set good 1 }
     }
     if {!$good} {
-        Fail "$name expects [expected $kind], got \"$value\""
+        Fail "$name expects [expected $kind], got \"$value\"[Wrong $kind $value]"
     }
     return $value
+}
+
+# The words that are near a mistyped choice, or near the first wrong word of a list of choices.
+proc ::sorma::options::Wrong {kind value} {
+    set known [lassign $kind type]
+    if {$type eq "choice"} {
+        return [Near $value $known]
+    }
+    if {$type eq "some" && [string is list $value]} {
+        return [Near [lindex [lmap word $value {if {$word in $known} continue; set word}] 0] $known]
+    }
 }
 
 # ::sorma::options::expected KIND -- what a value has to be, in words.

@@ -309,9 +309,33 @@ proc ::sorma::text::clean text {
     return $out[string range $text $at end]
 }
 
+# ::sorma::text::digits NUMBERS --
+#       Numbers for people: nine digits each, so that 0.45000000000000001 is 0.45, and more only where two numbers that differ would look
+#       the same. Whole numbers and short ones stay as they are.
+proc ::sorma::text::digits numbers {
+    set different [llength [lsort -unique $numbers]]
+    foreach digits {9 12 15 17} {
+        set shown [lmap x $numbers {
+            if {[string length $x] <= 10 || ![regexp {^-?\d+(\.\d+)?(e[-+]?\d+)?$} $x] || [string is wideinteger $x]} {
+                set x
+            } else {
+                format %.${digits}g $x
+            }
+        }]
+        if {[llength [lsort -unique $shown]] == $different} break
+    }
+    return $shown
+}
+
 # ::sorma::text::time MICROSECONDS -- of the day here: 10:31:02.123.
 proc ::sorma::text::time us {
     return [clock format [expr {$us / 1000000}] -format %H:%M:%S].[format %03d [expr {$us / 1000 % 1000}]]
+}
+
+# ::sorma::text::age MS -- how old something is that is known since then: such as "12 s old".
+proc ::sorma::text::age since {
+    set s [expr {max(0, [clock milliseconds] - $since) / 1000}]
+    return "[expr {$s < 60 ? "$s s" : $s < 3600 ? "[expr {$s / 60}] min" : "[expr {$s / 3600}] h"}] old"
 }
 
 proc ::sorma::text::paint {text colour settings} {

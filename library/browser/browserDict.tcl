@@ -31,6 +31,9 @@ snit::widget ::sorma::browserDict {
     variable only {}            ;# a part of those that are shown
     variable said {}
     variable forced {}          ;# {KEY WORD TEXT}: of this it was said that it looks wrong
+    variable removing {}        ;# {KEY WORD}: of this it was asked whether it is to be removed
+    variable firm 0             ;# what is said is an answer to the user: it stays until something else is typed or chosen
+    variable seen {}            ;# {WORD TEXT} as it was typed last
     variable faults {}          ;# list of {place why} of the words that are typed, as the daemon has answered last
     variable tokens {}          ;# dict: KEY -> token of its dictionary.changed
     variable watch {}
@@ -46,13 +49,14 @@ snit::widget ::sorma::browserDict {
         pack $win.bar.reload $win.bar.write -side right -padx [list $pad 0]
         pack $win.bar.only -side left -fill x -expand 1         ;# the last: it gives way in a small window
         ttk::frame $win.list
-        install tree using ttk::treeview $win.list.tree -columns words -height 8 -selectmode browse -yscrollcommand [list $win.list.scroll set]
+        install tree using ttk::treeview $win.list.tree -style [::sorma::style own Treeview] -columns words -height 8 -selectmode browse \
+            -yscrollcommand [list $win.list.scroll set]
         $tree heading #0 -text Entry -anchor w
         $tree heading words -text "Stands for" -anchor w
         $tree column #0 -width [::sorma::style pixels 160] -stretch 0
         $tree column words -width [::sorma::style pixels 340]
         $tree tag configure draft -foreground [::sorma::style colour warn]
-        ttk::scrollbar $win.list.scroll -command [list $tree yview]
+        ttk::scrollbar $win.list.scroll -style [::sorma::style own Vertical.TScrollbar] -command [list $tree yview]
         pack $win.list.scroll -side right -fill y
         pack $tree -side left -fill both -expand 1
         ttk::frame $win.edit
@@ -66,7 +70,7 @@ snit::widget ::sorma::browserDict {
         ttk::label $win.edit.concerns -justify left
         ttk::label $win.edit.said -justify left
         ttk::frame $win.edit.do
-        foreach {name title key method} {set Set Ctrl-Return set remove Remove Ctrl-Delete remove revert Revert Escape revert} {
+        foreach {name title key method} {set Set Ctrl-Return set remove Remove Ctrl-Delete AskRemove revert Revert Escape revert} {
             ttk::button $win.edit.do.$name -text "$title ($key)" -command [mymethod $method]
             pack $win.edit.do.$name -side left -padx [list 0 $pad]
         }
@@ -89,7 +93,7 @@ snit::widget ::sorma::browserDict {
         bind $editor <Shift-Tab> {tk::TabToWindow [tk_focusPrev %W]; break}
         foreach window [list $win.edit.word $editor] {
             bind $window <Control-Return> "[mymethod set]; break"
-            bind $window <Control-Delete> "[mymethod remove]; break"
+            bind $window <Control-Delete> "[mymethod AskRemove]; break"
             bind $window <Escape> [mymethod revert]
         }
         bind $win.edit <Configure> [mymethod Sized %W %w]
@@ -154,6 +158,7 @@ snit::widget ::sorma::browserDict {
     }
     method revert {} {
         $self Undraft $key $word
+        set removing {}
         $self Show $word
         $self Say {}
         $self Fill
@@ -217,7 +222,7 @@ snit::widget ::sorma::browserDict {
             return 1
         }
         dict set drafts $key $word [list $typed $text]
-        $self Say "[::sorma::style mark warn] somebody else has changed it meanwhile. There it is now: [if {$text eq {}} {string cat nothing} else {set text}].\
+        $self Answer "[::sorma::style mark warn] somebody else has changed it meanwhile. There it is now: [if {$text eq {}} {string cat nothing} else {set text}].\
             Yours is not set; set it all the same, or revert."
         return 0
     }
@@ -266,6 +271,7 @@ snit::widget ::sorma::browserDict {
         set draft [$self Draft]
         $editor replace 1.0 end [if {$draft ne {}} {lindex $draft 0} else {$self There $name}]
         $editor mark set insert end-1c
+        set seen [list $word [$editor get 1.0 end-1c]]
         $self Concern
         $self CheckSoon
     }
@@ -283,6 +289,12 @@ snit::widget ::sorma::browserDict {
     }
     method Typed {} {
         set typed [$editor get 1.0 end-1c]
+        if {$seen eq [list $word $typed]} {
+            return [$self Hint]         ;# a key that changes nothing
+        }
+        set seen [list $word $typed]
+        set firm 0
+        set removing {}
         if {$word ne {} && $key ne {}} {
             set draft [$self Draft]
             set base [if {$draft ne {}} {lindex $draft 1} else {$self There $word}]
@@ -303,7 +315,7 @@ snit::widget ::sorma::browserDict {
         return [list $line [::sorma::complete $line [string length $line]]]
     }
     method Hint {} {
-        if {$word ne {}} {
+        if {$word ne {} && !$firm} {
             $self Say [dict get [lindex [$self Completion] 1] hint]
         }
     }
@@ -367,7 +379,7 @@ snit::widget ::sorma::browserDict {
     method WordsChecked {daemon name text status value} {
         if {[list $daemon $name $text] ne [list $key $word [$editor get 1.0 end-1c]]} return
         $self Mark [$self Faults $status $value]
-        if {[llength $faults] > 0} {
+        if {[llength $faults] > 0 && !$firm} {
             $self Say "[::sorma::style mark refused] [$self FaultsText]"
         }
     }
@@ -406,7 +418,7 @@ snit::widget ::sorma::browserDict {
         set text [string trim [$editor get 1.0 end-1c]]
         set wrong [$self Wrong $name $text]
         if {$wrong ne {}} {
-            $self Say "[::sorma::style mark refused] not set: $wrong"
+            $self Answer "[::sorma::style mark refused] not set: $wrong"
             return
         }
         set word $name
@@ -427,7 +439,7 @@ snit::widget ::sorma::browserDict {
         $self Mark [$self Faults $status $value]
         if {[llength $faults] > 0} {
             set forced [list $key $name $text]
-            $self Say "[::sorma::style mark refused] not set: [$self FaultsText]. Once more sets it all the same."
+            $self Answer "[::sorma::style mark refused] not set: [$self FaultsText]. Once more sets it all the same."
         } else {
             $self Set $name $text
         }
@@ -439,7 +451,7 @@ snit::widget ::sorma::browserDict {
     method Checked {daemon name prefix status value} {
         if {$daemon ne $key || $name ne $word || [$self Draft] eq {}} return
         if {$status eq "error" && [lrange [lindex $value 1] 0 2] ne {SORMA DICT UNKNOWN}} {
-            $self Say "[::sorma::style mark refused] not set: [lindex $value 0]"
+            $self Answer "[::sorma::style mark refused] not set: [lindex $value 0]"
             return
         }
         set text [if {$status eq "ok" && [dict exists $value text]} {dict get $value text}]
@@ -454,7 +466,18 @@ snit::widget ::sorma::browserDict {
         }
         $self Ask [list -add $name {*}$list] [mymethod Was "$name is set; Write to file keeps it" $name]
     }
+    # The first time it asks, the second time it removes.
+    method AskRemove {} {
+        if {$removing eq [list $key $word]} {
+            return [$self remove]
+        }
+        if {$word in [dict keys $entries]} {
+            set removing [list $key $word]
+            $self Answer "[::sorma::style mark warn] remove $word? Once more removes it; Escape keeps it"
+        }
+    }
     method remove {} {
+        set removing {}
         if {$word in [dict keys $entries]} {
             if {[$self Draft] eq {}} {
                 dict set drafts $key $word [list {} [$self There $word]]
@@ -468,7 +491,7 @@ snit::widget ::sorma::browserDict {
     method Was {text name value} {
         $self Undraft $key $name
         set forced {}
-        $self Say $text
+        $self Answer $text
         $self Read
     }
 
@@ -498,7 +521,13 @@ snit::widget ::sorma::browserDict {
         }
         $win.edit.concerns configure -text [::sorma::text::cut [::sorma::text::clean $text] 600]
     }
+    # Say what became of what the user has done.
+    method Answer text {
+        $self Say $text
+        set firm 1
+    }
     method Say text {
+        set firm 0
         set said [::sorma::text::cut [::sorma::text::clean $text] 600]
         $win.edit.said configure -text $said
     }

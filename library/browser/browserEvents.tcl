@@ -25,9 +25,9 @@ snit::widget ::sorma::browserEvents {
         ttk::label $win.bar.name -text "Choose an object."
         pack $win.bar.listen $win.bar.name -side left -padx [list 0 $pad]
         pack $win.bar -side top -fill x -padx $pad -pady $pad
-        ttk::treeview $win.tree -columns text -show headings -yscrollcommand [list $win.scroll set]
+        ttk::treeview $win.tree -style [::sorma::style own Treeview] -columns text -show headings -yscrollcommand [list $win.scroll set]
         $win.tree heading text -text "Events" -anchor w
-        ttk::scrollbar $win.scroll -command [list $win.tree yview]
+        ttk::scrollbar $win.scroll -style [::sorma::style own Vertical.TScrollbar] -command [list $win.tree yview]
         pack $win.scroll -side right -fill y
         pack $win.tree -side left -fill both -expand 1
         ::sorma::parts::byKeys $win.tree

@@ -37,7 +37,7 @@ snit::widget ::sorma::browserGraph {
         $self configurelist $args
         install canvas using canvas $win.canvas -highlightthickness 1 -takefocus 1 -width 100 -height 100 \
             -background [ttk::style lookup TEntry -fieldbackground {} white] -yscrollcommand [list $win.bar set]
-        ttk::scrollbar $win.bar -command [list $canvas yview]
+        ttk::scrollbar $win.bar -style [::sorma::style own Vertical.TScrollbar] -command [list $canvas yview]
         ttk::label $win.said -padding [::sorma::style pixels 4]
         pack $win.said -side bottom -fill x
         pack $win.bar -side right -fill y

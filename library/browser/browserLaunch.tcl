@@ -37,7 +37,7 @@ snit::widget ::sorma::browserLaunch {
         pack $win.bar.label -side left -padx [list 0 $pad]
         pack $win.bar.browse $win.bar.read -side right -padx [list $pad 0]
         pack $win.bar.file -side left -fill x -expand 1         ;# the last: it gives way in a small window
-        install tree using ttk::treeview $win.tree -columns state -height 5 -selectmode extended
+        install tree using ttk::treeview $win.tree -style [::sorma::style own Treeview] -columns state -height 5 -selectmode extended
         $tree heading #0 -text Daemon -anchor w
         $tree heading state -text State -anchor w
         foreach {tag state} {ready good ended gone} {
@@ -53,7 +53,7 @@ snit::widget ::sorma::browserLaunch {
         install output using text $win.said.text -wrap char -height 8 -width 40 -state disabled -takefocus 1 -borderwidth 0 \
             -font [::sorma::style font fixed] -yscrollcommand [list $win.said.scroll set] \
             -background [ttk::style lookup TEntry -fieldbackground {} white] -foreground [ttk::style lookup . -foreground {} black]
-        ttk::scrollbar $win.said.scroll -command [list $output yview]
+        ttk::scrollbar $win.said.scroll -style [::sorma::style own Vertical.TScrollbar] -command [list $output yview]
         pack $win.said.scroll -side right -fill y
         pack $output -side left -fill both -expand 1
         pack $win.bar -side top -fill x -padx $pad -pady $pad

@@ -31,8 +31,8 @@ snit::widget ::sorma::browserSearch {
         pack $win.bar.label -side left -padx [list 0 [::sorma::style pixels 6]]
         pack $win.bar.entry -side left -fill x -expand 1
         pack $win.bar -side top -fill x -pady [::sorma::style pixels 4]
-        ttk::treeview $win.list -show tree -selectmode browse -yscrollcommand [list $win.scroll set]
-        ttk::scrollbar $win.scroll -command [list $win.list yview]
+        ttk::treeview $win.list -style [::sorma::style own Treeview] -show tree -selectmode browse -yscrollcommand [list $win.scroll set]
+        ttk::scrollbar $win.scroll -style [::sorma::style own Vertical.TScrollbar] -command [list $win.list yview]
         bind $win.bar.entry <FocusIn> [mymethod Focused]
         trace add variable [myvar wanted] write [mymethod Typed]
         bind $win.bar.entry <Escape> [mymethod search {}]
@@ -145,13 +145,13 @@ snit::widget ::sorma::browserSearch {
         set pattern *[::sorma::text::escape $wanted]*
         set found {}
         foreach key [lsort -dictionary [lsearch -all -inline -nocase -glob [$options(-tree) keys] $pattern]] {
-            lappend found [list [$self Line [string map {@self {}} $key]] [$options(-tree) of $key] {}]
+            lappend found [list [$self Line [::sorma::world shown $key]] [$options(-tree) of $key] {}]
             if {[llength $found] >= $options(-most)} return
         }
         foreach flavor [lsort -dictionary [$options(-tree) flavors]] {
             lassign $flavor name daemon
             if {[string match -nocase $pattern $name@$daemon]} {
-                lappend found [list "[$self Line [string map {@self {}} $name@$daemon]]  (not made)" [list flavor $daemon $name] {}]
+                lappend found [list "[$self Line [::sorma::world shown $name@$daemon]]  (not made)" [list flavor $daemon $name] {}]
                 if {[llength $found] >= $options(-most)} return
             }
         }

@@ -29,7 +29,7 @@ snit::widget ::sorma::browserText {
         text $win.text -wrap word -font [::sorma::style font fixed] -width 60 -height 16 -borderwidth 0 -padx [::sorma::style pixels 6] \
             -pady [::sorma::style pixels 4] -state disabled -takefocus 1 -yscrollcommand [list $win.bar set] \
             -background [ttk::style lookup TEntry -fieldbackground {} white] -foreground [ttk::style lookup . -foreground {} black]
-        ttk::scrollbar $win.bar -command [list $win.text yview]
+        ttk::scrollbar $win.bar -style [::sorma::style own Vertical.TScrollbar] -command [list $win.text yview]
         pack $win.bar -side right -fill y
         pack $win.text -side left -fill both -expand 1
         bind $win.text <ButtonPress-1> {+focus %W}
@@ -85,7 +85,7 @@ snit::widget ::sorma::browserText {
             }
             set text [dict get $answer text]
             if {[dict get $answer error] ne {}} {
-                set text "[::sorma::style mark stale] [dict get $answer error]\n$text"
+                set text "[::sorma::style mark stale] [dict get $answer error][if {[dict get $answer age] ne {}} {string cat ", " [dict get $answer age]}]\n$text"
             } elseif {[dict get $answer came] == 0} {
                 set text \u2026
             } elseif {$text eq {}} {

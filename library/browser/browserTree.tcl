@@ -46,11 +46,10 @@ snit::widget ::sorma::browserTree {
         foreach name {members classOf keyOf items places recipes ears unasked} {
             array set $name {}
         }
-        install tree using ttk::treeview $win.tree -show tree -selectmode browse -yscrollcommand [list $win.bar set] \
-            -xscrollcommand [list ::sorma::parts::scrolled $win.below]
-        ttk::scrollbar $win.bar -command [list $tree yview]
-        ttk::scrollbar $win.below -orient horizontal -command [list $tree xview]
-        ttk::style configure Treeview -rowheight [expr {[font metrics TkDefaultFont -linespace] + [::sorma::style pixels 3]}]
+        install tree using ttk::treeview $win.tree -style [::sorma::style own Treeview] -show tree -selectmode browse \
+            -yscrollcommand [list $win.bar set] -xscrollcommand [list ::sorma::parts::scrolled $win.below]
+        ttk::scrollbar $win.bar -style [::sorma::style own Vertical.TScrollbar] -command [list $tree yview]
+        ttk::scrollbar $win.below -style [::sorma::style own Horizontal.TScrollbar] -orient horizontal -command [list $tree xview]
         $tree column #0 -width [::sorma::style pixels 260]
         foreach state {good asking stale} {
             $tree tag configure $state -foreground [::sorma::style colour $state]
@@ -438,7 +437,7 @@ snit::widget ::sorma::browserTree {
     method Recipes inventory {
         set found {}
         foreach item [dict get $inventory classes] {
-            if {[regexp {^[a-z]\w*$} [lindex $item 0]] && [lindex $item 0] ne "proxy"} {
+            if {[regexp {^[a-z]\w*$} [lindex $item 0]]} {
                 dict set found [lindex $item 0] {}
             }
         }

@@ -8,7 +8,7 @@ package require sorma::timer
 package require sorma::world
 
 namespace eval ::sorma::elsewhere {
-    variable Hosts              ;# dict: host -> 1: its rpcbind has been asked
+    variable Hosts              ;# dict: host -> 1: its rpcbind has been asked, since the model began its work
     if {![info exists Hosts]} {
         set Hosts {}
     }
@@ -18,6 +18,7 @@ namespace eval ::sorma::elsewhere {
 proc ::sorma::elsewhere::Happened {event key dict} {
     switch -- $event {
         line.made { Ask $key }
+        world.ended { set ::sorma::elsewhere::Hosts {} }
         daemon.gone { ::sorma::world lead $key sibling {} }
         siblings.changed {              ;# of many at once it tells many times
             ::sorma::timer::once elsewhere.$key 100 ::sorma::elsewhere::Ask $key
@@ -57,4 +58,4 @@ proc ::sorma::elsewhere::Programs {host programs} {
     ::sorma::world lead rpcbind@$host rpcbind [lmap program $programs {string cat $host : $program}]
 }
 
-::sorma::world::hook {line.made daemon.gone siblings.changed} ::sorma::elsewhere::Happened
+::sorma::world::hook {line.made daemon.gone siblings.changed world.ended} ::sorma::elsewhere::Happened

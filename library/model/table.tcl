@@ -7,6 +7,7 @@
 # WHERE is what stands after @; empty or self is this process. Answers come from strangers: they are data, checked before they are
 # believed, and never evaluated.
 
+package require sorma::text
 package require sorma::world
 package provide sorma::table 1.0
 
@@ -16,6 +17,7 @@ namespace eval ::sorma::table {
 
     variable Fresh 1000         ;# ms for which an answer is not asked for again
     variable Patience 3000      ;# ms for which a daemon may take its time
+    variable Overdue 2000       ;# ms without an answer, then the last one may be old
     variable Many 1000          ;# answers that are kept before old ones are looked for
     variable Most 200000        ;# words that are believed to be at one daemon
     # array: {daemon request} -> dict, request being the words of a request to an object there
@@ -84,11 +86,13 @@ proc ::sorma::table::words where {
 # ::sorma::table::describe NAME --
 #       The table of an object's class, as a dict: name exists class purpose version options fixed hints actions inspections
 #       reads writes words signature example help, and dump when the object exists. No object is made; a class of this
-#       interpreter is loaded. Empty when nothing is known, or not yet.
+#       interpreter is loaded. An object elsewhere also has an age, as of answer. Empty when nothing is known, or not yet.
 proc ::sorma::table::describe name {
     lassign [locate $name] service where
     if {$where ne {}} {
-        return [Known $where [list sorm DBX -describe $service] ::sorma::table::parse]
+        set request [list sorm DBX -describe $service]
+        set table [Known $where $request ::sorma::table::parse]
+        return [if {$table ne {}} {dict replace $table age [dict get [answer $where $request] age]}]
     }
     if {![::sorma::exists $service]} {
         set class [lindex [split $service .] 0]
@@ -143,13 +147,21 @@ proc ::sorma::table::text {where request} {
 
 # ::sorma::table::answer WHERE REQUEST --
 #       What is known of an answer, a dict: text, came (ms, when; 0: never), open (is it being asked for), error and code (of the last
-#       attempt, when that failed). Asks when it is old.
+#       attempt, when that failed), age (such as "12 s old", when the daemon has not answered since; else empty). Asks when it is old.
 proc ::sorma::table::answer {where request} {
     variable Answers
     if {[IsHere $where]} {
-        return [dict create text [HereText $request] came [clock milliseconds] open 0 error {} code {}]
+        return [dict create text [HereText $request] came [clock milliseconds] open 0 error {} code {} age {}]
     }
-    return $Answers([Ask $where $request])
+    set entry $Answers([Ask $where $request])
+    return [dict replace $entry age [Age $entry]]
+}
+
+# How old an answer is that has been asked for again in vain.
+proc ::sorma::table::Age entry {
+    variable Overdue
+    set late [expr {[dict get $entry error] ne {} || [dict get $entry open] && [clock milliseconds] - [dict get $entry asked] > $Overdue}]
+    return [if {$late && [dict get $entry came] > 0} {::sorma::text::age [dict get $entry came]}]
 }
 
 # ::sorma::table::renew WHERE REQUEST -- what was answered counts as old.
@@ -342,7 +354,11 @@ proc ::sorma::table::parse text {
     dict set out fixed [lrange [dict get $text fixed] 0 end]
     # Daemons of before hints have none.
     dict set out hints [dict map {option facts} [expr {[dict exists $text hints] ? [dict get $text hints] : {}}] {
-        dict filter $facts key warn alarm kind names group
+        dict filter $facts key warn alarm kind names group expert danger secret
+    }]
+    # word danger ... of EXEC, options, actions and inspections that declare one.
+    dict set out danger [dict filter [expr {[dict exists $text danger] ? [dict get $text danger] : {}}] script {word danger} {
+        expr {$danger in {move power fire stop}}
     }]
     if {[dict exists $text dump]} {
         dict set out dump [dict get $text dump]

@@ -29,7 +29,7 @@ package require sorma::news
 package provide sorma::world 1.0
 
 namespace eval ::sorma::world {
-    namespace export watch unwatch get keys add forget value listen ask cancel names find objects recount counted pulse heard use line hook unhook hint lead deliver
+    namespace export watch unwatch get keys shown add hold forget value listen ask cancel names find objects recount counted knows pulse heard use line hook unhook hint lead deliver
     namespace import -force ::sorma::news::hook ::sorma::news::unhook ::sorma::news::hint ::sorma::news::deliver
     namespace ensemble create
 
@@ -48,7 +48,7 @@ namespace eval ::sorma::world {
     # counted (ms, when the question was sent that was answered last), text (of that answer), touched (has one come or gone since),
     # log (dict: name -> made or removed, while they are asked for)
     variable Lines
-    variable Added              ;# dict: ADDRESS -> 1, by add
+    variable Added              ;# dict: ADDRESS -> how many adds have not been taken back
     variable Passing            ;# dict: what stands after @ -> ms, when somebody last looked there
     variable Led                ;# dict: who says so -> {how addresses}, by lead
     variable Twins              ;# dict: address -> boot of a daemon that is known by another one
@@ -136,6 +136,11 @@ proc ::sorma::world::keys {{pattern *}} {
     return [lsort [array names Objects $pattern]]
 }
 
+# ::sorma::world::shown KEY -- how a key is shown to people: what is of this process has no daemon behind it.
+proc ::sorma::world::shown key {
+    return [regsub {@self$} $key {}]
+}
+
 # ::sorma::world::objects DAEMON -- its objects, as get gives them, sorted; of this process as they are now.
 proc ::sorma::world::objects daemon {
     variable Names
@@ -205,6 +210,7 @@ proc ::sorma::world::use {{where {}}} {
 
 # ::sorma::world::recount DAEMON -- ask for all its objects and what they have done; the differences are told.
 # counted DAEMON -- ms, when the question was sent that was last answered; 0: none, or it is this process.
+# knows DAEMON -- are all its objects known, since there is the line to it?
 proc ::sorma::world::recount daemon {
     variable Lines
     variable Wanted
@@ -220,6 +226,11 @@ proc ::sorma::world::recount daemon {
 proc ::sorma::world::counted daemon {
     variable Lines
     return [if {[info exists Lines($daemon)]} {dict get $Lines($daemon) counted} else {string cat 0}]
+}
+proc ::sorma::world::knows daemon {
+    variable Lines
+    variable Daemons
+    return [expr {[info exists Lines($daemon)] ? [dict get $Lines($daemon) known] : [dict exists $Daemons $daemon] && [dict get $Daemons $daemon objects] ne {}}]
 }
 
 # ::sorma::world::pulse DAEMON -- ask for its health now. heard DAEMON -- ms, when it last answered that; 0: never.
@@ -240,17 +251,30 @@ proc ::sorma::world::line daemon {
     return [if {$daemon eq "self"} {set ::sorma::world::Local} elseif {[info exists Lines($daemon)]} {dict get $Lines($daemon) peer}]
 }
 
-# ::sorma::world::add ADDRESS -- know a daemon by what stands after @: host:7014, /path, an alias. forget ADDRESS takes it back.
+# ::sorma::world::add ADDRESS -- know a daemon by what stands after @: host:7014, /path, an alias. forget ADDRESS takes one add back.
 proc ::sorma::world::add address {
     variable Added
     ::sorma::resolve @$address
-    dict set Added $address 1
+    dict incr Added $address
     Start
     Soon
     return $address
 }
+# hold WHERE -- for one that looks at an object: add its daemon, unless the runtime folder or the dictionary leads there. Returns what is to be
+# forgotten later, or nothing.
+proc ::sorma::world::hold where {
+    set how [Ways]
+    if {$where in {{} self} || ([dict exists $how $where] && [dict get $how $where] ne "proxy")} {
+        return
+    }
+    return [add $where]
+}
 proc ::sorma::world::forget address {
     variable Added
+    if {[dict exists $Added $address] && [dict get $Added $address] > 1} {
+        dict incr Added $address -1
+        return
+    }
     dict unset Added $address
     Soon
     EndLater
@@ -414,6 +438,7 @@ proc ::sorma::world::End {} {
     set ::sorma::world::Work {}
     set ::sorma::world::Wanted {}
     set ::sorma::world::Led {}
+    ::sorma::news::hint world.ended {} {}
     set ::sorma::world::Twins {}
     set ::sorma::world::Opening {}
     foreach name {Objects Names Lines} {

@@ -21,11 +21,11 @@ namespace eval ::sorma::arrangement {
         console {sorma::console ::sorma::console {-keep {{whole 1 {}}}}}
         panel {sorma::panel ::sorma::arrangement::Panel {
             -name {{word {a service object}}} -options any -groups any -layout {{word {a file}}} -live {{whole 1 {}}} -apply {{choice now later}}
-            -state {{choice normal readonly}}}}
+            -state {{choice normal readonly}} -make boolean}}
         stripchart {sorma::chart ::sorma::stripchart {
             -plot {{collect {an object and its option}}} -span any -low any -high any -interval {{whole 1 {}}} -paused boolean}}
         form {sorma::form ::sorma::form {
-            -file {{word {a file}}} -live {{whole 1 {}}} -apply {{choice now later}} -state {{choice normal readonly}}}}
+            -file {{word {a file}}} -live {{whole 1 {}}} -apply {{choice now later}} -state {{choice normal readonly}} -make boolean}}
         image {sorma::image ::sorma::image {
             -name {{word {a service object}}} -request {{word {a request}}} -every {{whole 0 {}}} -size any -zoom any}}
         trailview {sorma::trailview ::sorma::trailview {-keys {{word {a pattern}}} -severity any -keep {{whole 1 {}}}}}

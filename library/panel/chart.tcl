@@ -16,14 +16,15 @@ package provide sorma::chart 1.0
 # Methods:
 #       trace NAME ?-text t? ?-colour c?        one more line; that is done by sample as well
 #       sample NAME VALUE ?TIME?                a point; time: s, default now. NaN makes a gap, an infinity too
-#       plot NAME SO -OPTION ?-index n?         the values of an option of a service object, as they change; of a vector one element
+#       plot NAME SO -OPTION ?-index n?         the values of an option of a service object, as they change; of a vector one element. A value
+#                                               holds until the next one comes; where none is known, there is a gap
 #       plot NAME SO {EXEC ...} ?-part P? ?-index n? ?-every ms?    a number of what it answers, as sorma::reading has it
 #       forget NAME, clear                      traces; clear: their points
 #       data NAME                               list of {time value}, s since the chart was made
 #       pause ?BOOL?, csv, export FILE          FILE.csv, FILE.png (with package Img), FILE.pdf (with ghostscript) or FILE.ps
 snit::widget ::sorma::stripchart {
     hulltype ttk::frame
-    option -span -default 10 -configuremethod Redraw
+    option -span -default 10 -configuremethod SetSpan
     option -low -default {} -configuremethod Redraw
     option -high -default {} -configuremethod Redraw
     option -width -default 400
@@ -33,8 +34,8 @@ snit::widget ::sorma::stripchart {
     option -plot -default {} -readonly 1
     ::sorma::stateParts
     component canvas
-    variable traces {}          ;# dict: name -> {number text colour times values subject token what part index}; colour: empty: of its number;
-                                ;# what: -option or {EXEC ...}
+    variable traces {}          ;# dict: name -> {number text colour times values subject token what part index holds age}; colour: empty: of its number;
+                                ;# what: -option or {EXEC ...}; holds: a value stays until the next one; age: how old the last one is
     variable fresh {}           ;# dict: name -> {time value ...} that are to be drawn
     variable origin 0           ;# ms, when the chart was made
     variable shown 0            ;# s, at the right edge
@@ -57,7 +58,7 @@ snit::widget ::sorma::stripchart {
         }
         bind $canvas <plus> [mymethod Act Zoom 0.5]
         bind $canvas <minus> [mymethod Act Zoom 2]
-        bind $win <Destroy> +[mymethod Ended %W]
+        bind $win <Destroy> +[list ::sorma::parts::ended $win [mymethod Ended %W]]
         foreach plot $options(-plot) {
             $self plot [if {[llength $options(-plot)] > 1} {set plot} else {lindex $plot 1}] {*}$plot
         }
@@ -84,7 +85,7 @@ snit::widget ::sorma::stripchart {
         set facts [::sorma::options::parse {-colour any -text any} $args]
         if {[dict exists $traces $name]} return
         dict set traces $name [dict create number $made text [if {[dict get $facts -text] ne {}} {dict get $facts -text} else {set name}] \
-            colour [dict get $facts -colour] times {} values {} subject {} token {} what {} part {} index {}]
+            colour [dict get $facts -colour] times {} values {} subject {} token {} what {} part {} index {} holds 0 age {}]
         incr made
         $self Rebuild
     }
@@ -101,6 +102,9 @@ snit::widget ::sorma::stripchart {
         dict lappend fresh $name $time $value
     }
     method plot {name so what args} {
+        if {[llength $args] % 2} {
+            return -code error -errorcode {TCL WRONGARGS} "wrong # args: should be \"$self plot name SO -option|request ?-part part? ?-index n? ?-every ms?\""
+        }
         set facts [::sorma::options::parse {-part {{choice floats ints words text code} {}} -index {{whole 0 {}} {}} -every {{whole 10 {}} 1000}} $args]
         set index [dict get $facts -index]
         $self trace $name -text [string trimright "$so $what $index"]
@@ -109,6 +113,7 @@ snit::widget ::sorma::stripchart {
         set subject [::sorma::subject of $so -live [expr {$isOption ? 100 : 0}]]
         dict set traces $name subject $subject
         dict set traces $name what $what
+        dict set traces $name holds 1
         dict set traces $name part [dict get $facts -part]
         dict set traces $name index $index
         set prefix [list ::sorma::parts::answer [mymethod Told $name]]
@@ -144,7 +149,30 @@ snit::widget ::sorma::stripchart {
         }
         if {[string is double -strict $number] && [dict get $told state] ni {stale gone asking refused}} {
             $self sample $name $number
+        } elseif {[$self Last $name] ne "NaN"} {
+            $self EndAt $name [dict get $told seen]
         }
+        if {[dict get $told age] ne [dict get $traces $name age]} {
+            dict set traces $name age [dict get $told age]
+            $canvas itemconfigure text[dict get $traces $name number] -text [$self Text $name]
+        }
+    }
+    # A value ends where it was last known to be so [ms]; 0: now.
+    method EndAt {name seen} {
+        set last [if {[dict exists $fresh $name]} {lindex [dict get $fresh $name] end-1} else {lindex [dict get $traces $name times] end}]
+        set time [expr {$seen > 0 ? max($last, ($seen - $origin) / 1000.0) : [$self Now]}]
+        $self sample $name NaN $time
+    }
+    method Text name {
+        return [string trimright "[dict get $traces $name text], [dict get $traces $name age]" ", "]
+    }
+    # The last value of a trace, drawn or not; NaN: none.
+    method Last name {
+        set value [if {[dict exists $fresh $name]} {lindex [dict get $fresh $name] end} else {lindex [dict get $traces $name values] end}]
+        if {$value eq {} || $value != $value} {
+            return NaN
+        }
+        return $value
     }
     method forget name {
         if {[dict exists $traces $name]} {
@@ -202,6 +230,12 @@ snit::widget ::sorma::stripchart {
             $self Rebuild
         }
     }
+    method SetSpan {option value} {
+        if {![string is double -strict $value] || !($value >= 0.1 && $value <= 86400)} {
+            return -code error -errorcode {SORMA REQUEST SYNTAX} "-span expects seconds from 0.1 to 86400, got \"$value\""
+        }
+        $self Redraw $option $value
+    }
     method Redraw {option value} {
         set options($option) $value
         if {$canvas ne {} && [winfo exists $canvas]} {
@@ -251,12 +285,29 @@ snit::widget ::sorma::stripchart {
             $canvas move points -$moved 0
             set shown [expr {$shown + $moved * double($options(-span)) / [winfo width $canvas]}]
         }
-        if {[dict size $points] == 0} return
-        if {![$self Fits $points]} {
+        if {[dict size $points] > 0 && ![$self Fits $points]} {
             return [$self Rebuild]
         }
         dict for {name new} $points {
             $self Append $name $new
+        }
+        $self Hold
+    }
+    # Values that hold reach to the right edge.
+    method Hold {} {
+        dict for {name trace} $traces {
+            set v [lindex [dict get $trace values] end]
+            set id tail[dict get $trace number]
+            if {![dict get $trace holds] || $v eq {} || $v != $v || abs($v) >= 1e300} {
+                $canvas delete $id
+                continue
+            }
+            set place [list [$self X [lindex [dict get $trace times] end]] [$self Y $v] [winfo width $canvas] [$self Y $v]]
+            if {[$canvas find withtag $id] eq {}} {
+                $canvas create line $place -fill [$self Colour $name] -tags [list tail $id]
+            } else {
+                $canvas coords $id $place
+            }
         }
     }
     # Do new points lie within the scale, without gaps?
@@ -288,8 +339,12 @@ snit::widget ::sorma::stripchart {
         }
         set id [lindex $ids end]
         set new {}
+        set before [lindex [$canvas coords $id] end]
         foreach {t v} $points {
-            lappend new [$self X $t] [$self Y $v]
+            if {[dict get $traces $name holds]} {
+                lappend new [$self X $t] $before
+            }
+            lappend new [$self X $t] [set before [$self Y $v]]
         }
         $canvas insert $id end $new
         # Remove the points beyond the left edge.
@@ -320,6 +375,11 @@ snit::widget ::sorma::stripchart {
         }
         set least [tcl::mathfunc::min {*}$all]
         set most [tcl::mathfunc::max {*}$all]
+        if {$most - $least <= 1e-9 * abs($most)} {      ;# a constant lies in the middle
+            set beside [expr {$most == 0 ? 1 : 0.1 * abs($most)}]
+            set least [expr {$least - $beside}]
+            set most [expr {$most + $beside}]
+        }
         set step [::sorma::style step [expr {max($most - $least, 1e-12 + 1e-9 * abs($most))}]]
         if {$low eq {}} {
             set low [expr {floor($least / $step) * $step}]
@@ -353,6 +413,9 @@ snit::widget ::sorma::stripchart {
         dict for {name trace} $traces {
             set part {}
             foreach t [dict get $trace times] v [dict get $trace values] {
+                if {[dict get $trace holds] && $part ne {}} {
+                    lappend part [$self X $t] [lindex $part end]
+                }
                 if {$v == $v && abs($v) < 1e300} {
                     lappend part [$self X $t] [$self Y $v]
                 } else {
@@ -361,9 +424,11 @@ snit::widget ::sorma::stripchart {
                 }
             }
             $self Line $name $part
-            $canvas create text $x $y -anchor ne -text [dict get $trace text] -fill [$self Colour $name] -font [::sorma::style font small]
+            $canvas create text $x $y -anchor ne -text [$self Text $name] -fill [$self Colour $name] -font [::sorma::style font small] \
+                -tags [list text[dict get $trace number]]
             incr y [font metrics [::sorma::style font small] -linespace]
         }
+        $self Hold
         if {$traces eq {}} {
             $canvas create text [expr {[winfo width $canvas] / 2}] [expr {[winfo height $canvas] / 2}] -fill [::sorma::style colour asking] \
                 -text "nothing is plotted yet: \"Plot this\" in the menu of a field" -font [::sorma::style font small]

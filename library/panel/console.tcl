@@ -61,7 +61,7 @@ snit::widget ::sorma::console {
             $raw mark set $mark 1.0
             $raw mark gravity $mark left
         }
-        ttk::scrollbar $win.bar -command [list $screen yview]
+        ttk::scrollbar $win.bar -style [::sorma::style own Vertical.TScrollbar] -command [list $screen yview]
         # Its width is that of the window, whatever stands there.
         ttk::label $win.hint -font [::sorma::style font small] -anchor w -width 1 -padding [list [::sorma::style pixels 6] [::sorma::style pixels 2]]
         grid $screen $win.bar -sticky nsew

@@ -133,11 +133,12 @@ snit::widget ::sorma::entry {
         if {[dict get $facts type] in {int double}} {
             $editor configure -justify right
         }
+        $editor configure -show [expr {[dict exists $facts hints secret] ? "\u2022" : {}}]
         set enabled {}
         set kind [expr {[dict get $facts type] eq "service" ? "service" : [dict exists $facts hints kind] ? [dict get $facts hints kind] : "plain"}]
         destroy $win.beside
         switch -- $kind {
-            file { ttk::button $win.beside -text "\u2026" -width 3 -command [mymethod Browse] }
+            file - folder { ttk::button $win.beside -text "\u2026" -width 3 -command [mymethod Browse] }
             colour {
                 if {$swatch eq {}} {
                     set swatch [::image create photo -width [::sorma::style pixels 24] -height [::sorma::style pixels 12]]
@@ -184,7 +185,11 @@ snit::widget ::sorma::entry {
         }
     }
     method Browse {} {
-        set file [tk_getOpenFile -parent $win -initialdir [file dirname $text] -initialfile [file tail $text]]
+        if {$kind eq "folder"} {
+            set file [tk_chooseDirectory -parent $win -initialdir $text]
+        } else {
+            set file [tk_getOpenFile -parent $win -initialdir [file dirname $text] -initialfile [file tail $text]]
+        }
         if {$file ne {}} {
             $self Edited $file
         }
@@ -336,11 +341,12 @@ snit::widget ::sorma::choice {
         if {[llength $words] <= 3 && [string length [join $words]] < 40} {
             set n 0
             foreach word $words {
-                ttk::radiobutton $win.r[incr n] -text $word -value $word -variable [myvar text] -command [mymethod Chosen]
+                ttk::radiobutton $win.r[incr n] -style [::sorma::style own TRadiobutton] -text $word -value $word -variable [myvar text] \
+                    -command [mymethod Chosen]
                 pack $win.r$n -side left -padx [list 0 [::sorma::style pixels 8]]
             }
         } else {
-            ttk::combobox $win.box -values $words -textvariable [myvar text] -state readonly \
+            ttk::combobox $win.box -style [::sorma::style own TCombobox] -values $words -textvariable [myvar text] -state readonly \
                 -width [expr {max(6, min(30, [tcl::mathfunc::max 0 {*}[lmap word $words {string length $word}]] + 1))}]
             bind $win.box <<ComboboxSelected>> [mymethod Chosen]
             foreach event {<MouseWheel> <Button-4> <Button-5>} {
@@ -375,7 +381,7 @@ snit::widget ::sorma::check {
     option -text -default {} -configuremethod SetText
     variable on 0
     constructor args {
-        install editor using ttk::checkbutton $win.check -variable [myvar on] -command [mymethod Toggled]
+        install editor using ttk::checkbutton $win.check -style [::sorma::style own TCheckbutton] -variable [myvar on] -command [mymethod Toggled]
         pack $editor -side left
         $self configurelist $args
         $self Begin
@@ -442,7 +448,7 @@ snit::widget ::sorma::button {
             $button configure -text [string totitle [string trimleft [lindex $options(-request) end] -]]
         }
         set subject [::sorma::subject of $options(-name)]
-        bind $win <Destroy> +[mymethod Ended %W]
+        bind $win <Destroy> +[list ::sorma::parts::ended $win [mymethod Ended %W]]
     }
     method Ended window {
         if {$window eq $win && $subject ne {}} {

@@ -13,13 +13,15 @@
 
 package require sorma::field
 package require sorma::lamp
+package require sorma::notice
 package require sorma::options
 package require sorma::text
 package require sorma::window
 package provide sorma::form 1.0
 
-# ::sorma::form .w ?-entries TEXT? ?-file FILE? ?-live ms? ?-apply now|later? ?-state normal|readonly? --
-#       A grid of the widgets that fit. The objects need not be there.
+# ::sorma::form .w ?-entries TEXT? ?-file FILE? ?-live ms? ?-apply now|later? ?-state normal|readonly? ?-make 0|1? --
+#       A grid of the widgets that fit. The objects need not be there; -make 1: those that are not are made, now and each time their daemon has
+#       come back.
 # Methods:
 #       apply, revert; entries: as text; add LINE, remove N, move N STEP; load FILE, save FILE; item N: the widget of an entry, counted from 0
 #       as they stand
@@ -28,6 +30,7 @@ snit::widget ::sorma::form {
     option -entries -default {} -configuremethod SetEntries -cgetmethod GetEntries
     option -file -default {} -readonly 1
     option -live -default 1000 -readonly 1
+    option -make -default 0 -readonly 1 -type snit::boolean -configuremethod SetMake
     ::sorma::checkedOption -apply later SetShared
     ::sorma::checkedOption -state normal SetShared
     variable entries {}         ;# list of dicts: name, what, settings; of a group its title is the name, and what is empty
@@ -42,6 +45,7 @@ snit::widget ::sorma::form {
 
     constructor args {
         set pad [::sorma::style pixels 6]
+        ::sorma::notice $win.say -lines 1
         ttk::frame $win.body
         set inner [::sorma::parts::scroller $win.body]
         ttk::frame $win.ask
@@ -56,13 +60,13 @@ snit::widget ::sorma::form {
         ttk::button $win.apply.apply -text Apply -command [mymethod apply] -underline 0
         ttk::button $win.apply.revert -text Revert -command [mymethod revert] -underline 0
         pack $win.apply.apply $win.apply.revert -side left -padx [list 0 $pad]
-        foreach {part sticky} {body nsew ask ew said ew apply ew} {
+        foreach {part sticky} {say ew body nsew ask ew said ew apply ew} {
             grid $win.$part -sticky $sticky -padx $pad -pady [list $pad 0]
         }
         grid configure $win.apply -pady $pad
         grid remove $win.ask $win.said
         grid columnconfigure $win 0 -weight 1
-        grid rowconfigure $win 0 -weight 1
+        grid rowconfigure $win 1 -weight 1
         foreach {key script} [list <Alt-a> [mymethod apply] <Alt-r> [mymethod revert]] {
             bind [$self Tag] $key "$script; break"
         }
@@ -90,11 +94,15 @@ snit::widget ::sorma::form {
         return SormaForm$win
     }
     method Release {} {
-        foreach {subject listener} [concat {*}[dict values $subjects]] {
+        $self LetGo $subjects
+        set subjects {}
+    }
+    method LetGo taken {
+        foreach {subject listener} [concat {*}[dict values $taken]] {
             $subject unlisten $listener
+            $subject keep [expr {-!!$options(-make)}]
             $subject release
         }
-        set subjects {}
     }
 
     # ---- what programs say ----
@@ -214,14 +222,19 @@ snit::widget ::sorma::form {
                 if {$what ne {} && ![dict exists $subjects $name]} {
                     set subject [::sorma::subject of $name -live $options(-live)]
                     dict set subjects $name [list $subject [$subject listen [mymethod Told $name]]]
+                    $subject keep [expr {!!$options(-make)}]
                 }
             }
         }
-        foreach {subject listener} [concat {*}[dict values $before]] {
-            $subject unlisten $listener
-            $subject release
-        }
+        $self LetGo $before
         $self Soon
+    }
+    # Entries may have been given before it.
+    method SetMake {option value} {
+        set options($option) $value
+        foreach {subject listener} [concat {*}[dict values $subjects]] {
+            $subject keep [expr {!!$value}]
+        }
     }
     method SetShared {option value} {
         set options($option) $value
@@ -332,11 +345,15 @@ snit::widget ::sorma::form {
             } else {
                 set mark
             }]
+            if {[lindex $shown 0] in {asking stale} || [lindex $shown 0] eq "gone" && [$subject gone]} {
+                lset shown 1 {}         ;# it stands at the top
+            }
             if {![dict exists $marks $n] || [dict get $marks $n] ne $shown} {
                 dict set marks $n $shown
                 ::sorma::parts::mark $inner $n {*}$shown
             }
         }
+        $self Head
         set edited "disabled"
         foreach other [dict keys $subjects] {
             if {[$self Edited $other] ne {}} {
@@ -350,6 +367,27 @@ snit::widget ::sorma::form {
         } else {
             grid $win.apply
         }
+    }
+
+    # The top says what holds for all values of an object, of the first object with such a message.
+    method Head {} {
+        set say {live {}}
+        set others 0
+        dict for {name pair} $subjects {
+            set subject [lindex $pair 0]
+            lassign [$subject trouble] state text
+            if {$state in {live locked}} continue
+            if {[lindex $say 0] ne "live"} {
+                incr others
+                continue
+            }
+            set can [expr {$state eq "gone" && $options(-state) eq "normal" && [$subject makes]}]
+            set say [list stale "[::sorma::style mark $state] $name: $text" [if {$can} {list $subject make}]]
+        }
+        if {$others > 0} {
+            lset say 1 "[lindex $say 1] (and $others more)"
+        }
+        $win.say say {*}$say
     }
 
     # ---- menus ----

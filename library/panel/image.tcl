@@ -43,8 +43,8 @@ snit::widget ::sorma::image {
         install canvas using canvas $win.canvas -highlightthickness 0 -borderwidth 0 -background [ttk::style lookup . -background] \
             -width [::sorma::style pixels $options(-width)] -height [::sorma::style pixels $options(-height)] \
             -xscrollcommand [list ::sorma::parts::scrolled $win.x] -yscrollcommand [list ::sorma::parts::scrolled $win.y]
-        ttk::scrollbar $win.x -orient horizontal -command [list $canvas xview]
-        ttk::scrollbar $win.y -command [list $canvas yview]
+        ttk::scrollbar $win.x -style [::sorma::style own Horizontal.TScrollbar] -orient horizontal -command [list $canvas xview]
+        ttk::scrollbar $win.y -style [::sorma::style own Vertical.TScrollbar] -command [list $canvas yview]
         ttk::label $win.below -font [::sorma::style font small] -anchor w
         grid $canvas $win.y -sticky nsew
         grid $win.x -sticky ew
@@ -59,7 +59,7 @@ snit::widget ::sorma::image {
         bind $canvas <minus> [mymethod Act Zoom -1]
         bind $canvas <ButtonPress-1> [mymethod Act Grip %x %y]
         bind $canvas <B1-Motion> [mymethod Act Drag %x %y]
-        bind $win <Destroy> +[mymethod Ended %W]
+        bind $win <Destroy> +[list ::sorma::parts::ended $win [mymethod Ended %W]]
         if {$options(-name) ne {}} {
             set subject [::sorma::subject of $options(-name)]
             $self refresh

@@ -18,7 +18,8 @@ snit::widget ::sorma::led {
         canvas $win.lamp -width $size -height $size -highlightthickness 0 -background [ttk::style lookup . -background]
         $win.lamp create oval 2 2 [expr {$size - 2}] [expr {$size - 2}] -tags lamp -outline [::sorma::style colour asking]
         ttk::label $win.text
-        pack $win.lamp $win.text -side left -padx [list 0 [::sorma::style pixels 4]]
+        ttk::label $win.age -width 8 -font [::sorma::style font small]
+        pack $win.lamp $win.text $win.age -side left -padx [list 0 [::sorma::style pixels 4]]
         $self Begin
         $self Enable
     }
@@ -44,6 +45,7 @@ snit::widget ::sorma::led {
         set shown [$self shows]
         $win.lamp itemconfigure lamp -fill [if {$shown ne "off"} {$self Shade [dict get {good good warn warn bad refused stale asking} $shown]}]
         $win.text configure -text $options(-text)
+        $self ShowAge $win.age [$subject get $options(-option)]
     }
 }
 
@@ -66,9 +68,10 @@ snit::widget ::sorma::meter {
             -highlightbackground [::sorma::style colour asking] -background [ttk::style lookup TEntry -fieldbackground {} white]
         $win.bar create rectangle 0 0 0 $height -width 0 -tags level
         ttk::label $win.mark -width 2 -anchor center
+        ttk::label $win.age -width 8 -font [::sorma::style font small]
         ttk::label $win.digits -width 12 -anchor e
         pack $win.bar -side left -fill x -expand 1
-        pack $win.mark $win.digits -side left
+        pack $win.mark $win.digits $win.age -side left
         bind $win.bar <Configure> [mymethod Told state {}]
         $self Begin
         $self Enable
@@ -101,6 +104,7 @@ snit::widget ::sorma::meter {
     }
     method Show {} {
         lassign [$self shows] state value
+        $self ShowAge $win.age [$subject get $options(-option)]
         set unit [if {$facts ne {}} {dict get $facts unit}]
         set low [$self Or -low 0.0]
         set high [$self Or -high [expr {$low + 1.0}]]
@@ -117,17 +121,18 @@ snit::widget ::sorma::meter {
 snit::widget ::sorma::reading {
     ::sorma::lampParts -name 0
     option -request -default EXEC -readonly 1
-    option -part -default {} -configuremethod SetLook
+    option -part -default {} -configuremethod SetLook -type {snit::enum -values {{} floats ints words text code}}
     option -index -default {} -configuremethod SetLook
     option -unit -default {} -configuremethod SetLook
     option -every -default 1000 -readonly 1
-    variable told {value {} state asking why {}}
+    variable told {value {} state asking why {} age {}}
     variable token {}
     constructor args {
         $self configurelist $args
         ttk::label $win.text -anchor w
-        ttk::label $win.mark
-        pack $win.text $win.mark -side left
+        ttk::label $win.mark -width 2
+        ttk::label $win.age -width 8 -font [::sorma::style font small]
+        pack $win.text $win.mark $win.age -side left
         $self Begin
         $self Enable
         set token [$subject value $options(-request) $options(-every) [list ::sorma::parts::answer [mymethod Valued]]]
@@ -153,19 +158,24 @@ snit::widget ::sorma::reading {
     }
     method Show {} {
         lassign [$self shows] state text
+        $self ShowAge $win.age $told
         $win.mark configure -text [::sorma::style mark $state] -foreground [$self Shade $state]
         $win.text configure -text [if {$text eq {}} {dict get $told why} else {set text}]
     }
 }
 
-# ::sorma::status .w -name SO -- a line that says how the daemon of an object is, and why when it does not answer.
+# ::sorma::status .w -name SO ?-brief 0|1? -- the state of an object's daemon, with what it is busy in, or why it does not answer. -brief: its
+# state alone.
 snit::widget ::sorma::status {
     ::sorma::lampParts -name 0
+    option -brief -default 0 -readonly 1 -type snit::boolean
     constructor args {
         $self configurelist $args
-        ttk::label $win.text -width 20 -anchor w
+        ttk::label $win.text -width [expr {$options(-brief) ? 12 : 20}] -anchor w
         pack $win.text -side left -fill x -expand 1
-        bind $win.text <Configure> {%W configure -wraplength %w}        ;# however long the reason is, the window stays
+        if {!$options(-brief)} {
+            bind $win.text <Configure> {%W configure -wraplength %w}    ;# however long the reason is, the window stays
+        }
         $self Begin
         $self Enable
     }
@@ -178,7 +188,7 @@ snit::widget ::sorma::status {
         set state [$subject state]
         set how [dict get $state state]
         set shown [expr {$how in {alive busy} ? "good" : $how eq "asking" ? "asking" : "stale"}]
-        $win.text configure -foreground [$self Shade $shown] \
-            -text "[::sorma::style mark $shown] $how[if {[dict get $state why] ne {}} {string cat {: } [dict get $state why]}]"
+        set more [if {!$options(-brief)} {if {[dict get $state why] ne {}} {dict get $state why} else {dict get $state busy}}]
+        $win.text configure -foreground [$self Shade $shown] -text "[::sorma::style mark $shown] $how[if {$more ne {}} {string cat {: } $more}]"
     }
 }

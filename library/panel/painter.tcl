@@ -88,7 +88,7 @@ snit::widget ::sorma::painter {
             bind SormaPainter$win <Alt-$key> "[mymethod $words]; break"
         }
         ::sorma::style::tag $win SormaPainter$win
-        bind $win <Destroy> +[mymethod Ended %W]
+        bind $win <Destroy> +[list ::sorma::parts::ended $win [mymethod Ended %W]]
         set table [::sorma::subject of $options(-name)]
         set source [::sorma::subject of $options(-picture)]
         $self take
@@ -110,10 +110,10 @@ snit::widget ::sorma::painter {
         dict for {n item} $Colours {
             lassign $item name shown
             frame $tools.swatch$n -width [::sorma::style pixels 14] -height [::sorma::style pixels 14] -background $shown
-            ttk::radiobutton $tools.colour$n -text "$n $name" -underline 0 -variable [myvar colour] -value $n
+            ttk::radiobutton $tools.colour$n -style [::sorma::style own TRadiobutton] -text "$n $name" -underline 0 -variable [myvar colour] -value $n
             lappend all $tools.swatch$n $tools.colour$n
         }
-        ttk::radiobutton $tools.unknown -text "unknown" -underline 0 -variable [myvar colour] -value $Unknown
+        ttk::radiobutton $tools.unknown -style [::sorma::style own TRadiobutton] -text "unknown" -underline 0 -variable [myvar colour] -value $Unknown
         ttk::label $tools.brushText -text "Brush \[ \]"
         ttk::label $tools.brush -textvariable [myvar options(-brush)] -width 3
         lappend all $tools.unknown $tools.brushText $tools.brush

@@ -7,29 +7,36 @@ package require sorma::execform
 package require sorma::field
 package require sorma::lamp
 package require sorma::layout
+package require sorma::notice
 package require sorma::trailview
 package require sorma::window
 package provide sorma::panel 1.0
 
-# ::sorma::panel .w NAME ?-options list? ?-groups dict? ?-layout file? ?-live ms? ?-apply now|later? ?-state normal|readonly? --
+# ::sorma::panel .w NAME ?-options list? ?-groups dict? ?-layout file? ?-live ms? ?-apply now|later? ?-state normal|readonly? ?-make 0|1? --
 #       A frame with everything that can be set, tried and asked of an object, here or elsewhere. The object need not be there.
 # Arguments:
 #       list    of options that are shown, in this order; default all
 #       dict    title -> list of options that stand together; default: the groups of the class
 #       file    as the panel has saved it (layout.tcl): groups, order, and what is hidden
 #       ms      how often what changes by itself is asked for, default 1000
+#       -make   1: the panel makes the object when it is not there, now and after each restart of its daemon
 #       later   changes are kept until Apply is pressed; a switch in the panel changes that
 # Methods:
 #       subject, apply, revert; field OPTION: the widget of an option; search TEXT; execute; layout: as text; load FILE, save FILE: a layout;
 #       move OPTION STEP, hide OPTION, unhide: all
 snit::widget ::sorma::panel {
     hulltype ttk::frame
+    # The mark of a dangerous word, behind its name.
+    proc Danger kind {
+        return [expr {$kind in {move power fire} ? " \u26a0" : {}}]
+    }
     option -options -default {} -readonly 1
     option -groups -default {} -readonly 1
     option -layout -default {} -readonly 1
     option -live -default 1000 -readonly 1
     ::sorma::checkedOption -apply later SetApply
     ::sorma::checkedOption -state normal SetState
+    option -make -default 0 -readonly 1 -type snit::boolean
     variable subject {}
     variable listener {}
     variable rows {}            ;# dict: -option -> number of its widgets
@@ -40,7 +47,6 @@ snit::widget ::sorma::panel {
     variable room 380           ;# pixels, for messages below fields
     variable wanted {}          ;# what is searched for
     variable searchable 12      ;# options: with more there is a field to search in
-    variable headed {}          ;# what the head tells
     variable trailShown 0
     variable atOnce 0
     variable readOnly 0
@@ -58,16 +64,13 @@ snit::widget ::sorma::panel {
         # What it is, how it is, and what stops it.
         ttk::frame $win.head
         ttk::label $win.head.name -text [$subject name] -font [::sorma::style font strong]
-        ::sorma::status $win.head.state -name [$subject name]
-        ttk::label $win.head.purpose -foreground [::sorma::style colour asking]
-        ttk::label $win.head.gone -foreground [::sorma::style colour gone]
-        ttk::label $win.head.denied -foreground [::sorma::style colour refused] -justify left
-        bind $win.head <Configure> [list $win.head.denied configure -wraplength %w]
-        ttk::checkbutton $win.head.readonly -text "read only" -variable [myvar readOnly] -command [mymethod Switched] -underline 5
+        ::sorma::status $win.head.state -name [$subject name] -brief 1
+        ::sorma::notice $win.head.say
+        ttk::checkbutton $win.head.readonly -style [::sorma::style own TCheckbutton] -text "read only" -variable [myvar readOnly] \
+            -command [mymethod Switched] -underline 5
         ttk::frame $win.head.stop
-        grid $win.head.name x $win.head.readonly $win.head.stop -sticky ew -padx [list 0 $pad]
-        grid $win.head.purpose -row 1 -columnspan 3 -sticky w
-        grid configure $win.head.stop -rowspan 2
+        grid $win.head.name $win.head.state $win.head.readonly $win.head.stop -sticky ew -padx [list 0 $pad]
+        grid $win.head.say -row 1 -columnspan 4 -sticky ew
         grid columnconfigure $win.head 1 -weight 1
         # What can be set.
         ttk::frame $win.find
@@ -85,7 +88,8 @@ snit::widget ::sorma::panel {
         ttk::frame $win.apply
         ttk::button $win.apply.apply -text Apply -command [mymethod apply] -underline 0
         ttk::button $win.apply.revert -text Revert -command [mymethod revert] -underline 0
-        ttk::checkbutton $win.apply.once -text "apply at once" -variable [myvar atOnce] -command [mymethod Switched]
+        ttk::checkbutton $win.apply.once -style [::sorma::style own TCheckbutton] -text "apply at once" -variable [myvar atOnce] \
+            -command [mymethod Switched]
         pack $win.apply.apply $win.apply.revert -side left -padx [list 0 $pad]
         pack $win.apply.once -side right
         # What was asked for in menus: a word, and what was answered.
@@ -118,7 +122,7 @@ snit::widget ::sorma::panel {
         grid $win.trail -row [incr row] -sticky w -padx $pad -pady [list 0 $small]
         grid columnconfigure $win 0 -weight 1
         grid rowconfigure $win 2 -weight 1 -minsize [::sorma::style pixels 40]
-        bind $win <Destroy> +[mymethod Ended %W]
+        bind $win <Destroy> +[list ::sorma::parts::ended $win [mymethod Ended %W]]
         # Keys act wherever the focus is within the panel, and not in one beside it.
         foreach {key script} [list <Alt-a> [mymethod apply] <Alt-r> [mymethod revert] <Alt-e> [mymethod execute] \
                 <Alt-s> [list focus $win.find.entry] <Alt-t> [list $win.trail invoke] \
@@ -132,12 +136,10 @@ snit::widget ::sorma::panel {
         bind $win <<ThemeChanged>> [mymethod Looks]
         $self Switched
         $self Table
+        $subject keep [expr {!!$options(-make)}]
     }
     # Parts that ttk does not colour by itself.
     method Looks {} {
-        foreach {part state} {purpose asking gone gone denied refused} {
-            $win.head.$part configure -foreground [::sorma::style colour $state]
-        }
         set marks [dict map {option mark} $marks {string cat {}}]
         $self Shown [dict keys $rows]
     }
@@ -149,6 +151,7 @@ snit::widget ::sorma::panel {
                 bind [$self Tag] $event {}
             }
             $subject unlisten $listener
+            $subject keep [expr {-!!$options(-make)}]
             $subject release
             set subject {}
         }
@@ -235,6 +238,7 @@ snit::widget ::sorma::panel {
         }
         if {[winfo exists $win.exec]} {
             $self EnableActions
+            $self Head
             $self Shown [dict keys $rows]
         }
     }
@@ -262,7 +266,6 @@ snit::widget ::sorma::panel {
         if {$table eq {}} {
             return [$self Empty]
         }
-        $win.head.purpose configure -text [string trimright "[dict get $table class]: [dict get $table purpose]" ": "]
         set all [lmap item [dict get $table options] {lindex $item 0}]
         set chosen [expr {$options(-options) eq {} ? $all : [lmap option $options(-options) {if {$option ni $all} continue; set option}]}]
         destroy {*}[winfo children $inner]
@@ -273,7 +276,7 @@ snit::widget ::sorma::panel {
             dict set marks $option {}
             set facts [$subject option $option]
             ttk::label $inner.mark$n -width 2 -anchor center
-            ttk::label $inner.label$n -text [string range $option 1 end]
+            ttk::label $inner.label$n -text [string range $option 1 end][Danger [if {[dict exists $facts hints danger]} {dict get $facts hints danger}]]
             ::sorma::field $inner.field$n $facts -name [$subject name] -option $option -apply $options(-apply) -state $options(-state) -seen 0
             bind $inner.field$n <<SormaBuilt>> [mymethod Tagged $inner.field$n]
             ttk::label $inner.unit$n -text [dict get $facts unit]
@@ -301,35 +304,21 @@ snit::widget ::sorma::panel {
         grid [ttk::label $inner.none -text $text -wraplength $room -justify left] -row 0 -column 0 -columnspan 4 -sticky w
     }
     method Empty {} {
-        set told [$subject get {}]
-        set why [if {[dict get $told state] eq "gone"} {string cat ": [dict get $told why]"}]
-        $self None [expr {[dict get $told state] eq "asking" ? "asking \u2026"
-            : "Nothing is known of [$subject name] yet$why. The panel fills itself as soon as the object answers."}]
+        $self None [if {[dict get [$subject get {}] state] eq "asking"} {string cat "asking \u2026"} else {
+            string cat "Nothing is known of [$subject name] yet. The panel fills itself as soon as the object answers."
+        }]
     }
-    # What holds for all fields stands at the top, once, and not below each of them.
+    # The top says what holds for all fields; otherwise it says what the object is for.
     method Head {} {
-        set told [$subject get {}]
-        set denied [$subject denied]
-        set now [list [dict get [$subject state] why] [dict get $told state] [dict get $told why] [expr {[$subject table] ne {}}] $denied]
-        if {$now eq $headed} return
-        set headed $now
-        if {[dict get [$subject state] why] eq {}} {
-            grid $win.head.state -row 0 -column 1 -columnspan 1 -sticky ew
-        } else {
-            grid $win.head.state -row 2 -column 0 -columnspan 4 -sticky ew      ;# a reason has a line of its own
+        lassign [$subject trouble] state text
+        set table [$subject table]
+        set can [expr {$state eq "gone" && !$readOnly && [$subject makes]}]
+        if {$state ne "live"} {
+            set text "[::sorma::style mark $state] $text"
+        } elseif {$table ne {}} {
+            set text [string trimright "[dict get $table class]: [dict get $table purpose]" ": "]
         }
-        if {[dict get $told state] eq "gone" && [lindex $now 3]} {
-            $win.head.gone configure -text "[::sorma::style mark gone] [dict get $told why] yet: a request makes it, such as Execute"
-            grid $win.head.gone -row 3 -column 0 -columnspan 4 -sticky w
-        } else {
-            grid remove $win.head.gone
-        }
-        if {$denied ne {}} {
-            $win.head.denied configure -text "[::sorma::style mark locked] $denied"
-            grid $win.head.denied -row 4 -column 0 -columnspan 4 -sticky ew
-        } else {
-            grid remove $win.head.denied
-        }
+        $win.head.say say [dict get {stale stale gone stale locked refused live asking} $state] $text [if {$can} {list $subject make}]
     }
     # All windows of it know the panel's keys, its menu and its wheel.
     method Tagged window {
@@ -344,18 +333,23 @@ snit::widget ::sorma::panel {
         set n 0
         foreach action [dict get $table actions] {
             lassign $action word usage help least
-            if {$word in {-stop -halt -abort}} {
+            set danger [if {[dict exists $table danger $word]} {dict get $table danger $word}]
+            if {$danger eq "stop" || $word in {-stop -halt -abort}} {
                 set button [::sorma::button $win.head.stop.b[incr n] -name [$subject name] -request [list CTRL $word]]
                 pack $button -side left
             } else {
                 set button $win.actions.b[incr n]
                 if {$least > 0} {
-                    ttk::button $button -text "[string totitle [string range $word 1 end]] \u2026" -command [mymethod Ask "$word $usage" {} [mymethod Act $word]]
+                    ttk::button $button -text "[string totitle [string range $word 1 end]][Danger $danger] \u2026" -command [mymethod Ask "$word $usage" {} [mymethod Act $word]]
                 } else {
-                    ::sorma::button $button -name [$subject name] -request [list CTRL $word]
+                    ::sorma::button $button -name [$subject name] -request [list CTRL $word] \
+                        -text [expr {$danger in {{} stop} ? {} : "[string totitle [string range $word 1 end]][Danger $danger]"}]
                 }
                 set at [llength [grid slaves $win.actions]]
                 grid $button -row [expr {$at / 4}] -column [expr {$at % 4}] -sticky ew -padx [list 0 $pad] -pady [list 0 $pad]
+            }
+            if {$danger ni {{} stop}} {
+                append help "; " [dict get {move {moves something} power {switches power} fire {fires something}} $danger] ": needs the right operate"
             }
             ::sorma::style tip $button $help
         }
@@ -468,13 +462,13 @@ snit::widget ::sorma::panel {
     # ---- marks and messages ----
 
     method Shown changed {
-        set known [list [dict get [$subject state] why] [dict get [$subject get {}] why] [$subject denied]]       ;# it stands at the top
+        set denied [$subject denied]
         foreach option $changed {
             if {![dict exists $rows $option]} continue
             set n [dict get $rows $option]
             set mark [$subject mark $option]
-            if {[lindex $mark 0] in {stale gone locked} && [lindex $mark 1] in $known} {
-                lset mark 1 {}
+            if {[lindex $mark 0] in {asking stale gone} || [lindex $mark 1] eq $denied} {
+                lset mark 1 {}          ;# it stands at the top
             }
             if {[dict get $marks $option] ne $mark} {
                 dict set marks $option $mark

@@ -15,6 +15,13 @@ proc ::sorma::parts::answer {method args} {
     }
 }
 
+# ::sorma::parts::ended WINDOW METHOD -- METHOD hears of the end of its window. A widget that its constructor has refused is no command by then.
+proc ::sorma::parts::ended {window method} {
+    if {[namespace which -command $window] ne {}} {
+        uplevel #0 $method
+    }
+}
+
 # ::sorma::parts::mark PARENT N STATE WHY -- the mark before row N of a grid, in the label mark N, and why below its field.
 proc ::sorma::parts::mark {parent n state why} {
     set colour [::sorma::style colour $state]
@@ -49,7 +56,7 @@ proc ::sorma::parts::ToFirst tree {
 # can be seen there is no bar. Its room stays: else what wraps there would make it come and go without end. scrolled BAR FIRST LAST is for any
 # bar in a grid.
 proc ::sorma::parts::withBar {frame view bar} {
-    ttk::scrollbar $bar -command [list $view yview]
+    ttk::scrollbar $bar -style [::sorma::style own Vertical.TScrollbar] -command [list $view yview]
     grid $view $bar -in $frame -sticky nsew
     grid columnconfigure $frame 0 -weight 1
     grid columnconfigure $frame 1 -minsize [winfo reqwidth $bar]
@@ -188,10 +195,15 @@ snit::macro ::sorma::parts {needs live} {
         $hull configure -takefocus 0        ;# Tab goes to what is in it; else Shift-Tab would come back for ever
         set subject [::sorma::subject of $options(-name) -live $options(-live)]
         $self Listen
-        bind $win <Destroy> +[mymethod Ended %W]
+        bind $win <Destroy> +[list ::sorma::parts::ended $win [mymethod Ended %W]]
         bind $win <FocusIn> [mymethod Focused]
         bind $win <<ThemeChanged>> [mymethod Told state {}]
-        $self Told table {}
+        try {
+            $self Told table {}
+        } on error {message how} {
+            $self Ended $win        ;# it is refused, and is no command any more when its window goes
+            return -options $how $message
+        }
     }
     # Of what nobody can see no values are told.
     method Listen {} {
@@ -261,6 +273,10 @@ snit::macro ::sorma::stateParts {} {
 snit::macro ::sorma::lampParts {needs live} {
     ::sorma::parts $needs $live
     ::sorma::stateParts
+    # How old a value is, in a label.
+    method ShowAge {label value} {
+        $label configure -text [dict get $value age] -foreground [$self Shade stale]
+    }
     # An option of the widget that says how it looks.
     method SetLook {option value} {
         set options($option) $value

@@ -6,7 +6,7 @@ package require Tk
 package provide sorma::style 1.0
 
 namespace eval ::sorma::style {
-    namespace export pixels mark colour series font step tag tip bindWheel
+    namespace export pixels mark colour series font step tag tip bindWheel own
     namespace ensemble create
     # state: mark, colour on a light background, colour on a dark one
     variable States {
@@ -23,6 +23,7 @@ namespace eval ::sorma::style {
         warn    {!  #8a5a00 #cd9309}
         good    {✓  #26872b #57e389}
     }
+    variable Bound 0            ;# is there a binding that follows the theme
     variable Rest {}            ;# {canvas delta}: of the wheel that was turned last, what has not scrolled yet
     # of lines beside each other, on a light background and on a dark one
     variable Series {
@@ -134,17 +135,34 @@ proc ::sorma::style::tag {window tag} {
     }
 }
 
-# Themes that draw marks and arrows themselves make them as large as on a display of 96 dots per inch; Tk 9 knows better, and so does awthemes
-# where tksvg is installed.
+# ::sorma::style::own CLASS -- a style of ours that widgets of a class take, so that those of the program around us stay as they are: Treeview,
+# TCheckbutton, TRadiobutton, TCombobox, Vertical.TScrollbar, Horizontal.TScrollbar.
+proc ::sorma::style::own class {
+    variable Bound
+    if {!$Bound} {
+        set Bound 1
+        bind . <<ThemeChanged>> {+::sorma::style::Fit}
+    }
+    Fit
+    return Sorma.$class
+}
+# A theme says how high a row is in pixels, whatever the font. Themes that draw marks and arrows themselves make them as large as on a display
+# of 96 dots per inch; Tk 9 knows better, and so does awthemes where tksvg is installed.
 proc ::sorma::style::Fit {} {
     set theme [ttk::style theme use]
+    Set Treeview -rowheight [expr {[::font metrics TkDefaultFont -linespace] + [pixels 3]}]
     if {[info exists ::tk::scalingPct] || [pixels 100] < 125} return
     if {$theme ni {alt clam classic default} && !([string match aw* $theme] && [package provide tksvg] eq {})} return
-    foreach {style option size} {TCheckbutton -indicatorsize 10 TRadiobutton -indicatorsize 10 TCombobox -arrowsize 12 TScrollbar -arrowsize 12} {
-        if {[ttk::style lookup $style $option] ne [pixels $size]} {
-            ttk::style configure $style $option [pixels $size]
-        }
+    foreach {class option size} {
+        TCheckbutton -indicatorsize 10 TRadiobutton -indicatorsize 10 TCombobox -arrowsize 12 Vertical.TScrollbar -arrowsize 12
+        Horizontal.TScrollbar -arrowsize 12
+    } {
+        Set $class $option [pixels $size]
     }
 }
-::sorma::style::Fit
-bind . <<ThemeChanged>> {+if {{%W} eq {.}} {after idle ::sorma::style::Fit}}
+# A value that is set already is not set again: each setting tells all windows that the theme has changed, and that leads here.
+proc ::sorma::style::Set {class option value} {
+    if {[ttk::style lookup Sorma.$class $option] ne $value} {
+        ttk::style configure Sorma.$class $option $value
+    }
+}

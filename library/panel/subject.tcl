@@ -4,7 +4,7 @@
 # Nothing here waits; everything comes from the model, sorma::world, and all is shared by who names the same object.
 #
 # state of an option
-#   asking   nothing is known yet              stale    its daemon does not answer: the value may be old
+#   asking   nothing is known yet              stale    no answer: the value may be old, and age says how old
 #   live     as it is                          refused  it may not be seen, or could not be set: why says it
 #   mine     typed, not applied                gone     there is no such object
 #   theirs   typed, and meanwhile somebody     locked   it cannot be set: only a recipe sets it, or the right is missing
@@ -62,6 +62,13 @@ proc ::sorma::subject::answered {subject id prefix status value} {
     }
 }
 
+# It may be made by now.
+proc ::sorma::subject::again subject {
+    if {[info object isa object $subject]} {
+        $subject Keep
+    }
+}
+
 if {![info object isa object ::sorma::subject::Subject]} {oo::class create ::sorma::subject::Subject}
 oo::define ::sorma::subject::Subject {
     variable name service where key         ;# NAME, and its parts; key: of the daemon, empty as long as that is not known
@@ -75,6 +82,11 @@ oo::define ::sorma::subject::Subject {
     variable following                      ;# dict: -option -> 1: sent again meanwhile, to be applied when that has been answered
     variable faults                         ;# dict: -option -> {state why}, of what could not be set
     variable renewed                        ;# is the table of a process that has gone
+    variable had                            ;# was the object there, since the subject was made
+    variable keepers                        ;# how many want it to be made by itself
+    variable made                           ;# boot of the process that was asked to make it last; empty: none was
+    variable making                         ;# is that under way; failure: why it could not be made
+    variable failure
     variable denied                         ;# why we may not set anything; empty: nothing is known of that
     variable listeners                      ;# dict: token -> {command prefix, option}
     variable underway                       ;# dict: token -> {number prefix}, of requests that are under way; prefix: for progress
@@ -85,11 +97,10 @@ oo::define ::sorma::subject::Subject {
         set name $given
         lassign [::sorma::table locate $name] service where
         set users [set live [set last 0]]
-        set key [set token [set table [set facts [set added [set denied [set underway [set progress {}]]]]]]]
-        set renewed 0
-        if {$where ne {} && $where ni [::sorma::world names]} {
-            set added [::sorma::world add $where]
-        }
+        set key [set token [set table [set facts [set denied [set underway [set progress {}]]]]]]
+        set renewed [set had [set keepers [set making 0]]]
+        set made [set failure {}]
+        set added [::sorma::world hold $where]
         set values [set drafts [set waiting [set following [set faults [set listeners {}]]]]]
         ::sorma::world hook {answer daemon.changed daemon.process object.made} [list [self] Heard]
     }
@@ -159,22 +170,97 @@ oo::define ::sorma::subject::Subject {
     method place service {
         return [if {$where eq {} || [string first @ $service] >= 0} {set service} else {string cat $service@$where}]
     }
-    # How it is: a dict of state (of its daemon, as sorma::world gives it) and why.
+    # How it is: a dict of state (of its daemon, as sorma::world gives it), why, and busy (in what).
     method state {} {
         set daemon [::sorma::world get $key]
-        return [if {$key eq {}} {dict create state unresolved why "$where leads nowhere"} elseif {$daemon eq {}} {
-            dict create state asking why {}
+        return [if {$key eq {}} {dict create state unresolved why "$where leads nowhere" busy {}} elseif {$daemon eq {}} {
+            dict create state asking why {} busy {}
         } else {
-            dict filter $daemon key state why
+            dict filter $daemon key state why busy
         }]
+    }
+    # trouble -- {STATE TEXT}, for all options together. STATE: stale, gone, locked, or live, which has no text.
+    method trouble {} {
+        set state [my state]
+        set whole [my Whole]
+        if {[dict get $whole state] eq "gone"} {
+            return [list gone [my GoneText]]
+        } elseif {[dict get $whole state] eq "stale"} {
+            return [list stale [dict get $whole why]]
+        } elseif {[dict get $state state] ni {alive busy asking}} {
+            return [list stale "[dict get $state state][if {[dict get $state why] ne {}} {string cat {: } [dict get $state why]}]"]
+        } elseif {$denied ne {}} {
+            return [list locked $denied]
+        }
+        return {live {}}
+    }
+    # The first value that says something about all of them.
+    method Whole {} {
+        dict for {option value} $values {
+            if {[dict get $value state] in {stale gone}} {
+                return $value
+            }
+        }
+        return {state live why {}}
+    }
+    method GoneText {} {
+        if {$making} {
+            return "there is no such object: it is being made \u2026"
+        } elseif {$failure ne {}} {
+            return "it cannot be made: $failure"
+        } elseif {$had} {
+            return "the object is not there any more: a request makes it again, from its recipe"
+        }
+        return "there is no such object yet: a request makes it"
+    }
+    # Is it known that there is no such object?
+    method gone {} {
+        return [expr {[dict get [my Whole] state] eq "gone"}]
+    }
+    # Can it be made now?
+    method makes {} {
+        return [expr {[my gone] && !$making}]
+    }
+    # make -- have the object made, by a request without other effects. keep N -- 1: do so for each process of its daemon; -1: no more.
+    method make {} {
+        if {!$making} {
+            set making 1
+            set failure {}
+            set made [my Boot]
+            my ask {DBX -class} [list [self] Made]
+            my Tell {} state
+        }
+    }
+    method keep n {
+        incr keepers $n
+        my Keep
+    }
+    method Keep {} {
+        if {$keepers > 0 && !$making && [my gone] && $made ne [my Boot]} {
+            my make
+        }
+    }
+    method Boot {} {
+        set daemon [::sorma::world get $key]
+        return [if {$daemon ne {}} {list [dict get $daemon boot]}]
+    }
+    method Made {status value} {
+        set making 0
+        set failure [if {$status ne "ok"} {lindex $value 0}]
+        if {$status ne "ok" && [string match "SORMA COMM*" [lindex $value 1]]} {
+            set made {}                 ;# perhaps it has not got there
+            after 1000 [list ::sorma::subject::again [self]]
+        }
+        my Tell {} state
     }
     # Why we may not set anything; empty: nothing is known of that. It is why of each option that is locked for it, too.
     method denied {} {
         return $denied
     }
-    # What is to be shown of an option: a dict of value, state, why, live (the value there), by and at (ms; who set that).
+    # get OPTION -- a dict for views: value, state, why, live (the value there), by and at (its author; ms). A stale value has its age, and seen,
+    # the last time of an answer [ms].
     method get option {
-        set told [dict create value {} state asking by {} at 0 why {}]
+        set told [dict create value {} state asking by {} at 0 why {} age {} seen 0]
         if {[dict exists $values $option]} {
             set told [dict get $values $option]
         } elseif {[dict exists $values *]} {
@@ -431,6 +517,8 @@ oo::define ::sorma::subject::Subject {
             daemon.process {
                 if {$about eq $key} {
                     set renewed 1
+                    set failure {}
+                    my Keep
                     my Describe             ;# perhaps of another version
                 }
             }
@@ -439,7 +527,7 @@ oo::define ::sorma::subject::Subject {
     }
     method Valued {what object told} {
         if {[dict exists $told *]} {
-            set values [dict map {option value} $values {dict merge $value [dict filter [dict get $told *] key state why]}]
+            set values [dict map {option value} $values {dict merge $value [dict filter [dict get $told *] key state why age seen]}]
         }
         set values [dict merge [dict remove $values *] $told]
         dict for {option value} $told {
@@ -451,8 +539,14 @@ oo::define ::sorma::subject::Subject {
         if {$table eq {}} {
             my Describe
         }
+        if {[my gone]} {
+            my Keep
+        } elseif {"live" in [lmap value [dict values $told] {dict get $value state}]} {
+            set had 1
+            set failure {}
+        }
         my Tell [dict keys [if {[dict exists $told *]} {dict merge $facts $values} else {set told}]]
     }
 
-    export Heard Valued Applied Answered Progressed End
+    export Heard Valued Applied Answered Progressed Made Keep End
 }

@@ -31,9 +31,9 @@ snit::widget ::sorma::trailview {
 
     constructor args {
         $self configurelist $args
-        install tree using ttk::treeview $win.tree -columns {time object text} -show headings -height $options(-height) -selectmode extended \
-            -yscrollcommand [list $win.bar set]
-        ttk::scrollbar $win.bar -command [list $tree yview]
+        install tree using ttk::treeview $win.tree -style [::sorma::style own Treeview] -columns {time object text} -show headings -height $options(-height) \
+            -selectmode extended -yscrollcommand [list $win.bar set]
+        ttk::scrollbar $win.bar -style [::sorma::style own Vertical.TScrollbar] -command [list $tree yview]
         foreach {column title width stretch} {time Time 100 0 object Object 130 0 text Message 360 1} {
             $tree heading $column -text $title -anchor w
             $tree column $column -width [::sorma::style pixels $width] -stretch $stretch
@@ -44,13 +44,11 @@ snit::widget ::sorma::trailview {
         pack $tree -side left -fill both -expand 1
         ::sorma::parts::byKeys $tree
         bind $tree <Control-c> [mymethod Act Copy]
-        bind $win <Destroy> +[mymethod Ended %W]
+        bind $win <Destroy> +[list ::sorma::parts::ended $win [mymethod Ended %W]]
         set tokens [lmap pattern $options(-keys) {::sorma::world watch $pattern -events trail -command [mymethod Told]}]
     }
     method Enable {} {
         if {$tree eq {}} return
-        # A theme says how high a row is in pixels, whatever the font.
-        ttk::style configure Treeview -rowheight [expr {[font metrics TkDefaultFont -linespace] + [::sorma::style pixels 3]}]
         foreach {severity state} {error refused warning warn verbose asking} {
             $tree tag configure $severity -foreground [$self Shade $state]
         }
@@ -107,7 +105,7 @@ snit::widget ::sorma::trailview {
     }
     method Add {key message} {
         $tree insert {} end -tags [list [dict get $message severity]] -values [list [::sorma::text::time [dict get $message time]] \
-            {*}[lmap text [list [string map {@self {}} $key] [dict get $message text]] {::sorma::text::clean [string map {\n { }} $text]}]]
+            {*}[lmap text [list [::sorma::world shown $key] [dict get $message text]] {::sorma::text::clean [string map {\n { }} $text]}]]
     }
     # Other messages are wanted: show what is kept of them.
     method Choose {option value} {

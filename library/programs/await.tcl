@@ -148,7 +148,7 @@ proc ::sorma::await::answer {where request ms} {
         return [dict get $value text]
     }
     lassign [if {$status eq {}} {list {no answer} [list SORMA COMM TIMEOUT $where]} else {set value}] message code
-    return -code error -errorcode $code "daemon $where: [regsub {^sorm@\S+: } $message {}]"
+    return -code error -errorcode $code [string cat [if {$where ne {}} {string cat "daemon $where: "}] [regsub {^(?:sorm@\S+|[^\s:]+): (?=the dictionary has no entry)|^sorm@\S+: } $message {}]]
 }
 proc ::sorma::await::Reply {token args} {
     variable Replies

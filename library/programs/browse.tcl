@@ -13,6 +13,7 @@ namespace eval ::sorma::browse {
 
 # ::sorma::browse::main WORDS -- run the program: the exit code, once its window is closed.
 proc ::sorma::browse::main words {
+    ::sorma::options::suggest ::sorma::DidYouMean
     variable Options
     if {[lindex $words 0] eq "--complete"} {
         foreach word [Complete [lrange $words 1 end]] {

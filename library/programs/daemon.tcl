@@ -4,15 +4,16 @@
 
 package require sorma
 package require sorma::options
+package require sorma::packages
 package require sorma::usage
 package provide sorma::daemon 1.0
 
 namespace eval ::sorma::daemon {
     # The options in the manual of sormad; the last ones are those of sorma::serve, which checks them.
     variable Options {
-        -name {{word {a name}}}  -dict words  -package words  -script word  -log word  -idle {{seconds 0 1e9} 0}  -grace {{seconds 0 86400} 5}
-        -interactive flag  -until-eof flag  -inetd flag  -help flag  --help flag
-        -port any  -host any  -socket any  -rpcbind any  -program any  -allow collect  -policy any  -share any
+        -name {{word {a name}}}  -dict words  -path words  -package words  -make words  -script word  -log word  -idle {{seconds 0 1e9} 0}  -grace {{seconds 0 86400} 5}
+        -interactive flag  -until-eof flag  -inetd flag  -strict {boolean 0}  -help flag  --help flag
+        -port any  -host any  -socket any  -rpcbind any  -program any  -allow collect  -policy any  -open any  -share any
     }
     variable End            ;# set once: how the daemon ended
     variable Grace 5        ;# s for requests to end when the daemon has been told to
@@ -25,6 +26,7 @@ namespace eval ::sorma::daemon {
 # Results:
 #       Exit code of the program: 0 after a signal, 1 when the daemon could not be made, 2 for a bad command line.
 proc ::sorma::daemon::main words {
+    ::sorma::options::suggest ::sorma::DidYouMean
     variable End
     variable Grace
     if {"-help" in $words || "--help" in $words} {
@@ -100,7 +102,7 @@ proc ::sorma::daemon::EndBySignal {} {
 # Read the command line into a dict: option -> value; -serve: those for sorma::serve.
 proc ::sorma::daemon::Parse words {
     variable Options
-    set forServe {-port -host -socket -rpcbind -program -allow -policy -share}
+    set forServe {-port -host -socket -rpcbind -program -allow -policy -open -share}
     set settings [dict remove [::sorma::options::defaults $Options] {*}$forServe]
     set settings [::sorma::options::take $Options $settings $words]
     if {[dict get $settings -name] eq {}} {
@@ -175,14 +177,24 @@ proc ::sorma::daemon::Start {settings inherited} {
     }
     interp bgerror {} [list ::sorma::daemon::NoteBackgroundError $log]
     ::sorma::JoinDict
+    if {$log ne "stderr"} {     # there the package has said it
+        foreach line [split [lindex [::sorma::so::dict CTRL -leftOut] 3] \n] {
+            puts $log "warning: $line"
+        }
+    }
     foreach file [dict get $settings -dict] {
         ::sorma::so::dict CTRL -load $file
     }
+    lappend ::auto_path {*}[lmap folder [dict get $settings -path] {file normalize $folder}]
+    ::sorma::configure -strict [dict get $settings -strict]
     foreach package [dict get $settings -package] {
-        package require $package
+        Load $package
     }
     if {[dict get $settings -script] ne {}} {
         uplevel #0 [list source -encoding utf-8 [dict get $settings -script]]
+    }
+    foreach name [dict get $settings -make] {
+        Make $name
     }
     if {[dict exists $inherited -connection]} {
         ::sorma::subscribe sorm -event connection.closed -command ::sorma::daemon::ConnectionEnded
@@ -205,10 +217,38 @@ proc ::sorma::daemon::Start {settings inherited} {
     if {[dict get $served program] ne {}} {
         append line " program=[dict get $served program]"
     }
+    if {[dict exists $settings -open] && [dict get $settings -open]} {
+        append line " open=1"
+        puts stderr "sormad: [dict get $served name] is open (-open 1): whoever reaches it may call and inspect its objects"
+    }
     puts $line
     flush stdout
     ::sorma::Notify "READY=1\nSTATUS=$line"
     StartWatchdog
+}
+
+# Objects of the command line are there from the beginning, also after a restart.
+proc ::sorma::daemon::Make name {
+    if {[::sorma::exists $name]} {
+        return                          ;# the script has made it
+    }
+    try {
+        ::sorma::create $name
+    } on error {message options} {
+        return -options $options "-make $name: $message"
+    }
+}
+
+# A package that is not found: say where it was looked for, since that is nearly always why.
+proc ::sorma::daemon::Load package {
+    try {
+        package require $package
+    } on error {message options} {
+        if {$message eq "can't find package $package"} {
+            set message [::sorma::packages::notFound $package [package names] $::auto_path]
+        }
+        return -options $options $message
+    }
 }
 
 # The one connection for which the daemon was made has ended.

@@ -140,6 +140,10 @@ proc ::sorma::inspect::doctor::CheckDaemons {} {
         } else {
             lappend well $name
         }
+        if {![catch {::sorma::await answer $name {sorm CTRL -statistics} 1000} facts] && [string match "*; open (-open 1)*" $facts]} {
+            Note daemon note "$name is open: whoever reaches it may call and inspect its objects" \
+                "start it without -open 1, and allow those who shall use it: sorma::manual security"
+        }
     }
     if {[llength $well] > 0} {
         Note daemons ok "[join $well {, }]"
@@ -158,19 +162,25 @@ proc ::sorma::inspect::doctor::CheckDictionary {} {
     }
     foreach file $files {
         # An interpreter reads them when it gets the package.
-        if {[catch {
-            set child [interp create]
-            try {
-                set kept $env(SORMA_DICT)
-                set env(SORMA_DICT) $file
-                load [lindex [lsearch -inline -index 1 -exact [info loaded {}] Sorma] 0] Sorma $child
-            } finally {
-                set env(SORMA_DICT) $kept
-                interp delete $child
+        set child [interp create]
+        try {
+            set kept $env(SORMA_DICT)
+            set env(SORMA_DICT) $file
+            load [lindex [lsearch -inline -index 1 -exact [info loaded {}] Sorma] 0] Sorma $child
+            set wrong [split [lindex [interp eval $child {sorma::so::dict CTRL -leftOut}] 3] \n]
+        } finally {
+            set env(SORMA_DICT) $kept
+            interp delete $child
+        }
+        # The interpreter of each file says what is wrong in other variables; once is enough.
+        foreach line $wrong {
+            if {![string match "environment variable *" $line]} {
+                Note dictionary wrong "SORMA_DICT: $line" "correct that line; it is left out"
+            } elseif {$file eq [lindex $files 0]} {
+                Note dictionary wrong $line "correct that variable; it is left out"
             }
-        } message]} {
-            Note dictionary wrong "SORMA_DICT: $message" "correct that line"
-        } else {
+        }
+        if {[llength $wrong] == 0} {
             Note dictionary ok $file
         }
     }
@@ -188,7 +198,7 @@ proc ::sorma::inspect::doctor::CheckPolicy {} {
     }]
     set file [file join $folder sorma policy]
     if {![file exists $file]} {
-        return [Note policy ok "no file $file: you may do everything by Unix-domain socket, others may call and look"]
+        return [Note policy ok "no file $file: you may do everything by Unix-domain socket, others nothing"]
     }
     # A daemon reads it when it is made: so make one, where nobody sees it.
     set temporary /tmp/sorma-doctor-[pid]

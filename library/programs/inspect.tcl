@@ -55,8 +55,10 @@ proc ::sorma::inspect::ls args {
     if {$data} {
         return $items
     }
+    NeedPlaces $wheres $items
     if {[llength $items] == 0} {
-        return "no object is called [::sorma::text::clean $pattern]"
+        set known [concat {*}[lmap {where key error} [Counted $wheres] {Names $key}]]
+        return "no object is called [::sorma::text::clean $pattern][::sorma::DidYouMean $pattern $known]"
     }
     return [::sorma::listing objects $items]
 }
@@ -102,6 +104,7 @@ proc ::sorma::inspect::tree args {
     if {$data} {
         return [lmap item $items {if {[dict exists $item name] && ![string match $pattern [dict get $item name]]} continue; set item}]
     }
+    NeedPlaces $wheres $items
     return [::sorma::listing tree $items $pattern]
 }
 
@@ -162,7 +165,12 @@ proc ::sorma::inspect::help args {
             }
         }
     }
-    set table [Describe $name]
+    try {
+        set table [Describe $name]
+    } trap {SORMA NAME UNKNOWN_CLASS} {- how} {
+        set near [::sorma::DidYouMean $name [dict keys $Topics]]
+        return -options $how [if {$near ne {}} {string cat "\"$name\"$near is neither a command nor a class"} else {set -}]
+    }
     if {$data} {
         return $table
     }
@@ -175,11 +183,7 @@ proc ::sorma::inspect::help args {
 #       With -data a dict: option -> value.
 proc ::sorma::inspect::dump args {
     lassign [Parse $args {name {}}] name wheres data
-    set table [Describe $name]
-    if {![dict get $table exists]} {
-        return -code error -errorcode [list SORMA SERVICE GONE $name] \
-            "$name: there is no such object; help $name shows what its class has"
-    }
+    set table [Existing $name "; help $name shows what its class has"]
     if {$data} {
         set values {}
         foreach option [dict get $table options] {
@@ -203,13 +207,28 @@ proc ::sorma::inspect::Describe name {
     return $table
 }
 
+# The same of an object that must be there. MORE: what else to say when it is not.
+proc ::sorma::inspect::Existing {name more} {
+    set table [Describe $name]
+    if {![dict get $table exists]} {
+        lassign [::sorma::table locate $name] service where
+        set near [::sorma::DidYouMean $service [concat {*}[lmap {- key -} [Counted [list $where]] {Names $key}]]]
+        return -code error -level 2 -errorcode [list SORMA SERVICE GONE $name] "$name$near: there is no such object$more"
+    }
+    return $table
+}
+# Names of the objects of a daemon.
+proc ::sorma::inspect::Names key {
+    return [lmap object [::sorma::world objects $key] {dict get $object name}]
+}
+
 # ---- the whole system ----
 
 # ::sorma::inspect::top ?@daemon? ?-count n? ?-data? --
 #       The busiest objects: EXEC per second since the last look, and the times that EXEC takes. The first look takes
 #       two, 300 ms apart.
 # Results:
-#       With -data a list of dicts: where, name, class, calls, rate [1/s], underway, p50, p99 (texts); or where and error.
+#       With -data a list of dicts: where, name, class, calls, rate [1/s], underway, p50, p99 [s]; or where and error.
 proc ::sorma::inspect::top args {
     variable Before
     variable Looked
@@ -231,6 +250,10 @@ proc ::sorma::inspect::top args {
     ::sorma::await until $Wait {[Untimed $items] == 0}
     set items [lmap item $items {
         lassign [Times [dict get $item where] [dict get $item name]] p50 p99
+        if {$data} {
+            set p50 [Seconds $p50]
+            set p99 [Seconds $p99]
+        }
         dict merge $item [dict create p50 $p50 p99 $p99]
     }]
     foreach {where key error} $places {
@@ -241,6 +264,7 @@ proc ::sorma::inspect::top args {
     if {$data} {
         return $items
     }
+    NeedPlaces $wheres $items
     return [::sorma::listing busiest $items]
 }
 
@@ -314,6 +338,14 @@ proc ::sorma::inspect::Times {where name} {
     return {}
 }
 
+# A time such as "190 us" in seconds; what is none stays empty.
+proc ::sorma::inspect::Seconds text {
+    if {[scan $text {%g %s} number unit] != 2 || ![dict exists {ns 1e-9 us 1e-6 ms 1e-3 s 1} $unit]} {
+        return {}
+    }
+    return [format %.4g [expr {$number * [dict get {ns 1e-9 us 1e-6 ms 1e-3 s 1} $unit]}]]
+}
+
 # ::sorma::inspect::find WORD ?@daemon? ?-data? --
 #       Look for a word, in any case of letters, in names, purposes, options, actions and help: of what is here, of
 #       classes that could be loaded, and of all daemons.
@@ -350,7 +382,7 @@ proc ::sorma::inspect::find args {
         }
         set classes [::sorma::table classes $where]
         foreach class $classes table [Tables $where $classes] {
-            if {$table ne {} && $class ne "proxy"} {
+            if {$table ne {}} {
                 lappend items {*}[lmap found [InTable $table $pattern] {dict merge [dict create where $where] $found}]
             }
         }
@@ -454,6 +486,22 @@ proc ::sorma::inspect::Places patterns {
         }
     }
     return $places
+}
+
+# Places that were asked for by name, and none of them has answered: that is an error, not a list.
+proc ::sorma::inspect::NeedPlaces {wheres items} {
+    if {[llength $wheres] == 0 || [llength $items] == 0 || [lsearch -regexp $wheres {^$|[*?\[]}] >= 0} {
+        return
+    }
+    set why {}
+    foreach item $items {
+        if {![dict exists $item error]} {
+            return
+        }
+        set where [dict get $item where]
+        lappend why "@$where: [dict get $item error]"
+    }
+    return -code error -level 2 -errorcode [list SORMA ADDRESS UNRESOLVED @[lindex $wheres 0]] [join $why \n]
 }
 
 # WHERE KEY TROUBLE ... of the places, when all objects there were counted again.

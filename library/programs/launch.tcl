@@ -8,6 +8,7 @@ package require sorma
 package require sorma::launchDaemon
 package require sorma::launchFile
 package require sorma::options
+package require sorma::packages
 package require sorma::usage
 package provide sorma::launch 1.0
 
@@ -44,6 +45,7 @@ namespace eval ::sorma::launch {
 # Results:
 #       Exit code of the program, as the manual says.
 proc ::sorma::launch::main words {
+    ::sorma::options::suggest ::sorma::DidYouMean
     variable Times
     try {
         set settings [::sorma::options::leading {
@@ -75,7 +77,7 @@ proc ::sorma::launch::main words {
     if {[llength ${--only}] > 0} {
         foreach name ${--only} {
             if {![dict exists $daemons $name]} {
-                return [Misused "--only \"$name\": $file has no such daemon; it has [join [dict keys $daemons] {, }]"]
+                return [Misused "--only \"$name\"[::sorma::DidYouMean $name [dict keys $daemons]]: $file has no such daemon; it has [join [dict keys $daemons] {, }]"]
             }
         }
         # Those that are left out run already, or are not wanted.
@@ -114,8 +116,27 @@ proc ::sorma::launch::Check {file daemons} {
                 [dict get $settings -on] only"
         }
     }
+    set missing [concat {*}[lmap {name settings} $daemons {Missing $settings}]]
+    if {[llength $missing] > 0} {
+        puts stderr [join [lmap line $missing {string cat "sorma-launch: " $line}] \n]
+        return 2
+    }
     puts "$file is good; daemons, as they are started: [join [::sorma::launchFile::startOrder $daemons] {, }]"
     return 0
+}
+
+# Packages that a daemon would not find: a line each. Not known for those on another host, or with a program of their own.
+proc ::sorma::launch::Missing settings {
+    dict with settings {}
+    if {[llength ${-package}] == 0} {
+        return
+    }
+    if {${-on} ne {} || ${-sormad} ne "sormad"} {
+        puts "$place: note: the packages [join ${-package} {, }] are not looked for: they are found\
+            [expr {${-on} ne {} ? "on ${-on}" : "by ${-sormad}"}]"
+        return
+    }
+    return [lmap line [::sorma::packages::missing ${-package} ${-path} ${-env}] {string cat "$place: -package: " $line}]
 }
 
 proc ::sorma::launch::List daemons {
@@ -426,7 +447,13 @@ proc ::sorma::launch::commandText {name settings} {
         if {[dict get $settings -directory] ne {}} {
             lappend words -C [dict get $settings -directory]
         }
-        lappend words {*}[dict get $settings -env]
+        lappend words {*}[lmap word [dict get $settings -env] {
+            # A daemon of this host needs the package that we have.
+            if {[dict get $settings -on] eq {} && [string match TCLLIBPATH=* $word]} {
+                append word " " [list [file dirname $::sorma::library]]
+            }
+            set word
+        }]
     }
     set program [dict get $settings -sormad]
     if {$program eq "sormad" && [dict get $settings -on] eq {}} {
@@ -436,7 +463,7 @@ proc ::sorma::launch::commandText {name settings} {
     foreach line [dict get $settings -allow] {
         lappend words -allow $line
     }
-    foreach option {-port -host -socket -rpcbind -program -policy -share -log -script} {
+    foreach option {-port -host -socket -rpcbind -program -policy -share -strict -log -script} {
         if {[dict get $settings $option] ne {}} {
             lappend words $option [dict get $settings $option]
         }
@@ -445,7 +472,7 @@ proc ::sorma::launch::commandText {name settings} {
     if {[dict get $settings -grace] != 5} {
         lappend words -grace [dict get $settings -grace]
     }
-    foreach option {-dict -package} {
+    foreach option {-dict -path -package -make} {
         if {[llength [dict get $settings $option]] > 0} {
             lappend words $option {*}[dict get $settings $option]
         }

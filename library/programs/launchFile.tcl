@@ -15,8 +15,8 @@ package provide sorma::launchFile 1.0
 namespace eval ::sorma::launchFile {
     # The settings of a daemon; the manual of sorma-launch explains them.
     variable Options {
-        -package words  -dict words  -script word  -port {{whole 0 65535}}  -host word  -socket word  -rpcbind boolean  -program word
-        -allow words  -policy word  -share boolean  -log word  -env words  -directory word  -on word  -after words
+        -package words  -make words  -dict words  -path words  -script word  -port {{whole 0 65535}}  -host word  -socket word  -rpcbind boolean  -program word
+        -allow words  -policy word  -share boolean  -strict boolean  -log word  -env words  -directory word  -on word  -after words
         -ready {{seconds 0.1 86400} 20}  -restart {{choice never failure always} never}  -limit {{whole 0 1000000} 5}
         -pause {{seconds 0 3600} 0.5}  -grace {{seconds 0 86400} 5}  -essential {boolean 0}
         -sormad {{word {a command}} sormad}  -ssh {{word {a command}} ssh}
@@ -66,7 +66,7 @@ proc ::sorma::launchFile::read file {
                     dict set daemons $name [CheckDaemon [file dirname $file] $settings]
                 }
                 default {
-                    error "unknown word \"$keyword\": must be daemon or defaults"
+                    error "unknown word \"$keyword\"[::sorma::DidYouMean $keyword {daemon defaults}]: must be daemon or defaults"
                 }
             }
         } on error message {
@@ -155,12 +155,12 @@ proc ::sorma::launchFile::CheckDaemon {folder settings} {
     if {[dict get $settings -on] ne {}} {
         return $settings
     }
-    foreach option {-dict -script -directory -log} {
+    foreach option {-dict -path -script -directory -log} {
         set files [lmap file [Values $option $settings] {file normalize [file join $folder $file]}]
         foreach file $files {
             CheckFile $option $file
         }
-        if {$option ne "-dict"} {
+        if {$option ni {-dict -path}} {
             set files [lindex $files 0]
         }
         dict set settings $option $files
@@ -173,7 +173,7 @@ proc ::sorma::launchFile::CheckFile {option file} {
     if {$option eq "-log"} {
         set file [file dirname $file]
     }
-    if {$option in {-log -directory}} {
+    if {$option in {-log -directory -path}} {
         if {![file isdirectory $file]} {
             return -code error "$option: there is no folder $file"
         }
@@ -201,7 +201,7 @@ proc ::sorma::launchFile::CheckOrder daemons {
     dict for {name settings} $daemons {
         foreach before [dict get $settings -after] {
             if {![dict exists $daemons $before]} {
-                lappend wrong "[dict get $settings place]: -after $before: there is no such daemon; there are\
+                lappend wrong "[dict get $settings place]: -after $before[::sorma::DidYouMean $before [dict keys $daemons]]: there is no such daemon; there are\
                     [join [dict keys $daemons] {, }]"
             }
         }

@@ -36,7 +36,7 @@ proc ::sorma::inspect::watch args {
     lassign [::sorma::table locate $name] service where
     set id watch[incr LastWatch]
     set pattern [dict get $settings -event]
-    dict set Watches $id [dict create name $name command [dict get $settings -command] known {} error {} tokens {} added [Hold $where]]
+    dict set Watches $id [dict create name $name command [dict get $settings -command] known {} error {} tokens {} added [::sorma::world hold $where]]
     set key [::sorma::world use $where]
     if {$key eq {}} {
         return -code error -errorcode [list SORMA ADDRESS UNRESOLVED $where] "$name: \"$where\" leads nowhere"
@@ -49,20 +49,12 @@ proc ::sorma::inspect::watch args {
     return $id
 }
 
-# A daemon that nothing else leads to is known as long as it is watched. Returns what was added, or nothing.
-proc ::sorma::inspect::Hold where {
-    if {$where eq {} || $where in [::sorma::world names]} {
-        return
-    }
-    return [::sorma::world add $where]
-}
-
 # ::sorma::inspect::unwatch ?id? --
 #       End a watch, or a monitor; without its id all of them.
 proc ::sorma::inspect::unwatch {{only {}}} {
     variable Watches
     if {$only ne {} && ![dict exists $Watches $only]} {
-        return -code error -errorcode {SORMA REQUEST SYNTAX} "\"$only\" is no watch: there are [if {[dict size $Watches] > 0} {join [dict keys $Watches] {, }} else {string cat none}]"
+        return -code error -errorcode {SORMA REQUEST SYNTAX} "\"$only\"[::sorma::DidYouMean $only [dict keys $Watches]] is no watch: there are [if {[dict size $Watches] > 0} {join [dict keys $Watches] {, }} else {string cat none}]"
     }
     foreach id [if {$only eq {}} {dict keys $Watches} else {list $only}] {
         set watch [dict get $Watches $id]
@@ -71,7 +63,7 @@ proc ::sorma::inspect::unwatch {{only {}}} {
             ::sorma::world unwatch $token
         }
         set added [dict get $watch added]
-        if {$added ne {} && [lsearch -exact [lmap other [dict values $Watches] {dict get $other added}] $added] < 0} {
+        if {$added ne {}} {
             ::sorma::world forget $added
         }
     }
@@ -171,7 +163,7 @@ proc ::sorma::inspect::monitor args {
         }
         set id watch[incr LastWatch]
         dict set Watches $id [dict create name "monitor $pattern@$where" where $where command [dict get $settings -command] \
-            pattern $pattern only [dict get $settings -only] added [Hold $where] \
+            pattern $pattern only [dict get $settings -only] added [::sorma::world hold $where] \
             tokens [list [::sorma::world listen sorm@$key -event monitor.* -queue 10000 -command [list ::sorma::inspect::Passed $id]]]]
         lappend ids $id
     }
@@ -232,12 +224,10 @@ proc ::sorma::inspect::rate args {
     dict with settings {}
     set seconds ${-for}
     set name [lindex $names 0]
-    if {![dict get [Describe $name] exists]} {
-        return -code error -errorcode [list SORMA SERVICE GONE $name] "$name: there is no such object, so there are no events"
-    }
+    Existing $name ", so there are no events"
     lassign [::sorma::table locate $name] service where
     lassign [::sorma::await daemons $Wait [list $where] counted] - key
-    set added [Hold $where]
+    set added [::sorma::world hold $where]
     set id [incr LastWatch]
     set Heard($id) {}
     set token [::sorma::world listen $service@$key -event [dict get $settings -event] -queue 100000 -command [list ::sorma::inspect::Hear $id]]

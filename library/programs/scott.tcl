@@ -29,6 +29,7 @@ namespace eval ::sorma::scott {
 # Results:
 #       Exit code of the program.
 proc ::sorma::scott::main words {
+    ::sorma::options::suggest ::sorma::DidYouMean
     variable Options
     variable Json
     if {[lindex $words 0] eq "--complete"} {
@@ -54,11 +55,20 @@ proc ::sorma::scott::main words {
         return [Misused "either -c or a file, not both: \"[lindex $words 0]\""]
     }
     prepare
+    # These words were for scott: Tk, loaded by a request, would read them too.
+    set ::argv {}
+    set ::argc 0
     if {[llength $requests] > 0} {
         return [Batch $requests]
     }
     if {[llength $words] > 0 && [lindex $words 0] in [::sorma::shell::commands] && ![file exists [lindex $words 0]]} {
         return [Batch [list [list {*}$words]]]
+    }
+    if {[llength $words] > 0 && ![file exists [lindex $words 0]]} {
+        set word [lindex $words 0]
+        puts stderr "scott: \"$word\"[::sorma::DidYouMean $word [::sorma::shell::commands]] is neither a file nor a command of scott;\
+            a request is given with -c, as in: scott -c \"$word CTRL -help\""
+        return 1
     }
     if {[llength $words] > 0} {
         return [Script {*}$words]

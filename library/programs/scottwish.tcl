@@ -20,6 +20,7 @@ namespace eval ::sorma::scottwish {
 # Results:
 #       Exit code of the program.
 proc ::sorma::scottwish::main words {
+    ::sorma::options::suggest ::sorma::DidYouMean
     variable Options
     variable Ended
     if {[lindex $words 0] eq "--complete"} {

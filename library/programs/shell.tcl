@@ -13,7 +13,7 @@ package require sorma::usage
 package provide sorma::shell 1.0
 
 namespace eval ::sorma::shell {
-    variable Counts {calls underway objects count rate mean min max jitter lost}    ;# columns with numbers in the inspector's data
+    variable Counts {calls underway objects count rate mean min max jitter lost p50 p99}    ;# columns with numbers in the inspector's data
     variable Settings {-json 0 -width 80 -colour 0 -whole 0}    ;# of the command that was typed last
     variable Direct 0       ;# the command that was typed last is one of `commands` alone: its text is as it is to be shown
     variable HistoryFile {} ;# where what is typed is noted; empty: nowhere
@@ -64,7 +64,13 @@ proc ::sorma::shell::run {script settings} {
     if {$Direct && [lindex [::sorma::line::head $script] 0] ni {trail record}} {       ;# what these return fits where it is shown
         ::sorma::showDefaults {*}[dict filter $Settings key -width -colour]
     }
-    return [uplevel #0 $script]
+    try {
+        return [uplevel #0 $script]
+    } trap {TCL LOOKUP COMMAND} {text how} {
+        set name [lindex [dict get $how -errorcode] 3]
+        set known [concat [commands] help [::sorma::usage::commands sorma::*]]
+        return -options [dict replace $how -level 0] [string map [list "\"$name\"" "\"$name\"[::sorma::DidYouMean $name $known]"] $text]
+    }
 }
 proc ::sorma::shell::IsDirect line {
     return [expr {[lindex [::sorma::line::head $line] 0] in [commands]}]
@@ -264,7 +270,11 @@ proc ::sorma::shell::Look {name args} {
     variable Settings
     variable Direct
     if {![dict get $Settings -json] || !$Direct || $name in {watch unwatch monitor}} {
-        return [::sorma::inspect::$name {*}$args]
+        try {
+            return [::sorma::inspect::$name {*}$args]
+        } trap {SORMA REQUEST SYNTAX} {text how} {
+            return -options $how [string map {sorma::inspect:: {}} $text]       ;# as it is typed here
+        }
     }
     package require sorma::json
     if {$name eq "dump"} {

@@ -76,6 +76,9 @@ proc ::sorma::complete::Complete {line point} {
     if {[regexp {[][\\{}"$; ]} $all]} {
         set found [lmap word $found {Quoted $word $quote}]
     }
+    if {$hint eq {} && [lindex $words 1] in {CTRL DBX EXEC cget configure exec info}} {
+        set hint [Slip $words $partial]
+    }
     set hint [string map {\n { }} $hint]
     if {[regexp {[^\x20-\x7e]} $hint]} {
         set hint [::sorma::text::clean $hint]
@@ -517,6 +520,56 @@ proc ::sorma::complete::Topics {} {
     return [::sorma::usage::commands sorma::*]
 }
 
+# ---- slips of the pen ----
+
+# A word of a request that is not known while another one is near: "-temp (did you mean -tempo?)". Empty: nothing looks wrong.
+proc ::sorma::complete::Slip {words partial} {
+    set rest [lassign $words name method]
+    if {![regexp {^([a-z]\w*)(\.[^@]+)?(@(.*))?$} $name -> class flavor at where]} {
+        return {}
+    }
+    if {$at ne {} && [regexp {^[\w.-]+$} $where]} {
+        set slip [Unknown $where [concat self [::sorma::world names]] "daemon "]
+        if {$slip ne {} || $where ni [::sorma::world names]} {
+            return $slip
+        }
+    }
+    if {$where eq "self"} {
+        set where {}
+    }
+    set objects [expr {$where eq {} ? [::sorma::names] : [::sorma::table objects $where]}]
+    set service $class$flavor
+    if {$service ni $objects} {
+        set slip [Unknown $class [concat [::sorma::table classes $where] [lmap object $objects {lindex [split $object .] 0}]] "class "]
+        if {$slip eq {} && $flavor ne {}} {
+            set known [concat $objects [::sorma::table words $where]]
+            set slip [Unknown $service [lsearch -all -inline -glob $known $class.*] {}]
+        }
+        if {$slip ne {}} {
+            return $slip
+        }
+    }
+    set table [if {$method in {CTRL DBX}} {::sorma::table guess $name}]
+    if {$table eq {}} {
+        return {}
+    }
+    set known [KnownNames $table [expr {$method eq "CTRL"}]]
+    foreach word [concat $rest [if {[lsearch -glob $known [::sorma::text::escape $partial]*] < 0} {list $partial}]] {
+        if {[regexp {^-[[:alpha:]]} $word] && [set slip [Unknown $word $known {}]] ne {}} {
+            return $slip
+        }
+    }
+    return {}
+}
+
+proc ::sorma::complete::Unknown {word known what} {
+    if {$word in $known} {
+        return {}
+    }
+    set hint [::sorma::DidYouMean $word $known]
+    return [if {$hint ne {}} {string cat "unknown $what" $word $hint}]
+}
+
 # ---- requests ----
 
 # {candidates hint ?skip?} for the next word of NAME METHOD WORD...
@@ -671,6 +724,9 @@ proc ::sorma::complete::optionHint {table option} {
     }
     if {[dict get $table exists]} {
         append text ", now [if {$value eq {}} {string cat empty} else {OneLine $value}]"
+        if {[dict exists $table age] && [dict get $table age] ne {}} {
+            append text " ([dict get $table age])"
+        }
     }
     if {$name in [dict get $table fixed]} {
         append text ", recipe only"
@@ -723,7 +779,10 @@ proc ::sorma::complete::Argument {name table item before partial} {
     if {$class eq "dict" && $action eq "-add" && $index > 0 || $class eq "sorm" && $action eq "-create" && $index > 0} {
         set skip [expr {[string last { } $partial] + 1}]
         set typed [concat [lrange $before 1 end] [::sorma::line::words [string range $partial 0 $skip-1]]]
-        lassign [Recipe [lindex $before 0] $typed [string range $partial $skip end]] candidates more
+        # An entry at a daemon is for its objects, of classes that perhaps it alone knows.
+        set entry [lindex $before 0]
+        set object [expr {$where ne {} && $class eq "dict" && [string first @ $entry] < 0 ? "$entry@$where" : $entry}]
+        lassign [Recipe $object $typed [string range $partial $skip end] [expr {$class eq "dict" ? $where : {}}]] candidates more
         return [list $candidates [if {$more eq {}} {set hint} else {set more}] $skip]
     }
     switch -glob -- $what {
@@ -761,9 +820,10 @@ proc ::sorma::complete::Alternatives usage {
 }
 
 # A recipe: words of CTRL of the class of NAME, and -SUBST with an entry of the dictionary.
-proc ::sorma::complete::Recipe {name words partial} {
+# where: the daemon of that dictionary; empty: here.
+proc ::sorma::complete::Recipe {name words partial {where {}}} {
     if {[lindex $words end] eq "-SUBST"} {
-        return [list [::sorma::table words {}] "-SUBST word: what that entry says is put here"]
+        return [list [::sorma::table words $where] "-SUBST word: what that entry says is put here"]
     }
     set table {}
     if {[regexp {^[[:alpha:]]} $name]} {

@@ -30,7 +30,7 @@ proc ::sorma::manual args {
     set places [manual::Find $name]
     if {[llength $places] == 0} {
         return -code error -errorcode [list SORMA MANUAL UNKNOWN $name] \
-            "the manual has nothing of that name: \"$name\"; there are the pages [join [manual::pages] {, }], their sections, classes, commands and errors"
+            "the manual has nothing of that name: \"$name\"[::sorma::DidYouMean $name [concat [manual::pages] [::sorma::classes]]]; there are the pages [join [manual::pages] {, }], their sections, classes, commands and errors"
     }
     return [join [lmap place $places {manual::Text {*}$place $width}] \n]
 }

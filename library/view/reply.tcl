@@ -43,8 +43,8 @@ proc ::sorma::show {value args} {
     dict with settings {}
     if {${-error} ne {}} {
         set code [if {[dict exists ${-error} -errorcode]} {dict get ${-error} -errorcode}]
-        if {${-trail} eq {} && [string match "SORMA *" $code]} {
-            dict set settings -trail [trail]
+        if {${-trail} eq {}} {
+            dict set settings -trail [reply::TrailOf $value [trail]]
         }
         if {${-json}} {
             return [::sorma::json::error $value $code [dict get $settings -trail]]
@@ -71,6 +71,16 @@ proc ::sorma::show {value args} {
 #       Set defaults of -colour, -width, -whole and -json for all that is shown. Returns them all.
 proc ::sorma::showDefaults args {
     return [::sorma::text::style {*}$args]
+}
+
+# The trail of the last request, if this error is one of its messages; else it is an older request's.
+proc ::sorma::reply::TrailOf {message trail} {
+    foreach entry $trail {
+        if {[dict exists $entry text] && [dict get $entry text] eq $message} {
+            return $trail
+        }
+    }
+    return {}
 }
 
 # ---- what is it? ----
@@ -171,6 +181,9 @@ proc ::sorma::reply::Portions {field values signature} {
 proc ::sorma::reply::numbers {values settings} {
     set n [llength $values]
     set most 12
+    if {![dict get $settings -whole]} {
+        set values [::sorma::text::digits $values]
+    }
     if {[dict get $settings -whole] || $n <= $most} {
         return [::sorma::text::clean [join $values]]
     }
@@ -225,7 +238,8 @@ proc ::sorma::reply::Folded {trail settings} {
 
 proc ::sorma::reply::Error {message code settings} {
     set out [list [::sorma::text::hang [::sorma::text::paint error: error $settings] 6 $message $settings]]
-    if {[lindex $code 0] eq "SORMA"} {
+    set trail [dict get $settings -trail]
+    if {[lindex $code 0] eq "SORMA" || [llength $trail] > 0} {
         lappend out [::sorma::text::block "  " [join $code] dim $settings]
     } elseif {[dict exists $settings -error -errorinfo] && $code in {{} NONE}} {
         # A script of the user: the place helps.
@@ -234,14 +248,10 @@ proc ::sorma::reply::Error {message code settings} {
             lappend out [::sorma::text::block "  " [string trim $line] dim $settings]
         }
     }
-    set trail [dict get $settings -trail]
     set froms {}
     foreach entry $trail {
-        if {![catch {dict get $entry so} so]} {
-            if {[dict get $entry daemon] ne {}} {
-                append so @[dict get $entry daemon]
-            }
-            dict set froms $so 1
+        if {![catch {::sorma::trail::from $entry} from]} {
+            dict set froms $from 1
         }
     }
     set n [llength [lsearch -all -not -exact [lmap entry $trail {::sorma::trail::isStack $entry}] 1]]

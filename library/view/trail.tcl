@@ -32,10 +32,7 @@ proc ::sorma::showTrail args {
         set entry [dict merge {severity error code {} text {} so {} daemon {} file {} line {} time 0 request {}} $entry]
         dict with entry {}
         lappend out [::sorma::text::hang [::sorma::text::paint [format %-7s $severity] $severity $settings] 7 $text $settings]
-        set from $so
-        if {$daemon ne {}} {
-            append from @$daemon
-        }
+        set from [trail::from $entry]
         set facts [list [join $code]]
         if {$from ne {}} {
             lappend facts "from $from"
@@ -48,7 +45,7 @@ proc ::sorma::showTrail args {
         }
         lappend out [::sorma::text::block "        " [join $facts ", "] dim $settings]
         if {$request ne {}} {
-            lappend out [::sorma::text::block "        " "again: $request" dim $settings]
+            lappend out [::sorma::text::block "        " "again: [trail::again $entry]" dim $settings]
         }
         if {[trail::isStack [lindex $trail $number]]} {
             lappend out [::sorma::text::block "        " "stack: trail $number -stack" dim $settings]
@@ -81,6 +78,26 @@ proc ::sorma::showStack {trail number args} {
         "message $number of the trail has no stack trace: only plain Tcl errors of services written in Tcl have one"
 }
 
+# ::sorma::trail::from ENTRY -- object@daemon that a message came from; empty: it says neither.
+proc ::sorma::trail::from entry {
+    set so [dict get $entry so]
+    set daemon [dict get $entry daemon]
+    if {$daemon eq {} || [string match *@[::sorma::text::escape $daemon] $so]} {
+        return $so
+    }
+    return [expr {$so eq {} ? "daemon $daemon" : "$so@$daemon"}]
+}
+
+# ::sorma::trail::again ENTRY -- the request that shows a message again, with the daemon at which it has to be entered.
+proc ::sorma::trail::again entry {
+    set request [dict get $entry request]
+    set daemon [dict get $entry daemon]
+    if {$daemon ne {} && [regexp {^([a-z][^\s@"'\{\}]*)(\s.*)$} $request -> name rest]} {
+        return $name@$daemon$rest
+    }
+    return $request
+}
+
 # ::sorma::trail::isStack ENTRY -- is this message of a trail a stack trace?
 proc ::sorma::trail::isStack entry {
     return [expr {[dict exists $entry code] && [lrange [dict get $entry code] 1 2] eq {SERVICE STACK}}]
@@ -99,8 +116,12 @@ proc ::sorma::trail::fromWord word {
         set word [lrange $word 2 end]
     }
     foreach {severity code text so daemon file line time request} $word {
-        if {[catch {concat SORMA [split [lindex $code 0]] [lrange $code 1 end]} code]} {
+        if {[catch {lindex $code 0} symbol]} {
             set code SORMA
+        } elseif {$symbol eq "SERVICE CODE" && [llength $code] > 2} {
+            set code [lrange $code 2 end]           ;# a code of the class's own, as it is
+        } else {
+            set code [concat SORMA [split $symbol] [lrange $code 1 end]]
         }
         set entry {}
         foreach key {severity code text so daemon file line time} {

@@ -12,6 +12,7 @@
 #include <sorma.h>
 
 #include "bus/glob.h"
+#include "bus/kept.h"
 #include "bus/listText.h"
 
 namespace {
@@ -29,6 +30,8 @@ const sorma::Prototype kUnknown{Severity::error, "BLACKBOARD UNKNOWN", 2,
 const sorma::Prototype kFull{Severity::error, "BLACKBOARD FULL", 1,
                              "{}: no room for \"{}\": it has {} values, -max {}; remove some, or set -max"};
 const sorma::Prototype kGone{Severity::error, "SERVICE GONE", 1, "{}: the service object has been removed"};
+
+std::size_t partsSize(const Message& m) { return m.text.size() + 8 * (m.floats.size() + m.ints.size()) + m.any.size(); }
 
 void copyParts(const Message& from, Message& to) {
     to.text = from.text;
@@ -75,10 +78,14 @@ public:
     }
 
 private:
-    struct Entry {
-        Message value;
-        std::int64_t version = 0;
+    struct Value {
+        Message parts;
         std::string event;                  // "put.NAME", kept because put is what happens most
+        std::size_t heap() const { return sorma::heapOf(parts) + 2 * sorma::heapOf(event); }       // and the name
+    };
+    struct Entry {
+        sorma::Charged<Value> value;        // on the account of who has put it
+        std::int64_t version = 0;
     };
     struct Waiter {
         std::int64_t after;
@@ -94,23 +101,33 @@ private:
     void put(Message& m) {
         std::string key = this->key(m, "put name");
         auto found = values_.find(key);
-        if (found == values_.end()) {
+        const bool fresh = found == values_.end();
+        if (fresh) {
             if (values_.size() >= std::size_t(max_)) fail(kFull, name(), key, values_.size(), max_);
-            found = values_.emplace(key, Entry{{}, removed_, "put." + key}).first;
+            found = values_.emplace(key, Entry{{}, removed_}).first;
         }
         Entry& entry = found->second;
+        try {
+            entry.value.refill(name(), sorm().budget.ofCaller(), sorma::Account::Use::values, partsSize(m) + 2 * key.size() + 16,
+                               [&](Value& value) {
+                                   if (value.event.empty()) value.event = "put." + key;
+                                   copyParts(m, value.parts);
+                               });
+        } catch (...) {
+            if (fresh) values_.erase(found);
+            throw;
+        }
         ++entry.version;
-        copyParts(m, entry.value);
         m.clear();
         m.ints.push_back(entry.version);
-        publish(entry.event, entry.value);
+        publish(entry.value->event, entry.value->parts);
         wake(key, entry);
     }
 
     void get(Message& m) {
         const Entry& entry = find(key(m, "get name"))->second;
         m.clear();
-        copyParts(entry.value, m);
+        copyParts(entry.value->parts, m);
     }
 
     void version(Message& m) {
@@ -147,7 +164,7 @@ private:
         }
         if (present > after) {
             m.clear();
-            return copyParts(found->second.value, m);
+            return copyParts(found->second.value->parts, m);
         }
         sorma::Reply reply = later(m);
         std::uint64_t ticket = ++tickets_;
@@ -170,7 +187,7 @@ private:
             auto& waiter = item.second;
             if (waiter.after >= entry.version) return false;
             waiter.reply.message().clear();
-            copyParts(entry.value, waiter.reply.message());
+            copyParts(entry.value->parts, waiter.reply.message());
             waiter.reply.complete();
             return true;
         });

@@ -51,8 +51,8 @@ public:
     static sorma::Class describe() {
         using enum sorma::Field;
         return sorma::Class::of<Camera>("camera", "pictures of the hand's camera, or of files")
-            .text("-prefix", &Camera::prefix_, {.help = "before the names of all buffers: another camera's", .fixed = true})
-            .text("-file", &Camera::file_, {.help = "a picture (.bmp .jpeg .jpg .pgm .png .ppm .tif), or a video, to take pictures from; empty: the buffer camera.image", .kind = sorma::Kind::file})
+            .named("-prefix", &Camera::prefix_, {.help = "before the names of all buffers: another camera's", .fixed = true})
+            .named("-file", &Camera::file_, {.help = "a picture (.bmp .jpeg .jpg .pgm .png .ppm .tif), or a video, to take pictures from; empty: the buffer camera.image"})
             .flag("-again", &Camera::again_, {.help = "at the end of a video begin again"})
             .choice("-format", &Camera::format_, {"raw", "ppm", "png", "jpeg"}, {.help = "of the picture in a reply; raw: red, green, blue of each pixel, top row first"})
             .integer("-quality", &Camera::quality_, {.unit = "%", .low = 1, .high = 100, .help = "of jpeg"})
@@ -60,7 +60,7 @@ public:
             .real("-exposure", &Camera::exposure_, {.unit = "1", .low = 0.01, .high = 100, .help = "factor of the brightness"})
             .real("-timeout", &Camera::timeout_, {.unit = "s", .low = 0.01, .high = 3600, .help = "within which a picture must come"})
             .words("?grab | latest | snapshot file?")
-            .actsOnWords()
+            .word("snapshot", &Camera::snapshot)
             .writes(floats, sorma::exactly(kFloats), "s, pixels", "lab time, width, height, exposure, number of the request; of a file: seconds of the video, and the number of the picture")
             .writes(any, {}, "", "the picture, by -format; snapshot: none")
             .writes(text, {}, "", "snapshot: the file")
@@ -84,22 +84,36 @@ public:
     }
 
     void exec(Message& m) override {
+        if (execWord(m)) return;
         const std::string word = m.words.empty() ? "grab" : m.words[0];
-        const bool snapshot = word == "snapshot";
-        if ((word != "grab" && word != "latest" && !snapshot) || m.words.size() > (snapshot ? 2u : 1u) || (snapshot && m.words.size() != 2))
-            fail(kWord, name(), sorma::joinWords(m.words));
-        const std::string to = snapshot ? m.words[1] : "";
-        if (snapshot) sorm().access.need(m.author, Right::files, sorma::realPath(to), name());
-        if (!file_.empty()) {
-            sorm().access.need(author("-file"), Right::files, sorma::realPath(file_), name());
-            return answer(m, ofFile(word == "latest"), to);
-        }
+        if ((word != "grab" && word != "latest") || m.words.size() > 1) fail(kWord, name(), sorma::joinWords(m.words));
+        if (word == "grab") return grab(m, {});
+        if (!file_.empty()) return answer(m, ofFile(true), {});
         attach();
-        if (word == "latest") {
-            auto picture = newest();
-            if (!picture) fail(kNone, name());
-            return answer(m, *picture, to);
-        }
+        auto picture = newest();
+        if (!picture) fail(kNone, name());
+        answer(m, *picture, {});
+    }
+
+    void dumpState(std::string& out) const override {
+        out += "# source " + sourceText() + "\n# requests " + std::to_string(waiting_.size()) + "\n";
+    }
+
+private:
+    using Target = sorma::Named<sorma::Kind::file>;         // of a snapshot; empty: the picture goes into the reply
+    struct Waiting {
+        sorma::Reply reply;
+        double request;
+        std::int64_t until;                 // [ns]
+        Target to;
+    };
+
+    void snapshot(Message& m, const Target& to) { grab(m, to); }
+
+    // A new picture.
+    void grab(Message& m, const Target& to) {
+        if (!file_.empty()) return answer(m, ofFile(false), to);
+        attach();
         ask(request_ + 1);
         sorma::Reply reply = later(m);
         waiting_.push_back({reply, request_, sorma::monotonicNow() + std::int64_t(timeout_ * 1e9), to});
@@ -109,23 +123,16 @@ public:
         if (waiting_.size() == 1) look();
     }
 
-    void dumpState(std::string& out) const override {
-        out += "# source " + (file_.empty() ? prefix_ + "camera.image" : file_) + "\n# requests " + std::to_string(waiting_.size()) + "\n";
+    // Where the pictures come from, for people.
+    std::string sourceText() const {
+        return file_.empty() ? prefix_.get(sorma::Permit::owner()) + "camera.image" : file_.get(sorma::Permit::owner());
     }
-
-private:
-    struct Waiting {
-        sorma::Reply reply;
-        double request;
-        std::int64_t until;                 // [ns]
-        std::string to;                     // a snapshot's file
-    };
 
     // ---- the buffers ----
 
     void attach() {
         if (reader_ && !reader_->retired()) return;
-        const std::string key = prefix_ + "camera.image";
+        const std::string key = prefix_.use(*this) + "camera.image";
         try {
             reader_.emplace(key);
         } catch (const shmem::Failure& f) {
@@ -142,7 +149,7 @@ private:
     void ask(double request) {
         try {
             if (!writer_)
-                writer_.emplace(prefix_ + "camera.set", shmem::Shape{.blocks = 16, .floats = 4},
+                writer_.emplace(prefix_.use(*this) + "camera.set", shmem::Shape{.blocks = 16, .floats = 4},
                                 sorm().daemonName.empty() ? sorma::Caller::self().program : sorm().daemonName);
         } catch (const shmem::Failure& f) {
             fail(kBuffer, name(), f.what());
@@ -184,7 +191,7 @@ private:
                 auto w = std::move(waiting_.front());
                 waiting_.pop_front();
                 const std::string state = reader_->count() == 0 ? "empty" : "at request " + sorma::numberText(picture ? picture->floats[4] : 0) + ", this is " + sorma::numberText(w.request);
-                w.reply.fail(sorma::Error(sorma::makeEntry(kTimeout, {of(name()), of(timeout_), of(prefix_ + "camera.image"), of(state)})));
+                w.reply.fail(sorma::Error(sorma::makeEntry(kTimeout, {of(name()), of(timeout_), of(sourceText()), of(state)})));
             }
         } catch (const sorma::Error& e) {
             for (auto& w : std::exchange(waiting_, {})) w.reply.fail(e);
@@ -204,27 +211,28 @@ private:
 
     void open() {
         struct stat status;
-        if (stat(file_.c_str(), &status) != 0) fail(kFile, name(), file_, std::strerror(errno));
+        const std::string& file = file_.use(*this);
+        if (stat(file.c_str(), &status) != 0) fail(kFile, name(), file, std::strerror(errno));
         frames_ = 0;
         // A row of JPEGs is a video, and begins as a picture does: the ending decides.
         static constexpr std::string_view kPictures[] = {".bmp", ".jpeg", ".jpg", ".pgm", ".png", ".ppm", ".tif"};
-        if (std::any_of(std::begin(kPictures), std::end(kPictures), [this](auto ending) { return file_.ends_with(ending); })) {
-            const cv::Mat bgr = cv::imread(file_, cv::IMREAD_COLOR);
+        if (std::any_of(std::begin(kPictures), std::end(kPictures), [&](auto ending) { return file.ends_with(ending); })) {
+            const cv::Mat bgr = cv::imread(file, cv::IMREAD_COLOR);
             if (!bgr.empty()) return keep(bgr, 0);
         }
         video_.emplace();
-        if (video_->open(file_)) return;
+        if (video_->open(file)) return;
         video_.reset();
-        fail(kFile, name(), file_, "is neither a picture nor a video that OpenCV can read");
+        fail(kFile, name(), file, "is neither a picture nor a video that OpenCV can read");
     }
 
     void next() {
         cv::Mat bgr;
         if (!video_->read(bgr) && again_ && frames_ > 0) {
             frames_ = 0;
-            if (video_->open(file_)) (void)video_->read(bgr);       // not all of them can be wound back
+            if (video_->open(file_.use(*this))) (void)video_->read(bgr);       // not all of them can be wound back
         }
-        if (bgr.empty()) fail(kFile, name(), file_, frames_ == 0 ? "has no picture" : "ends after " + std::to_string(frames_) + " pictures; -again begins again");
+        if (bgr.empty()) fail(kFile, name(), sourceText(), frames_ == 0 ? "has no picture" : "ends after " + std::to_string(frames_) + " pictures; -again begins again");
         const double rate = video_->get(cv::CAP_PROP_FPS);
         keep(bgr, rate > 0 ? double(frames_) / rate : 0);
         ++frames_;
@@ -238,7 +246,8 @@ private:
 
     // ---- replies ----
 
-    void answer(Message& m, const Picture& p, const std::string& to) {
+    void answer(Message& m, const Picture& p, const Target& target) {
+        const std::string to = target.use(*this);
         m.clear();
         m.floats = p.floats;
         if (!to.empty()) {
@@ -262,7 +271,9 @@ private:
         cv::imencode("." + format_, bgr, m.any, how);
     }
 
-    std::string prefix_, file_, format_ = "raw";
+    sorma::Named<sorma::Kind::segment> prefix_;
+    sorma::Named<sorma::Kind::file> file_;
+    std::string format_ = "raw";
     bool again_ = false;
     std::int64_t quality_ = 90;
     double rate_ = 0, exposure_ = 1, timeout_ = 5;

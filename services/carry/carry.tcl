@@ -49,8 +49,9 @@ oo::class create ::sorma::service::carry {
     sorma::option -pose service -help "answers where the tool is: floats lab time, position, quaternion"
     sorma::option -speaker service -help "is told what went wrong (EXEC TMSG); none: nobody"
     sorma::option -laser service -help "points at where it went wrong (EXEC point FMSG 3); none: nobody"
-    sorma::action -stop {} "stop the arm where it is; the hand keeps what it holds" {my Stop} -right call
+    sorma::action -stop {} "stop the arm where it is; the hand keeps what it holds" {my Stop} -danger stop
     sorma::action -released {} "the hand holds nothing any more: somebody has taken it" {set [my varname Holds] 0} -right call
+    sorma::danger move
     sorma::reads floats 6 "" "from: file, rank, tokens underneath; to: the same"
     sorma::writes floats 3 "" "how far from the middle of the field the token lies, dx dy \[m\] in the board's axes; seconds of lab time"
     sorma::example "carry EXEC FMSG 6 3 4 0 4 5 0"

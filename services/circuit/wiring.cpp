@@ -187,7 +187,7 @@ void Wiring::setLength(const Terminal& t, std::size_t length) {
         }
 }
 
-void Wiring::settle() {
+void Wiring::passLengths() {
     while (!todo_.empty()) {
         auto& c = connections_[todo_.front()];
         todo_.pop_front();
@@ -199,7 +199,7 @@ void Wiring::settle() {
 
 void Wiring::spread() {
     for (std::size_t i = 0; i < connections_.size(); ++i) todo_.push_back(i);
-    settle();
+    passLengths();
     // What reads has no use for elements that nobody drives, so there the highest index says all; what others read of a
     // unit may be a part, so these come last.
     for (bool outputs : {false, true})
@@ -210,7 +210,7 @@ void Wiring::spread() {
                 if (late != outputs || node.pins[p].length != Pin::kOpen || node.needed[p] == 0) continue;
                 node.guessed[p] = true;
                 setLength({int(n), p}, node.needed[p]);
-                settle();
+                passLengths();
             }
     for (int n : {kInputs, kOutputs}) {
         std::size_t at = 0;

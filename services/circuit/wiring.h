@@ -62,7 +62,7 @@ private:
     const sorma::Pin& pin(const Terminal& t) const { return nodes_[std::size_t(t.node)].pins[t.pin]; }
     sorma::Pin& pin(const Terminal& t) { return nodes_[std::size_t(t.node)].pins[t.pin]; }
     void setLength(const Terminal& t, std::size_t length);
-    void settle();
+    void passLengths();
     void checkEnd(const Connection& c, bool sink) const;
     std::string elementText(const Node& node, std::size_t element) const;
     [[noreturn]] void failLoop(const std::vector<bool>& left) const;

@@ -35,8 +35,8 @@ public:
     static sorma::Class describe() {
         using enum sorma::Field;
         return sorma::Class::of<ClockService>("clock", "tells the time, and how far another clock is ahead of it")
-            .text("-clock", &ClockService::key_, {.help = "snapshot buffer whose float 0 is the time [s]; empty: the machine's monotonic clock"})
-            .service("-other", &ClockService::other_, {.help = "clock elsewhere that this one is compared with; empty: none"})
+            .named("-clock", &ClockService::key_, {.help = "snapshot buffer whose float 0 is the time [s]; empty: the machine's monotonic clock"})
+            .service("-other", &ClockService::other_, {.help = "clock elsewhere that this one is compared with; empty: none", .part = false})
             .real("-period", &ClockService::period_, {.unit = "s", .low = 0.01, .high = 3600, .help = "between two comparisons; the first ones come faster"})
             .real("-offset", &ClockService::offset_, {.unit = "s", .low = -1e9, .high = 1e9, .help = "for tests: added to the time"})
             .real("-drift", &ClockService::rate_, {.unit = "1", .low = -0.001, .high = 0.001, .help = "for tests: part by which the time runs faster"})
@@ -57,7 +57,7 @@ public:
 
     sorma::Commit prepare(const sorma::Change& change) override {
         if (!change.concerns("-clock")) return nullptr;
-        return [this, next = sourceOf(change.get<std::string>("-clock"))]() mutable {
+        return [this, next = sourceOf(change.named<sorma::Kind::segment>("-clock"))]() mutable {
             std::swap(source_, next);
             difference_.forget();
         };
@@ -95,8 +95,9 @@ private:
     static constexpr double kFirst = 0.05;          // [s] between the first comparisons
     static constexpr std::size_t kFirsts = 8;
 
-    std::shared_ptr<cycle::Clock> sourceOf(const std::string& key) const {
-        if (key.empty()) return cycle::machineClock();
+    std::shared_ptr<cycle::Clock> sourceOf(const sorma::Named<sorma::Kind::segment>& named) const {
+        if (named.empty()) return cycle::machineClock();
+        const std::string& key = named.use(*this);
         try {
             return cycle::snapshotClock(key);
         } catch (const std::runtime_error& e) {
@@ -221,7 +222,7 @@ private:
         line("age", t - last());
     }
 
-    std::string key_;
+    sorma::Named<sorma::Kind::segment> key_;
     sorma::Reference other_;
     double period_ = 1, offset_ = 0, rate_ = 0;
     std::shared_ptr<cycle::Clock> source_;

@@ -57,13 +57,15 @@ public:
             .choice("-afterFault", &Cycle::afterFault_, {"stop", "continue"}, {.help = "what happens to the steps then"})
             .real("-watchdog", &Cycle::watchdog_, {.unit = "s", .low = 0, .high = 3600,
                                                    .help = "a tick that takes longer hangs; 0: ten periods, at least 0.05 s"})
-            .text("-clock", &Cycle::clock_, {.help = "key of a snapshot buffer: ticks are due by its float 0 [s]; empty: by the machine's clock"})
+            .named("-clock", &Cycle::clock_, {.help = "key of a snapshot buffer: ticks are due by its float 0 [s]; empty: by the machine's clock"})
             .integer("-priority", &Cycle::priority_, {.low = 0, .high = 99, .help = "of SCHED_FIFO; 0: an ordinary thread"})
             .integer("-cpu", &Cycle::cpu_, {.low = -1, .high = 1023, .help = "processor to run on; -1: those of the process"})
             .flag("-lockMemory", &Cycle::lockMemory_, {.help = "keep the process's memory from being paged out while it runs"})
-            .flag("-autostart", &Cycle::autostart_, {.help = "start when made", .fixed = true})
+            .flag("-autostart", &Cycle::autostart_, {.help = "start when made", .fixed = true, .danger = sorma::Danger::move})
             .action("-start", &Cycle::start, "", "begin; a warning tells what real-time help the system has refused")
+            .danger(sorma::Danger::move)
             .action("-stop", &Cycle::stopNow, "", "end after the present tick", 0, 0, sorma::Right::call)
+            .danger(sorma::Danger::stop)
             .action("-abandon", &Cycle::abandonNow, "", "give up a step that hangs for ever, with its objects; then it can be started without them")
             .action("-reset", &Cycle::reset, "", "begin the figures of DBX -stats again")
             .inspection({"-stats", "", "ticks, jitter, time of each step", 0, 0,
@@ -131,7 +133,10 @@ private:
         sorma::Reference object = sorm().get(target, author);
         // Of a safe action for CTRL each word asks for its own right, when it is sent.
         auto right = method == sorma::Method::exec ? object->type().execRight() : sorma::Right::call;
-        if (!object->isElsewhere()) sorm().access.need(author, right, object->name(), object->name());
+        if (!object->isElsewhere()) {
+            object->need(author, right);
+            if (method == sorma::Method::exec && object->type().isDangerous()) object->need(author, sorma::Right::operate);
+        }
         return object;
     }
 
@@ -144,6 +149,7 @@ private:
             if (execOnly && (s.method != sorma::Method::exec || !s.request.words.empty())) fail(kExecOnly, name(), text);
         }
         s.object = named(target, s.method, author);
+        if (s.method == sorma::Method::exec) s.object->needWords(author, s.request.words);
         s.request.author = author;
         if (s.object.get() == this) fail(kWithin, name(), name());
         return s;
@@ -168,19 +174,24 @@ private:
         if (p.steps.empty()) fail(kNoSteps, name(), "-steps");
         std::unique_ptr<cycle::Clock> clock;
         try {
-            clock = clock_.empty() ? cycle::machineClock() : cycle::snapshotClock(clock_);
+            clock = clock_.empty() ? cycle::machineClock() : cycle::snapshotClock(clock_.use(*this));
         } catch (const std::runtime_error& e) {
-            fail(kNoClock, name(), clock_, e.what());
+            fail(kNoClock, name(), clock_.get(sorma::Permit::owner()), e.what());
         }
         auto runner = std::make_unique<cycle::Runner>(name(), sorm().mailbox(), static_cast<cycle::Owner&>(*this));
         auto steps = objects(p);
         std::string memory = lockMemory_ ? memory_.acquire() : std::string();
-        refused_ = runner->start(std::move(p), {int(priority_), int(cpu_)}, std::move(clock));
+        try {
+            refused_ = runner->start(std::move(p), {int(priority_), int(cpu_)}, std::move(clock));
+        } catch (...) {
+            memory_.release();
+            throw;
+        }
+        runner_ = std::move(runner);
         if (!memory.empty()) refused_.push_back(memory);
         watched_ = std::move(steps);
         incidents_.clear();
         look(true);
-        runner_ = std::move(runner);
         fault_ = {};
         for (auto& line : refused_) m.warn(kUsual, name(), line);
         publishText("started", steps_);
@@ -343,7 +354,8 @@ private:
         if (runner_) halt();
     }
 
-    std::string steps_, overrun_ = "skip", onFault_, afterFault_ = "stop", clock_;
+    std::string steps_, overrun_ = "skip", onFault_, afterFault_ = "stop";
+    sorma::Named<sorma::Kind::segment> clock_;
     double period_ = 0.015, watchdog_ = 0;
     std::int64_t priority_ = 50, cpu_ = -1;
     bool lockMemory_ = true, autostart_ = false;

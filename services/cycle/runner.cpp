@@ -22,6 +22,7 @@ const sorma::Prototype kNotLocal{Severity::error, "CYCLE STEP", 2,
     "{}: {} is elsewhere, at {}: a step must answer without waiting; read it through a snapshot buffer (shmem_r)"};
 const sorma::Prototype kNotRealtime{Severity::error, "CYCLE STEP", 2,
     "{}: class {} of {} does not say that it is real-time: it may allocate, wait, or use the interpreter"};
+const sorma::Prototype kNoThread{Severity::error, "CYCLE THREAD", 1, "{}: it cannot start: the system gives it no thread: {}"};
 const sorma::Prototype kTaken{Severity::error, "CYCLE STEP", 2, "{}: {} {}"};
 const sorma::Prototype kOverrun{Severity::error, "CYCLE OVERRUN", 1, "{}: tick {} took {}, with a period of {}"};
 const sorma::Prototype kHangs{Severity::error, "CYCLE HANGS", 1, "{}: tick {} has not ended after {}; it is in its step {}"};
@@ -220,36 +221,48 @@ std::vector<std::string> Runner::start(Plan plan, const Schedule& schedule, std:
     turn_.open();
     std::vector<std::string> refused;
     Futex started;
-    thread_ = std::thread([this, schedule, &refused, &started] {
-        refused = apply(schedule, "sorma-cycle");
-        touchStack();
-        startClock();
-        started.set(1);
-        run();
-    });
-    while (started.load() == 0) started.wait(0, sorma::monotonicNow() + kPatience);
     Schedule above = schedule;
     above.priority = above.priority > 0 ? std::min(above.priority + 1, 99) : 0;
-    watchdog_ = std::thread([this, above] {
-        apply(above, "sorma-watchdog");
-        watch();
-    });
+    try {
+        // The watchdog first: no tick runs without it.
+        watchdog_ = std::thread([this, above] {
+            apply(above, "sorma-watchdog");
+            watch();
+        });
+        thread_ = std::thread([this, schedule, &refused, &started] {
+            refused = apply(schedule, "sorma-cycle");
+            touchStack();
+            startClock();
+            started.set(1);
+            run();
+        });
+    } catch (const std::exception& e) {
+        endWatchdog();
+        keepOnly({});
+        fail(kNoThread, name_, e.what());
+    }
+    while (started.load() == 0) started.wait(0, sorma::monotonicNow() + kPatience);
     return refused;
+}
+
+void Runner::endWatchdog() {
+    stop_ = true;
+    {
+        std::lock_guard lock(mutex_);
+        woken_.notify_all();
+    }
+    if (watchdog_.joinable()) watchdog_.join();
 }
 
 bool Runner::stop() {
     stop_ = true;
     clock_->ring();
     if (std::exchange(holding_, false))     // by a request to one of its own objects: what is left of that finds no ticks
-        do turn_.settle();
+        do turn_.awaitWatchdog();
         while (!turn_.release(true));
     if (!turn_.waitForEnd(nanoseconds() + kPatience)) return false;
     thread_.join();
-    {
-        std::lock_guard lock(mutex_);
-        woken_.notify_all();
-    }
-    watchdog_.join();
+    endWatchdog();
     keepOnly({});
     return true;
 }
@@ -272,15 +285,11 @@ bool Runner::abandon() {
     *owner_ = nullptr;
     stop_ = true;
     {
-        std::lock_guard lock(mutex_);
-        woken_.notify_all();
-    }
-    {
         std::lock_guard lock(abandonedOnes().mutex);
         abandonedOnes().runners.insert(this);
     }
     if (watcherHangs) watchdog_.detach();
-    else watchdog_.join();
+    else endWatchdog();
     thread_.detach();
     return true;
 }
@@ -376,7 +385,7 @@ void Runner::release() noexcept {
     std::int64_t reserve = reserve_.load(std::memory_order_relaxed);
     reserve_.store(std::min(std::max(took, reserve - reserve / 8), plan_.period / 2), std::memory_order_relaxed);
     // Told before the turn goes back: the runner may end at once, and what comes after its end is not heard.
-    for (bool late = turn_.settle();; late = turn_.settle()) {
+    for (bool late = turn_.awaitWatchdog();; late = turn_.awaitWatchdog()) {
         if (late && !std::exchange(requestLate_, true)) report({}, entry(kRequest, name_, ticks(), heldFor_, duration(took)));
         if (turn_.release(late)) break;
     }
@@ -526,7 +535,8 @@ bool Runner::runSteps(std::uint64_t number) {
 void Runner::schedule(std::int64_t end, bool& faulty) {
     next_.period = plan_.period;
     next_.due += plan_.period;
-    std::int64_t late = (clock_->monotonic() ? end : clock_->now()) - next_.due;
+    // A simulated clock may stand where the next tick is due, and wait for it: that one is missed when the one after it is due, too.
+    std::int64_t late = (clock_->monotonic() ? end : clock_->now() - plan_.period) - next_.due;
     if (late >= 0) [[unlikely]] {
         ++figures_.overruns;
         if (plan_.overrun == Overrun::fault && !faulty) {
@@ -547,7 +557,7 @@ void Runner::schedule(std::int64_t end, bool& faulty) {
 bool Runner::finish(bool faulty) {
     bool counted = false;
     for (;;) {
-        bool late = turn_.settle();
+        bool late = turn_.awaitWatchdog();
         if (late && !std::exchange(counted, true)) ++figures_.faults;
         if (late || faulty) [[unlikely]] {
             if (!turn_.enterEnd()) return false;

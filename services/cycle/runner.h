@@ -104,7 +104,8 @@ public:
     ~Runner() override;                 // stop() must have returned true before
 
     // Become the owner of the plan's objects, and begin the ticks. Returns what the system has refused (see apply), a
-    // sentence each. Fails with CYCLE STEP when an object cannot be executed in ticks; then nothing has happened.
+    // sentence each. Fails with CYCLE STEP when an object cannot be executed in ticks, and with CYCLE THREAD when the system
+    // gives no thread. Then no tick has run, and the objects belong to the SORM's thread again.
     std::vector<std::string> start(Plan plan, const Schedule& schedule, std::unique_ptr<Clock> clock);
     // Wait for the end of the present tick, and give the objects back to the SORM's thread. False: a step hangs.
     bool stop();
@@ -157,6 +158,7 @@ private:
     void act();
     void leave();
     void watch();
+    void endWatchdog();
     void declareLate(Turn::Word w, std::int64_t limit);
 
     const std::string name_;

@@ -51,7 +51,7 @@ bool Turn::leaveAction() {
     }
 }
 
-bool Turn::settle() { return quiet(word_.load()) & kLate; }
+bool Turn::awaitWatchdog() { return quiet(word_.load()) & kLate; }
 
 bool Turn::enterEnd() {
     for (;;) {

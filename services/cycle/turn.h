@@ -5,7 +5,7 @@
 // may be using the safe action's object. So only one thread executes an object, and the output of the safe action stays: the
 // tick executes the safe action once more at its end.
 //
-//     tick n:     begin, then for each step  enterAction / late / leaveAction,  settle, enterEnd, end
+//     tick n:     begin, then for each step  enterAction / late / leaveAction,  awaitWatchdog, enterEnd, end
 //     request:    ask, upgrade, release       (the SORM's thread; by a mutex it inherits the priority of a tick that waits for it)
 //     watchdog:   declareLate, acted
 //
@@ -49,7 +49,7 @@ public:
     bool enterAction();
     bool leaveAction();
     // Wait until the watchdog has finished with the tick. True: it is late.
-    bool settle();
+    bool awaitWatchdog();
     // The steps are over; from now on this thread may use the safe action's object. False: the tick was abandoned.
     bool enterEnd();
     // End the tick. late: this thread knows that it is late. False: it has become late meanwhile, or was abandoned.

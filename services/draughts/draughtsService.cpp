@@ -57,7 +57,7 @@ public:
             .integer("-threads", &Draughts::threads_, {.low = 1, .high = 64, .help = "of a search"})
             .integer("-hash", &Draughts::hash_, {.unit = "MB", .low = 1, .high = 65536, .help = "memory of a search"})
             .flag("-endgames", &Draughts::useEndgames_, {.help = "8x8: use tables for four pieces; made at first use"})
-            .text("-endgamesFile", &Draughts::endgamesFile_, {.help = "where they are kept; empty: in the user's cache folder", .fixed = true})
+            .named("-endgamesFile", &Draughts::endgamesFile_, {.help = "where they are kept; empty: in the user's cache folder", .fixed = true})
             .flag("-idle", &Draughts::idle_, {.help = "search at idle priority"})
             .text("-colours", &Draughts::colours_, {.help = "characters of White's and Black's pieces in what a camera saw"})
             .action("-stop", &Draughts::stopAction, "", "end the search with what it has found", 0, 0, sorma::Right::call)
@@ -71,7 +71,10 @@ public:
             .example("draughts EXEC legal");
     }
 
-    ~Draughts() override { endSearch(); }
+    ~Draughts() override {
+        endSearch();
+        dropTable();
+    }
 
     void changed(std::span<const sorma::Option* const> options) override {
         for (auto* o : options) {
@@ -81,7 +84,7 @@ public:
                 begin();
             }
             if (o->name == "-hash" && job_) fail(kBusy, name());
-            if (o->name == "-hash") table_.reset();
+            if (o->name == "-hash") dropTable();
         }
     }
     void born() override {
@@ -89,10 +92,12 @@ public:
         begin();
     }
     void removing() override {
-        if (!job_) return;
-        auto reply = job_->reply;
-        endSearch();
-        reply.fail(sorma::Error(sorma::makeEntry(kGone, {sorma::MessageArg::of(name())})));
+        if (job_) {
+            auto reply = job_->reply;
+            endSearch();
+            reply.fail(sorma::Error(sorma::makeEntry(kGone, {sorma::MessageArg::of(name())})));
+        }
+        dropTable();
     }
 
     void exec(Message& m) override {
@@ -132,6 +137,7 @@ private:
         sorma::Reply reply;
         sorma::KeptCallPointer call;
         draughts::Search search;
+        sorma::Charge charge;               // for its threads
         std::thread thread;
         bool plays;
         std::size_t ply;
@@ -155,7 +161,7 @@ private:
 
     void begin() {
         game_ = Game(*draughts::findGame(variant_));
-        table_.reset();
+        dropTable();
         endgames_.reset();
     }
 
@@ -171,7 +177,7 @@ private:
     // ---- the game ----
 
     void answerMove(Message& m, const draughts::Position& p, const Move& move) const {
-        draughts::Path path = draughts::pathOf(game_.rules(), p, move);
+        draughts::MoveRoute path = draughts::routeOf(game_.rules(), p, move);
         m.clear();
         m.text = draughts::hubMove(game_.rules(), move);
         m.ints.push_back(std::int64_t(path.squares.size()));
@@ -308,10 +314,13 @@ private:
 
     void search(Message& m, draughts::Limits limits, draughts::SearchSettings settings, bool plays) {
         if (job_) fail(kBusy, name());
-        if (!table_) table_ = std::make_unique<draughts::Transpositions>(std::size_t(hash_) << 20);
+        sorma::Charge charge(sorm().budget.ofCaller(), sorma::Account::Use::threads);
+        charge.need(name(), std::size_t(threads_) * sorma::Account::kThread);
+        needTable(charge.account());
         bool small = table_->size() < std::size_t(hash_) << 19;
         const draughts::Rules& rules = game_.rules();
         auto job = std::make_shared<Job>(rules, *table_);
+        job->charge = std::move(charge);
         job->plays = plays;
         job->ply = game_.moves().size();
         job->position = game_.position();
@@ -327,7 +336,7 @@ private:
         job_ = job;
         job->reply.onCancel([job] { job->search.stop(); });
         bool tables = useEndgames_ && rules.width == 8;
-        std::string file = endgamesFile_.empty() ? draughts::Endgames::defaultFile(rules) : endgamesFile_;
+        std::string file = endgamesFile_.empty() ? draughts::Endgames::defaultFile(rules) : endgamesFile_.use(*this);
         auto post = [box = sorm().mailbox(), weak = std::weak_ptr(job), this](std::function<void()> work) {
             // The job is ours while the object lives; it goes before the object does.
             box->post([weak, work = std::move(work), this] {
@@ -387,6 +396,8 @@ private:
                const std::string& wrong) {
         auto job = std::exchange(job_, nullptr);
         job->thread.join();
+        job->charge.clear();
+        if (tableLeaves_) dropTable();
         if (endgames) endgames_ = endgames;
         Message& m = job->reply.message();
         if (!note.empty()) m.warn(kNote, name(), note);
@@ -408,6 +419,34 @@ private:
         make(best.line[0]);
         job->reply.complete();
     }
+    // The table is on the account of the client that searched last, and goes when that client ends.
+    void needTable(const sorma::AccountPointer& account) {
+        const sorma::ClientPointer client = sorma::CallContext::currentClient();
+        if (table_ && tableClient_ == client && tableCharge_.account() == account) return;
+        const std::size_t wanted = table_ ? table_->size() : std::size_t(hash_) << 20;
+        if (account != tableCharge_.account() || !table_) {
+            sorma::Charge fresh(account, sorma::Account::Use::tables);
+            fresh.need(name(), wanted);
+            tableCharge_ = std::move(fresh);
+        }
+        if (!table_) table_ = std::make_unique<draughts::Transpositions>(wanted);
+        tableCharge_.force(table_->size());
+        if (tableClient_) tableClient_->release(tableLease_);
+        tableClient_ = client;
+        if (client) tableLease_ = client->hold(name(), [this] { clientEnded(); });
+    }
+    void clientEnded() {
+        tableClient_ = nullptr;
+        if (!job_) return dropTable();
+        job_->search.stop();                // ended() drops the table
+        tableLeaves_ = true;
+    }
+    void dropTable() {
+        if (auto client = std::exchange(tableClient_, nullptr)) client->release(tableLease_);
+        table_.reset();
+        tableCharge_.clear();
+        tableLeaves_ = false;
+    }
     void stopAction(sorma::Args, Message& m) {
         if (job_) job_->search.stop();
         m.text += job_ ? "stopped" : "no search";
@@ -417,14 +456,20 @@ private:
         if (!job) return;
         job->search.stop();
         job->thread.join();
+        job->charge.clear();
     }
 
-    std::string variant_ = "intl", endgamesFile_, colours_ = "yr";
+    std::string variant_ = "intl", colours_ = "yr";
+    sorma::Named<sorma::Kind::file> endgamesFile_;
     std::int64_t level_ = 10, seed_ = 0, depth_ = 0, nodes_ = 0, threads_ = 1, hash_ = 64;
     double time_ = 5;
     bool useEndgames_ = true, idle_ = false;
     Game game_{draughts::kIntl};
     std::unique_ptr<draughts::Transpositions> table_;
+    sorma::Charge tableCharge_;
+    sorma::ClientPointer tableClient_;      // whose lease it is; null: this process
+    sorma::Client::Lease tableLease_ = 0;
+    bool tableLeaves_ = false;              // that client has ended: the table goes with the search under way
     std::shared_ptr<const draughts::Endgames> endgames_;
     std::shared_ptr<Job> job_;              // the search under way
 };

@@ -119,7 +119,7 @@ bool Hub::line(std::string_view text) {
 }
 
 void Hub::hello() {
-    say("id name=SORMA version=1.0 author=\"the SORMA project\" country=DE");
+    say("id name=SORMA version=1.0 author=\"the SORMA project\"");
     say(std::string("param name=variant value=") + rules_->name + " type=enum values=\"intl braz engl\"");
     say("param name=level value=" + std::to_string(level_) + " type=int min=1 max=10");
     say("param name=threads value=" + std::to_string(threads_) + " type=int min=1 max=64");

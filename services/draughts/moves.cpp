@@ -305,7 +305,7 @@ struct PathFinder {
     const Rules& rules;
     Bits free, prey, target, from;
     bool king, white;
-    Path path;
+    MoveRoute path;
 
     Bits step(Bits b, Direction d) const {
         Bits all = rules.width == 10 ? Board<10>::all : Board<8>::all;
@@ -338,7 +338,7 @@ struct PathFinder {
 
 }  // namespace
 
-Path pathOf(const Rules& rules, const Position& p, const Move& m) {
+MoveRoute routeOf(const Rules& rules, const Position& p, const Move& m) {
     MoveList list;
     generate(rules, p, list);
     if (!list.has(m)) return {};

@@ -67,11 +67,11 @@ bool canCapture(const Rules& rules, const Position& p);
 
 // One way to make the move: the squares on which the piece stops, origin and target included, and the victims in the order in
 // which it passes them. An arm follows the squares, then clears the victims, then crowns.
-struct Path {
+struct MoveRoute {
     std::vector<int> squares, victims;      // numbers of squares, 1 ..
 };
 // Empty squares: the move is not legal in this position.
-Path pathOf(const Rules& rules, const Position& p, const Move& m);
+MoveRoute routeOf(const Rules& rules, const Position& p, const Move& m);
 
 // Number of move sequences of that length; the last move is counted, not made. No draw rule ends a line.
 std::uint64_t perft(const Rules& rules, const Position& p, int depth);

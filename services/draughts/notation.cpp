@@ -174,7 +174,7 @@ std::string pdnMove(const Rules& rules, const Position& p, const Move& m, bool a
     int same = 0;
     for (auto& o : list) same += o.from == m.from && o.to == m.to;
     std::vector<int> squares{squareOf(rules, m.from), squareOf(rules, m.to)};
-    if (same > 1) squares = pathOf(rules, p, m).squares;
+    if (same > 1) squares = routeOf(rules, p, m).squares;
     // Two sets of victims on the same squares do not exist: between two stops there is one victim.
     std::string out;
     for (int s : squares) {
@@ -250,7 +250,7 @@ Move parseMove(const Rules& rules, const Position& p, std::string_view text) {
         bool victims = squares.size() > 2 && squareOf(rules, m.to) == squares.back();
         if (victims && !exact) {
             // Stops on the way: there must be a path through them, in this order; victims among them are as good.
-            Path path = pathOf(rules, p, m);
+            MoveRoute path = routeOf(rules, p, m);
             Bits between = 0, passed = m.captured;
             for (std::size_t i = 1; i + 1 < squares.size(); ++i) between |= bitOf(rules, squares[i]);
             for (int s : path.squares) passed |= bitOf(rules, s);
@@ -261,7 +261,7 @@ Move parseMove(const Rules& rules, const Position& p, std::string_view text) {
     if (fits.size() > 1)
         // The whole set of victims said, or the whole path, decides.
         for (auto& m : fits) {
-            Path path = pathOf(rules, p, m);
+            MoveRoute path = routeOf(rules, p, m);
             Bits rest = 0;
             for (std::size_t i = 2; i < squares.size(); ++i) rest |= bitOf(rules, squares[i]);
             if (path.squares == squares || (squareOf(rules, m.to) == squares[1] && rest == m.captured)) return m;

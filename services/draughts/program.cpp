@@ -10,10 +10,10 @@ using namespace draughts;
 
 namespace {
 
-int usage() {
+int usage(FILE* to = stderr) {
     std::fputs("usage: sorma-draughts                              speaks the Hub protocol, version 2\n"
-               "       sorma-draughts perft VARIANT DEPTH ?FEN?    VARIANT: intl, braz, or engl\n", stderr);
-    return 2;
+               "       sorma-draughts perft VARIANT DEPTH ?FEN?    VARIANT: intl, braz, or engl\n", to);
+    return to == stderr ? 2 : 0;
 }
 
 int runPerft(int argc, char** argv) {
@@ -38,6 +38,7 @@ int runPerft(int argc, char** argv) {
 
 int main(int argc, char** argv) {
     if (argc > 1 && std::strcmp(argv[1], "perft") == 0 && (argc == 4 || argc == 5)) return runPerft(argc, argv);
+    if (argc == 2 && std::strcmp(argv[1], "--help") == 0) return usage(stdout);
     if (argc > 1) return usage();
     Hub hub([](const std::string& line) {
         std::fputs((line + "\n").c_str(), stdout);

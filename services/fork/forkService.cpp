@@ -51,7 +51,7 @@ const sorma::Prototype kStderr{Severity::warning, "FORK STDERR", 1, "{}: {}"};
 const sorma::Prototype kCut{Severity::warning, "FORK CUT", 1,
                             "{}: the last {} bytes of its standard output were dropped: it wrote more than -limit {}"};
 
-constexpr std::size_t kLongestLine = 16'384;        // [bytes] of an event or a warning; longer ones are cut in pieces
+constexpr std::size_t kLongestLine = 4'000;         // [bytes] of an event or a warning, which are not cut then; longer ones come in pieces
 
 std::int64_t nanoseconds(double seconds) { return std::int64_t(seconds * 1e9); }
 
@@ -118,6 +118,7 @@ struct Job {
     double timeout = 0, grace = 0;
     std::size_t limit = 0;
     std::shared_ptr<child::Process> process;    // null while it waits
+    sorma::PrincipalPointer author;
     std::int64_t since = 0;                     // [us] since 1970, when it was started
     sorma::Timer timer;
     bool late = false, byOperator = false;      // why it was killed
@@ -134,7 +135,7 @@ public:
     static sorma::Class describe() {
         using enum sorma::Field;
         return sorma::Class::of<ForkService>("fork", "runs a program as a subprocess, and answers when it has ended")
-            .text("-command", &ForkService::command_,
+            .named("-command", &ForkService::command_,
                   {.help = "program and first arguments, as a list; no shell reads it. Words of EXEC follow"})
             .integer("-max", &ForkService::max_,
                      {.unit = "children", .low = 1, .high = 1000, .help = "that run at once"})
@@ -145,14 +146,17 @@ public:
                   {.unit = "s", .low = 0, .high = 1e9, .help = "end a child that runs longer; 0: never"})
             .real("-grace", &ForkService::grace_,
                   {.unit = "s", .low = 0, .high = 3600, .help = "between SIGTERM and SIGKILL; 0: SIGKILL at once"})
-            .text("-directory", &ForkService::directory_,
+            .named("-directory", &ForkService::directory_,
                   {.help = "where the program runs; empty: where the daemon is"})
             .integer("-limit", &ForkService::limit_,
                      {.unit = "bytes", .low = 0, .high = 16 << 20,
                       .help = "of standard output kept for the answer; more is dropped, with a warning"})
             .action("-kill", &ForkService::killAll, "", "kill all children now, and refuse the requests that wait", 0, 0, Right::call)
+            .danger(sorma::Danger::stop)
             .action("-list", &ForkService::list, "", "a line for each child: process number, since when, command", 0, 0, Right::inspect)
             .execRight(Right::program)
+            .actsOnWords()
+            .execDanger(sorma::Danger::fire)
             .concurrency(sorma::Concurrency::concurrent)
             .words("?word ...?")
             .reads(text, {}, "", "standard input of the program")
@@ -175,12 +179,9 @@ public:
     }
 
     void exec(sorma::Message& m) override {
-        child::Command command{commandWords(), directory_, {}};
+        child::Command command{commandWords(), directory_.use(*this), {}};
         command.words.insert(command.words.end(), m.words.begin(), m.words.end());
         if (command.words.empty()) fail(kNothing, name(), "-command");
-        // The caller's right was checked before. The authors of these options choose the program, too, so check their
-        // rights.
-        for (auto* option : {"-command", "-directory"}) sorm().access.need(author(option), Right::program, name(), name());
         for (std::size_t i = 0; i < command.words.size(); ++i)
             if (hasZero(command.words[i])) fail(kZero, name(), i + 1, sorma::shown(command.words[i]));
         bool waits = running_.size() >= std::size_t(max_);
@@ -192,6 +193,7 @@ public:
         command.input.append(m.any.begin(), m.any.end());
         m.clear();
         job->call = sorma::CallContext::keep();
+        job->author = m.author;
         job->reply = later(m);
         job->shown = sorma::shown(sorma::joinWords(command.words));
         job->command = std::move(command);
@@ -208,7 +210,7 @@ public:
     std::string selftest() override {
         auto words = commandWords();
         if (words.empty()) return "ok: no -command, the words of EXEC say what to run";
-        std::string file = child::Process::find(words[0], directory_);
+        std::string file = child::Process::find(words[0], directory_.use(*this));
         if (file.empty()) fail(kStart, name(), "ENOENT", sorma::shown(words[0]), notFound(words[0]));
         return "ok: " + file;
     }
@@ -220,10 +222,11 @@ public:
 
 private:
     std::vector<std::string> commandWords() const {
+        const std::string& words = command_.use(*this);
         try {
-            return sorma::splitWords(command_);
+            return sorma::splitWords(words);
         } catch (const sorma::Error& e) {
-            fail(kCommand, name(), "-command", sorma::shown(command_), e.what());
+            fail(kCommand, name(), "-command", sorma::shown(words), e.what());
         }
     }
 
@@ -231,7 +234,8 @@ private:
 
     void check() const {
         commandWords();
-        if (hasZero(directory_)) fail(kFolder, name(), "-directory", sorma::shown(directory_));
+        const std::string& folder = directory_.get(sorma::Permit::owner());
+        if (hasZero(folder)) fail(kFolder, name(), "-directory", sorma::shown(folder));
     }
 
     static std::string notFound(const std::string& program) {
@@ -257,7 +261,8 @@ private:
             [this, j](std::string_view bytes) { takeErrors(*j, bytes); },
             [this, j](const child::End& end) { ended(*j, end); }});
         try {
-            job->process->start(job->command);
+            // It may have waited.
+            job->process->start(job->command, need(job->author, Right::program));
             if (job->timeout > 0)
                 job->timer = sorm().loop().after(sorma::monotonicNow() + nanoseconds(job->timeout),
                                                  [weak = std::weak_ptr(job)] {
@@ -438,7 +443,8 @@ private:
         return std::to_string(number);
     }
 
-    std::string command_, directory_;
+    sorma::Named<sorma::Kind::program> command_;
+    sorma::Named<sorma::Kind::folder> directory_;
     std::int64_t max_ = 4, queue_ = 100, limit_ = 1 << 20;
     double timeout_ = 0, grace_ = 2;
     std::list<JobPointer> running_;             // each has a process

@@ -211,7 +211,8 @@ struct Process::Fork {
     }
 };
 
-void Process::start(const Command& command) {
+void Process::start(const Command& command, const sorma::Permit& permit) {
+    permit.check(sorma::Right::program);
     Fork fork(command);
     sigset_t all, before;
     sigfillset(&all);

@@ -61,8 +61,8 @@ public:
     Process& operator=(const Process&) = delete;
 
     // Start it; once. Throws std::system_error when the system has no process or descriptor. `started` or `ended` says
-    // whether the program itself could be run.
-    void start(const Command& command);
+    // whether the program itself could be run.   permit: of those who have chosen the program, to run it.
+    void start(const Command& command, const sorma::Permit& permit);
     pid_t pid() const { return pid_; }          // 0 before start(); stays when it has ended
     bool running() const { return running_; }
 

@@ -3,7 +3,7 @@
 // A finger spreads (ab), bends at its base (pf), and bends in the middle (mf); its last joint follows the middle one. Three of them
 // stand around the tool's axis, 60, 180 and 300 degrees from its x, and bend towards it.
 //
-// Source: laboratory's reference, simlab.md section 2.
+// Source: as the simulated hand of service simlab has it.
 // Frames: the tool's, z out of the palm; a tip is the centre of the sphere at its end.
 #pragma once
 

@@ -118,13 +118,13 @@ public:
             .real("-leastForce", &Manus::leastForce_, {.unit = "N", .low = 0, .high = 20, .help = "that each tip must feel when an object is held", .group = "grasp"})
             .flag("-reopen", &Manus::reopen_, {.help = "open the fingers when a grasp has failed", .group = "grasp"})
             .service("-speaker", &Manus::speaker_, {.help = "is told when the object is not there, or has been lost: its EXEC gets the words below; "
-                                                            "none: nobody is told", .group = "voice"})
+                                                            "none: nobody is told", .group = "voice", .part = false})
             .text("-sayMissing", &Manus::sayMissing_, {.help = "words, a list, when a grasp finds no object; empty: none", .group = "voice"})
             .text("-sayLost", &Manus::sayLost_, {.help = "words, a list, when the object was lost; empty: none", .group = "voice"})
             .real("-interval", &Manus::interval_, {.unit = "s", .low = 0.001, .high = 0.1, .help = "from one tick of the control task to the next", .expert = true})
             .flag("-labTime", &Manus::labTime_, {.help = "ticks are due by the other side's time (its buffer lab.clock), not by the machine's", .fixed = true})
             .integer("-priority", &Manus::priority_, {.low = 0, .high = 99, .help = "of the control task, as of class cycle", .fixed = true, .expert = true})
-            .text("-prefix", &Manus::prefix_, {.help = "before the names of all buffers: another hand's", .fixed = true})
+            .named("-prefix", &Manus::prefix_, {.help = "before the names of all buffers: another hand's", .fixed = true})
             .real("-height", &Manus::height_, {.unit = "m", .low = -0.1, .high = 0.02, .help = "of the tips in the tool's frame when they grasp and open", .expert = true})
             .real("-tipRadius", &Manus::tipRadius_, {.unit = "m", .low = 0, .high = 0.02, .help = "of the sphere at the end of a finger", .expert = true})
             .real("-settle", &Manus::settle_, {.unit = "s", .low = 0, .high = 5, .help = "after closing and opening, before the forces are judged", .expert = true})
@@ -144,6 +144,8 @@ public:
                                                .minLength = 3, .maxLength = 3, .expert = true})
             .action({"-stop", "", "stop the fingers where they are", 0, 0,
                      [](Service& s, Args, Message& m) { static_cast<Manus&>(s).stopNow(m); }, sorma::Right::call, true})
+            .danger(sorma::Danger::stop)
+            .execDanger(sorma::Danger::move, {"finger", "grasp", "joint", "joints", "posture", "release", "sequence", "tip", "tips", "tripod"})
             .action("-teach", &Manus::teach, "name", "keep where the fingers have been sent as a posture", 1, 1)
             .action("-forget", &Manus::forget, "name", "remove a posture", 1, 1)
             .words("?finger | grasp | joint | joints | posture name | release | sequence ?name|seconds ...? | status | tip | tips | tripod?")
@@ -163,8 +165,6 @@ public:
     }
 
     ~Manus() override { halt(); }
-
-    std::vector<sorma::Reference> parts() const override { return {}; }     // the speaker is not called in ticks
 
     void born() override { check(); }
 
@@ -563,11 +563,11 @@ private:
         }
         if (!over || !job_) return;
         auto job = std::exchange(job_, nullptr);
-        settle(job, outcome);
+        answerJob(job, outcome);
         if (!job_) nextJob();
     }
 
-    void settle(const JobPointer& job, Outcome outcome) {
+    void answerJob(const JobPointer& job, Outcome outcome) {
         sorma::CallContext context(job->call);
         try {
             if (job->verdict) throw sorma::Error(*job->verdict);
@@ -624,7 +624,7 @@ private:
 
     void run() {
         if (control_) return;
-        auto control = std::make_unique<Control>(prefix_);
+        auto control = std::make_unique<Control>(prefix_.use(*this));
         try {
             control->publish(sorm().daemonName.empty() ? sorma::Caller::self().program : sorm().daemonName);
         } catch (const shmem::Failure& f) {
@@ -638,7 +638,7 @@ private:
         cycle_ = sorm().get("cycle." + (dot == std::string::npos ? name() : name().substr(dot + 1)));
         try {
             std::vector<std::string> words{"-period", sorma::numberText(interval_), "-priority", std::to_string(priority_), "-steps", name()};
-            if (labTime_) words.insert(words.end(), {"-clock", prefix_ + "lab.clock", "-watchdog", sorma::numberText(kLabWatchdog)});
+            if (labTime_) words.insert(words.end(), {"-clock", prefix_.use(*this) + "lab.clock", "-watchdog", sorma::numberText(kLabWatchdog)});
             configureCycle(std::move(words));
             configureCycle({"-start"});
         } catch (const sorma::Error& e) {
@@ -671,7 +671,7 @@ private:
             if (attached && control_->heard()) return true;
         }
         if (attached) {
-            problem_ = "the process that wrote " + prefix_ + "hand.state has ended";
+            problem_ = "the process that wrote " + prefix_.get(sorma::Permit::owner()) + "hand.state has ended";
             return false;
         }
         auto reader = control_->look(problem_);
@@ -685,7 +685,7 @@ private:
     void needHardware() {
         // Without the other side's time there would be no ticks.
         if (!control_) {
-            Control probe(prefix_);
+            Control probe(prefix_.use(*this));
             probe.attach(probe.look(problem_));
             if (!probe.attached()) fail(kHardware, name(), problem_);
         }
@@ -696,19 +696,17 @@ private:
     // From time to time: is the other side still there, does the control task run?
     void watch() {
         timer_ = sorm().loop().after(sorma::monotonicNow() + kLook, [this] { watch(); });
-        if (!realtimeOwner()) {
-            const auto why = error(kTask, name(), "it has ended; see " + cycle_->name() + " CTRL -dump");
-            halt();
-            return failAll(why);
-        }
+        bool there;
         try {
-            if (heard() || !job_) return;
+            there = heard();
         } catch (const sorma::Error&) {         // a step of another object hangs: try again later
             return;
         }
-        auto job = std::exchange(job_, nullptr);
-        job->reply.fail(error(kSilent, name(), "EXEC " + job->what, problem_));
-        failAll(error(kHardware, name(), problem_));
+        const bool runs = realtimeOwner() != nullptr;
+        if (runs && (there || !job_)) return;
+        // A task that takes its time from the other side ends with it: then that is the reason.
+        if (auto job = there ? nullptr : std::exchange(job_, nullptr)) job->reply.fail(error(kSilent, name(), "EXEC " + job->what, problem_));
+        failAll(there ? error(kTask, name(), "it has ended; see " + cycle_->name() + " CTRL -dump") : error(kHardware, name(), problem_));
         halt();                                 // the next request begins again
     }
 
@@ -754,7 +752,8 @@ private:
     double interval_ = 0.015, height_ = 0, tipRadius_ = 0.005, settle_ = 0.15, arrival_ = 0.08;
     double lostForce_ = 0.1, lostTime_ = 0.05, forceFilter_ = 0.02, tolerance_ = 0.1;
     std::int64_t priority_ = 40;
-    std::string prefix_, whenBusy_ = "refuse", sayMissing_ = "{I cannot find the object}", sayLost_ = "{I have lost the object}";
+    sorma::Named<sorma::Kind::segment> prefix_;
+    std::string whenBusy_ = "refuse", sayMissing_ = "{I cannot find the object}", sayLost_ = "{I have lost the object}";
     std::string posturesText_ = "rest {0 -0.263 0.486} wide {0 -0.45 0.45} straight {0 0 0} fist {0 0.6 1.4} point {0 0 0 0 0.6 1.4 0 0.6 1.4}";
     std::vector<double> lower_{-0.262, -0.6, 0}, upper_{0.262, 1.4, 1.4}, bases_{0.040, -0.110}, links_{0.055, 0.035, 0.030};
     sorma::Reference speaker_;

@@ -14,16 +14,13 @@ class HostService : public sorma::Service {
 public:
     static sorma::Class describe() {
         return sorma::Class::of<HostService>("host", "figures of the machine it runs on")
-            .text("-path", &HostService::path_, {.help = "a file on the disk that the summary tells about"})
+            .named("-path", &HostService::path_, {.help = "a file on the disk that the summary tells about"})
             .words("?clock|disks|load|memory|temperatures?")
             .writes(sorma::Field::floats, {}, "1, bytes, K or s",
                     "load [1], memory and disks [bytes], temperatures [K], clock [s]; temperatures: none without a thermometer")
             .writes(sorma::Field::text, {}, "", "a line for each: name, value, unit")
             .example("host EXEC load");
     }
-
-    void born() override { askForPath(); }
-    void changed(std::span<const sorma::Option* const>) override { askForPath(); }
 
     void exec(sorma::Message& m) override {
         std::string what = m.words.empty() ? std::string() : m.words[0];
@@ -44,11 +41,6 @@ public:
     }
 
 private:
-    // The figures of a disk say whether the path exists, so the author needs the right to read files there.
-    void askForPath() {
-        if (auto& by = author("-path")) sorm().access.need(by, sorma::Right::files, sorma::realPath(path_), name());
-    }
-
     // A figure: the number for programs, the line for people.
     static void put(sorma::Message& m, const std::string& name, double value, const char* unit) {
         m.floats.push_back(value);
@@ -108,12 +100,12 @@ private:
         put(m, "processors", l.processors, "");
         put(m, "memory-total", x.total, "bytes");
         put(m, "memory-available", x.available, "bytes");
-        put(m, host::disk(path_));
+        put(m, host::disk(path_.use(*this)));          // says whether the path exists
         put(m, "uptime", host::clock().uptime, "s");
         for (auto& t : host::temperatures()) put(m, t.name, t.kelvin, "K");
     }
 
-    std::string path_ = "/";
+    sorma::Named<sorma::Kind::file> path_ = "/";
 };
 
 }  // namespace

@@ -27,7 +27,7 @@ public:
     static sorma::Class describe() {
         using enum sorma::Field;
         return sorma::Class::of<Laser>("laser", "the pointer in the robot's hand")
-            .text("-prefix", &Laser::prefix_, {.help = "before the names of all buffers: another hand's", .fixed = true})
+            .named("-prefix", &Laser::prefix_, {.help = "before the names of all buffers: another hand's", .fixed = true})
             .real("-rate", &Laser::rate_, {.unit = "Hz", .low = 0.1, .high = 20, .help = "of blinking"})
             .real("-seconds", &Laser::seconds_, {.unit = "s", .low = 0, .high = 86400, .help = "after which it goes off by itself; 0: never"})
             .service("-mover", &Laser::mover_, {.help = "moves the tool to point: of class mvpos, with -as pose; its guards hold"})
@@ -35,6 +35,9 @@ public:
             .vector("-orientation", &Laser::orientation_, {.unit = "1", .low = -1, .high = 1, .help = "of the tool when it points, quaternion w x y z in the world; as it stands: straight down",
                                                            .minLength = 4, .maxLength = 4})
             .flag("-blinks", &Laser::blinks_, {.help = "when it points it blinks; else it is on"})
+            .execDanger(sorma::Danger::fire, {"blink", "on"})
+            .execDanger(sorma::Danger::move, {"point"})
+            .execDanger(sorma::Danger::stop, {"off"})
             .words("blink | off | on | point | status")
             .reads(floats, sorma::between(0, 3), "m, Hz", "point: x y z in the world; blink: its rate, if it is another one than -rate")
             .writes(floats, sorma::between(2, 7), "m, 1", "point: where the tool has been sent, position and quaternion; others: on (1 or 0), rate of blinking [Hz]")
@@ -86,7 +89,7 @@ private:
     // [s] of the laboratory's clock, if there is one.
     double time() {
         try {
-            shmem::Reader clock(prefix_ + "lab.clock");
+            shmem::Reader clock(prefix_.use(*this) + "lab.clock");
             std::vector<double> f(clock.shape().floats);
             shmem::Stamp stamp;
             if (!f.empty() && clock.latest(f.data(), nullptr, stamp) == shmem::Outcome::read) return f[0];
@@ -98,7 +101,7 @@ private:
     void set(bool on, double rate) {
         try {
             if (!writer_)
-                writer_.emplace(prefix_ + "laser.set", shmem::Shape{.blocks = 16, .floats = 3},
+                writer_.emplace(prefix_.use(*this) + "laser.set", shmem::Shape{.blocks = 16, .floats = 3},
                                 sorm().daemonName.empty() ? sorma::Caller::self().program : sorm().daemonName);
         } catch (const shmem::Failure& f) {
             fail(kBuffer, name(), f.what());
@@ -124,24 +127,17 @@ private:
         for (std::size_t i = 0; i < 3; ++i) motion.floats.push_back(m.floats[i] - distance_ * along[i]);
         motion.floats.insert(motion.floats.end(), orientation_.begin(), orientation_.end());
         sorma::Reply reply = later(m);
-        sorma::Future future = mover_->async(sorma::Method::exec, motion);
-        reply.onCancel([future] { future.cancel(); });
-        future.then([this, self = sorma::Reference(this), reply, to = motion.floats](sorma::Future moved) {
-            try {
-                moved.result();
-                set(true, blinks_ ? rate_ : 0);
-                Message& answer = reply.message();
-                answer.clear();
-                answer.floats = to;
-                answer.text = mover_->name() + " has moved the arm to point";
-                reply.complete();
-            } catch (const std::exception& e) {
-                reply.fail(e);
-            }
+        reply.ask(mover_, motion, [this, self = sorma::Reference(this), reply, to = motion.floats](Message&) {
+            set(true, blinks_ ? rate_ : 0);
+            Message& answer = reply.message();
+            answer.clear();
+            answer.floats = to;
+            answer.text = mover_->name() + " has moved the arm to point";
+            reply.complete();
         });
     }
 
-    std::string prefix_;
+    sorma::Named<sorma::Kind::segment> prefix_;
     double rate_ = 2, seconds_ = 0, distance_ = 0.15;
     std::vector<double> orientation_{0, 1, 0, 0};
     bool blinks_ = true;

@@ -20,6 +20,7 @@ using psom::Map;
 using sorma::Message;
 using sorma::Severity;
 using MapPointer = std::shared_ptr<Map>;
+using MapFile = sorma::Named<sorma::Kind::file>;
 
 const sorma::Prototype kWord{Severity::error, "PSOM WORD", 2,
                              "{}: bad word \"{}\": must be one of adapt, basis, complete, demonstrate, evaluate, jacobian, nodes, or train"};
@@ -52,7 +53,7 @@ public:
             .text("-axes", &Psom::axes_, {.help = "nodes of each axis of the grid, {-1 0 1} {0 1}, or {chebyshev n low high}, {equidistant n low high}"})
             .integer("-dimension", &Psom::dimension_, {.unit = "1", .low = 0, .high = double(psom::kMostDimension),
                                                        .help = "components of a vector; 0: as the file of -map has it"})
-            .text("-map", &Psom::file_, {.help = "file to take the map from, as CTRL -save has written it; empty: none"})
+            .named("-map", &Psom::file_, {.help = "file to take the map from, as CTRL -save has written it; empty: none"})
             .vector("-metric", &Psom::metric_, {.low = 0, .high = 1e300, .help = "weights of the components: above 0 are inputs"})
             .flag("-scale", &Psom::scale_, {.help = "divide each weight by the square of its component's range over the nodes"})
             .integer("-local", &Psom::local_, {.unit = "nodes", .low = 0, .high = double(psom::kMostNodes),
@@ -67,11 +68,9 @@ public:
             .real("-threshold", &Psom::threshold_, {.low = 0, .high = 1e300, .help = "... until the error is not above this"})
             .flag("-follow", &Psom::follow_, {.help = "begin each search where the last one ended, for inputs that change little"})
             .real("-rate", &Psom::rate_, {.unit = "1", .low = 0, .high = 1, .help = "of learning by EXEC adapt"})
-            .service("-mover", &Psom::mover_, {.help = "demonstrate: gets the place of a node (m floats) and goes there"})
-            .service("-reader", &Psom::reader_, {.help = "demonstrate: answers what there is (the vector, d floats, or d-m: without the place)"})
-            .action({"-save", "file", "write the map to a file, for -map", 1, 1, [](sorma::Service& s, sorma::Args args, Message& m) {
-                         static_cast<Psom&>(s).save(args[0], m);
-                     }, sorma::Right::inspect, true})
+            .service("-mover", &Psom::mover_, {.help = "demonstrate: gets the place of a node (m floats) and goes there", .part = false})
+            .service("-reader", &Psom::reader_, {.help = "demonstrate: answers what there is (the vector, d floats, or d-m: without the place)", .part = false})
+            .action("-save", &Psom::save, "file", "write the map to a file, for -map", 1, sorma::Right::inspect, true)
             .inspection({"-match", "", "how the last search went: error, steps, starts, node where it began, converged, outside", 0, 0,
                          [](sorma::Service& s, sorma::Args, Message& m) { static_cast<Psom&>(s).tellMatch(m); }})
             .words("?adapt|basis|complete|demonstrate|evaluate|jacobian|nodes|train?")
@@ -85,7 +84,7 @@ public:
     }
 
     void born() override {
-        auto first = shaped(axes_, std::size_t(dimension_), file_, author("-map"), true);
+        auto first = shaped(axes_, std::size_t(dimension_), file_, true);
         weigh(*first, metric_, scale_, local_);
         map_ = first;
         given_ = roomFor(*first);
@@ -98,7 +97,7 @@ public:
         for (auto* option : {"-axes", "-dimension", "-map", "-metric", "-scale", "-local"}) concerned |= change.concerns(option);
         if (!concerned) return nullptr;
         auto next = shaped(change.get<std::string>("-axes"), std::size_t(change.get<std::int64_t>("-dimension")),
-                           change.get<std::string>("-map"), change.author("-map"), change.concerns("-map"));
+                           change.named<sorma::Kind::file>("-map"), change.concerns("-map"));
         weigh(*next, change.get<std::vector<double>>("-metric"), change.get<bool>("-scale"), change.get<std::int64_t>("-local"));
         return [this, next, given = roomFor(*next)]() mutable {
             std::swap(map_, next);
@@ -130,9 +129,6 @@ public:
                 {"s", false, d, m, {}, "its parameters"}};
     }
 
-    // Mover and reader are asked by requests of their own, not in EXEC.
-    std::vector<sorma::Reference> parts() const override { return {}; }
-
     void dumpState(std::string& out) const override {
         out += "# nodes " + std::to_string(map_->dimension() ? map_->nodes() : 0) + "\n# trained " + (map_->trained() ? "1" : "0") +
                "\n# inputs " + std::to_string(map_->inputs()) + "\n";
@@ -161,21 +157,19 @@ private:
     // ---- shape ----
 
     // The map for these options: what it has learned stays as long as the shape stays.
-    MapPointer shaped(const std::string& axesText, std::size_t dimension, const std::string& file, const sorma::PrincipalPointer& author,
-                      bool again) {
+    MapPointer shaped(const std::string& axesText, std::size_t dimension, const MapFile& file, bool again) {
         auto axes = psom::parseAxes(name(), axesText);
         const bool open = axes.empty() && dimension == 0;
         if (!file.empty() && again) {
-            sorm().access.need(author, sorma::Right::files, sorma::realPath(file), name());
-            auto loaded = psom::load(name(), file);
-            if (!open && (axes != loaded->axes() || dimension != loaded->dimension())) fail(kFileShape, name(), file);
+            auto loaded = psom::load(name(), file.use(*this));
+            if (!open && (axes != loaded->axes() || dimension != loaded->dimension())) fail(kFileShape, name(), file.get(sorma::Permit::owner()));
             return loaded;
         }
         if (open && !file.empty()) return copied();
         if (axes.empty()) dimension = 0;
         if (auto wrong = psom::checkAxes(axes, dimension); !wrong.empty()) fail(kSize, name(), "-dimension", wrong);
         if (map_ && map_->dimension() == dimension && map_->axes() == axes) return copied();
-        if (!file.empty()) fail(kFileShape, name(), file);
+        if (!file.empty()) fail(kFileShape, name(), file.get(sorma::Permit::owner()));
         if (dimension == 0) axes.clear();
         return std::make_shared<Map>(axes, dimension);
     }
@@ -296,7 +290,6 @@ private:
         sorma::Reference mover, reader;
         std::size_t node = 0;
         std::vector<double> vectors;
-        sorma::Future under;            // what is under way
     };
     using DemonstrationPointer = std::shared_ptr<Demonstration>;
 
@@ -308,9 +301,6 @@ private:
         demo->map = copied();
         demo->mover = mover_, demo->reader = reader_;
         demo->reply = later(m);
-        demo->reply.onCancel([weak = std::weak_ptr(demo)] {
-            if (auto d = weak.lock(); d && d->under) d->under.cancel();
-        });
         move(demo);
     }
 
@@ -318,26 +308,11 @@ private:
         if (demo->reply.cancelled()) return demo->reply.complete();
         Message to;
         to.floats = demo->map->place(demo->node);
-        begin(demo, demo->mover, std::move(to), [this, demo](const Message&) {
-            begin(demo, demo->reader, Message(), [this, demo](const Message& seen) { take(demo, seen); });
-        });
-    }
-
-    // A request of the demonstration; what fails ends it.
-    template <class Next> void begin(const DemonstrationPointer& demo, const sorma::Reference& object, Message request, Next next) {
-        demo->under = object->async(sorma::Method::exec, std::move(request));
-        demo->under.then([this, demo, next](sorma::Future answer) {
-            try {
-                next(answer.result());
-            } catch (const sorma::Error& e) {
-                sorma::Trail trail = e.trail;
-                trail.add(sorma::makeEntry(kAtNode, {sorma::MessageArg::of(name()), sorma::MessageArg::of(demo->node + 1),
-                                                     sorma::MessageArg::of(demo->map->nodes())}));
-                demo->reply.fail(sorma::Error(std::move(trail)));
-            } catch (const std::exception& e) {
-                demo->reply.fail(e);
-            }
-        });
+        using sorma::MessageArg;
+        const sorma::Trail here(sorma::makeEntry(kAtNode, {MessageArg::of(name()), MessageArg::of(demo->node + 1), MessageArg::of(demo->map->nodes())}));
+        demo->reply.ask(demo->mover, std::move(to), [this, demo, here](const Message&) {
+            demo->reply.ask(demo->reader, Message(), [this, demo](const Message& seen) { take(demo, seen); }, here);
+        }, here);
     }
 
     void take(const DemonstrationPointer& demo, const Message& seen) {
@@ -365,10 +340,9 @@ private:
 
     // ---- words of CTRL and DBX ----
 
-    void save(const std::string& file, Message& m) {
-        sorm().access.need(m.author, sorma::Right::files, sorma::realPath(file), name());
+    void save(Message&, const MapFile& file) {
         needMap(false);
-        psom::save(name(), file, *map_);
+        psom::save(name(), file.use(*this), *map_);
     }
 
     void tellMatch(Message& m) const {
@@ -387,7 +361,8 @@ private:
     }
 
     MapPointer map_ = std::make_shared<Map>(std::vector<std::vector<double>>(), 0);
-    std::string axes_, file_;
+    std::string axes_;
+    MapFile file_;
     std::int64_t dimension_ = 0, local_ = 0, steps_ = 50, starts_ = 1;
     std::vector<double> metric_, given_;
     std::vector<std::int64_t> ints_;    // memory for the ints of the first answer

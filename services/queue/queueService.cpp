@@ -12,6 +12,7 @@
 
 #include <sorma.h>
 
+#include "bus/kept.h"
 #include "bus/statistics.h"
 
 namespace {
@@ -62,7 +63,7 @@ public:
         else fail(kWord, name(), word);
     }
 
-    void changed(std::span<const sorma::Option* const>) override { settle(); }
+    void changed(std::span<const sorma::Option* const>) override { serveWaiting(); }
 
     void removing() override {
         releaseLoans();
@@ -91,9 +92,11 @@ private:
         std::vector<double> floats;
         std::vector<std::int64_t> ints;
         std::vector<unsigned char> any;
+        std::size_t heap() const { return sorma::heapOf(text) + sorma::heapOf(floats) + sorma::heapOf(ints) + sorma::heapOf(any); }
     };
+    using KeptItem = sorma::Charged<Item>;              // on the account of who has put it
     struct Loan {
-        Item item;
+        KeptItem item;
         ClientPointer client;               // null: this process, which gives back nothing when it ends
         sorma::Client::Lease lease = 0;
         std::uint64_t number = 0;           // of the loan: the same item may be lent again
@@ -118,8 +121,8 @@ private:
             if (now) fail(kFull, name(), items_.size(), loans_.size(), max_);
             return standIn(putters_, m);
         }
-        accept(m);
-        settle();
+        accept(m, sorm().budget.ofCaller());
+        serveWaiting();
     }
 
     void get(Message& m) {
@@ -141,14 +144,14 @@ private:
         ++acknowledged_;
         m.clear();
         tell("ack", id);
-        settle();
+        serveWaiting();
     }
 
     void giveBack(Message& m) {
         auto found = mine(m, "return id");
         m.clear();
         takeBack(found);
-        settle();
+        serveWaiting();
     }
 
     void loans(Message& m) {
@@ -163,10 +166,12 @@ private:
 
     bool full() const { return items_.size() + loans_.size() >= std::size_t(max_); }
 
-    // The item of a put becomes the last one; its number is the answer.
-    void accept(Message& m) {
+    // The item of a put becomes the last one; its number is the answer. Fails with COMM LIMIT.
+    void accept(Message& m, sorma::AccountPointer account) {
+        KeptItem item(name(), std::move(account), sorma::Account::Use::values,
+                      {std::move(m.text), std::move(m.floats), std::move(m.ints), std::move(m.any)});
         Id id = ++last_;
-        items_.emplace(id, Item{std::move(m.text), std::move(m.floats), std::move(m.ints), std::move(m.any)});
+        items_.emplace(id, std::move(item));
         m.clear();
         m.ints.push_back(id);
         tell("put", id);
@@ -179,14 +184,15 @@ private:
         Id id = node.key();
         auto at = loans_.emplace(id, Loan{std::move(node.mapped()), client, 0, ++numbers_, sorma::wallNow()}).first;
         Loan& loan = at->second;
-        if (client) loan.lease = client->hold([this, client = client.get()] { lost(client); });
+        if (client) loan.lease = client->hold(name(), [this, client = client.get()] { lost(client); });
         m.clear();
-        m.text = loan.item.text;
-        m.floats = loan.item.floats;
-        m.ints.reserve(1 + loan.item.ints.size());
+        const Item& item = *loan.item;
+        m.text = item.text;
+        m.floats = item.floats;
+        m.ints.reserve(1 + item.ints.size());
         m.ints.push_back(id);
-        m.ints.insert(m.ints.end(), loan.item.ints.begin(), loan.item.ints.end());
-        m.any = loan.item.any;
+        m.ints.insert(m.ints.end(), item.ints.begin(), item.ints.end());
+        m.any = item.any;
         tell("get", id);
         return at;
     }
@@ -207,15 +213,20 @@ private:
             if (at->second.client.get() == client) at = takeBack(at);
             else ++at;
         }
-        settle();
+        serveWaiting();
     }
 
     // Serve those who wait, as far as room and items go. Answers are only posted here: nothing calls back.
-    void settle() {
+    void serveWaiting() {
         while (!putters_.empty() && !full())
             if (Reply reply = first(putters_)) {
-                accept(reply.message());
-                reply.complete();
+                try {
+                    auto& client = reply.client();
+                    accept(reply.message(), client ? sorm().budget.of(client->principal) : nullptr);
+                    reply.complete();
+                } catch (const sorma::Error& e) {
+                    reply.fail(e);
+                }
             }
         while (!getters_.empty() && !items_.empty())
             if (Reply reply = first(getters_)) {
@@ -225,7 +236,7 @@ private:
                     auto found = loans_.find(id);
                     if (found == loans_.end() || found->second.number != number) return;
                     takeBack(found);
-                    settle();
+                    serveWaiting();
                 });
                 reply.complete();
             }
@@ -279,9 +290,9 @@ private:
     }
 
     std::int64_t max_ = 1000;
-    std::map<Id, Item> items_;              // waiting; the first is the next
+    std::map<Id, KeptItem> items_;          // waiting; the first is the next
     std::map<Id, Loan> loans_;              // an item is in one of the two
-    // Items and getters never wait at the same time, nor do putters and room (settle).
+    // Items and getters never wait at the same time, nor do putters and room (serveWaiting).
     Line getters_, putters_;
     Id last_ = 0;
     std::uint64_t tickets_ = 0, numbers_ = 0, acknowledged_ = 0;

@@ -31,8 +31,8 @@ public:
     static sorma::Class describe() {
         using enum sorma::Field;
         return sorma::Class::of<Recorder>("recorder", "records snapshot buffers in a file, plays them again, makes tables of them")
-            .text("-file", &Recorder::file_, {.help = "the recording"})
-            .text("-prefix", &Recorder::prefix_,
+            .named("-file", &Recorder::file_, {.help = "the recording"})
+            .named("-prefix", &Recorder::prefix_,
                   {.help = "of the buffers' keys; a recording does not contain it, so it may be played with another one"})
             .text("-buffers", &Recorder::buffers_, {.help = "patterns of keys, without the prefix; what fits none is left out"})
             .text("-clock", &Recorder::clock_,
@@ -44,6 +44,7 @@ public:
             .action("-stop", &Recorder::stop, "", "end what is under way; says how much that was", 0, 0, sorma::Right::call)
             .concurrency(sorma::Concurrency::concurrent)
             .words("play|list|export ?folder?")
+            .word("export", &Recorder::makeTables)
             .writes(ints, {}, "", "play, export: records, buffers")
             .example("recorder.example CTRL -buffers {arm.* lab.clock}");
     }
@@ -55,24 +56,19 @@ public:
     }
 
     void exec(Message& m) override {
-        const std::vector<std::string> words(m.words.begin(), m.words.end());
-        const bool makesTables = words.size() == 2 && words[0] == "export";
-        if (!makesTables && !(words.size() == 1 && (words[0] == "play" || words[0] == "list"))) {
+        if (execWord(m)) return;
+        const bool plays = m.words.size() == 1 && m.words[0] == "play";
+        if (!plays && !(m.words.size() == 1 && m.words[0] == "list")) {
             std::string all;
-            for (auto& word : words) all += (all.empty() ? "" : " ") + word;
+            for (auto& word : m.words) all += (all.empty() ? "" : " ") + word;
             fail(kWord, name(), all);
         }
-        Plan plan = begin(words[0] == "play" ? "playing" : makesTables ? "making tables of" : "reading");
-        if (makesTables) {
-            plan.folder = words[1];
-            sorm().access.need(m.author, sorma::Right::files, sorma::realPath(plan.folder), name());
-        }
-        if (words[0] == "play") {
+        Plan plan = begin(plays ? "playing" : "reading");
+        if (plays) {
             charge_ = sorma::Charge(sorm().budget.ofCaller(), sorma::Account::Use::segments);
             plan.charge = [this](std::size_t bytes) { charge_.need(name(), bytes); };
             return start(m, [plan](Job& job, Message&) { return recorder::play(job, plan); });
         }
-        if (makesTables) return start(m, [plan](Job& job, Message&) { return recorder::exportTables(job, plan); });
         start(m, [plan](Job& job, Message& answer) { return recorder::list(job, plan, answer.text); });
     }
 
@@ -81,21 +77,29 @@ public:
     }
 
 private:
+    void makeTables(Message& m, const sorma::Named<sorma::Kind::folder>& folder) {
+        Plan plan = begin("making tables of");
+        plan.folder = folder.use(*this);
+        start(m, [plan](Job& job, Message&) { return recorder::exportTables(job, plan); });
+    }
+
     bool busy() const { return job_ && !job_->ended(); }
 
     // The plan that the options give. Fails when a job is under way.
     Plan begin(const char* what) {
-        if (busy()) fail(kBusy, name(), what_, file_);
+        if (busy()) fail(kBusy, name(), what_, file_.get(sorma::Permit::owner()));
         if (file_.empty()) fail(kNoFile, name(), "-file");
-        sorm().access.need(author("-file"), sorma::Right::files, sorma::realPath(file_), name());
         job_.reset();
         what_ = what;
         Plan plan;
-        plan.file = file_;
-        plan.prefix = prefix_;
+        plan.file = file_.use(*this);
+        plan.prefix = prefix_.use(*this);
         plan.program = sorm().daemonName.empty() ? sorma::Caller::self().program : sorm().daemonName;
         std::istringstream patterns(buffers_);
-        for (std::string p; patterns >> p;) plan.buffers.push_back(p);
+        for (std::string p; patterns >> p;) {
+            needKind(sorma::Principal::both(author("-buffers"), maker()), sorma::Kind::segment, plan.prefix + p);
+            plan.buffers.push_back(p);
+        }
         plan.clock = clock_;
         plan.speed = speed_;
         plan.partial = partial_;
@@ -167,11 +171,13 @@ private:
         job_.reset();                       // waits until the file is complete
         if (error_) throw refusal(std::exchange(error_, nullptr));
         m.text += std::to_string(figures_.records) + " records of " + std::to_string(figures_.buffers) + " buffers, " +
-                  std::to_string(figures_.lost) + " lost, in " + file_;
+                  std::to_string(figures_.lost) + " lost, in " + file_.get(sorma::Permit::owner());
         m.ints = {std::int64_t(figures_.records), std::int64_t(figures_.buffers), std::int64_t(figures_.lost)};
     }
 
-    std::string file_, prefix_, buffers_ = "*", clock_ = "arm.state";
+    sorma::Named<sorma::Kind::file> file_;
+    sorma::Named<sorma::Kind::segment> prefix_;
+    std::string buffers_ = "*", clock_ = "arm.state";
     double speed_ = 1;
     bool partial_ = false;
     std::string what_;

@@ -4,6 +4,8 @@
 #include <cerrno>
 #include <cstring>
 
+#include "crc32c.h"
+
 namespace recorder {
 
 namespace {
@@ -15,14 +17,14 @@ struct ChannelText {                // as it stands in the file
     char key[kMostKey + 8];
 };
 
-std::uint32_t mix(std::uint32_t hash, const void* bytes, std::size_t n) {
+std::uint32_t sumOfVersion1(const void* bytes, std::size_t n, std::uint32_t hash) {
     auto* p = static_cast<const unsigned char*>(bytes);
     for (std::size_t i = 0; i < n; ++i) hash = (hash ^ p[i]) * 16777619u;
     return hash;
 }
-std::uint32_t checkOf(Frame frame) {
-    frame.check = 0;
-    return mix(2166136261u, &frame, sizeof frame);
+std::uint32_t checkOf(Head head) {
+    head.check = 0;
+    return crc32c(&head, sizeof head);
 }
 
 // A key becomes a file's name when it is exported, so what is in the file is not trusted.
@@ -42,6 +44,7 @@ RecordingWriter::RecordingWriter(std::string file) : file_(std::move(file)), out
     Head head;
     head.monotonic = shmem::nanoseconds();
     head.wall = shmem::nanoseconds(CLOCK_REALTIME) / 1000;
+    head.check = checkOf(head);
     put(&head, sizeof head);
     flush();
 }
@@ -51,7 +54,8 @@ void RecordingWriter::put(const void* bytes, std::size_t n) {
         throw FileError("cannot write on in " + file_ + ": " + std::strerror(errno) + "; what is before is whole (-partial)");
 }
 void RecordingWriter::put(Frame frame, const void* a, std::size_t aBytes, const void* b, std::size_t bBytes) {
-    frame.check = mix(mix(checkOf(frame), a, aBytes), b, bBytes);
+    frame.check = 0;
+    frame.check = crc32c(b, bBytes, crc32c(a, aBytes, crc32c(&frame, sizeof frame)));
     put(&frame, sizeof frame);
     put(a, aBytes);
     put(b, bBytes);
@@ -96,13 +100,28 @@ RecordingReader::RecordingReader(std::string file, bool partial)
     if (std::fseek(in_.get(), 0, SEEK_END) == 0) size_ = std::uint64_t(std::max(std::ftell(in_.get()), 0L));
     std::rewind(in_.get());
     const bool whole = std::fread(&head_, sizeof head_, 1, in_.get()) == 1;
-    if (!whole || std::memcmp(head_.magic, Head().magic, sizeof head_.magic) != 0) refuse("this is no recording of version 1");
+    Head first;
+    first.magic[16] = '1';
+    if (whole && std::memcmp(head_.magic, Head().magic, sizeof head_.magic) == 0) {
+        if (head_.check != recorder::checkOf(head_)) refuse("its head is broken: what it holds does not agree with its check sum");
+        sum_ = crc32c;
+    } else if (whole && std::memcmp(head_.magic, first.magic, sizeof head_.magic) == 0 && head_.check == 0) {
+        sum_ = sumOfVersion1;
+        first_ = 2166136261u;
+    } else {
+        refuse("this is no recording of version 1 or 2");
+    }
     if (head_.order != Head().order) refuse("it was recorded by a machine of the other byte order");
     at_ = sizeof head_;
 }
 
 void RecordingReader::refuse(const std::string& why) const {
     throw FileError(file_ + " at byte " + std::to_string(at_) + ": " + why);
+}
+
+std::uint32_t RecordingReader::checkOf(Frame frame) const {
+    frame.check = 0;
+    return sum_(&frame, sizeof frame, first_);
 }
 
 bool RecordingReader::get(void* to, std::size_t n) {
@@ -126,11 +145,12 @@ bool RecordingReader::next(Record& r) {
             if (frame.check != checkOf(frame)) refuse(kBroken);
             if (frame.counter != frames_)
                 refuse("the end mark speaks of " + std::to_string(frame.counter) + " frames, here are " + std::to_string(frames_));
+            if (at_ + sizeof frame != size_) refuse("something follows its end mark, which is the last thing in a recording");
             return false;
         } else if (frame.channel == Frame::kNewChannel) {
             ChannelText text;
             if (!get(&text, bytes = sizeof text)) return false;
-            if (frame.check != mix(checkOf(frame), &text, sizeof text)) refuse(kBroken);
+            if (frame.check != sum_(&text, sizeof text, checkOf(frame))) refuse(kBroken);
             text.key[kMostKey] = 0;
             if (!isKey(text.key)) refuse("\"" + std::string(text.key) + "\" is no key of a buffer");
             if (text.floats > shmem::kMostFloats || text.any > shmem::kMostAny || text.blocks > shmem::kMostBlocks)
@@ -147,8 +167,8 @@ bool RecordingReader::next(Record& r) {
             r.floats.resize(shape.floats);
             r.any.resize(shape.any);
             if (!get(r.floats.data(), shape.floats * sizeof(double)) || !get(r.any.data(), shape.any)) return false;
-            if (frame.check != mix(mix(checkOf(frame), r.floats.data(), shape.floats * sizeof(double)), r.any.data(), shape.any))
-                refuse(kBroken);
+            const std::uint32_t floats = sum_(r.floats.data(), shape.floats * sizeof(double), checkOf(frame));
+            if (frame.check != sum_(r.any.data(), shape.any, floats)) refuse(kBroken);
         }
         at_ += sizeof frame + bytes;
         ++frames_;

@@ -2,7 +2,10 @@
 //
 // The file begins with Head. Then come frames: Frame, and what belongs to it. A frame of channel n, 0 and up, is a record: its floats,
 // then its bytes of any. kNewChannel announces the next channel: Channel. kEnd is the last frame: its counter says how many frames are
-// before it, so a file that has been cut anywhere is known by that. Numbers are as the machine has them; another byte order is refused.
+// before it, so a file that has been cut anywhere is known by that. Nothing follows it. Each byte is under a check sum: a file in which
+// a single bit has turned is refused. Numbers are as the machine has them; another byte order is refused.
+//
+// Version 1, which is read as well, had FNV-1a as its check sum, and none over the head.
 //
 // Threads: none of its own; an object belongs to one thread.
 #pragma once
@@ -37,7 +40,8 @@ struct Record {
 };
 
 struct Head {
-    char magic[24] = "sorma-recording 1\n";
+    char magic[20] = "sorma-recording 2\n";
+    std::uint32_t check = 0;        // CRC32C of the head with check 0
     std::uint64_t order = 0x0102030405060708;
     std::int64_t monotonic = 0;     // [ns] when the recording began
     std::int64_t wall = 0;          // [us] since 1970
@@ -45,7 +49,7 @@ struct Head {
 struct Frame {
     static constexpr std::uint32_t kNewChannel = 0xfffffffe, kEnd = 0xffffffff;
     std::uint32_t channel = 0;
-    std::uint32_t check = 0;        // FNV-1a of the frame with check 0, and of what belongs to it
+    std::uint32_t check = 0;        // CRC32C of the frame with check 0, and of what belongs to it
     std::uint64_t counter = 0;      // of a record: that of its stamp
     std::int64_t monotonic = 0, wall = 0;
 };
@@ -83,12 +87,16 @@ public:
     const Head& head() const { return head_; }
 
 private:
+    using Sum = std::uint32_t (*)(const void* bytes, std::size_t n, std::uint32_t before);
+    std::uint32_t checkOf(Frame frame) const;
     bool get(void* to, std::size_t n);                  // false: the file is cut here, and that is allowed
     bool cut() const;               // returns false when the file may end here; else throws
     [[noreturn]] void refuse(const std::string& why) const;
     const std::string file_;
     const bool partial_;
     File in_;
+    Sum sum_ = nullptr;             // of the file's version
+    std::uint32_t first_ = 0;       // the sum of no bytes
     Head head_;
     std::vector<Channel> channels_;
     std::uint64_t at_ = 0, frames_ = 0, size_ = 0;      // at_: where the frame in hand begins

@@ -1,7 +1,5 @@
 #include "tape.h"
 
-#include <fnmatch.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
@@ -10,6 +8,8 @@
 #include <optional>
 
 #include <sorma.h>
+
+#include "bus/glob.h"
 
 namespace recorder {
 
@@ -21,7 +21,7 @@ constexpr std::int64_t kLook = 200'000'000;         // [ns] between two looks fo
 }  // namespace
 
 bool Plan::wants(const std::string& key) const {
-    return std::any_of(buffers.begin(), buffers.end(), [&](auto& p) { return fnmatch(p.c_str(), key.c_str(), 0) == 0; });
+    return std::any_of(buffers.begin(), buffers.end(), [&](auto& p) { return sorma::globMatch(p, key); });
 }
 
 // ---- Job ----

@@ -5,6 +5,10 @@
 
 namespace robot {
 
+namespace {
+constexpr double kMostNumber = 1e15;        // of a set-point; a double counts so far
+}
+
 const char* toText(Cause cause) {
     switch (cause) {
         case Cause::none: return "none";
@@ -66,6 +70,7 @@ bool Arm::read(ArmState& state, double& age) noexcept {
     state.qdot = Eigen::Map<const Joints>(&f[7]);
     state.power = f[19] != 0;
     state.cause = f[20] >= 0 && f[20] <= 5 ? Cause(int(f[20])) : Cause::limit;
+    state.inUse = f[21] > 0 && f[21] < kMostNumber ? std::uint64_t(f[21]) : 0;
     // The writer's times jitter a little: follow them slowly, but a clock that has been set at once.
     const double offset = state.time - double(stamp.monotonic) * 1e-9;
     clockOffset_ += std::fabs(offset - clockOffset_) > 0.05 ? offset - clockOffset_ : 0.01 * (offset - clockOffset_);
@@ -100,7 +105,7 @@ void Arm::write(double time, const Joints& q, const Joints& qdot, Mode mode) noe
     set_->write(f.data(), nullptr);
 }
 
-void Arm::record(double time, const Place& tool, const Joints& q, const Wrench& felt) noexcept {
+void Arm::record(double time, const ToolPose& tool, const Joints& q, const Wrench& felt) noexcept {
     if (!pose_) return;
     std::array<double, kPoseFloats> f{time, tool.p.x(), tool.p.y(), tool.p.z(), tool.r.w(), tool.r.x(), tool.r.y(),
                                       tool.r.z()};

@@ -25,6 +25,7 @@ struct ArmState {
     Joints q = Joints::Zero(), qdot = Joints::Zero();
     bool power = false;
     Cause cause = Cause::none;
+    std::uint64_t inUse = 0;                // the other side's set-point: its number
 };
 
 class Arm {
@@ -54,7 +55,8 @@ public:
     bool readWrist(Wrench& raw, double silence) noexcept;
 
     void write(double time, const Joints& q, const Joints& qdot, Mode mode) noexcept;
-    void record(double time, const Place& tool, const Joints& q, const Wrench& felt) noexcept;
+    std::uint64_t written() const { return set_->count(); }     // number of the last set-point
+    void record(double time, const ToolPose& tool, const Joints& q, const Wrench& felt) noexcept;
 
 private:
     const std::string prefix_;

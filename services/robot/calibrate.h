@@ -35,7 +35,7 @@ private:
 
     std::vector<double> postures_;
     double jointSpeed_ = 0.5, rest_ = 1, mostResidual_ = 0.5;
-    std::string file_;
+    sorma::Named<sorma::Kind::file> file_;
 };
 
 }  // namespace robot

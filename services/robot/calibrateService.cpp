@@ -112,7 +112,7 @@ sorma::Class Calibrate::describe() {
                                            .help = "at each of them; what is felt in its second half counts"})
         .real("-mostResidual", &Calibrate::mostResidual_, {.unit = "N", .low = 0.001, .high = 100,
                                                            .help = "with more than that the result is refused"})
-        .text("-file", &Calibrate::file_, {.help = "dictionary to write the result to, as the entry ARM.calibration; "
+        .named("-file", &Calibrate::file_, {.help = "dictionary to write the result to, as the entry ARM.calibration; "
                                                    "empty: none"})
         .writes(floats, sorma::exactly(12), "", "mass [kg], centre from the sensor [m] (3), the sensor's offset [N] (3) [N "
                                                 "m] (3), residuals [N] [N m]")
@@ -127,7 +127,7 @@ void Calibrate::changed(std::span<const sorma::Option* const>) {
 }
 
 void Calibrate::exec(Message& m) {
-    if (!file_.empty()) sorm().access.need(author("-file"), sorma::Right::files, sorma::realPath(file_), name());
+    (void)file_.permit(*this);                  // before the arm moves
     launch(m, [this](const Now& now) { return plan(now); },
            [this](Message& reply, const Now&, Motion& motion) {
                Load load;
@@ -183,14 +183,15 @@ void Calibrate::save(const std::vector<std::string>& words, const Load& load) {
     const std::time_t now = std::time(nullptr);
     std::tm local;
     std::strftime(date, sizeof date, "%Y-%m-%d %H:%M:%S", localtime_r(&now, &local));
-    std::ofstream out(file_);
+    const std::string& file = file_.use(*this);
+    std::ofstream out(file);
     out << "# weighed by " << name() << " on " << date << ", residuals " << number(load.forceResidual) << " N "
         << number(load.momentResidual) << " N m\n"
         << pino().name() << ".calibration";
     for (std::size_t i = 0; i < words.size(); i += 2) out << " " << words[i] << " {" << words[i + 1] << "}";
     out << "\n";
     out.close();
-    if (!out) fail(kFile, name(), file_, std::strerror(errno));
+    if (!out) fail(kFile, name(), file, std::strerror(errno));
 }
 
 }  // namespace robot

@@ -13,7 +13,6 @@ namespace robot {
 namespace {
 
 constexpr double kPatience = 1.5;           // [s] until the power must have come
-constexpr double kOffFirst = 0.05;          // [s] of "off" before it: the other side may look at the newest set-point only
 constexpr double kSpeedSlack = 1.05, kAccelerationSlack = 2;    // of the gate: what rounding and corners of speed may add
 constexpr double kMostFelt = 1e6;           // [N], [N m]
 const Vector3d kGravity(0, 0, -9.81);       // [m/s2]
@@ -68,7 +67,7 @@ void slowDown(const ArmLimits& l, double period, Joints& q, Joints& qdot) noexce
 // ---- between ticks ----
 
 void Control::wake() {
-    if (phase_ == Phase::off) phase_ = Phase::waking, waited_ = 0;
+    if (phase_ == Phase::off) phase_ = Phase::waking, waited_ = 0, offTaken_ = false, before_ = arm.written();
 }
 
 void Control::sleep() { phase_ = Phase::off; }
@@ -113,7 +112,7 @@ void Control::tick(std::int64_t time, double period) noexcept {
     const Joints before = qdot_;
     if (phase_ == Phase::moving || phase_ == Phase::braking) move(period);
     if (phase_ == Phase::off || phase_ == Phase::waking) q_ = state_.q, qdot_.setZero();
-    const Place tool = settings.frames.toolOf(q_);
+    const ToolPose tool = settings.frames.toolOf(q_);
     const Vector3d velocity = (tool.p - tool_.p) / period;
     const bool resting = phase_ == Phase::off || phase_ == Phase::waking;
     acceleration_ = resting ? Vector3d(0, 0, 0) : Vector3d((velocity - velocity_) / period);
@@ -125,8 +124,7 @@ void Control::tick(std::int64_t time, double period) noexcept {
     const Joints speed = qdot_.isZero(0) ? Joints(Joints::Zero()) : Joints(qdot_ + 0.5 * (qdot_ - before));
     const bool runs = phase_ == Phase::moving || phase_ == Phase::braking;
     const Mode mode = phase_ == Phase::off ? Mode::off : runs ? Mode::run : Mode::hold;
-    // Waking begins with one that says "off": after a reset that is what the other side waits for.
-    arm.write(now + period, q_, speed, phase_ == Phase::waking && waited_ < kOffFirst ? Mode::off : mode);
+    arm.write(now + period, q_, speed, phase_ == Phase::waking && !offTaken_ ? Mode::off : mode);
     if (phase_ == Phase::waking) waited_ += period;
     arm.record(state_.time, settings.frames.toolOf(state_.q), state_.q, felt_);
 }
@@ -166,7 +164,10 @@ void Control::sense(double period, double silence) noexcept {
 void Control::followPower() noexcept {
     if (phase_ == Phase::off) return;
     if (phase_ == Phase::waking) {
-        if (heard_ && state_.power && waited_ > kOffFirst) {
+        // First comes "off", which the other side waits for after a reset. It looks at the newest set-point, and may have been busy: so "off"
+        // stays until it is in use.
+        if (heard_ && !offTaken_) offTaken_ = !state_.power && state_.inUse > before_ && state_.inUse <= arm.written();
+        else if (heard_ && state_.power) {
             phase_ = Phase::holding, q_ = state_.q, qdot_.setZero();
             ending_.outcome = Outcome::done;
             return finish();
@@ -218,8 +219,8 @@ void Control::move(double period) noexcept {
 }
 
 // Not where the arm is, but where it is being sent.
-View Control::viewOf(const Joints& q, double period) const noexcept {
-    View view;
+GuardInput Control::viewOf(const Joints& q, double period) const noexcept {
+    GuardInput view;
     view.tool = settings.frames.toolOf(q);
     const Vector3d velocity = (view.tool.p - tool_.p) / period;
     view.speed = velocity.norm();
@@ -233,7 +234,7 @@ View Control::viewOf(const Joints& q, double period) const noexcept {
 }
 
 void Control::checkGuards(const Joints& q, double period) noexcept {
-    const View view = viewOf(q, period);
+    const GuardInput view = viewOf(q, period);
     for (auto& guard : guards_) {
         if (guard.check(view, ending_.trip)) continue;
         ending_.guard.assign(guard.name);
@@ -265,7 +266,7 @@ bool Control::restsInside(Joints q, double period) noexcept {
     Joints qdot = (q - q_) / period;
     for (int i = 0; i < 6; ++i)     // the gate would stop it: it does not get as far as that
         if (!(std::fabs(qdot[i]) <= kSpeedSlack * settings.limits.speed[i])) return true;
-    View view;
+    GuardInput view;
     for (Trip trip; !qdot.isZero(0);) {
         slowDown(settings.limits, period, q, qdot);
         view.ahead = view.tool.p = settings.frames.toolOf(q).p;

@@ -100,7 +100,7 @@ private:
     void sense(double period, double silence) noexcept;
     void followPower() noexcept;
     void move(double period) noexcept;
-    View viewOf(const Joints& q, double period) const noexcept;
+    GuardInput viewOf(const Joints& q, double period) const noexcept;
     void checkGuards(const Joints& q, double period) noexcept;
     bool restsInside(Joints q, double period) noexcept;
     bool passes(const Joints& q, const Joints& qdot, double period, Ending& why) const noexcept;
@@ -116,7 +116,7 @@ private:
 
     Joints q_ = Joints::Zero();                         // of the last set-point
     Joints qdot_ = Joints::Zero();                      // mean speed on the way there
-    Place tool_;                                        // and where it brings the tool
+    ToolPose tool_;                                        // and where it brings the tool
     Vector3d velocity_ = {0, 0, 0}, acceleration_ = {0, 0, 0};     // of the tool, by the last set-points
 
     Motion* motion_ = nullptr;
@@ -125,6 +125,8 @@ private:
     std::vector<Guard> guards_;
     bool guardsChanged_ = false, needsForce_ = false;
     double waited_ = 0;                                 // [s] for power
+    std::uint64_t before_ = 0;                          // waking: number of the last set-point before it
+    bool offTaken_ = false;                             // waking: the other side has taken one that says "off"
     Ending ending_;
     bool ended_ = false;
     std::atomic<bool> stop_{false};

@@ -7,7 +7,7 @@
 #include <track/course.h>
 
 #include "mover.h"
-#include "tap.h"
+#include "bufferInput.h"
 
 namespace robot {
 
@@ -21,12 +21,12 @@ public:
     };
     // What it reads, and what has come of that.
     struct Feed {
-        Tap target{kTarget, kTarget};
+        BufferInput target{kTarget, kTarget};
         sorma::Tally followed, waited, wrong;       // ticks with a target, without one, with one that is none
         sorma::Tally lost, damaged;                 // how often there was no target any more, or a wrong one
     };
     // feed: must exist as long as the motion
-    FollowMotion(const Frames& frames, const ArmLimits& limits, const Place& from, const Manner& manner, Feed& feed);
+    FollowMotion(const Frames& frames, const ArmLimits& limits, const ToolPose& from, const Manner& manner, Feed& feed);
 
     Step next(const Senses& senses, Joints& q) noexcept override;
     void brake() noexcept override { braking_ = true; }
@@ -35,7 +35,7 @@ public:
 
     // Between ticks.
     Manner manner;
-    void use(Tap::Found target) { feed_.target.use(std::move(target)), counter_ = 0; }
+    void use(BufferInput::Found target) { feed_.target.use(std::move(target)), counter_ = 0; }
 
 private:
     enum class Target { none, wrong, right };
@@ -50,7 +50,7 @@ private:
     // [m/s2] of the last tick; and how it brakes: never less, or a guard that trips because less was set would be too late.
     double before_ = 0, brake_ = 0;
     track::Course course_;
-    track::Turn turn_;
+    track::RotationCourse turn_;
     bool braking_ = false;
     std::uint64_t counter_ = 0;             // of the newest target; 0: none since its buffer was found
     double age_ = 0;                        // [s] of it
@@ -71,7 +71,7 @@ private:
     FollowMotion* motion() const;           // while it moves the arm
     void watch();
 
-    std::string target_ = "tool.target";
+    sorma::Named<sorma::Kind::segment> target_ = "tool.target";
     double turnAcceleration_ = 3, soft_ = 4, stiff_ = 25, near_ = 0.010, patience_ = 0.1, floor_ = -10, touch_ = 0.02;
     FollowMotion::Feed feed_;
     FollowMotion* motion_ = nullptr;

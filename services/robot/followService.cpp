@@ -18,7 +18,7 @@ constexpr std::int64_t kLook = 50'000'000;  // [ns] between two looks for the ta
 
 }  // namespace
 
-FollowMotion::FollowMotion(const Frames& frames, const ArmLimits& limits, const Place& from, const Manner& given, Feed& feed)
+FollowMotion::FollowMotion(const Frames& frames, const ArmLimits& limits, const ToolPose& from, const Manner& given, Feed& feed)
     : manner(given), frames_(frames), limits_(limits), feed_(feed) {
     course_.position = from.p;
     turn_.orientation = from.r;
@@ -81,7 +81,7 @@ sorma::Class Follow::describe() {
     using enum sorma::Field;
     auto c = sorma::Class::of<Follow>("follow", "follows a target that another object computes in each tick");
     Mover::describe<Follow>(c);
-    c.text("-target", &Follow::target_, {.help = "key of the buffer with the target: position, quaternion, velocity, a velocity that is added", .fixed = true})
+    c.named("-target", &Follow::target_, {.help = "key of the buffer with the target: position, quaternion, velocity, a velocity that is added", .fixed = true})
         .real("-turnAcceleration", &Follow::turnAcceleration_, {.unit = "rad/s2", .low = 0.01, .high = 50, .help = "of turns of the tool"})
         .real("-soft", &Follow::soft_, {.unit = "1/s", .low = 0, .high = 1000, .help = "at the target: speed by distance; 0: stop as fast as it can be done"})
         .real("-stiff", &Follow::stiff_, {.unit = "1/s", .low = 0, .high = 1000, .help = "the same, -near from it; it rises in between"})
@@ -118,7 +118,7 @@ void Follow::exec(Message& m) {
     launch(m, [this](const Now& now) {
                auto next = std::make_unique<FollowMotion>(now.settings.frames, now.settings.limits, now.tool, manner(), feed_);
                motion_ = next.get();
-               motion_->use(feed_.target.look(target_));
+               motion_->use(feed_.target.look(target_.use(*this)));
                timer_ = sorm().loop().after(sorma::monotonicNow() + kLook, [this] { watch(); });
                return Job::Plan{std::move(next), guards(now)};
            },
@@ -131,7 +131,7 @@ void Follow::watch() {
     if (!m) return;
     timer_ = sorm().loop().after(sorma::monotonicNow() + kLook, [this] { watch(); });
     if (feed_.target.attached()) return;
-    auto found = feed_.target.look(target_);
+    auto found = feed_.target.look(target_.use(*this));
     sorma::BetweenTicks between(pino());
     m->use(std::move(found));
 }
@@ -139,7 +139,7 @@ void Follow::watch() {
 void Follow::tellIncidents(sorma::Incidents& out) const {
     out.push_back({name(), "no target any more", feed_.lost});
     out.push_back({name(), "wrong target", feed_.damaged});
-    feed_.target.tellIncidents(name(), target_, out);
+    feed_.target.tellIncidents(name(), target_.get(sorma::Permit::owner()), out);
 }
 
 void Follow::dumpState(std::string& out) const {

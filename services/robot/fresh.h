@@ -11,7 +11,7 @@
 
 #include "bus/incident.h"
 
-#include "tap.h"
+#include "bufferInput.h"
 
 namespace robot {
 
@@ -29,12 +29,13 @@ private:
     void watch();
     bool old(const shmem::Stamp& stamp);
     State read();
-    std::string key() const;
+    using Key = sorma::Named<sorma::Kind::segment>;
+    Key key() const;
 
-    std::string key_;
+    Key key_;
     std::int64_t floats_ = 7;
     double expiry_ = 0.1;
-    Tap tap_{7, 7};
+    BufferInput tap_{7, 7};
     std::vector<double> record_;
     std::uint64_t counter_ = 0;             // of the newest record; 0: none since the buffer was found
     std::int64_t since_ = 0;                // [ns] the tick that saw it first

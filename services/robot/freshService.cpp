@@ -21,23 +21,25 @@ const sorma::Prototype kKey{sorma::Severity::error, "OPTION MISSING", 2, "{}: {}
 sorma::Class Fresh::describe() {
     using enum sorma::Field;
     return sorma::Class::of<Fresh>("fresh", "the newest record of a buffer while it is renewed, else zeros")
-        .text("-key", &Fresh::key_, {.help = "of the buffer; empty: the flavor", .fixed = true})
+        .named("-key", &Fresh::key_, {.help = "of the buffer; empty: the flavor", .fixed = true})
         .integer("-floats", &Fresh::floats_, {.unit = "1", .low = 1, .high = 1000, .help = "of a record", .fixed = true})
         .real("-expiry", &Fresh::expiry_, {.unit = "s", .low = 0.001, .high = 3600, .help = "a record that is older counts as zeros; in a cycle, by its clock"})
         .reads(floats, sorma::exactly(0), "", "nothing")
         .writes(floats, {}, "", "the record, or zeros")
         .concurrency(sorma::Concurrency::concurrent)
+        .flavors(sorma::Flavors::any)
         .realtime()
         .example("fresh.mouse.state CTRL -expiry 0.1");
 }
 
-std::string Fresh::key() const {
+// A key that the flavor gives is chosen by whoever has made the object.
+Fresh::Key Fresh::key() const {
     const auto dot = name().find('.');
-    if (key_.empty() && dot == std::string::npos) fail(kKey, name(), "-key");
-    return key_.empty() ? name().substr(dot + 1) : key_;
+    return key_.empty() && dot != std::string::npos ? Key(name().substr(dot + 1), maker()) : key_;
 }
 
 void Fresh::born() {
+    (void)key().permit(*this);
     tap_.expect(std::size_t(floats_));
     record_.resize(std::size_t(floats_));
     watch();
@@ -45,8 +47,8 @@ void Fresh::born() {
 
 void Fresh::watch() {
     if (sorm().hasLoop()) timer_ = sorm().loop().after(sorma::monotonicNow() + kLook, [this] { watch(); });
-    if (tap_.attached() || (key_.empty() && name().find('.') == std::string::npos)) return;
-    auto found = tap_.look(key());
+    if (tap_.attached() || key().empty()) return;
+    auto found = tap_.look(key().use(*this));
     sorma::BetweenTicks between(*this);
     tap_.use(std::move(found));
     counter_ = 0;
@@ -62,7 +64,10 @@ bool Fresh::old(const shmem::Stamp& stamp) {
 }
 
 void Fresh::exec(Message& m) {
-    if (!sorma::Tick::current()) (void)key(), watch();
+    if (!sorma::Tick::current()) {
+        if (key().empty()) fail(kKey, name(), "-key");
+        watch();
+    }
     m.floats.assign(record_.size(), 0);
     const State now = read();
     if (now == renewed) std::copy(record_.begin(), record_.end(), m.floats.begin());
@@ -86,7 +91,7 @@ Fresh::State Fresh::read() {
 void Fresh::tellIncidents(sorma::Incidents& out) const {
     out.push_back({name(), "record expired", expiries_});
     out.push_back({name(), "record damaged", damages_});
-    tap_.tellIncidents(name(), key_.empty() && name().find('.') == std::string::npos ? "" : key(), out);
+    tap_.tellIncidents(name(), key().get(sorma::Permit::owner()), out);
 }
 
 std::vector<sorma::Pin> Fresh::pins(std::string_view, std::size_t) const {

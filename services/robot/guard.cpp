@@ -25,7 +25,7 @@ int worstAxis(const Box& box, const Vector3d& p) {
 
 }  // namespace
 
-bool Guard::check(const View& view, Trip& trip) const {
+bool Guard::check(const GuardInput& view, Trip& trip) const {
     auto within = [&](const char* what, double value, double low, double high) {
         if (value >= low && value <= high) return true;
         trip = {what, value, low, high};

@@ -13,8 +13,8 @@
 namespace robot {
 
 // The state that a guard checks.
-struct View {
-    Place tool;                             // where the set-point brings it
+struct GuardInput {
+    ToolPose tool;                             // where the set-point brings it
     Vector3d ahead = {0, 0, 0};             // [m] where it comes to rest when it begins to brake now
     double speed = 0;                       // [m/s]
     bool sensed = false;                    // the force and moment below are there
@@ -47,7 +47,7 @@ struct Guard {
         return force < kAny || moment < kAny || (low.array() > -kAny).any() || (high.array() < kAny).any();
     }
     // False: the condition is violated; trip says how.
-    bool check(const View& view, Trip& trip) const;
+    bool check(const GuardInput& view, Trip& trip) const;
 };
 
 }  // namespace robot

@@ -5,7 +5,7 @@
 
 namespace robot {
 
-Posture::Fault Posture::find(const Frames& frames, const ArmLimits& limits, const Place& place, const Joints& near,
+Posture::Fault Posture::find(const Frames& frames, const ArmLimits& limits, const ToolPose& place, const Joints& near,
                              Joints& q) noexcept {
     puma::inverse(frames.flangeOf(place), near, limits.angles, Joints::Ones(), solutions);
     if (solutions.reach != puma::Solutions::reachable) return unreachable;
@@ -67,7 +67,7 @@ Motion::Step PathMotion::next(const Senses& senses, Joints& q) noexcept {
         q = knot.q;
         return over ? Step::done : Step::going;
     }
-    Place place = knot.tool;
+    ToolPose place = knot.tool;
     if (increments_) place = {place.p + increments_->shift(), increments_->turn() * place.r};
     switch (posture_.find(frames_, limits_, place, q, q)) {
         case Posture::unreachable: return Step::unreachable;

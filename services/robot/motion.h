@@ -23,7 +23,7 @@ struct ArmLimits {
 // The posture that brings the tool to a place, nearest to a present one.
 struct Posture {
     enum Fault { none, unreachable, limits, singular };
-    Fault find(const Frames& frames, const ArmLimits& limits, const Place& place, const Joints& near, Joints& q) noexcept;
+    Fault find(const Frames& frames, const ArmLimits& limits, const ToolPose& place, const Joints& near, Joints& q) noexcept;
     puma::Solutions solutions;              // of the last one
 };
 

@@ -18,7 +18,7 @@ std::string singularities(unsigned near) {
 
 }  // namespace
 
-void failReach(const std::string& who, const Frames& frames, const Place& place, double part) {
+void failReach(const std::string& who, const Frames& frames, const ToolPose& place, double part) {
     const Vector3d wrist = puma::wristCentre(frames.flangeOf(place));
     const auto reach = puma::reachOf(wrist);
     if (reach.distance >= reach.least && reach.distance <= reach.most) fail(kTooClose, who, text(place.p), percent(part));
@@ -102,7 +102,7 @@ void Mover::verify(const Now& now, PathMotion& trial, const std::vector<Guard>& 
                               1.5 * limits.acceleration[i]);
         }
         q = next, qdot = rate;
-        View view;
+        GuardInput view;
         view.tool = now.settings.frames.toolOf(q);
         view.ahead = view.tool.p;
         view.speed = (view.tool.p - before).norm() / now.period;

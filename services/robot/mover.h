@@ -16,7 +16,7 @@
 namespace robot {
 
 // The arm does not reach a place.   part: of the way
-[[noreturn]] void failReach(const std::string& who, const Frames& frames, const Place& place, double part);
+[[noreturn]] void failReach(const std::string& who, const Frames& frames, const ToolPose& place, double part);
 // None of the solutions is within the limits: names the joint that is least outside.
 [[noreturn]] void failLimits(const std::string& who, const puma::Solutions& s, const puma::Limits& limits, double part);
 
@@ -39,6 +39,8 @@ protected:
             .action({"-stop", "", "stop its motion: the next tick of the control task begins to brake", 0, 0,
                      [](Service& s, sorma::Args, sorma::Message& m) { static_cast<S&>(s).stopNow(m); }, sorma::Right::call,
                          true})
+            .danger(sorma::Danger::stop)
+            .execDanger(sorma::Danger::move)
             .concurrency(sorma::Concurrency::concurrent);
     }
 

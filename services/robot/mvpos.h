@@ -21,7 +21,8 @@ private:
     Knot taught(const std::string& who, const Now& now);
     void teach(sorma::Args args, sorma::Message& m);
 
-    std::string as_ = "joints", move_ = "joints", relativeTo_ = "world", increments_;
+    std::string as_ = "joints", move_ = "joints", relativeTo_ = "world";
+    sorma::Named<sorma::Kind::segment> increments_;
     std::vector<double> target_;
     double jointSpeed_ = 0.8, jointAcceleration_ = 2, blend_ = 0;
     bool dry_ = false;

@@ -32,7 +32,7 @@ sorma::Class Mvpos::describe() {
         .real("-blend", &Mvpos::blend_, {.unit = "m or rad", .low = 0, .high = 1,
                                          .help = "how far from the positions of EXEC via their corners may be cut; 0: the "
                                                  "arm rests there"})
-        .text("-increments", &Mvpos::increments_, {.help = "key of a snapshot buffer: floats 1 .. 6 of each record "
+        .named("-increments", &Mvpos::increments_, {.help = "key of a snapshot buffer: floats 1 .. 6 of each record "
                                                            "displace the tool, x y z [m] and rotation "
                                                            "vector [rad], world axes; with -move line"})
         .flag("-dry", &Mvpos::dry_, {.help = "check everything, say what would happen, move nothing"})
@@ -104,12 +104,12 @@ Job::Plan Mvpos::plan(const Now& now, const std::vector<double>& given, bool fol
     if (!increments_.empty()) {
         std::unique_ptr<Increments> increments;
         try {
-            increments = std::make_unique<Increments>(increments_, speed_, acceleration_, speed_ / turnSpeed_);
+            increments = std::make_unique<Increments>(increments_.use(*this), speed_, acceleration_, speed_ / turnSpeed_);
         } catch (const shmem::Failure& f) {
             fail(kIncrements, name(), f.what());
         }
         if (increments->shape().floats != Increments::kFloats)
-            fail(kIncrements, name(), "records of snapshot buffer " + increments_ + " have " +
+            fail(kIncrements, name(), "records of snapshot buffer " + increments_.get(sorma::Permit::owner()) + " have " +
                  std::to_string(increments->shape().floats) +
                                           " floats instead of " + std::to_string(Increments::kFloats));
         motion->follow(std::move(increments), follows, acceleration_);
@@ -153,7 +153,7 @@ Knot Mvpos::knot(const double* f, const Now& now, const Knot& after) {
         out.tool = now.settings.frames.toolOf(out.q);
         return out;
     }
-    Place local;
+    ToolPose local;
     if (as_ == "pose") {
         local = {{f[0], f[1], f[2]}, {f[3], f[4], f[5], f[6]}};
         if (const double length = local.r.norm(); std::fabs(length - 1) > 1e-3)

@@ -33,7 +33,7 @@ private:
 
 struct Knot {                               // a point of a path, given in one of two ways
     Joints q = Joints::Zero();
-    Place tool;
+    ToolPose tool;
 };
 
 class Path {

@@ -20,7 +20,7 @@ namespace robot {
 struct Now {
     ArmState state;
     Joints q;                               // where it has been sent, or where it is while it has no power
-    Place tool;                             // the same
+    ToolPose tool;                             // the same
     Settings settings;
     double period = 0;                      // [s]
     Wrench felt = Wrench::Zero();
@@ -88,7 +88,7 @@ private:
     void configureCycle(std::vector<std::string> words);
     void watch();
     void ended();
-    void settle(Job& job, const Ending& ending, const Now& n, Motion& motion);
+    void answerJob(Job& job, const Ending& ending, const Now& n, Motion& motion);
     void begin(std::shared_ptr<Job> job, Job::Plan plan);
     void nextJob();
     void failAll(const sorma::Error& why);
@@ -100,7 +100,8 @@ private:
     double silence_ = 0.1;
     bool labTime_ = false, sensors_ = true, compensate_ = true, records_ = true;
     std::int64_t priority_ = 50;
-    std::string prefix_, tasks_, guards_;
+    sorma::Named<sorma::Kind::segment> prefix_;
+    std::string tasks_, guards_;
     std::vector<double> lower_ = list(puma::Limits{}.lower), upper_ = list(puma::Limits{}.upper);
     std::vector<double> speed_{1.9, 1.5, 2.4, 5.3, 5, 5.7}, acceleration_{6, 6, 8, 20, 20, 20};
     std::vector<double> base_{0, 0, -0.25}, tool_{0, 0, 0.2}, handCentre_{0, 0, 0}, sensorOffset_ = std::vector<double>(6);

@@ -50,14 +50,13 @@ sorma::Class Pino::describe() {
                                             "last record is older than this, and than three ticks", .expert = true})
         .integer("-priority", &Pino::priority_, {.low = 0, .high = 99, .help = "of the control task, as of class cycle",
                                                  .fixed = true})
-        .text("-prefix", &Pino::prefix_, {.help = "before the names of all buffers: another arm's", .fixed = true})
+        .named("-prefix", &Pino::prefix_, {.help = "before the names of all buffers: another arm's", .fixed = true})
         .text("-tasks", &Pino::tasks_, {.help = "control tasks of other services that are executed in each tick before "
                                                 "this one: names, or requests as for cycle"})
         .flag("-sensors", &Pino::sensors_, {.help = "read the wrist's force and moment"})
         .flag("-gravityCompensation", &Pino::compensate_, {.help = "subtract the hand's weight and inertia from what the wrist "
                                                                    "feels"})
-        .flag("-records", &Pino::records_, {.help = "write the buffers tool.pose and tool.force in each tick",
-                                            .fixed = true})
+        .flag("-records", &Pino::records_, {.help = "write the buffers tool.pose and tool.force in each tick", .fixed = true})
         .text("-guards", &Pino::guards_, {.help = "names of guards (class wspc) that hold in every motion"})
         .vector("-lower", &Pino::lower_, {.unit = "rad", .low = -10, .high = 10, .help = "least angles" + by, .minLength = 6,
                                           .maxLength = 6})
@@ -93,6 +92,10 @@ sorma::Class Pino::describe() {
         .action("-end", &Pino::end, "", "end the control task; the arm must have no power")
         .action({"-stop", "", "stop the motion under way: the next tick begins to brake", 0, 0,
                  [](Service& s, Args a, Message& m) { static_cast<Pino&>(s).stop(a, m); }, sorma::Right::call, true})
+        .danger(sorma::Danger::stop)
+        .execDanger(sorma::Danger::stop, {"power off"})
+        .execDanger(sorma::Danger::power, {"power", "reset"})
+        .execDanger(sorma::Danger::move, {"park"})
         .words("?park | power on|off | reset | status?")
         .writes(floats, sorma::between(0, 19), "",
                 "without words and status: the tool's position [m] (3) and quaternion w x y z (4), measured; joint angles "
@@ -162,7 +165,7 @@ void Pino::configureCycle(std::vector<std::string> words) {
 
 void Pino::run() {
     if (control_) return;
-    auto control = std::make_unique<Control>(prefix_);
+    auto control = std::make_unique<Control>(prefix_.use(*this));
     try {
         control->arm.publish(sorm().daemonName.empty() ? sorma::Caller::self().program : sorm().daemonName, records_);
         control->arm.attach(control->arm.look());
@@ -176,7 +179,7 @@ void Pino::run() {
     try {
         std::vector<std::string> words{"-period", number(interval_), "-priority", std::to_string(priority_), "-steps",
                                        steps()};
-        if (labTime_) words.insert(words.end(), {"-clock", prefix_ + "lab.clock", "-watchdog", number(kLabWatchdog)});
+        if (labTime_) words.insert(words.end(), {"-clock", prefix_.use(*this) + "lab.clock", "-watchdog", number(kLabWatchdog)});
         configureCycle(std::move(words));
         configureCycle({"-start"});
     } catch (const sorma::Error& e) {
@@ -462,13 +465,13 @@ void Pino::ended() {
         for (auto& reply : std::exchange(waking_, {})) {
             if (on) reply.complete();
             else if (ending.outcome == Outcome::silent)
-                reply.fail(error(kHardware, name(), "nobody writes its buffer " + prefix_ + "arm.state any more"));
+                reply.fail(error(kHardware, name(), "nobody writes its buffer " + prefix_.get(sorma::Permit::owner()) + "arm.state any more"));
             else reply.fail(errorOf(ending, name(), n, {}));
         }
         return;
     }
     auto job = std::exchange(job_, nullptr);
-    settle(*job, ending, n, *job->present.motion);
+    answerJob(*job, ending, n, *job->present.motion);
     if (ending.outcome == Outcome::powerLost || ending.outcome == Outcome::silent) tell("power.off", toText(n.state.cause));
     if (auto sleeping = std::exchange(sleeping_, {}); !sleeping.empty()) {
         turnOff();
@@ -477,7 +480,7 @@ void Pino::ended() {
     nextJob();
 }
 
-void Pino::settle(Job& job, const Ending& ending, const Now& n, Motion& motion) {
+void Pino::answerJob(Job& job, const Ending& ending, const Now& n, Motion& motion) {
     sorma::CallContext context(job.call);
     try {
         if (ending.outcome != Outcome::done) throw errorOf(ending, job.who, n, job.stopped);

@@ -18,7 +18,7 @@ using Eigen::Vector3d;
 using puma::Joints;
 using Wrench = Eigen::Matrix<double, 6, 1>;         // force [N], moment [N m]
 
-struct Place {                                      // of the tool, in the world
+struct ToolPose {                                      // of the tool, in the world
     Vector3d p = {0, 0, 0};                         // [m]
     Quaterniond r = Quaterniond::Identity();        // tool -> world
 };
@@ -27,17 +27,17 @@ struct Frames {
     Vector3d base = {0, 0, -0.25};                  // [m] of the robot's base, in the world
     Vector3d tool = {0, 0, 0.2};                    // [m] of the tool, in the flange's frame
 
-    Place toolOf(const Joints& q) const;
-    puma::Pose flangeOf(const Place& tool) const;   // in the base frame, as puma::inverse takes it
+    ToolPose toolOf(const Joints& q) const;
+    puma::Pose flangeOf(const ToolPose& tool) const;   // in the base frame, as puma::inverse takes it
 };
 
 // Position and quaternion, as messages have them.
-inline void append(std::vector<double>& floats, const Place& place) {
+inline void append(std::vector<double>& floats, const ToolPose& place) {
     floats.insert(floats.end(), {place.p.x(), place.p.y(), place.p.z(), place.r.w(), place.r.x(), place.r.y(), place.r.z()});
 }
 
 // A place that is given in the frame of another one.
-inline Place operator*(const Place& frame, const Place& local) { return {frame.p + frame.r * local.p,
+inline ToolPose operator*(const ToolPose& frame, const ToolPose& local) { return {frame.p + frame.r * local.p,
     (frame.r * local.r).normalized()}; }
 
 // The angle between two orientations [rad], 0 .. pi.

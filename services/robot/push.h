@@ -13,7 +13,7 @@ public:
         double acceleration, retreat;       // [m/s2], [m] back at the end
     };
     // transfer: to where the approach begins. Then on a straight line to `to`, the tool as it is there.
-    PushMotion(const Frames& frames, const ArmLimits& limits, PathMotion transfer, const Place& from, const Vector3d& to,
+    PushMotion(const Frames& frames, const ArmLimits& limits, PathMotion transfer, const ToolPose& from, const Vector3d& to,
                const Manner& manner);
 
     Step next(const Senses& senses, Joints& q) noexcept override;
@@ -32,7 +32,7 @@ private:
     const Frames frames_;
     const ArmLimits limits_;
     PathMotion transfer_;
-    const Place from_;
+    const ToolPose from_;
     const Vector3d direction_;
     const double length_;
     const Manner manner_;

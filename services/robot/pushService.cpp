@@ -10,7 +10,7 @@ namespace robot {
 
 using sorma::Message;
 
-PushMotion::PushMotion(const Frames& frames, const ArmLimits& limits, PathMotion transfer, const Place& from,
+PushMotion::PushMotion(const Frames& frames, const ArmLimits& limits, PathMotion transfer, const ToolPose& from,
                        const Vector3d& to, const Manner& manner)
     : frames_(frames), limits_(limits), transfer_(std::move(transfer)), from_(from), direction_((to - from.p).normalized()),
       length_((to - from.p).norm()), manner_(manner) {}
@@ -116,7 +116,7 @@ void Push::exec(Message& m) {
 Job::Plan Push::plan(const Now& now, const std::vector<double>& f) {
     if (!now.sensed) fail(kSensor, name(), "without it there is no contact to be felt");
     auto all = guards(now);
-    const Place from{{f[0], f[1], f[2]}, now.tool.r}, to{{f[3], f[4], f[5]}, now.tool.r};
+    const ToolPose from{{f[0], f[1], f[2]}, now.tool.r}, to{{f[3], f[4], f[5]}, now.tool.r};
     Path there = lineFrom(now), along(Path::Kind::line, {now.q, from}, speed_ / turnSpeed_);
     there.add({now.q, from});
     along.add({now.q, to});

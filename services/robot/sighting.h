@@ -14,7 +14,7 @@
 #include "bus/incident.h"
 
 #include "place.h"
-#include "tap.h"
+#include "bufferInput.h"
 
 namespace robot {
 
@@ -37,15 +37,16 @@ private:
     void forget(sorma::Args, sorma::Message&);
     bool now(double& time) noexcept;                            // [s] lab time of the newest pose
     Fate look(double now, std::array<double, 4>& out) noexcept; // out: t z
-    bool poseAt(double time, Place& place) const noexcept;
+    bool poseAt(double time, ToolPose& place) const noexcept;
     void tell(std::string& out, const std::string& before) const;
 
-    std::string seenKey_ = "target.rel", posesKey_ = "tool.pose";
+    using Key = sorma::Named<sorma::Kind::segment>;
+    Key seenKey_ = "target.rel", posesKey_ = "tool.pose";
     double longest_ = 0.5, residual_ = sorma::kInfinity;
     std::vector<double> inside_;
 
     static constexpr std::size_t kSeen = 6, kPose = 8, kPoseMost = 64;
-    Tap seen_{kSeen, kSeen}, poses_{kPose, kPoseMost};
+    BufferInput seen_{kSeen, kSeen}, poses_{kPose, kPoseMost};
     std::uint64_t counter_ = 0;             // of the record that was looked at last
     double last_ = -sorma::kInfinity;       // [s] time of the one that was used last
     double offset_ = 0;                     // [s] the tick's clock less lab time

@@ -27,8 +27,8 @@ constexpr double kFuture = 0.05;            // [s] so far ahead a time may be: t
 sorma::Class Sighting::describe() {
     using enum sorma::Field;
     return sorma::Class::of<Sighting>("sighting", "where something that a camera of the tool has seen is in the world")
-        .text("-seen", &Sighting::seenKey_, {.help = "key of the buffer that says what was seen: time, x y z in the tool frame, residual, code (0: valid)"})
-        .text("-poses", &Sighting::posesKey_, {.help = "key of the buffer of the tool's poses: time, position, quaternion"})
+        .named("-seen", &Sighting::seenKey_, {.help = "key of the buffer that says what was seen: time, x y z in the tool frame, residual, code (0: valid)"})
+        .named("-poses", &Sighting::posesKey_, {.help = "key of the buffer of the tool's poses: time, position, quaternion"})
         .real("-longest", &Sighting::longest_, {.unit = "s", .low = 0.01, .high = 10, .help = "an older measurement is not used"})
         .real("-residual", &Sighting::residual_, {.low = 0, .help = "a measurement with a larger residual is not used"})
         .vector("-inside", &Sighting::inside_, {.unit = "m", .low = -10, .high = 10, .help = "measurements outside are not used: least and "
@@ -61,9 +61,9 @@ void Sighting::changed(std::span<const sorma::Option* const> options) {
 // Buffers come and go; no tick can look for them.
 void Sighting::watch() {
     if (sorm().hasLoop()) timer_ = sorm().loop().after(sorma::monotonicNow() + kLook, [this] { watch(); });
-    auto attach = [&](Tap& tap, const std::string& key, auto begin) {
+    auto attach = [&](BufferInput& tap, const Key& key, auto begin) {
         if (tap.attached()) return;
-        auto found = tap.look(key);
+        auto found = tap.look(key.use(*this));
         sorma::BetweenTicks between(*this);
         tap.use(std::move(found));
         begin();
@@ -119,7 +119,7 @@ Sighting::Fate Sighting::look(double now, std::array<double, 4>& out) noexcept {
     if (f[4] > residual_) return outside;
     for (std::size_t i = 0; i + 1 < inside_.size(); i += 2)
         if (!(f[1 + i / 2] >= inside_[i] && f[1 + i / 2] <= inside_[i + 1])) return outside;
-    Place tool;
+    ToolPose tool;
     if (!poseAt(f[0], tool)) return unknown;
     const Vector3d z = tool.p + tool.r * Vector3d(f[1], f[2], f[3]);
     last_ = f[0];
@@ -128,22 +128,22 @@ Sighting::Fate Sighting::look(double now, std::array<double, 4>& out) noexcept {
 }
 
 // Between the two records around it; what is younger than the newest one is taken for that.
-bool Sighting::poseAt(double time, Place& place) const noexcept {
+bool Sighting::poseAt(double time, ToolPose& place) const noexcept {
     auto* reader = poses_.reader();
     if (!reader) return false;
     std::array<double, kPoseMost> f;
     shmem::Stamp stamp;
-    Place later;
+    ToolPose later;
     double laterTime = 0;
     bool any = false;
     for (std::uint64_t n = reader->count(), oldest = reader->oldest(n); n >= oldest && n > 0; --n) {
         if (!reader->read(n, f.data(), nullptr, stamp)) return false;
         for (std::size_t i = 0; i < kPose; ++i)
             if (!std::isfinite(f[i])) return false;
-        const Place at{{f[1], f[2], f[3]}, Quaterniond(f[4], f[5], f[6], f[7]).normalized()};
+        const ToolPose at{{f[1], f[2], f[3]}, Quaterniond(f[4], f[5], f[6], f[7]).normalized()};
         if (f[0] <= time) {
             const double part = any && laterTime > f[0] ? (time - f[0]) / (laterTime - f[0]) : 0;
-            place = any ? Place{at.p + part * (later.p - at.p), at.r.slerp(part, later.r)} : at;
+            place = any ? ToolPose{at.p + part * (later.p - at.p), at.r.slerp(part, later.r)} : at;
             return true;
         }
         later = at, laterTime = f[0], any = true;
@@ -158,8 +158,8 @@ void Sighting::forget(sorma::Args, Message&) {
 
 void Sighting::tellIncidents(sorma::Incidents& out) const {
     for (std::size_t i = used + 1; i < std::size(kFates); ++i) out.push_back({name(), std::string("measurement ") + kFates[i], fates_[i]});
-    seen_.tellIncidents(name(), seenKey_, out);
-    poses_.tellIncidents(name(), posesKey_, out);
+    seen_.tellIncidents(name(), seenKey_.get(sorma::Permit::owner()), out);
+    poses_.tellIncidents(name(), posesKey_.get(sorma::Permit::owner()), out);
 }
 
 std::vector<sorma::Pin> Sighting::pins(std::string_view, std::size_t) const {

@@ -77,7 +77,7 @@ void Wspc::exec(sorma::Message& m) {
     auto* p = dynamic_cast<Pino*>(arm.get());
     if (!p) fail(kNotAnArm, name(), "-arm", arm->name(), arm->type().name());
     const Now now = p->now();
-    View view;
+    GuardInput view;
     view.tool = now.settings.frames.toolOf(now.state.q);
     view.ahead = view.tool.p;
     view.sensed = now.sensed, view.felt = now.felt;

@@ -122,7 +122,7 @@ private:
             holder.client = client;
             holder.since = sorma::wallNow();
             if (client)
-                holder.lease = client->hold([this, client = client.get()] {
+                holder.lease = client->hold(name(), [this, client = client.get()] {
                     auto found = holders_.find(client);
                     if (found != holders_.end()) giveBack(client, found->second.count);
                 });

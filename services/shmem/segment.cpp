@@ -3,7 +3,6 @@
 #include <dirent.h>
 #include <fcntl.h>
 #include <linux/futex.h>
-#include <pwd.h>
 #include <signal.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
@@ -25,6 +24,8 @@
 #include <string_view>
 #include <system_error>
 #include <utility>
+
+#include "bus/users.h"
 
 namespace shmem {
 
@@ -114,18 +115,9 @@ struct stat factsOf(int fd, const std::string& key) {
     return s;
 }
 
-std::string nameOf(uid_t user) {
-    passwd entry, *found = nullptr;
-    char space[1024];
-    if (getpwuid_r(user, &entry, space, sizeof space, &found) == 0 && found) return entry.pw_name;
-    return std::to_string(user);
-}
-
 uid_t userOf(const std::string& text, const std::string& key) {
-    passwd entry, *found = nullptr;
-    char space[1024];
-    if (getpwnam_r(text.c_str(), &entry, space, sizeof space, &found) == 0 && found) return entry.pw_uid;
     uid_t number = 0;
+    if (sorma::userNumber(text, number)) return number;
     auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
     if (error != std::errc() || end != text.data() + text.size())
         throw Failure(Reason::denied, "segment " + key + " cannot be read: this machine knows no user \"" + text + "\" (-owner)");
@@ -136,7 +128,7 @@ uid_t userOf(const std::string& text, const std::string& key) {
 void needOwner(int fd, const std::string& key, uid_t user) {
     uid_t owner = factsOf(fd, key).st_uid;
     if (owner != user)
-        throw Failure(Reason::foreign, "segment " + key + " belongs to " + nameOf(owner) + "; he can remove it, or choose another -key");
+        throw Failure(Reason::foreign, "segment " + key + " belongs to " + sorma::userName(owner) + "; he can remove it, or choose another -key");
 }
 
 void setMode(int fd, mode_t mode, const std::string& key) {
@@ -395,9 +387,9 @@ std::shared_ptr<Segment> Segment::forReading(const std::string& key, const std::
         struct stat s = factsOf(fd.get(), key);
         if (s.st_nlink == 0) continue;
         if (s.st_uid != geteuid() && s.st_uid != 0 && s.st_uid != also)
-            throw Failure(Reason::denied, "segment " + key + " belongs to " + nameOf(s.st_uid) +
+            throw Failure(Reason::denied, "segment " + key + " belongs to " + sorma::userName(s.st_uid) +
                                               ", who could end the processes that read it by truncating it; if you trust that user, say -owner " +
-                                              nameOf(s.st_uid));
+                                              sorma::userName(s.st_uid));
         Found f = examine(fd.get(), key);
         if (f.reason) throw Failure(*f.reason, f.text);
         if (f.retired) {

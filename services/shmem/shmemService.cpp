@@ -74,8 +74,9 @@ class Snapshot : public sorma::Service {
 protected:
     template <class S> static void describe(sorma::Class& c) {
         using Args = sorma::Args;
-        c.text("-key", &S::key_, {.help = "name of the segment, for all who write and read it; empty: the flavor", .fixed = true})
+        c.named("-key", &S::key_, {.help = "name of the segment, for all who write and read it; empty: the flavor", .fixed = true})
             .concurrency(sorma::Concurrency::concurrent)
+            .flavors(sorma::Flavors::any)
             .realtime()
             .action({"-list", "", "all segments of this machine: shape, writer, and whether anybody uses them", 0, 0,
                      [](sorma::Service&, Args, Message& m) { m.text += shmem::listText(); }, sorma::Right::inspect})
@@ -94,18 +95,20 @@ protected:
                          [](sorma::Service& s, Args, Message& m) { m.text += shmem::timingText(static_cast<S&>(s).look()); }});
     }
 
-    // The segment's name. Fails with OPTION MISSING.
-    std::string key() const {
-        std::string k = optionalKey();
-        if (k.empty()) fail(kNoKey, name(), "-key");
-        return k;
-    }
-    std::string optionalKey() const {
+    using Key = sorma::Named<sorma::Kind::segment>;
+    // The segment's name. A key that the flavor gives is chosen by whoever has made the object.
+    Key segment() const {
         auto dot = name().find('.');
-        return !key_.empty() || dot == std::string::npos ? key_ : name().substr(dot + 1);
+        return !key_.empty() || dot == std::string::npos ? key_ : Key(name().substr(dot + 1), maker());
     }
+    // To open it. Fails with OPTION MISSING.
+    std::string key() const {
+        if (segment().empty()) fail(kNoKey, name(), "-key");
+        return segment().use(*this);
+    }
+    std::string keyText() const { return segment().get(sorma::Permit::owner()); }
 
-    std::string key_;
+    Key key_;
 };
 
 // ---- shmem_w ----
@@ -128,12 +131,14 @@ public:
             .flag("-checksum", &ShmemWriter::checksum_, {.help = "give each record a checksum; a reader refuses a record that another program has changed"})
             .reads(sorma::Field::floats, {}, "", "the record's floats, as many as -floats")
             .reads(sorma::Field::any, {}, "", "the record's bytes, as many as -any")
+            .execDanger(sorma::Danger::move)
             .example("shmem_w.example EXEC FMSG 1 0.5");
         return c;
     }
 
     void born() override {
-        if (!optionalKey().empty()) open();
+        (void)segment().permit(*this);
+        if (!segment().empty()) open();
     }
 
     void changed(std::span<const sorma::Option* const>) override {
@@ -165,7 +170,7 @@ public:
 
     std::string selftest() override {
         if (!writer_) return "ok: no segment yet, for want of a key";
-        return "ok: segment " + key() + ", " + std::to_string(writer_->count()) + " records";
+        return "ok: segment " + keyText() + ", " + std::to_string(writer_->count()) + " records";
     }
 
     void dumpState(std::string& out) const override {
@@ -232,7 +237,8 @@ public:
     ~ShmemReader() override { forget(); }
 
     void born() override {
-        if (optionalKey().empty()) return;
+        (void)segment().permit(*this);
+        if (segment().empty()) return;
         try {
             attach();
         } catch (const sorma::Error& e) {
@@ -275,12 +281,12 @@ public:
     }
 
     std::string selftest() override {
-        if (optionalKey().empty()) return "ok: no segment, for want of a key";
+        if (segment().empty()) return "ok: no segment, for want of a key";
         try {
-            return "ok: segment " + key() + ", " + std::to_string(look().count()) + " records";
+            return "ok: segment " + keyText() + ", " + std::to_string(look().count()) + " records";
         } catch (const sorma::Error& e) {
             if (!e.is("SHMEM ABSENT")) throw;
-            return "ok: nobody writes segment " + key() + " yet";
+            return "ok: nobody writes segment " + keyText() + " yet";
         }
     }
 
@@ -357,9 +363,9 @@ private:
 
     void check(Outcome outcome) const {
         if (outcome == Outcome::read) [[likely]] return;
-        if (outcome == Outcome::empty) fail(kEmpty, name(), key());
-        if (outcome == Outcome::damaged) fail(kDamaged, name(), key());
-        fail(kOverrun, name(), key(), shmem::Reader::kTries);
+        if (outcome == Outcome::empty) fail(kEmpty, name(), keyText());
+        if (outcome == Outcome::damaged) fail(kDamaged, name(), keyText());
+        fail(kOverrun, name(), keyText(), shmem::Reader::kTries);
     }
 
     void latest(Message& m) const {
@@ -435,7 +441,7 @@ private:
         auto [at, fresh] = lasts_.try_emplace(client.get());
         if (fresh && client) {
             at->second.client = client;
-            at->second.lease = client->hold([this, who = client.get()] { lasts_.erase(who); });
+            at->second.lease = client->hold(this->name(), [this, who = client.get()] { lasts_.erase(who); });
         }
         return at->second;
     }

@@ -15,7 +15,7 @@ oo::class create ::sorma::service::sight {
 
     sorma::purpose "where a ball is relative to the tool, from what its camera sees, by a map that the arm has taught"
     sorma::option -map service -help "the map (class psom)"
-    sorma::option -file string -default "" -help "where the map is kept; empty: nowhere"
+    sorma::option -file string -kind file -default "" -help "where the map is kept; empty: nowhere"
     sorma::option -seen service -help "what the camera sees: records of ball.obs (class shmem_r)"
     sorma::option -clock service -help "turns the pictures' times into the robot's (class clock); none: they are of the same clock"
     sorma::option -result service -help "is told where the ball is: time, x y z in the tool frame, residual, code; as shmem_w takes it"

@@ -181,16 +181,19 @@ void Laboratory::endWaits(bool ends, double until) {
 bool Laboratory::takeSetPoint() {
     if (!armSet_.take()) return false;
     drive.take(armSet_.floats() + 1, armSet_.floats()[0], armSet_.counter(), time_);
+    late_ = drive.due() <= time_ + kSame;
     return true;
 }
 
-// In lockstep lab time waits for the set-point that is due, while somebody sends any.
+// In lockstep lab time waits for the set-point that is due, while somebody sends any. Whoever was late may have skipped
+// the next one, and waits for lab time himself: then each would wait for the other. So lab time waits for what follows a
+// set-point that came in time.
 void Laboratory::awaitSetPoint(std::unique_lock<std::mutex>& lock) {
-    if (!drive.streaming(time_) || time_ < drive.due() - kSame || time_ < waitAgain_ - kSame) return;
+    if (late_ || !drive.streaming(time_) || time_ < drive.due() - kSame || time_ < waitAgain_ - kSame) return;
     const bool missed = time_ < waitAgain_ + drive.period();
     const std::int64_t begin = shmem::nanoseconds(), until = begin + (missed ? kLessPatience : kPatience);
     while (!stop_) {
-        if (takeSetPoint() && drive.due() > time_ + kSame) return;
+        if (takeSetPoint()) return;
         const std::int64_t now = shmem::nanoseconds();
         if (now >= until || (now >= begin + kLessPatience && !armSet_.alive())) {
             ++lost_;

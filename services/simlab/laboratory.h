@@ -120,6 +120,7 @@ private:
     double load_ = 0, tableRest_ = 0;   // [N] on it; that it may bear until it has been below the limit once, after a reset
     std::uint64_t lost_ = 0, steps_ = 0, grabs_ = 0, published_ = 0, leftOut_ = 0;
     double waitAgain_ = 0;              // in lockstep, after a set-point that did not come
+    bool late_ = false;                 // the last set-point was late already when it came
     double effort_ = 0;                 // [ns] of the processor for all steps and their records
     double cameraRate_ = 0, exposure_ = 1, request_ = 0, nextGrab_ = 0, pictureTime_ = 0;
     Cause toldCause_ = Cause::none;

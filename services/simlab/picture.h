@@ -24,7 +24,7 @@ struct Look {
     bool lamp = true;                                   // of the ball
 };
 
-struct View {           // the free camera
+struct Viewpoint {           // the free camera
     double azimuth = 140, elevation = -25, distance = 1.9;      // [degrees], [degrees], [m] from what it looks at
     std::array<double, 3> at{0.5, 0, 0.1};                      // [m]
 };
@@ -33,7 +33,7 @@ struct Shot {
     std::vector<double> qpos, mocapPosition, mocapQuaternion;
     Look look;
     bool free = false;                  // by the free camera, not that of the hand
-    View view;
+    Viewpoint view;
     int width = 500, height = 500;
     double exposure = 1;                // factor of the brightness
     double noise = 0;                   // [levels of 255] standard deviation

@@ -33,7 +33,7 @@ void Props::put(const Token& t, double x, double y, double z, double yaw) {
 }
 
 void Props::fieldOf(const Point& p, double& file, double& rank) const {
-    const Place centre = scene_.place(data_, scene_.fields / 2.0 + 0.5, scene_.fields / 2.0 + 0.5, 0);
+    const FieldPose centre = scene_.place(data_, scene_.fields / 2.0 + 0.5, scene_.fields / 2.0 + 0.5, 0);
     const double c = std::cos(centre.yaw), s = std::sin(centre.yaw), dx = p[0] - centre.x, dy = p[1] - centre.y;
     rank = scene_.fields / 2.0 + 0.5 - (c * dx + s * dy) / scene_.fieldSize;
     file = scene_.fields / 2.0 + 0.5 + (c * dy - s * dx) / scene_.fieldSize;
@@ -52,7 +52,7 @@ void Props::moveToken(const std::string& name, double file, double rank, double 
     const double n = scene_.fields + 4;
     if (!(file > -4 && file < n && rank > -4 && rank < n && h >= 0 && h < 30))
         throw std::invalid_argument("file and rank must be -4 .. " + std::to_string(int(n)) + ", tokens underneath 0 .. 30");
-    const Place p = scene_.place(data_, file, rank, h);
+    const FieldPose p = scene_.place(data_, file, rank, h);
     for (auto& other : scene_.tokens) {
         const Point o = position(other);
         if (&other != &t && std::hypot(o[0] - p.x, o[1] - p.y) < kHeap && std::fabs(o[2] - p.z) < 0.006)
@@ -82,7 +82,7 @@ std::string Props::addToken(const std::string& colour, double file, double rank,
 
 void Props::moveBoard(double dx, double dy, double turn) {
     needBoard();
-    const Place before = scene_.place(data_, scene_.fields / 2.0 + 0.5, scene_.fields / 2.0 + 0.5, 0);
+    const FieldPose before = scene_.place(data_, scene_.fields / 2.0 + 0.5, scene_.fields / 2.0 + 0.5, 0);
     const double at[3] = {dx, dy, turn}, c = std::cos(turn), s = std::sin(turn);
     if (std::hypot(dx, dy) > 0.5 || std::fabs(turn) > 3.2) throw std::invalid_argument("at most 0.5 m and 3.2 rad at a time");
     for (auto& t : scene_.tokens) {
@@ -115,7 +115,7 @@ void Props::setMocap(int id, const Point& p) {
     if (id >= 0) std::copy_n(p.begin(), 3, data_.mocap_pos + 3 * id);
 }
 
-void Props::setBall(Path path, double now) {
+void Props::setBall(Trajectory path, double now) {
     if (scene_.target < 0) throw std::invalid_argument("this scene has no ball");
     ball_ = std::move(path);
     ballBegan_ = now;

@@ -3,7 +3,7 @@
 // Threads: none of its own; called by the thread that steps the model, or with the laboratory's lock held.
 #pragma once
 
-#include "path.h"
+#include "trajectory.h"
 #include "scene.h"
 
 namespace simlab {
@@ -22,8 +22,8 @@ public:
     void moveBoard(double dx, double dy, double turn);                                      // with what lies on it
     std::string tokens() const;                     // lines: name file rank x y z
 
-    void setBall(Path path, double now);
-    const Path& ball() const { return ball_; }
+    void setBall(Trajectory path, double now);
+    const Trajectory& ball() const { return ball_; }
     Point ballAt(double now) const { return ball_.at(now - ballBegan_); }
     enum Thing { secondBall, occluder, person };
     void moveThing(Thing thing, const Point& to, double seconds, double now);
@@ -45,7 +45,7 @@ private:
 
     Scene& scene_;
     mjData& data_;
-    Path ball_;
+    Trajectory ball_;
     double ballBegan_ = 0;
     Mover movers_[3];
     Point force_{};

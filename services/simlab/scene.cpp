@@ -118,7 +118,7 @@ int Scene::need(int type, const std::string& name) const {
     return id;
 }
 
-Place Scene::place(const mjData& d, double file, double rank, double h) const {
+FieldPose Scene::place(const mjData& d, double file, double rank, double h) const {
     const mjtNum* origin = model->body_pos + 3 * boardBody;
     const double yaw = d.qpos[boardQpos[2]], c = std::cos(yaw), s = std::sin(yaw);
     const double x = (fields / 2.0 - rank + 0.5) * fieldSize, y = (file - 0.5 - fields / 2.0) * fieldSize;

@@ -31,7 +31,7 @@ struct Token {
 };
 
 // Where a field of the board is, in the world.
-struct Place { double x, y, z, yaw; };
+struct FieldPose { double x, y, z, yaw; };
 
 class Scene {
 public:
@@ -56,7 +56,7 @@ public:
     double tokenWeight = 0;                             // [N] of all tokens
 
     // file, rank: reals, 1 .. fields on the board; h: tokens underneath. Where the centre of a token lies that rests there.
-    Place place(const mjData& d, double file, double rank, double h) const;
+    FieldPose place(const mjData& d, double file, double rank, double h) const;
     const Token* token(std::string_view name) const;
 
 private:

@@ -41,10 +41,11 @@ public:
     static sorma::Class describe() {
         using enum sorma::Field;
         return sorma::Class::of<Simlab>("simlab", "a simulated laboratory: arm, hand, camera, table, board and tokens")
-            .text("-scene", &Simlab::scene_, {.help = "8x8, 10x10, tracker (no board), or a MuJoCo file", .fixed = true})
-            .text("-prefix", &Simlab::prefix_, {.help = "put before the keys of all buffers", .fixed = true})
+            .named("-scene", &Simlab::scene_, {.help = "8x8, 10x10, tracker (no board), or a MuJoCo file", .fixed = true,
+                                               .literals = {"8x8", "10x10", "tracker"}})
+            .named("-prefix", &Simlab::prefix_, {.help = "put before the keys of all buffers", .fixed = true})
             .choice("-lockstep", &Simlab::lockstep_, {"", "arm.set"},
-                    {.help = "lab time waits for the set-point that is due, at most 0.1 s of wall time; empty: it does not",
+                    {.help = "lab time waits for the set-point that is due, at most 2 s of wall time; empty: it does not",
                      .fixed = true})
             .integer("-seed", &Simlab::seed_, {.low = 0, .high = 1e15, .help = "of all noise", .fixed = true})
             .vector("-posture", &Simlab::posture_,
@@ -95,7 +96,9 @@ public:
                     {.unit = "1", .low = 0.01, .high = 10, .help = "factor of the friction of the fingertips"})
             .action("-emergencyStop", &Simlab::emergencyStop, "",
                     "cut the arm's power; only -reset gives it back", 0, 0, sorma::Right::call)
+            .danger(sorma::Danger::stop)
             .action("-reset", &Simlab::reset, "", "a person has looked: the arm may have power again")
+            .danger(sorma::Danger::power)
             .action("-move", &Simlab::move, "token file rank ?underneath?",
                     "put a token on a field, on so many others", 3, 4)
             .action("-steal", &Simlab::steal, "token", "take a token away, to the corner of the table", 1, 1)
@@ -111,6 +114,7 @@ public:
             .action("-person", &Simlab::thing<simlab::Props::person>, "x y z ?seconds?|away",
                     "bring a person's hand, or move it", 1, 4)
             .action("-push", &Simlab::push, "fx fy fz seconds", "push the robot's hand [N], in the world's axes", 4, 4)
+            .danger(sorma::Danger::move)
             .inspection({"-tokens", "", "name file rank x y z of each token", 0, 0,
                          [](Service& s, Args, Message& m) {
                              m.text += static_cast<Simlab&>(s).lab([](Laboratory& l) { return l.props.tokens(); });
@@ -125,7 +129,7 @@ public:
                          }})
             .inspection({"-scene", "", "a scene in the box as a MuJoCo file: to start from", 0, 0,
                          [](Service& s, Args, Message& m) {
-                             auto text = simlab::Scene::text(static_cast<Simlab&>(s).scene_);
+                             auto text = simlab::Scene::text(static_cast<Simlab&>(s).scene_.get(sorma::Permit::owner()));
                              m.text += text.empty() ? simlab::Scene::text("8x8") : text;
                          }})
             .concurrency(sorma::Concurrency::concurrent)
@@ -142,8 +146,8 @@ public:
     void born() override {
         checkLight();
         simlab::Setup setup;
-        setup.scene = scene_;
-        setup.prefix = prefix_;
+        setup.scene = scene_.use(*this);
+        setup.prefix = prefix_.use(*this);
         setup.lockstep = lockstep_;
         setup.program = sorm().daemonName.empty() ? sorma::Caller::self().program : sorm().daemonName;
         setup.seed = std::uint64_t(seed_);
@@ -151,7 +155,6 @@ public:
         setup.width = int(width_);
         setup.height = int(height_);
         setup.samples = int(samples_);
-        if (simlab::Scene::text(scene_).empty()) sorm().access.need(author("-scene"), sorma::Right::files, scene_, name());
         auto event = [box = sorm().mailbox(), weak = std::weak_ptr<Simlab*>(alive_)](std::string event, std::string text) {
             box->post([weak, event = std::move(event), text = std::move(text)] {
                 if (auto self = weak.lock()) (*self)->tell(event, text);
@@ -163,7 +166,7 @@ public:
             lab_ = std::make_unique<Laboratory>(setup, settings(), event);
             charge_ = std::move(charge);
         } catch (const simlab::SceneError& e) {
-            fail(kScene, name(), "-scene " + scene_ + ":", e.what());
+            fail(kScene, name(), "-scene " + setup.scene + ":", e.what());
         } catch (const shmem::Failure& e) {
             fail(kBuffer, name(), e.what());
         }
@@ -324,8 +327,12 @@ private:
         });
     }
     void ball(Args args, Message& m) {
-        if (args[0] == "file") sorm().access.need(m.author, sorma::Right::files, args[1], name());
-        act("-ball", [&](Laboratory& l) { l.props.setBall(simlab::Path::parse({args.begin(), args.end()}), l.now()); });
+        const bool file = args[0] == "file" && args.size() == 2;
+        const sorma::Named<sorma::Kind::file> name(file ? args[1] : std::string(), m.author);
+        const std::string& path = name.use(*this);
+        act("-ball", [&](Laboratory& l) {
+            l.props.setBall(file ? simlab::Trajectory::ofFile(path) : simlab::Trajectory::parse({args.begin(), args.end()}), l.now());
+        });
     }
     template <simlab::Props::Thing which> void thing(Args args, Message&) {
         act(which == simlab::Props::secondBall ? "-secondBall"
@@ -358,7 +365,9 @@ private:
         sorm().announce(event, text, {name()});
     }
 
-    std::string scene_ = "8x8", prefix_, lockstep_;
+    sorma::Named<sorma::Kind::segment> prefix_;
+    sorma::Named<sorma::Kind::file> scene_ = "8x8";
+    std::string lockstep_;
     std::int64_t seed_ = 1, width_ = 500, height_ = 500, samples_ = 4;
     std::vector<double> posture_ = {0.304798, 1.452067, -3.149117, 0, -1.444543, -2.836795};  // above the board, tool down
     double speed_ = 1;

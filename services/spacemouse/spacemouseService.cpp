@@ -52,7 +52,7 @@ public:
     static sorma::Class describe() {
         using enum sorma::Field;
         return sorma::Class::of<Spacemouse>("spacemouse", "what a hand moves in six directions: a hand controller, by the socket of its daemon")
-            .text("-socket", &Spacemouse::path_, {.help = "of the controller's daemon, as /var/run/spnav.sock; empty: none, EXEC alone says what the hand does"})
+            .named("-socket", &Spacemouse::path_, {.help = "of the controller's daemon, as /var/run/spnav.sock; empty: none, EXEC alone says what the hand does"})
             .real("-renew", &Spacemouse::renew_, {.unit = "s", .low = 0.001, .high = 60, .help = "a record that was not renewed for so long counts as zeros"})
             .reads(floats, sorma::between(0, kWays), "", "none; or x y z and turns about x y z, as if the hand did that: a stand-in")
             .writes(floats, sorma::exactly(kWays), "", "x y z and turns about x y z, as the controller counts; zeros when they are not renewed")
@@ -67,9 +67,9 @@ public:
     void born() override { changed({}); }
     void changed(std::span<const sorma::Option* const>) override {
         constexpr std::size_t most = sizeof(sockaddr_un::sun_path) - 1;
-        if (path_.size() > most) fail(kPath, name(), path_.size(), most);
-        if (!path_.empty()) sorm().access.need(author("-socket"), sorma::Right::files, path_, name());
-        if (path_ != open_) close();
+        const std::string& path = path_.use(*this);
+        if (path.size() > most) fail(kPath, name(), path.size(), most);
+        if (path != open_) close();
         look();
     }
 
@@ -115,14 +115,15 @@ private:
 #ifdef HAVE_SPNAV
         if (holder_) return wait("libspnav has one connection in a process, and " + holder_->name() + " has it", kAgain);
         struct stat file;
-        if (::stat(path_.c_str(), &file) != 0) return wait(std::strerror(errno), kAgain);
+        const std::string& path = path_.use(*this);
+        if (::stat(path.c_str(), &file) != 0) return wait(std::strerror(errno), kAgain);
         if (!S_ISSOCK(file.st_mode)) return wait("it is no socket", kAgain);
         // libspnav waits with select().
         const int next = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
         if (next >= 0) ::close(next);
         if (next < 0 || next >= FD_SETSIZE) return wait("the process has too many open files for libspnav", kAgain);
         if (!connect()) return wait("it does not answer", kRefused);
-        fd_ = spnav_fd(), open_ = path_, holder_ = this;
+        fd_ = spnav_fd(), open_ = path, holder_ = this;
         ::fcntl(fd_, F_SETFD, FD_CLOEXEC);
         watch();
 #else
@@ -137,7 +138,7 @@ private:
         constexpr const char* kVariable = "SPNAV_SOCKET";
         const char* before = std::getenv(kVariable);
         const std::optional<std::string> kept = before ? std::optional<std::string>(before) : std::nullopt;
-        ::setenv(kVariable, path_.c_str(), 1);
+        ::setenv(kVariable, path_.use(*this).c_str(), 1);
         const bool done = spnav_open() == 0;
         kept ? ::setenv(kVariable, kept->c_str(), 1) : ::unsetenv(kVariable);
         return done;
@@ -224,7 +225,8 @@ private:
         });
     }
 
-    std::string path_, open_, problem_ = "nobody has looked yet";
+    sorma::Named<sorma::Kind::file> path_;
+    std::string open_, problem_ = "nobody has looked yet";
     double renew_ = 0.1;
     int fd_ = -1;
     std::array<double, kWays> ways_{};

@@ -73,9 +73,9 @@ public:
     static sorma::Class describe() {
         using enum sorma::Field;
         return sorma::Class::of<Speaker>("speaker", "says things aloud: recorded fragments, and spoken text")
-            .text("-folder", &Speaker::folder_, {.help = "where recorded fragments are: a word of EXEC that names a file there is played; empty: all is spoken", .kind = sorma::Kind::file})
+            .named("-folder", &Speaker::folder_, {.help = "where recorded fragments are: a word of EXEC that names a file there is played; empty: all is spoken"})
             .choice("-output", &Speaker::output_, {"sound", "files", "log"}, {.help = "sound: by the player; files: numbered files in -to; log: text alone, in the file -to"})
-            .text("-to", &Speaker::to_, {.help = "folder of -output files, or file of -output log; empty: the only the event said, no log", .kind = sorma::Kind::file})
+            .named("-to", &Speaker::to_, {.help = "folder of -output files, or file of -output log; empty: the only the event said, no log"})
             .integer("-verbosity", &Speaker::verbosity_, {.unit = "1", .low = 0, .high = 9, .help = "messages of a higher level are not said: 0 alarms alone, 1 what people should know, 2 what goes on"})
             .integer("-max", &Speaker::max_, {.unit = "messages", .low = 1, .high = 100, .help = "that are said at once"})
             .integer("-queue", &Speaker::queue_, {.unit = "messages", .low = 0, .high = 10'000, .help = "that wait meanwhile; more are refused"})
@@ -84,9 +84,9 @@ public:
             .text("-voice", &Speaker::voice_, {.help = "of the synthesizer, as espeak-ng -v takes it"})
             .integer("-speed", &Speaker::speed_, {.unit = "words/min", .low = 80, .high = 450, .help = "of the synthesizer"})
             .integer("-volume", &Speaker::volume_, {.unit = "%", .low = 0, .high = 200, .help = "of the synthesizer"})
-            .text("-synthesizer", &Speaker::synthesizer_, {.help = "program and arguments, a list: text comes by its standard input, sound leaves by its standard output. %v, %s and "
+            .named("-synthesizer", &Speaker::synthesizer_, {.help = "program and arguments, a list: text comes by its standard input, sound leaves by its standard output. %v, %s and "
                                                                    "%a are voice, speed and volume", .expert = true})
-            .text("-player", &Speaker::player_, {.help = "program and arguments, a list: it plays what comes by its standard input", .expert = true})
+            .named("-player", &Speaker::player_, {.help = "program and arguments, a list: it plays what comes by its standard input", .expert = true})
             .action({"-quiet", "", "cut off the present message, and remove those that wait", 0, 0,
                      [](Service& s, Args, Message& m) { static_cast<Speaker&>(s).quiet(m); }, Right::call})
             .action({"-list", "", "a line for each message that is said or waits: priority, text", 0, 0,
@@ -166,7 +166,7 @@ private:
             else out.push_back({false, text});
         };
         for (auto& word : m.words) {
-            const std::string file = folder_ + "/" + word;
+            const std::string file = folder_.use(*this) + "/" + word;
             struct stat status;
             // A plain name: no other folder can be asked for.
             if (!folder_.empty() && word.find('/') == std::string::npos && word.find('\0') == std::string::npos &&
@@ -178,17 +178,16 @@ private:
         return out;
     }
 
-    // The authors of these options choose programs and files, so they need the rights to them.
+    // The authors of these options choose programs and files. They are asked before anything is said.
     void mayRun() {
-        auto& access = sorm().access;
-        if (output_ != "log") access.need(author("-synthesizer"), Right::program, name(), name());
-        if (output_ == "sound") access.need(author("-player"), Right::program, name(), name());
-        if (!folder_.empty()) access.need(author("-folder"), Right::files, sorma::realPath(folder_), name());
-        if (output_ != "sound" && !to_.empty()) access.need(author("-to"), Right::files, sorma::realPath(to_), name());
+        if (output_ != "log") (void)synthesizer_.permit(*this);
+        if (output_ == "sound") (void)player_.permit(*this);
+        (void)folder_.permit(*this);
+        if (output_ != "sound") (void)to_.permit(*this);
     }
 
     std::vector<std::string> command(const std::string& option) const {
-        const std::string& list = option == "-player" ? player_ : synthesizer_;
+        const std::string& list = (option == "-player" ? player_ : synthesizer_).use(*this);
         std::vector<std::string> words;
         try {
             words = sorma::splitWords(list);
@@ -231,10 +230,10 @@ private:
 
     // The next piece, or the end.
     void proceed(const JobPointer& job) {
-        if (output_ == "log" || job->at == job->pieces.size()) return finish(job);
-        const Piece& piece = job->pieces[job->at];
-        job->sound.clear();
         try {
+            if (output_ == "log" || job->at == job->pieces.size()) return finish(job);
+            const Piece& piece = job->pieces[job->at];
+            job->sound.clear();
             if (!piece.recorded) return run(job, command("-synthesizer"), piece.what, true);
             std::ifstream file(piece.what, std::ios::binary | std::ios::ate);
             const auto size = file.tellg();
@@ -249,11 +248,15 @@ private:
     }
 
     void play(const JobPointer& job) {
-        if (output_ == "sound") return run(job, command("-player"), std::exchange(job->sound, {}), false);
-        const std::string file = to_ + "/" + std::to_string(++files_) + ".wav";
-        std::ofstream out(file, std::ios::binary);
-        if (!out.write(job->sound.data(), std::streamsize(job->sound.size())).flush())
-            return done(job, error(kFile, name(), file, std::string("cannot be written: ") + std::strerror(errno)));
+        try {
+            if (output_ == "sound") return run(job, command("-player"), std::exchange(job->sound, {}), false);
+            const std::string file = to_.use(*this) + "/" + std::to_string(++files_) + ".wav";
+            std::ofstream out(file, std::ios::binary);
+            if (!out.write(job->sound.data(), std::streamsize(job->sound.size())).flush())
+                return done(job, error(kFile, name(), file, std::string("cannot be written: ") + std::strerror(errno)));
+        } catch (const sorma::Error& e) {       // its author has lost the right
+            return done(job, e);
+        }
         ++job->at;
         proceed(job);
     }
@@ -270,7 +273,7 @@ private:
             [j](std::string_view bytes) { j->lastError.append(bytes.substr(0, 1000 - std::min<std::size_t>(1000, j->lastError.size()))); },
             [this, j, synthesizes](const child::End& end) { ended(*j, end, synthesizes); }});
         try {
-            job->process->start({std::move(words), {}, std::move(input)});
+            job->process->start({std::move(words), {}, std::move(input)}, (synthesizes ? synthesizer_ : player_).permit(*this));
         } catch (const std::system_error& e) {
             done(job, error(kProgram, name(), job->program, "cannot be started:", e.what(), ""));
         }
@@ -300,9 +303,10 @@ private:
             localtime_r(&now, &local);
             char stamp[32];
             std::strftime(stamp, sizeof stamp, "%Y-%m-%dT%H:%M:%S", &local);
-            std::ofstream log(to_, std::ios::app);
+            const std::string& file = to_.get(to_.permit(*this));
+            std::ofstream log(file, std::ios::app);
             if (!(log << stamp << " " << job->priority << " " << job->shown << std::endl))
-                return done(job, error(kFile, name(), to_, std::string("cannot be written: ") + std::strerror(errno)));
+                return done(job, error(kFile, name(), file, std::string("cannot be written: ") + std::strerror(errno)));
         }
         ++said_;
         done(job, std::nullopt);
@@ -361,8 +365,10 @@ private:
         for (auto& job : all) job->reply.fail(error(kGone, name(), job->shown));
     }
 
-    std::string folder_, output_ = "sound", to_, voice_ = "en";
-    std::string synthesizer_ = "espeak-ng -v %v -s %s -a %a --stdin --stdout", player_ = "aplay -q -";
+    sorma::Named<sorma::Kind::folder> folder_;
+    sorma::Named<sorma::Kind::file> to_;
+    std::string output_ = "sound", voice_ = "en";
+    sorma::Named<sorma::Kind::program> synthesizer_ = "espeak-ng -v %v -s %s -a %a --stdin --stdout", player_ = "aplay -q -";
     std::int64_t verbosity_ = 1, max_ = 1, queue_ = 20, speed_ = 150, volume_ = 100;
     double patience_ = 0, timeout_ = 60;
     std::list<JobPointer> running_, waiting_;

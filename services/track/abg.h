@@ -2,7 +2,8 @@
 //
 // Model: the acceleration changes by a random step in each interval (discrete Wiener process acceleration). The axes are
 // filtered by themselves, with the same gains. Sources: P. Kalata, The tracking index, IEEE Trans. AES-20, 1984;
-// Y. Bar-Shalom and T. Fortmann, Tracking and Data Association, 1988. Their last gain is half of gamma here.
+// Y. Bar-Shalom and T. Fortmann, Tracking and Data Association, 1988. They write a += gamma/(2 T^2) r: their gamma is
+// twice the one here.
 //
 // Threads:   one at a time.
 // Allocates: Filter::Filter and resize alone.

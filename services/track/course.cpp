@@ -57,7 +57,7 @@ void Course::step(double dt, const Eigen::Vector3d& target, const Eigen::Vector3
     position += velocity * dt;
 }
 
-void Turn::step(double dt, const Eigen::Quaterniond& target, const Limits& limits) {
+void RotationCourse::step(double dt, const Eigen::Quaterniond& target, const Limits& limits) {
     Eigen::Quaterniond left = target * orientation.conjugate();
     if (left.w() < 0) left.coeffs() = -left.coeffs();           // the shorter way
     const Eigen::AngleAxisd rest(left);

@@ -43,7 +43,7 @@ struct Course {
 };
 
 // An orientation; the same law for the vector of the rotation that is left.
-struct Turn {
+struct RotationCourse {
     Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();
     Eigen::Vector3d velocity = Eigen::Vector3d::Zero();         // [rad/s], world
 

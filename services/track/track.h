@@ -69,7 +69,7 @@ private:
     double turnNear_ = 0.05, period_ = 0, floor_ = -100, touch_ = 0.02;
     Limits limits_, turnLimits_;
     Course course_;
-    Turn turn_;
+    RotationCourse turn_;
     bool begun_ = false;
 };
 

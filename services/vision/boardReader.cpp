@@ -34,7 +34,7 @@ Eigen::Vector3d BoardPose::world(double boardX, double boardY, double height) co
     return {x + c * boardX - s * boardY, y + s * boardX + c * boardY, height};
 }
 
-BoardPose findMarkers(const std::vector<Blob>& blobs, const View& view, const BoardShape& shape) {
+BoardPose findMarkers(const std::vector<Blob>& blobs, const CameraView& view, const BoardShape& shape) {
     BoardPose pose;
     std::vector<const Blob*> found;
     for (auto& b : blobs) {
@@ -70,7 +70,7 @@ BoardPose findMarkers(const std::vector<Blob>& blobs, const View& view, const Bo
     return pose;
 }
 
-Situation readBoard(const std::vector<Blob>& blobs, const View& view, const BoardShape& shape, const BoardPose& pose) {
+Situation readBoard(const std::vector<Blob>& blobs, const CameraView& view, const BoardShape& shape, const BoardPose& pose) {
     const int n = shape.fields;
     struct Field {
         Eigen::Vector2d pixel;

@@ -1,7 +1,7 @@
 // boardReader.h -- a draughts board in a picture: its place, from its two markers, and the token on each field.
 //
 // Board frame: origin in its middle, x away from the robot, y to the left. Fields are the game's: file a..h = 1..n along y, rank 1 at
-// the person, x = (n/2 - rank + 1/2) F (simlab.md, "Sides").
+// the person, x = (n/2 - rank + 1/2) F (doc/simlab.man).
 #pragma once
 
 #include <string>
@@ -28,7 +28,7 @@ struct BoardPose {
 };
 
 // The two violet discs among the blobs; tests by their number, sizes, roundness and distance.
-BoardPose findMarkers(const std::vector<Blob>& blobs, const View& view, const BoardShape& shape);
+BoardPose findMarkers(const std::vector<Blob>& blobs, const CameraView& view, const BoardShape& shape);
 
 struct Situation {
     std::string symbols;                // n*n of . r y and ?, for uncertain; rank n first, file a first
@@ -37,7 +37,7 @@ struct Situation {
 };
 
 // The tokens on the fields: each token goes to the field that it fits best, and each field keeps the one that fits best.
-Situation readBoard(const std::vector<Blob>& blobs, const View& view, const BoardShape& shape, const BoardPose& pose);
+Situation readBoard(const std::vector<Blob>& blobs, const CameraView& view, const BoardShape& shape, const BoardPose& pose);
 
 // One token, where one is expected: the blob of this colour that fits best, and how well it does (0 .. 1). null: there is none.
 struct Disk {

@@ -1,7 +1,7 @@
 // colourTable.h -- the colour of a pixel: a table of 65536 codes, 6 bits of hue, 5 of saturation, 5 of brightness.
 //
 // It is trained from pictures whose pixels are labelled: competitive clusters of each class in the cone of colours, a radial basis
-// function about each, and the class with the largest one gets the code (vision.md of the laboratory's reference, section 3).
+// function about each, and the class with the largest one gets the code.
 #pragma once
 
 #include <array>

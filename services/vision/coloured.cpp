@@ -29,14 +29,14 @@ cv::Mat pictureOf(const std::string& who, const std::string& whose, sorma::Messa
     return cv::Mat(int(height), int(width), type, m.any.data());
 }
 
-TablePointer Coloured::load(const std::string& file, const sorma::PrincipalPointer& author, std::string* origin) const {
+TablePointer Coloured::load(const TableFile& file, std::string* origin) const {
     if (file.empty()) return nullptr;
-    sorm().access.need(author, sorma::Right::files, sorma::realPath(file), name());
+    const std::string& name = file.use(*this);
     try {
         std::string line;
-        return std::make_shared<ColourTable>(ColourTable::load(file, origin ? *origin : line));
+        return std::make_shared<ColourTable>(ColourTable::load(name, origin ? *origin : line));
     } catch (const std::runtime_error& e) {
-        fail(kTable, name(), e.what());
+        fail(kTable, this->name(), e.what());
     }
 }
 

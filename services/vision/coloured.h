@@ -23,8 +23,9 @@ using TablePointer = std::shared_ptr<ColourTable>;
 // Base of classes that read a table of colours from a file.
 class Coloured : public sorma::Service {
 protected:
-    // For this author, who must be allowed to read the file; null: there is no file. Fails with VISION TABLE.
-    TablePointer load(const std::string& file, const sorma::PrincipalPointer& author, std::string* origin = nullptr) const;
+    // Null: there is no file. Fails with VISION TABLE.
+    using TableFile = sorma::Named<sorma::Kind::file>;
+    TablePointer load(const TableFile& file, std::string* origin = nullptr) const;
 };
 
 }  // namespace vision

@@ -36,18 +36,12 @@ public:
         if (!m.any.empty() || !m.floats.empty()) return work(m, "what it got");
         if (!from_) fail(kNoInput, name(), input());
         const sorma::Reply reply = later(m);
-        sorma::Future future = from_->async(sorma::Method::exec, Message());
-        reply.onCancel([future] { future.cancel(); });
-        future.then([this, self = sorma::Reference(this), reply](sorma::Future answered) {
-            try {
-                Message& answer = reply.message();
-                answer.swap(answered.result());
-                answer.text.clear(), answer.ints.clear();
-                work(answer, "what " + from_->name() + " answered");
-                reply.complete();
-            } catch (const std::exception& e) {
-                reply.fail(e);
-            }
+        reply.ask(from_, Message(), [this, self = sorma::Reference(this), reply](Message& answered) {
+            Message& answer = reply.message();
+            answer.swap(answered);
+            answer.text.clear(), answer.ints.clear();
+            work(answer, "what " + from_->name() + " answered");
+            reply.complete();
         });
     }
 
@@ -104,17 +98,17 @@ public:
     static sorma::Class describe() {
         using enum sorma::Field;
         return fed<Classify>(sorma::Class::of<Classify>("classify", "which class each pixel of a picture has: by a table of colours, or bright and dark"), "pictures, as camera and grab do")
-            .text("-table", &Classify::file_, {.help = "file with the table of colours, as hsvtable has written it", .kind = sorma::Kind::file})
+            .named("-table", &Classify::file_, {.help = "file with the table of colours, as hsvtable has written it"})
             .integer("-threshold", &Classify::threshold_, {.unit = "1", .low = 0, .high = 255, .help = "pixels that are as bright have class 1, others 0; 0: the table decides"})
             .reads(floats, sorma::between(0, 16), "", "nothing, or a picture's time, width, height")
             .reads(any, {}, "", "a picture; none: -from is asked")
             .writes(floats, sorma::exactly(3), "s, pixels", "time, width, height")
             .writes(any, {}, "", "a byte for each pixel: 0 background; of a table: 1 red, 2 yellow, 3 violet");
     }
-    void born() override { table_ = load(file_, author("-table")); }
+    void born() override { table_ = load(file_); }
     sorma::Commit prepare(const sorma::Change& change) override {
         if (!change.concerns("-table")) return nullptr;
-        return [this, next = load(change.get<std::string>("-table"), change.author("-table"))]() mutable { std::swap(table_, next); };
+        return [this, next = load(change.named<sorma::Kind::file>("-table"))]() mutable { std::swap(table_, next); };
     }
 
 private:
@@ -132,7 +126,7 @@ private:
         m.any.assign(classes_.data, classes_.data + classes_.total());
     }
 
-    std::string file_;
+    TableFile file_;
     std::int64_t threshold_ = 0;
     TablePointer table_;
     cv::Mat classes_, room_;

@@ -14,13 +14,13 @@ Lens Lens::of(int width, int height, double fieldOfView) {
     return {height / (2 * std::tan(fieldOfView / 2)), width / 2.0 - 0.5, height / 2.0 - 0.5};
 }
 
-Eigen::Vector2d View::pixelOf(const Eigen::Vector3d& point) const {
+Eigen::Vector2d CameraView::pixelOf(const Eigen::Vector3d& point) const {
     Eigen::Vector3d p = camera.inverse() * point;
     if (!(p.z() > 0)) return {kNone, kNone};
     return {lens.centreU + lens.f * p.x() / p.z(), lens.centreV + lens.f * p.y() / p.z()};
 }
 
-Eigen::Vector3d View::onPlane(const Eigen::Vector2d& pixel, double height) const {
+Eigen::Vector3d CameraView::onPlane(const Eigen::Vector2d& pixel, double height) const {
     Eigen::Vector3d ray = camera.linear() * Eigen::Vector3d((pixel.x() - lens.centreU) / lens.f, (pixel.y() - lens.centreV) / lens.f, 1);
     double t = (height - camera.translation().z()) / ray.z();
     if (!(t > 0) || !std::isfinite(t)) return Eigen::Vector3d::Constant(kNone);

@@ -13,7 +13,7 @@ struct Lens {
     static Lens of(int width, int height, double fieldOfView);      // vertical [rad]
 };
 
-struct View {
+struct CameraView {
     Lens lens;
     Eigen::Isometry3d camera = Eigen::Isometry3d::Identity();       // the camera frame in the world's [m]
 
@@ -23,7 +23,7 @@ struct View {
     Eigen::Vector3d onPlane(const Eigen::Vector2d& pixel, double height) const;
 };
 
-// The image of a ball, exactly: an ellipse (Walter's laboratory, vision.md section 5). centre: in the camera frame [m].
+// The image of a ball, exactly: an ellipse. centre: in the camera frame [m].
 struct BallImage {
     double u = 0, v = 0, a = 0, b = 0, area = 0, eccentricity = 0;
 };

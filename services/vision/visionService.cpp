@@ -48,10 +48,8 @@ public:
     static sorma::Class describe() {
         using enum sorma::Field;
         return sorma::Class::of<Hsvtable>("hsvtable", "a table that tells the colours of the board's things; learned from labelled pictures")
-            .text("-file", &Hsvtable::file_, {.help = "file to take the table from, as CTRL -save has written it; empty: all is background"})
-            .action({"-save", "file", "write the table to a file, for -file and for -table of the others", 1, 1,
-                     [](sorma::Service& s, sorma::Args args, Message& m) { static_cast<Hsvtable&>(s).save(args[0], m); },
-                     sorma::Right::inspect, true})
+            .named("-file", &Hsvtable::file_, {.help = "file to take the table from, as CTRL -save has written it; empty: all is background"})
+            .action("-save", &Hsvtable::save, "file", "write the table to a file, for -file and for -table of the others", 1, sorma::Right::inspect, true)
             .action("-learn", &Hsvtable::learn, "", "make the table of all pictures that EXEC train was given")
             .action("-forget", &Hsvtable::forget, "", "forget these pictures; the table stays until the next -learn")
             .words("code|classify|train")
@@ -65,11 +63,11 @@ public:
     }
 
     void born() override {
-        if (auto table = load(file_, author("-file"), &origin_)) table_ = table;
+        if (auto table = load(file_, &origin_)) table_ = table;
     }
     sorma::Commit prepare(const sorma::Change& change) override {
         std::string origin;
-        auto next = change.concerns("-file") ? load(change.get<std::string>("-file"), change.author("-file"), &origin) : nullptr;
+        auto next = change.concerns("-file") ? load(change.named<sorma::Kind::file>("-file"), &origin) : nullptr;
         if (!next) return nullptr;
         return [this, next, origin]() mutable {
             std::swap(table_, next);
@@ -98,10 +96,9 @@ public:
     }
 
 private:
-    void save(const std::string& file, Message& m) {
-        sorm().access.need(m.author, sorma::Right::files, sorma::realPath(file), name());
+    void save(Message&, const sorma::Named<sorma::Kind::file>& file) {
         try {
-            table_->save(file, origin_);
+            table_->save(file.use(*this), origin_);
         } catch (const std::runtime_error& e) {
             fail(kTable, name(), e.what());
         }
@@ -133,7 +130,8 @@ private:
 
     void forget(sorma::Args, Message&) { training_ = {}; }
 
-    std::string file_, origin_;
+    TableFile file_;
+    std::string origin_;
     TablePointer table_ = std::make_shared<vision::ColourTable>();
     vision::Training training_;
 };
@@ -164,14 +162,11 @@ public:
         job->asked.text = m.text;
         job->debug = debug;
         job->reply = later(m);
-        job->reply.onCancel([weak = std::weak_ptr(job)] {
-            if (auto j = weak.lock(); j && j->under) j->under.cancel();
-        });
-        ask(job, picture_, [this, job](Message& picture) {
+        job->reply.ask(picture_, Message(), [this, job](Message& picture) {
             job->picture.floats.swap(picture.floats);
             job->picture.any.swap(picture.any);
             if (!pose_) return finish(job, at_, "-at");
-            ask(job, pose_, [this, job](Message& m) {
+            job->reply.ask(pose_, Message(), [this, job](Message& m) {
                 if (m.floats.size() < 8) fail(kPose, name(), pose_->name(), m.floats.size());
                 finish(job, std::vector<double>(m.floats.begin() + 1, m.floats.begin() + 8), pose_->name());
             });
@@ -184,7 +179,7 @@ protected:
         if (!m.words.empty()) fail(kWord, name(), m.words[0], "debug");
     }
     // The answer to asked, of what there is in a picture.
-    virtual void look(const cv::Mat& picture, double time, const Message& asked, const vision::View& view, Message& answer) = 0;
+    virtual void look(const cv::Mat& picture, double time, const Message& asked, const vision::CameraView& view, Message& answer) = 0;
 
     template <class S> static sorma::Class looking(sorma::Class c, bool colours = true) {
         c.service("-picture", &S::picture_, {.help = "answers a picture: floats time, width, height; any RGB; as shmem_r of camera.image does"})
@@ -194,7 +189,7 @@ protected:
                                            .minLength = 7, .maxLength = 7})
             .real("-fieldOfView", &S::fieldOfView_, {.unit = "rad", .low = 0.05, .high = 3, .help = "of the lens, from the top row to the bottom row"});
         c.words("?debug?").writes(sorma::Field::any, {}, "", "debug: the picture with what was found in it, PPM");
-        if (colours) c.text("-table", &S::tableFile_, {.help = "file with the table of colours, as hsvtable has written it"});
+        if (colours) c.named("-table", &S::tableFile_, {.help = "file with the table of colours, as hsvtable has written it"});
         return c;
     }
 
@@ -206,31 +201,19 @@ protected:
         return found;
     }
 
-    void born() override { table_ = load(tableFile_, author("-table")); }
+    void born() override { table_ = load(tableFile_); }
     sorma::Commit prepare(const sorma::Change& change) override {
         if (!change.concerns("-table")) return nullptr;
-        return [this, next = load(change.get<std::string>("-table"), change.author("-table"))]() mutable { std::swap(table_, next); };
+        return [this, next = load(change.named<sorma::Kind::file>("-table"))]() mutable { std::swap(table_, next); };
     }
 
 private:
     struct Job {
         sorma::Reference self;
         sorma::Reply reply;
-        sorma::Future under;
         Message asked, picture;
         bool debug = false;
     };
-
-    template <class Next> void ask(const std::shared_ptr<Job>& job, const sorma::Reference& object, Next next) {
-        job->under = object->async(sorma::Method::exec, Message());
-        job->under.then([job, next](sorma::Future answer) {
-            try {
-                next(answer.result());
-            } catch (const std::exception& e) {
-                job->reply.fail(e);
-            }
-        });
-    }
 
     void finish(const std::shared_ptr<Job>& job, const std::vector<double>& pose, const std::string& whose) {
         cv::Mat picture = pictureOf(name(), "what " + picture_->name() + " answered", job->picture);
@@ -240,7 +223,7 @@ private:
     }
 
     // For debug the answer is the picture with what was found in it; why nothing was is its text, and the code is 1.
-    void see(bool debug, const cv::Mat& picture, double time, const Message& asked, const vision::View& view, Message& answer) {
+    void see(bool debug, const cv::Mat& picture, double time, const Message& asked, const vision::CameraView& view, Message& answer) {
         if (!debug) return look(picture, time, asked, view, answer);
         vision::Drawing drawing(picture);
         drawing_ = &drawing;
@@ -266,7 +249,7 @@ private:
     }
 
 protected:
-    vision::View viewOf(const cv::Mat& picture, const std::vector<double>& tool, const std::string& whose) const {
+    vision::CameraView viewOf(const cv::Mat& picture, const std::vector<double>& tool, const std::string& whose) const {
         return {vision::Lens::of(picture.cols, picture.rows, fieldOfView_), frame(tool, whose) * frame(mount_, "-mount")};
     }
 
@@ -274,7 +257,7 @@ protected:
     // Above the middle of the board, looking down; and the camera of the laboratory's hand, 12 degrees towards the tool's axis.
     std::vector<double> at_{0.57, 0, 0.45, 0, 1, 0, 0}, mount_{0.115, 0, -0.150, 0.703233, -0.0739128, -0.0739128, 0.703233};
     double fieldOfView_ = 1.0122909661567112;
-    std::string tableFile_;
+    TableFile tableFile_;
     TablePointer table_;
     cv::Mat colours_, hsv_;
     vision::BlobFinder finder_;
@@ -328,13 +311,13 @@ protected:
             if (!(std::abs(x) < 1e9)) fail(kFloats, name(), "finite numbers", x);
     }
     // Who asks beside the stream is told what the stream would be, and changes nothing.
-    void look(const cv::Mat& picture, double time, const Message& asked, const vision::View& view, Message& answer) override {
+    void look(const cv::Mat& picture, double time, const Message& asked, const vision::CameraView& view, Message& answer) override {
         vision::BallMemory aside = asked.any.empty() ? memory_ : vision::BallMemory();
         see(picture, time, asked, view, answer, aside);
     }
 
 private:
-    void see(const cv::Mat& picture, double time, const Message& asked, const vision::View& view, Message& answer, vision::BallMemory& memory) {
+    void see(const cv::Mat& picture, double time, const Message& asked, const vision::CameraView& view, Message& answer, vision::BallMemory& memory) {
         std::optional<cv::Rect> window;
         if (!asked.words.empty()) {
             const double* w = asked.floats.data() + (asked.any.empty() ? 0 : 3);
@@ -422,7 +405,7 @@ protected:
             .vector("-token", &S::token_, {.unit = "m", .low = 1e-4, .high = 1, .help = "radius and height of a token", .minLength = 2, .maxLength = 2});
     }
     vision::BoardShape shape() const { return {int(fields_), field_, markers_[0], markers_[1], token_[0], token_[1]}; }
-    vision::BoardPose board(const std::vector<vision::Blob>& blobs, const vision::View& view) const {
+    vision::BoardPose board(const std::vector<vision::Blob>& blobs, const vision::CameraView& view) const {
         auto pose = vision::findMarkers(blobs, view, shape());
         if (!pose.trouble.empty()) fail(kMarkers, name(), pose.trouble);
         if (drawing_) {
@@ -453,7 +436,7 @@ public:
     }
 
 protected:
-    void look(const cv::Mat& picture, double, const Message&, const vision::View& view, Message& answer) override {
+    void look(const cv::Mat& picture, double, const Message&, const vision::CameraView& view, Message& answer) override {
         const auto pose = board(blobs(picture), view);
         answer.floats = {pose.a.x(), pose.a.y(), pose.b.x(), pose.b.y(), pose.x, pose.y, pose.yaw};
     }
@@ -472,7 +455,7 @@ public:
     }
 
 protected:
-    void look(const cv::Mat& picture, double time, const Message&, const vision::View& view, Message& answer) override {
+    void look(const cv::Mat& picture, double time, const Message&, const vision::CameraView& view, Message& answer) override {
         const auto& found = blobs(picture);
         const auto pose = board(found, view);
         auto s = vision::readBoard(found, view, shape(), pose);
@@ -523,7 +506,7 @@ protected:
         if (m.floats.size() != (m.any.empty() ? 2 : 5)) fail(kFloats, name(), m.any.empty() ? "u and v" : "time, width, height, u and v", m.floats.size());
         colourOf(m.text);
     }
-    void look(const cv::Mat& picture, double, const Message& asked, const vision::View&, Message& answer) override {
+    void look(const cv::Mat& picture, double, const Message& asked, const vision::CameraView&, Message& answer) override {
         const double *at = asked.floats.data() + asked.floats.size() - 2, u = at[0], v = at[1];
         const auto colour = colourOf(asked.text);
         const auto disk = vision::findDisk(blobs(picture), colour, {u, v}, radius_, error_);

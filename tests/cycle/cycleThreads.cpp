@@ -4,7 +4,10 @@
 // their objects without pause. Built with ThreadSanitizer this is what CI runs: whatever two threads touch without
 // handing it over would show. Prints "ok", or what went wrong.
 #include <dlfcn.h>
+#include <pthread.h>
 
+#include <atomic>
+#include <cerrno>
 #include <cstdio>
 #include <string>
 
@@ -12,6 +15,19 @@
 #include "sorma.h"
 
 using namespace sorma;
+
+namespace {
+
+std::atomic<int> threadsLeft{-1};       // so many threads may be started; then the next one is refused, once. < 0: any number
+
+}  // namespace
+
+// Every thread of the program is started by this.
+extern "C" int pthread_create(pthread_t* thread, const pthread_attr_t* settings, void* (*run)(void*), void* argument) noexcept {
+    static auto* create = reinterpret_cast<decltype(&pthread_create)>(dlsym(RTLD_NEXT, "pthread_create"));
+    if (threadsLeft >= 0 && threadsLeft-- == 0) return EAGAIN;
+    return create(thread, settings, run, argument);
+}
 
 namespace {
 
@@ -67,6 +83,16 @@ int main(int argc, char** argv) {
 
     must(sorm, "cycle.a CTRL -period 0.001 -steps 'trouble.a trouble.b' -onfault 'trouble.safe EXEC IMSG 1 1' -afterFault continue -lockMemory 0");
     must(sorm, "cycle.b CTRL -period 0.0007 -overrun catchUp -steps trouble.c -lockMemory 0");
+
+    // Without a thread it does not start, and its objects are as before.
+    for (int threads : {0, 1}) {
+        threadsLeft = threads;
+        std::string reply = ask(sorm, "cycle.a CTRL -start");
+        check(reply.find("CYCLE THREAD") != std::string::npos && threadsLeft == -1, "it started without a thread: " + reply);
+        must(sorm, "trouble.a CTRL -value 1");
+        must(sorm, "cycle.a CTRL -dump");
+    }
+
     std::size_t events = 0;
     auto listening = sorm.get("cycle.a")->listen("*", 1000, [&](Received&) { ++events; });
     for (int round = 0; round < 5; ++round) {

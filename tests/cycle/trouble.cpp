@@ -49,7 +49,7 @@ public:
         floats_ = m.floats.size();
         if (const auto* tick = sorma::Tick::current()) period_ = tick->period, time_ = tick->time;
         if (calls_ == sleepAt_) doze(sleep_);
-        if (calls_ == removeAt_) sorm().remove(name());
+        if (calls_ == removeAt_) sorm().remove(name(), sorma::Permit::owner());
         if (calls_ == allocateAt_) allocated_ = std::make_unique<char[]>(100);
         if (calls_ == lockAt_) std::lock_guard lock(mutex_);
         if (calls_ == failAt_) fail(kFailed, name(), calls_);

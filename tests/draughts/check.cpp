@@ -75,7 +75,7 @@ int checkPerft(const char* file, std::uint64_t most) {
         for (auto& m : list) {
             found.insert(hubMove(rules, m));
             if (parseMove(rules, p, hubMove(rules, m)) != m) wrong("%s: not read back", hubMove(rules, m).c_str());
-            Path path = pathOf(rules, p, m);
+            MoveRoute path = routeOf(rules, p, m);
             if (path.squares.empty() || path.squares.front() != squareOf(rules, m.from) || path.squares.back() != squareOf(rules, m.to) ||
                 int(path.victims.size()) != countOf(m.captured))
                 wrong("%s: no path", hubMove(rules, m).c_str());

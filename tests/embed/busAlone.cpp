@@ -54,7 +54,7 @@ int main() {
     m.floats = {5};
     gain.exec(m);
     if (m.floats[0] != 10) expect("by reference", std::to_string(m.floats[0]), "10");
-    sorm.remove("gain.double");
+    sorm.remove("gain.double", sorma::Permit::owner());
     try {
         gain.exec(m);
         expect("a removed object", "went on", "SERVICE GONE");

@@ -107,14 +107,9 @@ void receive(Member& c) {
     ssize_t n = recv(c.fd, bytes, sizeof bytes, 0);
     if (n <= 0) wrong(c, "the daemon has closed the connection");
     c.in.append(bytes, std::size_t(n));
-    std::size_t at = 0;
-    while (c.in.size() - at >= wire::kMarkSize) {
-        std::size_t length = XdrReader(c.in.data() + at, wire::kMarkSize).u32() & ~wire::kLastFragment;
-        if (c.in.size() - at - wire::kMarkSize < length) break;
-        take(c, {c.in.data() + at + wire::kMarkSize, length});
-        at += wire::kMarkSize + length;
-    }
-    c.in.erase(0, at);
+    record::Reader records(c.in.data(), c.in.size(), SIZE_MAX);
+    for (std::string_view record; records.next(record);) take(c, record);
+    c.in.erase(0, std::size_t(records.at() - c.in.data()));
 }
 
 // Serve all clients until this is true of each of them.

@@ -42,11 +42,9 @@ sockaddr_in loopback(int port) {
     return a;
 }
 
-void mark(Buffer& record) { XdrWriter::put(record.data(), wire::kLastFragment | std::uint32_t(record.size() - wire::kMarkSize)); }
-
 // One record. Its mark is seldom touched: behind a wrong one everything is lost.
 void spoil(Buffer& record, Dice& dice) {
-    const std::size_t first = dice(500) == 0 ? 0 : wire::kMarkSize;
+    const std::size_t first = dice(500) == 0 ? 0 : record::kMarkSize;
     auto somewhere = [&] { return first + dice(std::uint32_t(record.size() - first)); };
     if (record.size() <= first) return;
     switch (dice(7)) {
@@ -65,10 +63,10 @@ void spoil(Buffer& record, Dice& dice) {
             for (auto n = dice(64); n > 0; --n) *record.extend(1) = char(dice.word());
             break;
         default:
-            record.resize(wire::kMarkSize + dice(200));
-            for (std::size_t i = wire::kMarkSize; i < record.size(); ++i) record.data()[i] = char(dice.word());
+            record.resize(record::kMarkSize + dice(200));
+            for (std::size_t i = record::kMarkSize; i < record.size(); ++i) record.data()[i] = char(dice.word());
     }
-    if (first > 0) mark(record);
+    if (first > 0) record::close(record, 0);
 }
 
 Message message(Dice& dice) {
@@ -182,11 +180,9 @@ int serve(long count, Dice dice) {
             sent += std::exchange(records, 0);
             Buffer out;
             std::size_t done = 0;
-            while (in.size() - done >= wire::kMarkSize) {
-                const std::size_t length = XdrReader(in.data() + done, wire::kMarkSize).u32() & ~wire::kLastFragment;
-                if (in.size() - done < wire::kMarkSize + length) break;
-                XdrReader r(in.data() + done + wire::kMarkSize, length);
-                done += wire::kMarkSize + length;
+            for (record::Piece piece; (piece = record::front(in.data() + done, in.data() + in.size())).whole;) {
+                XdrReader r(piece.text());
+                done += piece.size();
                 auto envelope = wire::readEnvelope(r);
                 auto header = wire::readCallHeader(r, envelope.xid);
                 if (header.procedure == wire::kHello) {

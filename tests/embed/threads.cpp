@@ -3,6 +3,9 @@
 // A daemon in a thread, with services that answer from a worker thread, from a timer, and not at all for a while;
 // clients in other threads, each with a SORM of its own, that use futures with and without an event loop. Built with
 // ThreadSanitizer this is what CI runs; without, it is a test as any other. Prints "ok", or what went wrong.
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -15,6 +18,8 @@
 #include <vector>
 
 #include "comm/comm.h"
+#include "comm/record.h"
+#include "comm/wire.h"
 #include "sorma.h"
 
 using namespace sorma;
@@ -99,6 +104,7 @@ public:
         box_->post([this] { ended_ = true; });
         thread_.join();
     }
+    const std::shared_ptr<Mailbox>& box() const { return box_; }
 
 private:
     std::string name_;
@@ -158,7 +164,7 @@ void givesUp(const std::string& where) {
     Sorm sorm;
     Comm comm(sorm);
     std::string name = "timer.late@" + where;
-    sorm.create(name, {"-delay", "3600"});
+    sorm.create(name, {"-delay", "3600"}, nullptr);
     Reference late = sorm.get(name);
     Deadline enough = Deadline::in(30'000);
     auto wait = [&](const char* what) {
@@ -191,8 +197,7 @@ void keepsBusy(const std::string& where) {
     {
         Sorm other;
         Comm otherComm(other);
-        other.nonBlocking = true;
-        Reference sormThere = other.get("sorm@" + where);
+        Reference sormThere = other.get("sorm@" + where, Probe::later);
         auto health = [&] { return static_cast<Proxy&>(*sormThere).connection().health(Deadline::in(20'000)); };
         wire::Health h = health();
         for (Deadline enough = Deadline::in(20'000); !h.busy && !enough.passed();) h = health();
@@ -204,6 +209,72 @@ void keepsBusy(const std::string& where) {
     m.words = {"-class"};
     busy->invoke(Method::dbx, m);
     check(!m.text.empty(), "the daemon goes on");
+}
+
+// A connection without a client: it asks for health, and reads the answers when it likes.
+class Raw {
+public:
+    explicit Raw(const std::string& where) : fd_(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+        sockaddr_un to{};
+        to.sun_family = AF_UNIX;
+        const std::string path = std::string(getenv("SORMA_RUNTIME_DIR")) + "/" + where + ".sock";
+        path.copy(to.sun_path, sizeof to.sun_path - 1);
+        check(connect(fd_, reinterpret_cast<sockaddr*>(&to), sizeof to) == 0, "cannot connect to " + path);
+    }
+    ~Raw() { close(fd_); }
+    void ask(std::uint32_t times) {
+        Buffer out;
+        for (std::uint32_t i = 0; i < times; ++i) wire::writeHealthRequest(out, i, wire::kProgram);
+        check(send(fd_, out.data(), out.size(), MSG_NOSIGNAL) == ssize_t(out.size()), "cannot send");
+    }
+    void awaitAnswer() {
+        pollfd wanted{fd_, POLLIN, 0};
+        check(poll(&wanted, 1, 60'000) == 1, "nobody answers for the daemon");
+    }
+    std::size_t readAll(std::size_t answers) {
+        Buffer in;
+        for (std::size_t n = 0;; n = record::count(in)) {
+            if (n >= answers) return n;
+            awaitAnswer();
+            char bytes[65536];
+            const ssize_t got = recv(fd_, bytes, sizeof bytes, 0);
+            if (got <= 0) return n;
+            in.append(bytes, std::size_t(got));
+        }
+    }
+
+private:
+    int fd_;
+};
+
+// While a daemon's thread is elsewhere, the health responder queues answers that a peer does not read, and lets in others. Then
+// the daemon's thread needs the lock to watch that peer. These numbers are relaxed, so that they order nothing.
+void queuesMeanwhile(Daemon& daemon, const std::string& where) {
+    std::atomic<int> begun{0}, released{0};
+    auto post = [&](int until) {
+        daemon.box()->post([&begun, &released, until] {
+            begun.store(until, std::memory_order_relaxed);
+            while (released.load(std::memory_order_relaxed) < until) std::this_thread::yield();
+        });
+    };
+    auto await = [&](int which) {
+        while (begun.load(std::memory_order_relaxed) < which) std::this_thread::yield();
+    };
+    Raw silent(where), other(where);
+    post(1);
+    await(1);
+    post(2);                                    // before what the health responder posts
+    silent.ask(2500);
+    silent.awaitAnswer();
+    other.ask(1);
+    other.awaitAnswer();                        // then it has posted
+    released.store(1, std::memory_order_relaxed);
+    await(2);
+    Raw newcomer(where);
+    newcomer.ask(1);
+    newcomer.awaitAnswer();
+    released.store(2, std::memory_order_relaxed);
+    check(silent.readAll(2500) == 2500, "who read late did not get each answer");
 }
 
 }  // namespace
@@ -227,6 +298,7 @@ int main(int argc, char** argv) {
         for (auto& c : clients) c.join();
         keepsBusy(where);
         keepsBusy(second);
+        queuesMeanwhile(daemon, where);
     }
     if (failures == 0) std::puts("ok");
     return failures > 0;

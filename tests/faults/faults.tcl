@@ -71,3 +71,41 @@ proc quantile {values part} {
     set sorted [lsort -real $values]
     return [lindex $sorted [expr {int($part * ([llength $sorted] - 1))}]]
 }
+
+# ---- programs beside the daemon: see tests/embed ----
+
+# A client that sends these records again and again, by so many connections.
+proc flooder {where name records {connections 1}} {
+    set file [file join $::env(SORMA_RUNTIME_DIR) $name.records]
+    set f [open $file wb]
+    puts -nonewline $f $records
+    close $f
+    set pipe [open [list | [file join $::env(SORMA_BUILD) flooder] $where -records $file $connections 2>@stderr] r+]
+    waitFor {[replies $pipe] > 0}
+    file delete $file
+    return $pipe
+}
+proc replies flooder {
+    puts $flooder count
+    flush $flooder
+    return [gets $flooder]
+}
+
+# Somebody who calls each 2 ms, and what his calls took: see tests/embed/waits.cpp.
+proc caller args {
+    set pipe [open [list | [file join $::env(SORMA_BUILD) waits] {*}$args 2>@stderr] r+]
+    set ::order [gets $pipe]
+    return $pipe
+}
+proc endCaller {pipe waitsVar} {
+    upvar 1 $waitsVar waits
+    close $pipe write
+    foreach line [split [string trim [read $pipe]] \n] {
+        lappend waits(all) [lindex $line 0]
+        lappend waits(computed) [lindex $line 1]
+    }
+    close $pipe
+}
+proc quantiles values {
+    return [join [lmap part {0.5 0.9 0.99 0.999 1} {format %.2f [expr {[quantile $values $part] / 1000}]}] " "]
+}

@@ -10,24 +10,10 @@ source [file join [file dirname [file normalize [info script]]] faults.tcl]
 attack {
     lassign [concat $argv [lrange {20 4711 400} [llength $argv] end]] kills seed most
     set ledger [file join $env(SORMA_RUNTIME_DIR) ledger]
-    set script [file join $env(SORMA_RUNTIME_DIR) ledger.tcl]
-    set f [open $script w]
-    puts $f [string map [list @FILE@ [list $ledger]] {
-        package require sorma
-        oo::class create ledger {
-            superclass sorma::Service
-            method exec message {
-                set f [open @FILE@ a]
-                puts $f [lindex [dict get $message ints] 0]
-                close $f
-                return [dict create ints [dict get $message ints]]
-            }
-        }
-    }]
-    close $f
+    set env(LEDGER) $ledger
     # Says "ready MICROSECONDS" for each daemon, and at the end "killed N".
     set name restarts[pid]
-    set killer [open |[list [info nameofexecutable] [file join $supportFolder killer.tcl] $name $script $kills $seed $most 2>@stderr] r+]
+    set killer [open |[list [info nameofexecutable] [file join $supportFolder killer.tcl] $name [file join $supportFolder ledger.tcl] $kills $seed $most 2>@stderr] r+]
     fconfigure $killer -blocking 0 -buffering line
     waitFor {![catch {nop@$name EXEC}]} 20000
     sorma::so::dict CTRL -add foo.kept@$name -breakfast -tempo presto
@@ -77,7 +63,7 @@ attack {
     puts $killer end
     fconfigure $killer -blocking 1
     catch {close $killer}
-    file delete $ledger $script
+    file delete $ledger
     puts "$line calls $calls lost $lost other $other twice $twice unexecuted $unexecuted differs $differs"
     puts "ready to first good call p50 [quantile $waits 0.5] ms p99 [quantile $waits 0.99] ms"
     promise "$kills were killed" [expr {$line eq "killed $kills"}]

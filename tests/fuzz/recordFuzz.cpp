@@ -1,13 +1,68 @@
-// recordFuzz.cpp -- what a stranger sends as a record: decode as every kind of message; what can be decoded is encoded
-// again and must decode to the same.
+// recordFuzz.cpp -- what a stranger sends. As a stream: however it is cut, the same records come out of it, and each byte is in
+// one of them at most. As one record: decode it as every kind of message; what can be decoded is encoded again and must decode
+// to the same.
 #include <cstdlib>
+#include <string>
+#include <vector>
 
+#include "comm/record.h"
 #include "comm/wire.h"
 
 using namespace sorma;
 
+namespace {
+
+// The records of a stream that comes in parts of this size; those of more than 100 bytes are refused when their mark is there.
+std::vector<std::string> divide(std::string_view stream, std::size_t part) {
+    constexpr std::size_t kMost = 100;
+    std::vector<std::string> found;
+    record::Assembler pieces;
+    Buffer in;
+    for (std::size_t at = 0; at < stream.size(); at += part) {
+        const auto more = stream.substr(at, part);
+        in.append(more.data(), more.size());
+        const char *from = in.data(), *const end = from + in.size();
+        for (;;) {
+            pieces.drop(from, end);
+            const record::Piece piece = record::front(from, end);
+            if (!piece.known) break;
+            if (piece.length > kMost) {
+                found.push_back("refused " + std::to_string(piece.length));
+                from += record::kMarkSize;
+                pieces.refuse(piece.length);
+                continue;
+            }
+            if (!piece.whole) break;
+            from += piece.size();
+            Buffer own;
+            std::string_view record;
+            if (pieces.add(piece, own, record)) found.emplace_back(record);
+        }
+        in.drop(std::size_t(from - in.data()));
+        if (in.size() >= record::kMarkSize + kMost) std::abort();       // it should have come out
+    }
+    found.push_back(std::to_string(pieces.dropping()) + " " + std::to_string(pieces.size()) + " " + std::to_string(in.size()));
+    return found;
+}
+
+void readStream(std::string_view stream) {
+    const auto all = divide(stream, stream.size() + 1);
+    for (std::size_t part : {1, 3, 64})
+        if (divide(stream, part) != all) std::abort();
+    std::size_t bytes = 0;
+    record::Reader records(stream.data(), stream.size(), SIZE_MAX);
+    for (std::string_view record; records.next(record);) bytes += record::kMarkSize + record.size();
+    if (bytes > stream.size() || records.at() != stream.data() + bytes) std::abort();
+    Buffer copy;
+    copy.append(stream.data(), stream.size());
+    if (record::wholeBefore(copy, copy.size()) != bytes) std::abort();
+}
+
+}  // namespace
+
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     std::string_view record(reinterpret_cast<const char*>(data), size);
+    readStream(record);
     {
         XdrReader r(record);
         auto envelope = wire::readEnvelope(r);
@@ -21,7 +76,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         if (wire::readRequest(r, request, m)) {
             Buffer out;
             wire::writeCall(out, 1, wire::kProgram, request, m);
-            XdrReader back(out.data() + wire::kMarkSize, out.size() - wire::kMarkSize);
+            XdrReader back(out.data() + record::kMarkSize, out.size() - record::kMarkSize);
             wire::readCallHeader(back, wire::readEnvelope(back).xid);
             wire::Request again;
             Message same;
@@ -38,7 +93,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         if (wire::readReply(r, times, m)) {
             Buffer out;
             wire::writeReply(out, 1, times, m);
-            XdrReader back(out.data() + wire::kMarkSize, out.size() - wire::kMarkSize);
+            XdrReader back(out.data() + record::kMarkSize, out.size() - record::kMarkSize);
             wire::readEnvelope(back);
             if (!wire::readReplyHeader(back).empty()) std::abort();
             Message same;

@@ -96,13 +96,13 @@ public:
             case hold:
                 if (auto client = CallContext::currentClient()) {
                     w.holders.push_back(client);
-                    client->hold([&w, c = client.get()] { forget(w, c); });
+                    client->hold(name(), [&w, c = client.get()] { forget(w, c); });
                 }
                 break;
             case answerNow: w.answerOne();
                 break;
-            case removeSelf: sorm().remove(name()); break;
-            case removeOther: sorm().remove(kNames[std::uint64_t(with) % std::size(kNames)]); break;
+            case removeSelf: sorm().remove(name(), Permit::owner()); break;
+            case removeOther: sorm().remove(kNames[std::uint64_t(with) % std::size(kNames)], Permit::owner()); break;
             case turns:
                 w.turn(), w.turn();
                 if (with & 1) w.look();                     // this request goes on computing
@@ -327,16 +327,13 @@ private:
     void read(Line& line) {
         char bytes[4096];
         for (ssize_t n; line.fd >= 0 && (n = recv(line.fd, bytes, sizeof bytes, MSG_DONTWAIT)) > 0;) line.in.append(bytes, std::size_t(n));
-        while (line.in.size() >= wire::kMarkSize) {
-            std::uint32_t mark = XdrReader(line.in).u32();
-            std::size_t length = mark & ~wire::kLastFragment;
-            demand((mark & wire::kLastFragment) && length < 1 << 20, "no record comes", mark);
-            if (line.in.size() < wire::kMarkSize + length) break;
-            record(line, std::string_view(line.in).substr(wire::kMarkSize, length));
-            line.in.erase(0, wire::kMarkSize + length);
-        }
+        std::string in = std::exchange(line.in, {});
+        record::Reader records(in.data(), in.size(), 1 << 20);
+        for (std::string_view bytes; records.next(bytes);) heard(line, bytes);
+        demand(!records.wrong(), "no record comes");
+        line.in.insert(0, in, std::size_t(records.at() - in.data()));
     }
-    void record(Line& line, std::string_view bytes) {
+    void heard(Line& line, std::string_view bytes) {
         XdrReader r(bytes);
         auto envelope = wire::readEnvelope(r);
         demand(r.good() && envelope.kind <= 1, "neither a call nor a reply comes", envelope.kind);

@@ -133,7 +133,7 @@ int main(int count, char** words) try {
         force(prefix + "wrist.state", {.blocks = 64, .floats = 7}, "stub");
     std::array<double, 7> sensed{};
     std::optional<shmem::Reader> reader;
-    std::uint64_t seen = 0;
+    std::uint64_t seen = 0, inUse = 0;      // numbers of set-points
     std::string typed;
     bool said = false;                      // that it is ready
     SetPoint s;
@@ -153,9 +153,9 @@ int main(int count, char** words) try {
             if (word == "wrist") for (std::size_t i = 1; i < 7; ++i) line >> sensed[i];
         }
         const double now = labTime();
-        if (newSetPoint(reader, prefix + "arm.set", seen, s)) arm.take(s, now);
+        if (newSetPoint(reader, prefix + "arm.set", seen, s)) arm.take(s, now), inUse = seen;
         arm.step(now);
-        arm.write(state, now, seen);
+        arm.write(state, now, inUse);
         sensed[0] = now;
         force.write(sensed.data(), nullptr);
         const double lab[] = {now, 1, 0};

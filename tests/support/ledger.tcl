@@ -1,4 +1,5 @@
 # ledger.tcl -- a service for daemons of tests: writes down each number that it is called with, and gives it back.
+# With an environment variable LEDGER also at the end of the file that it names, which outlives the daemon.
 package require sorma
 
 oo::class create ledger {
@@ -11,7 +12,13 @@ oo::class create ledger {
         return [expr {[info exists Seen($number)] ? $Seen($number) : 0}]
     }
     method exec message {
-        incr Seen([lindex [dict get $message ints] 0])
+        set number [lindex [dict get $message ints] 0]
+        incr Seen($number)
+        if {[info exists ::env(LEDGER)]} {
+            set f [open $::env(LEDGER) a]
+            puts $f $number
+            close $f
+        }
         return [dict create ints [dict get $message ints]]
     }
 }

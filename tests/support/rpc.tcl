@@ -16,8 +16,13 @@ proc rpc::text s {
 proc rpc::header {xid procedure args} {
     variable Program
     set settings [dict merge [dict create -rpcversion 2 -program $Program -version 1] $args]
-    return [binary format IIIIIIIIII $xid 0 [dict get $settings -rpcversion] [dict get $settings -program] \
-        [dict get $settings -version] $procedure 0 0 0 0]
+    set begin [binary format IIIIII $xid 0 [dict get $settings -rpcversion] [dict get $settings -program] \
+        [dict get $settings -version] $procedure]
+    if {![dict exists $settings -author]} {
+        return $begin[binary format IIII 0 0 0 0]
+    }
+    set body [binary format IW 1 0][text {}][text [dict get $settings -author]]
+    return $begin[binary format II $Program [string length $body]]$body[binary format II 0 0]
 }
 
 # A record of one fragment.
@@ -30,13 +35,18 @@ proc rpc::null {xid args} {
 }
 
 # clock, now: what the client says of its clock [ns]; none: an older client.
-proc rpc::hello {xid client {clock {}} {now 0}} {
+proc rpc::hello {xid client {clock {}} {now 0} {program test}} {
     set tail [expr {$clock eq {} ? {} : "[text $clock][binary format W $now]"}]
-    return [record [header $xid 1][binary format W $client][text somebody][text somewhere][binary format W 77][text test][binary format I 1000000]$tail]
+    return [record [header $xid 1][binary format W $client][text somebody][text somewhere][binary format W 77][text $program][binary format I 1000000]$tail]
 }
 
 proc rpc::subscribe {xid id name {pattern *} {keep 10}} {
     return [record [header $xid 5][binary format I $id][text $name][text $pattern][binary format I $keep]]
+}
+
+# A call that is said to be relayed for an author.
+proc rpc::relayed {xid name method author {message {}}} {
+    return [record [header $xid 2 -author $author][binary format IIII -1 0 0 $method][text $name][expr {$message eq {} ? [message] : $message}]]
 }
 
 # method: 0 EXEC, 1 CTRL, 2 DBX
@@ -176,7 +186,10 @@ proc rpc::result record {
         binary scan $record @${at}Iu details
         incr at 4
         for {set k 0} {$k < $details + 4} {incr k} {
-            Text $record at
+            set s [Text $record at]
+            if {$k == $details} {
+                dict lappend out texts $s
+            }
         }
         incr at 12
         Text $record at

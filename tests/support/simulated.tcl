@@ -16,6 +16,7 @@ namespace eval simulated {
     variable Prefix {} Time 0 Begin 0 Ticks 0
     variable Power 0 Cause 0 Wrist {0 0 0 0 0 0} Clock 0
     variable Joints {} Place {} Posed 0
+    variable InUse 0            ;# number of the set-point
     namespace export start tick on end
     namespace ensemble create
 }
@@ -24,14 +25,13 @@ proc simulated::start {words {prefix {}}} {
     variable Prefix [expr {$prefix eq {} ? "t[pid]sim[incr ::simulated::Runs]." : $prefix}]
     variable Period
     variable Home
-    variable Time 100.0 Begin 100.0 Ticks 0 Power 0 Cause 0 Wrist {0 0 0 0 0 0} Clock 0 Joints $Home Place {} Posed 0
+    variable Time 100.0 Begin 100.0 Ticks 0 Power 0 Cause 0 Wrist {0 0 0 0 0 0} Clock 0 Joints $Home Place {} Posed 0 InUse 0
     variable Waking 0
     foreach {name key floats blocks} {state arm.state 22 64 wrist wrist.state 7 64 clock lab.clock 3 16} {
         sorma::create shmem_w.sim$name -key $Prefix$key -floats $floats -blocks $blocks
     }
     Write
-    # The next tick may be due while this one, which has written its set-point, is not over yet.
-    sorma::so::dict CTRL -add cycle.pino {-watchdog 20 -overrun catchUp}
+    sorma::so::dict CTRL -add cycle.pino {-watchdog 20}
     sorma::create pino -prefix $Prefix -labTime 1 -interval $Period -priority 0 {*}$words
     pino CTRL -start
     foreach {name key} {set arm.set pose tool.pose} {
@@ -47,9 +47,9 @@ proc simulated::Write {} {
     variable Power
     variable Cause
     variable Wrist
-    variable Ticks
+    variable InUse
     set time [expr {$Time + $Clock}]
-    shmem_w.simstate EXEC FMSG 22 $time {*}$Joints 0 0 0 0 0 0 0 0 0 0 0 0 $Power $Cause $Ticks
+    shmem_w.simstate EXEC FMSG 22 $time {*}$Joints 0 0 0 0 0 0 0 0 0 0 0 0 $Power $Cause $InUse
     shmem_w.simwrist EXEC FMSG 7 $time {*}$Wrist
     shmem_w.simclock EXEC FMSG 3 $Time 1 0
 }
@@ -65,6 +65,7 @@ proc simulated::tick {} {
     variable Power
     variable Cause
     variable Waking
+    variable InUse
     incr Ticks
     # A little late, so that rounding never makes it early.
     set Time [expr {$Begin + $Ticks * $Period + 1e-6}]
@@ -78,10 +79,13 @@ proc simulated::tick {} {
         update
     }
     set Posed [lindex [dict get $pose ints] 0]
-    set floats [dict get [shmem_r.simset exec] floats]
+    set sent [shmem_r.simset exec]
+    set InUse [lindex [dict get $sent ints] 0]
+    set floats [dict get $sent floats]
     set mode [lindex $floats 13]
     if {$mode == 0} {
         set Waking [expr {$Cause == 0}]
+        set Power 0
     } elseif {$Waking && !$Power} {
         set Power 1
         set Waking 0

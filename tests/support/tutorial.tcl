@@ -163,8 +163,8 @@ proc tutorial::end pipe {
     variable Came
     fileevent $pipe readable {}
     foreach pid [pid $pipe] {
-        catch {exec sh -c {kill -KILL -- "-$1"} kill $pid 2> /dev/null}
-        catch {exec sh -c {kill -KILL "$1"} kill $pid 2> /dev/null}
+        # The program kill: that of dash takes no --.
+        catch {exec kill -KILL -- -$pid}
     }
     catch {
         fconfigure $pipe -blocking 1

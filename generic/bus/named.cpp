@@ -1,0 +1,40 @@
+#include "bus/named.h"
+
+#include "bus/dictionary.h"
+#include "bus/enumText.h"
+#include "bus/service.h"
+#include "bus/sorm.h"
+
+namespace sorma {
+
+const char* toText(Kind kind) {
+    static constexpr const char* names[] = {"", "file", "colour", "time", "folder", "segment", "program"};
+    return names[static_cast<int>(kind)];
+}
+
+bool fromText(std::string_view text, Kind& out) { return findText(text, Kind::plain, Kind::program, out); }
+
+std::optional<KindRight> rightOf(Kind kind, const std::string& value, const std::string& object) {
+    if (value.empty()) return std::nullopt;
+    if (kind == Kind::file || kind == Kind::folder) return KindRight{Right::files, realPath(value)};
+    if (kind == Kind::segment) return KindRight{Right::files, "/dev/shm/" + value};
+    if (kind == Kind::program) return KindRight{Right::program, object};
+    return std::nullopt;
+}
+
+// Nothing is asked within a tick: while a cycle runs the object, it keeps what it has.
+Permit needKind(const Service& user, const PrincipalPointer& author, Kind kind, const std::string& value) {
+    Access& access = user.sorm().access;
+    if ((!author && !access.restricted()) || RealtimeOwner::current()) return Permit::owner();
+    auto needed = rightOf(kind, value, user.name());
+    return needed ? access.need(author, needed->right, needed->subject, user.name()) : Permit::owner();
+}
+
+// The object that runs a program is not known here; its permit is for that program all the same.
+void checkKind(const Permit& permit, Kind kind, const std::string& value) {
+    if (kind == Kind::program) return permit.check(Right::program);
+    if (permit.isOwners()) return;
+    if (auto needed = rightOf(kind, value, {})) permit.check(needed->right, needed->subject);
+}
+
+}  // namespace sorma

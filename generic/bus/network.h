@@ -1,0 +1,39 @@
+// network.h -- what a SORM asks of COMM, which reaches other processes. A program may have none.
+//
+// Threads: the SORM's.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "bus/principal.h"
+
+namespace sorma {
+
+class Class;
+class Service;
+struct Name;
+
+// When is the daemon asked whether it has the object of a name? now: when the object gets its proxy, which blocks. later: by
+// the first request.
+enum class Probe { now, later };
+
+class Network {
+public:
+    virtual ~Network() = default;
+    virtual const Class& proxyClass() const = 0;
+    // Make the proxy of a remote object.   recipe: this client's recipe for the object; the proxy sends it to the daemon as
+    // CTRL.   relayFor: who named the object, when it was not the owner.
+    virtual std::unique_ptr<Service> makeProxy(const Name& name, std::vector<std::string> recipe, const PrincipalPointer& relayFor, Probe probe) = 0;
+
+    // For DBX of the object `sorm`.
+    virtual std::vector<std::string> served() const = 0;                // names of the daemons that this process is
+    virtual std::string connectionLines() const = 0;                    // for people: its connections,
+    virtual std::string statisticsLines() const = 0;                    // the daemons that it is,
+    virtual std::string daemonLines() = 0;                              // and those of this user, which takes a while
+    virtual std::string connectionRows() const = 0;                     // for programs: lists, each of words
+    virtual std::string siblingRows() const = 0;                        // daemons of this user that listen to TCP: {name host port} ...
+};
+
+}  // namespace sorma
