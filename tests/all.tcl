@@ -230,7 +230,7 @@ if {[llength $times] > 10} {
     puts "the slowest: [join [lmap item [lrange [lsort -decreasing -real -index 1 $times] 0 9] {format "%s %.0f s" {*}$item}] {, }]"
 }
 dict for {reason suites} $skips {
-    puts "skipped for $reason: [join [lmap item $suites {lassign $item name number; string cat "$number in $name"}] {, }]"
+    puts "skipped for $reason: [join [lmap item [lsort $suites] {lassign $item name number; string cat "$number in $name"}] {, }]"
 }
 if {[llength $failures] > 0} {
     puts "suites with failures: $failures"
