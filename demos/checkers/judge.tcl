@@ -36,13 +36,13 @@ oo::class create ::sorma::service::judge {
     variable Moves          ;# how often somebody was about to move a token
     variable Working        ;# a coroutine judges
     variable Wrong          ;# what differs and has been counted, as keys of Differences
-    variable Short          ;# tokens that were missing beside the board at the last look, as keys of Differences
+    variable Held           ;# at the last look tokens were missing beside the board while a hand was over it: they may be in it
     variable Began          ;# when the daemon of the laboratory was started [us]; empty: it is in this process
     variable Forgotten      ;# the laboratory is new, and nobody has set out the tokens
     variable Dead           ;# why it does not answer; empty: it does
     method born {} {
-        set Hears [set Said [set Last [set Wrong [set Short [set Began [set Dead {}]]]]]]
-        set Number [set Open [set Moves [set Working [set Forgotten 0]]]]
+        set Hears [set Said [set Last [set Wrong [set Began [set Dead {}]]]]]
+        set Number [set Open [set Moves [set Working [set Forgotten [set Held 0]]]]]
         my Zero
     }
     destructor {
@@ -85,8 +85,8 @@ oo::class create ::sorma::service::judge {
                 set Began [my Started]
             }
         }
-        set Said [set Last [set Wrong [set Short {}]]]
-        set Open 0
+        set Said [set Last [set Wrong {}]]
+        set Open [set Held 0]
         my Zero
         # Another process would not begin with the same number.
         set Number [expr {$Number ? $Number + 1 : [clock milliseconds] % 1000000000 * 1000}]
@@ -104,13 +104,14 @@ oo::class create ::sorma::service::judge {
         try {
             my Sure
             while {$Open && [my Judge]} {}
-            # What falls beside a heap, or is still in somebody's hand, is looked at once more.
-            if {$Short ne {} && !$Open} {
-                [my cget -lab] exec -floats 1 step
+            if {$Held && !$Open} {
                 my Judge 1
             }
             if {$Open} {
                 my Sure
+            }
+            if {$Held} {
+                sorma::fail [list CHECKERS HAND [my cget -lab]] "[my name]: tokens are missing, and a hand is over the board: nothing can be counted before it has put them down"
             }
         } finally {
             set Working 0
@@ -213,11 +214,13 @@ oo::class create ::sorma::service::judge {
             return 0
         }
         set Dead {}
-        # What has been told meanwhile comes first; what differs must do so twice.
+        # What has been told meanwhile comes first; what differs must do so twice. What is missing both times may be in a hand that is there between.
         sorma::await sleep 10
+        set hand 0
         set differs [my Differences $Said $truth]
         if {$differs ne {} && $said eq $Said && [catch {
             sorma::await sleep 20
+            set hand [my Hand]
             set second [my Differences $Said [my Truth]]
             set differs [dict filter $differs script {place -} {dict exists $second $place}]
             my Another
@@ -232,14 +235,16 @@ oo::class create ::sorma::service::judge {
             return 0
         }
         if {[dict get $said moves] != $Moves && [dict get $said state] ne "over"} {
-            my Missed "\"[dict get $said state]\""
-            return $Open
+            if {$Open} {
+                my Missed "\"[dict get $said state]\""
+            }
+            return 0
         }
         if {$Open} {
             dict incr Counts judged
         }
         set Open 0
-        my Count $differs $truth
+        my Count $differs $hand
         return 0
     }
     method Ails text {
@@ -249,25 +254,34 @@ oo::class create ::sorma::service::judge {
         }
     }
     # A laboratory that is away is not waited for.
-    method Tokens {} {
-        set future [sorma::async -timeout 2000 [my cget -lab] DBX -tokens]
+    method Asked what {
+        set future [sorma::async -timeout 2000 [my cget -lab] DBX $what]
         try {
-            return [split [lindex [$future wait] 3] \n]
+            return [lindex [$future wait] 3]
         } finally {
             catch {$future destroy}
         }
     }
+    method Tokens {} {
+        return [split [my Asked -tokens] \n]
+    }
+    # Is the person's hand over the board?
+    method Hand {} {
+        return [expr {[my Asked -person] ne "away"}]
+    }
     method Truth {} {
         return [lsort -real -index 5 [my Tokens]]
     }
-    method Count {differs truth} {
-        set short {}
+    # HAND: one is over the board. What is missing beside it may be in this hand, also when the person has been killed.
+    method Count {differs hand} {
+        set Held 0
         dict for {place text} $differs {
             if {$place in $Wrong} continue
             if {[my Beside $place]} {
-                lappend short $place
-                # In the person's hand it is missing for a moment.
-                if {$place ni $Short} continue
+                if {$hand} {
+                    set Held 1
+                    continue
+                }
                 set kind lost
             } else {
                 set kind [expr {[dict get $Said state] eq "carried" ? "lost" : "wrong"}]
@@ -276,7 +290,6 @@ oo::class create ::sorma::service::judge {
             dict incr Counts $kind
             my publish found -text [dict create kind $kind place $place text $text]
         }
-        set Short [lmap place $short {expr {$place ni $Wrong ? $place : [continue]}}]
         set Wrong [lmap place $Wrong {expr {[dict exists $differs $place] ? $place : [continue]}}]
     }
     method Beside place {

@@ -97,6 +97,7 @@ oo::class create ::sorma::service::human {
             return
         }
         my SetOut [my Known]
+        $Player heard {}
         my publish person -text {state remembered}
     }
     # What lies where, as he remembers the game, and after the move that the robot has said since.
@@ -291,10 +292,9 @@ oo::class create ::sorma::service::human {
 
     # Tokens that lie neither on the board nor on its heaps, by their names.
     method Nowhere {} {
-        set most [expr {[$Game width] + 2}]
         return [lmap token [my Tokens] {
             lassign $token name file rank
-            expr {$file > -1 && $file < $most && $rank > 0.5 && $rank < $most - 1.5 ? [continue] : $name}
+            expr {[::checkers::tokens there [$Game width] $file $rank] ? [continue] : $name}
         }]
     }
     # Those of them that his game misses.

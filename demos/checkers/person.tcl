@@ -82,8 +82,11 @@ oo::class create ::checkers::person {
         if {[$Game intended] eq {} && rand() < $Faults} {
             set kind [lindex $Kinds [expr {int(rand() * [llength $Kinds])}]]
             set Erring 1
-            my Fault$kind
-            set Erring 0
+            try {
+                my Fault$kind
+            } finally {
+                set Erring 0
+            }
         }
         next
     }
@@ -203,10 +206,19 @@ oo::class create ::checkers::person {
                 my Doing stolen [list $place]
                 $Lab CTRL -steal $name
                 my Listen
-                $Lab CTRL -move $name {*}$place
+                # Of a laboratory that was started anew all tokens have been set out, and this name may be that of another one.
+                if {[my Stolen $name]} {
+                    $Lab CTRL -move $name {*}$place
+                }
                 return
             }
         }
+    }
+    # Does a token lie neither on the board nor on a heap?
+    method Stolen name {
+        my variable Lab Game
+        lassign [lsearch -inline -index 0 [split [lindex [$Lab DBX -tokens] 3] \n] $name] - file rank
+        return [expr {![::checkers::tokens there [$Game width] $file $rank]}]
     }
     method Faultturned {} {
         my variable Lab Turned Game

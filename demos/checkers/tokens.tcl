@@ -11,7 +11,7 @@ package require Tcl 8.6-
 package provide checkers::tokens 1.0
 
 namespace eval ::checkers::tokens {
-    namespace export width lie place square spares colour heapPlace heap spare after transfers
+    namespace export width lie place square there spares colour heapPlace heap spare after transfers
     namespace ensemble create
 
     variable Most 6             ;# tokens on each other, of a heap
@@ -49,6 +49,11 @@ proc ::checkers::tokens::place {width square} {
 # ::checkers::tokens::square WIDTH FILE RANK -- the square of a place.
 proc ::checkers::tokens::square {width file rank} {
     return [expr {($width - $rank) * ($width / 2) + ($file + 1) / 2}]
+}
+
+# ::checkers::tokens::there WIDTH FILE RANK -- does a token whose middle is there lie on the board, or on a heap beside it?
+proc ::checkers::tokens::there {width file rank} {
+    return [expr {$file > -1 && $file < $width + 2 && $rank > 0.5 && $rank < $width + 0.5}]
 }
 
 # ::checkers::tokens::spares WIDTH -- the spare tokens that lie there before a game: two of each colour, one beside the other.

@@ -133,6 +133,14 @@ void Props::moveThing(Thing thing, const Point& to, double seconds, double now) 
 
 void Props::hideThing(Thing thing) { movers_[thing] = {}; }
 
+std::string Props::placeOf(Thing thing) const {
+    const Point& p = movers_[thing].to;
+    if (p[2] < -1) return "away";
+    char text[80];
+    std::snprintf(text, sizeof text, "%.4g %.4g %.4g", p[0], p[1], p[2]);
+    return text;
+}
+
 void Props::push(const Point& force, double seconds, double now) {
     force_ = force;
     forceEnd_ = now + seconds;

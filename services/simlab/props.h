@@ -28,6 +28,7 @@ public:
     enum Thing { secondBall, occluder, person };
     void moveThing(Thing thing, const Point& to, double seconds, double now);
     void hideThing(Thing thing);
+    std::string placeOf(Thing thing) const;         // where it goes: x y z, or away
     void push(const Point& force, double seconds, double now);      // [N] at the hand, world
     void laser(bool on, double blinkRate);
     void setFriction(double tokens, double tips);                   // factors

@@ -127,6 +127,10 @@ public:
                                  return sorma::numberText(p[0]) + " " + sorma::numberText(p[1]) + " " + sorma::numberText(p[2]);
                              });
                          }})
+            .inspection({"-person", "", "where the person's hand goes: x y z, or away", 0, 0,
+                         [](Service& s, Args, Message& m) {
+                             m.text += static_cast<Simlab&>(s).lab([](Laboratory& l) { return l.props.placeOf(simlab::Props::person); });
+                         }})
             .inspection({"-scene", "", "a scene in the box as a MuJoCo file: to start from", 0, 0,
                          [](Service& s, Args, Message& m) {
                              auto text = simlab::Scene::text(static_cast<Simlab&>(s).scene_.get(sorma::Permit::owner()));
