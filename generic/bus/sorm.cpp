@@ -22,7 +22,7 @@ const Prototype kUnknownClass{Severity::error, "NAME UNKNOWN_CLASS", 1,
 const Prototype kUnknownFlavor{Severity::error, "NAME UNKNOWN_FLAVOR", 1,
                                "unknown flavor in \"{0}\"{1}: {2}, and the dictionary has no entry {0}; "
                                "sorma::create {0} makes it all the same"};
-const Prototype kDuplicate{Severity::error, "CLASS DUPLICATE", 1, "service class \"{}\" is registered already, from {}:{}"};
+const Prototype kDuplicate{Severity::error, "CLASS DUPLICATE", 1, "service class \"{}\" is registered already, {}"};
 const Prototype kClassName{Severity::error, "NAME SYNTAX", 1, "bad class name \"{}\": must be lower-case letters, digits and _"};
 const Prototype kCycle{Severity::error, "SERVICE CYCLE", 1, "{}: sub-services form a cycle: {}"};
 const Prototype kFailed{Severity::error, "SERVICE FAILED", 1, "{}: the constructor of class {} failed: {}"};
@@ -116,7 +116,7 @@ void Sorm::add(Class type) {
     } catch (const Error&) {
     }
     if (parsed.service != type.name() || !parsed.flavor.empty() || !parsed.local()) fail(kClassName, type.name());
-    if (auto* known = findClass(type.name())) fail(kDuplicate, type.name(), known->file(), known->line());
+    if (auto* known = findClass(type.name())) fail(kDuplicate, type.name(), known->file().empty() ? "by a class of Tcl" : "from " + known->file() + ":" + std::to_string(known->line()));
     for (auto& o : type.options())
         if (o.spec.secret) secrets_.insert(o.name);
     std::string name = type.name();
