@@ -118,11 +118,15 @@ proc rows::pass {} {
     Answered $now
     nap 0
 }
+# When the newest picture was taken, by the camera's clock.
+proc rows::Pictured {} {
+    return [lindex [dict get [shmem_r.image exec] floats] 0]
+}
 proc rows::Answered now {
     variable Ahead
     variable Patience
     lassign $Ahead offset drift
-    set taken [expr {([lindex [dict get [shmem_r.image exec] floats] 0] - $offset) / (1 + $drift)}]
+    set taken [expr {([Pictured] - $offset) / (1 + $drift)}]
     # A picture of later than now was stamped before the camera's clock was set.
     for {set end [expr {[clock seconds] + $Patience}]} {$taken <= $now && [lindex [dict get [shmem_r.rel exec] floats] 0] < $taken - 0.005} {nap 1} {
         if {[clock seconds] > $end} {
@@ -260,6 +264,11 @@ proc rows::lab args {
     $Lab CTRL -paused 1
     set Stepped 1
     try {
+        # It begins as a picture comes: when that is, after lab time was stopped, is chance, and a jump is seen up to 70 ms later.
+        set last [Pictured]
+        for {set k 0} {$k < 100 && [Pictured] == $last} {incr k} {
+            pass
+        }
         {*}$args
     } finally {
         set Stepped 0
