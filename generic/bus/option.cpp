@@ -505,6 +505,7 @@ void Class::refuse(std::string_view object, const Message& m) const {
         if (findOption(word) >= 0) hint = "; it is an option: CTRL " + word;
         else if (findAction(word)) hint = "; it is a word of CTRL";
         else if (auto part = didYouMean(word, {"TMSG", "FMSG", "IMSG", "AMSG", "-text", "-floats", "-ints", "-any"}); !part.empty()) hint = part;
+        else if (word == "-timeout") hint = "; a time limit stands before the name: sorma::async -timeout MS NAME EXEC";
         else if (word.starts_with('-')) hint = "; options are set with CTRL";
         else if (looksLikeNumber(word) && m.floats.size() + m.ints.size() > 0)
             hint = "; more numbers follow than the " + std::to_string(m.ints.empty() ? m.floats.size() : m.ints.size()) + " that " +
