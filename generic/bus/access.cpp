@@ -178,7 +178,10 @@ bool Access::Line::fits(const Principal* who) const {
         case Subject::group:
             return who && who->kind() == Principal::Kind::user &&
                    std::binary_search(who->groups().begin(), who->groups().end(), gid_t(number));
-        case Subject::local: return who && who->kind() == Principal::Kind::local && who->uid() == number;
+        case Subject::local:
+            // After the other end has closed, the kernel names no user: it may be anybody, so each deny holds.
+            if (!allow && who && who->kind() == Principal::Kind::anyone && who->byNetwork()) return true;
+            return who && who->kind() == Principal::Kind::local && who->uid() == number;
         case Subject::host: break;
     }
     if (!who || !who->byNetwork()) return false;

@@ -1,6 +1,7 @@
 #include <cmath>
 
 #include "bus/listText.h"
+#include "bus/monitor.h"
 #include "bus/serviceParts.h"
 
 #ifndef SORMA_VERSION
@@ -124,8 +125,13 @@ void CommonRequests::undo(Service& s, Args, Message& reply) {
     Service::Applying a;
     for (auto& u : r.undo.back()) {
         if (std::any_of(a.values.begin(), a.values.end(), [&](auto& v) { return v.option == u.option; })) continue;
-        a.values.push_back({u.option, u.value, u.source->author});
+        const Option& o = s.type().options()[u.option];
+        // The caller needs the rights that he would need to write the value, and becomes its author, too.
+        if (needsOperate(o.spec.danger)) s.need(reply.author, Right::operate);
+        if (o.type == Type::text) s.needKind(reply.author, o.kindOf(toText(u.value)), toText(u.value));
+        a.values.push_back({u.option, u.value, Principal::both(u.source->author, reply.author)});
         a.sources.push_back(u.source.again());
+        a.sources.back().edit([&](auto& source) { source.author = a.values.back().author; });
     }
     s.apply(a);
     r.undo.pop_back();
@@ -194,6 +200,7 @@ void CommonRequests::save(Service& s, Args args, Message& m) {
         fail(kFlavor, s.name(), args.empty() ? s.name() : args[0], className);
     Dictionary& dictionary = s.sorm().dictionary();
     s.sorm().access.need(m.author, Right::dictionary, target, s.name());
+    if (target != s.name() && s.holdsSecrets()) s.need(m.author, Right::configure);    // they could be read there
     // Saving launders nothing: the entry is written by all who have written its words.
     PrincipalPointer author = m.author;
     if (s.record_)
@@ -231,6 +238,12 @@ std::string CommonRequests::optionsList(Service& s, std::string_view only, const
         appendListElement(list, item);
     }
     return list;
+}
+
+// Without the messages of objects that the viewer may not inspect.
+static Trail shownTrail(Trail trail, const Sorm& sorm, const PrincipalPointer& viewer) {
+    std::erase_if(trail.entries(), [&](auto& e) { return viewer && !tellable(e.so, sorm, viewer); });
+    return trail;
 }
 
 // A list of dicts, as `sorma::trail` gives it.
@@ -287,7 +300,7 @@ void CommonRequests::info(Service& s, Args args, Message& reply) {
     else if (what == "example") out = s.type().example();
     else if (what == "help") out = s.type().helpText(s.name());
     else if (what == "dump") out = s.dump(s.need(reply.author, Right::inspect));
-    else if (what == "trail") out = trailText(*s.record().trail);
+    else if (what == "trail") out = trailText(shownTrail(*s.record().trail, s.sorm(), reply.author));
     else if (what == "actions") out = actionList(s.type().actions(), actions());
     else if (what == "inspections") out = actionList(s.type().inspections(), inspections());
     else fail(kInfo, s.name(), what);
@@ -334,7 +347,11 @@ const std::vector<Action>& CommonRequests::inspections() {
             {"-audit", "", "who sent which CTRL, and when", 0, 0,
              [](Service& s, Args, Message& m) {
                  static constexpr const char* states[] = {" (under way)", "", " (refused)"};
-                 for (auto& a : s.record().audit) addLine(m, clockText(a->time) + " " + a->by + states[a->state] + ": CTRL " + a->request);
+                 // Requests to sorm may hold values of any object.
+                 const bool bare = m.author && &s == s.sorm().find("sorm");
+                 for (auto& a : s.record().audit)
+                     addLine(m, clockText(a->time) + " " + a->by + states[a->state] + ": CTRL " +
+                                    (bare ? a->request.substr(0, a->request.find(' ')) : a->request));
              }},
             {"-verbosity", "?0..2?", "messages that are kept: 0 errors, 1 and warnings, 2 and verbose", 0, 1, verbosity},
             {"-stats", "", "call counts, rates, histogram of times", 0, 0, stats},
@@ -346,7 +363,7 @@ const std::vector<Action>& CommonRequests::inspections() {
                  for (auto& pin : args.empty() ? s.pins() : s.pins(args[0], std::size_t(n))) addLine(m, pin.toText());
              }},
             {"-trail", "", "messages of the last request that had any", 0, 0,
-             [](Service& s, Args, Message& m) { addLine(m, s.record().trail->toText()); }},
+             [](Service& s, Args, Message& m) { addLine(m, shownTrail(*s.record().trail, s.sorm(), m.author).toText()); }},
             {"-info", "what ?option?", "plain values for programs", 1, 2, CommonRequests::info},
             {"-get", "option", "value of one option", 1, 1,
              [](Service& s, Args args, Message& m) {

@@ -51,7 +51,7 @@ public:
     void get(Args args, Message& reply) {
         auto* words = sorm().dictionary().get(args[0]);
         if (!words) failUnknown(args[0]);
-        addLine(reply, joinWords(visible(args[0], *words, reply.author)));
+        addLine(reply, joinWords(showsSecrets(args[0], reply.author) ? *words : sorm().masked(*words)));
     }
 
     void list(Args args, Message& reply) {
@@ -90,21 +90,25 @@ public:
 private:
     [[noreturn]] void failUnknown(const std::string& word) { fail(kUnknown, word, didYouMean(word, sorm().dictionary().words())); }
 
-    // As this viewer may see them: the secrets in the recipe of an object for those who may set its options, others for the owner.
-    std::vector<std::string> visible(const std::string& entry, std::vector<std::string> words, const PrincipalPointer& viewer) {
-        bool may = !viewer;
-        if (Name::isName(entry) && !Name::isElsewhere(entry)) {
-            auto* type = sorm().findClass(Name::parse(entry).className);
-            may = (may || (type && hasSecrets(*type))) && (sorm().access.rights(viewer, entry) & Rights(Right::configure));
-        }
-        return may ? words : sorm().masked(std::move(words));
+    // May the viewer see secrets there? In the recipe of an object he must have the right to set its options.
+    bool showsSecrets(const std::string& entry, const PrincipalPointer& viewer) {
+        if (!Name::isName(entry) || Name::isElsewhere(entry)) return !viewer;
+        auto* type = sorm().findClass(Name::parse(entry).className);
+        return (!viewer || (type && hasSecrets(*type))) && mayConfigure(entry, viewer);
+    }
+    bool mayConfigure(const std::string& entry, const PrincipalPointer& viewer) {
+        return sorm().access.rights(viewer, entry) & Rights(Right::configure);
     }
 
     std::string expansion(const std::string& word, const PrincipalPointer& viewer) {
         if (!sorm().dictionary().has(word)) failUnknown(word);
         std::vector<std::string> words;
-        for (auto& w : sorm().dictionary().expand(word)) words.push_back(w.text);
-        return joinWords(visible(word, std::move(words), viewer));
+        bool may = showsSecrets(word, viewer);
+        for (auto& w : sorm().dictionary().expand(word)) {
+            words.push_back(w.text);
+            for (auto& entry : w.origin.via) may = may && mayConfigure(entry, viewer);
+        }
+        return joinWords(may ? words : sorm().masked(std::move(words)));
     }
 
     void needFile(const std::string& file) { sorm().access.need(nullptr, Right::files, realPath(file), name()); }

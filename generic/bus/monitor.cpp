@@ -97,12 +97,18 @@ bool concealed(const Event& event, const Sorm& sorm, const PrincipalPointer& aut
     if (!author || event.object != "sorm" || event.message.words.empty() || event.message.words[0].empty()) return false;
     bool tells = event.name == "object.changed" || event.name.starts_with("trail.") || event.name.starts_with(kPrefix);
     if (!tells) return false;
-    std::string about = event.message.words[0];
+    // Requests to sorm and their answers may hold values of any object.
+    const std::string& about = event.message.words[0];
+    return (about == "sorm" && event.name.starts_with(kPrefix)) || !tellable(about, sorm, author);
+}
+
+bool tellable(const std::string& object, const Sorm& sorm, const PrincipalPointer& author) {
+    std::string about = object;
     try {
         about = sorm.canonical(about);
     } catch (const Error&) {            // a request for what is no name: nobody's
     }
-    return !(sorm.access.rights(author, about) & Rights(Right::inspect));
+    return sorm.access.rights(author, about) & Rights(Right::inspect);
 }
 
 // The words of a monitor are no contents; those of other events may be.

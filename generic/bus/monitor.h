@@ -35,5 +35,6 @@ void tellPassing(const Service& from, std::string_view event, const Message& m);
 // Then send him only whom it is about: bareWords().
 bool concealed(const Event& event, const Sorm& sorm, const PrincipalPointer& author);
 std::vector<std::string> bareWords(const Event& event);
+bool tellable(const std::string& object, const Sorm& sorm, const PrincipalPointer& author);        // may he inspect it?
 
 }  // namespace sorma

@@ -23,7 +23,7 @@ void Service::admit(Method method, Message& m) {
     if (method != Method::exec) return;
     try {
         need(m.author, class_->execRight());
-        if (class_->isDangerous(m)) need(m.author, Right::operate);
+        if (isDangerous(m)) need(m.author, Right::operate);
         if (!class_->wordKinds().empty()) needWords(m.author, m.words);
     } catch (const Error& e) {
         noteFailure(e.trail);

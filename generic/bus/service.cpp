@@ -39,6 +39,13 @@ std::vector<Reference> Service::parts() const {
     return out;
 }
 
+static bool anyDangerous(const std::vector<Reference>& parts) {
+    return std::any_of(parts.begin(), parts.end(), [](auto& part) { return part->isDangerous(); });
+}
+
+bool Service::isDangerous() const { return class_->isDangerous() || anyDangerous(parts()); }
+bool Service::isDangerous(const Message& m) const { return class_->isDangerous(m) || anyDangerous(parts()); }
+
 bool Service::holdsSecrets() const {
     return std::any_of(class_->options().begin(), class_->options().end(), [](auto& o) { return o.spec.secret; });
 }

@@ -82,6 +82,9 @@ public:
     // as these are declared to be parts.
     virtual std::vector<Reference> parts() const;
 
+    // Does an EXEC of it move, power or fire something: as its class says, or as a part of it does?
+    bool isDangerous() const;
+
     // The objects that it uses by name, and who wrote the names. If a change of the policy takes an author's right away,
     // EXEC is refused until the right is back or another name is set. Default: those of its options.
     struct NamedPart {
@@ -194,6 +197,7 @@ private:
     void apply(Applying& a);
     [[noreturn]] void failGone() const;
     void admit(Method method, Message& m);
+    bool isDangerous(const Message& m) const;           // does this EXEC of it?
     void assign(const Option& option, const Value& value, const PrincipalPointer& author);
     void needArguments(const Action& action, Args args, const PrincipalPointer& author) const;
     bool mayKeepValues() const;             // may the authors of its values keep them, by the present policy?

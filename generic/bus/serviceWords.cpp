@@ -121,6 +121,14 @@ void Service::needArguments(const Action& action, Args args, const PrincipalPoin
     for (std::size_t k = 0; k < args.size(); ++k) needKind(author, kinds[std::min(k, kinds.size() - 1)], args[k]);
 }
 
+// The author of a splice could read a secret of that entry in an object of his own.
+static void needToSet(Service& s, const Option& o, const Origin& origin) {
+    s.need(origin.author, Right::configure);
+    if (needsOperate(o.spec.danger)) s.need(origin.author, Right::operate);
+    if (o.spec.secret)
+        for (auto& entry : origin.via) s.sorm().access.need(origin.author, Right::configure, entry, s.name());
+}
+
 // Apply words of CTRL, all or nothing. Options are parsed and checked first, then set together, then actions run. Each
 // word is applied with the rights of its author: that of the recipe's entry, or of the request.
 void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, Message* reply) {
@@ -145,8 +153,7 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, M
         const Origin* origin = &recipe[i++].origin;
         if (int index = class_->findOption(word); index >= 0) {
             const Option& o = class_->options()[index];
-            need(origin->author, Right::configure);
-            if (needsOperate(o.spec.danger)) need(origin->author, Right::operate);
+            needToSet(*this, o, *origin);
             if (o.spec.fixed && !birth) fail(kReadonly, name_, o.name);
             const bool flag = o.type == Type::flag, given = i < words.size() && !(flag && words[i].starts_with('-'));
             if (!given && !flag) failMissing(name_, o);         // a flag alone is set
@@ -327,7 +334,7 @@ Reference subService(Service& user, const std::string& name, const PrincipalPoin
     // daemon judges.
     if (!found->isElsewhere()) {
         found->need(author, Right::call);
-        if (found->type().isDangerous()) found->need(author, Right::operate);
+        if (found->isDangerous()) found->need(author, Right::operate);
     }
     return found;
 }

@@ -223,7 +223,7 @@ std::string Sorm::placeOf(const Name& name, const Address& address) const { retu
 
 Sorm::Use Sorm::useOf(const std::string& text) const {
     Service* known = find(text);
-    if (known && !known->isElsewhere()) return {Right::call, known->name(), known->type().isDangerous()};
+    if (known && !known->isElsewhere()) return {Right::call, known->name(), known->isDangerous()};
     Name name = Name::parse(text);
     if (!name.local())
         if (Address address = resolve(name, dictionary_); address.kind != Address::Kind::self) return {Right::reach, placeOf(name, address), false};

@@ -135,6 +135,7 @@ void Server::stop(const std::string& reason) {
 
 void Server::adopt(Line line, bool scarce) {
     Identity who = line.row().identify(line);
+    if (who.gone) return;
     if ((scarce || peers_.size() >= places()) && !makeRoom(*sorm_.budget.of(who.principal))) return sayFull(std::move(line));
     std::int64_t user = SessionKey::kByNumber;
     if (line.row().vouched) user = !who.principal ? std::int64_t(geteuid()) : std::int64_t(who.principal->uid());

@@ -221,7 +221,7 @@ bool ownerOf(const End& peer, const End& ours, uid_t& uid) {
     return true;
 }
 
-// From this host: the user who owns the other socket, which the kernel is asked for. From another host: its address.
+// From this host, by whatever address: the user who owns the other socket, which the kernel is asked for. From another host: its address.
 Identity identify(const Line& line) {
     Identity out;
     sockaddr_storage from{}, to{};
@@ -229,6 +229,7 @@ Identity identify(const Line& line) {
     if (getpeername(line.descriptor(), reinterpret_cast<sockaddr*>(&from), &size) != 0) {
         out.caller.address = "?";
         out.principal = Principal::anyone();
+        out.gone = true;
         return out;
     }
     size = sizeof to;
@@ -237,13 +238,13 @@ Identity identify(const Line& line) {
     out.caller.known = Principal::toText(peer.address);
     out.caller.address = out.caller.known + ":" + std::to_string(ntohs(peer.port));
     uid_t uid = 0;
-    if (!peer.loopback()) {
-        out.principal = Principal::host(peer.address);
-    } else if (ownerOf(peer, ours, uid)) {
+    if (ownerOf(peer, ours, uid)) {
         out.principal = Principal::local(uid, peer.address);
         out.caller.known = userName(uid) + "@" + out.caller.known;
-    } else {
+    } else if (peer.loopback() || peer.address == ours.address) {
         out.principal = Principal::anyone(peer.address);
+    } else {
+        out.principal = Principal::host(peer.address);
     }
     return out;
 }

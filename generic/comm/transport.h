@@ -93,6 +93,7 @@ struct ListeningSocket {
 struct Identity {
     Caller caller;                      // for people: messages, lists, statistics
     PrincipalPointer principal;         // for the policy; null: the owner, which is this user or root by Unix socket
+    bool gone = false;                  // the connection has ended, and nobody knows any more whose it was: what it sent is not read
 };
 
 struct Transport {

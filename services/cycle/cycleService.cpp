@@ -62,6 +62,7 @@ public:
             .integer("-cpu", &Cycle::cpu_, {.low = -1, .high = 1023, .help = "processor to run on; -1: those of the process"})
             .flag("-lockMemory", &Cycle::lockMemory_, {.help = "keep the process's memory from being paged out while it runs"})
             .flag("-autostart", &Cycle::autostart_, {.help = "start when made", .fixed = true, .danger = sorma::Danger::move})
+            .execDanger(sorma::Danger::move)
             .action("-start", &Cycle::start, "", "begin; a warning tells what real-time help the system has refused")
             .danger(sorma::Danger::move)
             .action("-stop", &Cycle::stopNow, "", "end after the present tick", 0, 0, sorma::Right::call)
@@ -135,7 +136,7 @@ private:
         auto right = method == sorma::Method::exec ? object->type().execRight() : sorma::Right::call;
         if (!object->isElsewhere()) {
             object->need(author, right);
-            if (method == sorma::Method::exec && object->type().isDangerous()) object->need(author, sorma::Right::operate);
+            if (method == sorma::Method::exec && object->isDangerous()) object->need(author, sorma::Right::operate);
         }
         return object;
     }

@@ -33,6 +33,7 @@ oo::class create ::sorma::service::sight {
     sorma::writes floats 2..7 "" "time, x y z \[m\] in the tool frame, residual, code; learn: mean and largest error \[m\] in between"
     sorma::writes text 0.. "" "learn: what was learned"
     sorma::words "learn"
+    sorma::danger move learn
     sorma::example "sight.ball CTRL -samples 8"
 
     variable Loop       ;# the coroutine that streams; empty: none

@@ -49,6 +49,10 @@ proc rpc::relayed {xid name method author {message {}}} {
     return [record [header $xid 2 -author $author][binary format IIII -1 0 0 $method][text $name][expr {$message eq {} ? [message] : $message}]]
 }
 
+proc rpc::oneway {name method message} {
+    return [record [header 0 7][binary format IIII -1 0 0 $method][text $name]$message]
+}
+
 # method: 0 EXEC, 1 CTRL, 2 DBX
 proc rpc::call {xid name method {message {}} {slot 0xffffffff} {sequence 0} {timeleft 0}} {
     if {$message eq {}} {
