@@ -334,7 +334,10 @@ public:
         return found == lines_.end() ? nullptr : Principal::parse(found->second);
     }
     void note(std::string_view word, const std::vector<std::string>& words, const PrincipalPointer& author) {
-        if (author) now_.insert_or_assign(hash(word, words), author->toText());
+        if (!author) return;
+        // Anybody can make an entry with the hash of another one: both authors count for both.
+        auto& text = now_[hash(word, words)];
+        text = (text.empty() ? author : Principal::both(Principal::parse(text), author))->toText();
     }
     // Write the file, before and after the dictionary itself is written. All old lines stay until then. So no entry loses its
     // author when this process ends in between.
