@@ -60,6 +60,14 @@ std::string clean(std::string_view text) {
     return out;
 }
 
+// A claim stands within a line of the audit, and must not begin another one.
+std::string oneLine(std::string_view text) {
+    std::string out = clean(text);
+    for (char& c : out)
+        if (static_cast<unsigned char>(c) < ' ' || c == 0x7f) c = '?';
+    return out;
+}
+
 bool readTrail(XdrReader& r, Trail& trail) {
     std::size_t dropped = r.u32();
     std::size_t n = r.count(48);
@@ -133,7 +141,7 @@ bool readBehalf(std::string_view body, Behalf& behalf) {
     behalf.request = r.u64();
     auto callers = r.text();
     if (!r.good() || callers.size() > kMostCallersRead || !isUtf8(callers)) return false;
-    behalf.callers = callers;
+    behalf.callers = oneLine(callers);
     if (behalf.relayed && r.left() > 0) {
         auto author = r.text();
         if (!r.good() || author.size() > kMostAuthor || !isUtf8(author)) return false;
@@ -447,7 +455,7 @@ bool readEvent(XdrReader& r, EventHeader& h, EventBody& body, Message& content) 
 bool readHello(XdrReader& r, Hello& h) {
     auto text = [&](const char* what) {
         std::string_view given = r.text();
-        if (given.size() <= kKeptName) return clean(given);
+        if (given.size() <= kKeptName) return oneLine(given);
         h.tooLong = what;
         h.bytes = given.size();
         return std::string();
@@ -469,7 +477,7 @@ bool readHello(XdrReader& r, Hello& h) {
 
 bool readWelcome(XdrReader& r, Welcome& v) {
     v.boot = r.u64();
-    auto text = [&] { return clean(cutText(r.text(), kKeptName)); };
+    auto text = [&] { return oneLine(cutText(r.text(), kKeptName)); };
     v.name = text();
     v.user = text();
     v.host = text();
