@@ -92,6 +92,14 @@ std::string quoted(const std::string& word, std::string_view names) {
     return "\"" + word + "\"" + didYouMean(word, known);
 }
 
+// A pattern for a text that a stranger has chosen. A line and a shell read it as one word.
+std::string patternFor(std::string_view subject) {
+    std::string out(subject);
+    for (char& c : out)
+        if (static_cast<unsigned char>(c) <= ' ' || std::strchr("*[]\\\"$`#\x7f", c)) c = '?';
+    return out;
+}
+
 // The caller in a refusal: what is known, then what it claims.
 std::string whoText(const PrincipalPointer& author) {
     if (author->kind() == Principal::Kind::several) {
@@ -323,9 +331,9 @@ std::string Access::remedy(const PrincipalPointer& author, Right right, std::str
     if (right == Right::dictionary || right == Right::configure || right == Right::make || right == Right::call || right == Right::inspect ||
         right == Right::operate || right == Right::relay) {
         auto dot = subject.find('.');
-        on = dot == subject.npos ? std::string(subject) : std::string(subject.substr(0, dot)) + ".*";
+        on = dot == subject.npos ? patternFor(subject) : patternFor(subject.substr(0, dot)) + ".*";
     } else {
-        on = subject;
+        on = patternFor(subject);
     }
     std::string what = std::string(toText(right)) + " on " + on;
     if (!author) return "its parent can grant it: sorma::grant INTERP allow " + what;
@@ -349,6 +357,7 @@ void Access::refuse(const PrincipalPointer& author, Right right, std::string_vie
     std::string who = author ? whoText(author) : std::string("this interpreter is safe and");
     ++denials_;
     std::string text = cutText(who + ": " + doing, kKeptText);
+    std::replace(text.begin(), text.end(), '\n', '?');
     auto known = std::find_if(denied_.begin(), denied_.end(), [&](auto& d) { return d->text == text; });
     Denial denial{wallNow(), text, 1};
     if (known != denied_.end()) {
