@@ -14,9 +14,16 @@ const char* toText(Kind kind) {
 
 bool fromText(std::string_view text, Kind& out) { return findText(text, Kind::plain, Kind::program, out); }
 
+// The path of a file, as a policy names it. A segment has one name there, whether as a file or by its key.
+static std::string policyPath(const std::string& value) {
+    constexpr std::string_view kFolder = "/dev/shm/", kSegment = "/dev/shm/sorma.";
+    std::string path = realPath(value);
+    return path.starts_with(kSegment) ? std::string(kFolder) + path.substr(kSegment.size()) : path;
+}
+
 std::optional<KindRight> rightOf(Kind kind, const std::string& value, const std::string& object) {
     if (value.empty()) return std::nullopt;
-    if (kind == Kind::file || kind == Kind::folder) return KindRight{Right::files, realPath(value)};
+    if (kind == Kind::file || kind == Kind::folder) return KindRight{Right::files, policyPath(value)};
     if (kind == Kind::segment) return KindRight{Right::files, "/dev/shm/" + value};
     if (kind == Kind::program) return KindRight{Right::program, object};
     return std::nullopt;
