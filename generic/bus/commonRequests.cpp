@@ -271,8 +271,9 @@ std::string CommonRequests::trailText(const Trail& trail) {
 
 // Plain values for `NAME info ...`, as Tcl lists where there is more than one.
 void CommonRequests::info(Service& s, Args args, Message& reply) {
-    static const Prototype kInfo{Severity::error, "REQUEST SYNTAX", 2, "{}: bad info \"{}\": must be actions, class, dump, "
-                                 "example, help, inspections, location, methods, name, options, purpose, secrets, signature, trail, or version"};
+    static const Prototype kInfo{Severity::error, "REQUEST SYNTAX", 2, "{}: bad info \"{}\"{}: must be {}"};
+    static const std::vector<std::string> kInfos{"actions", "class", "dump", "example", "help", "inspections", "location", "methods",
+                                                 "name", "options", "purpose", "secrets", "signature", "trail", "version"};
     const std::string& what = args[0];
     auto actionList = [&](const std::vector<Action>& own, const std::vector<Action>& common) {
         std::string list;
@@ -303,7 +304,7 @@ void CommonRequests::info(Service& s, Args args, Message& reply) {
     else if (what == "trail") out = trailText(shownTrail(*s.record().trail, s.sorm(), reply.author));
     else if (what == "actions") out = actionList(s.type().actions(), actions());
     else if (what == "inspections") out = actionList(s.type().inspections(), inspections());
-    else fail(kInfo, s.name(), what);
+    else fail(kInfo, s.name(), what, didYouMean(what, kInfos), oneOf(kInfos));
     reply.text += out;
 }
 

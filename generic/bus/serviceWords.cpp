@@ -40,18 +40,23 @@ Args takeArguments(const std::string& name, const Action& action, const std::vec
 }
 
 // Runs f. An error in a word of a recipe then also says where the word stands. An error of another object tells its own place.
-template <class F> void readAt(const Origin& origin, F f) {
+// inEntry: does the word come from an entry of the dictionary? Asked after an error only.
+template <class F, class G> void readAt(const Origin& origin, F f, G inEntry) {
     try {
         f();
     } catch (const Error& e) {
         Error placed = e;
         for (auto& entry : placed.trail.entries()) {
             if (entry.severity != Severity::error) continue;
-            if (entry.so.empty() && (!origin.file.empty() || !origin.via.empty())) entry.text += " (" + origin.toText() + ")";
+            if (entry.so.empty() && inEntry()) entry.text += " (" + (origin.file.empty() ? "its recipe, " : std::string()) + origin.toText() + ")";
             break;
         }
         throw placed;
     }
+}
+
+template <class F> void readAt(const Origin& origin, F f) {
+    readAt(origin, f, [&] { return !origin.file.empty() || !origin.via.empty(); });
 }
 
 [[noreturn]] void failMissing(const std::string& name, const Option& o) {
@@ -101,6 +106,7 @@ std::vector<WordFault> faultsOf(const Class& type, const std::string& name, cons
 // "-a, -b, or -c"
 std::string oneOf(std::vector<std::string> words) {
     std::sort(words.begin(), words.end());
+    words.erase(std::unique(words.begin(), words.end()), words.end());
     std::string out;
     for (std::size_t i = 0; i < words.size(); ++i) {
         if (i > 0) out += words.size() > 2 ? ", " : " ";
@@ -172,7 +178,11 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, M
         needArguments(*action, args, origin->author);
         steps.push_back({action, args, origin, permit});
     };
-    while (i < words.size()) readAt(recipe[i].origin, take);
+    while (i < words.size())
+        readAt(recipe[i].origin, take, [&, at = i] {
+            const Origin& origin = recipe[at].origin;
+            return !origin.file.empty() || !origin.via.empty() || (birth && sorm_->dictionary().has(name_) && at < sorm_->dictionary().expand(name_).size());
+        });
 
     if (!a.values.empty()) {
         if (!birth && (guard() & kLockBits)) checkLock();

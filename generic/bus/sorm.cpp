@@ -21,7 +21,7 @@ const Prototype kUnknownClass{Severity::error, "NAME UNKNOWN_CLASS", 1,
                               "unknown service class \"{0}\"{1} in \"{0}\": no package sorma::service::{0} was found either{2}"};
 const Prototype kUnknownFlavor{Severity::error, "NAME UNKNOWN_FLAVOR", 1,
                                "unknown flavor in \"{0}\"{1}: {2}, and the dictionary has no entry {0}; "
-                               "sorma::create {0} makes it all the same"};
+                               "{3} {0} makes it all the same"};
 const Prototype kDuplicate{Severity::error, "CLASS DUPLICATE", 1, "service class \"{}\" is registered already, {}"};
 const Prototype kClassName{Severity::error, "NAME SYNTAX", 1, "bad class name \"{}\": must be lower-case letters, digits and _"};
 const Prototype kCycle{Severity::error, "SERVICE CYCLE", 1, "{}: sub-services form a cycle: {}"};
@@ -216,7 +216,8 @@ void Sorm::needFlavor(const Name& name, const Class& type, const PrincipalPointe
     for (auto& word : dictionary_.words(name.className + ".*"))
         if (access.rights(author, word) & Rights(Right::call)) known.push_back(word);
     fail(kUnknownFlavor, name.service, didYouMean(name.service, known),
-         strict && type.flavors() == Flavors::unsaid ? "names are strict here" : "class " + name.className + " takes only flavors of the dictionary");
+         strict && type.flavors() == Flavors::unsaid ? "names are strict here" : "class " + name.className + " takes only flavors of the dictionary",
+         CallContext::currentClient() && !daemonName.empty() ? "sorm@" + daemonName + " CTRL -create" : "sorma::create");
 }
 
 std::string Sorm::placeOf(const Name& name, const Address& address) const { return name.where.empty() ? address.toText() : name.where; }

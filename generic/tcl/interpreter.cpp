@@ -14,7 +14,7 @@ namespace {
 
 constexpr const char* kKey = "sorma";
 
-const Prototype kInteger{Severity::error, "OPTION VALUE", 1, "{} expects a whole number{}, got \"{}\""};
+const Prototype kInteger{Severity::error, "OPTION VALUE", 1, "{} expects {}{}, got \"{}\""};
 const Prototype kRange{Severity::error, "OPTION RANGE", 1, "{} {} is outside {} .. {}{}"};
 const Prototype kPackage{Severity::error, "SERVICE PACKAGE", 1, "service class \"{}\" cannot be loaded: {}"};
 
@@ -109,7 +109,8 @@ void Interpreter::addInteger(std::string name, std::string unit, std::string hel
     auto text = [get = std::move(get)] { return std::to_string(get()); };
     auto take = [=, set = std::move(set)](const std::string& value) {
         std::int64_t n = 0;
-        if (!parseNumber(value, n)) fail(kInteger, name, ofUnit, value);
+        const bool flag = low == 0 && high == 1, number = parseNumber(value, n);
+        if (!number || (flag && (n < low || n > high))) fail(kInteger, name, flag ? "0 or 1" : "a whole number", ofUnit, value);
         if (n < low || n > high) fail(kRange, name, n, low, high, inUnit);
         set(n);
     };

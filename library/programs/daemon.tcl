@@ -233,7 +233,7 @@ proc ::sorma::daemon::Make name {
         return                          ;# the script has made it
     }
     try {
-        ::sorma::create $name
+        ::sorma::so::$name info class       ;# as whoever uses it: a mistyped flavor makes nothing where names are strict
     } on error {message options} {
         return -options $options "-make $name: $message"
     }

@@ -76,8 +76,10 @@ proc ::sorma::complete::Complete {line point} {
     if {[regexp {[][\\{}"$; ]} $all]} {
         set found [lmap word $found {Quoted $word $quote}]
     }
-    if {$hint eq {} && [lindex $words 1] in {CTRL DBX EXEC cget configure exec info}} {
-        set hint [Slip $words $partial]
+    # What is mistyped comes before all that could be said; a word that nothing continues is as it will be.
+    set slip [Slip [concat $words [if {$partial ne {} && $skip eq {} && [llength $found] == 0} {list $partial}]]]
+    if {$slip ne {}} {
+        set hint $slip
     }
     set hint [string map {\n { }} $hint]
     if {[regexp {[^\x20-\x7e]} $hint]} {
@@ -522,9 +524,27 @@ proc ::sorma::complete::Topics {} {
 
 # ---- slips of the pen ----
 
-# A word of a request that is not known while another one is near: "-temp (did you mean -tempo?)". Empty: nothing looks wrong.
-proc ::sorma::complete::Slip {words partial} {
+# A word that is not known while another one is near: "unknown -temp (did you mean -tempo?)". Empty: nothing looks wrong.
+proc ::sorma::complete::Slip words {
     set rest [lassign $words name method]
+    if {[llength $words] == 0 || ![regexp {^[a-z]\w*((\.[^@]+)?(@.*)?|(::\w+)+)$} $name]} {
+        return {}
+    }
+    if {[Known $name] ne {} && [Occupied $name] || [string match *::* $name]} {
+        return [if {[Known $name] eq {}} {Unknown $name [::sorma::usage::commands sorma::*] {}}]
+    }
+    if {![regexp {[.@]} $name] && ![isName $name] && $method ni $::sorma::complete::Methods} {
+        return [if {![info exists ::auto_index($name)]} {Unknown $name [concat [uplevel #0 {info commands}] [::sorma::names] [::sorma::table classes {}]] {}}]
+    }
+    set slip [SlipOfName $name]
+    if {$slip eq {} && $method ne {} && !($name eq "dict" && $method in [Subcommands dict])} {
+        set slip [Unknown $method $::sorma::complete::Methods {}]
+    }
+    return [if {$slip ne {}} {set slip} else {SlipOfRequest $name $method $rest}]
+}
+
+# ... in the name of an object.
+proc ::sorma::complete::SlipOfName name {
     if {![regexp {^([a-z]\w*)(\.[^@]+)?(@(.*))?$} $name -> class flavor at where]} {
         return {}
     }
@@ -539,23 +559,39 @@ proc ::sorma::complete::Slip {words partial} {
     }
     set objects [expr {$where eq {} ? [::sorma::names] : [::sorma::table objects $where]}]
     set service $class$flavor
-    if {$service ni $objects} {
-        set slip [Unknown $class [concat [::sorma::table classes $where] [lmap object $objects {lindex [split $object .] 0}]] "class "]
-        if {$slip eq {} && $flavor ne {}} {
-            set known [concat $objects [::sorma::table words $where]]
-            set slip [Unknown $service [lsearch -all -inline -glob $known $class.*] {}]
-        }
-        if {$slip ne {}} {
-            return $slip
-        }
+    if {$service in $objects} {
+        return {}
     }
-    set table [if {$method in {CTRL DBX}} {::sorma::table guess $name}]
+    set slip [Unknown $class [concat [::sorma::table classes $where] [lmap object $objects {lindex [split $object .] 0}]] "class "]
+    if {$slip eq {} && $flavor ne {}} {
+        set known [concat $objects [::sorma::table words $where]]
+        set slip [Unknown $service [lsearch -all -inline -glob $known $class.*] {}]
+    }
+    return $slip
+}
+
+# ... in what follows the method: an option, a word, or one of the choices of an option.
+proc ::sorma::complete::SlipOfRequest {name method words} {
+    set table [if {$method in {CTRL DBX cget configure info}} {::sorma::table guess $name}]
     if {$table eq {}} {
         return {}
     }
-    set known [KnownNames $table [expr {$method eq "CTRL"}]]
-    foreach word [concat $rest [if {[lsearch -glob $known [::sorma::text::escape $partial]*] < 0} {list $partial}]] {
-        if {[regexp {^-[[:alpha:]]} $word] && [set slip [Unknown $word $known {}]] ne {}} {
+    if {$method eq "info"} {
+        return [if {[llength $words] > 0} {Unknown [lindex $words 0] $::sorma::complete::Infos {}}]
+    }
+    set ctrl [expr {$method ne "DBX"}]
+    set known [if {$method in {CTRL DBX}} {KnownNames $table $ctrl} else {OptionNames $table}]
+    set before {}
+    foreach word $words {
+        lassign [State $table $ctrl $before] what item
+        lappend before $word
+        set slip {}
+        if {$what eq "value" && [lindex $item 1] eq "enum"} {
+            set slip [Unknown $word [lindex $item 3] "[lindex $item 0] "]
+        } elseif {$what eq "name" || [regexp {^-[[:alpha:]]} $word]} {
+            set slip [Unknown $word $known {}]
+        }
+        if {$slip ne {}} {
             return $slip
         }
     }
