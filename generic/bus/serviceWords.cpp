@@ -40,7 +40,7 @@ Args takeArguments(const std::string& name, const Action& action, const std::vec
 }
 
 // Runs f. An error in a word of a recipe then also says where the word stands. An error of another object tells its own place.
-// inEntry: does the word come from an entry of the dictionary? Asked after an error only.
+// inEntry: does the word come from an entry that was added at run time? Asked after an error only.
 template <class F, class G> void readAt(const Origin& origin, F f, G inEntry) {
     try {
         f();
@@ -48,7 +48,7 @@ template <class F, class G> void readAt(const Origin& origin, F f, G inEntry) {
         Error placed = e;
         for (auto& entry : placed.trail.entries()) {
             if (entry.severity != Severity::error) continue;
-            if (entry.so.empty() && inEntry()) entry.text += " (" + (origin.file.empty() ? "its recipe, " : std::string()) + origin.toText() + ")";
+            if (entry.so.empty() && (!origin.file.empty() || !origin.via.empty() || inEntry())) entry.text += " (" + (origin.file.empty() ? "its recipe, " : std::string()) + origin.toText() + ")";
             break;
         }
         throw placed;
@@ -56,7 +56,12 @@ template <class F, class G> void readAt(const Origin& origin, F f, G inEntry) {
 }
 
 template <class F> void readAt(const Origin& origin, F f) {
-    readAt(origin, f, [&] { return !origin.file.empty() || !origin.via.empty(); });
+    readAt(origin, f, [] { return false; });
+}
+
+// Is this word of what an object is made with one of its entry in the dictionary? Others came with the request that makes it.
+bool isOfEntry(Dictionary& dictionary, const std::string& name, std::size_t at) {
+    return dictionary.has(name) && at < dictionary.expand(name).size();
 }
 
 [[noreturn]] void failMissing(const std::string& name, const Option& o) {
@@ -178,11 +183,7 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, M
         needArguments(*action, args, origin->author);
         steps.push_back({action, args, origin, permit});
     };
-    while (i < words.size())
-        readAt(recipe[i].origin, take, [&, at = i] {
-            const Origin& origin = recipe[at].origin;
-            return !origin.file.empty() || !origin.via.empty() || (birth && sorm_->dictionary().has(name_) && at < sorm_->dictionary().expand(name_).size());
-        });
+    while (i < words.size()) readAt(recipe[i].origin, take, [&, at = i] { return birth && isOfEntry(sorm_->dictionary(), name_, at); });
 
     if (!a.values.empty()) {
         if (!birth && (guard() & kLockBits)) checkLock();

@@ -5,6 +5,7 @@
 //     sorma::edit columns                     width of the terminal, 0 when there is none
 //     sorma::edit read ?-prompt text? ?-complete prefix? ?-hint prefix?
 //                                             list of how (line, end or interrupt) and the line's text
+//     sorma::edit hint                        make the hint again, while a line is read
 //     sorma::edit wait varName                runs the event loop until the variable exists (1) or Ctrl-C is typed (0)
 //     sorma::edit remember ?entry ...?        into the history
 //     sorma::edit attach, detach              take the terminal's signals and guard its output; give them back
@@ -152,8 +153,8 @@ int WaitCmd(Package& p, int objc, Tcl_Obj* const objv[]) {
 
 int EditObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& p = *static_cast<Package*>(data);
-    static const char* const words[] = {"attach", "columns", "detach", "read", "remember", "usable", "wait", nullptr};
-    enum { attachWord, columnsWord, detachWord, readWord, rememberWord, usableWord, waitWord };
+    static const char* const words[] = {"attach", "columns", "detach", "hint", "read", "remember", "usable", "wait", nullptr};
+    enum { attachWord, columnsWord, detachWord, hintWord, readWord, rememberWord, usableWord, waitWord };
     int word;
     if (objc < 2) {
         Tcl_WrongNumArgs(interp, 1, objv, "subcommand ?arg ...?");
@@ -174,6 +175,8 @@ int EditObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const obj
     if (word == attachWord) return attach(p);
     if (word == columnsWord) {
         Tcl_SetObjResult(interp, Tcl_NewWideIntObj(LineEditor::columns()));
+    } else if (word == hintWord) {
+        if (p.editor) p.editor->renewHint();
     } else if (word == detachWord) {
         if (p.editor && (p.editor->busy() || p.editor->signals.waiting())) return failWith(interp, "BUSY", "another command waits for a line or a variable");
         if (p.editor) attachedAnywhere = nullptr;

@@ -11,6 +11,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <cwchar>
+#include <utility>
 
 #include "edit/text.h"
 
@@ -158,7 +159,9 @@ bool LineEditor::waitForInput() {
             return false;
         }
         if (ready_) return true;
+        waits_ = true;
         Tcl_DoOneEvent(TCL_ALL_EVENTS);
+        waits_ = false;
     }
 }
 
@@ -253,6 +256,13 @@ void LineEditor::showHint() {
     bytes += "\r\033[K\033[2m" + toUtf8(hint) + "\033[0m\033[" + std::to_string(hintRow_) + "A\r";
     if (cursor.column > 0) bytes += "\033[" + std::to_string(cursor.column) + "C";
     put(bytes);
+}
+
+void LineEditor::renewHint() {
+    if (!std::exchange(waits_, false)) return;
+    hideHint();
+    showHint();
+    waits_ = true;
 }
 
 void LineEditor::hideHint() {

@@ -56,6 +56,8 @@ public:
     // prompt: a few words at most, no newline.   line: becomes the line, without its newline.
     How read(const std::wstring& prompt, Complete complete, Hint hint, std::wstring& line);
     bool busy() const { return reading_; }
+    // From an event while the editor waits for a key: what the hint was made from has changed, so it is made again.
+    void renewHint();
     // Ctrl-C has interrupted a script that ran in the event loop of read(): read() ends with How::interrupt, too.
     void interrupt() { interrupted_ = true; }
 
@@ -96,6 +98,7 @@ private:
     std::wstring prompt_;
     int width_ = 80;
     bool reading_ = false;
+    bool waits_ = false;                        // for a key, in the event loop
     bool ready_ = false;                        // standard input can be read
     bool interrupted_ = false;
     How how_ = How::line;

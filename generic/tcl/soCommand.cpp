@@ -18,8 +18,11 @@ constexpr std::string_view kNamespace = "::sorma::so::";
 const Prototype kNoOption{Severity::error, "OPTION UNKNOWN", 2, "{}: unknown option \"{}\""};
 const Prototype kBadMethod{Severity::error, "REQUEST SYNTAX", 0,
                            "bad method \"{}\"{}: must be CTRL, DBX, EXEC, cget, configure, destroy, exec, or info"};
-const Prototype kNotAsync{Severity::error, "REQUEST SYNTAX", 0, "{} cannot be asked for later: must be CTRL, DBX, EXEC, cget, configure, exec, or info"};
+const Prototype kNotAsync{Severity::error, "REQUEST SYNTAX", 0, "{}{} cannot be asked for later: must be CTRL, DBX, EXEC, cget, configure, exec, or info"};
+const Prototype kEmpty{Severity::error, "NAME EMPTY", 0, "the name before {} is empty; does an option of type service name nobody?"};
 const Prototype kPairs{Severity::error, "OPTION MISSING", 2, "{}: {} needs a value"};
+
+const std::vector<std::string> kLater{"CTRL", "DBX", "EXEC", "cget", "configure", "exec", "info"};
 
 [[noreturn]] void badMethod(Tcl_Obj* word) {
     fail(kBadMethod, toUtf8(word), didYouMean(toUtf8(word), {"CTRL", "DBX", "EXEC", "cget", "configure", "destroy", "exec", "info"}));
@@ -435,6 +438,7 @@ Mention mentioned(int objc, Objects objv) {
     out.certain = out.certain || address;
     if (!address && word.find("::") != std::string_view::npos) return out;
     if (!out.certain && (objc < 2 || methodOf(objv[1]) == Word::none)) return out;
+    if (word.empty()) fail(kEmpty, toUtf8(objv[1]));
     out.name = word;
     return out;
 }
@@ -572,7 +576,7 @@ std::shared_ptr<PendingCommand> beginCommand(Interpreter& i, std::string_view na
     Message m;
     RequestForm request;
     int code = readRequest(b, methodOf(objv[1]), objc, objv, request, m);
-    if (code == TCL_CONTINUE) fail(kNotAsync, toUtf8(objv[1]));
+    if (code == TCL_CONTINUE) fail(kNotAsync, toUtf8(objv[1]), didYouMean(toUtf8(objv[1]), kLater));
     if (code != TCL_OK) return nullptr;
     return std::make_shared<PendingCommand>(i, b.name, request, b.so->async(request.method, std::move(m), deadline), objc, objv);
 }
@@ -583,7 +587,7 @@ bool sendOneway(Interpreter& i, std::string_view name, int objc, Tcl_Obj* const 
     Message m;
     RequestForm request;
     int code = readRequest(b, methodOf(objv[1]), objc, objv, request, m);
-    if (code == TCL_CONTINUE) fail(kNotAsync, toUtf8(objv[1]));
+    if (code == TCL_CONTINUE) fail(kNotAsync, toUtf8(objv[1]), didYouMean(toUtf8(objv[1]), kLater));
     if (code != TCL_OK) return false;
     b.so->oneway(request.method, std::move(m));
     Tcl_ResetResult(i.interp);

@@ -143,7 +143,7 @@ std::string nearAndOneOf(Tcl_Obj* word, std::initializer_list<const char*> words
 Danger danger(Tcl_Obj* command, const std::string& word, Tcl_Obj* value) {
     Danger out = Danger::none;
     if (!fromText(view(value), out))
-        bad(command, word + ": bad danger \"" + toUtf8(value) + "\": must be " + oneOf({"fire", "move", "power", "stop"}));
+        bad(command, word + ": bad danger " + nearAndOneOf(value, {"fire", "move", "power", "stop"}));
     return out;
 }
 
@@ -163,8 +163,7 @@ int OptionObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
             for (auto& known : ancestor->options)
                 if (known.option.name == o.name) bad(objv[0], o.name + " is declared twice");
         if (!fromText(view(objv[2]), o.type))
-            bad(objv[0], "bad type \"" + toUtf8(objv[2]) + "\": must be " +
-                             oneOf({"double", "enum", "flag", "int", "service", "string", "vector"}));
+            bad(objv[0], "bad type " + nearAndOneOf(objv[2], {"double", "enum", "flag", "int", "service", "string", "vector"}));
         Tcl_Obj* initial = nullptr;
         for (int k = 3; k < objc; k += 2) {
             std::string_view word = view(objv[k]);
@@ -273,7 +272,7 @@ int declareAction(Interpreter& i, int objc, Tcl_Obj* const objv[], bool ctrl) {
                 continue;
             }
             if (view(objv[k]) != "-right")
-                bad(objv[0], a.name + ": unknown word \"" + toUtf8(objv[k]) + "\": must be " + oneOf({"-danger", "-kinds", "-right"}));
+                bad(objv[0], a.name + ": unknown word " + nearAndOneOf(objv[k], {"-danger", "-kinds", "-right"}));
             std::string right = toUtf8(objv[k + 1]), known;
             bool found = false;
             for (Right r : {Right::call, Right::inspect, Right::configure, Right::make, Right::program, Right::operate}) {
@@ -331,7 +330,7 @@ int declarePart(Interpreter& i, int objc, Tcl_Obj* const objv[], bool reads) {
         bool found = false;
         for (Field f : {Field::text, Field::floats, Field::ints, Field::any})
             if (field == toText(f)) p.field = f, found = true;
-        if (!found) bad(objv[0], "bad part \"" + std::string(field) + "\": must be any, floats, ints, or text");
+        if (!found) bad(objv[0], "bad part " + nearAndOneOf(objv[1], {"any", "floats", "ints", "text"}));
         p.count = count(objv[0], objv[2]);
         if (words > 3) p.unit = toUtf8(objv[3]);
         if (words > 4) p.help = toUtf8(objv[4]);
@@ -398,7 +397,7 @@ int FlavorsObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const 
         if (objc != 2) return wrongArgs(interp, objv, "any|dictionary");
         TclClass& c = target(i, objv[0]);
         std::string flavors = toUtf8(objv[1]);
-        if (flavors != "any" && flavors != "dictionary") bad(objv[0], "bad flavors \"" + flavors + "\": must be any or dictionary");
+        if (flavors != "any" && flavors != "dictionary") bad(objv[0], "bad flavors " + nearAndOneOf(objv[1], {"any", "dictionary"}));
         c.flavors = flavors;
         declared(i, c);
         return TCL_OK;

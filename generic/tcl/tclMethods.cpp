@@ -1,6 +1,6 @@
 #include "tcl/tclServiceParts.h"
 
-
+#include "bus/nearest.h"
 #include "tcl/soCommand.h"
 #include "tcl/tclServiceScript.h"
 #include "tcl/waiting.h"
@@ -15,7 +15,7 @@ const Prototype kNoService{Severity::error, "SERVICE FAILED", 0,
                            "{} is no service object yet: its constructor has not returned; do this in method born"};
 const Prototype kNotRunning{Severity::error, "SERVICE FAILED", 0, "{} works only in a method of a service class"};
 const Prototype kSymbol{Severity::error, "REQUEST SYNTAX", 0, "bad code \"{}\": must be AREA SYMBOL ?detail ...?"};
-const Prototype kNoOption{Severity::error, "OPTION UNKNOWN", 2, "{}: unknown option \"{}\": must be {}"};
+const Prototype kNoOption{Severity::error, "OPTION UNKNOWN", 2, "{}: unknown option \"{}\"{}: must be {}"};
 
 // sorma::fail {AREA SYMBOL ?detail ...?} text, and sorma::warn: the entry names this line of Tcl.
 Entry entryOf(Interpreter& i, Severity severity, Tcl_Obj* code, Tcl_Obj* text) {
@@ -115,8 +115,10 @@ int CgetMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, i
         int index = s.type().findOption(view(objv[skip]));
         if (index < 0) {
             std::string known;
-            for (auto& o : s.type().options()) known += (known.empty() ? "" : ", ") + o.name;
-            fail(kNoOption, s.name(), toUtf8(objv[skip]), known.empty() ? "(this class has no options)" : known);
+            std::vector<std::string> names;
+            for (auto& o : s.type().options()) known += (known.empty() ? "" : ", ") + o.name, names.push_back(o.name);
+            const std::string word = toUtf8(objv[skip]);
+            fail(kNoOption, s.name(), word, didYouMean(word, names), known.empty() ? "(this class has no options)" : known);
         }
         Value value = s.value(std::size_t(index));
         if (s.type().options()[std::size_t(index)].type == Type::service) {

@@ -322,7 +322,16 @@ proc ::sorma::scott::CompleteAt {line point} {
 }
 proc ::sorma::scott::HintAt {line point} {
     variable Pending
-    return [::sorma::shell::hint $Pending $line $point]
+    set hint [::sorma::shell::hint $Pending $line $point]
+    # What has been asked for just now: the hint is made again when it comes.
+    if {[::sorma::table open] > 0 && [info commands ::sorma::scott::renewing] eq {}} {
+        coroutine ::sorma::scott::renewing ::sorma::scott::Renew
+    }
+    return $hint
+}
+proc ::sorma::scott::Renew {} {
+    ::sorma::await settle 2000
+    ::sorma::edit hint
 }
 
 # Execute a command while the event loop runs, show its result, and record it. Ctrl-C cancels what it waits for.
