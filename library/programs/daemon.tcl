@@ -233,7 +233,7 @@ proc ::sorma::daemon::Make name {
         return                          ;# the script has made it
     }
     try {
-        ::sorma::so::$name info class       ;# as whoever uses it: a mistyped flavor makes nothing where names are strict
+        ::sorma::so::$name info class       ;# its first use, so that strict names hold
     } on error {message options} {
         return -options $options "-make $name: $message"
     }

@@ -323,7 +323,7 @@ proc ::sorma::scott::CompleteAt {line point} {
 proc ::sorma::scott::HintAt {line point} {
     variable Pending
     set hint [::sorma::shell::hint $Pending $line $point]
-    # What has been asked for just now: the hint is made again when it comes.
+    # The hint is made again when a daemon has answered.
     if {[::sorma::table open] > 0 && [info commands ::sorma::scott::renewing] eq {}} {
         coroutine ::sorma::scott::renewing ::sorma::scott::Renew
     }

@@ -76,8 +76,8 @@ proc ::sorma::complete::Complete {line point} {
     if {[regexp {[][\\{}"$; ]} $all]} {
         set found [lmap word $found {Quoted $word $quote}]
     }
-    # What is mistyped comes before all that could be said; a word that nothing continues is as it will be.
-    set slip [Slip [concat $words [if {$partial ne {} && $skip eq {} && [llength $found] == 0} {list $partial}]]]
+    # What is mistyped comes before all that could be said; a word that nothing continues is as it will be. A flavor may be a new one.
+    set slip [Slip [concat $words [if {$partial ne {} && $skip eq {} && [llength $found] == 0} {list $partial}]] [expr {$hint eq {}}]]
     if {$slip ne {}} {
         set hint $slip
     }
@@ -525,7 +525,8 @@ proc ::sorma::complete::Topics {} {
 # ---- slips of the pen ----
 
 # A word that is not known while another one is near: "unknown -temp (did you mean -tempo?)". Empty: nothing looks wrong.
-proc ::sorma::complete::Slip words {
+# flavors: may it be the flavor of an object, too?
+proc ::sorma::complete::Slip {words flavors} {
     set rest [lassign $words name method]
     if {[llength $words] == 0 || ![regexp {^[a-z]\w*((\.[^@]+)?(@.*)?|(::\w+)+)$} $name]} {
         return {}
@@ -536,7 +537,7 @@ proc ::sorma::complete::Slip words {
     if {![regexp {[.@]} $name] && ![isName $name] && $method ni $::sorma::complete::Methods} {
         return [if {![info exists ::auto_index($name)]} {Unknown $name [concat [uplevel #0 {info commands}] [::sorma::names] [::sorma::table classes {}]] {}}]
     }
-    set slip [SlipOfName $name]
+    set slip [SlipOfName $name $flavors]
     if {$slip eq {} && $method ne {} && !($name eq "dict" && $method in [Subcommands dict])} {
         set slip [Unknown $method $::sorma::complete::Methods {}]
     }
@@ -544,7 +545,7 @@ proc ::sorma::complete::Slip words {
 }
 
 # ... in the name of an object.
-proc ::sorma::complete::SlipOfName name {
+proc ::sorma::complete::SlipOfName {name flavors} {
     if {![regexp {^([a-z]\w*)(\.[^@]+)?(@(.*))?$} $name -> class flavor at where]} {
         return {}
     }
@@ -557,13 +558,13 @@ proc ::sorma::complete::SlipOfName name {
     if {$where eq "self"} {
         set where {}
     }
-    set objects [expr {$where eq {} ? [::sorma::names] : [::sorma::table objects $where]}]
+    set objects [expr {$where eq {} ? [lsearch -all -inline -not [::sorma::names] *@*] : [::sorma::table objects $where]}]
     set service $class$flavor
     if {$service in $objects} {
         return {}
     }
     set slip [Unknown $class [concat [::sorma::table classes $where] [lmap object $objects {lindex [split $object .] 0}]] "class "]
-    if {$slip eq {} && $flavor ne {}} {
+    if {$slip eq {} && $flavor ne {} && $flavors} {
         set known [concat $objects [::sorma::table words $where]]
         set slip [Unknown $service [lsearch -all -inline -glob $known $class.*] {}]
     }
