@@ -10,7 +10,7 @@
 namespace eval typed {
     variable Programs {./bootstrap sormad scott scottwish sorma-launch sorma-browser sorma-draughts draughts-train make autoreconf ./configure
         configure tclsh tclsh8.6 pkg-config ldconfig export bench gdb valgrind tcpdump ssh for}
-    variable Bound 120000       ;# ms for one command
+    variable Bound 300000       ;# ms for one command
     variable Jobs 4             ;# at a time
     variable Running            ;# array: pipe -> what it has said
     variable Group              ;# array: pipe -> its process, which leads a group
