@@ -10,6 +10,8 @@ namespace {
 constexpr std::uint32_t kNoUtf8 = 0x110000;         // beyond all code points: bytes that belong to none
 constexpr std::uint32_t kLeast[] = {0, 0, 0x80, 0x800, 0x10000};    // by length: a shorter form is no UTF-8
 
+bool standsForItself(char c) { return static_cast<unsigned char>(c) < 0x80 && c != '*' && c != '?' && c != '[' && c != '\\'; }
+
 // Takes one character off the front of a text that is not empty.
 std::uint32_t take(std::string_view& text) {
     const auto byte = [&](std::size_t i) { return std::uint32_t(static_cast<unsigned char>(text[i])); };
@@ -74,6 +76,11 @@ bool matchEveryWay(std::string_view pattern, std::string_view text) {
 
 // Everything but * takes one character. So when it does not fit, it is enough to let the last * take one character more.
 bool globMatch(std::string_view pattern, std::string_view text) {
+    // Most patterns begin with letters that stand for themselves, and many have nothing else.
+    std::size_t plain = 0;
+    while (plain < pattern.size() && plain < text.size() && pattern[plain] == text[plain] && standsForItself(pattern[plain])) ++plain;
+    pattern.remove_prefix(plain);
+    text.remove_prefix(plain);
     if (pattern.find("-]") != pattern.npos) return matchEveryWay(pattern, text);
     std::string_view afterStar, retry;
     for (;;) {
