@@ -95,12 +95,25 @@ void Stream::replay(const Service& from, Subscriber* subscriber, std::string_vie
     for (auto* l : found) subscriber->event({from.name(), l->name, l->message, l->time, l->serial, l->request});
 }
 
-void Inbox::push(Received event) {
+Inbox::Item Inbox::Spares::take() {
+    if (events_.empty()) return std::make_unique<Received>();
+    Item event = std::move(events_.back());
+    events_.pop_back();
+    event->message.reset();
+    return event;
+}
+
+void Inbox::Spares::give(Item event) {
+    constexpr std::size_t kMost = 256, kSmall = 1024;   // events; [bytes] of each
+    if (events_.size() < kMost && heapOf(event->message) <= kSmall) events_.push_back(std::move(event));
+}
+
+void Inbox::push(Item event) {
     if (waiting_.size() >= keep_) {
-        Received& oldest = waiting_.front();
+        Received& oldest = *waiting_.front();
         std::int64_t lost = oldest.lost < 0 ? -1 : oldest.lost + 1;
         waiting_.pop_front();
-        Received& next = waiting_.empty() ? event : waiting_.front();
+        Received& next = waiting_.empty() ? *event : *waiting_.front();
         next.lost = lost < 0 || next.lost < 0 ? -1 : next.lost + lost;
     }
     waiting_.push_back(std::move(event));
@@ -111,11 +124,12 @@ void Inbox::push(Received event) {
 void Inbox::deliver() {
     constexpr int kTurn = 64;           // then others have their turn
     auto keep = shared_from_this();
+    const auto listener = listener_;    // it may end the subscription
     for (int i = 0; i < kTurn && !waiting_.empty() && listener_; ++i) {
-        Received event = std::move(waiting_.front());
+        Item event = std::move(waiting_.front());
         waiting_.pop_front();
-        auto listener = listener_;      // it may end the subscription
-        listener(event);
+        listener(*event);
+        if (spares_) spares_->give(std::move(event));
     }
     scheduled_ = !waiting_.empty() && listener_;
     if (scheduled_) mailbox_->post([keep] { keep->deliver(); });

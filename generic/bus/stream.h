@@ -111,17 +111,31 @@ private:
 // and counted.
 class Inbox : public std::enable_shared_from_this<Inbox> {
 public:
-    Inbox(std::shared_ptr<Mailbox> mailbox, std::size_t keep, Listener listener)
-        : mailbox_(std::move(mailbox)), keep_(keep), listener_(std::move(listener)) {}
-    void push(Received event);
+    using Item = std::unique_ptr<Received>;
+    // Events that were delivered: others use their memory again.
+    class Spares {
+    public:
+        Item take();                    // its message is empty, the rest is what was there before
+        void give(Item event);
+
+    private:
+        std::vector<Item> events_;
+    };
+
+    // spares: where delivered events go; several inboxes may share them. Null: nowhere.
+    Inbox(std::shared_ptr<Mailbox> mailbox, std::size_t keep, Listener listener, std::shared_ptr<Spares> spares = nullptr)
+        : mailbox_(std::move(mailbox)), spares_(std::move(spares)), keep_(keep), listener_(std::move(listener)) {}
+    void push(Item event);
+    void push(Received event) { push(std::make_unique<Received>(std::move(event))); }
     void close() { listener_ = nullptr; }
 
 private:
     void deliver();
     std::shared_ptr<Mailbox> mailbox_;
+    std::shared_ptr<Spares> spares_;
     std::size_t keep_;
     Listener listener_;
-    std::deque<Received> waiting_;
+    std::deque<Item> waiting_;
     bool scheduled_ = false;
 };
 

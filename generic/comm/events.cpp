@@ -10,7 +10,7 @@ namespace sorma {
 class Events::Remote : public Listening {
 public:
     Remote(Events& e, wire::Subscription w, std::shared_ptr<Inbox> i, PrincipalPointer by)
-        : events(e), keep(e.user_.keep()), wanted(std::move(w)), inbox(std::move(i)), relayFor(std::move(by)) {
+        : events(e), keep(e.user_.keep()), wanted(std::move(w)), object(e.link_.fullName(wanted.name)), inbox(std::move(i)), relayFor(std::move(by)) {
         events.subscriptions_.emplace(wanted.id, this);
     }
     ~Remote() override {
@@ -62,12 +62,13 @@ public:
     void tell(std::string name, std::int64_t lost, std::string text) {
         Message m;
         m.text = std::move(text);
-        inbox->push({events.link_.fullName(wanted.name), std::move(name), std::move(m), last, lost, wallNow()});
+        inbox->push({object, std::move(name), std::move(m), last, lost, wallNow()});
     }
 
     Events& events;
     const std::shared_ptr<void> keep;
     wire::Subscription wanted;
+    const std::string object;           // its name for listeners
     std::shared_ptr<Inbox> inbox;
     const PrincipalPointer relayFor;
     std::uint64_t last = 0;             // number of the last event that came
@@ -126,7 +127,7 @@ void Events::askHealth(std::function<void(const wire::Health&)> told) {
 std::unique_ptr<Events::Remote> Events::make(std::string name, std::string pattern, std::size_t keep, Listener listener, const PrincipalPointer& relayFor,
                                              bool existing) {
     wire::Subscription wanted{++lastSubscription_, std::move(name), std::move(pattern), static_cast<std::uint32_t>(keep), existing};
-    return std::make_unique<Remote>(*this, std::move(wanted), std::make_shared<Inbox>(mailbox_, keep, std::move(listener)), relayFor);
+    return std::make_unique<Remote>(*this, std::move(wanted), std::make_shared<Inbox>(mailbox_, keep, std::move(listener), spares_), relayFor);
 }
 
 std::unique_ptr<Listening> Events::listen(std::string name, std::string pattern, std::size_t keep, Listener listener, Deadline deadline,
@@ -175,15 +176,20 @@ void Events::resume() {
 void Events::event(XdrReader& r) {
     wire::EventHeader header;
     wire::EventBody body;
-    Message content;
-    if (!wire::readEvent(r, header, body, content)) return;
+    Inbox::Item event = spares_->take();
+    if (!wire::readEvent(r, header, body, event->message)) return;
     auto found = subscriptions_.find(header.id);
     if (found == subscriptions_.end()) return;          // it has just ended
     Remote& remote = *found->second;
     remote.last = header.number;
     if (body.name == "sorma.gone" || body.name == "sorma.refused") remote.boot = 0;     // it has ended: not to be resumed
-    remote.inbox->push({link_.fullName(remote.wanted.name), std::move(body.name), std::move(content), header.number,
-                        std::int64_t(header.lost), body.time, body.request});
+    event->object = remote.object;
+    event->name = std::move(body.name);
+    event->number = header.number;
+    event->lost = std::int64_t(header.lost);
+    event->time = body.time;
+    event->request = body.request;
+    remote.inbox->push(std::move(event));
 }
 
 }  // namespace sorma

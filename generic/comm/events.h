@@ -47,6 +47,7 @@ private:
     Calls& calls_;
     Link::User& user_;
     std::shared_ptr<Mailbox> mailbox_;
+    const std::shared_ptr<Inbox::Spares> spares_ = std::make_shared<Inbox::Spares>();
     std::map<std::uint32_t, Control> controls_;         // by xid
     std::map<std::uint32_t, Remote*> subscriptions_;    // by id
     std::uint32_t lastControl_ = 0, lastSubscription_ = 0;
