@@ -48,8 +48,10 @@ private:
         std::deque<Item> items;             // events that wait for the peer
         std::size_t own = 0, bytes = 0;     // of the subscription itself; of the items
         std::size_t heap() const { return own + charged(bytes); }
-        // One or two small ones are on their way in a moment: they cost nothing.
-        static std::size_t charged(std::size_t bytes) { return bytes > 1024 ? bytes : 0; }
+        // One or two small ones are on their way in a moment: they cost nothing. The others are charged in steps, since several
+        // threads share an account.
+        static std::size_t charged(std::size_t bytes) { return bytes > kStep ? (bytes + kStep - 1) / kStep * kStep : 0; }
+        static constexpr std::size_t kStep = 1024;
     };
     bool fits(std::size_t more) const;      // may so many bytes of events wait in addition?
     void push(std::shared_ptr<const Buffer> body);
