@@ -14,19 +14,43 @@ constexpr std::string_view kTooLong = "too many authors";       // as Principal:
 constexpr std::uint32_t kCallKind = 0, kReplyKind = 1;
 constexpr std::uint32_t kMaxCredential = 400;       // RFC 5531, section 8.2
 
+// Writes a whole record.
+class Record : public XdrWriter {
+public:
+    explicit Record(Buffer& out) : XdrWriter(out), out_(out), start_(record::open(out)) {}
+    ~Record() { record::close(out_, start_); }
+    Record(const Record&) = delete;
+    Record& operator=(const Record&) = delete;
+
+private:
+    Buffer& out_;
+    const std::size_t start_;
+};
+
 void writeMessage(XdrWriter& w, const Message& m) {
-    w.text(m.text);
-    w.array64(m.floats);
-    w.array64(m.ints);
-    w.bytes(m.any.data(), m.any.size());
+    if (m.text.empty() && m.floats.empty() && m.ints.empty() && m.any.empty()) {
+        w.words(0, 0, 0, 0);
+    } else {
+        w.text(m.text);
+        w.array64(m.floats);
+        w.array64(m.ints);
+        w.bytes(m.any.data(), m.any.size());
+    }
     w.texts(m.words);
 }
 
 bool readMessage(XdrReader& r, Message& m) {
-    r.text(m.text);
-    r.array64(m.floats);
-    r.array64(m.ints);
-    r.bytes(m.any);
+    if (r.skipZeros(16)) {              // none of the four
+        m.text.clear();
+        m.floats.clear();
+        m.ints.clear();
+        m.any.clear();
+    } else {
+        r.text(m.text);
+        r.array64(m.floats);
+        r.array64(m.ints);
+        r.bytes(m.any);
+    }
     r.texts(m.words);
     if (!m.text.empty() && !isUtf8(m.text)) r.spoil();
     for (auto& word : m.words)
@@ -152,44 +176,35 @@ bool readBehalf(std::string_view body, Behalf& behalf) {
 
 void writeCall(Buffer& out, std::uint32_t xid, std::uint32_t program, const Request& request, const Message& m,
                std::uint32_t procedure, const Behalf* behalf) {
-    std::size_t start = record::open(out);
-    XdrWriter w(out);
+    Record w(out);
     writeCallHeader(w, {xid, 2, program, kVersion, procedure}, behalf);
     w.words(request.slot, request.sequence, request.deadline, request.method);
     w.text(request.name);
     writeMessage(w, m);
-    record::close(out, start);
 }
 
 void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Message& m) {
-    std::size_t start = record::open(out);
-    XdrWriter w(out);
+    Record w(out);
     writeAccepted(w, xid, 0);
     w.words(m.code, times.waited, times.ran, times.sub);
     writeMessage(w, m);
     writeTrail(w, m.trail);
-    record::close(out, start);
 }
 
 void writeCancel(Buffer& out, std::uint32_t program, const Cancel& c) {
-    std::size_t start = record::open(out);
-    XdrWriter w(out);
+    Record w(out);
     writeCallHeader(w, {0, 2, program, kVersion, kCancel});
     w.u32(c.slot);
     w.u32(c.sequence);
-    record::close(out, start);
 }
 
 void writeHealthRequest(Buffer& out, std::uint32_t xid, std::uint32_t program) {
-    std::size_t start = record::open(out);
-    XdrWriter w(out);
+    Record w(out);
     writeCallHeader(w, {xid, 2, program, kVersion, kHealth});
-    record::close(out, start);
 }
 
 void writeHealth(Buffer& out, std::uint32_t xid, const Health& h) {
-    std::size_t start = record::open(out);
-    XdrWriter w(out);
+    Record w(out);
     writeAccepted(w, xid, 0);
     w.text(h.name);
     w.i64(h.started);
@@ -198,28 +213,23 @@ void writeHealth(Buffer& out, std::uint32_t xid, const Health& h) {
     w.u64(h.since);
     w.u32(h.underway);
     w.u32(h.connections);
-    record::close(out, start);
 }
 
 constexpr std::uint32_t kExisting = 0x80000000;        // in keep: see sorma.x
 
 void writeSubscribe(Buffer& out, std::uint32_t xid, std::uint32_t program, const Subscription& s, const Behalf* behalf) {
-    std::size_t start = record::open(out);
-    XdrWriter w(out);
+    Record w(out);
     writeCallHeader(w, {xid, 2, program, kVersion, kSubscribe}, behalf);
     w.u32(s.id);
     w.text(s.name);
     w.text(s.pattern);
     w.u32(s.keep | (s.existing ? kExisting : 0));
-    record::close(out, start);
 }
 
 void writeUnsubscribe(Buffer& out, std::uint32_t program, std::uint32_t id) {
-    std::size_t start = record::open(out);
-    XdrWriter w(out);
+    Record w(out);
     writeCallHeader(w, {0, 2, program, kVersion, kUnsubscribe});
     w.u32(id);
-    record::close(out, start);
 }
 
 void writeEventBody(Buffer& out, const EventBody& body, const Message& content) {
@@ -231,19 +241,14 @@ void writeEventBody(Buffer& out, const EventBody& body, const Message& content) 
 }
 
 void writeEvent(Buffer& out, const EventHeader& h, const Buffer& body) {
-    std::size_t start = record::open(out);
-    XdrWriter w(out);
-    writeCallHeader(w, {0, 2, kProgram, kVersion, kEvent});
-    w.u32(h.id);
-    w.u64(h.number);
-    w.u64(h.lost);
+    Record w(out);
+    const auto high = [](std::uint64_t v) { return static_cast<std::uint32_t>(v >> 32); };
+    w.words(0, kCallKind, 2, kProgram, kVersion, kEvent, 0, 0, 0, 0, h.id, high(h.number), h.number, high(h.lost), h.lost);
     out.append(body.data(), body.size());
-    record::close(out, start);
 }
 
 void writeHello(Buffer& out, std::uint32_t xid, std::uint32_t program, const Hello& h) {
-    std::size_t start = record::open(out);
-    XdrWriter w(out);
+    Record w(out);
     writeCallHeader(w, {xid, 2, program, kVersion, kHello});
     w.u64(h.client);
     w.text(cutText(h.user, kKeptName));
@@ -253,12 +258,10 @@ void writeHello(Buffer& out, std::uint32_t xid, std::uint32_t program, const Hel
     w.u32(h.maxMessage);
     w.text(h.clock);
     w.i64(h.sent);
-    record::close(out, start);
 }
 
 void writeWelcome(Buffer& out, std::uint32_t xid, const Welcome& v) {
-    std::size_t start = record::open(out);
-    XdrWriter w(out);
+    Record w(out);
     writeAccepted(w, xid, 0);
     w.u64(v.boot);
     w.text(v.name);
@@ -274,55 +277,42 @@ void writeWelcome(Buffer& out, std::uint32_t xid, const Welcome& v) {
         w.text(v.clock);
         w.text(v.processes);
     }
-    record::close(out, start);
 }
 
 void writeClock(Buffer& out, std::uint32_t program, std::int64_t sent) {
-    std::size_t start = record::open(out);
-    XdrWriter w(out);
+    Record w(out);
     writeCallHeader(w, {0, 2, program, kVersion, kClock});
     w.i64(sent);
-    record::close(out, start);
 }
 
 void writeNull(Buffer& out, std::uint32_t xid, std::uint32_t program) {
-    std::size_t start = record::open(out);
-    XdrWriter w(out);
+    Record w(out);
     writeCallHeader(w, {xid, 2, program, kVersion, kNull});
-    record::close(out, start);
 }
 
 void writeEmptyReply(Buffer& out, std::uint32_t xid) {
-    std::size_t start = record::open(out);
-    XdrWriter w(out);
+    Record w(out);
     writeAccepted(w, xid, 0);
-    record::close(out, start);
 }
 
 void writeGoodbye(Buffer& out, std::string_view reason) {
-    std::size_t start = record::open(out);
-    XdrWriter w(out);
+    Record w(out);
     writeCallHeader(w, {0, 2, kProgram, kVersion, kGoodbye});
     w.text(reason);
-    record::close(out, start);
 }
 
 void writeRefusal(Buffer& out, std::uint32_t xid, Refusal refusal) {
-    std::size_t start = record::open(out);
-    XdrWriter w(out);
+    Record w(out);
     writeAccepted(w, xid, static_cast<std::uint32_t>(refusal));
     if (refusal == Refusal::programMismatch) {
         w.u32(kVersion);        // lowest and highest version served
         w.u32(kVersion);
     }
-    record::close(out, start);
 }
 
 void writeRpcMismatch(Buffer& out, std::uint32_t xid) {
-    std::size_t start = record::open(out);
-    XdrWriter w(out);
+    Record w(out);
     for (std::uint32_t word : {xid, kReplyKind, 1u, 0u, 2u, 2u}) w.u32(word);     // denied, RPC_MISMATCH, 2 .. 2
-    record::close(out, start);
 }
 
 Envelope readEnvelope(XdrReader& r) {
@@ -335,9 +325,10 @@ Envelope readEnvelope(XdrReader& r) {
 CallHeader readCallHeader(XdrReader& r, std::uint32_t xid) {
     CallHeader h;
     h.xid = xid;
-    std::uint32_t flavor;
-    r.words(h.rpcVersion, h.program, h.version, h.procedure, flavor);
+    r.words(h.rpcVersion, h.program, h.version, h.procedure);
     // Credentials and verifier: the session says who calls, not these. Ours say on whose behalf.
+    if (r.skipZeros(16)) [[likely]] return h;           // AUTH_NONE
+    const std::uint32_t flavor = r.u32();
     auto credentials = r.text();
     r.u32();
     if (credentials.size() > kMaxCredential || r.text().size() > kMaxCredential) r.spoil();
