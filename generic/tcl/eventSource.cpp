@@ -51,9 +51,13 @@ void EventSource::callReactor() {
     std::int64_t linger = nested || comm_.servers().empty() ? 0 : comm_.settings.linger * 1000;
     std::int64_t end = start + 2 * linger;
     if (shared_) {
-        // The timer is set once in a turn, so that it disturbs one call of 200.
-        do reactor.callGathered();
-        while (linger > 0 && !interpreter.closing() && reactor.seen() < end && notifier::goOn(end));
+        // The end sets a timer, which wakes us in the middle of our caller's turn. It is there for a script that waits for a variable
+        // (vwait) which a request sets. Where no script has run, it may come seldom.
+        const unsigned before = interpreter.entries;
+        do {
+            reactor.callGathered();
+            end = start + (interpreter.entries == before ? 20 : 2) * linger;
+        } while (linger > 0 && !interpreter.closing() && reactor.seen() < end && notifier::goOn(end));
         return;
     }
     // Nothing may be there: the reactor's timer goes off once more after a linger that a request cut short.

@@ -93,12 +93,13 @@ public:
     std::unordered_map<std::string, std::shared_ptr<TclRun>> runs;  // requests that Tcl services execute, by their coroutine
     std::uint64_t lastRun = 0;                                      // for the name of the next coroutine
     int constructing = 0;                                           // TclOO objects whose service object is being made
+    unsigned entries = 0;                                           // how often it was Entered: has a script run meanwhile?
 
     // Marks a call in progress. The last one to be deleted runs the actions of whenIdle, and deletes the Interpreter when it
     // has ended meanwhile.
     class Entered {
     public:
-        explicit Entered(Interpreter& i) : i_(i) { ++i_.depth_; }
+        explicit Entered(Interpreter& i) : i_(i) { ++i_.depth_, ++i_.entries; }
         ~Entered() {
             if (--i_.depth_ == 0 && i_.due_) [[unlikely]] i_.idle();
         }
