@@ -39,10 +39,11 @@ private:
 
 template <class More> void Remote::pipeline(std::size_t window, More more) {
     std::deque<sorma::Connection::Ticket> flying;
-    sorma::Deadline deadline = sorma::Deadline::in(25'000);
+    sorma::Deadline deadline;
     auto submit = [&](std::size_t n) {
-        deadline = sorma::Deadline::in(25'000);
-        for (; n > 0; --n) flying.push_back(connection_.submit(record_ ? "echo" : "nop", sorma::Method::exec, sent_, deadline));
+        const std::int64_t now = sorma::monotonicNow();
+        deadline = sorma::Deadline::at(now + 25'000'000'000);
+        for (; n > 0; --n) flying.push_back(connection_.submit(record_ ? "echo" : "nop", sorma::Method::exec, sent_, deadline, now));
         connection_.flush(deadline);
     };
     submit(window);

@@ -113,12 +113,12 @@ void Calls::call(std::string_view name, Method method, Message& m, Deadline dead
     }
 }
 
-Calls::Ticket Calls::submit(std::string_view name, Method method, const Message& m, Deadline deadline) {
-    if (!ready()) connect(deadline);
+Calls::Ticket Calls::submit(std::string_view name, Method method, const Message& m, Deadline deadline, std::int64_t now) {
+    if (!ready()) connect(deadline), now = 0;
     const std::uint32_t index = acquire(name, deadline);
     try {
-        if (!link_.live()) connect(deadline, &slots_[index]);
-        slots_.write(index, method, m, monotonicNow(), nullptr);
+        if (!link_.live()) connect(deadline, &slots_[index]), now = 0;
+        slots_.write(index, method, m, now != 0 ? now : monotonicNow(), nullptr);
         unsent_.push_back(index);
         batch_.append(slots_[index].request.data(), slots_[index].request.size());
         if (batch_.size() >= kBatchSize) flush(deadline);
@@ -267,6 +267,7 @@ void Calls::end() {
 // Send as many waiting calls as there are slots.
 void Calls::sendWaiting() {
     if (held_) return proceed();
+    const std::int64_t now = monotonicNow();
     std::size_t most = slots_.most(), reserved = most > 4 * kReserved ? kReserved : 0;
     for (auto* queue : {&urgent_, &waiting_}) {
         std::size_t limit = queue == &urgent_ ? most : most - reserved;
@@ -289,7 +290,7 @@ void Calls::sendWaiting() {
                 const bool tell = asker || call.pending->relayFor || Listening::any();       // for the numbers in events
                 wire::Behalf behalf;
                 if (tell) behalf = wire::behalfOf(call.pending->relayFor, call.pending->number(), asker ? asker->callers() : std::string());
-                slots_.write(index, call.method, call.pending->message, monotonicNow(), tell ? &behalf : nullptr);
+                slots_.write(index, call.method, call.pending->message, now, tell ? &behalf : nullptr);
             } catch (const Error& e) {
                 slots_.give(index);
                 arrive(call.pending, e.trail);

@@ -39,7 +39,7 @@ public:
 
     // As Connection has them.
     void call(std::string_view name, Method method, Message& m, Deadline deadline, const PrincipalPointer& relayFor, std::int64_t now);
-    Ticket submit(std::string_view name, Method method, const Message& m, Deadline deadline);
+    Ticket submit(std::string_view name, Method method, const Message& m, Deadline deadline, std::int64_t now);
     void flush(Deadline deadline);
     void collect(Ticket ticket, Message& m);
     bool arrived(Ticket ticket) { return slots_[ticket].state == Slot::State::done; }

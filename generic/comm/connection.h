@@ -50,9 +50,11 @@ public:
 
     // The same in two steps, so that many calls can be in flight. A ticket is good for one collect, whose message receives
     // the reply. Calls are sent at flush, at collect, or when 32 kB have gathered. submit may block to connect and throws as
-    // call does.
+    // call does, and has the same now.
     using Ticket = Calls::Ticket;
-    Ticket submit(std::string_view name, Method method, const Message& m, Deadline deadline) { return calls_.submit(name, method, m, deadline); }
+    Ticket submit(std::string_view name, Method method, const Message& m, Deadline deadline, std::int64_t now = 0) {
+        return calls_.submit(name, method, m, deadline, now);
+    }
     void flush(Deadline deadline) { calls_.flush(deadline); }
     void collect(Ticket ticket, Message& m) { calls_.collect(ticket, m); }
     // Would collect return at once? Looks at what has been read, never at the socket.

@@ -323,6 +323,7 @@ ssize_t Link::read(std::int64_t wait) {
 
 // Have the whole ones taken. False: they are no records, or the line was lost.
 bool Link::takeRecords() {
+    std::int64_t now = callTime;
     for (std::string_view record;;) {
         record::Reader next(in_.data() + inAt_, in_.size() - inAt_, static_cast<std::size_t>(settings_.maxMessage));
         if (!next.next(record)) {
@@ -334,7 +335,8 @@ bool Link::takeRecords() {
         inAt_ = static_cast<std::size_t>(next.at() - in_.data());
         XdrReader r(record);
         auto envelope = wire::readEnvelope(r);
-        lastHeard_ = callTime != 0 ? callTime : monotonicNow();
+        if (now == 0) now = monotonicNow();
+        lastHeard_ = now;
         if (r.good() && envelope.kind == 0) {
             auto header = wire::readCallHeader(r, envelope.xid);
             if (header.procedure == wire::kGoodbye) lastWords_ = std::string(r.text());

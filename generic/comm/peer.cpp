@@ -20,6 +20,7 @@ constexpr std::size_t kQueueLimit = 1 << 20;            // [bytes] of unread rep
 constexpr std::size_t kHold = 4096;                     // [bytes] of replies that wait for the next turn of a peer that has sent more
 constexpr std::size_t kFlushAt = 256 * 1024;            // [bytes] of replies that are written before they are sent
 constexpr std::size_t kKeepBuffer = 4096;               // [bytes] a peer's own buffers may stay this large when empty
+constexpr std::size_t kShort = 4096;                    // [bytes] of a reply whose writing takes no time worth reading the clock
 constexpr std::int64_t kLong = 1'000'000;               // [ns] in which callers may have given up
 constexpr std::int64_t kLookAgain = 10'000'000;         // [ns] between looks at what more than a turn's bytes says
 constexpr std::size_t kLookSize = 256 * 1024;
@@ -218,7 +219,7 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
     if (pieces_.dropping() == 0 && frame.at < frame.end) frame.scanned += requests.scan(frame.scanned, frame.end);
     while (open() && !frame.spilled && !closing_ && !upgrading()) {
         if (dwelt_) [[unlikely]] lookAhead(frame);
-        pieces_.drop(frame.at, frame.end);
+        if (pieces_.dropping() > 0) [[unlikely]] pieces_.drop(frame.at, frame.end);
         const record::Piece piece = record::front(frame.at, frame.end);
         if (!piece.known) break;
         const std::size_t size = pieces_.size() + piece.length;        // of the record so far
@@ -252,12 +253,15 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
         if ((!whole || !own.empty()) && !mayKeep(size, whole ? own.capacity() : pieces_.capacity(), scratch)) [[unlikely]] break;
         if (whole || ++count % kPieces == 0) ++served;
         if (!whole) continue;
+        const std::size_t before = scratch.out.size();
         requests.handle(record, scratch, frame);
+        if (scratch.out.size() > before + kShort) frame.ran = 0;
         if (scratch.out.size() > kFlushAt) flush(scratch);
     }
     if (heapOf(scratch.message) > kKeepSpare) freeMemory(scratch.message);
     if (more && held_.size() + scratch.out.size() < kHold) hold(scratch);
     else flush(scratch);
+    frame.ran = 0;
     pay(frame);
     server_.shares_.leave(share_, more || (fed_ && served > 0));
     if (open() && closing_) return server_.closePeer(this, *closing_, true);
@@ -285,10 +289,11 @@ void Server::Peer::wait() {
     if (open()) server_.reactor_.again(this);
 }
 
-// Charge the peer for the time since its last request. Not when the service has run the event loop: others had that time.
+// Charge the peer for the time since its last request. Not when the service has run the event loop: others had that time. The clock
+// is read once for each request: its end is the beginning of the next one.
 void Server::Peer::pay(Frame& frame) {
     if (frame.spilled) return;
-    const std::int64_t now = monotonicNow();
+    const std::int64_t known = std::exchange(frame.ran, 0), now = known != 0 ? known : monotonicNow();
     server_.shares_.took(share_, now - std::exchange(frame.since, now));
 }
 
@@ -434,12 +439,13 @@ void Server::Peer::pump() {
     Buffer& out = server_.events_;
     while (open() && !events_.empty() && queued() == 0) {
         out.clear();
-        while (!events_.empty() && out.size() < kEventWindow) {
-            Subscription* next = events_.front();
-            events_.pop_front();
+        std::size_t served = 0;
+        while (served < events_.size() && out.size() < kEventWindow) {
+            Subscription* next = events_[served++];
             next->scheduled = next->pump(out);
             if (next->scheduled) events_.push_back(next);
         }
+        events_.erase(events_.begin(), events_.begin() + std::ptrdiff_t(served));
         push(out.data(), out.size());
     }
 }

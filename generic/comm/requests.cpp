@@ -338,7 +338,8 @@ bool Server::Requests::execute(const wire::Request& request, const wire::CallHea
     Deadline deadline;
     if (ownClock_) deadline = clock_.deadline(request.deadline, arrived);
     else if (request.deadline > 0) deadline = Deadline::at(arrived + std::int64_t{request.deadline} * 1'000'000);
-    ClientPointer who = client;                         // stays while the service runs, whatever becomes of this peer
+    if (frame.client != client) frame.client = client;
+    const ClientPointer& who = frame.client;
     wire::Behalf behalf;
     const bool sound = header.behalf.empty() || wire::readBehalf(header.behalf, behalf);
     CallContext context(who, deadline, behalf.request, behalf.callers);
@@ -366,7 +367,8 @@ bool Server::Requests::execute(const wire::Request& request, const wire::CallHea
             reached = true;
             later = service->start(method, m);
         }
-        std::int64_t ran = monotonicNow() - start;
+        frame.ran = monotonicNow();
+        const std::int64_t ran = frame.ran - start;
         service->lastRun = ran;
         peer_.took(ran);
         times.ran = microseconds(ran);
