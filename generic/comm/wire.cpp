@@ -194,8 +194,7 @@ void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Messag
 void writeCancel(Buffer& out, std::uint32_t program, const Cancel& c) {
     Record w(out);
     writeCallHeader(w, {0, 2, program, kVersion, kCancel});
-    w.u32(c.slot);
-    w.u32(c.sequence);
+    w.words(c.slot, c.sequence);
 }
 
 void writeHealthRequest(Buffer& out, std::uint32_t xid, std::uint32_t program) {
@@ -211,8 +210,7 @@ void writeHealth(Buffer& out, std::uint32_t xid, const Health& h) {
     w.u32(h.busy);
     w.text(h.what);
     w.u64(h.since);
-    w.u32(h.underway);
-    w.u32(h.connections);
+    w.words(h.underway, h.connections);
 }
 
 constexpr std::uint32_t kExisting = 0x80000000;        // in keep: see sorma.x
@@ -269,8 +267,7 @@ void writeWelcome(Buffer& out, std::uint32_t xid, const Welcome& v) {
     w.text(v.host);
     w.i64(v.process);
     w.text(v.program);
-    w.u32(v.maxMessage);
-    w.u32(v.slots);
+    w.words(v.maxMessage, v.slots);
     w.i64(v.started);
     w.u32(v.known);
     if (v.clocks) {
@@ -304,15 +301,12 @@ void writeGoodbye(Buffer& out, std::string_view reason) {
 void writeRefusal(Buffer& out, std::uint32_t xid, Refusal refusal) {
     Record w(out);
     writeAccepted(w, xid, static_cast<std::uint32_t>(refusal));
-    if (refusal == Refusal::programMismatch) {
-        w.u32(kVersion);        // lowest and highest version served
-        w.u32(kVersion);
-    }
+    if (refusal == Refusal::programMismatch) w.words(kVersion, kVersion);       // lowest and highest version served
 }
 
 void writeRpcMismatch(Buffer& out, std::uint32_t xid) {
     Record w(out);
-    for (std::uint32_t word : {xid, kReplyKind, 1u, 0u, 2u, 2u}) w.u32(word);     // denied, RPC_MISMATCH, 2 .. 2
+    w.words(xid, kReplyKind, 1, 0, 2, 2);       // denied, RPC_MISMATCH, 2 .. 2
 }
 
 Envelope readEnvelope(XdrReader& r) {
