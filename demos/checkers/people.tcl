@@ -263,7 +263,7 @@ oo::class create ::sorma::service::human {
         set agrees [$Player agrees]
         my Watch considered [list agrees $agrees]
         if {$agrees} {
-            sorma::async -command {apply {future {catch {$future result}; $future destroy}}} [my cget -robot] CTRL -draw
+            sorma::async -command {apply {future {catch {$future take}}}} [my cget -robot] CTRL -draw
         }
     }
     method Watch {what facts} {

@@ -199,10 +199,9 @@ oo::class create ::sorma::service::checkers {
 
 # No voice, no harm: what is said is in the event, too. TELL gets the reason.
 proc ::checkers::spoken {tell future} {
-    if {[catch {$future result} text]} {
+    if {[catch {$future take} text]} {
         catch {{*}$tell $text}
     }
-    $future destroy
 }
 
 package provide sorma::service::checkers 1.0

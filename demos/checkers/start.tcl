@@ -34,11 +34,10 @@ proc ::checkers::start name {
     after 0 [list sorma::async -timeout 0 -command [list ::checkers::ended $name] $name EXEC play]
 }
 proc ::checkers::ended {name future} {
-    if {[catch {$future result} text how]} {
+    if {[catch {$future take} text how]} {
         puts stderr $text
         if {[lrange [dict get $how -errorcode] 0 1] eq {SORMA COMM}} {
             after 500 [list ::checkers::start $name]
         }
     }
-    $future destroy
 }

@@ -45,10 +45,9 @@ proc checkersWindow::send {name args} {
 }
 # What fails is shown with what is said.
 proc checkersWindow::Answered {name future} {
-    if {[catch {$future result} text]} {
+    if {[catch {$future take} text]} {
         Complain $text
     }
-    $future destroy
 }
 proc checkersWindow::Complain text {
     puts "    ($text)"
@@ -384,7 +383,7 @@ proc checkersWindow::Looked {asked future} {
     variable Width
     variable Looking 0
     variable Blind
-    set Blind [expr {[catch {lindex [$future result] 3} text] ? $text : {}}]
+    set Blind [expr {[catch {lindex [$future take] 3} text] ? $text : {}}]
     if {$Blind eq {} && $Shows == $asked && [winfo exists .game.board]} {
         set lies {}
         foreach line [lsort -real -index 5 [split $text \n]] {
@@ -401,7 +400,6 @@ proc checkersWindow::Looked {asked future} {
         }
         Show $lies
     }
-    $future destroy
 }
 # Where a token that is lifted may go.
 proc checkersWindow::Goals from {

@@ -212,8 +212,7 @@ proc carries::carry {token from to} {
         vwait ::carries::Tick
         Feel
     }
-    set failed [catch {$call wait} result how]
-    $call destroy
+    set failed [catch {$call take} result how]
     Feel
     set off [away $token $to]
     if {$failed} {

@@ -49,7 +49,7 @@ proc lab::finish pipe {
 
 # The launcher is in a session of its own, so Ctrl-C and SIGTERM do not reach it: they end it and then this program. Once a process.
 proc lab::untilSignal pipe {
-    ::sorma::AtSignal [list lab::Signalled $pipe]
+    sorma::atSignal [list lab::Signalled $pipe]
 }
 proc lab::Signalled pipe {
     finish $pipe

@@ -23,14 +23,12 @@ proc panel::send {name args} {
 }
 proc panel::Answered {name future} {
     variable Said
-    catch {$future result} Said
-    $future destroy
+    catch {$future take} Said
     set Said [string map {\n { }} $Said]
 }
 
 proc panel::Ignored future {
-    catch {$future result}
-    $future destroy
+    catch {$future take}
 }
 
 # A button that runs a request as long as it is held down.

@@ -59,17 +59,10 @@ proc rows::learn again {
         while {![$task done]} {
             nap 100
         }
-        wait $task
+        $task take
     } finally {
         $Lab CTRL -speed $speed
         sorma::unsubscribe $told
-    }
-}
-proc rows::wait future {
-    try {
-        return [$future wait]
-    } finally {
-        $future destroy
     }
 }
 proc rows::follow {} {
@@ -88,7 +81,7 @@ proc rows::unfollow {} {
     set task $Task
     set Task {}
     try {
-        wait $task
+        $task take
     } trap {SORMA ROBOT STOPPED} {} {}
 }
 proc rows::nap ms {
@@ -153,7 +146,7 @@ proc rows::sample {seconds {script {}}} {
             lappend poses {*}[dict get $news floats]
         }
         if {$Task ne {} && [$Task done]} {
-            wait [set task $Task][set Task {}]
+            [set task $Task][set Task {}] take
         }
         pass
     }
@@ -822,7 +815,7 @@ proc rows::GiveUp {what begin} {
         while {![$Learning done]} {
             nap 5
         }
-        wait $Learning
+        $Learning take
         return "it was learned"
     } trap {SORMA COMM CANCELLED} {} {
     } trap {SORMA SIGHT CANCELLED} {} {

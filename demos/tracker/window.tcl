@@ -35,9 +35,8 @@ proc ::tracker::window::send {name args} {
 }
 proc ::tracker::window::Answered future {
     variable Said
-    catch {$future result} Said
+    catch {$future take} Said
     set Said [string map {\n { }} $Said]
-    $future destroy
 }
 
 # ---- what is known, ten times a second ----
@@ -95,29 +94,25 @@ proc ::tracker::window::Predicted {pose future} {
     variable Nominal
     variable Reach
     try {
-        lassign [dict get [$future wait] floats] bx - - by - - bz
+        lassign [dict get [$future take] floats] bx - - by - - bz
         lassign $pose - x y z
         # The tool points down.
         set places [lmap rel [list [expr {$bx - $x}] [expr {$y - $by}] [expr {$z - $bz}]] nominal $Nominal reach $Reach {expr {($rel - $nominal) / $reach}}]
         sorma::async -timeout 2000 -command ::tracker::window::Projected psom.ball@sight exec -floats $places evaluate
     } on error {} {
         Unexpected
-    } finally {
-        $future destroy
     }
 }
 proc ::tracker::window::Projected future {
     variable Expecting
     try {
-        lassign [lrange [dict get [$future wait] floats] 3 4] u v
+        lassign [lrange [dict get [$future take] floats] 3 4] u v
         if {[winfo exists .camera]} {
             .camera point expected $u $v -colour #ffd000
         }
         set Expecting 0
     } on error {} {
         Unexpected
-    } finally {
-        $future destroy
     }
 }
 proc ::tracker::window::Unexpected {} {

@@ -21,7 +21,7 @@ const Prototype kValue{Severity::error, "REQUEST SYNTAX", 0, "{} needs a value"}
 const Prototype kMilliseconds{Severity::error, "REQUEST SYNTAX", 0, "-timeout expects a number of ms, 0 for none, got \"{}\""};
 const Prototype kQueue{Severity::error, "REQUEST SYNTAX", 0, "-queue expects a whole number from 1 to 1000000, got \"{}\""};
 const Prototype kCommand{Severity::error, "REQUEST SYNTAX", 0, "-command is missing: it must name the command that gets each event"};
-const Prototype kBadMethod{Severity::error, "REQUEST SYNTAX", 0, "bad method \"{}\": must be cancel, destroy, done, request, result, or wait"};
+const Prototype kBadMethod{Severity::error, "REQUEST SYNTAX", 0, "bad method \"{}\": must be cancel, destroy, done, request, result, take, or wait"};
 const Prototype kNoFuture{Severity::error, "REQUEST SYNTAX", 0, "\"{}\" is no future of this interpreter"};
 const Prototype kNoSubscription{Severity::error, "REQUEST SYNTAX", 0, "\"{}\" is no subscription of this interpreter"};
 const Prototype kLocalDaemon{Severity::error, "REQUEST SYNTAX", 0, "\"{}\" is this interpreter itself, not a daemon elsewhere"};
@@ -46,6 +46,15 @@ public:
     Obj prefix;                         // -command
 };
 
+void futureDeleted(ClientData data);
+
+// nullptr: there is none of that name, perhaps since it has been destroyed meanwhile.
+FutureCommand* findFuture(Interpreter& i, Tcl_Obj* name) {
+    Tcl_CmdInfo info;
+    bool found = Tcl_GetCommandInfo(i.interp, Tcl_GetString(name), &info) && info.deleteProc == futureDeleted;
+    return found ? static_cast<FutureCommand*>(info.objClientData) : nullptr;
+}
+
 int FutureNRCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto* f = static_cast<FutureCommand*>(data);
     Interpreter& i = f->interpreter;
@@ -53,7 +62,7 @@ int FutureNRCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
         if (objc < 2) return Tcl_WrongNumArgs(interp, 1, objv, "method ?-timeout ms?"), TCL_ERROR;
         std::string_view method = view(objv[1]);
         auto pending = f->pending;
-        bool wait = method == "wait";
+        bool take = method == "take", wait = take || method == "wait";
         if (objc != 2 && !(wait && objc == 4)) return Tcl_WrongNumArgs(interp, 2, objv, wait ? "?-timeout ms?" : nullptr), TCL_ERROR;
         if (wait) {
             Deadline deadline;
@@ -61,8 +70,12 @@ int FutureNRCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
                 if (view(objv[2]) != "-timeout") fail(kOption, toUtf8(objv[2]), didYouMean(toUtf8(objv[2]), {"-timeout"}), "-timeout");
                 deadline = deadlineOf(objv[3]);
             }
-            return waitThen(i, {pending->future()}, true, deadline, [pending, &i] {
-                if (pending->future().done()) return pending->finish();
+            return waitThen(i, {pending->future()}, true, deadline, [pending, &i, name = take ? f->name : Obj()] {
+                if (pending->future().done()) {
+                    int code = pending->finish();
+                    if (auto* own = name ? findFuture(i, name) : nullptr) Tcl_DeleteCommandFromToken(i.interp, own->token);
+                    return code;
+                }
                 return i.raise(Error(makeEntry(kTooLate, {MessageArg::of(pending->name())})).trail, {});
             });
         }
@@ -89,10 +102,9 @@ void futureDeleted(ClientData data) {
 }
 
 FutureCommand& futureOf(Interpreter& i, Tcl_Obj* name) {
-    Tcl_CmdInfo info;
-    if (!Tcl_GetCommandInfo(i.interp, Tcl_GetString(name), &info) || info.objClientData == nullptr || info.deleteProc != futureDeleted)
-        fail(kNoFuture, toUtf8(name));
-    return *static_cast<FutureCommand*>(info.objClientData);
+    auto* f = findFuture(i, name);
+    if (!f) fail(kNoFuture, toUtf8(name));
+    return *f;
 }
 
 // Data of one interpreter.
@@ -146,9 +158,9 @@ int AsyncObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
             f->prefix = prefix;
             f->pending->future().then([&i, name = f->name](Future) {
                 if (i.closing()) return;
-                Tcl_CmdInfo info;               // it may have been thrown away meanwhile
-                if (!Tcl_GetCommandInfo(i.interp, Tcl_GetString(name), &info) || info.deleteProc != futureDeleted) return;
-                Obj call = static_cast<FutureCommand*>(info.objClientData)->prefix;
+                auto* own = findFuture(i, name);
+                if (!own) return;
+                Obj call = own->prefix;
                 callBack(i, call, {name});
             });
         }

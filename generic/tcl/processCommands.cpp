@@ -301,11 +301,12 @@ int SplitWordsObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* con
 void initProcessCommands(Interpreter& i) {
     if (i.safe) return;
     struct { const char* name; Tcl_ObjCmdProc* proc; } commands[] = {
-        {"AtSignal", AtSignalObjCmd}, {"AtEnd", AtEndObjCmd}, {"Signal", SignalObjCmd}, {"UntilEof", UntilEofObjCmd},
+        {"atSignal", AtSignalObjCmd}, {"AtEnd", AtEndObjCmd}, {"Signal", SignalObjCmd}, {"UntilEof", UntilEofObjCmd},
         {"Notify", NotifyObjCmd}, {"CloseAtExec", CloseAtExecObjCmd}, {"SplitWords", SplitWordsObjCmd},
         {"TakeSocket", TakeSocketObjCmd}};
     for (auto& c : commands)
         Tcl_CreateObjCommand(i.interp, (std::string("::sorma::") + c.name).c_str(), c.proc, &i, nullptr);
+    Tcl_Export(i.interp, Tcl_FindNamespace(i.interp, "::sorma", nullptr, 0), "atSignal", 0);
 }
 
 }  // namespace sorma

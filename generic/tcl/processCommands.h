@@ -1,8 +1,6 @@
-// processCommands.h -- commands for sormad and sorma-launch alone, mostly about processes.
+// processCommands.h -- commands about processes; but for atSignal, for sormad and sorma-launch alone.
 //
-//     sorma::AtSignal script ?NAME ...?   run the script from the event loop whenever SIGTERM, SIGINT or one of these signals comes.
-//                                         Once for each process. A signal that is ignored stays so (nohup), unless it is one of
-//                                         these two
+//     sorma::atSignal script ?NAME ...?   see the manual
 //     sorma::AtEnd pid script             run the script from the event loop when this child has ended; its exit status is still
 //                                         to be fetched
 //     sorma::Signal pid NAME              send a signal to a process, or with -pid to its group. Returns 0 when there is none

@@ -346,8 +346,7 @@ proc ::sorma::world::AnswerHere {command future} {
     if {[dict exists $Here $number] && [dict get $Here $number] eq $future} {
         dict unset Here $number
     }
-    set failed [catch {::sorma::KeepTrail [list $future result]} result options]
-    $future destroy
+    set failed [catch {::sorma::KeepTrail [list $future take]} result options]
     if {$failed} {
         return [deliver $command [list error [list $result [dict get $options -errorcode]]]]
     }

@@ -42,7 +42,7 @@ proc ::sorma::daemon::main words {
     }
     set Grace [dict get $settings -grace]
     try {
-        ::sorma::AtSignal ::sorma::daemon::EndBySignal
+        ::sorma::atSignal ::sorma::daemon::EndBySignal
         if {[dict get $settings -until-eof]} {
             ::sorma::UntilEof [expr {round(1000 * $Grace)}]
         }

@@ -226,7 +226,7 @@ proc ::sorma::launch::Run daemons {
     set Width [tcl::mathfunc::max {*}[lmap name [dict keys $daemons] {string length $name}]]
     fconfigure stdout -buffering line
     interp bgerror {} ::sorma::launch::Unexpected
-    ::sorma::AtSignal ::sorma::launch::Signalled HUP
+    ::sorma::atSignal ::sorma::launch::Signalled HUP
     dict for {name settings} $daemons {
         dict set Daemons $name [Daemon new $name $settings]
     }

@@ -83,16 +83,11 @@ proc ::sorma::record::before script {
         }
     }
     catch {
-        set future [::sorma::async -timeout 2000 $name configure]
-        try {
-            set values {}
-            foreach option [$future wait] {
-                lappend values [lindex $option 0] [lindex $option 5]
-            }
-            set Before [list $name {*}$values]
-        } finally {
-            $future destroy
+        set values {}
+        foreach option [[::sorma::async -timeout 2000 $name configure] take] {
+            lappend values [lindex $option 0] [lindex $option 5]
         }
+        set Before [list $name {*}$values]
     }
 }
 

@@ -463,7 +463,7 @@ proc ::sorma::complete::Subcommands command {
         return [info object methods $command -all]
     }
     if {[string match ::sorma::future::* $command]} {
-        return {cancel destroy done result wait}
+        return {cancel destroy done request result take wait}
     }
     return {}
 }

@@ -105,11 +105,7 @@ proc simulated::on {} {
     for {set n 0} {![$waking done] && $n < 1000} {incr n} {
         tick
     }
-    try {
-        $waking wait
-    } finally {
-        $waking destroy
-    }
+    $waking take
 }
 proc simulated::end {} {
     variable Power 0
