@@ -64,7 +64,7 @@ proc session::begin {folder settings speed args} {
     set Launch [lab::start sorma-launch --until-eof [LaunchFile {*}[dict values $args]]]
     variable Signals
     if {!$Signals} {
-        ::sorma::AtSignal {lab::Signalled $::session::Launch}
+        sorma::atSignal {lab::Signalled $::session::Launch}
         set Signals 1
     }
     vwait ::lab::Heard
@@ -129,10 +129,9 @@ proc session::again settings {
     ready
 }
 proc session::Played future {
-    if {[catch {$future result} text how] && [lindex [dict get $how -errorcode] 1] ne "COMM"} {
+    if {[catch {$future take} text how] && [lindex [dict get $how -errorcode] 1] ne "COMM"} {
         puts stderr "the person does not play: $text"
     }
-    $future destroy
 }
 # Until the person has set out the tokens. Before that nobody else may move any, nor the board.
 proc session::ready {} {
@@ -216,8 +215,7 @@ proc session::play {{most 0}} {
                 $call destroy
                 break
             }
-            set failed [catch {$call result} came how]
-            $call destroy
+            set failed [catch {$call take} came how]
             if {!$failed} {
                 # Its last events may come after the answer.
                 for {set end [expr {[clock milliseconds] + 2000}]} {![dict exists $State result] && [clock milliseconds] < $end} {} {
@@ -272,9 +270,8 @@ proc session::Found event {
 }
 proc session::labTime {} {
     variable Lab
-    regexp {# time (\S+) s} [lindex [$Lab CTRL -dump] 3] - time
     variable Earlier
-    return [expr {$Earlier + $time}]
+    return [expr {$Earlier + [lindex [dict get [$Lab exec time] floats] 0]}]
 }
 
 proc session::Started {} {
@@ -291,7 +288,7 @@ proc session::Anew event {
         set Began $began
         set Forgotten 1
         forgotten
-        sorma::async -command {apply {future {catch {$future result}; $future destroy}}} $Lab CTRL -speed $Speed
+        sorma::async -command {apply {future {catch {$future take}}}} $Lab CTRL -speed $Speed
     }
 }
 

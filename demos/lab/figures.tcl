@@ -290,7 +290,7 @@ proc figures::minutes n {
     startLab {-speed 1 -cameraRate 20}
     startRobot
     powerOn
-    set before [fact $Lab skipped]
+    set before [skipped]
     cycle.pino$At CTRL -reset
     set end [expr {[clock seconds] + 60 * $n}]
     while {[clock seconds] < $end} {
@@ -299,9 +299,9 @@ proc figures::minutes n {
     set stats [lindex [cycle.pino$At DBX -stats] 3]
     regexp {^ticks (\d+) skipped (\d+)} $stats - ticks skipped
     regexp -line {^jitter of the beginning: (.*)$} $stats - late
-    set lost [expr {[fact $Lab skipped] - $before}]
+    set lost [expr {[skipped] - $before}]
     row "$n min in real time, 20 pictures/s" "0 skipped ticks" \
-        "$skipped of $ticks ticks, [format %.3f $lost] s of lab time; [fact $Lab pictures] pictures; ticks late by $late" [expr {$skipped == 0}]
+        "$skipped of $ticks ticks, [format %.3f $lost] s of lab time; [dict get [$Lab exec time] ints] pictures; ticks late by $late" [expr {$skipped == 0}]
     # How fast it can go, alone: the robot has no power.
     pino$At EXEC power off
     foreach {what rate} {"with 20 pictures/s" 20 "without pictures" 0} {
@@ -313,8 +313,10 @@ proc figures::minutes n {
         signal $daemon TERM
     }
 }
-proc figures::fact {name what} {
-    return [lindex [regexp -line -inline "^# $what (\\S+)" [lindex [$name CTRL -dump] 3]] 1]
+# [s] of lab time.
+proc figures::skipped {} {
+    variable Lab
+    return [lindex [dict get [$Lab exec time] floats] 1]
 }
 
 # ---- faults: in a random motion, at a random moment, the arm must come to rest by itself, and not move again before a person's reset ----

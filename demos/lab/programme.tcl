@@ -19,8 +19,7 @@ proc programme::tool {} {
 }
 proc programme::labTime {} {
     variable Lab
-    regexp {# time (\S+) s} [lindex [$Lab CTRL -dump] 3] - time
-    return $time
+    return [lindex [dict get [$Lab exec time] floats] 0]
 }
 
 # programme::step WHAT EXPECTED SCRIPT -- one row: the script returns what was measured; EXPECTED is well, or the error code's pattern.
@@ -67,11 +66,7 @@ proc programme::run speed {
         set call [sorma::async mvpos.line$At EXEC FMSG 7 0.6 0.2 0.35 {*}$Down]
         waitUntil {abs([lindex [tool] 1] + 0.15) > 0.03}
         mvpos.line$At CTRL -stop
-        try {
-            $call wait
-        } finally {
-            $call destroy
-        }
+        $call take
     }
     step "down to the table, by feeling" well {
         mvpos.line$At exec -floats [concat {0.42 0.22 0.03} $Down]
@@ -82,11 +77,7 @@ proc programme::run speed {
         set call [sorma::async mvpos.line$At EXEC FMSG 7 0.5 -0.2 0.3 {*}$Down]
         waitUntil {[lindex [tool] 2] > 0.05}
         $Lab CTRL -emergencyStop
-        try {
-            $call wait
-        } finally {
-            $call destroy
-        }
+        $call take
     }
     step "power only after a reset" "ROBOT POWER*" {pino$At EXEC power on}
     step "a person resets it" well {$Lab CTRL -reset; pino$At EXEC power on; set - "the arm holds"}

@@ -63,6 +63,7 @@ public:
     // ---- within between() ----
 
     double now() const { return time_; }
+    std::uint64_t published() const { return published_; }      // pictures
     void apply(const Settings& settings);
     // Call `done` when so much lab time has passed, or the laboratory ends (true). If it is paused, lab time runs until
     // then.

@@ -25,7 +25,7 @@ const sorma::Prototype kBuffer{Severity::error, "SIMLAB BUFFER", 1,
                                "{}: a buffer cannot be written: {}; another laboratory may run: -prefix keeps them apart"};
 const sorma::Prototype kOption{Severity::error, "OPTION VALUE", 2, "{}: {} {}: {}"};
 const sorma::Prototype kRefused{Severity::error, "SIMLAB REFUSED", 1, "{}: {}: {}"};
-const sorma::Prototype kWord{Severity::error, "SIMLAB WORD", 2, "{}: bad word \"{}\": must be camera, step, or view"};
+const sorma::Prototype kWord{Severity::error, "SIMLAB WORD", 2, "{}: bad word \"{}\": must be camera, step, time, or view"};
 const sorma::Prototype kFloats{Severity::error, "SIMLAB FLOATS", 1, "{}: {} takes {}, got {} floats"};
 const sorma::Prototype kValue{Severity::error, "SIMLAB VALUE", 1, "{}: {} takes {}, not {}"};
 const sorma::Prototype kPicture{Severity::error, "SIMLAB PICTURE", 1, "{}: there is no picture: {}"};
@@ -137,10 +137,11 @@ public:
                              m.text += text.empty() ? simlab::Scene::text("8x8") : text;
                          }})
             .concurrency(sorma::Concurrency::concurrent)
-            .words("?camera|step|view?")
+            .words("?camera|step|time|view?")
             .reads(floats, sorma::between(0, 6), "", "step, or no word: lab time [s] (1), none: one step; view: azimuth, elevation [degrees], "
                                                      "distance [m], what to look at x y z [m] (6), or none")
-            .writes(floats, sorma::between(0, 1), "s", "step: lab time")
+            .writes(floats, sorma::between(0, 2), "s", "step: lab time; time: lab time, and how much of it was skipped")
+            .writes(ints, sorma::between(0, 1), "", "time: how many pictures were published")
             .writes(any, {}, "", "camera, view: the picture, PPM")
             .example("simlab.example CTRL -paused 1");
     }
@@ -193,6 +194,7 @@ public:
         const std::string word = m.words.empty() ? "step" : m.words[0];
         if (m.words.size() > 1) fail(kWord, name(), m.words[1]);
         if (word == "step") return pass(m);
+        if (word == "time") return tell(m);
         if (word == "camera" || word == "view") return show(m, word == "view");
         fail(kWord, name(), word);
     }
@@ -269,6 +271,15 @@ private:
         });
         reply.onCancel([this, ticket] {
             if (lab_) lab_->between([ticket](Laboratory& l) { l.forget(ticket); });
+        });
+    }
+
+    void tell(Message& m) {
+        if (!m.floats.empty()) fail(kFloats, name(), "time", "none", m.floats.size());
+        m.clear();
+        lab([&](Laboratory& l) {
+            m.floats = {l.now(), l.pace.skipped()};
+            m.ints = {std::int32_t(l.published())};
         });
     }
 
