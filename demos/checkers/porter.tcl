@@ -133,19 +133,18 @@ oo::class create ::sorma::service::porter {
         [my cget $mover] exec -floats $pose
     }
 
-    # Whoever knows where things are may have been started anew. Returns what is known.
+    # Whoever knows where things are may have been started anew. Returns whether the grasp is known.
     method LearnBoard {} {
         set transform [my cget -transform]
-        set known [lindex [$transform CTRL -dump] 3]
-        if {![string match "*board learned*" $known]} {
+        lassign [dict get [$transform exec learned] ints] board grasp
+        if {!$board} {
             $transform EXEC learnBoard
         }
-        return $known
+        return $grasp
     }
     method Learn {transfer stack colour} {
         set transform [my cget -transform]
-        set known [my LearnBoard]
-        if {![string match "*grasp learned*" $known]} {
+        if {![my LearnBoard]} {
             lassign $transfer file rank underneath
             if {$colour ne "any"} {
                 $transform CTRL -colour $colour

@@ -35,7 +35,7 @@ oo::class create ::sorma::service::sight {
             my Go
         }
         if {[dict get $message words] eq "board"} {
-            set known [string match "*board learned*" [lindex [[my cget -transform] CTRL -dump] 3]]
+            set known [lindex [dict get [[my cget -transform] exec learned] ints] 0]
             set moved [lindex [dict get [[my cget -transform] exec learnBoard] floats] 3]
             return [dict create floats [expr {$known ? 1e3 * $moved : 0}]]
         }

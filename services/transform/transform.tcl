@@ -37,7 +37,7 @@ oo::class create ::sorma::service::transform {
     sorma::option -rest double -unit s -range {0 10} -default 0.1 -help "of the arm before it looks: its servos need a moment"
     sorma::option -picture service -help "answers a picture, its first float is its time: it must be new; none: the object that sees takes a new one"
     sorma::option -pose service -help "answers where the tool is: floats lab time, position, quaternion"
-    sorma::words "boardToWorld|worldToBoard|boardToImage|imageToBoard|worldToImage|imageToWorld|correct|under|learnBoard|learnGrasp|learnCamera"
+    sorma::words "boardToWorld|worldToBoard|boardToImage|imageToBoard|worldToImage|imageToWorld|correct|under|learnBoard|learnGrasp|learnCamera|learned"
     sorma::danger move learnBoard learnGrasp learnCamera
     sorma::reads floats 0..3 "" "board: file, rank, h (tokens underneath); world: x, y, z \[m\]; image: u, v \[pixels\], and how many\
         tokens high the point is, none: 0; correct: u, v; learnGrasp: file, rank, h of a token"
@@ -45,6 +45,7 @@ oo::class create ::sorma::service::transform {
         under: u, v where a token is seen that is under the tool;\
         learnBoard: x, y \[m\], yaw, by how much a marker has moved \[m\]; learnGrasp: residual \[m\]; learnCamera: mount (7), field of view,\
         residual \[pixels\]"
+    sorma::writes ints 0..3 "" "learned: have board, grasp and camera been? each 1 or 0"
     sorma::writes text 0.. "" "learnGrasp, learnCamera: when"
     sorma::example "transform EXEC boardToWorld FMSG 3 3 4 0"
 
@@ -60,7 +61,7 @@ oo::class create ::sorma::service::transform {
         set words [dict get $message words]
         set word [lindex $words 0]
         set counts {boardToWorld 3 worldToBoard 3 boardToImage 3 imageToBoard {2 3} worldToImage 3 imageToWorld {2 3} correct 2 under 0
-            learnBoard 0 learnGrasp 3 learnCamera 0}
+            learnBoard 0 learnGrasp 3 learnCamera 0 learned 0}
         if {[llength $words] != 1 || ![dict exists $counts $word]} {
             sorma::fail [list TRANSFORM WORD $word] "[my name]: bad word \"$word\": must be [join [dict keys $counts] {, }]"
         }
@@ -277,6 +278,9 @@ oo::class create ::sorma::service::transform {
     method See {point pose} {
         ::sorma::service::transform::fresh [my cget -picture] [my cget -pose] [my cget -rest]
         return [lrange [dict get [[my cget -disk] exec -floats [my PixelOf $point $pose] -text [my cget -colour]] floats] 0 1]
+    }
+    method Learned {} {
+        return [dict create ints [lmap what {board grasp camera} {dict exists $Learned $what}]]
     }
     method Note {what measured} {
         dict set Learned $what "[clock format [clock seconds] -format {%Y-%m-%d %H:%M:%S}], $measured"
