@@ -15,7 +15,7 @@ namespace eval checkersGame {}
 
 proc checkersGame::Show {windows told} {
     if {$windows} {
-        checkersWindow::plot $told
+        checkers::window::plot $told
     }
     switch [dict get $told state] {
         validate - answer {
@@ -49,7 +49,7 @@ proc checkersGame::Begin {o folder go windows} {
         $::session::Human CTRL -setOut
     }
     if {$windows} {
-        checkersWindow::begin
+        checkers::window::begin
     }
     set ::session::Watch [list checkersGame::Show $windows]
     # The plot may have begun before somebody watched.
@@ -107,7 +107,7 @@ proc checkersGame::run {} {
     }
     if {$windows} {
         uplevel #0 [list source [file join $::session::Here window.tcl]]
-        checkersWindow::build [dict merge [dict filter $o script {option -} {expr {$option in {-variant -dry -limit}}}] [list -mouse [expr {[dict get $o -human] eq "mouse"}] \
+        checkers::window::build [dict merge [dict filter $o script {option -} {expr {$option in {-variant -dry -limit}}}] [list -mouse [expr {[dict get $o -human] eq "mouse"}] \
             -restart checkersGame::Restart -again checkersGame::Again]]
         bind . <Destroy> {+checkersGame::Closed %W}
     } else {

@@ -35,10 +35,10 @@ package require img::png
 # When the person's fourth turn begins the laboratory stands still; the camera, which was above the board then, and what moves
 # in the window get a moment to be shown.
 proc photograph args {
-    if {$::checkersWindow::State ni {person ponder} || ![regexp {3\. \S+ \S+ } [dict get $::checkersWindow::Last pdn]]} {
+    if {$::checkers::window::State ni {person ponder} || ![regexp {3\. \S+ \S+ } [dict get $::checkers::window::Last pdn]]} {
         return
     }
-    trace remove variable ::checkersWindow::State write photograph
+    trace remove variable ::checkers::window::State write photograph
     $::session::Lab CTRL -paused 1
     after 1500 develop
 }
@@ -58,7 +58,7 @@ proc bgerror text {
     puts stderr $::errorInfo
 }
 source [file join $::session::Here window.tcl]
-trace add variable ::checkersWindow::State write photograph
+trace add variable ::checkers::window::State write photograph
 try {
     checkersGame::run
 } finally {

@@ -44,7 +44,7 @@ proc session::settle {folder settings} {
     file mkdir $folder
     cd $folder
     if {!$::session::Dry && ![file exists board.hsv]} {
-        colours::learn board.hsv
+        lab::colours::learn board.hsv
     }
     set out [open settings w]
     puts $out $settings

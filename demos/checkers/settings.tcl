@@ -6,7 +6,7 @@
 
 package require sorma::subject
 
-namespace eval checkersWindow {
+namespace eval checkers::window {
     # option of the program -> what is chosen, what holds in this game
     variable Wanted {}
     variable Now {}
@@ -23,31 +23,31 @@ namespace eval checkersWindow {
 }
 
 # A dict: -variant -dry -mouse -limit, as in force; -restart, -again: commands.
-proc checkersWindow::settings given {
+proc checkers::window::settings given {
     variable Restart [dict get $given -restart]
     variable Again [dict get $given -again]
     variable Wanted [dict remove $given -restart -again]
     variable Now $Wanted
 }
 # What holds in this game.
-proc checkersWindow::Holds option { variable Now; return [dict get $Now $option] }
+proc checkers::window::Holds option { variable Now; return [dict get $Now $option] }
 # Is there no such daemon, since the game is one without robot?
-proc checkersWindow::Dry name { return [expr {[Holds -dry] && $name in {eye robot hand transform laser}}] }
+proc checkers::window::Dry name { return [expr {[Holds -dry] && $name in {eye robot hand transform laser}}] }
 
-proc checkersWindow::Settings {} {
+proc checkers::window::Settings {} {
     variable Rows
     variable Rules
     ttk::labelframe .settings -text "Settings"
     set s .settings
     set pad [sorma::style pixels 2]
     foreach {name text key command} {
-        new    "New game"         n checkersWindow::New
-        resign "Resign"           r {checkersWindow::send checkers@player CTRL -resign}
-        draw   "Offer a draw"     d {checkersWindow::send checkers@player CTRL -draw}
-        sides  "Change sides"     t {checkersWindow::send checkers@player CTRL -sides}
-        order  "Put in order"     o {checkersWindow::send checkers@player CTRL -order}
-        reset  "Power: reset"     g {checkersWindow::send simlab@lab CTRL -reset}
-        panels "Panels"           p checkersWindow::Panels
+        new    "New game"         n checkers::window::New
+        resign "Resign"           r {checkers::window::send checkers@player CTRL -resign}
+        draw   "Offer a draw"     d {checkers::window::send checkers@player CTRL -draw}
+        sides  "Change sides"     t {checkers::window::send checkers@player CTRL -sides}
+        order  "Put in order"     o {checkers::window::send checkers@player CTRL -order}
+        reset  "Power: reset"     g {checkers::window::send simlab@lab CTRL -reset}
+        panels "Panels"           p checkers::window::Panels
     } {
         ttk::button $s.$name -text $text -command $command
         ttk::label $s.k$name -text "Ctrl-[string toupper $key]" -font [sorma::style font small]
@@ -59,25 +59,25 @@ proc checkersWindow::Settings {} {
     foreach {name text key what} $Rows {
         lassign $what object option from to
         ttk::label $s.t$name -text $text
-        ttk::spinbox $s.$name -from $from -to $to -width 6 -command [list checkersWindow::Choose $name]
+        ttk::spinbox $s.$name -from $from -to $to -width 6 -command [list checkers::window::Choose $name]
         foreach event {<Return> <FocusOut>} {
-            bind $s.$name $event [list checkersWindow::Choose $name]
+            bind $s.$name $event [list checkers::window::Choose $name]
         }
         bind . <Control-$key> [list focus $s.$name]
         set subject [sorma::subject of $object]
-        $subject listen [list checkersWindow::InForce $name $subject $option] $option
+        $subject listen [list checkers::window::InForce $name $subject $option] $option
     }
     ttk::label $s.tvariant -text "Rules (Ctrl-U)"
     ttk::combobox $s.variant -style [::sorma::style own TCombobox] -width 18 -state readonly -values [dict values $Rules]
     $s.variant set [dict get $Rules [Holds -variant]]
     bind $s.variant <<ComboboxSelected>> {
-        dict set ::checkersWindow::Wanted -variant [lindex [dict keys $::checkersWindow::Rules] [.settings.variant current]]
-        checkersWindow::Later
+        dict set ::checkers::window::Wanted -variant [lindex [dict keys $::checkers::window::Rules] [.settings.variant current]]
+        checkers::window::Later
     }
     ttk::label $s.tlimit -text "Minutes each, 0: no limit (Ctrl-M)"
     ttk::spinbox $s.limit -from 0 -to 600 -width 6
     $s.limit set [expr {[Holds -limit] / 60.0 == [Holds -limit] / 60 ? [Holds -limit] / 60 : [Holds -limit] / 60.0}]
-    set command {checkersWindow::Limit [.settings.limit get]}
+    set command {checkers::window::Limit [.settings.limit get]}
     $s.limit configure -command $command
     foreach event {<Return> <FocusOut>} {
         bind $s.limit $event $command
@@ -85,49 +85,49 @@ proc checkersWindow::Settings {} {
     bind . <Control-u> [list focus $s.variant]
     bind . <Control-m> [list focus $s.limit]
     ttk::checkbutton $s.voice -style [::sorma::style own TCheckbutton] -text "Speak aloud (Ctrl-A)" \
-        -command checkersWindow::Speak -variable ::checkersWindow::Voice
+        -command checkers::window::Speak -variable ::checkers::window::Voice
     set subject [sorma::subject of speaker@voice]
-    $subject listen [list checkersWindow::InForce voice $subject -output] -output
-    ttk::checkbutton $s.dry -style [::sorma::style own TCheckbutton] -text "Without robot (Ctrl-W)" -variable ::checkersWindow::WantDry -command {
-        dict set ::checkersWindow::Wanted -dry $::checkersWindow::WantDry; checkersWindow::Later
+    $subject listen [list checkers::window::InForce voice $subject -output] -output
+    ttk::checkbutton $s.dry -style [::sorma::style own TCheckbutton] -text "Without robot (Ctrl-W)" -variable ::checkers::window::WantDry -command {
+        dict set ::checkers::window::Wanted -dry $::checkers::window::WantDry; checkers::window::Later
     }
-    ttk::checkbutton $s.mouse -style [::sorma::style own TCheckbutton] -text "I play (Ctrl-Y)" -variable ::checkersWindow::WantMouse -command {
-        dict set ::checkersWindow::Wanted -mouse $::checkersWindow::WantMouse; checkersWindow::Later
+    ttk::checkbutton $s.mouse -style [::sorma::style own TCheckbutton] -text "I play (Ctrl-Y)" -variable ::checkers::window::WantMouse -command {
+        dict set ::checkers::window::Wanted -mouse $::checkers::window::WantMouse; checkers::window::Later
     }
     foreach {key name} {a voice w dry y mouse} {
         bind . <Control-$key> [list $s.$name invoke]
     }
-    set ::checkersWindow::WantDry [Holds -dry]
-    set ::checkersWindow::WantMouse [Holds -mouse]
+    set ::checkers::window::WantDry [Holds -dry]
+    set ::checkers::window::WantMouse [Holds -mouse]
     foreach name {level person speed variant limit} {
         grid $s.t$name - - $s.$name -sticky ew -padx $pad -pady $pad
     }
     grid $s.voice - $s.dry - -sticky w -padx $pad
     grid $s.mouse - $s.panels $s.kpanels -sticky ew -padx $pad -pady $pad
-    grid [ttk::label $s.later -textvariable ::checkersWindow::Later -foreground [sorma::style colour mine]] -columnspan 4 -sticky w -padx $pad
+    grid [ttk::label $s.later -textvariable ::checkers::window::Later -foreground [sorma::style colour mine]] -columnspan 4 -sticky w -padx $pad
     grid columnconfigure $s {0 2} -weight 1
 }
 
 # ---- what holds at once ----
 
-proc checkersWindow::InForce {name subject option args} {
+proc checkers::window::InForce {name subject option args} {
     if {![winfo exists .settings.$name]} return
     set told [$subject get $option]
     if {[dict get $told state] ne "live"} return
     set value [dict get $told live]
     if {$name eq "voice"} {
-        set ::checkersWindow::Voice [expr {$value eq "sound"}]
-    } elseif {[focus] ne ".settings.$name" || ![info exists ::checkersWindow::Shown($name)] || [.settings.$name get] eq $::checkersWindow::Shown($name)} {
+        set ::checkers::window::Voice [expr {$value eq "sound"}]
+    } elseif {[focus] ne ".settings.$name" || ![info exists ::checkers::window::Shown($name)] || [.settings.$name get] eq $::checkers::window::Shown($name)} {
         Shows $name $value
     }
 }
 # What a person is typing there is left alone.
-proc checkersWindow::Shows {name value} {
+proc checkers::window::Shows {name value} {
     variable Shown
     set Shown($name) [expr {$value == int($value) ? int($value) : $value}]
     .settings.$name set $Shown($name)
 }
-proc checkersWindow::Choose name {
+proc checkers::window::Choose name {
     variable Rows
     lassign [lindex $Rows [expr {[lsearch -exact $Rows $name] + 3}]] object option from to
     set value [.settings.$name get]
@@ -144,11 +144,11 @@ proc checkersWindow::Choose name {
     Shows $name $value
     Set $object $option $value
 }
-proc checkersWindow::Speak {} {
+proc checkers::window::Speak {} {
     variable Voice
     Set speaker@voice -output [expr {$Voice ? "sound" : "log"}]
 }
-proc checkersWindow::Set {object option value} {
+proc checkers::window::Set {object option value} {
     variable Objects
     dict set Objects [list $object $option] $value
     if {$option eq "-speed"} {
@@ -157,7 +157,7 @@ proc checkersWindow::Set {object option value} {
     send $object CTRL $option $value
 }
 # A daemon is new: what was chosen is told again.
-proc checkersWindow::Again daemon {
+proc checkers::window::Again daemon {
     variable Objects
     dict for {what value} $Objects {
         lassign $what object option
@@ -169,7 +169,7 @@ proc checkersWindow::Again daemon {
 
 # ---- what holds from the next game on ----
 
-proc checkersWindow::Limit minutes {
+proc checkers::window::Limit minutes {
     variable Wanted
     if {![string is double -strict $minutes] || $minutes < 0 || $minutes > 600} {
         Complain "\"$minutes\" is not a number from 0 to 600"
@@ -178,20 +178,20 @@ proc checkersWindow::Limit minutes {
     dict set Wanted -limit [expr {round(60 * $minutes)}]
     Later
 }
-proc checkersWindow::Later {} {
+proc checkers::window::Later {} {
     variable Wanted
     variable Now
     variable Later
     set Later [expr {$Wanted eq $Now ? {} : [Apart] ? "The next game will start other daemons (Ctrl-N)." : "This holds from the next game on (Ctrl-N)."}]
 }
 # Does the next game need other daemons?
-proc checkersWindow::Apart {} {
+proc checkers::window::Apart {} {
     variable Wanted
     variable Now
     return [expr {[dict get $Wanted -dry] != [dict get $Now -dry] || ([dict get $Wanted -variant] eq "intl") != ([dict get $Now -variant] eq "intl")}]
 }
 # Both give up their game, and begin another one.
-proc checkersWindow::New {} {
+proc checkers::window::New {} {
     variable Wanted
     variable Now
     variable Restart
@@ -201,8 +201,8 @@ proc checkersWindow::New {} {
     Later
     Yours
     if {$apart} {
-        set ::checkersWindow::State starting
-        set ::checkersWindow::Side {}
+        set ::checkers::window::State starting
+        set ::checkers::window::Side {}
         Clocks
         {*}$Restart $Now
         return
@@ -218,7 +218,7 @@ proc checkersWindow::New {} {
 
 # ---- for developers: a page for each service concerned, with its panel ----
 
-proc checkersWindow::Panels {} {
+proc checkers::window::Panels {} {
     if {[winfo exists .panels]} {
         raise .panels
         focus .panels.n

@@ -1,9 +1,9 @@
 # window.tcl -- the game in a window: the board, the board as the camera sees it, its picture, what is said, the moves, the clocks, the plot,
 # the daemons. Nothing in it waits: all requests are asynchronous. What can be set is in settings.tcl.
 #
-#     checkersWindow::build SETTINGS          as settings.tcl has them
-#     checkersWindow::begin                   the daemons have been started (again)
-#     checkersWindow::plot TOLD               what the plot tells: a dict
+#     checkers::window::build SETTINGS          as settings.tcl has them
+#     checkers::window::begin                   the daemons have been started (again)
+#     checkers::window::plot TOLD               what the plot tells: a dict
 
 package require Tk
 package require sorma::image
@@ -16,7 +16,7 @@ package require checkers::tokens
 package require checkers::boardview
 source [file join [file dirname [file normalize [info script]]] settings.tcl]
 
-namespace eval checkersWindow {
+namespace eval checkers::window {
     variable Plot {person "Your turn" validate "A move is accepted" think "The robot thinks" answer "The robot has decided" carry "The arm carries"
         carried "The arm carries" verify "The eye looks" trouble "Something is wrong" over "The game is over" begin "A new game" idle "No game"
         shifted "The board was moved" feel "The hand feels" felt "The hand feels" tidy "The robot puts the board in order" survey "The eye looks"
@@ -40,16 +40,16 @@ namespace eval checkersWindow {
     variable Boots                      ;# array: daemon -> which process it was when it was last seen
 }
 
-proc checkersWindow::send {name args} {
-    sorma::async -timeout 0 -command [list checkersWindow::Answered $name] $name {*}$args
+proc checkers::window::send {name args} {
+    sorma::async -timeout 0 -command [list checkers::window::Answered $name] $name {*}$args
 }
 # What fails is shown with what is said.
-proc checkersWindow::Answered {name future} {
+proc checkers::window::Answered {name future} {
     if {[catch {$future take} text]} {
         Complain $text
     }
 }
-proc checkersWindow::Complain text {
+proc checkers::window::Complain text {
     puts "    ($text)"
     if {[winfo exists .said]} {
         Write .said "$text\n" wrong
@@ -58,7 +58,7 @@ proc checkersWindow::Complain text {
 
 # ---- what it looks like ----
 
-proc checkersWindow::build settings {
+proc checkers::window::build settings {
     variable Width
     settings $settings
     set Width [expr {[Holds -variant] eq "intl" ? 10 : 8}]
@@ -79,7 +79,7 @@ proc checkersWindow::build settings {
     foreach w {game eye camera moves talk} text {"The game" "What the eye sees, and how certain" "The camera in the hand" "Moves" "What is said"} {
         ttk::labelframe .$w -text $text
     }
-    checkers::boardview create gameBoard .game.board -width $Width -size $size -heaps 1 -drop checkersWindow::Drop -goals checkersWindow::Goals
+    checkers::boardview create gameBoard .game.board -width $Width -size $size -heaps 1 -drop checkers::window::Drop -goals checkers::window::Goals
     checkers::boardview create eyeBoard .eye.board -width $Width -size $size
     pack .game.board .eye.board -fill both -expand 1
     sorma::image .camera.picture -name getbrdsit@eye -request {EXEC debug} -every 0 -zoom fit -width 300 -height 300
@@ -90,7 +90,7 @@ proc checkersWindow::build settings {
     ttk::scrollbar .moves.y -style [::sorma::style own Vertical.TScrollbar] -command {.moves.text yview}
     text .said -width 44 -height 8 -wrap word -state disabled -takefocus 0 -yscrollcommand {.talk.y set}
     ttk::scrollbar .talk.y -style [::sorma::style own Vertical.TScrollbar] -command {.said yview}
-    ttk::label .talk.thoughts -textvariable ::checkersWindow::Thoughts
+    ttk::label .talk.thoughts -textvariable ::checkers::window::Thoughts
     pack .talk.thoughts -side bottom -fill x
     foreach {frame text} {.moves .moves.text .talk .said} {
         pack $frame.y -side right -fill y
@@ -105,11 +105,11 @@ proc checkersWindow::build settings {
     grid rowconfigure .f 0 -weight 3
     grid rowconfigure .f 1 -weight 1
     bind . <Control-b> {focus .game.board}
-    bind . <<ThemeChanged>> {+if {"%W" eq "."} {after idle checkersWindow::Themed}}
+    bind . <<ThemeChanged>> {+if {"%W" eq "."} {after idle checkers::window::Themed}}
     Themed
     Yours
     Tick
-    sorma::world watch * -events daemon.* -command checkersWindow::Daemon
+    sorma::world watch * -events daemon.* -command checkers::window::Daemon
     update idletasks
     # It does not grow with what is shown in it.
     wm geometry . [expr {min([winfo reqwidth .], [winfo screenwidth .])}]x[expr {min([winfo reqheight .], [winfo screenheight .])}]
@@ -117,21 +117,21 @@ proc checkersWindow::build settings {
     focus .game.board
 }
 # A bar with the emergency stop, which keeps its room when the window is small; Escape is the same. CLOCKS: with the state of the plot, too.
-proc checkersWindow::Stop {bar clocks} {
+proc checkers::window::Stop {bar clocks} {
     ttk::frame $bar
     button $bar.stop -text "EMERGENCY STOP  (Esc)" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
-        -font TkHeadingFont -pady [sorma::style pixels 10] -padx [sorma::style pixels 24] -command {checkersWindow::send simlab@lab CTRL -emergencyStop}
+        -font TkHeadingFont -pady [sorma::style pixels 10] -padx [sorma::style pixels 24] -command {checkers::window::send simlab@lab CTRL -emergencyStop}
     pack $bar.stop -side right
     if {$clocks} {
         foreach side {black white} {
             pack [canvas $bar.$side -width [sorma::style pixels 190] -height [sorma::style pixels 46] -highlightthickness 0] -side right -padx [sorma::style pixels 6]
         }
-        ttk::label $bar.state -textvariable ::checkersWindow::Head -font [Large] -anchor w
+        ttk::label $bar.state -textvariable ::checkers::window::Head -font [Large] -anchor w
         pack $bar.state -side left -fill x -expand 1
     }
     bind [winfo toplevel $bar] <Escape> [list $bar.stop invoke]
 }
-proc checkersWindow::Large {} {
+proc checkers::window::Large {} {
     if {"checkersLarge" ni [font names]} {
         font create checkersLarge {*}[font actual TkHeadingFont]
         font configure checkersLarge -size [expr {round(1.5 * [font configure checkersLarge -size])}]
@@ -139,7 +139,7 @@ proc checkersWindow::Large {} {
     return checkersLarge
 }
 # Tk's own widgets look as the theme does.
-proc checkersWindow::Themed {} {
+proc checkers::window::Themed {} {
     if {![winfo exists .lamps]} return
     set back [ttk::style lookup TFrame -background]
     . configure -background $back
@@ -159,20 +159,20 @@ proc checkersWindow::Themed {} {
     Clocks
 }
 # Who plays with mouse and keys sees the tokens as they lie on the table.
-proc checkersWindow::Yours {} {
+proc checkers::window::Yours {} {
     .game configure -text [expr {[Holds -mouse] ? "The table: carry tokens with the mouse, or arrow keys and Return (Ctrl-B)" : "The game"}]
 }
 
 # ---- daemons ----
 
-proc checkersWindow::begin {} {
+proc checkers::window::begin {} {
     variable Hears
     variable Daemons
     foreach subscription $Hears {
         sorma::unsubscribe $subscription
     }
-    set Hears [list [sorma::subscribe [expr {[Holds -dry] ? "drysight" : "sight"}]@player -event seen -latest -command checkersWindow::Seen] \
-        [sorma::subscribe checkers@player -event said -queue 1000 -command checkersWindow::Said]]
+    set Hears [list [sorma::subscribe [expr {[Holds -dry] ? "drysight" : "sight"}]@player -event seen -latest -command checkers::window::Seen] \
+        [sorma::subscribe checkers@player -event said -queue 1000 -command checkers::window::Said]]
     foreach name $Daemons {
         set told [sorma::world get $name]
         Lamp $name [expr {$told eq {} ? "gone" : [dict get $told state]}]
@@ -188,7 +188,7 @@ proc checkersWindow::begin {} {
     }
 }
 
-proc checkersWindow::Lamps {} {
+proc checkers::window::Lamps {} {
     variable Daemons
     ttk::frame .lamps
     set d [sorma::style pixels 14]
@@ -200,7 +200,7 @@ proc checkersWindow::Lamps {} {
     }
 }
 # A daemon was found, has changed, or is gone. A process that is new begins with what it was started with.
-proc checkersWindow::Daemon {event name told} {
+proc checkers::window::Daemon {event name told} {
     variable Boots
     if {![winfo exists .lamps.c$name]} return
     Lamp $name [dict get $told state]
@@ -211,22 +211,22 @@ proc checkersWindow::Daemon {event name told} {
     }
     set Boots($name) $boot
 }
-proc checkersWindow::Lamp {name state} {
+proc checkers::window::Lamp {name state} {
     if {$state ne "alive" && [Dry $name]} {
         set state none
     }
     .lamps.c$name itemconfigure lamp -fill [switch $state {alive {string cat #38b048} busy {string cat #e0b030} none {string cat #a0a0a0} default {string cat #d03020}}]
 }
-proc checkersWindow::Tick {} {
+proc checkers::window::Tick {} {
     if {![winfo exists .lamps]} return
     Clocks
     Look
-    after 500 checkersWindow::Tick
+    after 500 checkers::window::Tick
 }
 
 # ---- what is told ----
 
-proc checkersWindow::Head {} {
+proc checkers::window::Head {} {
     variable State
     variable Plot
     variable Head
@@ -236,7 +236,7 @@ proc checkersWindow::Head {} {
         : $State in {person ponder} && ![Holds -mouse] ? "The person's turn" : [dict exists $Plot $State] ? [dict get $Plot $State] : $State}]
 }
 # A clock for each side: what is left when there is a limit, else what has been taken.
-proc checkersWindow::Clocks {} {
+proc checkers::window::Clocks {} {
     variable Clock
     variable Side
     variable Since
@@ -262,12 +262,12 @@ proc checkersWindow::Clocks {} {
             -fill [expr {$limit > 0 && $limit - $seconds < 30 ? [sorma::style colour alarm] : $fore}]
     }
 }
-proc checkersWindow::Minutes seconds {
+proc checkers::window::Minutes seconds {
     set seconds [expr {int($seconds)}]
     return [format %d:%02d [expr {$seconds / 60}] [expr {$seconds % 60}]]
 }
 
-proc checkersWindow::plot told {
+proc checkers::window::plot told {
     variable State
     variable Side
     variable Clock
@@ -301,7 +301,7 @@ proc checkersWindow::plot told {
         }
     }
     .settings.draw configure -text [expr {$State eq "offer" ? "Accept the draw" : "Offer a draw"}]
-    if {$State in {begin carried played} || (![Holds -mouse] && $State in {person validate think answer over}) || $::checkersWindow::Lies eq {}} {
+    if {$State in {begin carried played} || (![Holds -mouse] && $State in {person validate think answer over}) || $::checkers::window::Lies eq {}} {
         Show [dict get $told lies]
     }
     if {$State in {validate answer}} {
@@ -312,7 +312,7 @@ proc checkersWindow::plot told {
     Moves [dict get $told pdn]
     Clocks
 }
-proc checkersWindow::Show lies {
+proc checkers::window::Show lies {
     variable Lies
     variable Shows
     incr Shows
@@ -322,11 +322,11 @@ proc checkersWindow::Show lies {
         gameBoard become $lies
     }
 }
-proc checkersWindow::Worth score {
+proc checkers::window::Worth score {
     return [expr {$score > 100 ? "and win" : $score < -100 ? "and lose" : [format "%+.1f men" $score]}]
 }
 # A move as people say it.
-proc checkersWindow::Spelled {width move} {
+proc checkers::window::Spelled {width move} {
     regexp {^(\d+)([-x])(\d+)} $move - from sign to
     return [join [lmap square [list $from $to] {
         lassign [::checkers::tokens place $width $square] file rank
@@ -334,7 +334,7 @@ proc checkersWindow::Spelled {width move} {
     }] $sign]
 }
 # A line for each move of White, and the answer.
-proc checkersWindow::Moves pdn {
+proc checkers::window::Moves pdn {
     set moves [lindex [split [string map [list \n\n \x01] $pdn] \x01] 1]
     set text [string trim [regsub -all {\s*(\d+\.(?:\.\.)?)\s+} [string map {\n { }} $moves] "\n\\1\t"]]
     .moves.text configure -state normal
@@ -343,18 +343,18 @@ proc checkersWindow::Moves pdn {
     .moves.text see end
     .moves.text configure -state disabled
 }
-proc checkersWindow::Said event {
+proc checkers::window::Said event {
     if {[dict get $event event] eq "said" && [winfo exists .said]} {
         Write .said "[dict get $event text]\n" [if {[dict get $event words] in {trouble mute}} {string cat wrong}]
     }
 }
-proc checkersWindow::Write {w text {tag {}}} {
+proc checkers::window::Write {w text {tag {}}} {
     $w configure -state normal
     $w insert end $text $tag
     $w see end
     $w configure -state disabled
 }
-proc checkersWindow::Seen event {
+proc checkers::window::Seen event {
     variable Width
     if {[dict get $event event] ne "seen" || ![winfo exists .eye.board]} return
     set seen [dict get $event text]
@@ -367,7 +367,7 @@ proc checkersWindow::Seen event {
 # ---- a person with mouse or keys: his hand moves the token ----
 
 # He looks at the table, unless his hand is there. While it is not seen the board shows what was seen last, and the head says so.
-proc checkersWindow::Look {} {
+proc checkers::window::Look {} {
     variable Hand
     variable Looking
     variable Blind
@@ -375,10 +375,10 @@ proc checkersWindow::Look {} {
         set Blind {}
     } elseif {$Hand == 0 && !$Looking} {
         set Looking 1
-        sorma::async -timeout 2000 -command [list checkersWindow::Looked $::checkersWindow::Shows] simlab@lab DBX -tokens
+        sorma::async -timeout 2000 -command [list checkers::window::Looked $::checkers::window::Shows] simlab@lab DBX -tokens
     }
 }
-proc checkersWindow::Looked {asked future} {
+proc checkers::window::Looked {asked future} {
     variable Shows
     variable Width
     variable Looking 0
@@ -402,11 +402,11 @@ proc checkersWindow::Looked {asked future} {
     }
 }
 # Where a token that is lifted may go.
-proc checkersWindow::Goals from {
+proc checkers::window::Goals from {
     variable Last
     variable Width
     set state [expr {[dict exists $Last state] ? [dict get $Last side] : {}}]
-    if {$state in [list {} $::checkersWindow::Robot] || [catch {package require sorma::service::draughts}]} return
+    if {$state in [list {} $::checkers::window::Robot] || [catch {package require sorma::service::draughts}]} return
     try {
         draughts.window configure -variant [Holds -variant]
         draughts.window exec fen [dict get $Last position]
@@ -422,7 +422,7 @@ proc checkersWindow::Goals from {
         return
     }
 }
-proc checkersWindow::Drop {from to} {
+proc checkers::window::Drop {from to} {
     variable Lies
     variable Width
     variable Hand
@@ -452,15 +452,15 @@ proc checkersWindow::Drop {from to} {
     set Lies [lsort -stride 2 [::checkers::tokens after $Lies $transfer]]
     gameBoard lie $Lies
     incr Hand
-    incr ::checkersWindow::Shows
-    sorma::async -timeout 0 -command checkersWindow::Put humanhand@human EXEC FMSG 6 {*}$transfer
+    incr ::checkers::window::Shows
+    sorma::async -timeout 0 -command checkers::window::Put humanhand@human EXEC FMSG 6 {*}$transfer
 }
-proc checkersWindow::OnBoard place {
+proc checkers::window::OnBoard place {
     variable Width
     return [expr {[lindex $place 0] >= 0.5 && [lindex $place 0] < $Width + 0.5}]
 }
-proc checkersWindow::Put future {
-    incr ::checkersWindow::Hand -1
+proc checkers::window::Put future {
+    incr ::checkers::window::Hand -1
     Answered humanhand $future
     Look
 }

@@ -5,7 +5,7 @@
 
 package require sorma
 
-namespace eval boards {
+namespace eval lab::boards {
     variable Fields {}          ;# dark ones: list of {file rank}
     variable Place {0 0 0}      ;# of the board: dx dy [m], turn [rad]
     foreach rank {1 2 3 4 5 6 7 8} {
@@ -17,16 +17,16 @@ namespace eval boards {
     }
 }
 
-# boards::prepare TABLE PREFIX -- a laboratory in this process, and who reads its board.
-proc boards::prepare {table prefix} {
+# lab::boards::prepare TABLE PREFIX -- a laboratory in this process, and who reads its board.
+proc lab::boards::prepare {table prefix} {
     sorma::create simlab.boards -prefix $prefix -cameraRate 20 -paused 1
     simlab.boards EXEC FMSG 1 0.2
     sorma::create shmem_r.boards -key ${prefix}camera.image
     sorma::create getBrdSit.boards -table $table -picture shmem_r.boards -at {0.5 0 0.52 0 1 0 0}
 }
 
-# boards::next -- another situation; returns what must be read, as getBrdSit says it.
-proc boards::next {} {
+# lab::boards::next -- another situation; returns what must be read, as getBrdSit says it.
+proc lab::boards::next {} {
     variable Fields
     variable Place
     set fields $Fields
@@ -56,8 +56,8 @@ proc boards::next {} {
     return $symbols
 }
 
-# boards::read -- what is read in the first picture that was taken from now on: the symbols, or the error.
-proc boards::read {} {
+# lab::boards::read -- what is read in the first picture that was taken from now on: the symbols, or the error.
+proc lab::boards::read {} {
     set now [lindex [dict get [simlab.boards exec -floats 0.002] floats] 0]
     while {[lindex [dict get [shmem_r.boards exec] floats] 0] <= $now} {
         simlab.boards EXEC FMSG 1 0.05
@@ -66,7 +66,7 @@ proc boards::read {} {
     return $result
 }
 
-proc boards::run {table count seed} {
+proc lab::boards::run {table count seed} {
     expr {srand($seed)}
     prepare $table boards[pid].
     set right [set refused [set wrong 0]]
@@ -93,5 +93,5 @@ if {[file normalize $argv0] eq [file normalize [info script]]} {
         exit 2
     }
     lassign [concat $argv [lrange {- 100 1} [llength $argv] end]] table count seed
-    exit [boards::run $table $count $seed]
+    exit [lab::boards::run $table $count $seed]
 }

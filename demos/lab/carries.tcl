@@ -8,7 +8,7 @@ package require sorma
 package require sorma::options
 source [file join [file dirname [file normalize [info script]]] colours.tcl]
 
-namespace eval carries {
+namespace eval lab::carries {
     variable Lab simlab@lab
     variable Carry carry@robot
     variable Hand manus@hand
@@ -36,7 +36,7 @@ namespace eval carries {
 
 # ---- the laboratory ----
 
-proc carries::prepare {table speed} {
+proc lab::carries::prepare {table speed} {
     variable Lab
     variable Carry
     variable Hand
@@ -46,7 +46,7 @@ proc carries::prepare {table speed} {
     set own [expr {$table eq {}}]
     if {$own} {
         set table [file join [file dirname [dict get [lindex [sorma::daemons] 0] socket]] board.hsv]
-        colours::learn $table
+        lab::colours::learn $table
     }
     foreach looker $Lookers {
         $looker CTRL -table $table
@@ -66,12 +66,12 @@ proc carries::prepare {table speed} {
     sorma::create shmem_r.force -key ${Prefix}tool.force
     sorma::create shmem_r.place -key ${Prefix}tool.pose
     variable Room [wspc.room@robot cget -inside]
-    sorma::subscribe $Carry -event phase -command carries::Phase
+    sorma::subscribe $Carry -event phase -command lab::carries::Phase
     $Carry CTRL -patience 30
 }
 
 # Another scene: the board moved, tokens on random fields, other light. Returns the fields: dict {file rank} -> token.
-proc carries::scene {{count 8}} {
+proc lab::carries::scene {{count 8}} {
     variable Lab
     variable Place
     variable Transform
@@ -94,7 +94,7 @@ proc carries::scene {{count 8}} {
     return $tokens
 }
 # What transform says of the tokens that are on the board and of the markers, and where they are.
-proc carries::Compare {} {
+proc lab::carries::Compare {} {
     variable Lab
     variable Transform
     variable Off
@@ -125,11 +125,11 @@ proc carries::Compare {} {
     set Off [list [tcl::mathfunc::max $most {*}$markers] [expr {max($mostYaw, abs(atan2(sin($turn), cos($turn))))}] \
         [tcl::mathfunc::max $mostToken {*}$tokens]]
 }
-proc carries::World {file rank} {
+proc lab::carries::World {file rank} {
     variable Transform
     return [lrange [dict get [$Transform exec -floats [list $file $rank 0] boardToWorld] floats] 0 1]
 }
-proc carries::clear {} {
+proc lab::carries::clear {} {
     variable Lab
     foreach colour {red yellow} {
         for {set i 1} {$i <= 14} {incr i} {
@@ -138,7 +138,7 @@ proc carries::clear {} {
     }
 }
 # All tokens as at the beginning of a game.
-proc carries::game {} {
+proc lab::carries::game {} {
     variable Lab
     clear
     set red [set yellow 0]
@@ -152,7 +152,7 @@ proc carries::game {} {
     }
     $Lab CTRL -light 1 -shadows 0
 }
-proc carries::fields {} {
+proc lab::carries::fields {} {
     set dark {}
     foreach file {1 2 3 4 5 6 7 8} {
         foreach rank {1 2 3 4 5 6 7 8} {
@@ -163,26 +163,26 @@ proc carries::fields {} {
     }
     return $dark
 }
-proc carries::uniform most {
+proc lab::carries::uniform most {
     return [expr {$most * (2 * rand() - 1)}]
 }
 # One of a list, taken out of it.
-proc carries::taken listVar {
+proc lab::carries::taken listVar {
     upvar 1 $listVar list
     set k [expr {int(rand() * [llength $list])}]
     set one [lindex $list $k]
     set list [lreplace $list $k $k]
     return $one
 }
-proc carries::oneOf list {
+proc lab::carries::oneOf list {
     return [taken list]
 }
 # A field without a token.
-proc carries::empty tokens {
+proc lab::carries::empty tokens {
     return [oneOf [lmap field [fields] {expr {[dict exists $tokens $field] ? [continue] : $field}}]]
 }
 # How far a token is from a field [m].
-proc carries::away {token field} {
+proc lab::carries::away {token field} {
     variable Lab
     foreach line [split [lindex [$Lab DBX -tokens] 3] \n] {
         if {[lindex $line 0] eq $token} {
@@ -193,7 +193,7 @@ proc carries::away {token field} {
 
 # ---- one carry ----
 
-proc carries::Phase event {
+proc lab::carries::Phase event {
     variable Inject
     set phase [dict get $event text]
     if {[dict exists $Inject $phase]} {
@@ -203,13 +203,13 @@ proc carries::Phase event {
     }
 }
 # Returns a dict: outcome (placed, or the error's symbol), text, off [m] of the field, seconds of lab time.
-proc carries::carry {token from to} {
+proc lab::carries::carry {token from to} {
     variable Carry
     set call [sorma::async $Carry exec -floats [concat $from 0 $to 0]]
     while {![$call done]} {
-        set ::carries::Tick 0
-        after 50 {set ::carries::Tick 1}
-        vwait ::carries::Tick
+        set ::lab::carries::Tick 0
+        after 50 {set ::lab::carries::Tick 1}
+        vwait ::lab::carries::Tick
         Feel
     }
     set failed [catch {$call take} result how]
@@ -222,7 +222,7 @@ proc carries::carry {token from to} {
     }
     return [dict create outcome placed text {} off $off seconds [lindex [dict get $result floats] 2]]
 }
-proc carries::Feel {} {
+proc lab::carries::Feel {} {
     variable Peak
     variable Room
     variable Outside
@@ -237,13 +237,13 @@ proc carries::Feel {} {
         }
     }
 }
-proc carries::Power {} {
+proc lab::carries::Power {} {
     variable Lab
     catch {$Lab CTRL -reset}
     Until {pino@robot EXEC power on}
 }
 # Try until it goes well, for a minute at most.
-proc carries::Until script {
+proc lab::carries::Until script {
     set end [expr {[clock seconds] + 60}]
     while {[catch {uplevel 1 $script} result how]} {
         if {[clock seconds] > $end} {
@@ -253,7 +253,7 @@ proc carries::Until script {
     }
 }
 # Before the next one: an arm with power, an open hand.
-proc carries::recover {} {
+proc lab::carries::recover {} {
     variable Hand
     variable Carry
     Power
@@ -263,13 +263,13 @@ proc carries::recover {} {
 
 # One that is given up at a random moment. Returns by how much the arm still moves [m] from 0.3 s on after nobody wants it any more, in
 # as much time; empty: the carry was over before.
-proc carries::givenUp {from to} {
+proc lab::carries::givenUp {from to} {
     variable Carry
     set call [sorma::async $Carry exec -floats [concat $from 0 $to 0]]
     set until [expr {[now] + 0.1 + 6 * rand()}]
     while {![$call done] && [now] < $until} {
-        after 2 {set ::carries::Tick 1}
-        vwait ::carries::Tick
+        after 2 {set ::lab::carries::Tick 1}
+        vwait ::lab::carries::Tick
     }
     if {[$call done]} {
         $call destroy
@@ -293,13 +293,13 @@ proc carries::givenUp {from to} {
     lassign [concat {*}$places] x y z u v w
     return [expr {sqrt(($x - $u) ** 2 + ($y - $v) ** 2 + ($z - $w) ** 2)}]
 }
-proc carries::now {} {
+proc lab::carries::now {} {
     return [lindex [dict get [shmem_r.place exec] floats] 0]
 }
 
 # ---- faults: each returns the phase of carry behind which it strikes ({}: before), and what it does ----
 
-proc carries::Strike {fault token from to tokens} {
+proc lab::carries::Strike {fault token from to tokens} {
     variable Lab
     variable Place
     switch $fault {
@@ -335,7 +335,7 @@ proc carries::Strike {fault token from to tokens} {
         }
     }
 }
-proc carries::Undo fault {
+proc lab::carries::Undo fault {
     variable Lab
     switch $fault {
         dark {
@@ -347,7 +347,7 @@ proc carries::Undo fault {
         }
     }
 }
-proc carries::pid daemon {
+proc lab::carries::pid daemon {
     foreach d [sorma::daemons] {
         if {[dict get $d name] eq $daemon} {
             return [regexp -inline {\d+(?=\]$)} [dict get $d identity]]
@@ -360,7 +360,7 @@ proc carries::pid daemon {
 # Each of these returns rows of the table: what, measured, wanted, well.
 
 # Lab time is judged at speed 1 only: when it goes faster, what the machine needs for itself counts many times.
-proc carries::Well {count speed} {
+proc lab::carries::Well {count speed} {
     set placed [set unnoticed [set worst [set slowest 0]]]
     for {set i 1} {$i <= $count} {incr i} {
         set tokens [scene]
@@ -385,7 +385,7 @@ proc carries::Well {count speed} {
         "lab time of a carry, at most" [format {%.2f s} $slowest] "8 s at speed 1" [expr {$speed != 1 || $slowest <= 8}]]
 }
 
-proc carries::Faulty count {
+proc lab::carries::Faulty count {
     variable Faults
     variable Inject
     set well 0
@@ -415,7 +415,7 @@ proc carries::Faulty count {
     return [list "$count carries with a fault, healed or named" $well all [expr {$well == $count}]]
 }
 
-proc carries::GivenUp count {
+proc lab::carries::GivenUp count {
     set still 0
     for {set i 0} {$i < $count} {} {
         set tokens [scene]
@@ -434,14 +434,14 @@ proc carries::GivenUp count {
 }
 
 # Rows of the table: what, what was measured, what is wanted, whether it is well. Returns the last of each.
-proc carries::Report args {
+proc lab::carries::Report args {
     return [lmap {what measured wanted well} $args {
         puts [format {%-46s %-26s %-20s %s} $what $measured $wanted [expr {$well ? "yes" : "NO"}]]
         set well
     }]
 }
 
-proc carries::run args {
+proc lab::carries::run args {
     variable Carry
     variable Off
     variable Peak
@@ -467,5 +467,5 @@ proc carries::run args {
 }
 
 if {[file normalize $argv0] eq [file normalize [info script]]} {
-    exit [carries::run {*}$argv]
+    exit [lab::carries::run {*}$argv]
 }

@@ -1,10 +1,10 @@
 # colours.tcl -- the colours of the laboratory's things, learned from painted swatches in more and less light.
 #
-#     source colours.tcl;  colours::learn board.hsv
+#     source colours.tcl;  lab::colours::learn board.hsv
 
 package require sorma
 
-namespace eval colours {
+namespace eval lab::colours {
     # Label of hsvtable -> red green blue, in usual light.
     variable Things {
         0 {64 107 64   226 219 195   150 146 138   255 255 255   40 40 40   90 90 95   0 0 0}
@@ -16,7 +16,7 @@ namespace eval colours {
 }
 
 # Learn a table and write it to a file.
-proc colours::learn file {
+proc lab::colours::learn file {
     variable Things
     variable Side
     expr {srand(1)}

@@ -13,7 +13,7 @@ package require sorma
 package require sorma::options
 package require sorma::service::shmem
 
-namespace eval figures {
+namespace eval lab::figures {
     variable Lab simlab@figuresLab[pid]
     variable At @figuresRobot[pid]
     variable Prefix figures[pid].
@@ -29,7 +29,7 @@ namespace eval figures {
 # ---- daemons ----
 
 # launch DAEMON CLASS RECIPES -- of a class's package. It ends with this script, however that ends.
-proc figures::launch {daemon class recipes} {
+proc lab::figures::launch {daemon class recipes} {
     variable Running
     close [file tempfile dict]
     try {
@@ -45,7 +45,7 @@ proc figures::launch {daemon class recipes} {
         file delete $dict
     }
 }
-proc figures::signal {daemon name} {
+proc lab::figures::signal {daemon name} {
     variable Running
     exec kill -$name {*}[pid [dict get $Running $daemon]]
     if {$name in {KILL TERM}} {
@@ -53,7 +53,7 @@ proc figures::signal {daemon name} {
         dict unset Running $daemon
     }
 }
-proc figures::startLab {{recipe {}}} {
+proc lab::figures::startLab {{recipe {}}} {
     variable Prefix
     variable Settings
     variable Lab
@@ -63,7 +63,7 @@ proc figures::startLab {{recipe {}}} {
     launch figuresLab[pid] simlab "simlab -prefix $Prefix -seed [dict get $Settings -seed] $recipe"
     $Lab CTRL -dump
 }
-proc figures::startRobot {} {
+proc lab::figures::startRobot {} {
     variable Prefix
     variable Room
     variable At
@@ -76,27 +76,27 @@ proc figures::startRobot {} {
     }]
     pino$At CTRL -start
 }
-proc figures::powerOn {} {
+proc lab::figures::powerOn {} {
     variable At
     pino$At EXEC power on
 }
 
 # ---- what is random ----
 
-proc figures::uniform {low high} {
+proc lab::figures::uniform {low high} {
     return [expr {$low + rand() * ($high - $low)}]
 }
 # A place above the table that the tool reaches, pointing down.
-proc figures::place {{low 0.08} {high 0.35}} {
+proc lab::figures::place {{low 0.08} {high 0.35}} {
     variable Down
     return [list [uniform 0.42 0.66] [uniform -0.22 0.22] [uniform $low $high] {*}$Down]
 }
 # x y beside the board, on the side without spare tokens: the table is bare there.
-proc figures::beside {} {
+proc lab::figures::beside {} {
     return [list [uniform 0.40 0.66] [uniform -0.24 -0.2]]
 }
 # Beside the guard's room, or in the table.
-proc figures::forbidden {} {
+proc lab::figures::forbidden {} {
     variable Down
     if {rand() < 0.5} {
         return [list [uniform 0.42 0.66] [uniform -0.22 0.22] [uniform -0.2 -0.03] {*}$Down]
@@ -107,14 +107,14 @@ proc figures::forbidden {} {
 # ---- what is measured ----
 
 # Where the tool has been since the last call: time, x y z, quaternion, 6 joint angles of each tick.
-proc figures::poses {} {
+proc lab::figures::poses {} {
     variable Poses
     collect
     set all $Poses
     set Poses {}
     return $all
 }
-proc figures::collect {} {
+proc lab::figures::collect {} {
     variable Poses
     variable Unseen
     if {![catch {shmem_r.pose exec since} reply] && [dict exists $reply floats]} {
@@ -123,16 +123,16 @@ proc figures::collect {} {
     }
 }
 # How far [m] a place is outside the room; 0: inside.
-proc figures::outside {x y z} {
+proc lab::figures::outside {x y z} {
     variable Room
     lassign $Room x1 x2 y1 y2 z1 z2
     return [expr {max(0, $x1 - $x, $x - $x2, $y1 - $y, $y - $y2, $z1 - $z, $z - $z2)}]
 }
-proc figures::distance {a b} {
+proc lab::figures::distance {a b} {
     return [expr {sqrt([tcl::mathop::+ {*}[lmap x [lrange $a 0 2] y [lrange $b 0 2] {expr {($x - $y) ** 2}}]])}]
 }
 # Of a point from the line between two.
-proc figures::fromLine {p a b} {
+proc lab::figures::fromLine {p a b} {
     set along 0
     set square 0
     foreach x [lrange $p 0 2] u [lrange $a 0 2] v [lrange $b 0 2] {
@@ -142,25 +142,25 @@ proc figures::fromLine {p a b} {
     set part [expr {min(1, max(0, $along / $square))}]
     return [distance $p [lmap u [lrange $a 0 2] v [lrange $b 0 2] {expr {$u + $part * ($v - $u)}}]]
 }
-proc figures::tool {} {
+proc lab::figures::tool {} {
     variable At
     # While the robot hears nothing of its hardware it does not know.
     waitUntil {[dict exists [set reply [pino$At exec]] floats]}
     return [lrange [dict get $reply floats] 0 6]
 }
-proc figures::waitUntil condition {
+proc lab::figures::waitUntil condition {
     set end [expr {[clock milliseconds] + 20000}]
     while {![uplevel 1 [list expr $condition]]} {
         if {[clock milliseconds] > $end} {
             return -code error "waited 20 s for $condition"
         }
         collect
-        after 2 {set ::figures::Tick 1}
-        vwait ::figures::Tick
+        after 2 {set ::lab::figures::Tick 1}
+        vwait ::lab::figures::Tick
     }
 }
 # A motion that must succeed.
-proc figures::go {mover args} {
+proc lab::figures::go {mover args} {
     set future [sorma::async $mover EXEC {*}[if {[llength $args] > 0} {list FMSG [llength $args]}] {*}$args]
     try {
         waitUntil {[$future done]}
@@ -171,7 +171,7 @@ proc figures::go {mover args} {
 }
 
 # Wait for a request; returns the symbol of its error, or "done".
-proc figures::outcome future {
+proc lab::figures::outcome future {
     try {
         waitUntil {[$future done]}
         $future result
@@ -182,17 +182,17 @@ proc figures::outcome future {
         $future destroy
     }
 }
-proc figures::row {what target measured holds} {
+proc lab::figures::row {what target measured holds} {
     variable Rows
     lappend Rows [list $what $target $measured $holds]
     puts [format {%-44s %-30s %-60s %s} $what $target $measured [expr {$holds ? "yes" : "NO"}]]
     flush stdout
 }
-proc figures::millimetres metres { return [format %.2f [expr {1e3 * $metres}]] }
+proc lab::figures::millimetres metres { return [format %.2f [expr {1e3 * $metres}]] }
 
 # ---- the sections of the table ----
 
-proc figures::lines n {
+proc lab::figures::lines n {
     variable At
     set worst [set sum [set samples 0]]
     go mvpos.line$At {*}[place]
@@ -214,7 +214,7 @@ proc figures::lines n {
         "at most [millimetres $worst] mm, mean [millimetres [expr {$sum / max(1, $samples)}]] mm of $samples places" [expr {$worst <= 0.5e-3}]
 }
 
-proc figures::motions n {
+proc lab::figures::motions n {
     variable At
     set worst 0
     set outcomes {}
@@ -259,7 +259,7 @@ proc figures::motions n {
         "outside by [millimetres $worst] mm; [join [lmap {k v} [lsort -stride 2 $outcomes] {set - "$v $k"}] {, }]" [expr {$worst < 1e-3 && $wrong == 0}]
 }
 
-proc figures::descents n {
+proc lab::figures::descents n {
     variable At
     variable Down
     set heights {}
@@ -283,7 +283,7 @@ proc figures::descents n {
 
 # ---- real time: nothing waits for the arm ----
 
-proc figures::minutes n {
+proc lab::figures::minutes n {
     variable At
     variable Lab
     variable Prefix
@@ -314,27 +314,27 @@ proc figures::minutes n {
     }
 }
 # [s] of lab time.
-proc figures::skipped {} {
+proc lab::figures::skipped {} {
     variable Lab
     return [lindex [dict get [$Lab exec time] floats] 1]
 }
 
 # ---- faults: in a random motion, at a random moment, the arm must come to rest by itself, and not move again before a person's reset ----
 
-proc figures::Heard event {
+proc lab::figures::Heard event {
     variable Stopped
     # Also told: that the subscription has found the laboratory again.
     if {[regexp {^(.*): stood after (\S+) s, the tool came (\S+) mm} [dict get $event text] - cause seconds way]} {
         set Stopped [list $cause $seconds $way]
     }
 }
-proc figures::waitStopped {} {
+proc lab::figures::waitStopped {} {
     variable Stopped
     waitUntil {$Stopped ne {}}
 }
 
 # Power is refused until the hardware has been reset.
-proc figures::resetFirst {} {
+proc lab::figures::resetFirst {} {
     variable Lab
     variable At
     waitStopped
@@ -354,7 +354,7 @@ proc figures::resetFirst {} {
 }
 
 # Each: what it is called, what it must come to, how the caller hears of it, what makes it, and what is done after it.
-proc figures::kinds {} {
+proc lab::figures::kinds {} {
     return {
         "-stop" {stops; the arm holds} STOPPED {$Mover CTRL -stop} {}
         "emergency stop" {category 0, measured} POWER {$Lab CTRL -emergencyStop} {resetFirst}
@@ -378,7 +378,7 @@ proc figures::kinds {} {
     }
 }
 
-proc figures::faults n {
+proc lab::figures::faults n {
     variable At
     variable Lab
     variable Down
@@ -446,7 +446,7 @@ proc figures::faults n {
     }
 }
 
-proc figures::run {} {
+proc lab::figures::run {} {
     variable Settings [sorma::options::parse {-lines {any 100} -motions {any 1000} -descents {any 100} -faults {any 50} -kind {any *} -minutes {any 0} -seed {any 1} -speed {any 0}} \
         $::argv]
     variable Prefix
@@ -462,7 +462,7 @@ proc figures::run {} {
         }
         startLab
         startRobot
-        sorma::subscribe $Lab -event stopped -command figures::Heard
+        sorma::subscribe $Lab -event stopped -command lab::figures::Heard
         powerOn
         foreach section {lines motions descents faults} {
             set n [dict get $Settings -$section]
@@ -483,4 +483,4 @@ proc figures::run {} {
     return [expr {$wrong > 0}]
 }
 
-exit [figures::run]
+exit [lab::figures::run]

@@ -9,7 +9,7 @@ package require sorma::notice
 package require sorma::trailview
 package require sorma::world
 
-namespace eval panel {
+namespace eval lab::panel {
     variable Hardware simlab@lab
     variable Arm pino@robot
     variable Jogging {}                 ;# the request of the button that is held down
@@ -18,49 +18,49 @@ namespace eval panel {
 }
 
 # A request whose answer is shown in the line at the bottom.
-proc panel::send {name args} {
-    return [sorma::async -command [list ::panel::Answered $name] $name {*}$args]
+proc lab::panel::send {name args} {
+    return [sorma::async -command [list ::lab::panel::Answered $name] $name {*}$args]
 }
-proc panel::Answered {name future} {
+proc lab::panel::Answered {name future} {
     variable Said
     catch {$future take} Said
     set Said [string map {\n { }} $Said]
 }
 
-proc panel::Ignored future {
+proc lab::panel::Ignored future {
     catch {$future take}
 }
 
 # A button that runs a request as long as it is held down.
-proc panel::hold {w text name args} {
+proc lab::panel::hold {w text name args} {
     ttk::button $w -text $text -width 4
-    bind $w <ButtonPress-1> [list ::panel::Begin $name $args]
-    bind $w <KeyPress-space> [list ::panel::Begin $name $args]
+    bind $w <ButtonPress-1> [list ::lab::panel::Begin $name $args]
+    bind $w <KeyPress-space> [list ::lab::panel::Begin $name $args]
     foreach event {<ButtonRelease-1> <KeyRelease-space> <Leave> <FocusOut>} {
-        bind $w $event [list ::panel::End $name]
+        bind $w $event [list ::lab::panel::End $name]
     }
     return $w
 }
-proc panel::Begin {name words} {
+proc lab::panel::Begin {name words} {
     variable Jogging
     if {$Jogging eq {}} {
-        set Jogging [sorma::async -command [list ::panel::Jogged $name] $name EXEC {*}$words]
+        set Jogging [sorma::async -command [list ::lab::panel::Jogged $name] $name EXEC {*}$words]
     }
 }
-proc panel::Jogged {name future} {
+proc lab::panel::Jogged {name future} {
     variable Jogging
     set Jogging {}
     Answered $name $future
 }
-proc panel::End name {
+proc lab::panel::End name {
     variable Jogging
     if {$Jogging ne {}} {
-        sorma::async -command ::panel::Ignored $name CTRL -stop
+        sorma::async -command ::lab::panel::Ignored $name CTRL -stop
     }
 }
 
 # What the hand feels, as the arm tells it: forces as traces, and where the tool is.
-proc panel::Felt {- - told} {
+proc lab::panel::Felt {- - told} {
     variable Place
     dict for {- value} $told {
         if {[dict get $value state] ne "live"} {
@@ -81,17 +81,17 @@ proc panel::Felt {- - told} {
 }
 
 # Lamps of guards: all is as it must be, or not, or nobody knows.
-proc panel::Guarded {lamp guard - - told} {
+proc lab::panel::Guarded {lamp guard - - told} {
     dict for {- value} $told {
         set holds [expr {[dict get $value state] eq "live" && [dict exists $value value ints] ? [lindex [dict get $value value ints] 0] : {}}]
         Lamp $lamp $guard [expr {$holds eq {} ? "gone" : $holds ? "good" : "alarm"}]
     }
 }
-proc panel::Lamp {lamp guard state} {
+proc lab::panel::Lamp {lamp guard state} {
     $lamp configure -text "[sorma::style::mark $state] wspc.$guard" -foreground [sorma::style::colour $state]
 }
 
-proc panel::build {} {
+proc lab::panel::build {} {
     variable Hardware
     variable Arm
     variable Watched
@@ -116,14 +116,14 @@ proc panel::build {} {
     ttk::frame .side
     # Never hidden: it stands above all else, and the window is as tall as it at least.
     button .side.stop -text "EMERGENCY STOP" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
-        -font TkHeadingFont -pady 10 -command [list panel::send $Hardware CTRL -emergencyStop] -takefocus 1
+        -font TkHeadingFont -pady 10 -command [list lab::panel::send $Hardware CTRL -emergencyStop] -takefocus 1
     pack .side.stop -fill x
     ttk::frame .side.power
     set column 0
     foreach {text name request} [list Reset $Hardware {CTRL -reset} "Power on" $Arm {EXEC power on} "Power off" $Arm {EXEC power off} \
             Park $Arm {EXEC park} Stop $Arm {CTRL -stop}] {
         set w .side.power.b[incr column]
-        grid [ttk::button $w -text $text -command [list panel::send $name {*}$request]] -row [expr {($column - 1) / 3}] -column [expr {($column - 1) % 3}] \
+        grid [ttk::button $w -text $text -command [list lab::panel::send $name {*}$request]] -row [expr {($column - 1) / 3}] -column [expr {($column - 1) % 3}] \
             -sticky ew -padx 1 -pady 1
     }
     grid columnconfigure .side.power {0 1 2} -weight 1
@@ -154,8 +154,8 @@ proc panel::build {} {
     ttk::labelframe .side.poses -text "Poses"
     ttk::entry .side.poses.name
     .side.poses.name insert 0 home
-    ttk::button .side.poses.teach -text Teach -command {panel::send mvpos@robot CTRL -teach [.side.poses.name get]}
-    ttk::button .side.poses.go -text "Go there" -command {panel::send mvpos.[.side.poses.name get]@robot EXEC}
+    ttk::button .side.poses.teach -text Teach -command {lab::panel::send mvpos@robot CTRL -teach [.side.poses.name get]}
+    ttk::button .side.poses.go -text "Go there" -command {lab::panel::send mvpos.[.side.poses.name get]@robot EXEC}
     grid .side.poses.name .side.poses.teach .side.poses.go -sticky ew -padx 1 -pady 1
     grid columnconfigure .side.poses 0 -weight 1
     pack .side.poses -fill x -pady $gap
@@ -165,24 +165,24 @@ proc panel::build {} {
         set lamp .side.guards.l$guard
         pack [ttk::label $lamp] -anchor w -padx $gap
         Lamp $lamp $guard gone
-        lappend Watched [sorma::world value wspc.$guard@robot EXEC -every 500 -command [list ::panel::Guarded $lamp $guard]]
+        lappend Watched [sorma::world value wspc.$guard@robot EXEC -every 500 -command [list ::lab::panel::Guarded $lamp $guard]]
     }
     pack .side.guards -fill x
-    pack [ttk::label .side.place -textvariable ::panel::Place] -anchor w -pady $gap
+    pack [ttk::label .side.place -textvariable ::lab::panel::Place] -anchor w -pady $gap
 
     grid .picture -in .f -row 0 -column 0 -sticky nsew
     grid .chart -in .f -row 1 -column 0 -sticky ew -pady $gap
     grid .trail -in .f -row 2 -column 0 -sticky ew
     grid .side -in .f -row 0 -column 1 -rowspan 3 -sticky ns -padx $gap
-    grid [ttk::label .said -textvariable ::panel::Said -wraplength 760] -in .f -row 3 -column 0 -columnspan 2 -sticky w
-    lappend Watched [sorma::world value $Arm {EXEC status} -every 50 -command ::panel::Felt]
-    bind .side <Destroy> {foreach token $::panel::Watched {sorma::world unwatch $token}}
+    grid [ttk::label .said -textvariable ::lab::panel::Said -wraplength 760] -in .f -row 3 -column 0 -columnspan 2 -sticky w
+    lappend Watched [sorma::world value $Arm {EXEC status} -every 50 -command ::lab::panel::Felt]
+    bind .side <Destroy> {foreach token $::lab::panel::Watched {sorma::world unwatch $token}}
     # Looking makes nothing: the guards are made here.
     foreach guard {room noTable} {
-        sorma::async -command ::panel::Ignored wspc.$guard@robot CTRL -dump
+        sorma::async -command ::lab::panel::Ignored wspc.$guard@robot CTRL -dump
     }
-    bind . <Escape> [list panel::send $Arm CTRL -stop]
+    bind . <Escape> [list lab::panel::send $Arm CTRL -stop]
     update idletasks
     wm minsize . [winfo reqwidth .side.power] [winfo reqheight .side.stop]
 }
-panel::build
+lab::panel::build

@@ -7,14 +7,14 @@
 
 package require Tk
 
-namespace eval pictures {
+namespace eval lab::pictures {
     variable Here [file dirname [file normalize [info script]]]
 }
 foreach name {lab boards colours} {
-    source [file join $::pictures::Here $name.tcl]
+    source [file join $::lab::pictures::Here $name.tcl]
 }
 
-proc pictures::scene file {
+proc lab::pictures::scene file {
     package require sorma::service::simlab
     sorma::create simlab.picture -prefix picture[pid]. -paused 1 -shadows 1
     simlab.picture CTRL -person 0.75 0.1 0.12
@@ -24,15 +24,15 @@ proc pictures::scene file {
 }
 
 # A board that stands askew, in the middle of a game.
-proc pictures::reading file {
+proc lab::pictures::reading file {
     package require sorma::service::simlab
     expr {srand(4)}
     set table $file.hsv
     try {
-        colours::learn $table
-        boards::prepare $table picture[pid].
-        boards::next
-        boards::read
+        lab::colours::learn $table
+        lab::boards::prepare $table picture[pid].
+        lab::boards::next
+        lab::boards::read
         [image create photo -data [dict get [getBrdSit.boards exec debug] any]] write $file -format png
     } finally {
         file delete $table
@@ -40,7 +40,7 @@ proc pictures::reading file {
     return 0
 }
 
-proc pictures::panel {file theme} {
+proc lab::pictures::panel {file theme} {
     variable Here
     package require img::window
     if {$theme ne {}} {
@@ -74,7 +74,7 @@ proc pictures::panel {file theme} {
     }
 }
 # The laboratory with buffers of its own: another one may run. Returns its launch file.
-proc pictures::own folder {
+proc lab::pictures::own folder {
     variable Here
     foreach name {lab.launch lab.dict} {
         set in [open [file join $Here $name]]
@@ -85,18 +85,18 @@ proc pictures::own folder {
     }
     return [file join $folder lab.launch]
 }
-proc pictures::Until condition {
+proc lab::pictures::Until condition {
     while {![uplevel 1 [list expr $condition]]} {
-        after 20 {set ::pictures::Tick 1}
-        vwait ::pictures::Tick
+        after 20 {set ::lab::pictures::Tick 1}
+        vwait ::lab::pictures::Tick
     }
 }
 
 lassign $argv what file theme
 switch -- $what {
-    scene { exit [pictures::scene $file] }
-    reading { exit [pictures::reading $file] }
-    panel { exit [pictures::panel $file $theme] }
+    scene { exit [lab::pictures::scene $file] }
+    reading { exit [lab::pictures::reading $file] }
+    panel { exit [lab::pictures::panel $file $theme] }
     default {
         puts stderr "usage: pictures.tcl scene|reading|panel FILE ?THEME?"
         exit 2

@@ -5,7 +5,7 @@
 
 package require sorma
 
-namespace eval programme {
+namespace eval lab::programme {
     variable Lab simlab@lab             ;# the hardware
     variable At @robot                  ;# where the arm's objects are
     variable Down {0 1 0 0}             ;# the tool points at the table
@@ -13,17 +13,17 @@ namespace eval programme {
 }
 
 # The tool's position now, and lab time.
-proc programme::tool {} {
+proc lab::programme::tool {} {
     variable At
     return [lrange [dict get [pino$At exec status] floats] 0 2]
 }
-proc programme::labTime {} {
+proc lab::programme::labTime {} {
     variable Lab
     return [lindex [dict get [$Lab exec time] floats] 0]
 }
 
-# programme::step WHAT EXPECTED SCRIPT -- one row: the script returns what was measured; EXPECTED is well, or the error code's pattern.
-proc programme::step {what expected script} {
+# lab::programme::step WHAT EXPECTED SCRIPT -- one row: the script returns what was measured; EXPECTED is well, or the error code's pattern.
+proc lab::programme::step {what expected script} {
     variable Rows
     set before [labTime]
     set failed [catch {uplevel 1 $script} result options]
@@ -35,7 +35,7 @@ proc programme::step {what expected script} {
     return $right
 }
 
-proc programme::run speed {
+proc lab::programme::run speed {
     variable At
     variable Lab
     variable Down
@@ -91,7 +91,7 @@ proc programme::run speed {
 }
 
 # How far the tool is from where it should be, in millimetres.
-proc programme::away place {
+proc lab::programme::away place {
     set square 0
     foreach is [tool] should $place {
         set square [expr {$square + ($is - $should) ** 2}]
@@ -99,7 +99,7 @@ proc programme::away place {
     return "[format %.2f [expr {1e3 * sqrt($square)}]] mm off"
 }
 
-proc programme::waitUntil condition {
+proc lab::programme::waitUntil condition {
     set end [expr {[clock milliseconds] + 20000}]
     while {![uplevel 1 [list expr $condition]]} {
         if {[clock milliseconds] > $end} {
@@ -108,4 +108,4 @@ proc programme::waitUntil condition {
     }
 }
 
-exit [programme::run [expr {[llength $argv] > 0 ? [lindex $argv 0] : 1}]]
+exit [lab::programme::run [expr {[llength $argv] > 0 ? [lindex $argv 0] : 1}]]

@@ -6,22 +6,22 @@ source [file join [file dirname [file normalize [info script]]] tracker.tcl]
 namespace eval tracker {
     # As tracker::count wants them. The control task's figures begin anew when its interval changes: so `quick` comes first.
     variable Rows {
-        sine {lab rows::sine 60 5}
-        quick {runs rows::quick 60 5}
-        unpredicted {lab rows::unpredicted 60 5}
-        clocks {lab rows::clocks 60 9}
-        rest {lab rows::rest 60 2}
-        jumps {lab rows::jumps 30 2}
-        hidden {lab rows::hidden 28 1}
-        lost {lab rows::lost 10 1}
-        push {lab rows::push 18 1}
-        press {runs rows::press 5 1}
-        distractors {lab rows::distractors 10000 500}
-        cameras {lab rows::cameras 30 5}
-        kills {wall {rows::kill {argus sight camera}} 200 3}
-        interrupted {runs rows::interrupted 27 2}
-        calls {wall rows::calls 10 3}
-        idle {runs rows::idle 600 5}
+        sine {lab sine 60 5}
+        quick {runs quick 60 5}
+        unpredicted {lab unpredicted 60 5}
+        clocks {lab clocks 60 9}
+        rest {lab rest 60 2}
+        jumps {lab jumps 30 2}
+        hidden {lab hidden 28 1}
+        lost {lab lost 10 1}
+        push {lab push 18 1}
+        press {runs press 5 1}
+        distractors {lab distractors 10000 500}
+        cameras {lab cameras 30 5}
+        kills {wall {kill {argus sight camera}} 200 3}
+        interrupted {runs interrupted 27 2}
+        calls {wall calls 10 3}
+        idle {runs idle 600 5}
     }
 }
 

@@ -10,12 +10,12 @@ package require img::window
 package require sorma
 package require sorma::style
 
-namespace eval pictures {
+namespace eval tracker::pictures {
     variable Here [file dirname [file normalize [info script]]]
 }
 
 # A copy of the demo whose buffers have names of their own: another one may run. Returns its folder.
-proc pictures::own folder {
+proc tracker::pictures::own folder {
     variable Here
     foreach name [glob -tails -directory $Here *] {
         set in [open [file join $Here $name]]
@@ -26,7 +26,7 @@ proc pictures::own folder {
     }
     return $folder
 }
-proc pictures::save file {
+proc tracker::pictures::save file {
     raise .
     update
     [image create photo -format window -data .] write $file -format png
@@ -34,7 +34,7 @@ proc pictures::save file {
 
 # ---- a circuit: units in columns, each behind all that it reads ----
 
-proc pictures::circuit {file folder} {
+proc tracker::pictures::circuit {file folder} {
     sorma::so::dict CTRL -load [file join [own $folder] tracker.dict]
     foreach name {robot shmem} {
         package require sorma::service::$name
@@ -74,14 +74,14 @@ proc pictures::circuit {file folder} {
     return 0
 }
 # The unit that a pin belongs to; none: it is a number.
-proc pictures::Unit {pin units} {
+proc tracker::pictures::Unit {pin units} {
     foreach unit [dict keys $units] {
         if {[string match $unit.* $pin]} {
             return $unit
         }
     }
 }
-proc pictures::Draw {column links constants} {
+proc tracker::pictures::Draw {column links constants} {
     set px sorma::style::pixels
     set font [sorma::style font small]
     set width [expr {[::tcl::mathfunc::max {*}[lmap unit [dict keys $column] {font measure $font $unit}]] + [$px 12]}]
@@ -125,9 +125,9 @@ proc pictures::Draw {column links constants} {
 
 # ---- the window ----
 
-proc pictures::window {file folder} {
+proc tracker::pictures::window {file folder} {
     set folder [own $folder]
-    foreach name [list [file join $::pictures::Here .. lab lab.tcl] [file join $folder rows.tcl]] {
+    foreach name [list [file join $::tracker::pictures::Here .. lab lab.tcl] [file join $folder rows.tcl]] {
         uplevel #0 [list source $name]
     }
     set launch [lab::start sorma-launch --until-eof [file join $folder tracker.launch]]
@@ -136,25 +136,25 @@ proc pictures::window {file folder} {
         if {$::lab::Heard ne "ready"} {
             return 1
         }
-        rows::prepare 0
-        rows::learn 1
-        rows::follow
+        tracker::rows::prepare 0
+        tracker::rows::learn 1
+        tracker::rows::follow
         uplevel #0 [list source [file join $folder window.tcl]]
         ::tracker::window::build
         wm geometry . +0+0
         simlab@lab CTRL -speed 1
-        rows::ball sine 0.56 0 0.12 0 0.1 0 0.4
-        rows::nap 9000
+        tracker::rows::ball sine 0.56 0 0.12 0 0.1 0 0.4
+        tracker::rows::nap 9000
         simlab@lab CTRL -push 0 15 0 1
-        rows::nap 2500
+        tracker::rows::nap 2500
         save $file
         if {$::plot ne {}} {
-            set samples [rows::sample 5]
+            set samples [tracker::rows::sample 5]
             destroy {*}[winfo children .]
             Plot $samples
             save $::plot
         }
-        rows::unfollow
+        tracker::rows::unfollow
         return 0
     } finally {
         lab::finish $launch
@@ -162,7 +162,7 @@ proc pictures::window {file folder} {
 }
 
 # Of samples {t ball 3 tool 3} what is across the table: the ball, and the tool that follows it.
-proc pictures::Plot samples {
+proc tracker::pictures::Plot samples {
     set px sorma::style::pixels
     set font [sorma::style font small]
     wm geometry . {}
@@ -202,7 +202,7 @@ if {$theme ne {}} {
 }
 set folder [exec mktemp -d]
 try {
-    set code [pictures::$what $file $folder]
+    set code [tracker::pictures::$what $file $folder]
 } finally {
     file delete -force $folder
 }

@@ -4,7 +4,7 @@
 
 package require sorma
 
-namespace eval rows {
+namespace eval tracker::rows {
     variable Lab simlab@lab
     variable Follow follow.ball@robot
     variable Ball {0.56 0 0.12}         ;# where it rests
@@ -27,7 +27,7 @@ foreach {name key} {pose tool.pose rel target.rel table table.state image camera
 
 # ---- the laboratory ----
 
-proc rows::prepare speed {
+proc tracker::rows::prepare speed {
     variable Lab
     variable Ball
     variable Above
@@ -38,12 +38,12 @@ proc rows::prepare speed {
     lassign $Ball x y z
     mvpos.learn@robot EXEC FMSG 7 $x $y [expr {$z + $Above}] {*}$Down
 }
-proc rows::ball args {
+proc tracker::rows::ball args {
     variable Lab
     $Lab CTRL -ball {*}$args
 }
 # Learn the map, or take it as it was learned before.
-proc rows::learn again {
+proc tracker::rows::learn again {
     if {!$again && ![catch {sight.ball@sight EXEC FMSG 9 0 249.5 262.5 1150 19 0 0 0 0}]} {
         puts "the map has been learned before"
         return
@@ -65,13 +65,13 @@ proc rows::learn again {
         sorma::unsubscribe $told
     }
 }
-proc rows::follow {} {
+proc tracker::rows::follow {} {
     variable Task
     variable Follow
     set Task [sorma::async -timeout 0 $Follow EXEC]
 }
 # Fails with what has ended it, if something has.
-proc rows::unfollow {} {
+proc tracker::rows::unfollow {} {
     variable Task
     variable Follow
     if {$Task eq {}} {
@@ -84,15 +84,15 @@ proc rows::unfollow {} {
         $task take
     } trap {SORMA ROBOT STOPPED} {} {}
 }
-proc rows::nap ms {
-    after $ms {set ::rows::Napped 1}
-    vwait ::rows::Napped
+proc tracker::rows::nap ms {
+    after $ms {set ::tracker::rows::Napped 1}
+    vwait ::tracker::rows::Napped
 }
 
 # ---- samples ----
 
 # Where the ball is, and when: x y z t.
-proc rows::truth {} {
+proc tracker::rows::truth {} {
     variable Lab
     set reply [$Lab DBX -ball]
     return [list {*}[lindex $reply 3] [lindex $reply end]]
@@ -100,7 +100,7 @@ proc rows::truth {} {
 
 # Lab time goes on by a control tick, and stands again; before it goes on next, the robot has been told what the newest picture shows. So nothing
 # happens between two samples but what the row does, and what it measures in lab time does not depend on how busy this machine is.
-proc rows::pass {} {
+proc tracker::rows::pass {} {
     variable Lab
     variable Stepped
     if {!$Stepped} {
@@ -112,10 +112,10 @@ proc rows::pass {} {
     nap 0
 }
 # When the newest picture was taken, by the camera's clock.
-proc rows::Pictured {} {
+proc tracker::rows::Pictured {} {
     return [lindex [dict get [shmem_r.image exec] floats] 0]
 }
-proc rows::Answered now {
+proc tracker::rows::Answered now {
     variable Ahead
     variable Patience
     lassign $Ahead offset drift
@@ -130,7 +130,7 @@ proc rows::Answered now {
 
 # Sample for so many seconds of lab time; the script is run before each sample and may read its time, now. Returns lists
 # t ball(3) tool(3).
-proc rows::sample {seconds {script {}}} {
+proc tracker::rows::sample {seconds {script {}}} {
     variable Task
     variable Records
     shmem_r.pose exec since
@@ -155,7 +155,7 @@ proc rows::sample {seconds {script {}}} {
     return $samples
 }
 # The tool's place at the times of the ball's.
-proc rows::Meet {poses balls} {
+proc tracker::rows::Meet {poses balls} {
     set samples {}
     set last {}
     set queue $balls
@@ -176,22 +176,22 @@ proc rows::Meet {poses balls} {
 # ---- what is made of them ----
 
 # [m] How far the tool is from where it should be.
-proc rows::off sample {
+proc tracker::rows::off sample {
     variable Above
     lassign $sample - bx by bz x y z
     return [expr {sqrt(($x - $bx) ** 2 + ($y - $by) ** 2 + ($z - $bz - $Above) ** 2)}]
 }
-proc rows::rms numbers {
+proc tracker::rows::rms numbers {
     set sum 0.0
     foreach x $numbers {
         set sum [expr {$sum + $x * $x}]
     }
     return [expr {sqrt($sum / max(1, [llength $numbers]))}]
 }
-proc rows::most numbers { return [::tcl::mathfunc::max {*}$numbers] }
-proc rows::quantile {numbers q} { return [lindex [lsort -real $numbers] [expr {int($q * ([llength $numbers] - 1) + 0.5)}]] }
+proc tracker::rows::most numbers { return [::tcl::mathfunc::max {*}$numbers] }
+proc tracker::rows::quantile {numbers q} { return [lindex [lsort -real $numbers] [expr {int($q * ([llength $numbers] - 1) + 0.5)}]] }
 # The tool's, between samples that are at least 40 ms apart: when [s], in the middle between them, and how fast [m/s].
-proc rows::speeds samples {
+proc tracker::rows::speeds samples {
     set speeds {}
     set from [lindex $samples 0]
     foreach to $samples {
@@ -204,7 +204,7 @@ proc rows::speeds samples {
     return $speeds
 }
 # [s] How far the tool's motion along y is behind the ball's, by the phase of the sine.
-proc rows::lag {samples frequency} {
+proc tracker::rows::lag {samples frequency} {
     set w [expr {8 * atan(1) * $frequency}]
     foreach sums {a b c d} {
         set $sums 0.0
@@ -219,7 +219,7 @@ proc rows::lag {samples frequency} {
     return [expr {atan2($a * $d - $b * $c, $a * $c + $b * $d) / $w}]
 }
 # When the tool was near and slow first, and remained so for 0.2 s: [s] after `begin`; none: never.
-proc rows::locked {samples begin {near 0.003} {slow 0.010}} {
+proc tracker::rows::locked {samples begin {near 0.003} {slow 0.010}} {
     set moments [lmap s $samples {list [lindex $s 0] [expr {[off $s] < $near}]}]
     foreach speed [speeds $samples] {
         lappend moments [list [lindex $speed 0] [expr {[lindex $speed 1] < $slow}]]
@@ -240,7 +240,7 @@ proc rows::locked {samples begin {near 0.003} {slow 0.010}} {
 
 # ---- the table ----
 
-proc rows::row {what measured target met} {
+proc tracker::rows::row {what measured target met} {
     variable Missed
     variable Records
     variable Ends
@@ -251,7 +251,7 @@ proc rows::row {what measured target met} {
     }
 }
 # A row in lab time, which stands but for its samples.
-proc rows::lab args {
+proc tracker::rows::lab args {
     variable Lab
     variable Stepped
     $Lab CTRL -paused 1
@@ -269,7 +269,7 @@ proc rows::lab args {
     }
 }
 # A row in wall time: other programs of this machine may spoil it. So it has three tries, which are all printed; it is missed when each one is.
-proc rows::wall args {
+proc tracker::rows::wall args {
     variable Missed
     set before $Missed
     for {set try 1} 1 {incr try} {
@@ -285,17 +285,17 @@ proc rows::wall args {
     }
 }
 # What has missed its target is said once more; returns whether something has.
-proc rows::missed {} {
+proc tracker::rows::missed {} {
     variable Missed
     if {$Missed ne {}} {
         puts "missed: [join $Missed {; }]"
     }
     return [expr {$Missed ne {}}]
 }
-proc rows::mm x { return [format %.2f [expr {1e3 * $x}]] }
-proc rows::ms x { return [expr {$x eq {} ? "never" : [format %.0f [expr {1e3 * $x}]]}] }
+proc tracker::rows::mm x { return [format %.2f [expr {1e3 * $x}]] }
+proc tracker::rows::ms x { return [expr {$x eq {} ? "never" : [format %.0f [expr {1e3 * $x}]]}] }
 
-proc rows::rest seconds {
+proc tracker::rows::rest seconds {
     variable Ball
     ball still {*}$Ball
     sample 2
@@ -305,13 +305,13 @@ proc rows::rest seconds {
     row "ball at rest" "[mm $off] mm rms, [mm $speed] mm/s rms" "0.5 mm, 3 mm/s" [expr {$off <= 0.0005 && $speed <= 0.003}]
 }
 # The camera's delay varies from 40 to 110 ms, for each picture: at random, but in each row the same.
-proc rows::Delay {begin now} {
+proc tracker::rows::Delay {begin now} {
     variable Lab
     set k [expr {int(($now - $begin) * 14)}]
     $Lab CTRL -cameraLatency [expr {0.04 + 0.07 * fmod(abs(43758.5453 * sin(12.9898 * $k)), 1)}]
 }
 # Follow the sine for so long: the samples.
-proc rows::Swing seconds {
+proc tracker::rows::Swing seconds {
     variable Ball
     variable Sine
     variable Lab
@@ -322,12 +322,12 @@ proc rows::Swing seconds {
     return $samples
 }
 # rms and largest error [m], lag [s].
-proc rows::Figures samples {
+proc tracker::rows::Figures samples {
     variable Sine
     set errors [lmap s $samples {off $s}]
     return [list [rms $errors] [most $errors] [lag $samples $Sine]]
 }
-proc rows::sine {seconds {name "varying delay"}} {
+proc tracker::rows::sine {seconds {name "varying delay"}} {
     variable Sine
     variable Usual
     lassign [Figures [Swing $seconds]] off most lag
@@ -336,7 +336,7 @@ proc rows::sine {seconds {name "varying delay"}} {
         [expr {$off <= 0.0065 && $most <= 0.012 && abs($lag) <= 0.03}]
 }
 # The same, where the tool goes to the filtered position: what it was at the newest picture, at rest.
-proc rows::unpredicted seconds {
+proc tracker::rows::unpredicted seconds {
     variable Usual
     set wires [circuit.tracker@robot cget -wires]
     set still $wires
@@ -355,7 +355,7 @@ proc rows::unpredicted seconds {
 }
 # The camera's clock is 3 s ahead and runs 50 ppm faster; its pictures' times are turned into the robot's. Both ways in turns, with the
 # same delays: what differs then is the clock.
-proc rows::clocks seconds {
+proc tracker::rows::clocks seconds {
     set samples {same {} other {}}
     try {
         for {set k 0} {$k < 3} {incr k} {
@@ -372,7 +372,7 @@ proc rows::clocks seconds {
     row "clocks 3 s and 50 ppm apart" "[mm $off] mm rms, [mm $most] mm at most, lag [ms $lag] ms; same clock [mm $usual] mm" \
         "5 % above the same clock" [expr {$off <= 1.05 * $usual}]
 }
-proc rows::Clock differs {
+proc tracker::rows::Clock differs {
     variable Lab
     variable Ahead
     if {$differs} {
@@ -383,7 +383,7 @@ proc rows::Clock differs {
     sight.ball@sight CTRL -clock [expr {$differs ? "clock.sight" : {}}]
 }
 # Cameras that are slow and quick, and a quicker control task.
-proc rows::cameras seconds {
+proc tracker::rows::cameras seconds {
     variable Lab
     foreach rate {2 60} {
         $Lab CTRL -cameraRate $rate
@@ -398,7 +398,7 @@ proc rows::cameras seconds {
             "500 mm/s, 2 m/s2, 0" [expr {$speed <= 0.51 && $acceleration <= 2.2 && $outside == 0}]
     }
 }
-proc rows::quick seconds {
+proc tracker::rows::quick seconds {
     unfollow
     try {
         pino@robot CTRL -interval 0.004
@@ -410,7 +410,7 @@ proc rows::quick seconds {
         follow
     }
 }
-proc rows::jumps count {
+proc tracker::rows::jumps count {
     variable Ball
     lassign $Ball x y z
     set times {}
@@ -434,7 +434,7 @@ proc rows::jumps count {
     row "jump of 0.1 m, $count times" "locked on in [ms $median] ms, p95 [ms $late] ms, over [mm $over] mm" "[expr {$count < 10 ? {} : "597 ms, "}]647 ms, 5 mm" \
         [expr {$median ne {} && ($count < 10 || $median <= 0.597) && $late <= 0.647 && $over < 0.005}]
 }
-proc rows::hidden count {
+proc tracker::rows::hidden count {
     variable Ball
     variable Sine
     variable Lab
@@ -452,7 +452,7 @@ proc rows::hidden count {
     row "hidden for 0.3 s on the sine" "[mm $worst] mm at most" "45 mm" [expr {$worst <= 0.045}]
 }
 # The ball stops where it is hidden, and waits there.
-proc rows::lost count {
+proc tracker::rows::lost count {
     variable Ball
     variable Sine
     variable Lab
@@ -478,7 +478,7 @@ proc rows::lost count {
 }
 # What may be taken for the ball: a second one, also when the ball goes out then; half of it; something at the border; nothing. Counts what
 # was told as valid and is wrong, in so many pictures.
-proc rows::distractors pictures {
+proc tracker::rows::distractors pictures {
     variable Ball
     variable Sine
     variable Lab
@@ -535,7 +535,7 @@ proc rows::distractors pictures {
         it: $replaced" "0 wrong (more than 6 mm off)" [expr {$wrong eq {}}]
 }
 # [m] how far a ball at r in the tool's frame was from the true one; 0 when that is not known: before the first sample, or in a jump.
-proc rows::Wrong {samples t rx ry rz} {
+proc tracker::rows::Wrong {samples t rx ry rz} {
     set k [lsearch -bisect -real -index 0 $samples $t]
     if {$k < 0 || $k + 1 >= [llength $samples]} {
         return 0
@@ -550,14 +550,14 @@ proc rows::Wrong {samples t rx ry rz} {
     # The tool points down.
     return [expr {sqrt(($tx + $rx - $bx) ** 2 + ($ty - $ry - $by) ** 2 + ($tz - $rz - $bz) ** 2)}]
 }
-proc rows::News buffer {
+proc tracker::rows::News buffer {
     set news [$buffer exec since]
     return [expr {[dict exists $news floats] ? [dict get $news floats] : {}}]
 }
 # While the ball moves, one of those named is killed, and the launcher starts it again; the camera, which is a part of the laboratory, gives no
 # pictures for as long as that. The next one is killed as soon as the arm follows again. Meanwhile all poses of the arm must be within its
 # limits: what the laboratory's own arm has done, not what it was told to do.
-proc rows::kill {names count} {
+proc tracker::rows::kill {names count} {
     variable Ball
     variable Sine
     variable Lab
@@ -612,7 +612,7 @@ proc rows::kill {names count} {
         [expr {$n == $count && $unkilled eq {} && $speed <= 0.51 && $acceleration <= 2.2 && $outside == 0}]
 }
 # Kill a daemon: the process that it was.
-proc rows::Kill name {
+proc tracker::rows::Kill name {
     set process [Process $name]
     if {$process ne {}} {
         exec kill -KILL $process
@@ -620,7 +620,7 @@ proc rows::Kill name {
     return $process
 }
 # Is it another process than that, in time?
-proc rows::Anew {name process} {
+proc tracker::rows::Anew {name process} {
     variable Patience
     for {set end [expr {[clock seconds] + $Patience}]} {[clock seconds] < $end} {nap 50} {
         if {$process ne {} && [Process $name] ni [list {} $process]} {
@@ -630,7 +630,7 @@ proc rows::Anew {name process} {
     return 0
 }
 # Of the tool: the largest speed [m/s] and acceleration [m/s2], over 0.06 s, and how many poses were outside of the guard.
-proc rows::Motion samples {
+proc tracker::rows::Motion samples {
     set fastest 0
     set hardest 0
     set outside 0
@@ -663,10 +663,10 @@ proc rows::Motion samples {
 # Somebody pushes the hand while the ball rests, again and again, to each side in turn: the tool gives way as a spring does, beyond the null
 # radius of 2 N, and returns.
 # How far the tool is from the ball, to this side [m]: the median of 0.3 s.
-proc rows::Aside side {
+proc tracker::rows::Aside side {
     return [quantile [lmap s [sample 0.3] {expr {$side * ([lindex $s 5] - [lindex $s 2])}}] 0.5]
 }
-proc rows::push count {
+proc tracker::rows::push count {
     variable Ball
     variable Lab
     ball still {*}$Ball
@@ -693,7 +693,7 @@ proc rows::push count {
 # The tool is led against the table: the ball is hidden, and where the tool shall be goes to 50 mm below the table, with 0.1 m/s. It gives way when it
 # touches, as when somebody pushes it. What counts is what the table bears. Fingers and table give way by 1 mm for 8 N, and the arm brakes with
 # 2 m/s2, so touched with 0.1 m/s the table would bear 45 N even without any delay: therefore follow.ball goes slowly below its -floor.
-proc rows::press {count {slow 0.1}} {
+proc tracker::rows::press {count {slow 0.1}} {
     variable Ball
     variable Lab
     lassign $Ball x y z
@@ -739,11 +739,11 @@ proc rows::press {count {slow 0.1}} {
         [expr {$touched == $count && $highest <= 30}]
 }
 # The circuit's wires, with the tool so far above the ball.
-proc rows::Above {height wires} {
+proc tracker::rows::Above {height wires} {
     return [string map [list "0 0 0.3 -> sum.goal.in2" "0 0 $height -> sum.goal.in2"] $wires]
 }
 # What the table bears [N], in so many seconds of lab time: all records.
-proc rows::Loads seconds {
+proc tracker::rows::Loads seconds {
     set loads {}
     lassign [truth] - - - begin
     shmem_r.table exec since
@@ -757,7 +757,7 @@ proc rows::Loads seconds {
 }
 # Learning is given up at each of its places in turn, from the first one on, and when it is checked: each time the tool must go back, and the map
 # that was there must count again. Lab time goes as fast as it can, with few pictures and quick moves.
-proc rows::interrupted places {
+proc tracker::rows::interrupted places {
     variable Ball
     variable Lab
     ball still {*}$Ball
@@ -794,7 +794,7 @@ proc rows::interrupted places {
     row "learning given up, at $places places" "the map that was known counts again: $kept of $count[expr {$unkept eq {} ? {} : ", not at [join $unkept {; }]"}]" \
         "each time" [expr {$kept == $count}]
 }
-proc rows::Range {low high} {
+proc tracker::rows::Range {low high} {
     set range {}
     for {set k $low} {$k <= $high} {incr k} {
         lappend range $k
@@ -802,11 +802,11 @@ proc rows::Range {low high} {
     return $range
 }
 # Learn until it tells that it is at a place, and give it up: what was wrong then; the tool is where it began again when it returns.
-proc rows::GiveUp {what begin} {
+proc tracker::rows::GiveUp {what begin} {
     variable Learning
     set told [sorma::subscribe sight.ball@sight -event progress -command [list apply {{what event} {
         if {[string match $what [dict get $event text]]} {
-            $::rows::Learning cancel
+            $::tracker::rows::Learning cancel
         }
     }} $what]]
     try {
@@ -834,11 +834,11 @@ proc rows::GiveUp {what begin} {
     return "the tool did not go back"
 }
 # What the map says of a ball, seen so; nothing while there is no map.
-proc rows::Known {} {
+proc tracker::rows::Known {} {
     return [expr {[catch {dict get [sight.ball@sight exec -floats {0 249.5 262.5 1150 19 0 0 0 0}] floats} known] ? {} : [lmap x $known {format %.6f $x}]}]
 }
 # The control task: ticks, and what was skipped, until now; a further try counts ten seconds.
-proc rows::ticks {} {
+proc tracker::rows::ticks {} {
     variable Ticks
     if {[info exists Ticks]} {
         sample 10
@@ -858,7 +858,7 @@ proc rows::ticks {} {
 # The system calls of the control task's thread, as strace sees them; reading the clock is none. A bell that wakes other threads, and the sleep
 # until the next tick, are futexes. That sleep is for the laboratory's clock, a buffer: so it begins with a membarrier (shmem::Reader::sleep;
 # nothing else has one). strace makes the thread so slow that ticks are skipped.
-proc rows::calls seconds {
+proc tracker::rows::calls seconds {
     variable Ball
     variable Sine
     if {[auto_execok strace] eq {}} {
@@ -890,11 +890,11 @@ proc rows::calls seconds {
     row "system calls in $ticks ticks" "$else other ones; [join [lmap {call count} $counts {string cat "$call: $count"}] ", "]" \
         "futex; membarrier for a sleep" [expr {$ticks > 0 && $counts ne {} && $else == 0}]
 }
-proc rows::Ticked {} {
+proc tracker::rows::Ticked {} {
     regexp {ticks (\d+)} [lindex [cycle.pino@robot DBX -stats] 3] - ticks
     return $ticks
 }
-proc rows::Process name {
+proc tracker::rows::Process name {
     foreach d [sorma::daemons] {
         if {[dict get $d name] eq $name && [dict get $d state] eq "alive"} {
             return [regexp -inline {\d+(?=\]$)} [dict get $d identity]]
@@ -902,7 +902,7 @@ proc rows::Process name {
     }
 }
 # The thread of that name in a daemon.
-proc rows::Thread {daemon name} {
+proc tracker::rows::Thread {daemon name} {
     foreach comm [glob /proc/[Process $daemon]/task/*/comm] {
         set channel [open $comm]
         set is [gets $channel]
@@ -913,15 +913,15 @@ proc rows::Thread {daemon name} {
     }
     error "daemon $daemon has no thread $name"
 }
-# For so long nothing is done beside the control task's work; what came of it, rows::ticks says.
-proc rows::idle seconds {
+# For so long nothing is done beside the control task's work; what came of it, tracker::rows::ticks says.
+proc tracker::rows::idle seconds {
     variable Ball
     variable Sine
     ball sine {*}$Ball 0 0.1 0 $Sine
     nap [expr {1000 * $seconds}]
 }
 # All samples, to 0.1 mm, with the row in which they were taken.
-proc rows::save file {
+proc tracker::rows::save file {
     variable Records
     variable Ends
     set channel [open $file w]

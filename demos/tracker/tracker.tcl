@@ -17,7 +17,7 @@ namespace eval tracker {
 source [file join $::tracker::Here .. lab lab.tcl]
 source [file join $::tracker::Here rows.tcl]
 
-# Count rows: name -> {in which time it is measured, what counts it, how long, how long with -short}. In lab time, which stands between two
+# Count rows: name -> {in which time it is measured, what of rows.tcl counts it, how long, how long with -short}. In lab time, which stands between two
 # samples, or which the row itself lets run, each has one try.
 proc tracker::count rows {
     variable Options
@@ -26,19 +26,19 @@ proc tracker::count rows {
         set script [list {*}$script [expr {[dict get $Options -short] ? $short : $long}]]
         switch $time {
             lab { rows::lab {*}$script }
-            runs { {*}$script }
+            runs { namespace eval rows $script }
             wall { rows::wall {*}$script }
         }
     }
 }
 proc tracker::minute {} {
     count {
-        rest {lab rows::rest 8 2}
-        sine {lab rows::sine 12 5}
-        jumps {lab rows::jumps 4 1}
-        hidden {lab rows::hidden 2 1}
-        lost {lab rows::lost 1 1}
-        push {lab rows::push 2 1}
+        rest {lab rest 8 2}
+        sine {lab sine 12 5}
+        jumps {lab jumps 4 1}
+        hidden {lab hidden 2 1}
+        lost {lab lost 1 1}
+        push {lab push 2 1}
     }
 }
 
@@ -68,7 +68,7 @@ proc tracker::run rowsCmd {
         }
         puts [format {%-34s %-44s %-36s %s} what measured target met]
         {*}$rowsCmd
-        rows::wall rows::ticks
+        rows::wall ticks
         rows::unfollow
         if {[dict get $options -csv] ne {}} {
             rows::save [dict get $options -csv]
