@@ -14,11 +14,11 @@ namespace eval checkers::window {
     variable Restart {}         ;# command: the daemons are started anew with Wanted
     variable Again {}           ;# command: another game has begun
     variable Rules {braz "Brazilian, 8x8" engl "English, 8x8" intl "international, 10x10"}
-    # widget, label, key, what it sets: object, option, from, to
+    # widget, label, key, what it sets: object, option
     variable Rows {
-        level    "Robot's level (Ctrl-L)"            l {draughts.engine@player -level 1 10}
-        person   "Person's level (Ctrl-E)"           e {human.sim@human -level 1 10}
-        speed    "Speed, 0: all it can (Ctrl-S)"     s {simlab@lab -speed 0 20}
+        level    "Robot's level (Ctrl-L)"            l {draughts.engine@player -level}
+        person   "Person's level (Ctrl-E)"           e {human.sim@human -level}
+        speed    "Speed, 0: all it can (Ctrl-S)"     s {simlab@lab -speed}
     }
 }
 
@@ -57,9 +57,9 @@ proc checkers::window::Settings {} {
         grid $s.$a $s.k$a $s.$b $s.k$b -sticky ew -padx $pad -pady $pad
     }
     foreach {name text key what} $Rows {
-        lassign $what object option from to
+        lassign $what object option
         ttk::label $s.t$name -text $text
-        ttk::spinbox $s.$name -from $from -to $to -width 6 -command [list checkers::window::Choose $name]
+        ttk::spinbox $s.$name -width 6 -command [list checkers::window::Choose $name]
         foreach event {<Return> <FocusOut>} {
             bind $s.$name $event [list checkers::window::Choose $name]
         }
@@ -117,7 +117,11 @@ proc checkers::window::InForce {name subject option args} {
     set value [dict get $told live]
     if {$name eq "voice"} {
         set ::checkers::window::Voice [expr {$value eq "sound"}]
-    } elseif {[focus] ne ".settings.$name" || ![info exists ::checkers::window::Shown($name)] || [.settings.$name get] eq $::checkers::window::Shown($name)} {
+        return
+    }
+    set limits [$subject option $option]
+    .settings.$name configure -from [dict get $limits low] -to [dict get $limits high]
+    if {[focus] ne ".settings.$name" || ![info exists ::checkers::window::Shown($name)] || [.settings.$name get] eq $::checkers::window::Shown($name)} {
         Shows $name $value
     }
 }
@@ -129,13 +133,13 @@ proc checkers::window::Shows {name value} {
 }
 proc checkers::window::Choose name {
     variable Rows
-    lassign [lindex $Rows [expr {[lsearch -exact $Rows $name] + 3}]] object option from to
-    set value [.settings.$name get]
+    lassign [lindex $Rows [expr {[lsearch -exact $Rows $name] + 3}]] object option
+    lassign [lmap what {get {cget -from} {cget -to}} {.settings.$name {*}$what}] value from to
     set told [[sorma::subject of $object] get $option]
     [sorma::subject of $object] release
     if {[dict get $told state] eq "live" && [string is double -strict $value] && $value == [dict get $told live]} return
     if {![string is double -strict $value] || $value < $from || $value > $to} {
-        Complain "\"$value\" is not a number from $from to $to"
+        Complain "\"$value\" is not a number from [expr {int($from)}] to [expr {int($to)}]"
         if {[string is double -strict [dict get $told live]]} {
             Shows $name [dict get $told live]
         }
