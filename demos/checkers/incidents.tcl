@@ -40,8 +40,7 @@ proc incidents::until {what condition} {
         if {[clock milliseconds] > $end} {
             return -code error -errorcode {CHECKERS INCIDENT} "in two minutes it did not happen: $what"
         }
-        after 20 {set ::session::Tick 1}
-        vwait ::session::Tick
+        sorma::await sleep 20
     }
 }
 # Something was said that looks so.

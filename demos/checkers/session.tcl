@@ -19,7 +19,6 @@ namespace eval session {
     variable Sight sight@player
     variable Launch {}          ;# pipe of the launcher
     variable Hears {}           ;# subscriptions of what the daemons tell
-    variable Signals 0          ;# has it been said what Ctrl-C does?
     variable Watch {}           ;# command that gets what the plot tells: a dict
     variable Judge judge@judge
     variable Dry 0              ;# there is no arm, hand and eye
@@ -61,16 +60,7 @@ proc session::begin {folder settings speed args} {
     set args [sorma::options::parse {-intl {boolean 0} -dry {boolean 0}} $args]
     set Dry [dict get $args -dry]
     settle $folder $settings
-    set Launch [lab::start sorma-launch --until-eof [LaunchFile {*}[dict values $args]]]
-    variable Signals
-    if {!$Signals} {
-        sorma::atSignal {lab::Signalled $::session::Launch}
-        set Signals 1
-    }
-    vwait ::lab::Heard
-    if {$::lab::Heard ne "ready"} {
-        return -code error -errorcode {CHECKERS LAUNCH} "the daemons of checkers.launch could not be started; what they said stands above"
-    }
+    set Launch [lab::launch [LaunchFile {*}[dict values $args]]]
     variable Speed $speed
     variable Earlier 0
     variable Forgotten 0
@@ -148,8 +138,7 @@ proc session::Until state {
         if {$state eq "idle" && $is eq "play"} {
             catch {$Human CTRL -new}
         }
-        after 50 {set ::session::Tick 1}
-        vwait ::session::Tick
+        sorma::await sleep 50
     }
 }
 # What the daemons of a game read: options of checkers and of the engine. DRY: without arm, hand and eye. The engine thinks on all cores but one, at idle priority.
@@ -219,16 +208,14 @@ proc session::play {{most 0}} {
             if {!$failed} {
                 # Its last events may come after the answer.
                 for {set end [expr {[clock milliseconds] + 2000}]} {![dict exists $State result] && [clock milliseconds] < $end} {} {
-                    after 10 {set ::session::Tick 1}
-                    vwait ::session::Tick
+                    sorma::await sleep 10
                 }
                 break
             }
             if {[lindex [dict get $how -errorcode] 1] ne "COMM"} {
                 return -options $how $came
             }
-            after 500 {set ::session::Tick 1}
-            vwait ::session::Tick
+            sorma::await sleep 500
         }
     } finally {
         after cancel $timer
@@ -259,8 +246,7 @@ proc session::Judged count {
                 return -options $how $text
             }
         }
-        after 200 {set ::session::Tick 1}
-        vwait ::session::Tick
+        sorma::await sleep 200
     }
 }
 proc session::Found event {
@@ -406,8 +392,7 @@ proc session::killed {{wait 0}} {
         if {$Killed eq {} || [clock milliseconds] >= $end} {
             return $Kills
         }
-        after 100 {set ::session::Tick 1}
-        vwait ::session::Tick
+        sorma::await sleep 100
     }
 }
 # The person's daemon has been killed: what he has done wrong he puts right when he is there again.

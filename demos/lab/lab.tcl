@@ -10,24 +10,39 @@ package require sorma::options
 namespace eval lab {
     variable Here [file dirname [file normalize [info script]]]
     variable Heard {}           ;# what has come of a program: ready, or how it ended
+    variable Runs {}            ;# pipes of all that were started
 }
 
-# A program whose lines are shown as they come; at its end lab::Heard says how. Programs are in sessions of their own: Ctrl-C is for this
-# one, which ends them. A launcher ends also when this program has been killed: its standard input ends then.
-proc lab::start args {
-    fconfigure stdout -buffering line
-    set pipe [open [list | setsid {*}$args 2>@1] r+]
-    fconfigure $pipe -blocking 0
-    fileevent $pipe readable [list lab::Read $pipe]
+# The daemons of a launch file. Returns when all are ready, and fails when they have ended instead. A launcher ends also when this program has
+# been killed: its standard input ends then.
+proc lab::launch file {
+    variable Heard
+    set pipe [Start {set ::lab::Heard} sorma-launch --until-eof --ready $file 2>@stderr]
+    vwait ::lab::Heard
+    if {$Heard ne "ready"} {
+        return -code error -errorcode {LAB LAUNCH} "the daemons of [file tail $file] could not be started; what they said stands above"
+    }
     return $pipe
 }
-proc lab::Read pipe {
+# A program whose lines are shown as they come; at its end lab::Heard says how.
+proc lab::start args {
+    return [Start puts {*}$args 2>@1]
+}
+# Programs are in sessions of their own: Ctrl-C and SIGTERM are for this one, which ends them, and then itself.
+proc lab::Start {lineCmd args} {
+    variable Runs
+    fconfigure stdout -buffering line
+    catch {sorma::atSignal lab::Signalled}      ;# once a process
+    set pipe [open [list | setsid {*}$args] r+]
+    lappend Runs $pipe
+    fconfigure $pipe -blocking 0
+    fileevent $pipe readable [list lab::Read $pipe $lineCmd]
+    return $pipe
+}
+proc lab::Read {pipe lineCmd} {
     variable Heard
     while {[gets $pipe line] >= 0} {
-        puts $line
-        if {[string match "*| ready: *" $line]} {
-            set Heard ready
-        }
+        {*}$lineCmd $line
     }
     if {[eof $pipe]} {
         set Heard [End $pipe]
@@ -47,12 +62,11 @@ proc lab::finish pipe {
     }
 }
 
-# The launcher is in a session of its own, so Ctrl-C and SIGTERM do not reach it: they end it and then this program. Once a process.
-proc lab::untilSignal pipe {
-    sorma::atSignal [list lab::Signalled $pipe]
-}
-proc lab::Signalled pipe {
-    finish $pipe
+proc lab::Signalled {} {
+    variable Runs
+    foreach pipe [lreverse $Runs] {
+        finish $pipe
+    }
     exit 1
 }
 
@@ -60,13 +74,8 @@ proc lab::run {} {
     variable Here
     variable Heard
     set options [sorma::options::parse {-speed {any 1} -carries {any 10} -once flag} $::argv]
-    set launch [start sorma-launch --until-eof [file join $Here lab.launch]]
-    untilSignal $launch
+    set launch [launch [file join $Here lab.launch]]
     try {
-        vwait ::lab::Heard
-        if {$Heard ne "ready"} {
-            return 1
-        }
         set windows [expr {[info exists ::env(DISPLAY)] && ![catch {package require Tk}]}]
         if {$windows} {
             uplevel #0 [list source [file join $Here panel.tcl]]

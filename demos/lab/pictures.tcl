@@ -49,12 +49,8 @@ proc lab::pictures::panel {file theme} {
         ttk::style theme use $theme
     }
     set folder [exec mktemp -d]
-    set launch [lab::start sorma-launch --until-eof [own $folder]]
+    set launch [lab::launch [own $folder]]
     try {
-        vwait ::lab::Heard
-        if {$::lab::Heard ne "ready"} {
-            return 1
-        }
         uplevel #0 [list source [file join $Here panel.tcl]]
         wm geometry . +0+0
         simlab@lab CTRL -speed 0

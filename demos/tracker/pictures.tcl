@@ -130,12 +130,8 @@ proc tracker::pictures::window {file folder} {
     foreach name [list [file join $::tracker::pictures::Here .. lab lab.tcl] [file join $folder rows.tcl]] {
         uplevel #0 [list source $name]
     }
-    set launch [lab::start sorma-launch --until-eof [file join $folder tracker.launch]]
+    set launch [lab::launch [file join $folder tracker.launch]]
     try {
-        vwait ::lab::Heard
-        if {$::lab::Heard ne "ready"} {
-            return 1
-        }
         tracker::rows::prepare 0
         tracker::rows::learn 1
         tracker::rows::follow

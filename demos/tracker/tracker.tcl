@@ -48,13 +48,8 @@ proc tracker::run rowsCmd {
     variable Only
     set options [sorma::options::parse [concat {-learn flag -speed {any 1} -csv {any {}} -window flag -short flag} $Only] $::argv]
     set Options $options
-    set launch [lab::start sorma-launch --until-eof [file join $Here tracker.launch]]
-    lab::untilSignal $launch
+    set launch [lab::launch [file join $Here tracker.launch]]
     try {
-        vwait ::lab::Heard
-        if {$::lab::Heard ne "ready"} {
-            return 1
-        }
         rows::prepare [dict get $options -speed]
         rows::learn [dict get $options -learn]
         rows::follow

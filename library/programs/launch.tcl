@@ -28,6 +28,8 @@ namespace eval ::sorma::launch {
     variable Started {}     ;# names in the order in which they were started first
     variable Told {}        ;# dict: name -> 1, once it has been said that it is ready
     variable Times 0        ;# does each line begin with the time?
+    variable Shown stdout   ;# channel of what is for people
+    variable Tells 0        ;# is a program told when all are ready?
     variable Complete 0     ;# have all been ready?
     variable Stopping 0     ;# 1: asked to end, 2: asked again
     variable Unheard 0      ;# it stops because standard input has ended: a signal is the first one
@@ -49,7 +51,7 @@ proc ::sorma::launch::main words {
     variable Times
     try {
         set settings [::sorma::options::leading {
-            --times flag  --only {{collect {the name of a daemon}}}  --until-eof flag  --check flag  --list flag  --options flag  --help flag  -help flag  -h flag
+            --times flag  --only {{collect {the name of a daemon}}}  --until-eof flag  --ready flag  --check flag  --list flag  --options flag  --help flag  -help flag  -h flag
         } words]
     } trap {SORMA REQUEST SYNTAX} message {
         return [Misused $message]
@@ -67,6 +69,8 @@ proc ::sorma::launch::main words {
         return [Misused "expects one FILE"]
     }
     set Times ${--times}
+    variable Tells ${--ready}
+    variable Shown [expr {$Tells ? "stderr" : "stdout"}]
     set file [lindex $words 0]
     try {
         set daemons [::sorma::launchFile::read $file]
@@ -208,6 +212,7 @@ proc ::sorma::launch::Run daemons {
     variable Colours
     variable Code
     variable Done
+    variable Shown
     set running [Running]
     set refused 0
     dict for {name settings} $daemons {
@@ -220,11 +225,11 @@ proc ::sorma::launch::Run daemons {
     if {$refused} {
         return 1
     }
-    if {[Terminal stdout]} {
+    if {[Terminal $Shown]} {
         set Colours {36 32 33 35 34 96 92 95}
     }
     set Width [tcl::mathfunc::max {*}[lmap name [dict keys $daemons] {string length $name}]]
-    fconfigure stdout -buffering line
+    fconfigure $Shown -buffering line
     interp bgerror {} ::sorma::launch::Unexpected
     ::sorma::atSignal ::sorma::launch::Signalled HUP
     dict for {name settings} $daemons {
@@ -234,7 +239,7 @@ proc ::sorma::launch::Run daemons {
     if {![info exists Done]} {
         vwait ::sorma::launch::Done
     }
-    catch {flush stdout}
+    catch {flush $Shown}
     return $Code
 }
 
@@ -249,7 +254,7 @@ proc ::sorma::launch::Signalled {} {
     variable Daemons
     variable Colours
     if {[llength $Colours] > 0} {
-        catch {puts -nonewline "\r\x1b\[K"}      ;# over the ^C that the terminal has shown
+        catch {puts -nonewline $::sorma::launch::Shown "\r\x1b\[K"}      ;# over the ^C that the terminal has shown
     }
     variable Unheard
     if {!$Stopping || $Unheard} {
@@ -290,6 +295,13 @@ proc ::sorma::launch::StartDue {} {
     if {!$Complete && [AllReady [dict keys $Daemons]]} {
         set Complete 1
         say * "ready: [join [dict keys $Daemons] { }]"
+        variable Tells
+        if {$Tells} {
+            catch {
+                puts ready
+                flush stdout
+            }
+        }
     }
 }
 
@@ -387,6 +399,7 @@ proc ::sorma::launch::say {name line {colour {}} {mark |}} {
     variable Daemons
     variable Visible
     variable Times
+    variable Shown
     set head [format "%*s %s" $Width $name $mark]
     if {$Times} {
         set head "[::sorma::text::time [clock microseconds]] $head"
@@ -401,7 +414,7 @@ proc ::sorma::launch::say {name line {colour {}} {mark |}} {
         }
     }
     try {
-        puts "$head $line"
+        puts $Shown "$head $line"
     } trap {POSIX EPIPE} {} - trap {POSIX EIO} {} {
         after 0 ::sorma::launch::Stop           ;# the reader of our output has ended
     } on error {} {
@@ -416,7 +429,7 @@ proc ::sorma::launch::Complain message {
     if {[Terminal stderr]} {
         set message "\x1b\[31m$message\x1b\[0m"
     }
-    catch {flush stdout}
+    catch {flush $::sorma::launch::Shown}
     catch {puts stderr $message}
 }
 
