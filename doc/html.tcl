@@ -3,7 +3,7 @@
 # FOLDER is made anew. MANUAL holds the pages as doc/pages.tcl has made them; SOURCE is the folder with README.md and doc. PICTURES holds those
 # of widgets as doc/pictures.tcl has made them, NAME.png: each stands below the command sorma::NAME, and those of whole windows in the README;
 # and drawings for pages, NAME.svg.
-# Needs tcllib's doctools, and cmark-gfm for Markdown. Every link between the pages leads somewhere: tests/html.test follows them.
+# Needs tcllib's doctools, and cmark-gfm for Markdown; graphviz for its graphs, which stay text without. Every link between the pages leads somewhere: tests/html.test follows them.
 
 package require Tcl 8.6-
 package require doctools
@@ -22,6 +22,7 @@ dd > p > img, .windows img { max-width: 100%; border: 1px solid #ccc }
 .index { columns: 3 14em } .index p { margin: 0 }
 }
     variable Tutorials {first-tcl first-cpp first-panel two-hosts embedding moving testing}
+    variable Demos {lab checkers tracker}
     variable Formats {wire snapshot benchmark request debugging}
     variable Pages {}       ;# dict: file.html -> {kind title about}, in the order of the contents
     variable Words {}       ;# list of {word file.html anchor}
@@ -75,7 +76,18 @@ proc html::markdown text {
         append out [if {[dict exists $Pages $file]} {string cat "<a href=\"$file\">$label</a>"} else {set label}]
         set html [string range $html [lindex $all 1]+1 end]
     }
-    return $out$html
+    return [drawn $out$html]
+}
+# Graphs, code blocks of the language dot, are drawn where there is graphviz.
+proc html::drawn html {
+    if {[auto_execok dot] eq {}} {
+        return $html
+    }
+    while {[regexp -indices {<pre><code class="language-dot">(.*?)</code></pre>} $html all code]} {
+        set graph [string map {&amp; & &lt; < &gt; > &quot; \"} [string range $html {*}$code]]
+        set html [string replace $html {*}$all [regsub {^.*?(?=<svg)} [exec dot -Tsvg << $graph] {}]]
+    }
+    return $html
 }
 
 # ---- doctools ----
@@ -189,6 +201,7 @@ proc html::Image {name {extension .png}} {
 proc html::make {folder manual source {pictures {}}} {
     variable Style
     variable Tutorials
+    variable Demos
     variable Formats
     variable Pages
     variable Words
@@ -204,11 +217,11 @@ proc html::make {folder manual source {pictures {}}} {
     # What there is, before the first page is made: pages link to each other.
     dict set Pages README.html {readme SORMA {what it is, and a tour}}
     set sources [dict create README.html [read_file [file join $source README.md]]]
-    foreach {kind names where} [list tutorial $Tutorials tutorials format $Formats .] {
+    foreach {kind names where} [list tutorial $Tutorials doc/tutorials/NAME.md demo $Demos demos/NAME/README.md format $Formats doc/NAME.md] {
         foreach name $names {
-            set text [read_file [file join $source doc $where $name.md]]
-            # A page of the manual may have the name of a format.
-            set file $name[expr {$kind eq "format" ? "-$kind" : {}}].html
+            set text [read_file [file join $source [string map [list NAME $name] $where]]]
+            # A page of the manual may have the name of a format or of a demo.
+            set file $name[expr {$kind eq "tutorial" ? {} : "-$kind"}].html
             regexp -line {^# (.*)$} $text -> title
             dict set Pages $file [list $kind $title {}]
             dict set sources $file $text
@@ -233,7 +246,7 @@ proc html::make {folder manual source {pictures {}}} {
     }
 
     set contents "<h1>SORMA</h1>\n<p><a href=\"README.html\">What it is, and a tour</a></p>"
-    foreach {kind heading} {tutorial Tutorials manual Manual format {Formats, figures, and how it works inside}} {
+    foreach {kind heading} {tutorial Tutorials demo Demos manual Manual format {Formats, figures, and how it works inside}} {
         append contents "\n<h2>$heading</h2>\n<table>"
         dict for {file facts} $Pages {
             if {[lindex $facts 0] eq $kind} {
