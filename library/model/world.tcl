@@ -29,7 +29,7 @@ package require sorma::news
 package provide sorma::world 1.0
 
 namespace eval ::sorma::world {
-    namespace export watch unwatch get keys shown add hold forget value listen ask cancel names find objects recount counted knows pulse heard use line hook unhook hint lead deliver
+    namespace export watch unwatch get keys shown add forget hold release value listen ask cancel names find objects recount counted knows pulse heard use line hook unhook hint lead deliver
     namespace import -force ::sorma::news::hook ::sorma::news::unhook ::sorma::news::hint ::sorma::news::deliver
     namespace ensemble create
 
@@ -48,7 +48,7 @@ namespace eval ::sorma::world {
     # counted (ms, when the question was sent that was answered last), text (of that answer), touched (has one come or gone since),
     # log (dict: name -> made or removed, while they are asked for)
     variable Lines
-    variable Added              ;# dict: ADDRESS -> how many adds have not been taken back
+    variable Added              ;# dict: token of an add or a hold that has not been taken back -> ADDRESS
     variable Passing            ;# dict: what stands after @ -> ms, when somebody last looked there
     variable Led                ;# dict: who says so -> {how addresses}, by lead
     variable Twins              ;# dict: address -> boot of a daemon that is known by another one
@@ -160,8 +160,8 @@ proc ::sorma::world::objects daemon {
 # proxies, and what was added.
 proc ::sorma::world::names {} {
     variable Added
-    set names [dict keys [dict merge [Ways] $Added]]
-    return [lsort [lsearch -all -inline -regexp $names {^[^\s@\[\]{}$"\\;[:cntrl:]]+$}]]
+    set names [concat [dict keys [Ways]] [dict values $Added]]
+    return [lsort -unique [lsearch -all -inline -regexp $names {^[^\s@\[\]{}$"\\;[:cntrl:]]+$}]]
 }
 
 # ::sorma::world::find WHERE -- the KEY of the daemon that is meant by what stands after @; empty: none is known there.
@@ -253,32 +253,36 @@ proc ::sorma::world::line daemon {
 
 # ::sorma::world::add ADDRESS -- know a daemon by what stands after @: host:7014, /path, an alias. forget ADDRESS takes one add back.
 proc ::sorma::world::add address {
-    variable Added
-    ::sorma::resolve @$address
-    dict incr Added $address
-    Start
-    Soon
+    Held add $address
     return $address
-}
-# hold WHERE -- for one that looks at an object: add its daemon, unless the runtime folder or the dictionary leads there. Returns what is to be
-# forgotten later, or nothing.
-proc ::sorma::world::hold where {
-    set how [Ways]
-    if {$where in {{} self} || ([dict exists $how $where] && [dict get $how $where] ne "proxy")} {
-        return
-    }
-    return [add $where]
 }
 proc ::sorma::world::forget address {
     variable Added
-    if {[dict exists $Added $address] && [dict get $Added $address] > 1} {
-        dict incr Added $address -1
-        return
-    }
-    dict unset Added $address
+    release [lindex [dict filter $Added script {token held} {expr {$held eq $address && [string match add* $token]}}] end-1]
+}
+# hold WHERE -- for one that looks at an object: know its daemon until the token that it returns is given to release. Nothing is added where the
+# runtime folder or the dictionary leads to it.
+proc ::sorma::world::hold where {
+    set how [Ways]
+    return [Held hold [if {$where ni {{} self} && (![dict exists $how $where] || [dict get $how $where] eq "proxy")} {set where}]]
+}
+proc ::sorma::world::release token {
+    variable Added
+    dict unset Added $token
     Soon
     EndLater
     return
+}
+proc ::sorma::world::Held {what address} {
+    variable Added
+    set token [NewToken $what]
+    if {$address ne {}} {
+        ::sorma::resolve @$address
+        dict set Added $token $address
+        Start
+        Soon
+    }
+    return $token
 }
 
 # ::sorma::world::value NAME *|-option|{EXEC ...} ?-every ms? -command PREFIX -- see value.tcl.
@@ -477,7 +481,7 @@ proc ::sorma::world::Look {} {
     set how [Ways]
     set old [expr {[clock milliseconds] - 6 * $Linger}]
     set Passing [dict filter $Passing script {where ms} {expr {$ms > $old}}]
-    foreach where [concat [dict keys $Added] [dict keys $Passing]] {
+    foreach where [concat [dict values $Added] [dict keys $Passing]] {
         if {![dict exists $how $where]} {
             dict set how $where added
         }

@@ -72,7 +72,7 @@ proc ::sorma::subject::again subject {
 if {![info object isa object ::sorma::subject::Subject]} {oo::class create ::sorma::subject::Subject}
 oo::define ::sorma::subject::Subject {
     variable name service where key         ;# NAME, and its parts; key: of the daemon, empty as long as that is not known
-    variable added                          ;# what was added to the model for it, or empty
+    variable held                           ;# token: the model knows its daemon for it
     variable users live token               ;# who has taken it; ms; of the model, empty: none
     variable table                          ;# of its class, as sorma::table gives it; empty: not known yet
     variable facts                          ;# dict: -option -> as option gives it
@@ -100,7 +100,7 @@ oo::define ::sorma::subject::Subject {
         set key [set token [set table [set facts [set denied [set underway [set progress {}]]]]]]
         set renewed [set had [set keepers [set making 0]]]
         set made [set failure {}]
-        set added [::sorma::world hold $where]
+        set held [::sorma::world hold $where]
         set values [set drafts [set waiting [set following [set faults [set listeners {}]]]]]
         ::sorma::world hook {answer daemon.changed daemon.process object.made} [list [self] Heard]
     }
@@ -128,9 +128,7 @@ oo::define ::sorma::subject::Subject {
         ::sorma::world unwatch $token
         ::sorma::world unwatch $progress
         ::sorma::world unhook [list [self] Heard]
-        if {$added ne {}} {
-            ::sorma::world forget $added
-        }
+        ::sorma::world release $held
         dict unset ::sorma::subject::Subjects $name
     }
 

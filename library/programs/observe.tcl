@@ -36,7 +36,7 @@ proc ::sorma::inspect::watch args {
     lassign [::sorma::table locate $name] service where
     set id watch[incr LastWatch]
     set pattern [dict get $settings -event]
-    dict set Watches $id [dict create name $name command [dict get $settings -command] known {} error {} tokens {} added [::sorma::world hold $where]]
+    dict set Watches $id [dict create name $name command [dict get $settings -command] known {} error {} tokens {} held [::sorma::world hold $where]]
     set key [::sorma::world use $where]
     if {$key eq {}} {
         return -code error -errorcode [list SORMA ADDRESS UNRESOLVED $where] "$name: \"$where\" leads nowhere"
@@ -62,10 +62,7 @@ proc ::sorma::inspect::unwatch {{only {}}} {
         foreach token [dict get $watch tokens] {
             ::sorma::world unwatch $token
         }
-        set added [dict get $watch added]
-        if {$added ne {}} {
-            ::sorma::world forget $added
-        }
+        ::sorma::world release [dict get $watch held]
     }
 }
 
@@ -163,7 +160,7 @@ proc ::sorma::inspect::monitor args {
         }
         set id watch[incr LastWatch]
         dict set Watches $id [dict create name "monitor $pattern@$where" where $where command [dict get $settings -command] \
-            pattern $pattern only [dict get $settings -only] added [::sorma::world hold $where] \
+            pattern $pattern only [dict get $settings -only] held [::sorma::world hold $where] \
             tokens [list [::sorma::world listen sorm@$key -event monitor.* -queue 10000 -command [list ::sorma::inspect::Passed $id]]]]
         lappend ids $id
     }
@@ -227,7 +224,7 @@ proc ::sorma::inspect::rate args {
     Existing $name ", so there are no events"
     lassign [::sorma::table locate $name] service where
     lassign [::sorma::await daemons $Wait [list $where] counted] - key
-    set added [::sorma::world hold $where]
+    set held [::sorma::world hold $where]
     set id [incr LastWatch]
     set Heard($id) {}
     set token [::sorma::world listen $service@$key -event [dict get $settings -event] -queue 100000 -command [list ::sorma::inspect::Hear $id]]
@@ -237,9 +234,7 @@ proc ::sorma::inspect::rate args {
     } finally {
         unset Heard($id)
         ::sorma::world unwatch $token
-        if {$added ne {}} {
-            ::sorma::world forget $added
-        }
+        ::sorma::world release $held
     }
     if {[dict exists $heard sorma.refused]} {
         return -code error -errorcode [list SORMA COMM DENIED $name] [dict get $heard sorma.refused text]
