@@ -11,15 +11,10 @@ apply {dir {
         uplevel #0 [list source -encoding utf-8 [file join $dir package.tcl]]
     }} $dir [file join $dir ${prefix}sorma1.0$end]]
     package ifneeded sorma::edit 1.0 [list load [file join $dir ${prefix}sormaedit1.0$end] Sormaedit]
-    foreach name {
-        json line message options text timer usage
-        elsewhere events load news table value world
-        complete listing manual reply trail
-        arrangement chart console execform field form image lamp layout notice painter panel parts style subject trailview window
-        browser browserDict browserEvents browserGraph browserLaunch browserLog browserSearch browserText browserTree
-        await browse daemon doctor inspect launch launchDaemon launchFile launchForward observe packages record scott scottwish shell
-    } {
-        package ifneeded sorma::$name 1.0 [list source -encoding utf-8 [file join $dir $name.tcl]]
+    foreach file [glob -nocomplain -directory $dir *.tcl] {
+        set name [file rootname [file tail $file]]
+        if {$name in {package pkgIndex}} continue
+        package ifneeded sorma::$name 1.0 [list source -encoding utf-8 $file]
     }
 
     foreach file [glob -nocomplain -directory [file join $dir services] *.tcl *$end] {

@@ -54,7 +54,7 @@ proc ::sorma::scott::main words {
     if {[llength $requests] > 0 && [llength $words] > 0} {
         return [Misused "either -c or a file, not both: \"[lindex $words 0]\""]
     }
-    prepare
+    ::sorma::shell::prepare
     # These words were for scott: Tk, loaded by a request, would read them too.
     set ::argv {}
     set ::argc 0
@@ -104,7 +104,7 @@ proc ::sorma::scott::ShellWords words {
 }
 
 proc ::sorma::scott::PutWords {line {before {}}} {
-    prepare
+    ::sorma::shell::prepare
     Put [::sorma::shell::endings $line $before]
 }
 
@@ -118,17 +118,6 @@ proc ::sorma::scott::Misused message {
     puts stderr "scott: $message"
     puts stderr [::sorma::usage::program scott]
     return 2
-}
-
-# ::sorma::scott::prepare -- what all that is typed to scott may rely on, and so does a recording.
-proc ::sorma::scott::prepare {} {
-    ::sorma::shell::prepare
-    # Where nothing says which characters the terminal speaks it is UTF-8 today, not what Tcl makes of it.
-    if {[encoding system] in {iso8859-1 ascii}} {
-        foreach channel {stdin stdout stderr} {
-            catch {fconfigure $channel -encoding utf-8}
-        }
-    }
 }
 
 # Only a terminal has a line speed.
@@ -219,7 +208,7 @@ proc ::sorma::scott::Piped {} {
 proc ::sorma::scott::interact {} {
     variable Pending
     variable Editing
-    prepare
+    ::sorma::shell::prepare
     package require sorma::edit
     ::sorma::edit attach
     set Editing [expr {[::sorma::edit usable] eq {}}]

@@ -35,6 +35,12 @@ proc ::sorma::shell::prepare {} {
     if {"::sorma::words" ni [namespace eval :: {namespace path}]} {
         namespace eval :: {namespace path [list {*}[namespace path] ::sorma::words]}
     }
+    # Where nothing says which characters the terminal speaks it is UTF-8 today, not what Tcl makes of it.
+    if {[encoding system] in {iso8859-1 ascii}} {
+        foreach channel {stdin stdout stderr} {
+            catch {fconfigure $channel -encoding utf-8}
+        }
+    }
 }
 
 # ::sorma::shell::word NAME COMMAND ?ARG ...? -- a command for those who type; all but its further words.

@@ -240,8 +240,8 @@ proc ::sorma::record::Braced text {
 
 # A recording may use the commands of scott.
 proc ::sorma::record::prepare {} {
-    package require sorma::scott
-    ::sorma::scott::prepare
+    package require sorma::shell
+    ::sorma::shell::prepare
 }
 
 proc ::sorma::record::matches {} {
