@@ -277,7 +277,7 @@ proc lab::carries::givenUp {from to} {
     }
     $call cancel
     $call destroy
-    while {![regexp -line {^# phase ?$} [lindex [$Carry CTRL -dump] 3]]} {
+    while {[lindex [$Carry DBX -phase] 3] ne {}} {
         after 20
     }
     # As fast as it goes, lab time passes while the stop is under way.

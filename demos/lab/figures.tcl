@@ -296,9 +296,9 @@ proc lab::figures::minutes n {
     while {[clock seconds] < $end} {
         go mvpos.joints$At {*}[place]
     }
-    set stats [lindex [cycle.pino$At DBX -stats] 3]
-    regexp {^ticks (\d+) skipped (\d+)} $stats - ticks skipped
-    regexp -line {^jitter of the beginning: (.*)$} $stats - late
+    set told [cycle.pino$At DBX -stats]
+    lassign [lrange $told end-1 end] ticks skipped
+    set late "[format %.2g [expr {1e3 * [lindex $told 8]}]] ms at most"
     set lost [expr {[skipped] - $before}]
     row "$n min in real time, 20 pictures/s" "0 skipped ticks" \
         "$skipped of $ticks ticks, [format %.3f $lost] s of lab time; [dict get [$Lab exec time] ints] pictures; ticks late by $late" [expr {$skipped == 0}]

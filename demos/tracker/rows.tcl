@@ -845,14 +845,14 @@ proc tracker::rows::ticks {} {
     } else {
         set Ticks {0 0}
     }
-    set text [lindex [cycle.pino@robot DBX -stats] 3]
-    regexp {ticks (\d+) skipped (\d+)} $text - ticks skipped
+    set told [cycle.pino@robot DBX -stats]
+    lassign [lrange $told end-1 end] ticks skipped
     lassign $Ticks ticksBefore skippedBefore
     set Ticks [list $ticks $skipped]
     incr ticks -$ticksBefore
     incr skipped -$skippedBefore
-    regexp {jitter of the beginning: p50 <= (.*?), p99 <= (.*?), longest (.*?)\n} $text - half late longest
-    regexp -line {^# skipped (.*)$} [lindex [simlab@lab CTRL -dump] 3] - lost
+    lassign [lmap s [lrange $told 7 8] {format "%.3g ms" [expr {1e3 * $s}]}] late longest
+    set lost "[lindex [dict get [simlab@lab exec time] floats] 1] s"
     row "control tick" "$skipped of $ticks skipped; late $late (p99), $longest at most; lab time lost $lost" "0" [expr {$ticks > 0 && $skipped == 0}]
 }
 # The system calls of the control task's thread, as strace sees them; reading the clock is none. A bell that wakes other threads, and the sleep
@@ -891,7 +891,7 @@ proc tracker::rows::calls seconds {
         "futex; membarrier for a sleep" [expr {$ticks > 0 && $counts ne {} && $else == 0}]
 }
 proc tracker::rows::Ticked {} {
-    regexp {ticks (\d+)} [lindex [cycle.pino@robot DBX -stats] 3] - ticks
+    set ticks [lindex [cycle.pino@robot DBX -stats] end-1]
     return $ticks
 }
 proc tracker::rows::Process name {

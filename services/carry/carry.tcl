@@ -51,6 +51,7 @@ oo::class create ::sorma::service::carry {
     sorma::option -laser service -help "points at where it went wrong (EXEC point FMSG 3); none: nobody"
     sorma::action -stop {} "stop the arm where it is; the hand keeps what it holds" {my Stop} -danger stop
     sorma::action -released {} "the hand holds nothing any more: somebody has taken it" {set [my varname Holds] 0} -right call
+    sorma::inspection -phase {} "what is under way; empty: nothing" {set Phase}
     sorma::danger move
     sorma::reads floats 6 "" "from: file, rank, tokens underneath; to: the same"
     sorma::writes floats 3 "" "how far from the middle of the field the token lies, dx dy \[m\] in the board's axes; seconds of lab time"

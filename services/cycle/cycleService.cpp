@@ -69,8 +69,12 @@ public:
             .danger(sorma::Danger::stop)
             .action("-abandon", &Cycle::abandonNow, "", "give up a step that hangs for ever, with its objects; then it can be started without them")
             .action("-reset", &Cycle::reset, "", "begin the figures of DBX -stats again")
-            .inspection({"-stats", "", "ticks, jitter, time of each step", 0, 0,
-                         [](Service& s, Args, Message& m) { m.text += static_cast<Cycle&>(s).figuresText(); }})
+            .inspection({"-stats", "", "ticks, jitter, time of each step; ints: ticks, those skipped; floats: how late ticks began, median, 99 of 100, longest [s]",
+                         0, 0, [](Service& s, Args, Message& m) {
+                             Message told = static_cast<Cycle&>(s).figures();
+                             m.text += told.text;
+                             m.ints = told.ints, m.floats = told.floats;
+                         }})
             .inspection({"-incidents", "", "object, kind, count: what the steps and their units could not use, what they missed, what has stopped them", 0, 0,
                          [](Service& s, Args, Message& m) { m.text += static_cast<Cycle&>(s).incidentsText(); }})
             .writes(sorma::Field::ints, sorma::exactly(1), "", "number of the tick")
@@ -218,7 +222,7 @@ private:
 
     void halt() {
         if (!runner_->stop()) fail(kHangs, name(), runner_->busyWith());
-        last_ = figuresText();
+        last_ = figures();
         rest();
         cycle::Runner::dismiss(std::move(runner_));
         memory_.release();
@@ -246,8 +250,8 @@ private:
         memory_.release();
     }
 
-    std::string figuresText() {
-        if (!runner_) return last_.empty() ? "it has not run yet" : last_;
+    Message figures() {
+        if (!runner_) return last_;
         auto f = runner_->figures();
         std::string out = "ticks " + std::to_string(f.ticks) + " skipped " + std::to_string(f.skipped) + " overruns " +
                           std::to_string(f.overruns) + " faults " + std::to_string(f.faults) + " requests " +
@@ -261,8 +265,11 @@ private:
         times("length of a tick", f.busy);
         for (auto& [step, h] : f.steps)
             if (h.count() > 0) times("step " + step + ", one tick in " + std::to_string(cycle::Runner::kSample), h);
-        out += "longest request between ticks " + sorma::durationText(double(f.longestRequest));
-        return out;
+        Message m;
+        m.text = out + "longest request between ticks " + sorma::durationText(double(f.longestRequest));
+        m.ints = {std::int64_t(f.ticks), std::int64_t(f.skipped)};
+        for (double part : {0.5, 0.99, 1.0}) m.floats.push_back(double(f.jitter.quantile(part)) / 1e9);
+        return m;
     }
 
     // ---- incidents of steps and their units ----
@@ -365,7 +372,7 @@ private:
     cycle::MemoryLock memory_;
     std::vector<std::string> refused_, givenUp_;
     Fault fault_;                                   // the last one since it was started
-    std::string last_;                              // figures when it was stopped
+    Message last_ = [] { Message m; m.text = "it has not run yet"; return m; }();       // figures when it was stopped
     std::uint64_t byHand_ = 0;
 
     struct Known {
