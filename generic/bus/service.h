@@ -199,7 +199,7 @@ private:
     void admit(Method method, Message& m);
     bool isDangerous(const Message& m) const;           // does this EXEC of it?
     void assign(const Option& option, const Value& value, const PrincipalPointer& author);
-    void needArguments(const Action& action, Args args, const PrincipalPointer& author) const;
+    void needArguments(const Action& action, Args args, const PrincipalPointer& author);
     bool mayKeepValues() const;             // may the authors of its values keep them, by the present policy?
     void judgeParts();                      // check needParts() by the present policy, and set kPartsBit
     bool startGuarded(Method method, Message& m);

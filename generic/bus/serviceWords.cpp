@@ -126,7 +126,12 @@ static void needSome(Service& s, const PrincipalPointer& author) {
     if (s.sorm().access.rights(author, s.name()) == 0) s.need(author, Right::inspect);
 }
 
-void Service::needArguments(const Action& action, Args args, const PrincipalPointer& author) const {
+// Its right has been asked for. A lock keeps others from all that moves, too.
+void Service::needArguments(const Action& action, Args args, const PrincipalPointer& author) {
+    if (needsOperate(action.danger)) {
+        need(author, Right::operate);
+        if (guard() & kLockBits) checkLock();
+    }
     auto& kinds = action.kinds();
     if (kinds.empty()) return;
     for (std::size_t k = 0; k < args.size(); ++k) needKind(author, kinds[std::min(k, kinds.size() - 1)], args[k]);
@@ -177,7 +182,6 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, M
         if (!action) action = findIn(CommonRequests::actions(), word);
         if (!action) needSome(*this, origin->author), failUnknown(name_, *class_, word, true);
         const Permit permit = need(origin->author, action->right);
-        if (needsOperate(action->danger)) need(origin->author, Right::operate);
         const Args args = takeArguments(name_, *action, words, i, known);
         i += args.size();
         needArguments(*action, args, origin->author);
@@ -288,7 +292,6 @@ void Service::dbx(Message& m) {
         const Action* action = find(words[i]);
         if (!action) needSome(*this, m.author), failUnknown(name_, *class_, words[i], false);
         Permit permit = need(m.author, action->right);
-        if (needsOperate(action->danger)) need(m.author, Right::operate);
         Args args = takeArguments(name_, *action, words, i + 1, find);
         i += 1 + args.size();
         needArguments(*action, args, m.author);
