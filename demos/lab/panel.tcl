@@ -104,7 +104,7 @@ proc lab::panel::build {} {
     grid columnconfigure .f 0 -weight 1
     grid rowconfigure .f 0 -weight 1
 
-    sorma::image .picture -name $Hardware -request {EXEC view} -every 200 -width 640 -height 480 \
+    sorma::image .picture -name $Hardware -request {EXEC view} -every 200 -brief 1 -width 640 -height 480 \
         -zoom [expr {max(1, [sorma::style pixels 100] / 100)}]
     sorma::stripchart .chart -span 20 -low -15 -high 15 -width 480 -height 140
     # Seen on light and on dark backgrounds.

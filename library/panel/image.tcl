@@ -4,10 +4,11 @@ package require sorma::options
 package require sorma::parts
 package provide sorma::image 1.0
 
-# ::sorma::image .w ?-name SO -request WORDS -every ms? ?-size WxH? ?-zoom n? --
+# ::sorma::image .w ?-name SO -request WORDS -every ms? ?-size WxH? ?-zoom n? ?-brief 0|1? --
 #       Options: -request: whose reply has the picture in its part any, default EXEC; -every: how often it is asked for, 0 (default): when
 #       refresh is called; one request is under way at a time. -size: of a raw picture, of bytes of grey or of red, green and blue.
-#       -zoom: 1, 2, 3 ..., 0.75, 0.66, 0.5, 0.33 ..., or what is next; fit: the largest of these for which there is room; -width and -height: of the window; -state disabled: keys and mouse do nothing
+#       -zoom: 1, 2, 3 ..., 0.75, 0.66, 0.5, 0.33 ..., or what is next; fit: the largest of these for which there is room; -width and -height: of the window; -state disabled: keys and mouse do nothing.
+#       -brief 1: when there is no new picture it says only that, because a notice of the window says why
 # Methods:
 #       show BYTES                      a picture: PPM, PGM, PNG or raw; error IMAGE FORMAT
 #       refresh                         ask for it now
@@ -23,6 +24,7 @@ snit::widget ::sorma::image {
     option -every -default 0 -configuremethod SetEvery
     option -size -default {}
     option -zoom -default 1 -configuremethod SetZoom
+    option -brief -default 0
     option -width -default 320 -readonly 1
     option -height -default 240 -readonly 1
     ::sorma::stateParts
@@ -161,7 +163,7 @@ snit::widget ::sorma::image {
             set value [list $message {}]
         }
         set answer [if {$status eq "ok"} {string cat ok} else {list error [lindex $value 0]}]
-        $win.below configure -text [if {$status ne "ok"} {lindex $value 0}] -foreground [$self Shade refused]
+        $win.below configure -text [if {$status ne "ok"} {expr {$options(-brief) ? "no new picture" : [lindex $value 0]}}] -foreground [$self Shade refused]
     }
     method Read bytes {
         set wrong {}
