@@ -103,9 +103,22 @@ snit::widget ::sorma::trailview {
             && [string match -nocase *[::sorma::text::escape $options(-daemon)]* $daemon]
             && [string match -nocase *[::sorma::text::escape $options(-text)]* [dict get $message text]]}]
     }
+    # A message that is among the newest ones already keeps its line: that goes to the end, with its last time and how often it came.
     method Add {key message} {
-        $tree insert {} end -tags [list [dict get $message severity]] -values [list [::sorma::text::time [dict get $message time]] \
-            {*}[lmap text [list [::sorma::world shown $key] [dict get $message text]] {::sorma::text::clean [string map {\n { }} $text]}]]
+        set time [::sorma::text::time [dict get $message time]]
+        lassign [lmap text [list [::sorma::world shown $key] [dict get $message text]] {::sorma::text::clean [string map {\n { }} $text]}] object text
+        foreach item [lrange [$tree children {}] end-7 end] {
+            set times [$tree item $item -text]
+            if {[lrange [$tree item $item -values] 1 end] eq [list $object [Often $text $times]]} {
+                $tree item $item -text [incr times] -values [list $time $object [Often $text $times]]
+                $tree move $item {} end
+                return
+            }
+        }
+        $tree insert {} end -tags [list [dict get $message severity]] -text 1 -values [list $time $object $text]
+    }
+    proc Often {text times} {
+        return [expr {$times > 1 ? "$text ($times times)" : $text}]
     }
     # Other messages are wanted: show what is kept of them.
     method Choose {option value} {
