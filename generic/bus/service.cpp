@@ -39,12 +39,26 @@ std::vector<Reference> Service::parts() const {
     return out;
 }
 
-static bool anyDangerous(const std::vector<Reference>& parts) {
-    return std::any_of(parts.begin(), parts.end(), [](auto& part) { return part->isDangerous(); });
+void addTree(const Service& object, std::unordered_set<const Service*>& tree) {
+    std::vector<const Service*> waiting{&object};
+    while (!waiting.empty()) {
+        const Service* next = waiting.back();
+        waiting.pop_back();
+        if (!tree.insert(next).second) continue;
+        for (auto& part : next->parts()) waiting.push_back(&*part);
+    }
 }
 
-bool Service::isDangerous() const { return class_->isDangerous() || anyDangerous(parts()); }
-bool Service::isDangerous(const Message& m) const { return class_->isDangerous(m) || anyDangerous(parts()); }
+bool Service::hasDangerousPart() const {
+    const auto own = parts();
+    if (own.empty()) return false;
+    std::unordered_set<const Service*> tree{this};
+    for (auto& part : own) addTree(*part, tree);
+    return std::any_of(tree.begin(), tree.end(), [this](auto* s) { return s != this && s->class_->isDangerous(); });
+}
+
+bool Service::isDangerous() const { return class_->isDangerous() || hasDangerousPart(); }
+bool Service::isDangerous(const Message& m) const { return class_->isDangerous(m) || hasDangerousPart(); }
 
 bool Service::holdsSecrets() const {
     return std::any_of(class_->options().begin(), class_->options().end(), [](auto& o) { return o.spec.secret; });

@@ -16,6 +16,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <unordered_set>
 #include <vector>
 
 #include "bus/budget.h"
@@ -198,6 +199,7 @@ private:
     [[noreturn]] void failGone() const;
     void admit(Method method, Message& m);
     bool isDangerous(const Message& m) const;           // does this EXEC of it?
+    bool hasDangerousPart() const;
     void assign(const Option& option, const Value& value, const PrincipalPointer& author);
     void needArguments(const Action& action, Args args, const PrincipalPointer& author);
     bool mayKeepValues() const;             // may the authors of its values keep them, by the present policy?
@@ -282,6 +284,9 @@ inline void Reference::step(Message& message, RealtimeOwner* here) const {
     s.exec(message);
     if (message.later || message.code < 0) [[unlikely]] s.unusable(message);
 }
+
+// Adds the object and all that is executed in its EXEC, by its parts and theirs. What is in the tree already is passed by.
+void addTree(const Service& object, std::unordered_set<const Service*>& tree);
 
 // For Class::service: finds or makes an object by its name. Fails with SERVICE CYCLE when it needs the object that asks.
 Reference subService(Service& user, const std::string& name, const PrincipalPointer& author = nullptr);

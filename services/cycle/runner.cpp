@@ -52,11 +52,6 @@ void mark(bool inside) {
     if (sormaTickMark) sormaTickMark(inside);
 }
 
-void addTree(Service& object, std::unordered_set<const Service*>& tree) {
-    if (!tree.insert(&object).second) return;
-    for (auto& part : object.parts()) addTree(*part, tree);
-}
-
 template <class... Values> sorma::Entry entry(const sorma::Prototype& prototype, const Values&... values) {
     return sorma::makeEntry(prototype, {MessageArg::of(values)...});
 }
@@ -177,7 +172,7 @@ bool Runner::executes(const Step& action) const {
 
 void Runner::findNearAction(Plan& plan) const {
     plan.nearAction.clear();
-    if (plan.onFault && executes(*plan.onFault)) addTree(*plan.onFault->object, plan.nearAction);
+    if (plan.onFault && executes(*plan.onFault)) sorma::addTree(*plan.onFault->object, plan.nearAction);
     Objects far;
     auto visit = [&](auto& self, Service& object) -> bool {
         if (plan.nearAction.count(&object)) return true;
@@ -206,8 +201,8 @@ void Runner::partsChanged() noexcept {
     } catch (...) {                         // a step hangs, and will not run again
     }
     Objects wanted;
-    for (auto& step : plan_.steps) addTree(*step.object, wanted);
-    if (plan_.onFault) addTree(*plan_.onFault->object, wanted);
+    for (auto& step : plan_.steps) sorma::addTree(*step.object, wanted);
+    if (plan_.onFault) sorma::addTree(*plan_.onFault->object, wanted);
     keepOnly(wanted);
 }
 
