@@ -15,6 +15,7 @@
 package require sorma
 package require sorma::line
 package require sorma::options
+package require sorma::text
 package provide sorma::record 1.0
 namespace eval ::sorma::record {
     # dict while something is recorded: script and suite (files), exact, and steps: list of dicts with
@@ -128,18 +129,8 @@ proc ::sorma::record::Head script {
 # ---- the two files ----
 
 proc ::sorma::record::Write recording {
-    WriteFile [dict get $recording script] [Script $recording]
-    WriteFile [dict get $recording suite] [Suite $recording]
-}
-
-proc ::sorma::record::WriteFile {name text} {
-    set file [open $name w]
-    try {
-        fconfigure $file -encoding utf-8
-        puts -nonewline $file $text
-    } finally {
-        close $file
-    }
+    ::sorma::text::writeFile [dict get $recording script] [Script $recording]
+    ::sorma::text::writeFile [dict get $recording suite] [Suite $recording]
 }
 
 proc ::sorma::record::Script recording {
