@@ -255,12 +255,7 @@ oo::class create ::sorma::service::judge {
     }
     # A laboratory that is away is not waited for.
     method Asked what {
-        set future [sorma::async -timeout 2000 [my cget -lab] DBX $what]
-        try {
-            return [lindex [$future wait] 3]
-        } finally {
-            catch {$future destroy}
-        }
+        return [lindex [[sorma::async -timeout 2000 [my cget -lab] DBX $what] take] 3]
     }
     method Tokens {} {
         return [split [my Asked -tokens] \n]
