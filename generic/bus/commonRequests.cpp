@@ -2,6 +2,7 @@
 
 #include "bus/listText.h"
 #include "bus/monitor.h"
+#include "bus/nearest.h"
 #include "bus/serviceParts.h"
 
 #ifndef SORMA_VERSION

@@ -66,4 +66,16 @@ std::string didYouMean(std::string_view word, const std::vector<std::string>& kn
     return out.empty() ? out : out + "?)";
 }
 
+std::string oneOf(std::vector<std::string> words) {
+    std::sort(words.begin(), words.end());
+    words.erase(std::unique(words.begin(), words.end()), words.end());
+    std::string out;
+    for (std::size_t i = 0; i < words.size(); ++i) {
+        if (i > 0) out += words.size() > 2 ? ", " : " ";
+        if (i > 0 && i + 1 == words.size()) out += "or ";
+        out += words[i];
+    }
+    return out;
+}
+
 }  // namespace sorma

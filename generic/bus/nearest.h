@@ -18,4 +18,7 @@ std::vector<std::string> nearest(std::string_view word, const std::vector<std::s
 // " (did you mean -tempo?)" for a message, after the word that is wrong; empty when nothing is near.
 std::string didYouMean(std::string_view word, const std::vector<std::string>& known);
 
+// "-a, -b, or -c": all that there are, sorted, each once.
+std::string oneOf(std::vector<std::string> words);
+
 }  // namespace sorma

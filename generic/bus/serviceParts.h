@@ -139,7 +139,4 @@ struct WordFault {
 };
 std::vector<WordFault> faultsOf(const Class& type, const std::string& name, const std::vector<std::string>& words);
 
-// "-a, -b, or -c"
-std::string oneOf(std::vector<std::string> words);
-
 }  // namespace sorma

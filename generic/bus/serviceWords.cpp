@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "bus/nearest.h"
+
 namespace sorma {
 
 namespace {
@@ -106,19 +108,6 @@ std::vector<WordFault> faultsOf(const Class& type, const std::string& name, cons
         }
     }
     return faults;
-}
-
-// "-a, -b, or -c"
-std::string oneOf(std::vector<std::string> words) {
-    std::sort(words.begin(), words.end());
-    words.erase(std::unique(words.begin(), words.end()), words.end());
-    std::string out;
-    for (std::size_t i = 0; i < words.size(); ++i) {
-        if (i > 0) out += words.size() > 2 ? ", " : " ";
-        if (i > 0 && i + 1 == words.size()) out += "or ";
-        out += words[i];
-    }
-    return out;
 }
 
 // The words of a class are told to nobody who has no right at all to the object.

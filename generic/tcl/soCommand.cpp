@@ -16,17 +16,16 @@ namespace {
 constexpr std::string_view kNamespace = "::sorma::so::";
 
 const Prototype kNoOption{Severity::error, "OPTION UNKNOWN", 2, "{}: unknown option \"{}\""};
-const Prototype kBadMethod{Severity::error, "REQUEST SYNTAX", 0,
-                           "bad method \"{}\"{}: must be CTRL, DBX, EXEC, cget, configure, destroy, exec, or info"};
-const Prototype kNotAsync{Severity::error, "REQUEST SYNTAX", 0, "{}{} cannot be asked for later: must be CTRL, DBX, EXEC, cget, configure, exec, or info"};
+const Prototype kBadMethod{Severity::error, "REQUEST SYNTAX", 0, "bad method \"{}\"{}: must be {}"};
+const Prototype kNotAsync{Severity::error, "REQUEST SYNTAX", 0, "{}{} cannot be asked for later: must be {}"};
 const Prototype kEmpty{Severity::error, "NAME EMPTY", 0, "the name before {} is empty; does an option of type service name nobody?"};
 const Prototype kPairs{Severity::error, "OPTION MISSING", 2, "{}: {} needs a value"};
 
 const std::vector<std::string> kLater{"CTRL", "DBX", "EXEC", "cget", "configure", "exec", "info"};
+const std::vector<std::string> kMethods{"CTRL", "DBX", "EXEC", "cget", "configure", "destroy", "exec", "info"};
 
-[[noreturn]] void badMethod(Tcl_Obj* word) {
-    fail(kBadMethod, toUtf8(word), didYouMean(toUtf8(word), {"CTRL", "DBX", "EXEC", "cget", "configure", "destroy", "exec", "info"}));
-}
+[[noreturn]] void badMethod(Tcl_Obj* word) { fail(kBadMethod, toUtf8(word), didYouMean(toUtf8(word), kMethods), oneOf(kMethods)); }
+[[noreturn]] void failNotAsync(Tcl_Obj* word) { fail(kNotAsync, toUtf8(word), didYouMean(toUtf8(word), kLater), oneOf(kLater)); }
 
 enum class Word { none, EXEC, CTRL, DBX, exec, configure, cget, info, destroy };
 
@@ -576,7 +575,7 @@ std::shared_ptr<PendingCommand> beginCommand(Interpreter& i, std::string_view na
     Message m;
     RequestForm request;
     int code = readRequest(b, methodOf(objv[1]), objc, objv, request, m);
-    if (code == TCL_CONTINUE) fail(kNotAsync, toUtf8(objv[1]), didYouMean(toUtf8(objv[1]), kLater));
+    if (code == TCL_CONTINUE) failNotAsync(objv[1]);
     if (code != TCL_OK) return nullptr;
     return std::make_shared<PendingCommand>(i, b.name, request, b.so->async(request.method, std::move(m), deadline), objc, objv);
 }
@@ -587,7 +586,7 @@ bool sendOneway(Interpreter& i, std::string_view name, int objc, Tcl_Obj* const 
     Message m;
     RequestForm request;
     int code = readRequest(b, methodOf(objv[1]), objc, objv, request, m);
-    if (code == TCL_CONTINUE) fail(kNotAsync, toUtf8(objv[1]), didYouMean(toUtf8(objv[1]), kLater));
+    if (code == TCL_CONTINUE) failNotAsync(objv[1]);
     if (code != TCL_OK) return false;
     b.so->oneway(request.method, std::move(m));
     Tcl_ResetResult(i.interp);

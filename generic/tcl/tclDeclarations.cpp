@@ -124,20 +124,9 @@ Count count(Tcl_Obj* command, Tcl_Obj* o) {
     bad(command, "bad count \"" + text + "\": must be N, N.., N..M, or *");
 }
 
-std::string oneOf(std::initializer_list<const char*> words) {
-    std::string out;
-    std::size_t n = 0;
-    for (auto* w : words) {
-        if (n > 0) out += n + 1 < words.size() ? ", " : words.size() > 2 ? ", or " : " or ";
-        out += w;
-        ++n;
-    }
-    return out;
-}
-
 // The end of an error about an unknown word: the near one, and all that there are.
-std::string nearAndOneOf(Tcl_Obj* word, std::initializer_list<const char*> words) {
-    return "\"" + toUtf8(word) + "\"" + didYouMean(toUtf8(word), {words.begin(), words.end()}) + ": must be " + oneOf(words);
+std::string nearAndOneOf(Tcl_Obj* word, const std::vector<std::string>& words) {
+    return "\"" + toUtf8(word) + "\"" + didYouMean(toUtf8(word), words) + ": must be " + oneOf(words);
 }
 
 Danger danger(Tcl_Obj* command, const std::string& word, Tcl_Obj* value) {
