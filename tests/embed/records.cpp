@@ -8,6 +8,7 @@
 
 #include "comm/record.h"
 #include "checks.h"
+#include "divided.h"
 
 using namespace sorma;
 
@@ -65,41 +66,14 @@ void testReader() {
 
 // ---- of several pieces ----
 
-// The records of a stream that comes in parts of this size. A piece that is longer than most is refused.
-std::vector<std::string> assembled(const std::string& stream, std::size_t part, std::size_t most, record::Assembler& pieces) {
-    std::vector<std::string> found;
-    std::string in;
-    for (std::size_t at = 0; at < stream.size(); at += part) {
-        in += stream.substr(at, part);
-        const char *from = in.data(), *const end = from + in.size();
-        for (;;) {
-            pieces.drop(from, end);
-            const record::Piece piece = record::front(from, end);
-            if (!piece.known) break;
-            if (piece.length > most) {
-                from += record::kMarkSize;
-                pieces.refuse(piece.length);
-                found.push_back("refused");
-                continue;
-            }
-            if (!piece.whole) break;
-            from += piece.size();
-            Buffer own;
-            std::string_view record;
-            if (pieces.add(piece, own, record)) found.emplace_back(record);
-        }
-        in.erase(0, std::size_t(from - in.data()));
-    }
-    return found;
-}
-
 void testPieces() {
     const std::string stream = piece("one", true) + piece("tw", false) + piece("", false) + piece("o", true) + piece("", true) + piece("long, and refused", true) +
                                piece("th", false) + piece("ree", false) + piece("", true) + piece("four", true) + piece("fi", false);
-    const std::vector<std::string> wanted = {"one", "two", "", "refused", "three", "four"};
+    const std::vector<std::string> wanted = {"one", "two", "", "refused 17", "three", "four"};
     for (std::size_t part = 1; part <= stream.size(); ++part) {
         record::Assembler pieces;
-        note(assembled(stream, part, 10, pieces) == wanted, __LINE__, "in parts of " + std::to_string(part));
+        Buffer rest;
+        note(divided(stream, part, 10, pieces, rest) == wanted, __LINE__, "in parts of " + std::to_string(part));
         CHECK(pieces.size() == 2 && pieces.inside() && pieces.dropping() == 0 && !pieces.tooEmpty());
     }
 }

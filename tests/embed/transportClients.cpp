@@ -57,9 +57,11 @@ public:
         return out;
     }
     // Accept, and greet.
-    End greet(std::uint64_t boot = kBoot, bool known = true) {
+    // when: not before that is true.
+    End greet(std::uint64_t boot = kBoot, bool known = true, const std::atomic<bool>* when = nullptr) {
         End end = accept();
         const auto hello = end.call();
+        if (when) when->wait(false);
         check(hello.procedure == wire::kHello, "HELLO does not come first");
         end.say(welcome(hello.xid, boot, known));
         end.upgrade(Transport::Stage::greeted);
@@ -201,11 +203,7 @@ void halfOpen(const Row& row) {
     bothWays([&](bool blocking) {
         std::atomic<bool> over{false};
         converse(row, [&over](Scripted& d) {
-            End end = d.accept();
-            const auto hello = end.call();
-            over.wait(false);
-            end.say(Scripted::welcome(hello.xid, kBoot, false));
-            end.upgrade(Transport::Stage::greeted);
+            End end = d.greet(kBoot, false, &over);
             for (auto header = end.call(); header.procedure != 99; header = end.call())
                 if (header.procedure == wire::kCall) end.say(Scripted::reply(header.xid, "late"));
         }, [&](Client& client) {
@@ -253,11 +251,7 @@ void tooBig(const Row& row) {
 void cancelConnecting(const Row& row) {
     std::atomic<bool> over{false};
     converse(row, [&over](Scripted& d) {
-        End end = d.accept();
-        const auto hello = end.call();
-        over.wait(false);
-        end.say(Scripted::welcome(hello.xid, kBoot, false));
-        end.upgrade(Transport::Stage::greeted);
+        End end = d.greet(kBoot, false, &over);
         const auto header = end.call();
         end.say(Scripted::reply(header.xid, end.last.find("second") != std::string::npos ? "second" : "the cancelled one was sent"));
         end.record();

@@ -7,41 +7,18 @@
 
 #include "comm/record.h"
 #include "comm/wire.h"
+#include "../embed/divided.h"
 
 using namespace sorma;
 
 namespace {
 
-// The records of a stream that comes in parts of this size; those of more than 100 bytes are refused when their mark is there.
+// The records of a stream that comes in parts of this size, and what is left then.
 std::vector<std::string> divide(std::string_view stream, std::size_t part) {
-    constexpr std::size_t kMost = 100;
-    std::vector<std::string> found;
     record::Assembler pieces;
-    Buffer in;
-    for (std::size_t at = 0; at < stream.size(); at += part) {
-        const auto more = stream.substr(at, part);
-        in.append(more.data(), more.size());
-        const char *from = in.data(), *const end = from + in.size();
-        for (;;) {
-            pieces.drop(from, end);
-            const record::Piece piece = record::front(from, end);
-            if (!piece.known) break;
-            if (piece.length > kMost) {
-                found.push_back("refused " + std::to_string(piece.length));
-                from += record::kMarkSize;
-                pieces.refuse(piece.length);
-                continue;
-            }
-            if (!piece.whole) break;
-            from += piece.size();
-            Buffer own;
-            std::string_view record;
-            if (pieces.add(piece, own, record)) found.emplace_back(record);
-        }
-        in.drop(std::size_t(from - in.data()));
-        if (in.size() >= record::kMarkSize + kMost) std::abort();       // it should have come out
-    }
-    found.push_back(std::to_string(pieces.dropping()) + " " + std::to_string(pieces.size()) + " " + std::to_string(in.size()));
+    Buffer rest;
+    auto found = divided(stream, part, 100, pieces, rest);
+    found.push_back(std::to_string(pieces.dropping()) + " " + std::to_string(pieces.size()) + " " + std::to_string(rest.size()));
     return found;
 }
 
