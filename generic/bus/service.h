@@ -231,17 +231,12 @@ private:
     void invokeInPlace(Message& m);         // Reference::exec when guard_ is not 0
     void unusable(Message& m);              // Reference::step got no usable answer
 
-    Charge charge_;                         // for the object itself
-    std::string name_;
-    PrincipalPointer maker_;
-    std::shared_ptr<const Class> class_;
-    Sorm* sorm_ = nullptr;
-    std::unique_ptr<Record> record_;
-    RealtimeOwner* realtimeOwner_ = nullptr;    // while guard_ has kOwnedBit
+    // What each request touches stands first, within 64 bytes.
     std::atomic<std::uint64_t> calls_{0};   // EXECs
+    Sorm* sorm_ = nullptr;
+    RealtimeOwner* realtimeOwner_ = nullptr;    // while guard_ has kOwnedBit
     std::uint32_t references_ = 0;
     std::uint32_t names_ = 0;               // names in the repository, second names included
-    std::unique_ptr<Stream> stream_;        // since somebody first listened, or a state was published
     static constexpr std::uint8_t kGoneBit = 1, kBusyBit = 2, kLockedBit = 4, kOwnedBit = 8;
     static constexpr std::uint8_t kAskBit = 16;     // the SORM is a safe interpreter's: its own requests need rights, too
     static constexpr std::uint8_t kPartsBit = 32;   // the author of a named part has lost the right to use it
@@ -251,6 +246,12 @@ private:
     std::atomic<std::uint8_t> guard_{0};    // 0: a request may run at once; else the reasons why it may not
     std::uint8_t checks_ = 0;               // class_->checks()
     std::uint8_t verbosity_ = 1;            // 0: errors; 1: and warnings; 2: and verbose
+    Charge charge_;                         // for the object itself
+    std::string name_;
+    PrincipalPointer maker_;
+    std::shared_ptr<const Class> class_;
+    std::unique_ptr<Record> record_;
+    std::unique_ptr<Stream> stream_;        // since somebody first listened, or a state was published
     // The rights of the last principal that made a request; valid for that principal and that epoch of the policy.
     struct Known {
         std::uint64_t principal = 0;

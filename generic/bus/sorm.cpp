@@ -557,7 +557,7 @@ void Sorm::dispatchWith(Message& m, std::string& name, std::string_view request,
             who = name;
             known = find(who);
         }
-        Reference service = get(who, known, author, Probe::now);
+        Reference service = known && !author ? Reference(known) : get(who, known, author, Probe::now);
         if (author) [[unlikely]] m.author = author;
         reached = true;
         service->invoke(method, m);
