@@ -46,6 +46,7 @@ const std::vector<Case> kScripts = {
     {"PT_unix", "Tcl script: nop@robot EXEC; one CPU", "P_unix", 0, 0, 1000, Interpreter::kUnrolled, kBatch},
     {"PT10_unix", "Tcl script: echo@robot EXEC TMSG .. FMSG 10 ..", "P10_unix", 0, 0, 0, Interpreter::kUnrolled, kBatch},
 };
+const Case kSteps = {"PT_pipe", "Tcl script: sorma::pipe of three steps, empty", "PT_unix: one call", 1.3, 0, 0, Interpreter::kUnrolled, kBatch};
 const std::vector<Case> kBigs = {
     {"BIG_unix", "200 000 floats there and back; one CPU", kRawBig, 1.5, 0, 0, 1, kBatch, 20},
     {"BIG_tcp", "200 000 floats there and back; one CPU", kRawBig, 1.5, 0, 0, 1, kBatch, 20},
@@ -54,6 +55,7 @@ const std::vector<Case> kBigs = {
 std::vector<Case> allCases() {
     std::vector<Case> all = kPairs;
     all.push_back(kIdle);
+    all.push_back(kSteps);
     for (auto* more : {&kTails, &kPipes, &kScripts, &kBigs}) all.insert(all.end(), more->begin(), more->end());
     return all;
 }
@@ -151,6 +153,16 @@ void scripts(Table& table, Bus& bus, const Daemon& daemon) {
     std::string ten = "echo@" + daemon.name() + " EXEC TMSG {sixteen letters!} FMSG 10";
     for (int i = 0; i < 10; ++i) ten += " [expr {1 / (" + std::to_string(i) + " + 3.0)}]";
     measure(kScripts[1], interpreter.eval("return [subst {" + ten + "}]"), true);
+    if (!table.wants(kSteps.row)) return;
+    auto script = [&](const std::string& call) {
+        return [&, loop = interpreter.loop(call)](std::int64_t count) {
+            std::int64_t start = now();
+            interpreter.run(loop, count);
+            return now() - start;
+        };
+    };
+    const std::string call = "nop@" + daemon.name() + " EXEC", step = " {" + call + "}";
+    table.measure(kSteps, script("sorma::pipe" + step + step + step), script(call));
 }
 
 void bigOnes(Table& table, Bus& bus, const Daemon& daemon) {
@@ -180,7 +192,7 @@ void protectedCall(Table& table) {
         calls(table, bus, daemon, {kIdle});
         calls(table, bus, daemon, kTails);
         pipelines(table, bus, daemon);
-        if (table.wantsAny(kScripts)) scripts(table, bus, daemon);
+        if (table.wantsAny(kScripts) || table.wants(kSteps.row)) scripts(table, bus, daemon);
         bigOnes(table, bus, daemon);
     } catch (const Interrupted&) {
         throw;

@@ -231,7 +231,7 @@ private:
     void invokeInPlace(Message& m);         // Reference::exec when guard_ is not 0
     void unusable(Message& m);              // Reference::step got no usable answer
 
-    // What each request touches stands first, within 64 bytes.
+    // Each request touches these: they stand first, within 64 bytes.
     std::atomic<std::uint64_t> calls_{0};   // EXECs
     Sorm* sorm_ = nullptr;
     RealtimeOwner* realtimeOwner_ = nullptr;    // while guard_ has kOwnedBit

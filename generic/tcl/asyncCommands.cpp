@@ -25,6 +25,9 @@ const Prototype kBadMethod{Severity::error, "REQUEST SYNTAX", 0, "bad method \"{
 const Prototype kNoFuture{Severity::error, "REQUEST SYNTAX", 0, "\"{}\" is no future of this interpreter"};
 const Prototype kNoSubscription{Severity::error, "REQUEST SYNTAX", 0, "\"{}\" is no subscription of this interpreter"};
 const Prototype kLocalDaemon{Severity::error, "REQUEST SYNTAX", 0, "\"{}\" is this interpreter itself, not a daemon elsewhere"};
+const Prototype kStep{Severity::error, "PIPE STEP", 1, "step {}, \"{}\": expected NAME EXEC ?word ...?"};
+const Prototype kApart{Severity::error, "PIPE ELSEWHERE", 1,
+                       "step {}, \"{}\", is at {}, and the first step at {}; all steps of a pipe are at one daemon: ask this one for itself"};
 const Prototype kTooLate{Severity::error, "COMM TIMEOUT", 1, "{}: not done in the time given to this command; the calls go on"};
 
 // A deadline from now, in milliseconds; 0 is none, which is said by one that never comes.
@@ -222,6 +225,45 @@ int AnyObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv
     return Tcl_NRCallObjProc(interp, AnyNRCmd, data, objc, objv);
 }
 
+// ---- pipes ----
+
+// sorma::pipe step ?step ...?: the steps as EXEC of class pipe at the daemon that serves all of them
+int PipeNRCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& a = *static_cast<Async*>(data);
+    Interpreter& i = a.interpreter;
+    return guarded(i, objc, objv, [&] {
+        if (objc < 2) return Tcl_WrongNumArgs(interp, 1, objv, "step ?step ...?"), TCL_ERROR;
+        std::vector<Obj> words{newText("pipe"), newText("EXEC")};
+        const Connection* line = nullptr;
+        std::string place;
+        for (int k = 1; k < objc; ++k) {
+            Tcl_Obj** parts;
+            Tcl_Size n;
+            if (Tcl_ListObjGetElements(interp, objv[k], &n, &parts) != TCL_OK) return TCL_ERROR;
+            if (n < 2) fail(kStep, std::int64_t(k), toUtf8(objv[k]));
+            const std::string name = toUtf8(parts[0]);
+            Reference so = Name::isElsewhere(name) ? i.sorm.get(name, Probe::later) : Reference(i.sorm.find(name));
+            auto* proxy = dynamic_cast<Proxy*>(so.get());
+            const Connection* here = proxy ? &proxy->connection() : nullptr;
+            if (k == 1) {
+                line = here;
+                place = proxy ? so->location() : "this process";
+                if (proxy) words[0] = newText("pipe@" + whereOf(Name::parse(so->name()), i.sorm.dictionary()));
+            } else if (here != line) {
+                fail(kApart, std::int64_t(k), toUtf8(objv[k]), proxy ? so->location() : "this process", place);
+            }
+            std::vector<std::string> step{proxy ? proxy->target() : name};
+            for (Tcl_Size p = 1; p < n; ++p) step.push_back(toUtf8(parts[p]));
+            words.push_back(newText(joinWords(step)));
+        }
+        std::vector<Tcl_Obj*> call(words.begin(), words.end());
+        return callByName(i, toUtf8(call[0]), int(call.size()), call.data());
+    });
+}
+int PipeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    return Tcl_NRCallObjProc(interp, PipeNRCmd, data, objc, objv);
+}
+
 // ---- subscriptions ----
 
 // sorma::subscribe name ?-event pattern? ?-latest? ?-queue n? -command prefix
@@ -326,9 +368,7 @@ void initAsyncCommands(Interpreter& i) {
         const char* name;
         Tcl_ObjCmdProc *proc, *nrProc;
     };
-    for (auto& c : std::initializer_list<Command>{{"async", AsyncObjCmd, nullptr}, {"all", AllObjCmd, AllNRCmd}, {"any", AnyObjCmd, AnyNRCmd},
-             {"subscribe", SubscribeObjCmd, nullptr}, {"unsubscribe", UnsubscribeObjCmd, nullptr},
-             {"subscriptions", SubscriptionsObjCmd, nullptr}, {"health", HealthObjCmd, nullptr}}) {
+    for (auto& c : std::initializer_list<Command>{{"async", AsyncObjCmd, nullptr}, {"all", AllObjCmd, AllNRCmd}, {"any", AnyObjCmd, AnyNRCmd}, {"pipe", PipeObjCmd, PipeNRCmd}, {"subscribe", SubscribeObjCmd, nullptr}, {"unsubscribe", UnsubscribeObjCmd, nullptr}, {"subscriptions", SubscriptionsObjCmd, nullptr}, {"health", HealthObjCmd, nullptr}}) {
         std::string full = std::string("::sorma::") + c.name;
         if (c.nrProc) Tcl_NRCreateCommand(i.interp, full.c_str(), c.proc, c.nrProc, own.get(), nullptr);
         else Tcl_CreateObjCommand(i.interp, full.c_str(), c.proc, own.get(), nullptr);

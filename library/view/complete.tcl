@@ -18,6 +18,7 @@ namespace eval ::sorma::complete {
     variable Special {
         sorma::async {method request word request}
         sorma::create {name so option recipe}
+        sorma::pipe {step none}
         sorma::classes {pattern class}
         sorma::catalogue {pattern none}
         sorma::manual {name topic}
