@@ -790,6 +790,7 @@ void Dictionary::loadGood(const std::string& file) {
         readFile(file, false, text);
         Table fresh;
         parse(text, file, fresh, &leftOut_);
+        learnAuthors(fresh, file);
         try {
             checkLoops(fresh, entries_);
             take(std::move(fresh));
