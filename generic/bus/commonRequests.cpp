@@ -3,6 +3,7 @@
 #include "bus/listText.h"
 #include "bus/monitor.h"
 #include "bus/nearest.h"
+#include "bus/remembered.h"
 #include "bus/serviceParts.h"
 
 #ifndef SORMA_VERSION
@@ -35,6 +36,7 @@ std::string CommonRequests::describe(const Service::Record::Source& source) {
     switch (source.kind) {
         case Kind::initial: return "default";
         case Kind::recipe: return "recipe " + source.origin.toText();
+        case Kind::remembered: return "remembered, set by " + source.by + " at " + clockText(source.time);
         case Kind::ctrl: return "CTRL " + source.request + ", by " + source.by + " at " + clockText(source.time);
     }
     return {};
@@ -46,11 +48,12 @@ void CommonRequests::why(Service& s, Args args, Message& reply) {
     auto& source = s.record_ ? *s.record_->sources[index] : none;
     std::string line = args[0];
     appendWord(line, s.shown(s.type().options()[std::size_t(index)], s.need(reply.author, Right::inspect)));
-    addLine(reply, line + ": " + describe(source));
+    const bool remembers = s.record_ && !s.record_->remembers.empty() && s.record_->remembers[std::size_t(index)];
+    addLine(reply, line + ": " + describe(source) + (remembers ? "; what is set is remembered" : ""));
 }
 
-void CommonRequests::diff(Service& s, Args, Message& reply) {
-    // The options of the present recipe; the last word for an option counts.
+// The options of the present recipe, and their words; the last word for an option counts.
+static std::vector<std::pair<int, std::string>> recipeValues(Service& s) {
     std::vector<std::pair<int, std::string>> recipe;
     auto words = s.sorm().dictionary().expand(s.name());
     for (std::size_t i = 0; i < words.size(); ++i) {
@@ -62,6 +65,11 @@ void CommonRequests::diff(Service& s, Args, Message& reply) {
         std::erase_if(recipe, [&](auto& p) { return p.first == index; });
         recipe.emplace_back(index, value);
     }
+    return recipe;
+}
+
+void CommonRequests::diff(Service& s, Args, Message& reply) {
+    const auto recipe = recipeValues(s);
     bool any = false;
     const Permit permit = s.need(reply.author, Right::inspect);
     for (std::size_t i = 0; i < s.type().options().size(); ++i) {
@@ -226,6 +234,41 @@ void CommonRequests::save(Service& s, Args args, Message& m) {
     addLine(m, line + " " + recipe);
 }
 
+// ---- values that outlive the process ----
+
+void CommonRequests::remember(Service& s, Args args, Message& m) {
+    s.sorm().access.need(m.author, Right::dictionary, s.name(), s.name());
+    s.rememberOnly(args[0], m.author, s.names_ > 0);      // a recipe says it by itself
+    std::string which;
+    for (std::size_t k = 0; k < s.record().remembers.size(); ++k)
+        if (s.record().remembers[k]) appendWord(which, s.type().options()[k].name);
+    addLine(m, which.empty() ? "remembers nothing" : "remembers " + which + " in " + s.sorm().remembered().file());
+}
+
+// The recipe's values again, or else the class's.
+void CommonRequests::forget(Service& s, Args, Message& m) {
+    s.sorm().access.need(m.author, Right::dictionary, s.name(), s.name());
+    const auto recipe = recipeValues(s);
+    auto& remembered = s.sorm().remembered();
+    std::vector<DictionaryWord> words;
+    std::vector<std::string> gone;
+    for (auto& v : remembered.of(s.name())) {
+        if (v.option == Remembered::kSwitch) continue;
+        gone.push_back(v.option);
+        const int index = s.type().findOption(v.option);
+        if (index < 0) continue;
+        auto found = std::find_if(recipe.begin(), recipe.end(), [&](auto& p) { return p.first == index; });
+        for (auto& text : {v.option, found != recipe.end() ? found->second : toText(s.type().defaults()[std::size_t(index)])})
+            words.push_back({text, {}}), words.back().origin.author = m.author;
+    }
+    if (!words.empty()) s.configure(words, false, nullptr);
+    for (auto& option : gone) remembered.forget(s.name(), option);
+    remembered.flush();
+    std::string line;
+    for (auto& w : words) appendWord(line, w.text);
+    addLine(m, line.empty() ? "nothing was remembered" : line);
+}
+
 std::string CommonRequests::optionsList(Service& s, std::string_view only, const Permit& permit) {
     std::string list;
     for (std::size_t i = 0; i < s.type().options().size(); ++i) {
@@ -323,6 +366,9 @@ const std::vector<Action>& CommonRequests::actions() {
          save, Right::inspect},
         {"-selftest", "", "check itself", 0, 0,
          [](Service& s, Args, Message& m) { s.answerSelftest(m); }, Right::call},
+        {"-remember", "boolean|options", "1: values that are set from now on outlive the process; or those of a list of options; 0: none", 1, 1,
+         remember, Right::configure},
+        {"-forget", "", "give back the recipe's values for those that are remembered", 0, 0, forget, Right::configure},
         {"-undo", "", "take back the last CTRL that set options; again: the one before, up to 10", 0, 0, undo, Right::configure, true},
     };
     return list;

@@ -783,7 +783,6 @@ void Dictionary::saveTo(const std::string& file, bool everything, bool home) {
 
 // ---- environment ----
 
-// As load, without what is wrong in it.
 void Dictionary::loadGood(const std::string& file) {
     try {
         std::string text;

@@ -90,7 +90,9 @@ public:
     // Load the files of SORMA_DICT (a path list), and add the variables SORMA_ENTRY_<word>. Never fails: what is wrong is left
     // out, line by line, and noted in leftOut().
     void loadEnvironment();
-    // Errors of the environment, with file and line.
+    // As load, for a file of this process's owner; what is wrong in it is left out, and noted in leftOut().
+    void loadGood(const std::string& file);
+    // Errors of such files and of the environment, with file and line.
     const std::vector<std::string>& leftOut() const { return leftOut_; }
 
 private:
@@ -113,7 +115,6 @@ private:
 
     // wrong: gets the errors, and these lines are left out; null: the first error is thrown.
     static void parse(std::string_view text, const std::string& file, Table& into, std::vector<std::string>* wrong = nullptr);
-    void loadGood(const std::string& file);
     // No loop leads through an entry of fresh, once these have replaced those of base.
     static void checkLoops(const Table& fresh, const Table& base);
     void take(Table&& fresh);

@@ -158,7 +158,7 @@ public:
     // Who wrote the present value of an option, also inside changed(); null: the owner. If the value names a thing, the
     // object uses it with the author's rights.
     const PrincipalPointer& author(std::string_view option) const;
-    // Who made it: the author of its recipe in the dictionary, else whoever used the name first; null: the owner. If the name
+    // The author of its recipe in the dictionary, else whoever used the name first; null: the owner. If the name
     // itself says what the object uses, it uses that with the rights of the maker.
     const PrincipalPointer& maker() const { return maker_; }
     // Fails with COMM DENIED when somebody may not write such a value, see bus/named.h.
@@ -202,6 +202,9 @@ private:
     bool hasDangerousPart() const;
     void assign(const Option& option, const Value& value, const PrincipalPointer& author);
     void needArguments(const Action& action, Args args, const PrincipalPointer& author);
+    void recall(const std::vector<std::string>* given);   // the values that are remembered, but for those of the words given
+    void rememberOnly(const std::string& which, const PrincipalPointer& author, bool write);
+    void remember(const std::vector<const Option*>& options);
     bool mayKeepValues() const;             // may the authors of its values keep them, by the present policy?
     void judgeParts();                      // check needParts() by the present policy, and set kPartsBit
     bool startGuarded(Method method, Message& m);

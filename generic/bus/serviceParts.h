@@ -31,10 +31,10 @@ inline const Prototype kMissingValue{Severity::error, "OPTION MISSING", 2, "{}: 
 struct Service::Record {
     // Where an option has its value from.
     struct Source {
-        enum class Kind { initial, recipe, ctrl } kind = Kind::initial;
+        enum class Kind { initial, recipe, ctrl, remembered } kind = Kind::initial;
         Origin origin;                  // recipe: place of the word
         PrincipalPointer author;        // who wrote the value; null: the owner
-        std::string by, request;        // ctrl: the caller, and the request, for people
+        std::string by, request;        // ctrl, remembered: the caller; ctrl: the request; for people
         std::int64_t time = 0;          // [us since 1970]
         std::size_t value = 0;          // what the value takes [bytes], which is charged here
         std::size_t heap() const {
@@ -61,10 +61,11 @@ struct Service::Record {
     std::vector<KeptSource> sources;    // one for each option
     static constexpr std::size_t kUndoDepth = 10;
     std::deque<std::vector<Undo>> undo; // the changes of the last CTRLs, the latest last
-    void remember(std::vector<Undo> before) {
+    void keepUndo(std::vector<Undo> before) {
         if (undo.size() == kUndoDepth) undo.pop_front();
         undo.push_back(std::move(before));
     }
+    std::vector<bool> remembers;        // by option: its value outlives the process; empty: none
     std::deque<Charged<Audit>> audit;
     Histogram times;                    // of EXEC, one call in 64, until its answer
     std::uint64_t errors = 0, ctrls = 0, dbxs = 0;      // how many
@@ -107,6 +108,8 @@ struct CommonRequests {
     static const std::vector<Action>& actions();
     static const std::vector<Action>& inspections();
 
+    static void remember(Service& s, Args args, Message& reply);
+    static void forget(Service& s, Args args, Message& reply);
     static void help(Service& s, Args args, Message& reply);
     static void why(Service& s, Args args, Message& reply);
     static void diff(Service& s, Args args, Message& reply);

@@ -191,7 +191,7 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, M
                                                   heapOf(a.values[i].value)});
         a.birth = birth;
         apply(a);
-        if (!birth) r.remember(std::move(a.before));
+        if (!birth) r.keepUndo(std::move(a.before));
     }
     for (auto& step : steps) {
         if (step.action->whileTicking) a.between.reset();
@@ -234,6 +234,7 @@ void Service::apply(Applying& a) {
         if (a.commit) a.commit(), committed = true;
         changed(options);
         told = true;
+        remember(options);
         if (guard() & kPartsBit) judgeParts();
         if (owner) {
             if (a.commit || !planted.empty()) owner->partsChanged();

@@ -8,6 +8,7 @@
 #include "bus/glob.h"
 #include "bus/monitor.h"
 #include "bus/nearest.h"
+#include "bus/remembered.h"
 #include "bus/requestText.h"
 
 namespace sorma {
@@ -51,7 +52,7 @@ bool onForeignThread() { return RealtimeOwner::current() != nullptr; }
 
 }  // namespace
 
-Sorm::Sorm(Host* host) : host_(host), statistics_(makeStatistics()), audit_(makeAudit(*this)) {
+Sorm::Sorm(Host* host) : host_(host), statistics_(makeStatistics()), audit_(makeAudit(*this)), remembered_(std::make_unique<Remembered>(*this)) {
     observers.add(statistics_.get());
     observers.add(audit_.get());
     add(describeDict());
@@ -332,6 +333,7 @@ Reference Sorm::makeLocal(const Name& which, const std::vector<std::string>* wor
     Message reply;
     try {
         if (!recipe.empty()) made->configure(recipe, true, &reply);
+        made->recall(words);
         made->born();
     } catch (...) {
         throw Error(trailOfCurrentException(name));

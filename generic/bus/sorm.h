@@ -34,6 +34,8 @@
 
 namespace sorma {
 
+class Remembered;       // bus/remembered.h
+
 // The surroundings of a SORM: an interpreter, or an embedding program, which need not override anything. Called on the
 // SORM's thread.
 class Host {
@@ -126,6 +128,7 @@ public:
     void call(std::string_view name, Method method, Message& m);
 
     Dictionary& dictionary() { return dictionary_; }
+    Remembered& remembered() { return *remembered_; }
     const Dictionary& dictionary() const { return dictionary_; }
     void dictionaryChanged(std::string_view word);                  // call it after each change of the dictionary
     // Counts the changes of locations in the dictionary. When it changes, addresses that were resolved before may be wrong.
@@ -250,6 +253,7 @@ private:
     Repository repository_;
     mutable std::array<Recent, 64> recent_{};
     Dictionary dictionary_;
+    const std::unique_ptr<Remembered> remembered_;
     std::deque<Charged<Relay>> relays_;     // the last ones, the oldest first
     struct Birth {
         std::string name;
