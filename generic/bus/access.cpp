@@ -12,6 +12,7 @@
 #include "bus/call.h"
 #include "bus/catalogue.h"
 #include "bus/client.h"
+#include "bus/descriptor.h"
 #include "bus/glob.h"
 #include "bus/nearest.h"
 #include "bus/requestText.h"
@@ -420,21 +421,16 @@ void Access::anotherHolds() {
 }
 
 void Access::load(const std::string& file) {
-    struct Descriptor {
-        int fd;
-        ~Descriptor() {
-            if (fd >= 0) close(fd);
-        }
-    } in{open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)};
+    const Descriptor in(open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
     auto wrong = [&](const std::string& why) { fail(kFile, file, why); };
     struct stat facts{};
-    if (in.fd < 0 || fstat(in.fd, &facts) != 0) wrong(std::strerror(errno));
+    if (!in || fstat(in.get(), &facts) != 0) wrong(std::strerror(errno));
     if (!S_ISREG(facts.st_mode)) wrong("it is no file");
     if (facts.st_uid != geteuid() && facts.st_uid != 0) wrong("it belongs to " + userName(facts.st_uid) + "; it must be this user's, or root's");
     if (facts.st_mode & (S_IWGRP | S_IWOTH)) wrong("others than its owner may write to it; chmod go-w it");
     std::string text;
     char block[4096];
-    for (ssize_t n; (n = read(in.fd, block, sizeof block)) != 0;) {
+    for (ssize_t n; (n = read(in.get(), block, sizeof block)) != 0;) {
         if (n < 0 && errno == EINTR) continue;
         if (n < 0) wrong(std::strerror(errno));
         text.append(block, std::size_t(n));

@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "bus/catalogue.h"
+#include "bus/descriptor.h"
 #include "bus/glob.h"
 #include "bus/nearest.h"
 #include "bus/requestText.h"
@@ -199,22 +200,6 @@ void appendReplaced(std::string& out, const LogicalLine& line, LineWords& words,
 
 // ---- files ----
 
-class Descriptor {
-public:
-    explicit Descriptor(int fd) : fd_(fd) {}
-    ~Descriptor() { close(); }
-    Descriptor(const Descriptor&) = delete;
-    Descriptor& operator=(const Descriptor&) = delete;
-    int get() const { return fd_; }
-    bool close() {
-        int fd = std::exchange(fd_, -1);
-        return fd < 0 || ::close(fd) == 0;
-    }
-
-private:
-    int fd_;
-};
-
 [[noreturn]] void failFile(const std::string& file, const char* verb, int error) {
     fail(kFile, file, verb, std::strerror(error));
 }
@@ -222,7 +207,7 @@ private:
 // Returns false when the file does not exist and that is allowed.
 bool readFile(const std::string& file, bool mayLack, std::string& text) {
     Descriptor in(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
-    if (in.get() < 0) {
+    if (!in) {
         if (errno == ENOENT && mayLack) return false;
         failFile(file, "read", errno);
     }
@@ -272,13 +257,12 @@ void replaceFile(const std::string& file, std::string_view text, mode_t mode = 0
     const bool existed = ::stat(target.c_str(), &before) == 0;
     static std::atomic<unsigned> count{0};
     std::string temporary;
-    int fd;
+    Descriptor out;
     do {    // the name is new; not mkstemp, whose mode forgets the umask
         temporary = target + ".new-" + std::to_string(::getpid()) + '-' + std::to_string(count++);
-        fd = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
-    } while (fd < 0 && errno == EEXIST);
-    if (fd < 0) failFile(file, "write", errno);
-    Descriptor out(fd);
+        out = Descriptor(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode));
+    } while (!out && errno == EEXIST);
+    if (!out) failFile(file, "write", errno);
     auto giveUp = [&](int error) {
         ::unlink(temporary.c_str());
         failFile(file, "write", error);
@@ -304,7 +288,7 @@ void replaceFile(const std::string& file, std::string_view text, mode_t mode = 0
     std::string folder = slash == target.npos ? "./" : target.substr(0, slash + 1);
     sweepLeftOvers(folder, slash == target.npos ? target : target.substr(slash + 1));
     Descriptor at(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-    if (at.get() >= 0) (void)!::fsync(at.get());
+    if (at) (void)!::fsync(at.get());
 }
 
 // FILE.authors stands beside FILE, and only the owner may read it. Each line has a hash of an entry, its word included, and the

@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <sys/epoll.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -15,7 +14,7 @@ namespace {
 constexpr int kBatch = 64;                              // connections in one turn, at most
 constexpr std::int64_t kPause = 250'000'000;            // [ns] without descriptors
 
-int openSpare() { return open("/dev/null", O_RDONLY | O_CLOEXEC); }
+Descriptor openSpare() { return Descriptor(open("/dev/null", O_RDONLY | O_CLOEXEC)); }
 bool scarce(int error) { return error == EMFILE || error == ENFILE; }
 
 }  // namespace
@@ -23,17 +22,14 @@ bool scarce(int error) { return error == EMFILE || error == ENFILE; }
 class Acceptor::Listener : public Reactor::Watcher {
 public:
     Listener(Acceptor& acceptor, ListeningSocket what) : socket(std::move(what)), acceptor_(acceptor) {
-        acceptor_.reactor_.add(socket.fd, EPOLLIN, this);
+        acceptor_.reactor_.add(socket.fd.get(), EPOLLIN, this);
     }
-    ~Listener() override {
-        acceptor_.reactor_.remove(socket.fd, this);
-        ::close(socket.fd);
-    }
+    ~Listener() override { acceptor_.reactor_.remove(socket.fd.get(), this); }
     void ready(std::uint32_t) override {
         ServerLock::Held held(acceptor_.lock_);
         acceptor_.take(*this);
     }
-    Line accept() { return socket.row->accept(socket.fd); }
+    Line accept() { return socket.row->accept(socket.fd.get()); }
     const ListeningSocket socket;
 
 private:
@@ -50,7 +46,7 @@ void Acceptor::add(ListeningSocket socket) { listeners_.push_back(std::make_uniq
 void Acceptor::close() {
     pause_.cancel();
     listeners_.clear();
-    if (spare_ >= 0) ::close(std::exchange(spare_, -1));
+    spare_.close();
 }
 
 bool Acceptor::at(const Address& address) const {
@@ -62,9 +58,9 @@ void Acceptor::take(Listener& listener) {
     reactor_.seen(monotonicNow());
     for (int i = 0; i < kBatch; ++i) {
         Line line = listener.accept();
-        const bool last = !line.open() && scarce(errno) && spare_ >= 0;
+        const bool last = !line.open() && scarce(errno) && spare_;
         if (last) {
-            ::close(std::exchange(spare_, -1));
+            spare_.close();
             line = listener.accept();
         }
         const int error = errno;
@@ -75,11 +71,11 @@ void Acceptor::take(Listener& listener) {
         if (!scarce(error)) return;
         // Other code of this process has taken the spare one, too. Connections wait in the backlog; look again later, do not spin.
         Listener* waiting = &listener;
-        reactor_.change(listener.socket.fd, 0, waiting);
+        reactor_.change(listener.socket.fd.get(), 0, waiting);
         pause_ = reactor_.after(monotonicNow() + kPause, [this, waiting] {
-            if (spare_ < 0) spare_ = openSpare();
+            if (!spare_) spare_ = openSpare();
             for (auto& l : listeners_)
-                if (l.get() == waiting) reactor_.change(l->socket.fd, EPOLLIN, waiting);
+                if (l.get() == waiting) reactor_.change(l->socket.fd.get(), EPOLLIN, waiting);
         });
         return;
     }

@@ -39,7 +39,7 @@ private:
     const std::function<void(Line line, bool scarce)> came_;
     std::vector<std::unique_ptr<Listener>> listeners_;
     Timer pause_;                       // a listener is not watched until then
-    int spare_;                         // a descriptor; -1: none
+    Descriptor spare_;
 };
 
 }  // namespace sorma

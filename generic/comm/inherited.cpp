@@ -43,7 +43,7 @@ ListeningSocket inherit(int fd, bool listener) {
     if (!listener && getpeername(fd, reinterpret_cast<sockaddr*>(&peer), &size) < 0) fail(kInherited, fd, wanted, "not connected");
     size = sizeof own;
     getsockname(fd, reinterpret_cast<sockaddr*>(&own), &size);
-    ListeningSocket found{-1, domain == AF_UNIX ? &unixTransport : &tcpTransport, {}, 0};
+    ListeningSocket found{Descriptor(), domain == AF_UNIX ? &unixTransport : &tcpTransport, {}, 0};
     if (domain == AF_INET) found.port = ntohs(reinterpret_cast<sockaddr_in&>(own).sin_port);
     else if (domain == AF_INET6) found.port = ntohs(reinterpret_cast<sockaddr_in6&>(own).sin6_port);
     else if (size > offsetof(sockaddr_un, sun_path)) {
@@ -52,19 +52,19 @@ ListeningSocket inherit(int fd, bool listener) {
         if (found.path[0] == 0) found.path[0] = '@';
         else found.path.resize(std::strlen(found.path.c_str()));
     }
-    int copy = fcntl(fd, F_DUPFD_CLOEXEC, STDERR_FILENO + 1);
-    if (copy < 0) failListen("descriptor " + std::to_string(fd), std::strerror(errno));
-    makeBlocking(copy, false);
-    found.fd = raiseDescriptor(copy);
+    Descriptor copy(fcntl(fd, F_DUPFD_CLOEXEC, STDERR_FILENO + 1));
+    if (!copy) failListen("descriptor " + std::to_string(fd), std::strerror(errno));
+    makeBlocking(copy.get(), false);
+    found.fd = raiseDescriptor(std::move(copy));
     return found;
 }
 
 ListeningSocket listen(const std::string&, int fd, bool) { return inherit(fd, true); }
 
 Line accept(int fd) {
-    const ListeningSocket found = inherit(fd, false);
-    if (!found.row->vouched) tuneTcp(found.fd);
-    return {found.fd, *found.row};
+    ListeningSocket found = inherit(fd, false);
+    if (!found.row->vouched) tuneTcp(found.fd.get());
+    return {std::move(found.fd), *found.row};
 }
 
 }  // namespace

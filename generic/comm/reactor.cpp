@@ -35,44 +35,36 @@ struct Reactor::Batch {
 };
 
 // Someone who waits for a descriptor without a class of his own.
-struct Reactor::Descriptor : Watcher {
+struct Reactor::Watched : Watcher {
     Callback readable;
-    explicit Descriptor(Callback callback) : readable(std::move(callback)) {}
+    explicit Watched(Callback callback) : readable(std::move(callback)) {}
     void ready(std::uint32_t) override {
         auto callback = readable;       // it may unwatch itself
         callback();
     }
 };
 
-Reactor::Reactor(std::shared_ptr<Mailbox> mailbox) : mailbox_(std::move(mailbox)), gathered_(std::make_unique<Batch>()) {
-    epoll_ = epoll_create1(EPOLL_CLOEXEC);
-    timer_ = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
-    bell_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
-    seen_ = monotonicNow();
-    if (epoll_ < 0 || timer_ < 0 || bell_ < 0) throw std::system_error(errno, std::generic_category(), "cannot wait for events");
-    timer_ = raiseDescriptor(timer_);
+Reactor::Reactor(std::shared_ptr<Mailbox> mailbox)
+    : epoll_(epoll_create1(EPOLL_CLOEXEC)), timer_(raiseDescriptor(Descriptor(timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)))),
+      bell_(raiseDescriptor(Descriptor(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)))), seen_(monotonicNow()), mailbox_(std::move(mailbox)),
+      gathered_(std::make_unique<Batch>()) {
+    if (!epoll_ || !timer_ || !bell_) throw std::system_error(errno, std::generic_category(), "cannot wait for events");
     epoll_event e{};
     e.events = EPOLLIN;
     e.data.ptr = nullptr;               // null: the timer
-    epoll_ctl(epoll_, EPOLL_CTL_ADD, timer_, &e);
-    bell_ = raiseDescriptor(bell_);
+    epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, timer_.get(), &e);
     e.data.ptr = this;                  // this: the bell
-    epoll_ctl(epoll_, EPOLL_CTL_ADD, bell_, &e);
+    epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, bell_.get(), &e);
     mailbox_->setBell([this] { ring(); });
 }
 
-Reactor::~Reactor() {
-    mailbox_->setBell(nullptr);
-    close(bell_);
-    close(timer_);
-    close(epoll_);
-}
+Reactor::~Reactor() { mailbox_->setBell(nullptr); }
 
 void Reactor::add(int fd, std::uint32_t events, Watcher* watcher) {
     epoll_event e{};
     e.events = events;
     e.data.ptr = watcher;
-    if (epoll_ctl(epoll_, EPOLL_CTL_ADD, fd, &e) < 0)
+    if (epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, fd, &e) < 0)
         throw std::system_error(errno, std::generic_category(), "cannot watch a descriptor");
 }
 
@@ -80,11 +72,11 @@ bool Reactor::change(int fd, std::uint32_t events, Watcher* watcher) {
     epoll_event e{};
     e.events = events;
     e.data.ptr = watcher;
-    return epoll_ctl(epoll_, EPOLL_CTL_MOD, fd, &e) == 0;
+    return epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, fd, &e) == 0;
 }
 
 void Reactor::remove(int fd, Watcher* watcher) {
-    epoll_ctl(epoll_, EPOLL_CTL_DEL, fd, nullptr);
+    epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, fd, nullptr);
     // Polls on the stack must not call it any more, and neither must callGathered.
     for (Batch* b = batches_; b; b = b->outer) b->forget(watcher);
     gathered_->forget(watcher);
@@ -95,7 +87,7 @@ void Reactor::remove(int fd, Watcher* watcher) {
 // Any thread. It cannot fail: the counter is read before it can overflow.
 void Reactor::ring() {
     std::uint64_t one = 1;
-    ssize_t ignored = write(bell_, &one, sizeof one);
+    ssize_t ignored = write(bell_.get(), &one, sizeof one);
     (void)ignored;
 }
 
@@ -108,7 +100,7 @@ void Reactor::again(Watcher* watcher) {
 
 int Reactor::runPending() {
     std::uint64_t rung;
-    if (read(bell_, &rung, sizeof rung) < 0) return 0;
+    if (read(bell_.get(), &rung, sizeof rung) < 0) return 0;
     mailbox_->run();
     // Watchers that are added while these run wait for the next poll, so that descriptors get their turn.
     std::size_t n = pending_.size();
@@ -136,7 +128,7 @@ int Reactor::wait(int timeout, std::int64_t end) {
         // kernel timer set and taken back for each request, and costs 1.4 us where raw ping-pong takes 4.
         if (end != 0) armTimer(end);
         Batch batch;
-        int n = epoll_wait(epoll_, batch.events, kBatch, timeout);
+        int n = epoll_wait(epoll_.get(), batch.events, kBatch, timeout);
         if (n <= 0) return 0;
         batch.count = n;
         int called = callAll(batch);
@@ -147,7 +139,7 @@ int Reactor::wait(int timeout, std::int64_t end) {
 bool Reactor::gather(std::int64_t until) {
     if (gathered_->count > 0) return true;
     if (until > 0) armTimer(until);
-    gathered_->count = std::max(0, epoll_wait(epoll_, gathered_->events, kBatch, until == kNoWait ? 0 : -1));
+    gathered_->count = std::max(0, epoll_wait(epoll_.get(), gathered_->events, kBatch, until == kNoWait ? 0 : -1));
     return gathered_->count > 0;
 }
 
@@ -207,17 +199,17 @@ void Reactor::stop(std::uint64_t timer) {
 
 void Reactor::watch(int fd, Callback readable) {
     unwatch(fd);
-    auto descriptor = std::make_unique<Descriptor>(std::move(readable));
-    add(fd, EPOLLIN, descriptor.get());
-    descriptors_.emplace(fd, std::move(descriptor));
+    auto watched = std::make_unique<Watched>(std::move(readable));
+    add(fd, EPOLLIN, watched.get());
+    watched_.emplace(fd, std::move(watched));
 }
 
 void Reactor::unwatch(int fd) {
-    auto found = descriptors_.find(fd);
-    if (found == descriptors_.end()) return;
+    auto found = watched_.find(fd);
+    if (found == watched_.end()) return;
     remove(fd, found->second.get());
     unwatched_.push_back(std::move(found->second));
-    descriptors_.erase(found);
+    watched_.erase(found);
 }
 
 // The timer goes off when the first callback is due, or at limit (0: none), or earlier: then it is set again.
@@ -229,12 +221,12 @@ void Reactor::armTimer(std::int64_t limit) {
     itimerspec spec{};
     spec.it_value.tv_sec = wanted / 1'000'000'000;
     spec.it_value.tv_nsec = wanted % 1'000'000'000;
-    timerfd_settime(timer_, TFD_TIMER_ABSTIME, &spec, nullptr);
+    timerfd_settime(timer_.get(), TFD_TIMER_ABSTIME, &spec, nullptr);
 }
 
 int Reactor::runTimers() {
     std::uint64_t expired;
-    if (read(timer_, &expired, sizeof expired) < 0) return 0;
+    if (read(timer_.get(), &expired, sizeof expired) < 0) return 0;
     int called = 0;
     std::int64_t now = monotonicNow();
     seen_ = now;
@@ -250,7 +242,7 @@ int Reactor::runTimers() {
     return called;
 }
 
-int raiseDescriptor(int fd) {
+Descriptor raiseDescriptor(Descriptor fd) {
     static std::once_flag once;
     std::call_once(once, [] {
         rlimit limit;
@@ -259,11 +251,9 @@ int raiseDescriptor(int fd) {
             setrlimit(RLIMIT_NOFILE, &limit);
         }
     });
-    if (fd < 0 || fd >= kSelectLimit) return fd;
-    int high = fcntl(fd, F_DUPFD_CLOEXEC, kSelectLimit);
-    if (high < 0) return fd;            // the hard limit is low; then there are few descriptors anyway
-    close(fd);
-    return high;
+    if (!fd || fd.get() >= kSelectLimit) return fd;
+    Descriptor high(fcntl(fd.get(), F_DUPFD_CLOEXEC, kSelectLimit));
+    return high ? std::move(high) : std::move(fd);      // the hard limit is low; then there are few descriptors anyway
 }
 
 }  // namespace sorma

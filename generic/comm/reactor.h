@@ -18,6 +18,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "bus/descriptor.h"
 #include "bus/loop.h"
 
 namespace sorma {
@@ -45,7 +46,7 @@ public:
     Reactor& operator=(const Reactor&) = delete;
 
     // Can be read while something is to be called: for a surrounding event loop.
-    int descriptor() const { return epoll_; }
+    int descriptor() const { return epoll_.get(); }
 
     // Call watcher->ready() when one of the events is there. add throws std::system_error when the kernel refuses the
     // descriptor. After remove the watcher is not called any more, not even in a turn that has begun.
@@ -101,15 +102,15 @@ private:
     int runTimers();
     int runPending();
 
-    int epoll_ = -1, timer_ = -1, bell_ = -1;
+    const Descriptor epoll_, timer_, bell_;
     std::int64_t armed_ = 0;            // when the timer expires [ns]; 0: it is not set
     std::int64_t seen_ = 0;
     std::uint64_t nextTimer_ = 1;
     std::map<std::pair<std::int64_t, std::uint64_t>, Callback> timers_;
     std::unordered_map<std::uint64_t, std::int64_t> timerTimes_;        // of those in timers_
-    struct Descriptor;
-    std::unordered_map<int, std::unique_ptr<Descriptor>> descriptors_;
-    std::vector<std::unique_ptr<Descriptor>> unwatched_;                // deleted later: one may be on the stack
+    struct Watched;
+    std::unordered_map<int, std::unique_ptr<Watched>> watched_;         // by descriptor
+    std::vector<std::unique_ptr<Watched>> unwatched_;                   // deleted later: one may be on the stack
     std::shared_ptr<Mailbox> mailbox_;
     std::atomic<std::uint64_t> turns_{0};
     std::atomic<int> sleeper_{-1};
@@ -118,9 +119,8 @@ private:
     std::unique_ptr<Batch> gathered_;   // what gather() has found
 };
 
-// Move a descriptor above 1023, which select() cannot use, and close the old one. Returns the new one, close-on-exec; the
-// old one when the process may not have so many. The first call raises the process's soft limit of descriptors to the hard
-// one.
-int raiseDescriptor(int fd);
+// Move a descriptor above 1023, which select() cannot use. Returns the new one, close-on-exec; the old one when the process may
+// not have so many. The first call raises the process's soft limit of descriptors to the hard one.
+Descriptor raiseDescriptor(Descriptor fd);
 
 }  // namespace sorma

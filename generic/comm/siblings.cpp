@@ -19,11 +19,10 @@ constexpr std::string_view kTcp = ".tcp";
 // "HOST PORT" of a file of our own folder; port 0: it says something else.
 Sibling read(const std::string& folder, const std::string& name) {
     Sibling s{name, {}, 0};
-    int fd = open((folder + "/" + name + std::string(kTcp)).c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
-    if (fd < 0) return s;
+    const Descriptor in(open((folder + "/" + name + std::string(kTcp)).c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
+    if (!in) return s;
     char text[300];
-    ssize_t n = ::read(fd, text, sizeof text);
-    close(fd);
+    ssize_t n = ::read(in.get(), text, sizeof text);
     std::string_view said(text, n > 0 ? std::size_t(n) : 0);
     auto blank = said.find(' ');
     if (blank == std::string_view::npos) return s;
@@ -61,10 +60,9 @@ SiblingFile::SiblingFile(const std::string& socket, const std::string& host, int
     }
     std::string file = socket.substr(0, socket.size() - kSocketEnding.size()) + std::string(kTcp), made = file + ".new";
     std::string text = host + ' ' + std::to_string(port) + '\n';
-    int fd = open(made.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0600);
-    if (fd < 0) return;                 // then it is not found from elsewhere; everything else works
-    bool good = write(fd, text.data(), text.size()) == ssize_t(text.size());
-    close(fd);
+    const Descriptor out(open(made.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0600));
+    if (!out) return;                   // then it is not found from elsewhere; everything else works
+    bool good = write(out.get(), text.data(), text.size()) == ssize_t(text.size());
     if (good && rename(made.c_str(), file.c_str()) == 0) file_ = file;
     else unlink(made.c_str());
 }
@@ -75,25 +73,24 @@ SiblingFile::~SiblingFile() {
 
 FolderWatch::FolderWatch(Reactor& reactor, std::string folder, std::string ending, std::function<void()> changed)
     : reactor_(reactor), folder_(std::move(folder)), ending_(std::move(ending)), changed_(std::move(changed)) {
-    int fd = inotify_init1(IN_NONBLOCK | IN_CLOEXEC);
-    if (fd < 0) return;
-    fd_ = raiseDescriptor(fd);
-    inotify_add_watch(fd_, folder_.c_str(), IN_CREATE | IN_DELETE | IN_MOVED_FROM | IN_MOVED_TO | IN_ATTRIB);
-    reactor_.watch(fd_, [this] { ready(); });
+    fd_ = raiseDescriptor(Descriptor(inotify_init1(IN_NONBLOCK | IN_CLOEXEC)));
+    if (!fd_) return;
+    inotify_add_watch(fd_.get(), folder_.c_str(), IN_CREATE | IN_DELETE | IN_MOVED_FROM | IN_MOVED_TO | IN_ATTRIB);
+    reactor_.watch(fd_.get(), [this] { ready(); });
 }
 
 FolderWatch::~FolderWatch() { end(); }
 
 void FolderWatch::end() {
-    if (fd_ < 0) return;
-    reactor_.unwatch(fd_);
-    close(std::exchange(fd_, -1));
+    if (!fd_) return;
+    reactor_.unwatch(fd_.get());
+    fd_.close();
 }
 
 void FolderWatch::ready() {
     alignas(inotify_event) char events[4096];
     bool gone = false, matters = false;
-    for (ssize_t n; (n = ::read(fd_, events, sizeof events)) > 0;)
+    for (ssize_t n; (n = ::read(fd_.get(), events, sizeof events)) > 0;)
         for (char* at = events; at < events + n; at += sizeof(inotify_event) + reinterpret_cast<inotify_event*>(at)->len) {
             auto* e = reinterpret_cast<inotify_event*>(at);
             gone = gone || (e->mask & IN_IGNORED);

@@ -47,7 +47,7 @@ public:
     FolderWatch& operator=(const FolderWatch&) = delete;
 
     const std::string& folder() const { return folder_; }
-    bool alive() const { return fd_ >= 0; }         // false: the folder was removed, or there is no inotify
+    bool alive() const { return bool(fd_); }        // false: the folder was removed, or there is no inotify
 
 private:
     void ready();
@@ -56,7 +56,7 @@ private:
     Reactor& reactor_;
     std::string folder_, ending_;
     std::function<void()> changed_;
-    int fd_ = -1;
+    Descriptor fd_;
 };
 
 }  // namespace sorma

@@ -9,7 +9,6 @@
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
@@ -95,11 +94,11 @@ struct Attempt : Line::Extra {
 Line beginNext(std::unique_ptr<Attempt> attempt, const std::string& who, int error) {
     while (addrinfo* a = attempt->next) {
         attempt->next = a->ai_next;
-        Closing s{newSocket(a->ai_family)};
-        if (s.fd < 0) continue;
-        tuneTcp(s.fd);
-        if (connect(s.fd, a->ai_addr, a->ai_addrlen) == 0 || errno == EINPROGRESS)
-            return {raiseDescriptor(s.release()), tcpTransport, std::move(attempt)};
+        Descriptor s = newSocket(a->ai_family);
+        if (!s) continue;
+        tuneTcp(s.get());
+        if (connect(s.get(), a->ai_addr, a->ai_addrlen) == 0 || errno == EINPROGRESS)
+            return {raiseDescriptor(std::move(s)), tcpTransport, std::move(attempt)};
         error = errno;
     }
     failConnect(who, attempt->where, error);
@@ -137,27 +136,27 @@ ListeningSocket listen(const std::string& host, int port, bool) {
     const std::string where = host + ":" + std::to_string(port);
     InfoList list(nullptr, freeaddrinfo);
     if (int code = infoOf(host, std::to_string(port), AI_PASSIVE, list)) failListen(where, gai_strerror(code));
-    Closing s{newSocket(list->ai_family)};
-    if (s.fd < 0) failListen(where, std::strerror(errno));
+    Descriptor s = newSocket(list->ai_family);
+    if (!s) failListen(where, std::strerror(errno));
     int on = 1;
-    setsockopt(s.fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
-    if (bind(s.fd, list->ai_addr, list->ai_addrlen) < 0) {
+    setsockopt(s.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+    if (bind(s.get(), list->ai_addr, list->ai_addrlen) < 0) {
         if (errno == EADDRINUSE) failTaken(where, "another process");
         failListen(where, std::strerror(errno));
     }
-    if (::listen(s.fd, SOMAXCONN) < 0) failListen(where, std::strerror(errno));
+    if (::listen(s.get(), SOMAXCONN) < 0) failListen(where, std::strerror(errno));
     sockaddr_storage bound{};
     socklen_t size = sizeof bound;
-    getsockname(s.fd, reinterpret_cast<sockaddr*>(&bound), &size);
+    getsockname(s.get(), reinterpret_cast<sockaddr*>(&bound), &size);
     const auto number = bound.ss_family == AF_INET6 ? reinterpret_cast<sockaddr_in6&>(bound).sin6_port : reinterpret_cast<sockaddr_in&>(bound).sin_port;
-    return {raiseDescriptor(s.release()), &tcpTransport, {}, ntohs(number)};
+    return {raiseDescriptor(std::move(s)), &tcpTransport, {}, ntohs(number)};
 }
 
 Line accept(int fd) {
-    int came = accept4(fd, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
-    if (came < 0) return {};
-    tuneTcp(came);
-    return {raiseDescriptor(came), tcpTransport};
+    Descriptor came(accept4(fd, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
+    if (!came) return {};
+    tuneTcp(came.get());
+    return {raiseDescriptor(std::move(came)), tcpTransport};
 }
 
 // One end of a TCP connection; IPv4 as ::ffff:a.b.c.d.
@@ -188,8 +187,8 @@ End endOf(const sockaddr_storage& from) {
 // Whose socket is at that end of a connection? False: the kernel does not say. A socket that has been closed meanwhile is
 // shown as root's, without an inode: that is no answer either.
 bool ownerOf(const End& peer, const End& ours, uid_t& uid) {
-    const Closing netlink{socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC, NETLINK_SOCK_DIAG)};
-    const int fd = netlink.fd;
+    const Descriptor netlink(socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC, NETLINK_SOCK_DIAG));
+    const int fd = netlink.get();
     if (fd < 0) return false;
     struct {
         nlmsghdr header;

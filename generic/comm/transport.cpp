@@ -5,7 +5,6 @@
 #include <sys/epoll.h>
 #include <sys/socket.h>
 #include <sys/time.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -38,10 +37,6 @@ std::vector<const Transport*>& rows() {
 
 constexpr Transport noTransport{};
 
-Line::~Line() {
-    if (fd_ >= 0) close(fd_);
-}
-
 ssize_t Line::peek(char* room, std::size_t size) {
     errno = EAGAIN;
     return row_->peek ? row_->peek(*this, room, size) : -1;
@@ -54,12 +49,8 @@ std::uint32_t Line::means(std::uint32_t events) const {
 
 std::uint32_t Line::wait(std::uint32_t events, int milliseconds) const {
     if ((events & EPOLLIN) && pending()) return EPOLLIN;
-    pollfd p{fd_, short(wants(events)), 0};
+    pollfd p{descriptor(), short(wants(events)), 0};
     return poll(&p, 1, milliseconds) > 0 ? means(std::uint32_t(p.revents)) : 0;
-}
-
-Closing::~Closing() {
-    if (fd >= 0) close(fd);
 }
 
 bool isHere(const Address& address) { return address.kind == Kind::self; }
@@ -95,7 +86,7 @@ void makeBlocking(int fd, bool blocking) {
     fcntl(fd, F_SETFL, blocking ? flags & ~O_NONBLOCK : flags | O_NONBLOCK);
 }
 
-int newSocket(int family) { return socket(family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0); }
+Descriptor newSocket(int family) { return Descriptor(socket(family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)); }
 
 int pendingError(int fd) {
     int error = 0;

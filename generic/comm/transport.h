@@ -24,6 +24,7 @@
 #include <utility>
 
 #include "bus/call.h"
+#include "bus/descriptor.h"
 #include "bus/name.h"
 #include "bus/principal.h"
 
@@ -41,7 +42,7 @@ public:
     };
 
     Line() = default;
-    Line(int fd, const Transport& row, std::unique_ptr<Extra> extra = nullptr) : extra(std::move(extra)), fd_(fd), row_(&row) {}
+    Line(Descriptor fd, const Transport& row, std::unique_ptr<Extra> extra = nullptr) : extra(std::move(extra)), fd_(std::move(fd)), row_(&row) {}
     Line(Line&& o) noexcept { swap(o); }
     Line(Line&& under, const Transport& row) noexcept { swap(under), row_ = &row; }       // for a row that uses another one
     Line& operator=(Line&& o) noexcept {
@@ -49,10 +50,9 @@ public:
         swap(o);
         return *this;
     }
-    ~Line();                                            // closes it
 
-    bool open() const { return fd_ >= 0; }
-    int descriptor() const { return fd_; }              // -1: not open
+    bool open() const { return bool(fd_); }
+    int descriptor() const { return fd_.get(); }        // -1: not open
     const Transport& row() const { return *row_; }
     // As the functions of the row. The line must be open.
     ssize_t read(char* room, std::size_t size, std::int64_t wait = 0);
@@ -77,13 +77,13 @@ private:
         std::swap(fd_, o.fd_);
         std::swap(row_, o.row_);
     }
-    int fd_ = -1;
+    Descriptor fd_;
     const Transport* row_ = &noTransport;
 };
 
-// A listening socket. Its holder owns the descriptor, which does not block.
+// A listening socket, which does not block.
 struct ListeningSocket {
-    int fd = -1;
+    Descriptor fd;
     const Transport* row = nullptr;     // of the connections that come
     std::string path;                   // Unix-domain: where it is; "@name" in the abstract namespace
     int port = 0;                       // TCP: the same
@@ -193,7 +193,7 @@ Address addressOf(const std::string& host, int port);
 [[noreturn]] void failListen(const std::string& where, const std::string& why);
 [[noreturn]] void failTaken(const std::string& where, const std::string& by);
 void makeBlocking(int fd, bool blocking);
-int newSocket(int family);                              // a stream, close-on-exec, non-blocking; as socket(2)
+Descriptor newSocket(int family);                       // a stream, close-on-exec, non-blocking; as socket(2)
 int pendingError(int fd);                               // SO_ERROR
 void tuneTcp(int fd);                                   // sends at once, and notices in time that the other host is gone
 uid_t overflowUser();                                   // as whom the kernel shows users that a namespace does not know
@@ -201,13 +201,6 @@ uid_t overflowUser();                                   // as whom the kernel sh
 ssize_t readSocket(Line& line, char* room, std::size_t size, std::int64_t wait);
 ssize_t writeSocket(Line& line, const char* data, std::size_t size);
 ssize_t peekSocket(Line& line, char* room, std::size_t size);
-
-// Closes a descriptor at the end.
-struct Closing {
-    int fd;
-    ~Closing();
-    int release() { return std::exchange(fd, -1); }
-};
 
 inline ssize_t Line::read(char* room, std::size_t size, std::int64_t wait) { return row_->read(*this, room, size, wait); }
 inline ssize_t Line::write(const char* data, std::size_t size) { return row_->write(*this, data, size); }

@@ -108,12 +108,12 @@ bool leadsTo(const Address& address, const ListeningSocket& socket) { return !so
 
 Line begin(const Address& address, const std::string& who) {
     const std::string path = where(address);
-    Closing s{newSocket(AF_UNIX)};
-    if (s.fd < 0 || at(path, connect, s.fd) < 0) {
+    Descriptor s = newSocket(AF_UNIX);
+    if (!s || at(path, connect, s.get()) < 0) {
         if (errno == ENOENT && isAlias(address)) fail(errors::kUnresolved, who, nobodyListens(address.host, path));
         failConnect(who, path, errno);
     }
-    return {raiseDescriptor(s.release()), unixTransport};
+    return {raiseDescriptor(std::move(s)), unixTransport};
 }
 
 bool finish(Line& line, const std::string&) {
@@ -127,35 +127,35 @@ ListeningSocket listen(const std::string& path, int, bool share) {
     auto slash = path.rfind('/');
     std::string folder = slash == std::string::npos ? "." : slash == 0 ? "/" : path.substr(0, slash);
     // Two daemons that start at the same moment must not each remove the other's socket.
-    Closing lock{open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
-    if (lock.fd < 0) failListen(path, std::strerror(errno));
-    takeTurn(lock.fd, folder, path);
+    const Descriptor lock(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    if (!lock) failListen(path, std::strerror(errno));
+    takeTurn(lock.get(), folder, path);
     struct stat found;
     if (lstat(path.c_str(), &found) == 0) {
         if (!S_ISSOCK(found.st_mode)) failListen(path, "there is a file of that name which is no socket");
-        Closing probe{newSocket(AF_UNIX)};
-        const int error = at(path, connect, probe.fd) == 0 ? 0 : errno;
-        if (error == 0) failTaken(path, listenerOf(probe.fd));
+        const Descriptor probe = newSocket(AF_UNIX);
+        const int error = at(path, connect, probe.get()) == 0 ? 0 : errno;
+        if (error == 0) failTaken(path, listenerOf(probe.get()));
         if (error == EAGAIN) failTaken(path, "a busy daemon");
         if (error == EACCES) failListen(path, "it belongs to another user");
         removeDead(path);
     }
-    Closing s{newSocket(AF_UNIX)};
+    Descriptor s = newSocket(AF_UNIX);
     mode_t mask = umask(0077);
-    int failed = at(path, bind, s.fd) < 0 ? errno : 0;
+    int failed = at(path, bind, s.get()) < 0 ? errno : 0;
     umask(mask);
     if (failed) failListen(path, std::strerror(failed));
-    if (::listen(s.fd, SOMAXCONN) < 0) failListen(path, std::strerror(errno));
+    if (::listen(s.get(), SOMAXCONN) < 0) failListen(path, std::strerror(errno));
     if (share) {
         if (chmod(path.c_str(), 0666) < 0) failListen(path, std::strerror(errno));
         if (folder == runtimeFolder() && chmod(folder.c_str(), 0711) < 0) failListen(folder, std::strerror(errno));
     }
-    return {raiseDescriptor(s.release()), &unixTransport, path, 0};
+    return {raiseDescriptor(std::move(s)), &unixTransport, path, 0};
 }
 
 Line accept(int fd) {
-    int came = accept4(fd, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
-    return came < 0 ? Line() : Line(raiseDescriptor(came), unixTransport);
+    Descriptor came(accept4(fd, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
+    return came ? Line(raiseDescriptor(std::move(came)), unixTransport) : Line();
 }
 
 std::vector<gid_t> groupsOf(int fd, gid_t first) {
@@ -190,10 +190,10 @@ Identity identify(const Line& line) {
 }  // namespace
 
 bool sweepSocket(const std::string& path) {
-    Closing lock{open(path.substr(0, path.rfind('/') + 1).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
-    if (lock.fd < 0 || flock(lock.fd, LOCK_EX | LOCK_NB) < 0) return false;       // somebody is about to listen
-    Closing probe{newSocket(AF_UNIX)};
-    if (at(path, connect, probe.fd) == 0 || errno != ECONNREFUSED) return false;
+    const Descriptor lock(open(path.substr(0, path.rfind('/') + 1).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    if (!lock || flock(lock.get(), LOCK_EX | LOCK_NB) < 0) return false;       // somebody is about to listen
+    const Descriptor probe = newSocket(AF_UNIX);
+    if (at(path, connect, probe.get()) == 0 || errno != ECONNREFUSED) return false;
     return removeDead(path);
 }
 

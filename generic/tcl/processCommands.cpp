@@ -20,6 +20,7 @@
 #include <utility>
 #include <vector>
 
+#include "bus/descriptor.h"
 #include "bus/requestText.h"
 #include "comm/signalsBlocked.h"
 
@@ -132,11 +133,8 @@ struct EndScript {
     Interpreter& interpreter;
     EndScripts& all;
     Obj script;
-    int fd;
-    ~EndScript() {
-        Tcl_DeleteFileHandler(fd);
-        close(fd);
-    }
+    Descriptor fd;
+    ~EndScript() { Tcl_DeleteFileHandler(fd.get()); }
 };
 
 EndScripts& endScriptsOf(Interpreter& i) {
@@ -164,11 +162,11 @@ int AtEndObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
             return TCL_ERROR;
         }
         int pid = number("pid", objv[1]);
-        int fd = int(syscall(SYS_pidfd_open, pid, 0));          // close-on-exec
-        if (fd < 0) fail(kNoProcess, pid, std::strerror(errno));
+        Descriptor fd(int(syscall(SYS_pidfd_open, pid, 0)));    // close-on-exec
+        if (!fd) fail(kNoProcess, pid, std::strerror(errno));
         auto& all = endScriptsOf(i);
-        auto& mine = all.emplace_back(new EndScript{i, all, Obj(objv[2]), fd});
-        Tcl_CreateFileHandler(fd, TCL_READABLE, childEnded, mine.get());
+        auto& mine = all.emplace_back(new EndScript{i, all, Obj(objv[2]), std::move(fd)});
+        Tcl_CreateFileHandler(mine->fd.get(), TCL_READABLE, childEnded, mine.get());
         return TCL_OK;
     });
 }
@@ -223,11 +221,10 @@ bool notify(const std::string& text) {
     if (length < 2 || length >= sizeof a.sun_path) return false;
     std::memcpy(a.sun_path, where, length);
     if (*where == '@') a.sun_path[0] = 0;                       // of the abstract namespace
-    int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-    if (fd < 0) return false;
-    ssize_t sent = sendto(fd, text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT, reinterpret_cast<sockaddr*>(&a),
+    const Descriptor out(socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+    if (!out) return false;
+    ssize_t sent = sendto(out.get(), text.data(), text.size(), MSG_NOSIGNAL | MSG_DONTWAIT, reinterpret_cast<sockaddr*>(&a),
                           socklen_t(offsetof(sockaddr_un, sun_path) + length));
-    close(fd);
     return sent == ssize_t(text.size());
 }
 

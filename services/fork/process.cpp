@@ -54,30 +54,14 @@ private:
 };
 Groups groups;
 
-struct Descriptor {
-    int fd = -1;
-    Descriptor() = default;
-    ~Descriptor() { close(); }
-    Descriptor(const Descriptor&) = delete;
-    Descriptor& operator=(const Descriptor&) = delete;
-    void close() {
-        if (fd >= 0) ::close(fd);
-        fd = -1;
-    }
-    int release() { return std::exchange(fd, -1); }
-};
-
 [[noreturn]] void failWith(const char* what) { throw std::system_error(errno, std::generic_category(), what); }
 
 // Out of the way of the standard channels, and where possible of those who can only watch small numbers.
-int raised(int fd) {
-    if (fd >= kFirstFree) return fd;
-    int high = fcntl(fd, F_DUPFD_CLOEXEC, kFirstFree);
-    if (high < 0) high = fcntl(fd, F_DUPFD_CLOEXEC, 3);
-    int error = errno;
-    ::close(fd);
-    errno = error;
-    if (high < 0) failWith("cannot make a pipe");
+Descriptor raised(Descriptor fd) {
+    if (fd.get() >= kFirstFree) return fd;
+    Descriptor high(fcntl(fd.get(), F_DUPFD_CLOEXEC, kFirstFree));
+    if (!high) high = Descriptor(fcntl(fd.get(), F_DUPFD_CLOEXEC, 3));
+    if (!high) failWith("cannot make a pipe");
     return high;
 }
 
@@ -86,10 +70,10 @@ struct Pipe {
     Pipe() {
         int fds[2];
         if (pipe2(fds, O_CLOEXEC) < 0) failWith("cannot make a pipe");
-        reader.fd = fds[0];
-        writer.fd = fds[1];
-        reader.fd = raised(reader.release());
-        writer.fd = raised(writer.release());
+        reader = Descriptor(fds[0]);
+        writer = Descriptor(fds[1]);
+        reader = raised(std::move(reader));
+        writer = raised(std::move(writer));
     }
 };
 
@@ -162,9 +146,9 @@ struct Process::Fork {
         if (getppid() != parent) _exit(127);        // it died before we could ask to be told
         usualSignals();
 
-        dup2(input.reader.fd, STDIN_FILENO);
-        dup2(output.writer.fd, STDOUT_FILENO);
-        dup2(errors.writer.fd, STDERR_FILENO);
+        dup2(input.reader.get(), STDIN_FILENO);
+        dup2(output.writer.get(), STDOUT_FILENO);
+        dup2(errors.writer.get(), STDERR_FILENO);
         closeOthersAtExec();
         if (directory && chdir(directory) < 0) fail(Report::directory, errno);
         int error = ENOENT;
@@ -205,7 +189,7 @@ struct Process::Fork {
 
     [[noreturn]] void fail(Report::Stage stage, int error) const {
         Report r{stage, error};
-        ssize_t ignored = write(report.writer.fd, &r, sizeof r);
+        ssize_t ignored = write(report.writer.get(), &r, sizeof r);
         (void)ignored;
         _exit(127);
     }
@@ -230,21 +214,21 @@ void Process::start(const Command& command, const sorma::Permit& permit) {
     running_ = true;
     groups.add(pid);
 
-    report_ = fork.report.reader.release();
-    input_ = fork.input.writer.release();
-    output_ = fork.output.reader.release();
-    errors_ = fork.errors.reader.release();
-    for (int fd : {report_, input_, output_, errors_}) makeNonBlocking(fd);
+    report_ = std::move(fork.report.reader);
+    input_ = std::move(fork.input.writer);
+    output_ = std::move(fork.output.reader);
+    errors_ = std::move(fork.errors.reader);
+    for (auto* fd : {&report_, &input_, &output_, &errors_}) makeNonBlocking(fd->get());
     toWrite_ = command.input;
-    if (toWrite_.size() > 65536) fcntl(input_, F_SETPIPE_SZ, int(std::min<std::size_t>(toWrite_.size(), kPipeSize)));
+    if (toWrite_.size() > 65536) fcntl(input_.get(), F_SETPIPE_SZ, int(std::min<std::size_t>(toWrite_.size(), kPipeSize)));
     try {
-        int exit = int(syscall(SYS_pidfd_open, pid, 0));
-        if (exit < 0) failWith("cannot watch a process");
-        exit_ = raised(exit);
-        watch(exit_, &Process::exited);
-        watch(report_, &Process::readReport);
-        watch(output_, &Process::readOutput);
-        watch(errors_, &Process::readErrors);
+        exit_ = Descriptor(int(syscall(SYS_pidfd_open, pid, 0)));
+        if (!exit_) failWith("cannot watch a process");
+        exit_ = raised(std::move(exit_));
+        watch(exit_.get(), &Process::exited);
+        watch(report_.get(), &Process::readReport);
+        watch(output_.get(), &Process::readOutput);
+        watch(errors_.get(), &Process::readErrors);
         writeInput();
     } catch (...) {
         abandon();
@@ -260,13 +244,13 @@ void Process::watch(int fd, void (Process::*callback)()) {
     });
 }
 
-void Process::drop(int& fd) {
-    if (fd < 0) return;
+void Process::drop(Descriptor& fd) {
+    if (!fd) return;
     try {
-        sorm_.loop().unwatch(fd);
+        sorm_.loop().unwatch(fd.get());
     } catch (const sorma::Error&) {                 // the loop has ended before us
     }
-    ::close(std::exchange(fd, -1));
+    fd.close();
 }
 
 void Process::later(sorma::Timer& timer, std::int64_t nanoseconds, void (Process::*callback)()) {
@@ -278,7 +262,7 @@ void Process::later(sorma::Timer& timer, std::int64_t nanoseconds, void (Process
 void Process::release() {
     inputTimer_.cancel();
     killTimer_.cancel();
-    for (int* fd : {&exit_, &report_, &input_, &output_, &errors_}) drop(*fd);
+    for (auto* fd : {&exit_, &report_, &input_, &output_, &errors_}) drop(*fd);
 }
 
 // As much as the pipe takes. The loop does not tell when a pipe can be written, so a full one is tried again.
@@ -292,7 +276,7 @@ void Process::writeInput() {
     pthread_sigmask(SIG_BLOCK, &pipe, &before);
     bool full = false;
     while (!full && written_ < toWrite_.size()) {
-        ssize_t n = ::write(input_, toWrite_.data() + written_, toWrite_.size() - written_);
+        ssize_t n = ::write(input_.get(), toWrite_.data() + written_, toWrite_.size() - written_);
         if (n >= 0) written_ += std::size_t(n);
         else if (errno == EAGAIN) full = true;
         else if (errno != EINTR) written_ = toWrite_.size();        // it reads no more: that is its own affair
@@ -307,9 +291,9 @@ void Process::writeInput() {
 
 // The pipe is closed by exec, or brings what went wrong.
 void Process::readReport() {
-    if (report_ < 0) return;
+    if (!report_) return;
     Report r{};
-    ssize_t n = ::read(report_, &r, sizeof r);
+    ssize_t n = ::read(report_.get(), &r, sizeof r);
     if (n < 0 && (errno == EAGAIN || errno == EINTR)) return;
     drop(report_);
     if (n == sizeof r)
@@ -323,21 +307,21 @@ void Process::readOutput() { read(output_, listener_.output); }
 void Process::readErrors() { read(errors_, listener_.error); }
 
 // One portion, so that others get their turn.
-void Process::read(int& fd, const std::function<void(std::string_view)>& sink) {
+void Process::read(Descriptor& fd, const std::function<void(std::string_view)>& sink) {
     char buffer[65536];
-    ssize_t n = ::read(fd, buffer, sizeof buffer);
+    ssize_t n = ::read(fd.get(), buffer, sizeof buffer);
     if (n > 0) return sink({buffer, std::size_t(n)});
     if (n < 0 && (errno == EAGAIN || errno == EINTR)) return;
     drop(fd);
 }
 
 // Read only what is there now: a process that has left the group may have the other end, and continue to write.
-void Process::drain(int& fd, const std::function<void(std::string_view)>& sink) {
+void Process::drain(Descriptor& fd, const std::function<void(std::string_view)>& sink) {
     int there = 0;
-    if (fd < 0 || ioctl(fd, FIONREAD, &there) < 0) return;
+    if (!fd || ioctl(fd.get(), FIONREAD, &there) < 0) return;
     std::vector<char> buffer(std::size_t(std::max(there, 0)));
     for (std::size_t got = 0; got < buffer.size();) {
-        ssize_t n = ::read(fd, buffer.data() + got, buffer.size() - got);
+        ssize_t n = ::read(fd.get(), buffer.data() + got, buffer.size() - got);
         if (n < 0 && errno == EINTR) continue;
         if (n <= 0) break;
         sink({buffer.data() + got, std::size_t(n)});
@@ -384,8 +368,8 @@ void Process::kill() { signal(SIGKILL); }
 void Process::abandon() {
     if (!running_) return;
     kill();
-    if (exit_ >= 0) {
-        pollfd p{exit_, POLLIN, 0};
+    if (exit_) {
+        pollfd p{exit_.get(), POLLIN, 0};
         int left = kReapTime;
         std::int64_t end = sorma::monotonicNow() + std::int64_t(kReapTime) * 1'000'000;
         while (poll(&p, 1, left) < 0 && errno == EINTR)

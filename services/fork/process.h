@@ -23,7 +23,11 @@
 
 #include <sorma.h>
 
+#include "bus/descriptor.h"
+
 namespace child {
+
+using sorma::Descriptor;
 
 struct Command {
     std::vector<std::string> words;     // the program and its arguments: at least one, none with a zero character
@@ -80,15 +84,15 @@ public:
 private:
     struct Fork;
     void watch(int fd, void (Process::*callback)());
-    void drop(int& fd);                         // unwatch and close
+    void drop(Descriptor& fd);                  // unwatch and close
     void later(sorma::Timer& timer, std::int64_t nanoseconds, void (Process::*callback)());
     void release();                             // of all descriptors and timers
     void writeInput();
     void readReport();
     void readOutput();
     void readErrors();
-    void read(int& fd, const std::function<void(std::string_view)>& sink);
-    void drain(int& fd, const std::function<void(std::string_view)>& sink);
+    void read(Descriptor& fd, const std::function<void(std::string_view)>& sink);
+    void drain(Descriptor& fd, const std::function<void(std::string_view)>& sink);
     void exited();
     void signal(int number) const;
 
@@ -99,8 +103,8 @@ private:
     // of its group can belong to another process.
     bool running_ = false;
     bool terminating_ = false;
-    int exit_ = -1, report_ = -1;               // pidfd; says why the program could not be run
-    int input_ = -1, output_ = -1, errors_ = -1;
+    Descriptor exit_, report_;                  // pidfd; says why the program could not be run
+    Descriptor input_, output_, errors_;
     std::string toWrite_;
     std::size_t written_ = 0;
     sorma::Timer inputTimer_, killTimer_;

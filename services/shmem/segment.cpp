@@ -25,11 +25,14 @@
 #include <system_error>
 #include <utility>
 
+#include "bus/descriptor.h"
 #include "bus/users.h"
 
 namespace shmem {
 
 namespace {
+
+using sorma::Descriptor;
 
 const char* const kFolder = "/dev/shm/";        // where Linux keeps them; used to list them only
 const char* const kPrefix = "sorma.";
@@ -57,27 +60,6 @@ std::string fileOf(const std::string& key) {
                                        "\" must be 1 to 200 letters, digits and _ - + . , : = % and not begin with a dot");
     return std::string("/") + kPrefix + key;
 }
-
-class Descriptor {
-public:
-    explicit Descriptor(int fd = -1) : fd_(fd) {}
-    ~Descriptor() { reset(); }
-    Descriptor(Descriptor&& o) noexcept : fd_(o.release()) {}
-    Descriptor& operator=(Descriptor&& o) noexcept {
-        reset();
-        fd_ = o.release();
-        return *this;
-    }
-    int get() const { return fd_; }
-    int release() { return std::exchange(fd_, -1); }
-    void reset() {
-        if (fd_ >= 0) close(fd_);
-        fd_ = -1;
-    }
-
-private:
-    int fd_;
-};
 
 // Only regular files; a FIFO of that name must not make us wait.
 int openShared(const std::string& file, int flags, mode_t mode = 0) {
@@ -298,11 +280,11 @@ std::shared_ptr<Segment> Segment::forWriting(const std::string& key, const Shape
     int refused = 0;
     for (int attempt = 0; attempt < kAttempts; ++attempt) {
         Descriptor fd(openShared(file, O_RDWR | O_CREAT | O_EXCL, mode));
-        if (fd.get() < 0 && errno == EEXIST) {
+        if (!fd && errno == EEXIST) {
             fd = Descriptor(openShared(file, O_RDWR));
-            if (fd.get() < 0 && errno == ENOENT) continue;      // removed meanwhile
+            if (!fd && errno == ENOENT) continue;      // removed meanwhile
         }
-        if (fd.get() < 0) failSystem("make", key, errno);
+        if (!fd) failSystem("make", key, errno);
         needOwner(fd.get(), key, geteuid());
         if (!lock(fd.get(), F_WRLCK, kWriterByte, key)) {
             // A process that removes a segment has this lock for a short time; a writer keeps it.
@@ -372,13 +354,13 @@ std::shared_ptr<Segment> Segment::forReading(const std::string& key, const std::
     for (int attempt = 0; attempt < kAttempts; ++attempt) {
         bool writable = true;
         Descriptor fd(openShared(file, O_RDWR));
-        if (fd.get() < 0 && (errno == EACCES || errno == EROFS)) {
+        if (!fd && (errno == EACCES || errno == EROFS)) {
             writable = false;
             fd = Descriptor(openShared(file, O_RDONLY));
         }
-        if (fd.get() < 0 && errno == ENOENT)
+        if (!fd && errno == ENOENT)
             throw Failure(Reason::absent, "there is no segment " + key + ": nobody writes it yet");
-        if (fd.get() < 0) failSystem("read", key, errno);
+        if (!fd) failSystem("read", key, errno);
         // Refused only while another process removes it.
         if (!lock(fd.get(), F_RDLCK, kUserByte, key)) {
             pause();
@@ -452,11 +434,9 @@ Segment::~Segment() {
 
 void Segment::leave() noexcept {
     if (fd_ < 0) return;
-    int fd = std::exchange(fd_, -1);
-    if (owner_ != getpid()) {               // a fork of ours: the rights are its parent's
-        close(fd);
-        return;
-    }
+    const Descriptor own(std::exchange(fd_, -1));
+    const int fd = own.get();
+    if (owner_ != getpid()) return;         // a fork of ours: the rights are its parent's
     try {
         // Release the locks explicitly, since the mapping keeps the open file description, too.
         // Of two that leave at the same time one finds itself alone, because both first give up what they have.
@@ -468,7 +448,6 @@ void Segment::leave() noexcept {
         lock(fd, F_UNLCK, kUserByte, key_);
     } catch (const Failure&) {              // it stays, and can be removed by clean
     }
-    close(fd);
 }
 
 bool Segment::unlinked() const {
@@ -510,7 +489,7 @@ std::vector<Segment::Entry> Segment::list() {
         Entry e;
         e.key = name.substr(prefix.size());
         Descriptor fd(openShared("/" + name, O_RDONLY));
-        if (fd.get() < 0) {
+        if (!fd) {
             if (errno == ENOENT) continue;
             e.problem = errorText(errno);
         } else {
@@ -549,7 +528,7 @@ std::vector<std::string> Segment::clean(const std::string& key) {
     for (auto& k : keys) {
         const std::string file = fileOf(k);
         Descriptor fd(openShared(file, O_RDWR));
-        if (fd.get() < 0) {
+        if (!fd) {
             if (key.empty()) continue;
             if (errno == ENOENT) throw Failure(Reason::absent, "there is no segment " + k);
             failSystem("remove", k, errno);

@@ -29,14 +29,14 @@ public:
     }
     void stop() {
         if (thread_.joinable()) thread_.join();
-        if (socket.fd >= 0) close(std::exchange(socket.fd, -1));
+        socket.fd.close();
         if (!socket.path.empty()) unlink(socket.path.c_str());
     }
     End accept() {
         for (;;) {
-            pollfd p{socket.fd, POLLIN, 0};
+            pollfd p{socket.fd.get(), POLLIN, 0};
             check(poll(&p, 1, 60'000) == 1, "nobody connects");
-            if (Line line = socket.row->accept(socket.fd); line.open()) {
+            if (Line line = socket.row->accept(socket.fd.get()); line.open()) {
                 End end(std::move(line));
                 end.upgrade(Transport::Stage::connected);
                 return end;
@@ -318,9 +318,9 @@ void slowReaders(const Row& row) {
 
 void highDescriptor(const Row& row) {
     Scripted daemon(row);
-    check(daemon.socket.fd > 1023, "the listening socket has descriptor " + std::to_string(daemon.socket.fd));
+    check(daemon.socket.fd.get() > 1023, "the listening socket has descriptor " + std::to_string(daemon.socket.fd.get()));
     Line line = transportOf(daemon.address).begin(daemon.address, "test");
-    Line came = daemon.socket.row->accept(daemon.socket.fd);
+    Line came = daemon.socket.row->accept(daemon.socket.fd.get());
     check(line.descriptor() > 1023 && came.descriptor() > 1023, "a line has a low descriptor");
     check(line.row().finish(line, "test"), "it is not connected");
 }

@@ -22,9 +22,7 @@ std::string newPath() {
 }
 
 ListeningSocket inherit(ListeningSocket from) {
-    auto copy = inheritedTransport.listen({}, from.fd, false);
-    close(from.fd);
-    return copy;
+    return inheritedTransport.listen({}, from.fd.get(), false);
 }
 
 // One line for each row.
@@ -56,8 +54,8 @@ struct Daemon {
         address = addressOf(socket);
         Server::Wanted wanted;
         wanted.name = "transports" + std::to_string(getpid()) + "." + std::to_string(number++);
-        if (row.own) close(socket.fd), wanted.socket = socket.path;
-        else wanted.listen = {socket.fd};
+        if (row.own) socket.fd.close(), wanted.socket = socket.path;
+        else wanted.listen = {socket.fd.release()};
         path_ = socket.path;
         server = &comm.serve(wanted);
     }
@@ -166,11 +164,10 @@ void identity(const Row& row) {
     ListeningSocket socket = row.listen();
     const Address address = addressOf(socket);
     Line line = transportOf(address).begin(address, "test");
-    pollfd p{socket.fd, POLLIN, 0};
+    pollfd p{socket.fd.get(), POLLIN, 0};
     check(poll(&p, 1, 60'000) == 1, "nobody connects");
-    Line came = socket.row->accept(socket.fd);
+    Line came = socket.row->accept(socket.fd.get());
     const Identity who = came.row().identify(came);
-    close(socket.fd);
     unlink(socket.path.c_str());
     const std::string me = userName(geteuid());
     if (came.row().vouched) check(!who.principal && who.caller.user == me && who.caller.process == getpid(), "it takes us for " + who.caller.toText());
