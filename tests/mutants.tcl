@@ -2,10 +2,11 @@
 #
 # mutants.tcl SOURCE BUILD FOLDER ?-n 40? ?-seed 1? ?-files PATTERNS? ?-suites NAMES? ?-jobs 1?
 #
-# FOLDER becomes a copy of SOURCE, with a build/ of its own that is configured as BUILD is. A mutant is one change in this copy: another
-# operator, a condition that is negated, or a statement that is left out. The suites that concern the file run first, and then the others,
-# until one fails. The file tests/mutants.list names the suites for each file, and the mutants that may live.
-# A mutant that does not compile is not counted. -jobs is for make; suites run one after the other.
+# FOLDER becomes a copy of SOURCE, with a build/ of its own that is configured as BUILD is, but quick to build: -O1, ccache where there is
+# one, no pictures. A mutant is one change in this copy: another operator, a condition that is negated, or a statement that is left out.
+# The suites that concern the file run first, and then the others, until one fails. The file tests/mutants.list names the suites for each
+# file, and the mutants that may live. Without -suites it is those of the list that run, for "all" every one.
+# A mutant is not counted when it does not compile or gives the same object. -jobs is for make; suites run one after the other.
 # Exit code 1: another one lives. The same seed gives the same mutants of the same sources.
 
 namespace eval mutants {
@@ -16,6 +17,7 @@ namespace eval mutants {
     variable slack 5        ;# a suite may take so many times as long as without a mutant,
     variable least 20       ;# and at least so many seconds
     variable jobs 1         ;# of make
+    variable compiled {}    ;# dict of file to what its objects hold without a mutant
 }
 
 # ---- places in a text: no files, no processes ----
@@ -277,16 +279,36 @@ proc mutants::run {seconds outputVar args} {
     set failed [catch {exec -ignorestderr timeout -k 10 $seconds sh -c {ulimit -v 16000000; exec "$@" 2>&1} sh {*}$args < /dev/null} output]
     return [expr {!$failed}]
 }
-# TARGET build-check: all. build-code: without what a mutant itself would have to make, such as the manual.
-proc mutants::build {folder target outputVar} {
+# Makes targets. Pictures of the manual are left out: they take longer than all the rest.
+proc mutants::build {folder targets outputVar} {
     upvar 1 $outputVar output
     variable jobs
     # Words of a make around this one, such as -n, are not for this one.
-    return [run 3600 output env -u MAKEFLAGS -u MFLAGS -u MAKELEVEL make -C $folder/build -j$jobs --no-print-directory $target]
+    return [run 3600 output env -u MAKEFLAGS -u MFLAGS -u MAKELEVEL make -C $folder/build -j$jobs --no-print-directory PICTURES=no {*}$targets]
 }
-# Runs a suite. Returns the first test that fails, or what ended the suite; empty: it passes.
-proc mutants::trial {folder suite seconds} {
-    if {[run [expr {$seconds + 60}] output $folder/build/env [info nameofexecutable] $folder/tests/all.tcl -jobs 1 -bound $seconds $suite]} {
+# What has to be made anew for a file: a shared library is enough, but for what others include or link statically.
+proc mutants::targetOf file {
+    switch -glob -- $file {
+        generic/comm/*.cpp { return libsorma.la }
+        generic/tcl/*.cpp - generic/edit/*.cpp { return build-modules }
+    }
+    return build-code
+}
+# What a file's objects hold. Empty for a header.
+proc mutants::objects {folder file} {
+    if {[file extension $file] eq ".h"} {
+        return
+    }
+    set stem [file rootname [file tail $file]]
+    return [lmap object [lsort [glob -nocomplain -directory $folder/build/[file dirname $file] "{.libs/,}{*-,}$stem.o"]] {
+        set f [open $object rb]
+        try {::read $f} finally {close $f}
+    }]
+}
+# Runs a suite, or only one test of it. Returns the first test that fails, or what ended the suite; empty: it passes.
+proc mutants::trial {folder suite seconds {only *}} {
+    if {[run [expr {$seconds + 60}] output env -u SORMA_REQUIRE "TCLTEST_OPTIONS=-match $only" $folder/build/env [info nameofexecutable]\
+            $folder/tests/all.tcl -jobs 1 -bound $seconds $suite]} {
         return
     } elseif {[regexp {still running after} $output]} {
         return "$suite: not done after $seconds s"
@@ -302,38 +324,48 @@ proc mutants::limit seconds {
     variable least
     return [expr {max($least, int(ceil($seconds * $slack)))}]
 }
-# The suites that pass without a mutant: dict of suite to seconds.
+# The suites that pass without a mutant: dict of suite to seconds. One that fails runs once more, since the machine may be busy.
 proc mutants::baseline {folder suites} {
     set times {}
     foreach suite $suites {
-        set begin [clock milliseconds]
-        set why [trial $folder $suite 600]
-        if {$why ne {}} {
-            puts "left out, since it fails without a mutant: $suite ($why)"
-        } else {
-            dict set times $suite [expr {([clock milliseconds] - $begin) / 1000.0}]
+        foreach next {"it runs once more" "it is left out"} {
+            set begin [clock milliseconds]
+            set why [trial $folder $suite 600]
+            if {$why eq {}} {
+                dict set times $suite [expr {([clock milliseconds] - $begin) / 1000.0}]
+                report "without a mutant: $suite, [format %.0f [dict get $times $suite]] s"
+                break
+            }
+            report "fails without a mutant: $suite ($why): $next"
         }
     }
     return $times
 }
-# The test that notices; empty: none does. A suite that fails runs a second time: chance is not noticing.
+# The test that notices; empty: none does. What fails runs a second time: chance is not noticing.
 proc mutants::noticed {folder file times suites} {
     foreach suite [order $file $times $suites] {
         set seconds [limit [dict get $times $suite]]
         set why [trial $folder $suite $seconds]
-        if {$why ne {} && ([string match "*not done after*" $why] || [trial $folder $suite $seconds] ne {})} {
+        set only [expr {[string match "$suite: *" $why] ? "*" : $why}]
+        if {$why ne {} && ([string match "*not done after*" $why] || [trial $folder $suite $seconds $only] ne {})} {
             return $why
         }
     }
 }
-# One mutant from its change to its end: noticed, lives, permitted or broken (it does not compile), and what noticed it.
+# One mutant from its change to its end: noticed, lives, permitted, broken (it does not compile) or same (its object is), and what noticed it.
 proc mutants::judge {folder file place times known} {
+    variable compiled
     set path [file join $folder $file]
     set original [read $path]
+    if {![dict exists $compiled $file]} {
+        dict set compiled $file [objects $folder $file]
+    }
     try {
         write $path [changed $original $place]
-        if {![build $folder build-code output]} {
+        if {![build $folder [targetOf $file] output]} {
             return broken
+        } elseif {[dict get $compiled $file] ne {} && [objects $folder $file] eq [dict get $compiled $file]} {
+            return same
         }
         set why [noticed $folder $file $times [dict get $known suites]]
     } finally {
@@ -346,21 +378,27 @@ proc mutants::prepare {source built folder} {
     mirror $source $folder
     file mkdir $folder/build
     if {![file exists $folder/build/config.status]} {
-        puts "configuring as $built is"
-        set script {cd "$1/build" && eval "../configure --quiet $("$2/config.status" --config)"}
+        report "configuring as $built is"
+        set script {
+            cd "$1/build"
+            words=$("$2/config.status" --config)
+            cxx=$(sed -n 's/^S\["CXX"\]="\(.*\)"$/\1/p' "$2/config.status")
+            case $cxx in *ccache*) ;; *) ! command -v ccache > /dev/null || words="$words CXX='ccache $cxx'" ;; esac
+            eval "../configure --quiet $words CXXFLAGS=-O1 CFLAGS=-O1"
+        }
         if {![run 600 output sh -c $script sh $folder $built]} {
             error "configure failed:\n$output"
         }
     }
-    puts "building without a mutant"
-    if {![build $folder build-check output]} {
+    report "building without a mutant"
+    if {![build $folder {all build-code} output]} {
         error "the sources do not compile without a mutant:\n[string range $output end-2000 end]"
     }
 }
 # One line for each file, and their sum. COUNTS: dict of file to dict of verdict to number.
 proc mutants::table counts {
-    set verdicts {noticed permitted lives broken}
-    set lines [list [format "%-36s%10s%10s%10s%10s" file {*}$verdicts]]
+    set verdicts {noticed permitted lives same broken}
+    set lines [list [format "%-36s%10s%10s%10s%10s%10s" file {*}$verdicts]]
     set sum {}
     dict for {file count} $counts {
         dict for {verdict n} $count {
@@ -368,7 +406,7 @@ proc mutants::table counts {
         }
     }
     foreach {file count} [list {*}[lsort -stride 2 $counts] all $sum] {
-        lappend lines [format "%-36s%10d%10d%10d%10d" $file {*}[lmap verdict $verdicts {
+        lappend lines [format "%-36s%10d%10d%10d%10d%10d" $file {*}[lmap verdict $verdicts {
             expr {[dict exists $count $verdict] ? [dict get $count $verdict] : 0}
         }]]
     }
@@ -387,9 +425,13 @@ proc mutants::options words {
     }
     return $given
 }
-# The suites that are wanted. Without any: all, but for those that look at texts and run nothing of generic/.
-proc mutants::suitesOf {source wanted} {
+# The suites that are wanted, or else those that the list has for the files, or with "all" each, but for those that look at texts and run
+# nothing of generic/.
+proc mutants::suitesOf {source wanted files known} {
     set there [lmap suite [lsort [glob -tails -directory $source/tests *.test]] {file rootname $suite}]
+    if {$wanted eq "all"} {
+        return [lsearch -all -inline -not -regexp $there {^(doc|format|html|install|manual|mutants|readme|tidy|tutorials)$}]
+    }
     foreach suite $wanted {
         if {$suite ni $there} {
             error "no suite \"$suite\"; there are: $there"
@@ -398,7 +440,21 @@ proc mutants::suitesOf {source wanted} {
     if {$wanted ne {}} {
         return $wanted
     }
-    return [lsearch -all -inline -not -regexp $there {^(doc|format|html|install|manual|mutants|readme|tidy|tutorials)$}]
+    set there [dict merge {*}[lmap suite $there {list $suite 1}]]
+    set listed {}
+    foreach file $files {
+        foreach {pattern names} [dict get $known suites] {
+            if {[string match $pattern $file]} {
+                lappend listed {*}$names
+            }
+        }
+        lappend listed [file rootname [file tail $file]]
+    }
+    return [lmap suite [lsort -unique $listed] {expr {[dict exists $there $suite] ? $suite : [continue]}}]
+}
+proc mutants::report line {
+    puts $line
+    flush stdout
 }
 proc mutants::main {source built folder args} {
     variable jobs
@@ -406,8 +462,8 @@ proc mutants::main {source built folder args} {
     set jobs [dict get $given -jobs]
     set queue [shuffled [allPlaces $source [dict get $given -files]] [dict get $given -seed]]
     set known [readList [read $source/tests/mutants.list]]
-    set suites [suitesOf $source [dict get $given -suites]]
-    puts "[llength $queue] places in [dict get $given -files], seed [dict get $given -seed]"
+    set suites [suitesOf $source [dict get $given -suites] [lsort -unique [lmap item $queue {lindex $item 0}]] $known]
+    report "[llength $queue] places in [dict get $given -files], seed [dict get $given -seed], suites $suites"
     prepare $source $built $folder
     set times [baseline $folder $suites]
     if {$times eq {}} {
@@ -415,21 +471,20 @@ proc mutants::main {source built folder args} {
     }
     set counts {}
     set alive 0
-    for {set number 0} {$number < [dict get $given -n] && $queue ne {}} {} {
+    for {set number 1} {$number <= [dict get $given -n] && $queue ne {}} {} {
         set queue [lassign $queue item]
         lassign $item file place
         set text [read $source/$file]
+        report "$number of [dict get $given -n]. $file:[lineAt $text [lindex $place 1]], [lindex $place 0]: [changedLine $text $place]"
+        set begin [clock seconds]
         lassign [judge $folder $file $place $times $known] verdict why
+        report "    $verdict[expr {$why eq {} ? {} : ", $why"}] ([expr {[clock seconds] - $begin}] s)"
         dict set counts $file [dict merge {noticed 0} [expr {[dict exists $counts $file] ? [dict get $counts $file] : {}}]]
         dict update counts $file count {
             dict incr count $verdict
         }
-        if {$verdict eq "broken"} continue
-        incr number
+        incr number [expr {$verdict ni {broken same}}]
         incr alive [expr {$verdict eq "lives"}]
-        puts "$number. $file:[lineAt $text [lindex $place 1]], [lindex $place 0]: [changedLine $text $place]"
-        puts "    $verdict[expr {$why eq {} ? {} : ", $why"}]"
-        flush stdout
     }
     puts \n[table $counts]
     return $alive
