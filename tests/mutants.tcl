@@ -2,8 +2,8 @@
 #
 # mutants.tcl SOURCE BUILD FOLDER ?-n 40? ?-seed 1? ?-files PATTERNS? ?-suites NAMES? ?-jobs 1?
 #
-# FOLDER becomes a copy of SOURCE, with a build/ of its own that is configured as BUILD is, but quick to build: -O1, ccache where there is
-# one, no pictures. A mutant is one change in this copy: another operator, a condition that is negated, or a statement that is left out.
+# FOLDER becomes a copy of SOURCE, with a build/ of its own that is configured as BUILD is, but quick to build: -O1 at most, ccache where
+# there is one, no pictures. A mutant is one change in this copy: another operator, a condition that is negated, or a statement that is left out.
 # The suites that concern the file run first, and then the others, until one fails. The file tests/mutants.list names the suites for each
 # file, and the mutants that may live. Without -suites it is those of the list that run, for "all" every one.
 # A mutant is not counted when it does not compile or gives the same object. -jobs is for make; suites run one after the other.
@@ -301,9 +301,18 @@ proc mutants::objects {folder file} {
     }
     set stem [file rootname [file tail $file]]
     return [lmap object [lsort [glob -nocomplain -directory $folder/build/[file dirname $file] "{.libs/,}{*-,}$stem.o"]] {
-        set f [open $object rb]
-        try {::read $f} finally {close $f}
+        stripped $object $folder/build/stripped.o
     }]
+}
+# What an object holds, but for what debuggers need.
+proc mutants::stripped {object copy} {
+    exec strip -g -o $copy $object
+    set f [open $copy rb]
+    try {
+        return [::read $f]
+    } finally {
+        close $f
+    }
 }
 # Runs a suite, or only one test of it. Returns the first test that fails, or what ended the suite; empty: it passes.
 proc mutants::trial {folder suite seconds {only *}} {
@@ -382,9 +391,11 @@ proc mutants::prepare {source built folder} {
         set script {
             cd "$1/build"
             words=$("$2/config.status" --config)
-            cxx=$(sed -n 's/^S\["CXX"\]="\(.*\)"$/\1/p' "$2/config.status")
+            value() { sed -n "s/^S\[\"$2\"\]=\"\(.*\)\"\$/\1/p" "$1/config.status"; }
+            cxx=$(value "$2" CXX)
             case $cxx in *ccache*) ;; *) ! command -v ccache > /dev/null || words="$words CXX='ccache $cxx'" ;; esac
-            eval "../configure --quiet $words CXXFLAGS=-O1 CFLAGS=-O1"
+            case $(value "$2" CXXFLAGS) in *-O[01]*) ;; *) words="$words CXXFLAGS=-O1 CFLAGS=-O1" ;; esac
+            eval "../configure --quiet $words"
         }
         if {![run 600 output sh -c $script sh $folder $built]} {
             error "configure failed:\n$output"
