@@ -279,12 +279,12 @@ proc mutants::run {seconds outputVar args} {
     set failed [catch {exec -ignorestderr timeout -k 10 $seconds sh -c {ulimit -v 16000000; exec "$@" 2>&1} sh {*}$args < /dev/null} output]
     return [expr {!$failed}]
 }
-# Makes targets. Pictures of the manual are left out: they take longer than all the rest.
-proc mutants::build {folder targets outputVar} {
+# Makes a target. Pictures of the manual are left out: they take longer than all the rest.
+proc mutants::build {folder target outputVar} {
     upvar 1 $outputVar output
     variable jobs
     # Words of a make around this one, such as -n, are not for this one.
-    return [run 3600 output env -u MAKEFLAGS -u MFLAGS -u MAKELEVEL make -C $folder/build -j$jobs --no-print-directory PICTURES=no {*}$targets]
+    return [run 3600 output env -u MAKEFLAGS -u MFLAGS -u MAKELEVEL make -C $folder/build -j$jobs --no-print-directory PICTURES=no $target]
 }
 # What has to be made anew for a file: a shared library is enough, but for what others include or link statically.
 proc mutants::targetOf file {
@@ -402,7 +402,7 @@ proc mutants::prepare {source built folder} {
         }
     }
     report "building without a mutant"
-    if {![build $folder {all build-code} output]} {
+    if {![build $folder all output] || ![build $folder build-code output]} {
         error "the sources do not compile without a mutant:\n[string range $output end-2000 end]"
     }
 }
