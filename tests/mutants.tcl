@@ -2,8 +2,8 @@
 #
 # mutants.tcl SOURCE BUILD FOLDER ?-n 40? ?-seed 1? ?-files PATTERNS? ?-suites NAMES? ?-jobs 1?
 #
-# FOLDER becomes a copy of SOURCE, with a build/ of its own that is configured as BUILD is, but quick to build: -O1 at most, ccache where
-# there is one, no pictures. A mutant is one change in this copy: another operator, a condition that is negated, or a statement that is left out.
+# FOLDER becomes a copy of SOURCE. Its own build/ is configured as BUILD is, but to be quick: -O1 at most, ccache where there is one, no
+# pictures. A mutant is one change in this copy: another operator, a condition that is negated, or a statement that is left out.
 # The suites that concern the file run first, and then the others, until one fails. The file tests/mutants.list names the suites for each
 # file, and the mutants that may live. Without -suites it is those of the list that run, for "all" every one.
 # A mutant is not counted when it does not compile or gives the same object. -jobs is for make; suites run one after the other.
@@ -286,7 +286,7 @@ proc mutants::build {folder target outputVar} {
     # Words of a make around this one, such as -n, are not for this one.
     return [run 3600 output env -u MAKEFLAGS -u MFLAGS -u MAKELEVEL make -C $folder/build -j$jobs --no-print-directory PICTURES=no $target]
 }
-# What has to be made anew for a file: a shared library is enough, but for what others include or link statically.
+# The target that a change of a file needs: a shared library is enough, but for what others include or link statically.
 proc mutants::targetOf file {
     switch -glob -- $file {
         generic/comm/*.cpp { return libsorma.la }
@@ -294,7 +294,7 @@ proc mutants::targetOf file {
     }
     return build-code
 }
-# What a file's objects hold. Empty for a header.
+# The bytes of a file's objects. Empty for a header.
 proc mutants::objects {folder file} {
     if {[file extension $file] eq ".h"} {
         return
@@ -304,7 +304,7 @@ proc mutants::objects {folder file} {
         stripped $object $folder/build/stripped.o
     }]
 }
-# What an object holds, but for what debuggers need.
+# The bytes of an object, but for those that debuggers need.
 proc mutants::stripped {object copy} {
     exec strip -g -o $copy $object
     set f [open $copy rb]
@@ -350,7 +350,7 @@ proc mutants::baseline {folder suites} {
     }
     return $times
 }
-# The test that notices; empty: none does. What fails runs a second time: chance is not noticing.
+# The test that notices; empty: none does. A test that fails runs a second time: chance is not noticing.
 proc mutants::noticed {folder file times suites} {
     foreach suite [order $file $times $suites] {
         set seconds [limit [dict get $times $suite]]
@@ -436,8 +436,7 @@ proc mutants::options words {
     }
     return $given
 }
-# The suites that are wanted, or else those that the list has for the files, or with "all" each, but for those that look at texts and run
-# nothing of generic/.
+# The suites that run: the wanted ones, or else those of the list for these files. "all": each that runs anything of generic/.
 proc mutants::suitesOf {source wanted files known} {
     set there [lmap suite [lsort [glob -tails -directory $source/tests *.test]] {file rootname $suite}]
     if {$wanted eq "all"} {

@@ -434,7 +434,7 @@ bool readEvent(XdrReader& r, EventHeader& h, EventBody& body, Message& content) 
     content.trail.clear();
     if (!readMessage(r, content)) return false;
     body.request = r.atEnd() ? 0 : r.u64();
-    return r.atEnd();
+    return r.good() && r.atEnd();
 }
 
 bool readHello(XdrReader& r, Hello& h) {

@@ -180,7 +180,8 @@ public:
     }
     std::string_view text() {                                       // a view into the record; UTF-8 is not checked
         std::size_t n = u32();
-        if (n > left() || !has(XdrWriter::padded(n))) return {};    // first: where size_t has 32 bits padding may overflow
+        if (n > left()) return spoil(), std::string_view();         // first: where size_t has 32 bits padding may overflow
+        if (!has(XdrWriter::padded(n))) return {};
         std::string_view v(at_, n);
         at_ += XdrWriter::padded(n);
         return v;
