@@ -1,11 +1,12 @@
 # mutants.tcl -- do the suites notice when generic/ is changed? See `make mutants` in CONTRIBUTING.md.
 #
-# mutants.tcl SOURCE BUILD FOLDER ?-n 40? ?-seed 1? ?-files PATTERNS? ?-suites NAMES? ?-jobs 1?
+# mutants.tcl SOURCE BUILD FOLDER ?-n 40? ?-seed 1? ?-files PATTERNS? ?-suites NAMES? ?-line PATTERN? ?-jobs 1?
 #
 # FOLDER becomes a copy of SOURCE. Its own build/ is configured as BUILD is, but to be quick: -O1 at most, ccache where there is one, no
 # pictures. A mutant is one change in this copy: another operator, a condition that is negated, or a statement that is left out.
 # The suites that concern the file run first, and then the others, until one fails. The file tests/mutants.list names the suites for each
 # file, and the mutants that may live. Without -suites it is those of the list that run, for "all" every one.
+# -line: only mutants whose line, as it is printed, fits this pattern of `string match`; so one that lived is tried again.
 # A mutant is not counted when it does not compile or gives the same object. -jobs is for make; suites run one after the other.
 # Exit code 1: another one lives. The same seed gives the same mutants of the same sources.
 
@@ -260,8 +261,9 @@ proc mutants::mirror {from to} {
 proc mutants::allPlaces {top patterns} {
     set all {}
     foreach file [lsort -unique [glob -nocomplain -tails -directory $top -- {*}$patterns]] {
-        foreach place [places [read [file join $top $file]]] {
-            lappend all [list $file $place]
+        set text [read [file join $top $file]]
+        foreach place [places $text] {
+            lappend all [list $file $place [changedLine $text $place]]
         }
     }
     if {$all eq {}} {
@@ -425,7 +427,7 @@ proc mutants::table counts {
 }
 # A dict of all options, checked.
 proc mutants::options words {
-    set given {-n 40 -seed 1 -files generic/*/*.cpp -suites {} -jobs 1}
+    set given {-n 40 -seed 1 -files generic/*/*.cpp -suites {} -line * -jobs 1}
     foreach {word value} $words {
         if {![dict exists $given $word]} {
             error "unknown option \"$word\": expected [join [dict keys $given] {, }]"
@@ -471,6 +473,7 @@ proc mutants::main {source built folder args} {
     set given [options $args]
     set jobs [dict get $given -jobs]
     set queue [shuffled [allPlaces $source [dict get $given -files]] [dict get $given -seed]]
+    set queue [lsearch -all -inline -index 2 $queue [dict get $given -line]]
     set known [readList [read $source/tests/mutants.list]]
     set suites [suitesOf $source [dict get $given -suites] [lsort -unique [lmap item $queue {lindex $item 0}]] $known]
     report "[llength $queue] places in [dict get $given -files], seed [dict get $given -seed], suites $suites"
@@ -483,9 +486,9 @@ proc mutants::main {source built folder args} {
     set alive 0
     for {set number 1} {$number <= [dict get $given -n] && $queue ne {}} {} {
         set queue [lassign $queue item]
-        lassign $item file place
+        lassign $item file place line
         set text [read $source/$file]
-        report "$number of [dict get $given -n]. $file:[lineAt $text [lindex $place 1]], [lindex $place 0]: [changedLine $text $place]"
+        report "$number of [dict get $given -n]. $file:[lineAt $text [lindex $place 1]], [lindex $place 0]: $line"
         set begin [clock seconds]
         lassign [judge $folder $file $place $times $known] verdict why
         report "    $verdict[expr {$why eq {} ? {} : ", $why"}] ([expr {[clock seconds] - $begin}] s)"
@@ -502,7 +505,7 @@ proc mutants::main {source built folder args} {
 
 if {[info exists argv0] && [file tail $argv0] eq "mutants.tcl"} {
     if {$argc < 3 || $argc % 2 == 0} {
-        puts stderr "usage: mutants.tcl SOURCE BUILD FOLDER ?-n NUMBER? ?-seed NUMBER? ?-files PATTERNS? ?-suites NAMES? ?-jobs NUMBER?"
+        puts stderr "usage: mutants.tcl SOURCE BUILD FOLDER ?-n NUMBER? ?-seed NUMBER? ?-files PATTERNS? ?-suites NAMES? ?-line PATTERN? ?-jobs NUMBER?"
         exit 2
     }
     if {[catch {mutants::main {*}$argv} alive]} {
