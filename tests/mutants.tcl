@@ -385,8 +385,7 @@ proc mutants::judge {folder file place times known} {
     set key [list $file [changedLine $original $place]]
     return [expr {$why ne {} ? [list noticed $why] : [dict exists $known may $key] ? [list permitted [dict get $known may $key]] : "lives"}]
 }
-proc mutants::prepare {source built folder} {
-    mirror $source $folder
+proc mutants::prepare {built folder} {
     file mkdir $folder/build
     if {![file exists $folder/build/config.status]} {
         report "configuring as $built is"
@@ -472,12 +471,13 @@ proc mutants::main {source built folder args} {
     variable jobs
     set given [options $args]
     set jobs [dict get $given -jobs]
-    set queue [shuffled [allPlaces $source [dict get $given -files]] [dict get $given -seed]]
+    mirror $source $folder      ;# SOURCE may change meanwhile
+    set queue [shuffled [allPlaces $folder [dict get $given -files]] [dict get $given -seed]]
     set queue [lsearch -all -inline -index 2 $queue [dict get $given -line]]
-    set known [readList [read $source/tests/mutants.list]]
-    set suites [suitesOf $source [dict get $given -suites] [lsort -unique [lmap item $queue {lindex $item 0}]] $known]
+    set known [readList [read $folder/tests/mutants.list]]
+    set suites [suitesOf $folder [dict get $given -suites] [lsort -unique [lmap item $queue {lindex $item 0}]] $known]
     report "[llength $queue] places in [dict get $given -files], seed [dict get $given -seed], suites $suites"
-    prepare $source $built $folder
+    prepare $built $folder
     set times [baseline $folder $suites]
     if {$times eq {}} {
         error "no suite passes without a mutant: mend these first"
@@ -487,7 +487,7 @@ proc mutants::main {source built folder args} {
     for {set number 1} {$number <= [dict get $given -n] && $queue ne {}} {} {
         set queue [lassign $queue item]
         lassign $item file place line
-        set text [read $source/$file]
+        set text [read $folder/$file]
         report "$number of [dict get $given -n]. $file:[lineAt $text [lindex $place 1]], [lindex $place 0]: $line"
         set begin [clock seconds]
         lassign [judge $folder $file $place $times $known] verdict why
