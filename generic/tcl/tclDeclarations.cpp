@@ -295,7 +295,6 @@ int declareAction(Interpreter& i, int objc, Tcl_Obj* const objv[], bool ctrl) {
                                std::move(ofArguments));
         list.push_back(std::move(a));
         declared(i, c);
-        Tcl_ResetResult(i.interp);
         return TCL_OK;
     });
 }
