@@ -85,7 +85,7 @@ TclClass& target(Interpreter& i, Tcl_Obj* command) {
     return c;
 }
 
-// After a declaration: what the SORM knows of the class is out of date, also for classes derived from it.
+// After a declaration, which returns nothing: what the SORM knows of the class is out of date, also for classes derived from it.
 void declared(Interpreter& i, TclClass& c) {
     i.sorm.forget(c.service);
     for (auto& name : tclClasses(i)) {
@@ -93,6 +93,7 @@ void declared(Interpreter& i, TclClass& c) {
         auto line = lineage(i, name);
         if (std::find(line.begin(), line.end(), &c) != line.end()) i.sorm.forget(serviceName(name));
     }
+    Tcl_ResetResult(i.interp);      // where the class was looked for, its name stands
 }
 
 [[noreturn]] void bad(Tcl_Obj* command, const std::string& what) {
