@@ -41,6 +41,7 @@ proc ::sorma::text::readFile file {
     set channel [open $file]
     try {
         fconfigure $channel -encoding utf-8
+        catch {fconfigure $channel -profile replace}        ;# Tcl 9 is strict otherwise
         return [read $channel]
     } finally {
         close $channel

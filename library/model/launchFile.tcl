@@ -1,15 +1,16 @@
 # launchFile.tcl -- what a launch file says: the daemons of an application. Words, never code.
 #
-#     # comment; a line that ends in a backslash goes on
 #     defaults -restart failure -dict common.dict           options of the daemons that follow
 #     daemon eye -package sorma::service::echo
 #     daemon arm -after eye -on robot@cell2 -port 7014 -host 0.0.0.0 -env MODE=slow
 #
-# Words are quoted as in requests ("..." '...' {...}). A later option replaces an earlier one; those that take several
-# words add to it. Files of daemons on this host are relative to the folder of the launch file.
+# Lines are as entries.tcl reads them. A later option replaces an earlier one; those that take several words add to it. Files of daemons on
+# this host are relative to the folder of the launch file.
 
 package require sorma
+package require sorma::entries
 package require sorma::options
+package require sorma::text
 package provide sorma::launchFile 1.0
 
 namespace eval ::sorma::launchFile {
@@ -28,7 +29,7 @@ namespace eval ::sorma::launchFile {
 # Arguments:
 #       file    its path
 # Results:
-#       A dict in the order of the file: name of daemon -> dict of its options and of line and place ("FILE:LINE").
+#       A dict in the order of the file: name of daemon -> dict of its options and of place ("FILE:LINE").
 #       Fails with {SORMA LAUNCH FILE} and a line FILE:LINE: ... for each thing that is wrong.
 proc ::sorma::launchFile::read file {
     variable Options
@@ -36,43 +37,29 @@ proc ::sorma::launchFile::read file {
     if {$wrong ne {}} {
         return -code error -errorcode {SORMA LAUNCH FILE} "$file: $wrong"
     }
-    set channel [open $file]
-    fconfigure $channel -encoding utf-8
-    catch {fconfigure $channel -profile replace}        ;# Tcl 9 is strict otherwise
-    set text [::read $channel]
-    close $channel
     set defaults [::sorma::options::defaults $Options]
     set daemons {}
-    set wrong {}
-    foreach {line entry} [Entries $text] {
-        set place $file:$line
-        try {
-            set words [lassign [::sorma::SplitWords $entry] keyword]
-            switch -- $keyword {
-                {} {}
-                defaults {
-                    set defaults [Take $words $defaults]
-                }
-                daemon {
-                    set words [lassign $words name]
-                    if {![regexp {^[A-Za-z0-9_][A-Za-z0-9_.-]*$} $name]} {
-                        error "bad name of a daemon \"$name\": letters, digits, _ - and . only"
-                    }
-                    if {[dict exists $daemons $name]} {
-                        error "daemon $name is there already, in line [dict get $daemons $name line]"
-                    }
-                    dict set daemons $name [dict create line $line place $place {*}$defaults]
-                    set settings [Take $words [dict get $daemons $name]]
-                    dict set daemons $name [CheckDaemon [file dirname $file] $settings]
-                }
-                default {
-                    error "unknown word \"$keyword\"[::sorma::DidYouMean $keyword {daemon defaults}]: must be daemon or defaults"
-                }
+    ::sorma::entries::each {place words} [::sorma::text::readFile $file] $file ::sorma::SplitWords {
+        set words [lassign $words keyword]
+        switch -- $keyword {
+            defaults {
+                set defaults [Take $words $defaults]
             }
-        } on error message {
-            lappend wrong "$place: $message"
+            daemon {
+                set words [lassign $words name]
+                if {![regexp {^[A-Za-z0-9_][A-Za-z0-9_.-]*$} $name]} {
+                    error "bad name of a daemon \"$name\": letters, digits, _ - and . only"
+                }
+                if {[dict exists $daemons $name]} {
+                    error "daemon $name is there already, in line [lindex [split [dict get $daemons $name place] :] end]"
+                }
+                dict set daemons $name [CheckDaemon [file dirname $file] [Take $words [dict create place $place {*}$defaults]]]
+            }
+            default {
+                error "unknown word \"$keyword\"[::sorma::DidYouMean $keyword {daemon defaults}]: must be daemon or defaults"
+            }
         }
-    }
+    } wrong
     if {[llength $wrong] == 0} {
         set wrong [CheckOrder $daemons]
     }
@@ -94,31 +81,6 @@ proc ::sorma::launchFile::Readable file {
     } elseif {![file readable $file]} {
         return "cannot be read by this user"
     }
-}
-
-# Lines that go on are joined. Returns a list of number, text.
-proc ::sorma::launchFile::Entries text {
-    set entries {}
-    set number 0
-    set begun 0
-    foreach line [split $text \n] {
-        incr number
-        set line [string trimright $line \r]
-        if {!$begun} {
-            set begun $number
-            set entry {}
-        }
-        if {[regexp {(?:^|[^\\])(?:\\\\)*\\$} $line]} {
-            append entry [string range $line 0 end-1] { }
-            continue
-        }
-        lappend entries $begun $entry$line
-        set begun 0
-    }
-    if {$begun} {
-        lappend entries $begun $entry
-    }
-    return $entries
 }
 
 # Take words of a line over into options.

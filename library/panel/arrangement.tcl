@@ -5,12 +5,13 @@
 #     panel -name foo.a@robot -options "-tempo -where" -geometry 420x500+820+0
 #     stripchart -plot "probe.y@robot -value" -span 30
 #
-# Words are quoted as in requests; # begins a comment. A file is read and never evaluated. Every option of a kind is one of its widget, but
-# -geometry (WIDTHxHEIGHT+X+Y; without it, or without its place, the window comes where it was last); -plot may come several times. Other files
-# that are named there count from the folder of the file.
+# Lines are as entries.tcl reads them. Every option of a kind is one of its widget, but -geometry (WIDTHxHEIGHT+X+Y; without it, or without
+# its place, the window comes where it was last); -plot may come several times. Other files that are named there count from the file's folder.
 
 package require sorma
+package require sorma::entries
 package require sorma::options
+package require sorma::text
 package provide sorma::arrangement 1.0
 
 namespace eval ::sorma::arrangement {
@@ -42,19 +43,9 @@ namespace eval ::sorma::arrangement {
 #       List of two: windows, each a list of kind and dict of its options; errors, each a line WHERE:LINE: ...
 proc ::sorma::arrangement::parse {text {where arrangement}} {
     set windows {}
-    set wrong {}
-    set n 0
-    foreach line [split $text \n] {
-        incr n
-        try {
-            set words [lassign [::sorma::SplitWords $line] kind]
-            if {$kind ne {}} {
-                lappend windows [Window $kind $words]
-            }
-        } trap {SORMA REQUEST SYNTAX} message {
-            lappend wrong "$where:$n: $message"
-        }
-    }
+    ::sorma::entries::each {place words} $text $where ::sorma::SplitWords {
+        lappend windows [Window [lindex $words 0] [lrange $words 1 end]]
+    } wrong
     return [list $windows $wrong]
 }
 
@@ -87,24 +78,12 @@ proc ::sorma::arrangement::Fail message {
 
 # ::sorma::arrangement text WINDOWS -- as parse has them, as text.
 proc ::sorma::arrangement::text windows {
-    set lines {}
-    foreach window $windows {
+    return [join [lmap window $windows {
         lassign $window kind settings
-        set line $kind
-        dict for {option value} $settings {
-            foreach word [if {$option eq "-plot"} {set value} else {list $value}] {
-                append line " $option [Quoted $word]"
-            }
-        }
-        lappend lines $line\n
-    }
-    return [join $lines {}]
-}
-proc ::sorma::arrangement::Quoted word {
-    if {[regexp {^[\w./:=@%+,*-]+$} $word]} {
-        return $word
-    }
-    return \"[string map {\\ \\\\ \" \\\" \n \\n \r \\r \t \\t} $word]\"
+        string cat [::sorma::entries::line [concat $kind {*}[lmap {option value} $settings {
+            if {$option eq "-plot"} {concat {*}[lmap plot $value {list $option $plot}]} else {list $option $value}
+        }]]] \n
+    }] {}]
 }
 
 # ::sorma::arrangement console TOPLEVEL -- lines "console" are about this one.
@@ -115,13 +94,7 @@ proc ::sorma::arrangement::console top {
 
 # ::sorma::arrangement open FILE -- open all its windows. Returns the errors, a line for each; the others are open.
 proc ::sorma::arrangement::open file {
-    set channel [::open $file]
-    try {
-        fconfigure $channel -encoding utf-8
-        lassign [parse [read $channel] $file] windows wrong
-    } finally {
-        close $channel
-    }
+    lassign [parse [::sorma::text::readFile $file] $file] windows wrong
     set folder [file dirname [file normalize $file]]
     foreach window $windows {
         lassign $window kind settings
@@ -185,13 +158,7 @@ proc ::sorma::arrangement::save file {
             lappend windows [list $kind [dict replace $settings -geometry [wm geometry $top]]]
         }
     }
-    set channel [::open $file w]
-    try {
-        fconfigure $channel -encoding utf-8
-        puts -nonewline $channel "# saved by scottwish\n[text $windows]"
-    } finally {
-        close $channel
-    }
+    ::sorma::text::writeFile $file "# saved by scottwish\n[text $windows]"
 }
 # What the toplevel shows.
 proc ::sorma::arrangement::Widget top {

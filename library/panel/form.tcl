@@ -8,9 +8,9 @@
 #     cycle.belt@robot -period -show meter
 #     host@robot {EXEC load} -part floats -index 0 -text Load
 #
-# A line is a list: the title of a group; or an object, an option of it or a request {EXEC ...}, and how that is shown. Nothing of it is
-# evaluated.
+# Lines are as entries.tcl reads them: the title of a group; or an object, an option of it or a request {EXEC ...}, and how that is shown.
 
+package require sorma::entries
 package require sorma::field
 package require sorma::lamp
 package require sorma::notice
@@ -172,42 +172,40 @@ snit::widget ::sorma::form {
 
     proc Parse {text where} {
         set found {}
-        set n 0
-        foreach line [split $text \n] {
-            incr n
-            set line [string trim $line]
-            if {$line eq {} || [string match #* $line]} continue
-            if {[catch {Entry $line} entry failure]} {
-                return -code error -errorcode [dict get $failure -errorcode] "$where:$n: $entry"
-            }
-            lappend found $entry
+        ::sorma::entries::each {place words} $text $where [myproc Words] {
+            lappend found [Entry $words]
         }
         return $found
     }
-    proc Entry line {
-        set expected {expected "group TITLE", "OBJECT -OPTION ..." or "OBJECT {EXEC ...} ..."}
-        if {[catch {lassign $line name what}]} {
-            return -code error -errorcode {SORMA REQUEST SYNTAX} "$expected; \"$line\" is no list"
+    # What a form saved before 2026-12 are Tcl's lists: it matters where backslashes quote.
+    proc Words line {
+        if {[string first \\ $line] >= 0 && [string is list $line] && [list {*}$line] eq $line} {
+            return $line
         }
-        if {$name eq "group" && [llength $line] > 1} {
-            return [dict create name [join [lrange $line 1 end]] what {} settings {}]
+        return [::sorma::SplitWords $line]
+    }
+    proc Entry words {
+        lassign $words name what
+        if {$name eq "group" && [llength $words] > 1} {
+            return [dict create name [join [lrange $words 1 end]] what {} settings {}]
         }
         set table [if {[regexp {^-\S+$} $what]} {set Option} elseif {[catch {lindex $what 0} head] || $head ne "EXEC"} {
-            return -code error -errorcode {SORMA REQUEST SYNTAX} "$expected, got \"$line\""
+            return -code error -errorcode {SORMA REQUEST SYNTAX} "expected \"group TITLE\", \"OBJECT -OPTION ...\" or \"OBJECT {EXEC ...} ...\", got\
+                \"[::sorma::entries::line $words]\""
         } else {
             set Reply
         }]
         ::sorma::resolve $name
-        return [dict create name $name what $what settings [::sorma::options::parse $table [lrange $line 2 end]]]
+        return [dict create name $name what $what settings [::sorma::options::parse $table [lrange $words 2 end]]]
     }
     # Settings that have their defaults are left out.
     proc Line entry {
         dict with entry {
             if {$what eq {}} {
-                return [list group $name]
+                return [::sorma::entries::line [list group $name]]
             }
             set otherwise [::sorma::options::defaults [if {[string match -* $what]} {set Option} else {set Reply}]]
-            return [string map {\n " "} [list $name $what {*}[dict filter $settings script {option value} {expr {$value ne [dict get $otherwise $option]}}]]]
+            return [::sorma::entries::line [list $name $what {*}[dict filter $settings script {option value} {expr {$value ne [dict get $otherwise $option]}}]]]
         }
     }
 

@@ -7,8 +7,10 @@
 #     hide -debug
 #
 # Options before the first group have no title; options that a layout does not name stand behind it. A layout is a dict of groups (a list of
-# title and options ...) and hidden (options); the empty text is none.
+# title and options ...) and hidden (options); the empty text is none. Lines are as entries.tcl reads them.
 
+package require sorma
+package require sorma::entries
 package require sorma::text
 package provide sorma::layout 1.0
 
@@ -96,32 +98,27 @@ proc ::sorma::layout::hide {layout option} {
 proc ::sorma::layout::text layout {
     set lines {}
     foreach {title members} [dict get $layout groups] {
-        if {$title ne {}} {
-            lappend lines "group $title"
-        }
-        lappend lines {*}$members
+        lappend lines {*}[if {$title ne {}} {list [list group $title]}] {*}$members
     }
     foreach option [dict get $layout hidden] {
-        lappend lines "hide $option"
+        lappend lines [list hide $option]
     }
-    return [join $lines \n]\n
+    return [join [lmap line $lines {::sorma::entries::line $line}] \n]\n
 }
 proc ::sorma::layout::parse {text {where layout}} {
     set groups [list {} {}]
     set hidden {}
-    set n 0
-    foreach line [split $text \n] {
-        incr n
-        set line [string trim $line]
-        if {$line eq {} || [string match #* $line]} continue
-        if {[regexp {^group\s+(.+)$} $line -> title]} {
-            lappend groups $title {}
-        } elseif {[regexp {^hide\s+(-\S+)$} $line -> option]} {
-            lappend hidden $option
-        } elseif {[regexp {^-\S+$} $line]} {
-            lset groups end [concat [lindex $groups end] [list $line]]
+    ::sorma::entries::each {place words} $text $where ::sorma::SplitWords {
+        set words [lassign $words head]
+        if {$head eq "group" && $words ne {}} {
+            lappend groups [join $words] {}
+        } elseif {$head eq "hide" && [llength $words] == 1 && [string match -?* $words]} {
+            lappend hidden {*}$words
+        } elseif {[string match -?* $head] && $words eq {}} {
+            lset groups end [concat [lindex $groups end] [list $head]]
         } else {
-            return -code error -errorcode {SORMA REQUEST SYNTAX} "$where:$n: expected \"group TITLE\", \"hide -OPTION\" or \"-OPTION\", got \"$line\""
+            throw {SORMA REQUEST SYNTAX} "expected \"group TITLE\", \"hide -OPTION\" or \"-OPTION\", got\
+                \"[::sorma::entries::line [list $head {*}$words]]\""
         }
     }
     return [dict create groups $groups hidden $hidden]
