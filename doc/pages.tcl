@@ -1,6 +1,7 @@
 # pages.tcl FOLDER HEADERS PAGE... -- the manual's pages, made of those in doc: what they include is put in.
 #
 # [include fork.options], .actions, .exec, .table: from the table of that class, as doc/classPage.tcl writes it.
+# [include inspect.calls]: the heads of the commands of that page, as they are typed to scott.
 # [include Service.public]: the public part of that C++ class, from the installed headers, whose comments are the manual.
 #
 # doctools reads them, with the engine fmt.blocks. For each page FOLDER gets NAME.man, of which nroff and HTML are made, and NAME.lines: its text for a terminal, a list of {MARGIN
@@ -61,12 +62,20 @@ proc expanded {headers text} {
         lassign [split [string range $text {*}$name] .] class part
         if {$part eq "public"} {
             append out [public $headers $class]
+        } elseif {$part eq "calls"} {
+            append out [calls $class]
         } else {
             append out [::classPage::fragment $class $part]
         }
         set text [string range $text [lindex $all 1]+1 end]
     }
     return $out$text
+}
+
+# Without namespace, and without the options that are for programs.
+proc calls page {
+    set heads [regexp -all -inline -line "^\\\[call \\\[cmd sorma::${page}::.*$" [read_file [file join [file dirname [info script]] $page.man]]]
+    return [string map [list sorma::${page}:: {} { [opt [option -data]]} {} { [opt "[option -command] [arg prefix]"]} {}] [join $heads \n]]
 }
 
 # ---- text for a terminal ----

@@ -4,6 +4,12 @@
 # a proc that does just that.
 
 apply {{} {
+    set usage {}
+    catch {
+        set channel [open [file join $::sorma::library manual usage]]       ;# not there while the manual is made
+        fconfigure $channel -encoding utf-8
+        set usage [read $channel][close $channel]
+    }
     foreach {package commands} {
         world world
         table table
@@ -12,8 +18,7 @@ apply {{} {
         manual {manual manual::pages manual::titles}
         reply {show showDefaults}
         trail {showTrail showStack}
-        inspect {inspect inspect::ls inspect::tree inspect::daemons inspect::help inspect::dump inspect::watch inspect::unwatch
-            inspect::top inspect::find inspect::monitor inspect::rate inspect::doctor}
+        inspect {inspect *}
         record {record::start record::stop}
         subject subject
         field {entry slider vector choice check field button}
@@ -31,6 +36,9 @@ apply {{} {
         arrangement arrangement
         browser browser
     } {
+        if {"*" in $commands} {                     ;# all that the manual has of it
+            set commands [lmap command [concat $package [dict keys $usage sorma::${package}::*]] {regsub {^sorma::} $command {}}]
+        }
         foreach command $commands {
             namespace eval ::sorma::[namespace qualifiers $command] {}
             proc ::sorma::$command args "package require sorma::$package\ntailcall ::sorma::$command {*}\$args"

@@ -6,6 +6,9 @@
 package provide sorma::doctor 1.0         ;# before what needs it in turn
 package require sorma::inspect
 
+namespace eval ::sorma::inspect {
+    dict set Topics doctor {what is wrong on this machine, and how to mend it}
+}
 namespace eval ::sorma::inspect::doctor {
     variable Findings       ;# list of dicts: what state text mend
     # The checks, in this order.

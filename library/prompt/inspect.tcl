@@ -10,12 +10,13 @@ package require sorma::options
 package require sorma::usage
 package provide sorma::inspect 1.0
 namespace eval ::sorma::inspect {
-    namespace export ls tree daemons help dump watch unwatch top find monitor rate doctor
+    namespace export {[a-z]*}
     namespace ensemble create
 
     variable Wait 400           ;# ms for daemons to answer
     variable Before {}          ;# of top: {where name} -> {calls time [ms]}, when it looked last
     variable Looked 0           ;# ms, when that was
+    # Its commands, and what help says of each. A command of a file of its own, such as doctor.tcl, enters itself; its file has the command's name.
     variable Topics {
         ls {objects here and at each daemon: a pattern chooses names, @daemon one place, @ here}
         tree {objects with the sub-services that they use}
@@ -28,7 +29,6 @@ namespace eval ::sorma::inspect {
         find {a word in names, purposes, options and help, of all that there is}
         monitor {shows requests, replies and events of a daemon as they pass, until unwatch}
         rate {how often an object publishes: mean, shortest, longest time between two events, jitter}
-        doctor {what is wrong on this machine, and how to mend it}
     }
 }
 
@@ -522,4 +522,10 @@ proc ::sorma::inspect::Tables {where names} {
 }
 
 package require sorma::observe
-package require sorma::doctor
+apply {{} {
+    foreach command [::sorma::usage::commands sorma::inspect::*] {
+        if {![dict exists $::sorma::inspect::Topics [namespace tail $command]]} {
+            package require sorma::[namespace tail $command]
+        }
+    }
+}}
