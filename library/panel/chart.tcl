@@ -4,9 +4,11 @@
 # drawn again only when the scale changes.
 
 package require Tk
+package require csv
 package require snit
 package require sorma::options
 package require sorma::parts
+package require sorma::text
 package provide sorma::chart 1.0
 
 # ::sorma::stripchart .w ?options? --
@@ -53,9 +55,7 @@ snit::widget ::sorma::stripchart {
         bind $win <<ThemeChanged>> [mymethod Rebuild]
         bind $canvas <space> [mymethod Act pause]
         bind $canvas <ButtonPress-1> [list focus $canvas]
-        foreach event {<Button-3> <Key-Menu> <Shift-F10>} {
-            bind $canvas $event [mymethod Act Menu %X %Y]
-        }
+        ::sorma::style menu $canvas $win [mymethod Act Menu]
         bind $canvas <plus> [mymethod Act Zoom 0.5]
         bind $canvas <minus> [mymethod Act Zoom 2]
         bind $win <Destroy> +[list ::sorma::parts::ended $win [mymethod Ended %W]]
@@ -201,22 +201,13 @@ snit::widget ::sorma::stripchart {
     method csv {} {
         $self Draw
         $self Take
-        set lines [list trace,time,value]
-        dict for {name trace} $traces {
-            foreach t [dict get $trace times] v [dict get $trace values] {
-                lappend lines [join [list [if {[regexp {[",\n]} $name]} {string cat \" [string map {\" \"\"} $name] \"} else {set name}] $t $v] ,]
-            }
-        }
-        return [join $lines \n]\n
+        return [::csv::joinlist [concat {{trace time value}} {*}[lmap {name trace} $traces {
+            lmap t [dict get $trace times] v [dict get $trace values] {list $name $t $v}
+        }]]]
     }
     method export file {
         switch -- [string tolower [file extension $file]] {
-            .csv {
-                set out [open $file w]
-                fconfigure $out -encoding utf-8
-                puts -nonewline $out [$self csv]
-                close $out
-            }
+            .csv { ::sorma::text::writeFile $file [$self csv] }
             default { ::sorma::parts::picture $canvas $file }
         }
         return $file
@@ -448,15 +439,12 @@ snit::widget ::sorma::stripchart {
         }
         $canvas create line $coordinates -fill [$self Colour $name] -tags [list points line $name]
     }
-    method Menu {x y} {
-        destroy $win.menu
-        menu $win.menu -tearoff 0
-        $win.menu add command -label [expr {$options(-paused) ? "Go on" : "Pause"}] -accelerator space -command [mymethod pause]
-        $win.menu add command -label "Shorter" -accelerator + -command [mymethod Zoom 0.5]
-        $win.menu add command -label "Longer" -accelerator - -command [mymethod Zoom 2]
-        $win.menu add command -label "Clear" -command [mymethod clear]
-        $win.menu add command -label "Save ..." -command [mymethod Save]
-        tk_popup $win.menu {*}[::sorma::parts::popupAt $canvas $x $y]
+    method Menu {menu window} {
+        $menu add command -label [expr {$options(-paused) ? "Go on" : "Pause"}] -accelerator space -command [mymethod pause]
+        $menu add command -label "Shorter" -accelerator + -command [mymethod Zoom 0.5]
+        $menu add command -label "Longer" -accelerator - -command [mymethod Zoom 2]
+        $menu add command -label "Clear" -command [mymethod clear]
+        $menu add command -label "Save ..." -command [mymethod Save]
     }
     method Save {} {
         set file [tk_getSaveFile -parent $win -defaultextension .csv -filetypes {{Table .csv} {Picture .png} {{Vector picture} .pdf} {PostScript .ps}}]

@@ -8,6 +8,7 @@
 # Two maps of class psom are underneath. One has a node for each of 4 x 4 x 2 places on and above the board, with the components
 # file rank h  x y z  u v: it answers in all directions. The other one has the four places that the arm has visited, dx dy u v.
 
+package require math::linearalgebra
 package require sorma
 
 oo::class create ::sorma::service::transform {
@@ -290,7 +291,9 @@ oo::class create ::sorma::service::transform {
 
 # Returns when the arm has rested for so many seconds of lab time, and there is a picture that was taken then. picture, pose: who answers
 # them; no picture: the object that sees takes a new one; no pose: no waiting. Fails when it takes longer than patience [s].
-namespace eval ::sorma::service::transform {}
+namespace eval ::sorma::service::transform {
+    namespace path ::math::linearalgebra            ;# dotproduct, solveGauss
+}
 proc ::sorma::service::transform::fresh {picture pose rest {patience 10}} {
     if {$pose eq {}} {
         return
@@ -338,7 +341,7 @@ proc ::sorma::service::transform::aside {dx dy yaw} {
 
 # A quaternion, turned by a small rotation vector in its own frame.
 proc ::sorma::service::transform::turned {q by} {
-    set angle [expr {max(1e-12, sqrt([Product $by $by]))}]
+    set angle [expr {max(1e-12, sqrt([dotproduct $by $by]))}]
     set s [expr {sin($angle / 2) / $angle}]
     lassign $q w x y z
     lassign [lmap b $by {expr {$s * $b}}] a b c
@@ -369,25 +372,25 @@ proc ::sorma::service::transform::calibrated {guess views markers size} {
             set moved [Residuals [Changed $guess [lreplace $steps $k $k 1e-6]] $views $markers $size]
             lappend columns [lmap m $moved l $left {expr {($m - $l) / 1e-6}}]
         }
-        set rows [lmap one $columns {concat [lmap other $columns {Product $one $other}] [expr {-[Product $one $left]}]}]
+        set normal [lmap one $columns {lmap other $columns {dotproduct $one $other}}]
         for {set k 0} {$k < 10} {incr k} {
-            lset rows $k $k [expr {[lindex $rows $k $k] * (1 + $damping)}]
+            lset normal $k $k [expr {[lindex $normal $k $k] * (1 + $damping)}]
         }
-        set change [Solved $rows]
+        set change [solveGauss $normal [lmap one $columns {expr {-[dotproduct $one $left]}}]]
         set next [Changed $guess $change]
         set leftNext [Residuals $next $views $markers $size]
-        if {[Product $leftNext $leftNext] > [Product $left $left]} {
+        if {[dotproduct $leftNext $leftNext] > [dotproduct $left $left]} {
             set damping [expr {10 * $damping}]
             continue
         }
         set guess $next
         set left $leftNext
         set damping [expr {$damping / 10}]
-        if {[Product $change $change] < 1e-18} {
+        if {[dotproduct $change $change] < 1e-18} {
             break
         }
     }
-    return [concat $guess [expr {sqrt([Product $left $left] / [llength $left])}]]
+    return [concat $guess [expr {sqrt([dotproduct $left $left] / [llength $left])}]]
 }
 proc ::sorma::service::transform::Residuals {camera views markers size} {
     lassign $camera mount fieldOfView board
@@ -404,28 +407,6 @@ proc ::sorma::service::transform::Changed {camera by} {
     lassign $camera mount fieldOfView board
     return [list [concat [lmap a [lrange $mount 0 2] b [lrange $by 0 2] {expr {$a + $b}}] [turned [lrange $mount 3 6] [lrange $by 3 5]]] \
         [expr {$fieldOfView + [lindex $by 6]}] [lmap a $board b [lrange $by 7 9] {expr {$a + $b}}]]
-}
-proc ::sorma::service::transform::Product {a b} {
-    set sum 0
-    foreach x $a y $b {
-        set sum [expr {$sum + $x * $y}]
-    }
-    return $sum
-}
-# Rows of a system of linear equations with its right side: symmetric and positive, so without pivots.
-proc ::sorma::service::transform::Solved rows {
-    set n [llength $rows]
-    for {set k 0} {$k < $n} {incr k} {
-        set pivot [lindex $rows $k]
-        for {set i 0} {$i < $n} {incr i} {
-            if {$i != $k} {
-                set factor [expr {[lindex $rows $i $k] / [lindex $pivot $k]}]
-                lset rows $i [lmap a [lindex $rows $i] b $pivot {expr {$a - $factor * $b}}]
-            }
-        }
-    }
-    set k -1
-    return [lmap row $rows {expr {[lindex $row end] / [lindex $row [incr k]]}}]
 }
 
 package provide sorma::service::transform 1.0
