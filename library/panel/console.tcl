@@ -56,6 +56,7 @@ snit::widget ::sorma::console {
         set raw ::sorma::console::raw$screen
         rename $screen $raw
         interp alias {} ::$screen {} {*}[mymethod Edit]
+        ::sorma::style menu $screen $win [mymethod Menu]
         # begin: before the prompt, where output goes; limit: behind it
         foreach mark {begin limit} {
             $raw mark set $mark 1.0
@@ -561,19 +562,16 @@ snit::widget ::sorma::console {
         $self Find [llength $history]
         return 1
     }
-    method Popup {x y} {
-        destroy $win.menu
-        menu $win.menu -tearoff 0
-        $win.menu add command -label Copy -underline 0 -accelerator Ctrl-C -command [list tk_textCopy $screen] \
+    method Menu {menu window} {
+        $menu add command -label Copy -underline 0 -accelerator Ctrl-C -command [list tk_textCopy $screen] \
             -state [expr {[$raw tag ranges sel] eq {} ? "disabled" : "normal"}]
-        $win.menu add command -label Paste -underline 0 -accelerator Ctrl-V -command [list event generate $screen <<Paste>>]
-        $win.menu add separator
-        $win.menu add command -label "Unfold the last trail" -underline 0 -accelerator Alt-T -command [mymethod unfold] \
+        $menu add command -label Paste -underline 0 -accelerator Ctrl-V -command [list event generate $screen <<Paste>>]
+        $menu add separator
+        $menu add command -label "Unfold the last trail" -underline 0 -accelerator Alt-T -command [mymethod unfold] \
             -state [expr {$folds eq {} ? "disabled" : "normal"}]
-        $win.menu add command -label "Stop what runs" -underline 0 -accelerator Escape -command [mymethod stop] \
+        $menu add command -label "Stop what runs" -underline 0 -accelerator Escape -command [mymethod stop] \
             -state [expr {$running ? "normal" : "disabled"}]
-        $win.menu add command -label Clear -underline 1 -accelerator Ctrl-L -command [mymethod clear]
-        tk_popup $win.menu $x $y
+        $menu add command -label Clear -underline 1 -accelerator Ctrl-L -command [mymethod clear]
     }
 
     # Tab: what all that can stand there have in common; when nothing more is clear, all of them. Nothing stands still meanwhile, and it ends
@@ -655,8 +653,7 @@ bind SormaSearch <Key> {if {[[winfo parent %W] Searched %K %A]} break}
 apply {{} {
     foreach {event script} {
         <Return> Entered  <KP_Enter> Entered  <Tab> Complete  <Control-c> Interrupt  <Escape> Cancel  <Control-d> EndOfInput
-        <Control-l> clear  <Control-r> Search  <Alt-t> unfold  <Home> Home  <Control-a> Home  <Button-3> {Popup %X %Y}
-        <Key-Menu> {Popup [winfo rootx %W] [winfo rooty %W]}
+        <Control-l> clear  <Control-r> Search  <Alt-t> unfold  <Home> Home  <Control-a> Home
     } {
         bind SormaConsole $event "\[winfo parent %W\] $script; break"
     }

@@ -70,9 +70,7 @@ snit::widget ::sorma::form {
         foreach {key script} [list <Alt-a> [mymethod apply] <Alt-r> [mymethod revert]] {
             bind [$self Tag] $key "$script; break"
         }
-        foreach event {<Button-3> <Key-Menu> <Shift-F10>} {
-            bind [$self Tag] $event "[mymethod Popup %W %X %Y]; break"
-        }
+        ::sorma::style menu [$self Tag] $win [mymethod Menu]
         bind [$self Tag] <Configure> [mymethod SizeSoon]         ;# in a canvas what grows does not tell it to the windows around
         bind [$self Tag] <FocusIn> [list ::sorma::parts::see $win.body.canvas %W]
         bind $win <<ThemeChanged>> [mymethod Soon]
@@ -390,18 +388,14 @@ snit::widget ::sorma::form {
 
     # ---- menus ----
 
-    method Popup {window x y} {
+    method Menu {menu window} {
         if {[string match $win.ask* $window]} return
-        lassign [::sorma::parts::popupAt $window $x $y] x y
-        destroy $win.menu
-        menu $win.menu -tearoff 0
         if {[regexp {^\.\D+(\d+)} [string range $window [string length $inner] end] -> n] && [string match $inner.* $window]} {
-            $self EntryMenu $win.menu $n
+            $self EntryMenu $menu $n
         }
-        $win.menu add command -label "Add \u2026" -underline 0 -command [mymethod Ask]
-        $win.menu add command -label "Load form \u2026" -underline 0 -command [mymethod AskFile load tk_getOpenFile]
-        $win.menu add command -label "Save form \u2026" -underline 0 -command [mymethod AskFile save tk_getSaveFile]
-        tk_popup $win.menu $x $y
+        $menu add command -label "Add \u2026" -underline 0 -command [mymethod Ask]
+        $menu add command -label "Load form \u2026" -underline 0 -command [mymethod AskFile load tk_getOpenFile]
+        $menu add command -label "Save form \u2026" -underline 0 -command [mymethod AskFile save tk_getSaveFile]
     }
     method EntryMenu {menu n} {
         set entry [lindex $entries $n]

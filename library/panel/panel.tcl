@@ -129,9 +129,7 @@ snit::widget ::sorma::panel {
                 <Alt-o> [list $win.head.readonly invoke]] {
             bind [$self Tag] $key "$script; break"
         }
-        foreach event {<Button-3> <Key-Menu> <Shift-F10>} {
-            bind [$self Tag] $event "[mymethod Popup %W %X %Y]; break"      ;# a scale would jump there
-        }
+        ::sorma::style menu [$self Tag] $win [mymethod Menu]            ;# before a scale, which would jump there
         bind [$self Tag] <FocusIn> [list ::sorma::parts::see $canvas %W]
         bind $win <<ThemeChanged>> [mymethod Looks]
         $self Switched
@@ -526,21 +524,17 @@ snit::widget ::sorma::panel {
     # ---- menus ----
 
     # The menu of the field at a window, or of the panel.
-    method Popup {window x y} {
+    method Menu {menu window} {
         if {[string match $win.messages* $window] || [string match $win.exec* $window]} return
-        lassign [::sorma::parts::popupAt $window $x $y] x y
-        destroy $win.menu
-        menu $win.menu -tearoff 0
         set option {}
         if {[regexp {^\.(?:field|label|mark|unit|why)(\d+)} [string range $window [string length $inner] end] -> n]} {
             set option [lindex [dict keys [dict filter $rows value $n]] 0]
         }
         if {$option ne {}} {
-            $self FieldMenu $win.menu $option
+            $self FieldMenu $menu $option
         } else {
-            $self PanelMenu $win.menu
+            $self PanelMenu $menu
         }
-        tk_popup $win.menu $x $y
     }
     method FieldMenu {menu option} {
         ::sorma::parts::fieldMenu $menu $subject $option [expr {!$readOnly}]

@@ -138,14 +138,6 @@ proc ::sorma::parts::copy {window subject option} {
     clipboard append -displayof $window -- [list [$subject name] CTRL $option [dict get [$subject get $option] value]]
 }
 
-# ::sorma::parts::popupAt WINDOW X Y -- where a menu opens: at the pointer, or below the window when a key has opened it.
-proc ::sorma::parts::popupAt {window x y} {
-    if {$x eq "??" || $x <= 0} {
-        return [list [expr {[winfo rootx $window] + 5}] [expr {[winfo rooty $window] + [winfo height $window]}]]
-    }
-    return [list $x $y]
-}
-
 # ::sorma::parts::picture CANVAS FILE -- all of it, in FILE.png (as it is on the screen; package Img), FILE.pdf (ghostscript) or FILE.ps.
 proc ::sorma::parts::picture {canvas file} {
     lassign [$canvas cget -scrollregion] x y right bottom

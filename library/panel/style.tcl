@@ -6,7 +6,7 @@ package require Tk
 package provide sorma::style 1.0
 
 namespace eval ::sorma::style {
-    namespace export pixels mark colour series font step tag tip bindWheel own
+    namespace export pixels mark colour series font step tag tip menu bindWheel own
     namespace ensemble create
     # state: mark, colour on a light background, colour on a dark one
     variable States {
@@ -24,6 +24,7 @@ namespace eval ::sorma::style {
         good    {✓  #26872b #57e389}
     }
     variable Bound 0            ;# is there a binding that follows the theme
+    variable Made {}            ;# dict: name of a font of ours -> what it was made of
     variable Rest {}            ;# {canvas delta}: of the wheel that was turned last, what has not scrolled yet
     # of lines beside each other, on a light background and on a dark one
     variable Series {
@@ -62,19 +63,30 @@ proc ::sorma::style::Dark {} {
     return [expr {0.3 * $r + 0.6 * $g + 0.1 * $b < 0x7000}]
 }
 
-# ::sorma::style::font KIND -- plain, strong, small, fixed or fixedStrong: names of fonts, made at first use from Tk's own.
+# ::sorma::style::font KIND -- plain, strong, small, fixed or fixedStrong: names of Tk's own fonts. The strong ones are made of these at first
+# use, and follow when these change.
 proc ::sorma::style::font kind {
+    set own [dict get {
+        plain TkDefaultFont strong TkDefaultFont small TkSmallCaptionFont fixed TkFixedFont fixedStrong TkFixedFont
+    } $kind]
+    if {$kind ni {strong fixedStrong}} {
+        return $own
+    }
     set name sorma-$kind
     if {$name ni [::font names]} {
-        set own [::font actual [dict get {
-            plain TkDefaultFont strong TkDefaultFont small TkSmallCaptionFont fixed TkFixedFont fixedStrong TkFixedFont
-        } $kind]]
-        ::font create $name {*}$own
-        if {$kind in {strong fixedStrong}} {
-            ::font configure $name -weight bold
-        }
+        ::font create $name
+        bind all <<TkWorldChanged>> +[list ::sorma::style::Strong $name $own]       ;# which comes to those that show a font that has changed
+        Strong $name $own
     }
     return $name
+}
+proc ::sorma::style::Strong {name own} {
+    variable Made
+    set is [dict replace [::font actual $own] -weight bold]
+    if {![dict exists $Made $name] || [dict get $Made $name] ne $is} {              ;# this is a change, too
+        dict set Made $name $is
+        ::font configure $name {*}$is
+    }
 }
 
 # ::sorma::style::step RANGE -- between two lines of a scale: 1, 2 or 5 times a power of ten, so that there are two to five of them.
@@ -99,6 +111,25 @@ proc ::sorma::style::tip {window text} {
         }
         ::tooltip::tooltip $window [string trim [regsub -all -line {(.{1,70})(?:\s+|$)} $text "\\1\n"]]
     }
+}
+
+# ::sorma::style::menu TAG TOP FILL -- the context menu for windows with a tag of bindings. FILL is called with the menu, TOP.menu, and the window
+# below the pointer, or with the focus; what it leaves empty is not shown.
+proc ::sorma::style::menu {tag top fill} {
+    foreach event {<<ContextMenu>> <Key-Menu> <Shift-F10>} {
+        bind $tag $event "[list ::sorma::style::Popup $top $fill] %W %X %Y; break"
+    }
+}
+proc ::sorma::style::Popup {top fill window x y} {
+    destroy $top.menu
+    ::menu $top.menu -tearoff 0
+    {*}$fill $top.menu $window
+    if {[$top.menu index end] in {none {}}} return
+    if {$x eq "??" || $x <= 0} {                ;# a key has opened it
+        set x [expr {[winfo rootx $window] + 5}]
+        set y [expr {[winfo rooty $window] + min([winfo height $window], [pixels 40])}]
+    }
+    tk_popup $top.menu $x $y
 }
 
 # ::sorma::style::bindWheel WINDOW CANVAS -- the wheel scrolls the canvas, wherever the pointer is within the window; it never changes a
@@ -142,6 +173,7 @@ proc ::sorma::style::own class {
     if {!$Bound} {
         set Bound 1
         bind . <<ThemeChanged>> {+::sorma::style::Fit}
+        bind all <<TkWorldChanged>> {+::sorma::style::Fit}
     }
     Fit
     return Sorma.$class
