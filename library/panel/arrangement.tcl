@@ -5,8 +5,8 @@
 #     panel -name foo.a@robot -options "-tempo -where" -geometry 420x500+820+0
 #     stripchart -plot "probe.y@robot -value" -span 30
 #
-# Lines are as entries.tcl reads them. Every option of a kind is one of its widget, but -geometry (WIDTHxHEIGHT+X+Y; without it, or without
-# its place, the window comes where it was last); -plot may come several times. Other files that are named there count from the file's folder.
+# Lines are as entries.tcl reads them. Options are those of the widgets, and -geometry: WIDTHxHEIGHT+X+Y, without a place the window comes
+# where it was last. -plot may come several times. Other files that are named there count from the file's folder.
 
 package require sorma
 package require sorma::entries
