@@ -32,7 +32,7 @@ void (*const kGroups[])(Table&) = {byReference, tclCommand, textDispatch, protec
 #ifdef HAVE_VISION
                                     vision,
 #endif
-                                    growth};
+                                    model, growth};
 
 int table(const std::string& pattern, int rounds, bool json) {
     catchSignals();

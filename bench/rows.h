@@ -15,6 +15,7 @@ void cycle(Table& table);               // CYCLE
 void circuit(Table& table);             // CIRCUIT
 void laboratory(Table& table);          // PUMA_inverse PSOM TRACK; where there is Eigen
 void vision(Table& table);              // BALL BOARD; where there is OpenCV
+void model(Table& table);              // MODEL
 void growth(Table& table);              // each of them beside much else
 
 // bench --client ADDRESS nop|rec: the project as one more peer of a comparison with other systems.
