@@ -41,13 +41,13 @@ snit::widget ::sorma::browserSearch {
         bind $win.list <<TreeviewSelect>> [mymethod Selected]
         bind $win.list <Escape> [mymethod search {}]
         bind $win <Destroy> +[mymethod Ended %W]
-        ::sorma::world hook {answer daemon.changed daemon.process} [mymethod Answered]
+        ::sorma::news::hook {answer daemon.changed daemon.process} [mymethod Answered]
     }
     method Ended window {
         if {$window eq $win} {
             ::sorma::timer::cancel $win
             ::sorma::timer::cancel $win.again
-            ::sorma::world unhook [mymethod Answered]
+            ::sorma::news::unhook [mymethod Answered]
         }
     }
     method found {} {

@@ -35,13 +35,13 @@ snit::widget ::sorma::browserText {
         bind $win.text <ButtonPress-1> {+focus %W}
         bind $win <Map> [mymethod Refresh]
         bind $win <Destroy> +[mymethod Ended %W]
-        ::sorma::world hook answer [mymethod Heard]
+        ::sorma::news::hook answer [mymethod Heard]
     }
     method Ended window {
         if {$window eq $win} {
             after cancel $timer
             ::sorma::timer::cancel $win
-            ::sorma::world unhook [mymethod Heard]
+            ::sorma::news::unhook [mymethod Heard]
         }
     }
 

@@ -65,12 +65,12 @@ snit::widget ::sorma::browserTree {
         bind $win <Destroy> +[mymethod Ended %W]
         lappend tokens [::sorma::world watch * -events daemon.* -command [mymethod Daemon]]
         lappend tokens [::sorma::world watch *@* -events {object.made object.removed} -command [mymethod Object]]
-        ::sorma::world hook daemon.process [mymethod Process]
+        ::sorma::news::hook daemon.process [mymethod Process]
     }
     method Ended window {
         if {$window eq $win} {
             ::sorma::timer::cancel $win*
-            ::sorma::world unhook [mymethod Process]
+            ::sorma::news::unhook [mymethod Process]
             foreach token [concat $tokens [lmap {key token} [array get ears] {set token}]] {
                 ::sorma::world unwatch $token
             }

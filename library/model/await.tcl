@@ -56,9 +56,9 @@ proc ::sorma::await::daemons {ms wheres {what heard}} {
     set begun [clock milliseconds]
     foreach key $keys {
         if {$key ni {{} self}} {
-            ::sorma::world pulse $key
+            ::sorma::worldDaemon::fact $key pulse
             if {$what eq "counted"} {
-                ::sorma::world recount $key
+                ::sorma::worldDaemon::fact $key recount
             }
             dict set open $key 1
         }
@@ -67,7 +67,7 @@ proc ::sorma::await::daemons {ms wheres {what heard}} {
     until 300 {[StillOpen $what $begun {asking alive} open] == 0}
     return [concat {*}[lmap where $wheres key $keys {
         # It may have been busy for a moment, and yet have answered.
-        set well [expr {$what eq "counted" && $key ne {} && [::sorma::world $what $key] >= $begun}]
+        set well [expr {$what eq "counted" && $key ne {} && [::sorma::worldDaemon::fact $key $what 0] >= $begun}]
         list $where $key [if {!$well} {trouble $where [dict exists $open $key]}]
     }]]
 }
@@ -77,7 +77,7 @@ proc ::sorma::await::StillOpen {what since states openVar} {
     upvar 1 $openVar open
     foreach key [dict keys $open] {
         set known [::sorma::world get $key]
-        if {$known eq {} || [dict get $known state] ni $states || [::sorma::world $what $key] >= $since
+        if {$known eq {} || [dict get $known state] ni $states || [::sorma::worldDaemon::fact $key $what 0] >= $since
                 || ([dict get $known state] eq "asking" && [dict get $known why] ne {})} {
             dict unset open $key
         }
@@ -116,7 +116,7 @@ proc ::sorma::await::settle ms {
 }
 proc ::sorma::await::Counting {} {
     foreach key [::sorma::world keys] {
-        if {[dict get [::sorma::world get $key] state] in {asking alive} && [::sorma::world counted $key] == 0
+        if {[dict get [::sorma::world get $key] state] in {asking alive} && [::sorma::worldDaemon::fact $key counted 0] == 0
                 && [clock milliseconds] - [dict get [::sorma::world get $key] since] < 300} {
             return 1
         }
@@ -240,4 +240,4 @@ proc ::sorma::await::WakeAll {} {
     }
 }
 
-::sorma::world::hook {daemon.here daemon.changed daemon.gone counted heard answer line.made} ::sorma::await::Heard
+::sorma::news::hook {daemon.here daemon.changed daemon.gone counted heard answer line.made} ::sorma::await::Heard

@@ -3,14 +3,15 @@
 # Listening makes no object. One that is not there yet is waited for; one that goes and comes again is listened to again, and so is
 # one whose daemon was not to be reached for a while.
 
-package provide sorma::events 1.0         ;# before what needs it in turn
 package require sorma::line
-package require sorma::world
+package require sorma::news
+package require sorma::worldDaemon
+package provide sorma::events 1.0
 
 namespace eval ::sorma::events {
-    namespace export new forget inUse
+    namespace export new forget
     namespace ensemble create
-    variable Tokens             ;# dict: token -> {service daemon event queue command peer subscription}
+    variable Tokens             ;# dict: token -> object
     if {![info exists Tokens]} {
         set Tokens {}
     }
@@ -19,12 +20,7 @@ namespace eval ::sorma::events {
 # ::sorma::events::new TOKEN NAME PATTERN QUEUE COMMAND -- begin; for sorma::world listen. COMMAND is called with each event, a dict as
 # of sorma::subscribe.
 proc ::sorma::events::new {token name pattern queue command} {
-    variable Tokens
-    lassign [::sorma::line::place $name] service daemon
-    dict set Tokens $token [dict create service $service daemon $daemon event $pattern queue $queue command $command peer {} subscription {}]
-    if {[::sorma::world get $service@$daemon] ne {}} {
-        Begin $token
-    }
+    dict set ::sorma::events::Tokens $token [ear new $name $pattern $queue $command]
     return $token
 }
 
@@ -32,57 +28,59 @@ proc ::sorma::events::new {token name pattern queue command} {
 proc ::sorma::events::forget token {
     variable Tokens
     if {[dict exists $Tokens $token]} {
-        End $token
+        [dict get $Tokens $token] destroy
         dict unset Tokens $token
     }
 }
 
-# ::sorma::events::inUse -- does anybody listen?
-proc ::sorma::events::inUse {} {
-    variable Tokens
-    return [expr {[dict size $Tokens] > 0}]
-}
+if {![info object isa object ::sorma::events::ear]} {oo::class create ::sorma::events::ear}
+oo::define ::sorma::events::ear {
+    variable service daemon pattern queue command peer subscription
 
-proc ::sorma::events::Begin token {
-    variable Tokens
-    dict with Tokens $token {}
-    set line [::sorma::world line $daemon]
-    if {$line ne {} && $line ne $peer && ($daemon ne "self" || [::sorma::exists $service])} {
-        dict set Tokens $token peer $line
-        dict set Tokens $token subscription [$line subscribe -event $event -queue $queue -command [list ::sorma::events::Heard $token] $service]
+    constructor {name events most prefix} {
+        lassign [::sorma::line::place $name] service daemon
+        set pattern $events
+        set queue $most
+        set command $prefix
+        set peer [set subscription {}]
+        ::sorma::worldDaemon::attach $service@$daemon [self]
+        my Begin
     }
-}
-
-proc ::sorma::events::End token {
-    variable Tokens
-    dict with Tokens $token {}
-    if {$subscription ne {}} {
-        catch {$peer unsubscribe $subscription}
+    destructor {
+        my End
+        ::sorma::worldDaemon::detach $service@$daemon [self]
     }
-    dict set Tokens $token subscription {}
-    dict set Tokens $token peer {}
-}
-
-proc ::sorma::events::Heard {token event} {
-    variable Tokens
-    if {![dict exists $Tokens $token]} {
-        return
-    }
-    if {[dict get $event event] in {sorma.gone sorma.refused}} {
-        End $token
-    }
-    ::sorma::world deliver [dict get $Tokens $token command] [list $event]
-}
-
-# Events of objects and connections, for the model. A subscription itself says that its object was removed: sorma.gone.
-proc ::sorma::events::Happened {event key dict} {
-    variable Tokens
-    dict for {token t} $Tokens {
-        set full [dict get $t service]@[dict get $t daemon]
-        if {$event eq "line.made" ? $key eq [dict get $t daemon] && [::sorma::world get $full] ne {} : $key eq $full} {
-            Begin $token
+    method Begin {} {
+        set there [::sorma::worldDaemon::of $daemon]
+        if {$there eq {} || [$there object $service@$daemon] eq {}} return
+        set line [$there line]
+        if {$line ne {} && $line ne $peer && ($daemon ne "self" || [::sorma::exists $service])} {
+            set peer $line
+            set subscription [$line subscribe -event $pattern -queue $queue -command [list [self] Heard] $service]
         }
     }
-}
+    method End {} {
+        if {$subscription ne {}} {
+            catch {$peer unsubscribe $subscription}
+        }
+        set peer [set subscription {}]
+    }
+    method Heard event {
+        if {[dict get $event event] in {sorma.gone sorma.refused}} {
+            my End
+        }
+        ::sorma::news::deliver $command [list $event]
+    }
+    # A subscription itself says that its object was removed: sorma.gone.
+    method objectMade {} {
+        my Begin
+    }
+    method lineMade {} {
+        my Begin
+    }
+    method objectRemoved {} {}
+    method daemonChanged {} {}
+    method daemonProcess {} {}
 
-::sorma::world::hook {object.made line.made} ::sorma::events::Happened
+    export Heard
+}

@@ -71,5 +71,5 @@ proc ::sorma::load::Told {token daemon status value} {
         lappend rows [dict create name $name class $class calls $calls underway $underway rate $rate]
     }
     dict set Watches $token before $before
-    ::sorma::world deliver [dict get $Watches $token command] [list $daemon $rows]
+    ::sorma::news::deliver [dict get $Watches $token command] [list $daemon $rows]
 }

@@ -8,8 +8,6 @@ package require sorma::timer
 package provide sorma::news 1.0
 
 namespace eval ::sorma::news {
-    namespace export hook unhook hint deliver
-
     variable Gather 20          ;# ms for which changes are gathered
     variable Slice 10           ;# ms of callbacks before the event loop has its turn
     variable MostTrail 1000     ;# messages of a trail that wait for one watch

@@ -51,8 +51,8 @@ proc ::sorma::table::inventory where {
 # ::sorma::table::objects WHERE -- names of objects, sorted; elsewhere those that the model knows.
 proc ::sorma::table::objects where {
     set key [::sorma::world use $where]
-    if {[::sorma::world counted $key] == 0} {
-        ::sorma::world recount $key
+    if {[::sorma::worldDaemon::fact $key counted 0] == 0} {
+        ::sorma::worldDaemon::fact $key recount
     }
     return [if {$key eq "self"} {::sorma::names} else {lmap object [::sorma::world objects $key] {dict get $object name}}]
 }
@@ -235,13 +235,11 @@ proc ::sorma::table::Ask {where request} {
     dict set Answers($key) asked $now
     if {$daemon eq {}} {
         Failed $key "\"$where\" leads nowhere" [list SORMA ADDRESS UNRESOLVED $where]
-    } elseif {[::sorma::world line $daemon] ne {}} {
+    } elseif {[::sorma::worldDaemon::fact $daemon line] eq {} && [dict get [::sorma::world get $daemon] state] ne "asking"} {
+        Failed $key [dict get [::sorma::world get $daemon] why] [list SORMA COMM REFUSED $where]
+    } else {
         dict set Answers($key) open 1
         ::sorma::world ask $daemon $request -timeout $Patience -command [list ::sorma::table::Answered $key]
-    } elseif {[dict get [::sorma::world get $daemon] state] eq "asking"} {
-        dict set Answers($key) open 1       ;# as soon as there is a line
-    } else {
-        Failed $key [dict get [::sorma::world get $daemon] why] [list SORMA COMM REFUSED $where]
     }
     return $key
 }
@@ -259,40 +257,20 @@ proc ::sorma::table::Answered {key status value} {
         set text [if {[dict exists $value text]} {dict get $value text}]        ;# an answer may be empty
         set Answers($key) [dict create asked [dict get $Answers($key) asked] open 0 came $came text $text error {} code {}]
     }
-    ::sorma::world hint answer $key
+    ::sorma::news::hint answer $key
 }
 
 proc ::sorma::table::Failed {key message code} {
     variable Answers
     dict set Answers($key) open 0
-    dict set Answers($key) error [regsub {^sorm@\S+: } $message {}]
+    set name "[lindex $key 0]: "
+    set message [regsub {^sorm@\S+: } $message {}]
+    dict set Answers($key) error [if {[string first $name $message] == 0} {string range $message [string length $name] end} else {set message}]
     dict set Answers($key) code $code
 }
 
-# Events of daemons, for the model: a connection is there, or there will be none; or another process has that name.
-proc ::sorma::table::Happened {event daemon dict} {
-    variable Answers
-    variable Patience
-    if {$event eq "daemon.process"} {
-        Forget $daemon
-        return
-    }
-    if {$event eq "daemon.changed" && [dict get $dict state] ni {refused denied unresolved dead}} {
-        return
-    }
-    foreach {key entry} [array get Answers] {
-        if {[lindex $key 0] ne $daemon || ![dict get $entry open]} continue
-        if {$event eq "line.open"} {
-            ::sorma::world ask $daemon [lindex $key 1] -timeout $Patience -command [list ::sorma::table::Answered $key]
-        } else {
-            Failed $key [dict get $dict why] [list SORMA COMM REFUSED $daemon]
-            ::sorma::world hint answer $key
-        }
-    }
-}
-
-# All that this daemon has said.
-proc ::sorma::table::Forget daemon {
+# Another process has that name: what the one before has said does not count.
+proc ::sorma::table::Process {event daemon dict} {
     variable Answers
     foreach {key entry} [array get Answers] {
         if {[lindex $key 0] eq $daemon} {
@@ -366,4 +344,4 @@ proc ::sorma::table::parse text {
     return $out
 }
 
-::sorma::world::hook {line.open daemon.changed daemon.gone daemon.process} ::sorma::table::Happened
+::sorma::news::hook daemon.process ::sorma::table::Process

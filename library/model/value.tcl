@@ -1,7 +1,7 @@
 # value.tcl -- values of objects that change, for sorma::world value: shared by all who look at the same.
 #
-# Options are read once (sorm DBX -describe, which makes nothing); from then on the daemon tells of each CTRL. What changes by
-# itself, and what EXEC answers, is asked for again and again, as often as the most eager one wants it.
+# Options are read once (sorm DBX -describe, which makes nothing); from then on the daemon tells of each CTRL. Replies of EXEC, and
+# options that change by themselves, are asked for again and again, as often as the most eager caller wants them.
 #
 # A value is a dict: value, state (live, stale: it may be old; refused; gone: there is no such object), by (who set it, when that was
 # told), at (ms, when it came), why (not live), age and seen (of a stale value: such as "12 s old", which why
@@ -10,26 +10,23 @@
 # A value is stale while its daemon does not answer, and while a question for it has waited for 2 s, as behind a long request. As long as
 # that lasts it is told again each second, with its age.
 
-package provide sorma::value 1.0         ;# before what needs it in turn
 package require sorma::line
 package require sorma::text
-package require sorma::world
+package require sorma::timer
+package require sorma::news
+package require sorma::worldDaemon
+package provide sorma::value 1.0
 
 namespace eval ::sorma::value {
-    namespace export new forget inUse
-    variable Overdue 2000       ;# ms without an answer, then values may be old
-    variable Away {silent dead refused unresolved}      ;# states of a daemon that does not answer
+    namespace export new forget
     namespace ensemble create
-    # dict: {object@daemon what} -> {values timer asking waits seen fresh newer tokens stale}. what: options, or a request; waits: of the
-    # question that is under way, after; seen: ms, of the last answer, 0: none; newer: dict of options that were told to have changed since
-    # they were asked for: the answer may be older; tokens: dict whose keys are those who look; stale: has All said so since the last answer
-    variable Sources
-    variable At                 ;# dict: daemon -> dict: object@daemon -> dict whose keys are its sources
+    variable Overdue 2000       ;# ms without an answer, then values may be old
+    variable Sources            ;# dict: {object@daemon what} -> object. what: options, or a request
+    variable Tokens             ;# dict: token -> {source option name command}
     variable Fresh              ;# dict whose keys are the sources that have something to tell
     variable Telling            ;# is a callback on the stack
-    variable Tokens             ;# dict: token -> {source option command}; option empty: all
     if {![info exists Tokens]} {
-        set Sources [set Tokens [set At [set Fresh {}]]]
+        set Sources [set Tokens [set Fresh {}]]
         set Telling 0
     }
 }
@@ -38,374 +35,361 @@ namespace eval ::sorma::value {
 proc ::sorma::value::new {token name what every command} {
     variable Sources
     variable Tokens
-    variable At
-    variable Fresh
-    set key [join [::sorma::line::place $name] @]
+    set full [join [::sorma::line::place $name] @]
     set option {}
     if {[lindex $what 0] eq "EXEC"} {
-        set source [list $key $what]
         if {$every == 0} {
             set every 1000
         }
     } else {
-        set source [list $key options]
         if {$what ne "*"} {
             set option $what
         }
+        set what options
     }
-    if {![dict exists $Sources $source]} {
-        dict set Sources $source [dict create values {} timer {} asking 0 waits {} seen 0 fresh {} newer {} tokens {} stale 0]
-        dict set At [lindex [::sorma::line::place $key] 1] $key $source 1
+    if {![dict exists $Sources $full $what]} {
+        dict set Sources $full $what [reading new $full $what]
     }
-    dict set Tokens $token [dict create source $source name $name option $option command $command every $every begun 0]
-    dict set Sources $source tokens $token 1
-    dict set Fresh $source 1
-    if {[dict size [dict get $Sources $source values]] > 0} {
-        Soon                            ;# what is known already
-    }
-    after 0 [list ::sorma::value::Ask $source]
+    set source [dict get $Sources $full $what]
+    dict set Tokens $token [list $source $option $name $command]
+    $source take $token $option $every
     return $token
 }
 
 # ::sorma::value::forget TOKEN -- nothing comes after this.
 proc ::sorma::value::forget token {
-    variable Sources
     variable Tokens
-    variable At
-    variable Fresh
-    if {![dict exists $Tokens $token]} {
-        return
-    }
-    set source [dict get $Tokens $token source]
-    dict unset Tokens $token
-    dict unset Sources $source tokens $token
-    if {[llength [Listeners $source]] == 0} {
-        after cancel [dict get $Sources $source timer]
-        after cancel [dict get $Sources $source waits]
-        dict unset Sources $source
-        dict unset Fresh $source
-        set key [lindex $source 0]
-        set daemon [lindex [::sorma::line::place $key] 1]
-        dict unset At $daemon $key $source
-        if {[dict size [dict get $At $daemon $key]] == 0} {
-            dict unset At $daemon $key
-        }
-        if {[dict size [dict get $At $daemon]] == 0} {
-            dict unset At $daemon
-        }
+    if {[dict exists $Tokens $token]} {
+        lassign [dict get $Tokens $token] source option
+        dict unset Tokens $token
+        $source leave $token $option
     }
 }
 
-# ::sorma::value::inUse -- does anybody look?
-proc ::sorma::value::inUse {} {
-    variable Tokens
-    return [expr {[dict size $Tokens] > 0}]
-}
-
-proc ::sorma::value::Listeners source {
-    variable Sources
-    return [dict keys [dict get $Sources $source tokens]]
-}
-
-# Ask for it now, when the model knows its object; looking makes none.
-proc ::sorma::value::Ask source {
-    variable Sources
-    if {![dict exists $Sources $source] || [dict get $Sources $source asking]} {
-        return
-    }
-    lassign $source key what
-    lassign [::sorma::line::place $key] name daemon
-    after cancel [dict get $Sources $source timer]
-    # EXEC would make an object: it must be known to be there, also in a new process.
-    if {[::sorma::world get $key] eq {} || $what ne "options" && ![::sorma::world knows $daemon]} {
-        if {[::sorma::world get $key] eq {}} {
-            set known [::sorma::world get $daemon]
-            if {[Answers $daemon] && [::sorma::world knows $daemon]} {
-                All $source gone "there is no such object"
-            } elseif {$known ne {} && [dict get $known state] in $::sorma::value::Away} {
-                All $source stale [Why $source]         ;# it was so before anybody looked
-            }
-        }
-        return [Again $source]
-    }
-    dict set Sources $source asking 1
-    Await $source
-    dict set Sources $source newer {}
-    set request [if {$what eq "options"} {list sorm DBX -describe $name} else {list $name {*}$what}]
-    ::sorma::world ask $daemon $request -command [list ::sorma::value::Answered $source]
-}
-
-# Its values may be old when no answer has come for a while.
-proc ::sorma::value::Await source {
-    variable Sources
-    variable Overdue
-    dict set Sources $source waits [after $Overdue [list ::sorma::value::Waited $source [expr {[clock milliseconds] + $Overdue}]]]
-}
-
-# due: ms, when this was to be called. Where no event loop has run meanwhile, the answer may be here unread.
-proc ::sorma::value::Waited {source due} {
-    if {[clock milliseconds] - $due > 500} {
-        Await $source
-    } else {
-        All $source stale [Why $source]
-    }
-}
-
-# Does a daemon answer?
-proc ::sorma::value::Answers daemon {
-    set facts [::sorma::world get $daemon]
-    return [expr {$facts ne {} && [dict get $facts state] in {alive busy}}]
-}
-
-# Why there is no answer.
-proc ::sorma::value::Why source {
-    set daemon [lindex [::sorma::line::place [lindex $source 0]] 1]
-    set facts [::sorma::world get $daemon]
-    if {$facts eq {}} {
-        return "daemon $daemon is gone"
-    } elseif {[dict get $facts why] ne {}} {
-        return [dict get $facts why]
-    }
-    return [switch -- [dict get $facts state] {
-        busy { string cat "its daemon is busy in " [dict get $facts busy] }
-        alive { string cat "no answer yet: it may work on a long request" }
-        default { string cat "its daemon is " [dict get $facts state] }
-    }]
-}
-
-proc ::sorma::value::Again source {
-    variable Sources
-    variable Tokens
-    set every 0
-    foreach token [Listeners $source] {
-        set wish [dict get $Tokens $token every]
-        if {$wish > 0 && ($every == 0 || $wish < $every)} {
-            set every $wish
-        }
-    }
-    if {$every > 0} {
-        dict set Sources $source timer [after $every [list ::sorma::value::Ask $source]]
-    }
-}
-
-proc ::sorma::value::Answered {source status value} {
-    variable Sources
-    if {![dict exists $Sources $source]} {
-        return
-    }
-    dict set Sources $source asking 0
-    after cancel [dict get $Sources $source waits]
-    lassign $source key what
-    if {$status eq "ok" || ![string match "SORMA COMM*" [lindex $value 1]]} {
-        dict set Sources $source stale 0
-        dict set Sources $source seen [clock milliseconds]
-    }
-    if {$status eq "error"} {
-        lassign $value message code
-        switch -glob -- $code {
-            "SORMA COMM TIMEOUT*" { All $source stale [Why $source] }
-            "SORMA COMM DENIED*" { All $source refused $message }
-            "SORMA SERVICE GONE*" { All $source gone $message }
-            default { All $source [if {[string match "SORMA COMM*" $code]} {string cat stale} else {string cat refused}] $message }
-        }
-    } elseif {$what ne "options"} {
-        Put $source $what $value live {} {}
-    } elseif {[catch {
-        set table [dict get $value text]
-        if {![dict get $table exists]} {
-            All $source gone "there is no such object"
-        } else {
-            # Why nothing was known is not told any more.
-            foreach part {values fresh} {
-                dict set Sources $source $part [dict remove [dict get $Sources $source $part] *]
-            }
-            foreach option [dict get $table options] {
-                if {[dict exists $Sources $source newer [lindex $option 0]]} continue
-                Put $source [lindex $option 0] [lindex $option 5] live {} {}
-            }
-        }
-    } message]} {
-        All $source refused "its daemon's answer makes no sense"
-    }
-    Again $source
-}
-
-# One value, as it is now.
-proc ::sorma::value::Put {source item value state by why} {
-    variable Sources
-    set at [clock milliseconds]
-    set known [dict get $Sources $source values]
-    if {[dict exists $known $item]} {
-        set before [dict get $known $item]
-        if {[dict get $before value] eq $value && [dict get $before state] eq $state && [dict get $before why] eq $why} {
-            return
-        }
-        if {$by eq {} && [dict get $before value] eq $value} {
-            set by [dict get $before by]
-            set at [dict get $before at]
-        }
-    }
-    dict set Sources $source values $item [dict create value $value state $state by $by at $at why $why age {} seen 0]
-    New $source $item
-}
-proc ::sorma::value::New {source item} {
-    variable Sources
-    variable Fresh
-    dict set Sources $source fresh $item 1
-    dict set Fresh $source 1
-    Soon
-}
-
-# All values that are known have another state.
-proc ::sorma::value::All {source state why} {
-    variable Sources
-    if {$state eq "stale"} {
-        dict set Sources $source stale 1
-        ::sorma::timer::once value.age 1000 ::sorma::value::Grow
-    }
-    set values [dict get $Sources $source values]
-    if {[dict size $values] == 0} {
-        lassign $source key what
-        foreach token [Listeners $source] {
-            set option [dict get $::sorma::value::Tokens $token option]
-            Put $source [if {$what ne "options"} {set what} elseif {$option eq {}} {string cat *} else {set option}] {} $state {} $why
-        }
-    }
-    dict for {item value} $values {
-        if {!($state eq "stale" && [dict get $value state] eq "gone")} {
-            Put $source $item [dict get $value value] $state {} $why
-        }
+# An answer for a source, unless nobody looks any more.
+proc ::sorma::value::Answer {source status value} {
+    if {[info object isa object $source]} {
+        $source Answered $status $value
     }
 }
 
 # All that is stale is a second older.
 proc ::sorma::value::Grow {} {
     variable Sources
-    dict for {source facts} $Sources {
-        if {![dict get $facts stale]} continue
-        if {[dict get $facts asking]} {
-            All $source stale [Why $source]
-        }
-        foreach item [dict keys [dict get $facts values]] {
-            New $source $item
-        }
-        ::sorma::timer::once value.age 1000 ::sorma::value::Grow
-    }
-}
-
-# As it is told: a stale value with its age.
-proc ::sorma::value::Told {source item} {
-    variable Sources
-    set value [dict get $Sources $source values $item]
-    set seen [dict get $Sources $source seen]
-    if {[dict get $value state] eq "stale" && $seen > 0} {
-        set seen [expr {max($seen, [dict get $value at])}]
-        set age [::sorma::text::age $seen]
-        dict set value age $age
-        dict set value seen $seen
-        dict set value why "$age: [dict get $value why]"
-    }
-    return $value
-}
-
-# Events of objects and daemons, for the model.
-proc ::sorma::value::Happened {event key dict} {
-    variable Sources
-    variable At
-    if {[string match daemon.* $event] || $event eq "counted"} {
-        if {[dict exists $At $key]} {
-            foreach sources [dict values [dict get $At $key]] {
-                foreach source [dict keys $sources] {
-                    OfDaemon $source $event $key $dict
-                }
-            }
-        }
-        return
-    }
-    set daemon [lindex [::sorma::line::place $key] 1]
-    if {![dict exists $At $daemon $key]} {
-        return
-    }
-    foreach source [dict keys [dict get $At $daemon $key]] {
-        switch -- $event {
-            object.made { Ask $source }
-            object.removed {
-                if {[Answers $daemon]} {
-                    All $source gone "there is no such object"
-                } else {
-                    All $source stale [Why $source]     ;# it went with its daemon, and may come again with it
-                }
-            }
-            object.changed {
-                if {[lindex $source 1] eq "options" && [dict exists $dict changes]} {
-                    dict for {option value} [dict get $dict changes] {
-                        dict set Sources $source newer $option 1
-                        Put $source $option $value live [dict get $dict by] {}
-                    }
-                }
-            }
-        }
-    }
-}
-
-proc ::sorma::value::OfDaemon {source event daemon dict} {
-    variable Sources
-    set facts [dict get $Sources $source]
-    if {$event eq "daemon.gone" || $event eq "daemon.changed" && [dict get $dict state] in $::sorma::value::Away} {
-        All $source stale [Why $source]
-    } elseif {$event eq "daemon.process" || [Answers $daemon]
-            && ([dict get $facts stale] || [dict size [dict get $facts values]] == 0 || [::sorma::world get [lindex $source 0]] eq {})} {
-        Ask $source
-    }
-}
-
-proc ::sorma::value::Soon {} {
-    variable Timer
-    if {![info exists Timer]} {
-        set Timer [after 20 ::sorma::value::Tell]
+    foreach source [concat {*}[lmap sources [dict values $Sources] {dict values $sources}]] {
+        $source grow
     }
 }
 
 proc ::sorma::value::Tell {} {
-    variable Timer
     variable Telling
-    variable Sources
     variable Tokens
     variable Fresh
-    unset -nocomplain Timer
-    if {$Telling} {
-        return [Soon]                   ;# a callback runs the event loop
+    if {$Telling} {                     ;# a callback runs the event loop
+        ::sorma::timer::once value.tell 20 ::sorma::value::Tell
+        return
     }
-    set calls {}
-    foreach source [dict keys $Fresh] {
-        set facts [dict get $Sources $source]
-        set fresh [dict keys [dict get $facts fresh]]
-        dict set Sources $source fresh {}
-        foreach token [Listeners $source] {
-            set t [dict get $Tokens $token]
-            set items [if {[dict get $t begun]} {set fresh} else {dict keys [dict get $facts values]}]
-            set told {}
-            foreach item $items {
-                if {$item ne "*" && [dict get $t option] in [list {} $item]} {
-                    dict set told $item [Told $source $item]
-                } elseif {$item eq "*"} {
-                    dict set told $item [Told $source $item]
-                }
-            }
-            if {[dict size $told] > 0} {
-                dict set Tokens $token begun 1
-                lappend calls $token $told
-            }
-        }
-    }
+    set calls [concat {*}[lmap source [dict keys $Fresh] {$source news}]]
     set Fresh {}
     set Telling 1
     foreach {token told} $calls {
         if {[dict exists $Tokens $token]} {
-            ::sorma::world::deliver [dict get $Tokens $token command] [list value [dict get $Tokens $token name] $told]
+            lassign [dict get $Tokens $token] source option name command
+            ::sorma::news::deliver $command [list value $name $told]
         }
     }
     set Telling 0
 }
 
-::sorma::world::hook {object.made object.changed object.removed daemon.here daemon.changed daemon.gone daemon.process counted} ::sorma::value::Happened
+# All values of an object, or one reply: what one question brings.
+if {![info object isa object ::sorma::value::reading]} {oo::class create ::sorma::value::reading}
+oo::define ::sorma::value::reading {
+    variable full name daemon what
+    variable values             ;# dict: -option, or the request -> value; *: of none anything is known, and why
+    variable fresh newer        ;# dicts of options: not told yet; told to have changed since they were asked for: the answer may be older
+    variable takers             ;# dict: option (empty: all) -> dict: token -> ms
+    variable begin              ;# dict whose keys are tokens that have not been told anything
+    variable every timer        ;# ms between two questions, 0: it is not asked again; id of after
+    variable asking waits       ;# is a question under way; id of after, for what is overdue
+    variable seen               ;# ms, of the last answer; 0: none
+    variable stale              ;# has All said so since the last answer
+
+    constructor {itsName question} {
+        set full $itsName
+        set what $question
+        lassign [::sorma::line::place $full] name daemon
+        set values [set fresh [set newer [set takers [set begin [set timer [set waits {}]]]]]]
+        set every [set asking [set seen [set stale 0]]]
+        ::sorma::worldDaemon::attach $full [self] [expr {$what eq "options"}]
+    }
+    destructor {
+        after cancel $timer
+        after cancel $waits
+        ::sorma::worldDaemon::never [self]
+        ::sorma::worldDaemon::detach $full [self]
+        dict unset ::sorma::value::Sources $full $what
+        if {[dict size [dict get $::sorma::value::Sources $full]] == 0} {
+            dict unset ::sorma::value::Sources $full
+        }
+        dict unset ::sorma::value::Fresh [self]
+    }
+
+    # take TOKEN OPTION EVERY -- one more who looks. leave TOKEN OPTION -- one less; with the last it goes.
+    method take {token option ms} {
+        dict set takers $option $token $ms
+        dict set begin $token $option
+        if {$ms > 0 && ($every == 0 || $ms < $every)} {
+            set every $ms
+        }
+        if {[dict size $values] > 0} {
+            my Soon                     ;# what is known already
+        }
+        my AskSoon
+    }
+    method leave {token option} {
+        set ms [dict get $takers $option $token]
+        dict unset begin $token
+        dict unset takers $option $token
+        if {[dict size [dict get $takers $option]] == 0} {
+            dict unset takers $option
+        }
+        if {[dict size $takers] == 0} {
+            my destroy
+        } elseif {$ms > 0 && $ms == $every} {
+            set all [lsearch -all -inline -exact -not [concat {*}[lmap tokens [dict values $takers] {dict values $tokens}]] 0]
+            set every [if {[llength $all] > 0} {::tcl::mathfunc::min {*}$all} else {string cat 0}]
+        }
+    }
+
+    # ---- asking ----
+
+    method AskSoon {} {
+        ::sorma::worldDaemon::later [self] ask
+    }
+    # ask END -- ask for it, when the model knows its object; looking makes none. It is the turn of this one.
+    method ask end {
+        if {$asking} {
+            return 0
+        }
+        after cancel $timer
+        set there [::sorma::worldDaemon::of $daemon]
+        set exists [expr {$there ne {} && [$there object $full] ne {}}]
+        # EXEC would make an object: it must be known to be there, also in a new process.
+        if {!$exists || $what ne "options" && ![$there knows]} {
+            if {!$exists && $there ne {}} {
+                if {[$there answers] && [$there knows]} {
+                    my All gone "there is no such object"
+                } elseif {[$there away]} {
+                    my All stale [my Why]           ;# it was so before anybody looked
+                }
+            }
+            my Again
+            return 0
+        }
+        set asking 1
+        set newer {}
+        my Await
+        $there ask [if {$what eq "options"} {list sorm DBX -describe $name} else {list $name {*}$what}] 5000 [list ::sorma::value::Answer [self]]
+        return 0
+    }
+    method Again {} {
+        if {$every > 0} {
+            set timer [after $every [list [self] AskSoon]]
+        }
+    }
+    # Its values may be old when no answer has come for a while.
+    method Await {} {
+        set overdue $::sorma::value::Overdue
+        set waits [after $overdue [list [self] Waited [expr {[clock milliseconds] + $overdue}]]]
+    }
+    # due: ms, when this was to be called. Where no event loop has run meanwhile, the answer may be here unread.
+    method Waited due {
+        if {[clock milliseconds] - $due > 500} {
+            my Await
+        } else {
+            my All stale [my Why]
+        }
+    }
+    # Why there is no answer.
+    method Why {} {
+        set there [::sorma::worldDaemon::of $daemon]
+        if {$there eq {}} {
+            return "daemon $daemon is gone"
+        }
+        set facts [$there facts]
+        if {[dict get $facts why] ne {}} {
+            return [dict get $facts why]
+        }
+        return [switch -- [dict get $facts state] {
+            busy { string cat "its daemon is busy in " [dict get $facts busy] }
+            alive { string cat "no answer yet: it may work on a long request" }
+            default { string cat "its daemon is " [dict get $facts state] }
+        }]
+    }
+    method Answered {status value} {
+        set asking 0
+        after cancel $waits
+        if {$status eq "ok" || ![string match "SORMA COMM*" [lindex $value 1]]} {
+            set stale 0
+            set seen [clock milliseconds]
+        }
+        if {$status eq "error"} {
+            lassign $value message code
+            switch -glob -- $code {
+                "SORMA COMM TIMEOUT*" { my All stale [my Why] }
+                "SORMA COMM DENIED*" { my All refused $message }
+                "SORMA SERVICE GONE*" { my All gone $message }
+                "SORMA COMM*" { my All stale $message }
+                default { my All refused $message }
+            }
+        } elseif {$what ne "options"} {
+            my Put $what $value live {} {}
+        } elseif {[catch {my Options [dict get $value text]}]} {
+            my All refused "its daemon's answer makes no sense"
+        }
+        my Again
+    }
+    method Options table {
+        if {![dict get $table exists]} {
+            my All gone "there is no such object"
+            return
+        }
+        # Why nothing was known is not told any more.
+        dict unset values *
+        dict unset fresh *
+        foreach option [dict get $table options] {
+            if {![dict exists $newer [lindex $option 0]]} {
+                my Put [lindex $option 0] [lindex $option 5] live {} {}
+            }
+        }
+    }
+
+    # ---- what is known ----
+
+    # One value, as it is now.
+    method Put {item value state by why} {
+        set at [clock milliseconds]
+        if {[dict exists $values $item]} {
+            set before [dict get $values $item]
+            if {[dict get $before value] eq $value} {
+                if {[dict get $before state] eq $state && [dict get $before why] eq $why} return
+                if {$by eq {}} {
+                    set by [dict get $before by]
+                    set at [dict get $before at]
+                }
+            }
+        }
+        dict set values $item [dict create value $value state $state by $by at $at why $why age {} seen 0]
+        my New $item
+    }
+    method New item {
+        dict set fresh $item 1
+        my Soon
+    }
+    method Soon {} {
+        dict set ::sorma::value::Fresh [self] 1
+        ::sorma::timer::once value.tell 20 ::sorma::value::Tell
+    }
+    # All values that are known have another state.
+    method All {state why} {
+        if {$state eq "stale"} {
+            set stale 1
+            ::sorma::timer::once value.age 1000 ::sorma::value::Grow
+        }
+        if {[dict size $values] == 0} {
+            foreach option [dict keys $takers] {
+                my Put [if {$what ne "options"} {set what} elseif {$option eq {}} {string cat *} else {set option}] {} $state {} $why
+            }
+        }
+        dict for {item value} $values {
+            if {!($state eq "stale" && [dict get $value state] eq "gone")} {
+                my Put $item [dict get $value value] $state {} $why
+            }
+        }
+    }
+    # grow -- what is stale is a second older.
+    method grow {} {
+        if {!$stale} return
+        if {$asking} {
+            my All stale [my Why]
+        }
+        foreach item [dict keys $values] {
+            my New $item
+        }
+        ::sorma::timer::once value.age 1000 ::sorma::value::Grow
+    }
+
+    # ---- what is told ----
+
+    # news -- what has not been told yet: a list of TOKEN and dict, of those who want it.
+    method news {} {
+        set told {}
+        foreach item [dict keys $fresh] {
+            set value [my Told $item]
+            foreach tokens [if {$item eq "*"} {dict values $takers} else {list [my Takers {}] [my Takers $item]}] {
+                foreach token [dict keys $tokens] {
+                    dict set told $token $item $value
+                }
+            }
+        }
+        set fresh {}
+        dict for {token option} $begin {
+            foreach item [if {$option eq {}} {dict keys $values} else {list * $option}] {
+                if {[dict exists $values $item]} {
+                    dict set told $token $item [my Told $item]
+                }
+            }
+            if {[dict exists $told $token]} {
+                dict unset begin $token
+            }
+        }
+        return $told
+    }
+    method Takers option {
+        return [if {[dict exists $takers $option]} {dict get $takers $option}]
+    }
+    # As it is told: a stale value with its age.
+    method Told item {
+        set value [dict get $values $item]
+        if {[dict get $value state] eq "stale" && $seen > 0} {
+            set last [expr {max($seen, [dict get $value at])}]
+            set age [::sorma::text::age $last]
+            set value [dict replace $value age $age seen $last why "$age: [dict get $value why]"]
+        }
+        return $value
+    }
+
+    # ---- what its daemon says ----
+
+    method objectMade {} {
+        my AskSoon
+    }
+    method objectChanged {changes by} {
+        dict for {option value} $changes {
+            dict set newer $option 1
+            my Put $option $value live $by {}
+        }
+    }
+    method objectRemoved {} {
+        set there [::sorma::worldDaemon::of $daemon]
+        if {$there ne {} && [$there answers]} {
+            my All gone "there is no such object"
+        } else {
+            my All stale [my Why]       ;# it went with its daemon, and may come again with it
+        }
+    }
+    method daemonChanged {} {
+        set there [::sorma::worldDaemon::of $daemon]
+        if {$there eq {} || [$there away]} {
+            my All stale [my Why]
+        } elseif {[$there answers] && ($stale || [dict size $values] == 0 || [$there object $full] eq {})} {
+            my AskSoon
+        }
+    }
+    method daemonProcess {} {
+        my AskSoon
+    }
+    method lineMade {} {}
+
+    export AskSoon Waited Answered
+}

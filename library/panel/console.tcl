@@ -85,7 +85,7 @@ snit::widget ::sorma::console {
             $self write "scott: $message\n" error
         }
         set place [llength $history]
-        ::sorma::world hook {answer counted} [mymethod HintSoon]
+        ::sorma::news::hook {answer counted} [mymethod HintSoon]
         if {$options(-output)} {
             $type Read $win
         }
@@ -96,7 +96,7 @@ snit::widget ::sorma::console {
         after cancel $flushing
         after cancel $hinting
         after cancel $going
-        ::sorma::world unhook [mymethod HintSoon]
+        ::sorma::news::unhook [mymethod HintSoon]
         if {$running} {
             ::sorma::shell::cancel console$running
         }

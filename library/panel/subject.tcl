@@ -58,7 +58,7 @@ proc ::sorma::subject::zone {hints value} {
 proc ::sorma::subject::answered {subject id prefix status value} {
     if {[info object isa object $subject]} {
         $subject Answered $id
-        ::sorma::world::deliver $prefix [list $status $value]
+        ::sorma::news::deliver $prefix [list $status $value]
     }
 }
 
@@ -88,7 +88,7 @@ oo::define ::sorma::subject::Subject {
     variable making                         ;# is that under way; failure: why it could not be made
     variable failure
     variable denied                         ;# why we may not set anything; empty: nothing is known of that
-    variable listeners                      ;# dict: token -> {command prefix, option}
+    variable listeners                      ;# dict: option -> dict: token -> command prefix
     variable underway                       ;# dict: token -> {number prefix}, of requests that are under way; prefix: for progress
     variable progress                       ;# token of what listens to progress; empty: nobody wanted to hear of it
     variable last
@@ -102,7 +102,7 @@ oo::define ::sorma::subject::Subject {
         set made [set failure {}]
         set held [::sorma::world hold $where]
         set values [set drafts [set waiting [set following [set faults [set listeners {}]]]]]
-        ::sorma::world hook {answer daemon.changed daemon.process object.made} [list [self] Heard]
+        ::sorma::news::hook answer [list [self] Heard]
     }
 
     # take MS -- one more who looks.
@@ -127,7 +127,8 @@ oo::define ::sorma::subject::Subject {
     destructor {
         ::sorma::world unwatch $token
         ::sorma::world unwatch $progress
-        ::sorma::world unhook [list [self] Heard]
+        ::sorma::news::unhook [list [self] Heard]
+        my Deaf
         ::sorma::world release $held
         dict unset ::sorma::subject::Subjects $name
     }
@@ -382,7 +383,7 @@ oo::define ::sorma::subject::Subject {
     # request. EXEC may take as long as it wants. Returns a token, for cancel.
     method ask {words prefix {told {}}} {
         if {$key eq {}} {
-            set key [::sorma::world find $where]
+            my Watch
         }
         if {$told ne {} && $progress eq {} && $key ne {}} {
             set progress [::sorma::world listen $service@$key -event progress -command [list [self] Progressed]]
@@ -391,7 +392,7 @@ oo::define ::sorma::subject::Subject {
         set ms [expr {[lindex $words 0] eq "EXEC" ? 0 : 60000}]
         # Words that are no request are an answer too.
         if {[catch {::sorma::world ask $key [list $service {*}$words] -timeout $ms -command [list ::sorma::subject::answered [self] $id $prefix]} number failure]} {
-            after 0 [list ::sorma::world::deliver $prefix [list error [list $number [dict get $failure -errorcode]]]]
+            after 0 [list ::sorma::news::deliver $prefix [list error [list $number [dict get $failure -errorcode]]]]
         } else {
             dict set underway $id [list $number $told]
         }
@@ -413,7 +414,7 @@ oo::define ::sorma::subject::Subject {
         dict for {id request} $underway {
             lassign $request number told
             if {$told ne {} && $number eq [dict get $event request]} {
-                ::sorma::world deliver $told [list $event]
+                ::sorma::news::deliver $told [list $event]
             }
         }
     }
@@ -454,37 +455,44 @@ oo::define ::sorma::subject::Subject {
     # listen PREFIX ?OPTION? -- PREFIX is called with table (the table has come, or another one), with state, or with values and a list of
     # options. OPTION: values are told of this one alone; empty: of none. Returns a token for unlisten.
     method listen {prefix {option *}} {
-        set id listener[incr last]
-        dict set listeners $id [list $prefix $option]
+        set id [list $option [incr last]]
+        dict set listeners {*}$id $prefix
         return $id
     }
     method unlisten id {
-        dict unset listeners $id
+        if {$id ne {} && [dict exists $listeners {*}$id]} {
+            dict unset listeners {*}$id
+        }
     }
     method Tell {options {what values}} {
-        set changed [dict create * 1]
-        foreach option $options {
-            dict set changed $option 1
-        }
-        dict for {id listener} $listeners {
-            lassign $listener prefix option
-            if {($what ne "values" || [dict exists $changed $option]) && [dict exists $listeners $id]} {
-                ::sorma::news::deliver $prefix [list $what $options]
+        foreach option [if {$what eq "values"} {list * {*}$options} else {dict keys $listeners}] {
+            if {![dict exists $listeners $option]} continue
+            dict for {n prefix} [dict get $listeners $option] {
+                if {[dict exists $listeners $option $n]} {
+                    ::sorma::news::deliver $prefix [list $what $options]
+                }
             }
         }
     }
 
     # ---- the model ----
 
+    method Deaf {} {
+        if {$key ne {}} {
+            ::sorma::worldDaemon::detach $service@$key [self]
+        }
+    }
     method Watch {} {
         if {$token ne {}} {
             ::sorma::world unwatch $token
         }
+        my Deaf
         set key [::sorma::world use $where]
         if {$key eq {}} {
             set token {}
             return
         }
+        ::sorma::worldDaemon::attach $service@$key [self]
         set token [::sorma::world value $service@$key * -every $live -command [list [self] Valued]]
         my Describe
     }
@@ -503,32 +511,34 @@ oo::define ::sorma::subject::Subject {
     method Shape table {
         return [list [lmap option [dict get $table options] {lreplace $option 5 5}] [dict filter $table key class fixed hints actions writes reads]]
     }
-    method Heard {event about {dict {}}} {
-        switch -- $event {
-            answer { if {[lindex $about 0] eq $key && ($table eq {} || $renewed)} {my Describe} }
-            daemon.changed {
-                if {$about eq $key} {
-                    set denied {}       ;# perhaps another one, with another policy
-                    my Tell {} state
-                }
-            }
-            daemon.process {
-                if {$about eq $key} {
-                    set renewed 1
-                    set failure {}
-                    my Keep
-                    my Describe             ;# perhaps of another version
-                }
-            }
-            object.made { if {$about eq "$service@$key"} {my Describe} }
+    method Heard {event about args} {
+        if {[lindex $about 0] eq $key && ($table eq {} || $renewed)} {
+            my Describe
         }
+    }
+    # Its daemon calls these, see worldDaemon.tcl.
+    method objectMade {} {
+        my Describe
+    }
+    method objectRemoved {} {}
+    method lineMade {} {}
+    method daemonChanged {} {
+        set denied {}                       ;# perhaps another one, with another policy
+        my Tell {} state
+    }
+    method daemonProcess {} {
+        set renewed 1
+        set failure {}
+        my Keep
+        my Describe                         ;# perhaps of another version
     }
     method Valued {what object told} {
         if {[dict exists $told *]} {
             set values [dict map {option value} $values {dict merge $value [dict filter [dict get $told *] key state why age seen]}]
         }
-        set values [dict merge [dict remove $values *] $told]
+        dict unset values *
         dict for {option value} $told {
+            dict set values $option $value
             # The typed value was set, by this user or another: it is no draft any more.
             if {[dict exists $drafts $option] && [lindex [dict get $drafts $option] 0] eq [dict get $value value] && [dict get $value state] eq "live"} {
                 dict unset drafts $option
@@ -537,11 +547,11 @@ oo::define ::sorma::subject::Subject {
         if {$table eq {}} {
             my Describe
         }
-        if {[my gone]} {
-            my Keep
-        } elseif {"live" in [lmap value [dict values $told] {dict get $value state}]} {
+        if {"live" in [lmap value [dict values $told] {dict get $value state}]} {
             set had 1
             set failure {}
+        } else {
+            my Keep
         }
         my Tell [dict keys [if {[dict exists $told *]} {dict merge $facts $values} else {set told}]]
     }

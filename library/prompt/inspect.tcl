@@ -285,7 +285,7 @@ proc ::sorma::inspect::Calls places {
 
 # When the objects of a daemon were counted [ms].
 proc ::sorma::inspect::Time key {
-    return [if {$key eq "self"} {clock milliseconds} else {::sorma::world counted $key}]
+    return [if {$key eq "self"} {clock milliseconds} else {::sorma::worldDaemon::fact $key counted 0}]
 }
 
 # Objects that were called, the busiest first.
