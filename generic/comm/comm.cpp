@@ -176,11 +176,12 @@ std::vector<Comm::Found> Comm::daemons() {
     std::vector<Found> out;
     sorm_.access.need(nullptr, Right::reach, "*", "daemons");
     std::string folder = runtimeFolder();
-    for (auto& name : namesIn(folder, kSocketEnding)) out.push_back({name, folder + "/" + name + std::string(kSocketEnding), {}, {}, {}});
+    for (auto& name : namesIn(folder, kSocketEnding)) out.push_back({name, folder + "/" + name + std::string(kSocketEnding), {}, {}, 0, {}});
     for (auto& d : out) {
         if (servers_.contains(d.name)) {                // ourselves: we cannot answer while we ask
             d.state = "alive";
             d.identity = Caller::self().toText();
+            d.process = Caller::self().process;
             continue;
         }
         Connection probe(d.name, [&] { return addressOf(d.socket); }, shared_, reactor_, sorm_.mailbox());
@@ -190,6 +191,7 @@ std::vector<Comm::Found> Comm::daemons() {
             d.state = h.busy ? "busy" : "alive";
             d.what = h.what;
             d.identity = w.user + "@" + w.host + " " + w.program + "[" + std::to_string(w.process) + "]";
+            d.process = std::int64_t(w.process);
         } catch (const Error& error) {
             d.state = error.is("COMM REFUSED") ? "dead" : error.is("COMM TIMEOUT") ? "busy" : error.what();
             if (d.state == "dead") sweepSocket(d.socket);       // told once

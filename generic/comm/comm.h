@@ -59,6 +59,7 @@ public:
     struct Found {
         std::string name, socket, state;        // state: "alive", "busy", "dead" (it left its socket), or what is wrong
         std::string identity;                   // user@host program[process] of a live one
+        std::int64_t process = 0;               // its number; 0: it did not answer
         std::string what;                       // what a busy one is doing
     };
     // Asks each of them, for at most 0.5 s; blocks. Removes the socket of a dead one. Fails with COMM DENIED without

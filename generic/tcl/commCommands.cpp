@@ -168,7 +168,7 @@ int UnserveObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const 
     });
 }
 
-// sorma::daemons: list of dicts  name state identity what socket
+// sorma::daemons: list of dicts  name state identity process what socket
 int DaemonsObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     return guarded(i, objc, objv, [&] {
@@ -182,6 +182,7 @@ int DaemonsObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const 
             put(dict, "name", d.name);
             put(dict, "state", d.state);
             put(dict, "identity", d.identity);
+            put(dict, "process", std::to_string(d.process));
             put(dict, "what", d.what);
             put(dict, "socket", d.socket);
             Tcl_ListObjAppendElement(nullptr, list, dict);
