@@ -72,7 +72,7 @@ proc measure::row {name args} {
     }
     set wanted [expr {[dict get $row -wanted] ne {} ? [dict get $row -wanted] : [dict get $row -target]}]
     lappend Rows [dict create name $name measured [dict get $row -measured] wanted $wanted met $met figures $figures]
-    puts [string trimright [format {%-34s %-44s %-36s %s} $name [dict get $row -measured] $wanted [dict get {{} {} 0 NO 1 yes} $met]]]
+    puts [string trimright [format {%-40s %-44s %-36s %s} $name [dict get $row -measured] $wanted [dict get {{} {} 0 NO 1 yes} $met]]]
     if {$failed && ![dict exists $row -error]} {
         return -options $how $text
     }

@@ -1,20 +1,15 @@
-# carries.tcl ?-carries N? ?-faults M? ?-cancels K? ?-seed S? ?-speed F? ?-table FILE? -- tokens are carried in the laboratory, and it
-# is measured how well: over random fields, boards, light and shadows; then while something goes wrong; then given up at random moments.
+# carries.tcl ?-carries N? ?-faults M? ?-cancels K? ?-seed S? ?-speed F? ?-table FILE? ?-short? ?-json FILE? -- tokens are carried in the laboratory,
+# and it is measured how well: over random fields, boards, light and shadows; then while something goes wrong; then given up at random moments.
 # The daemons of lab.launch must run.
 #
 # A fault is well when it is healed (the token lies where it should) or named: the error says what it was. Exit code 0: all were.
 
 package require sorma
-package require sorma::options
-source [file join [file dirname [file normalize [info script]]] colours.tcl]
+foreach file {colours.tcl ../measure.tcl} {
+    source [file join [file dirname [file normalize [info script]]] $file]
+}
 
 namespace eval lab::carries {
-    variable Lab simlab@lab
-    variable Carry carry@robot
-    variable Hand manus@hand
-    variable Transform transform@transform
-    variable Lookers {findbrdmarker@eye getbrdsit@eye getdisk@eye}
-    variable Prefix demo.               ;# of the laboratory's buffers
     variable Place {0 0 0}              ;# of the board: by how much it has been moved
     variable Inject {}                  ;# phase of carry -> script, when it has ended
     variable Peak 0                     ;# [N] at the hand
@@ -37,68 +32,58 @@ namespace eval lab::carries {
 # ---- the laboratory ----
 
 proc lab::carries::prepare {table speed} {
-    variable Lab
-    variable Carry
-    variable Hand
-    variable Transform
-    variable Lookers
-    variable Prefix
     set own [expr {$table eq {}}]
     if {$own} {
         set table [file join [file dirname [dict get [lindex [sorma::daemons] 0] socket]] board.hsv]
         lab::colours::learn $table
     }
-    foreach looker $Lookers {
+    foreach looker {findbrdmarker@eye getbrdsit@eye getdisk@eye} {
         $looker CTRL -table $table
     }
     if {$own} {
         file delete $table
     }
-    $Lab CTRL -speed $speed
-    $Lab EXEC step FMSG 1 0.2
+    simlab@lab CTRL -speed $speed
+    simlab@lab EXEC step FMSG 1 0.2
     Power
-    $Hand EXEC release
-    $Transform CTRL -dump
+    manus@hand EXEC release
+    transform@transform CTRL -dump
     scene
     # A token under the open sky teaches what one looks like beside the tool.
-    $Lab CTRL -move red_1 4 4
-    puts "correction learned: [dict get [$Transform exec -floats {4 4 0} learnGrasp] text]"
-    sorma::create shmem_r.force -key ${Prefix}tool.force
-    sorma::create shmem_r.place -key ${Prefix}tool.pose
+    simlab@lab CTRL -move red_1 4 4
+    puts "correction learned: [dict get [transform@transform exec -floats {4 4 0} learnGrasp] text]"
+    sorma::create shmem_r.force -key demo.tool.force
+    sorma::create shmem_r.place -key demo.tool.pose
     variable Room [wspc.room@robot cget -inside]
-    sorma::subscribe $Carry -event phase -command lab::carries::Phase
-    $Carry CTRL -patience 30
+    sorma::subscribe carry@robot -event phase -command lab::carries::Phase
+    carry@robot CTRL -patience 30
 }
 
 # Another scene: the board moved, tokens on random fields, other light. Returns the fields: dict {file rank} -> token.
 proc lab::carries::scene {{count 8}} {
-    variable Lab
     variable Place
-    variable Transform
     set free [fields]
     set tokens {}
     clear
     set place [list [uniform 0.02] [uniform 0.03] [uniform 0.2]]
-    $Lab CTRL -board {*}[lmap to $place from $Place {expr {$to - $from}}]
+    simlab@lab CTRL -board {*}[lmap to $place from $Place {expr {$to - $from}}]
     set Place $place
-    $Lab CTRL -light [expr {1 + [uniform 0.2]}] -shadows [expr {rand() < 0.5}]
+    simlab@lab CTRL -light [expr {1 + [uniform 0.2]}] -shadows [expr {rand() < 0.5}]
     foreach colour {red yellow} {
         for {set i 1} {$i <= $count} {incr i} {
             set field [taken free]
-            $Lab CTRL -move ${colour}_$i {*}[lmap x $field {expr {$x + [uniform 0.04]}}]
+            simlab@lab CTRL -move ${colour}_$i {*}[lmap x $field {expr {$x + [uniform 0.04]}}]
             dict set tokens $field ${colour}_$i
         }
     }
-    $Transform EXEC learnBoard
+    transform@transform EXEC learnBoard
     Compare
     return $tokens
 }
 # What transform says of the tokens that are on the board and of the markers, and where they are.
 proc lab::carries::Compare {} {
-    variable Lab
-    variable Transform
     variable Off
-    set on [lsearch -all -inline -not -regexp [split [lindex [$Lab DBX -tokens] 3] \n] {^\S+ (9|-|0\.[0-4]|\d\d)}]
+    set on [lsearch -all -inline -not -regexp [split [lindex [simlab@lab DBX -tokens] 3] \n] {^\S+ (9|-|0\.[0-4]|\d\d)}]
     set places {}
     foreach line $on {
         lassign $line - file rank x y
@@ -112,9 +97,9 @@ proc lab::carries::Compare {} {
     set turn [expr {atan2($y - $y0, $x - $x0) - atan2($v - $v0, $u - $u0)}]
     set tokens [lmap place $places {lassign $place - x y u v; expr {hypot($x - $u, $y - $v)}}]
     # Where the markers are: as far off as that yaw and the nearest token say.
-    lassign [$Transform cget -markers] behind aside
-    set field [$Transform cget -field]
-    set middle [expr {([$Transform cget -fields] + 1) / 2.0}]
+    lassign [transform@transform cget -markers] behind aside
+    set field [transform@transform cget -field]
+    set middle [expr {([transform@transform cget -fields] + 1) / 2.0}]
     set markers [lmap side {1 -1} {
         lassign [World [expr {$middle + $side * $aside / $field}] [expr {$middle + $behind / $field}]] u v
         set x [expr {$x0 + cos($turn) * ($u - $u0) - sin($turn) * ($v - $v0)}]
@@ -126,31 +111,28 @@ proc lab::carries::Compare {} {
         [tcl::mathfunc::max $mostToken {*}$tokens]]
 }
 proc lab::carries::World {file rank} {
-    variable Transform
-    return [lrange [dict get [$Transform exec -floats [list $file $rank 0] boardToWorld] floats] 0 1]
+    return [lrange [dict get [transform@transform exec -floats [list $file $rank 0] boardToWorld] floats] 0 1]
 }
 proc lab::carries::clear {} {
-    variable Lab
     foreach colour {red yellow} {
         for {set i 1} {$i <= 14} {incr i} {
-            $Lab CTRL -steal ${colour}_$i
+            simlab@lab CTRL -steal ${colour}_$i
         }
     }
 }
 # All tokens as at the beginning of a game.
 proc lab::carries::game {} {
-    variable Lab
     clear
     set red [set yellow 0]
     foreach field [fields] {
         lassign $field file rank
         if {$rank > 5} {
-            $Lab CTRL -move red_[incr red] $file $rank
+            simlab@lab CTRL -move red_[incr red] $file $rank
         } elseif {$rank < 4} {
-            $Lab CTRL -move yellow_[incr yellow] $file $rank
+            simlab@lab CTRL -move yellow_[incr yellow] $file $rank
         }
     }
-    $Lab CTRL -light 1 -shadows 0
+    simlab@lab CTRL -light 1 -shadows 0
 }
 proc lab::carries::fields {} {
     set dark {}
@@ -183,8 +165,7 @@ proc lab::carries::empty tokens {
 }
 # How far a token is from a field [m].
 proc lab::carries::away {token field} {
-    variable Lab
-    foreach line [split [lindex [$Lab DBX -tokens] 3] \n] {
+    foreach line [split [lindex [simlab@lab DBX -tokens] 3] \n] {
         if {[lindex $line 0] eq $token} {
             return [expr {0.045 * hypot([lindex $line 1] - [lindex $field 0], [lindex $line 2] - [lindex $field 1])}]
         }
@@ -204,14 +185,8 @@ proc lab::carries::Phase event {
 }
 # Returns a dict: outcome (placed, or the error's symbol), text, off [m] of the field, seconds of lab time.
 proc lab::carries::carry {token from to} {
-    variable Carry
-    set call [sorma::async $Carry exec -floats [concat $from 0 $to 0]]
-    while {![$call done]} {
-        set ::lab::carries::Tick 0
-        after 50 {set ::lab::carries::Tick 1}
-        vwait ::lab::carries::Tick
-        Feel
-    }
+    set call [sorma::async carry@robot exec -floats [concat $from 0 $to 0]]
+    measure until {[Feel] eq {} && [$call done]} -within 600 -every 50
     set failed [catch {$call take} result how]
     Feel
     set off [away $token $to]
@@ -222,71 +197,57 @@ proc lab::carries::carry {token from to} {
     }
     return [dict create outcome placed text {} off $off seconds [lindex [dict get $result floats] 2]]
 }
+# Returns nothing.
 proc lab::carries::Feel {} {
     variable Peak
     variable Room
     variable Outside
-    set records [shmem_r.force exec since]
-    foreach {- x y z - - -} [expr {[dict exists $records floats] ? [dict get $records floats] : {}}] {
+    foreach {- x y z - - -} [News shmem_r.force] {
         set Peak [expr {max($Peak, sqrt($x * $x + $y * $y + $z * $z))}]
     }
-    set records [shmem_r.place exec since]
-    foreach {- x y z - - - - - - - - - -} [expr {[dict exists $records floats] ? [dict get $records floats] : {}}] {
+    foreach {- x y z - - - - - - - - - -} [News shmem_r.place] {
         foreach at [list $x $y $z] {low high} $Room {
             set Outside [expr {max($Outside, $low - $at, $at - $high)}]
         }
     }
 }
+proc lab::carries::News reader {
+    set reply [$reader exec since]
+    return [expr {[dict exists $reply floats] ? [dict get $reply floats] : {}}]
+}
 proc lab::carries::Power {} {
-    variable Lab
-    catch {$Lab CTRL -reset}
+    catch {simlab@lab CTRL -reset}
     Until {pino@robot EXEC power on}
 }
 # Try until it goes well, for a minute at most.
 proc lab::carries::Until script {
-    set end [expr {[clock seconds] + 60}]
-    while {[catch {uplevel 1 $script} result how]} {
-        if {[clock seconds] > $end} {
-            return -options $how $result
-        }
-        after 200
-    }
+    measure until {![catch {uplevel 1 $script} text]} -within 60 -every 200 -else {$text}
 }
 # Before the next one: an arm with power, an open hand.
 proc lab::carries::recover {} {
-    variable Hand
-    variable Carry
     Power
-    Until {$Hand EXEC release}
-    $Carry CTRL -released
+    Until {manus@hand EXEC release}
+    carry@robot CTRL -released
 }
 
 # One that is given up at a random moment. Returns by how much the arm still moves [m] from 0.3 s on after nobody wants it any more, in
 # as much time; empty: the carry was over before.
 proc lab::carries::givenUp {from to} {
-    variable Carry
-    set call [sorma::async $Carry exec -floats [concat $from 0 $to 0]]
+    set call [sorma::async carry@robot exec -floats [concat $from 0 $to 0]]
     set until [expr {[now] + 0.1 + 6 * rand()}]
-    while {![$call done] && [now] < $until} {
-        after 2 {set ::lab::carries::Tick 1}
-        vwait ::lab::carries::Tick
-    }
+    measure until {[$call done] || [now] >= $until} -within 600 -every 2
     if {[$call done]} {
         $call destroy
         return {}
     }
     $call cancel
     $call destroy
-    while {[lindex [$Carry DBX -phase] 3] ne {}} {
-        after 20
-    }
+    measure until {[lindex [carry@robot DBX -phase] 3] eq {}}
     # As fast as it goes, lab time passes while the stop is under way.
     set places {}
     foreach wait {1 0.3} {
         set until [expr {[now] + $wait}]
-        while {[now] < $until} {
-            after 2
-        }
+        measure until {[now] >= $until} -every 2
         lappend places [lrange [dict get [shmem_r.place exec] floats] 1 3]
     }
     Feel
@@ -300,46 +261,44 @@ proc lab::carries::now {} {
 # ---- faults: each returns the phase of carry behind which it strikes ({}: before), and what it does ----
 
 proc lab::carries::Strike {fault token from to tokens} {
-    variable Lab
     variable Place
     switch $fault {
         shifted {
             set angle [uniform 3.1416]
             set at [list [expr {[lindex $from 0] + 0.006 / 0.045 * cos($angle)}] [expr {[lindex $from 1] + 0.006 / 0.045 * sin($angle)}]]
-            return [list look [list $Lab CTRL -move $token {*}$at]]
+            return [list look [list simlab@lab CTRL -move $token {*}$at]]
         }
         stolen {
-            return [list {} [list $Lab CTRL -steal $token]]
+            return [list {} [list simlab@lab CTRL -steal $token]]
         }
         lost {
-            return [list lift [list $Lab CTRL -steal $token]]
+            return [list lift [list simlab@lab CTRL -steal $token]]
         }
         board {
             set by [list [expr {rand() < 0.5 ? 0.012 : -0.012}] [uniform 0.01] [uniform 0.02]]
             set Place [lmap a $Place b $by {expr {$a + $b}}]
-            return [list {} [list $Lab CTRL -board {*}$by]]
+            return [list {} [list simlab@lab CTRL -board {*}$by]]
         }
         occupied {
             set other [lindex [lmap {- name} $tokens {expr {$name eq $token ? [continue] : $name}}] 0]
-            return [list {} [list $Lab CTRL -move $other {*}$to]]
+            return [list {} [list simlab@lab CTRL -move $other {*}$to]]
         }
         dark {
-            return [list {} [list $Lab CTRL -light 0.02]]
+            return [list {} [list simlab@lab CTRL -light 0.02]]
         }
         hand {
-            return [list [lindex {preshape lift} [expr {int(2 * rand())}]] [list exec kill -KILL [pid hand]]]
+            return [list [lindex {preshape lift} [expr {int(2 * rand())}]] [list exec kill -KILL [measure process hand]]]
         }
         vision {
-            variable Stopped [pid eye]
+            variable Stopped [measure process eye]
             return [list preshape [list exec kill -STOP $Stopped]]
         }
     }
 }
 proc lab::carries::Undo fault {
-    variable Lab
     switch $fault {
         dark {
-            $Lab CTRL -light 1
+            simlab@lab CTRL -light 1
         }
         vision {
             variable Stopped
@@ -347,17 +306,7 @@ proc lab::carries::Undo fault {
         }
     }
 }
-proc lab::carries::pid daemon {
-    foreach d [sorma::daemons] {
-        if {[dict get $d name] eq $daemon} {
-            return [regexp -inline {\d+(?=\]$)} [dict get $d identity]]
-        }
-    }
-}
-
 # ---- the table ----
-
-# Each of these returns rows of the table: what, measured, wanted, well.
 
 # Lab time is judged at speed 1 only: when it goes faster, what the machine needs for itself counts many times.
 proc lab::carries::Well {count speed} {
@@ -380,9 +329,9 @@ proc lab::carries::Well {count speed} {
         }
         set slowest [expr {max($slowest, [dict get $one seconds])}]
     }
-    return [list "$count carries, placed within 2 mm" "$placed, at most [format %.2f [expr {1e3 * $worst}]] mm" all [expr {$placed == $count}] \
-        "drops unnoticed" $unnoticed 0 [expr {$unnoticed == 0}] \
-        "lab time of a carry, at most" [format {%.2f s} $slowest] "8 s at speed 1" [expr {$speed != 1 || $slowest <= 8}]]
+    measure row "$count carries, placed within 2 mm" -measured "$placed, at most [format %.2f [expr {1e3 * $worst}]] mm" -wanted all -target {$placed == $count}
+    measure row "drops unnoticed" -measured $unnoticed -wanted 0 -target {$unnoticed == 0}
+    measure row "lab time of a carry, at most" -measured [format {%.2f s} $slowest] -wanted "8 s at speed 1" -target {$speed != 1 || $slowest <= 8}
 }
 
 proc lab::carries::Faulty count {
@@ -412,7 +361,7 @@ proc lab::carries::Faulty count {
         }
         recover
     }
-    return [list "$count carries with a fault, healed or named" $well all [expr {$well == $count}]]
+    measure row "$count carries with a fault, healed or named" -measured $well -wanted all -target {$well == $count}
 }
 
 proc lab::carries::GivenUp count {
@@ -430,42 +379,30 @@ proc lab::carries::GivenUp count {
         }
         recover
     }
-    return [list "$count carries given up, the arm stands" $still all [expr {$still == $count}]]
+    measure row "$count carries given up, the arm stands" -measured $still -wanted all -target {$still == $count}
 }
 
-# Rows of the table: what, what was measured, what is wanted, whether it is well. Returns the last of each.
-proc lab::carries::Report args {
-    return [lmap {what measured wanted well} $args {
-        puts [format {%-46s %-26s %-20s %s} $what $measured $wanted [expr {$well ? "yes" : "NO"}]]
-        set well
-    }]
-}
-
-proc lab::carries::run args {
-    variable Carry
+proc lab::carries::run given {
     variable Off
     variable Peak
     variable Outside
-    set o [sorma::options::parse {-carries {any 200} -faults {any 100} -cancels {any 50} -seed {any 1} -speed {any 0} -table {any {}}} $args]
-    expr {srand([dict get $o -seed])}
-    fconfigure stdout -buffering line
-    prepare [dict get $o -table] [dict get $o -speed]
-    set all [Report {*}[Well [dict get $o -carries] [dict get $o -speed]]]
+    dict with given {}
+    prepare ${-table} ${-speed}
+    Well ${-carries} ${-speed}
     # Parts that are away are given up sooner.
-    $Carry CTRL -patience 8
-    lappend all {*}[Report {*}[Faulty [dict get $o -faults]]]
-    $Carry CTRL -patience 30
-    lappend all {*}[Report {*}[GivenUp [dict get $o -cancels]]]
+    carry@robot CTRL -patience 8
+    Faulty ${-faults}
+    carry@robot CTRL -patience 30
+    GivenUp ${-cancels}
     game
     lassign $Off most yaw token
-    lappend all {*}[Report "markers, at most off" [format {%.2f mm, %.2f degrees} [expr {1e3 * $most}] [expr {$yaw * 57.29578}]] \
-        "1 mm, 0.3 degrees" [expr {$most <= 1e-3 && $yaw <= 0.3 / 57.29578}] \
-        "tokens, before they are looked at" [format {%.2f mm} [expr {1e3 * $token}]] "3 mm" [expr {$token <= 3e-3}] \
-        "outside of the guards" [format {%.2f mm} [expr {1e3 * $Outside}]] none [expr {$Outside <= 1e-4}] \
-        "largest force on the hand" [format {%.1f N} $Peak] "15 N" [expr {$Peak <= 15}]]
-    return [expr {0 in $all}]
+    measure row "markers, at most off" -measured [format {%.2f mm, %.2f degrees} [expr {1e3 * $most}] [expr {$yaw * 57.29578}]] \
+        -wanted "1 mm, 0.3 degrees" -target {$most <= 1e-3 && $yaw <= 0.3 / 57.29578}
+    measure row "tokens, before they are looked at" -measured [format {%.2f mm} [expr {1e3 * $token}]] -wanted "3 mm" -target {$token <= 3e-3}
+    measure row "outside of the guards" -measured [format {%.2f mm} [expr {1e3 * $Outside}]] -wanted none -target {$Outside <= 1e-4}
+    measure row "largest force on the hand" -measured [format {%.1f N} $Peak] -wanted "15 N" -target {$Peak <= 15}
 }
 
 if {[file normalize $argv0] eq [file normalize [info script]]} {
-    exit [lab::carries::run {*}$argv]
+    exit [measure run {-carries {any 200} -faults {any 100} -cancels {any 50} -speed {any 0} -table any} {-carries 2 -faults 8 -cancels 2} $argv lab::carries::run]
 }

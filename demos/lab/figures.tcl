@@ -5,13 +5,14 @@
 #                                                  cancelled, a tenth is stopped; of faults N of each kind
 #     -kind PATTERN   of faults: only those whose name fits
 #     -minutes N      at first so long in real time, with 20 pictures a second: on a machine that does nothing else. Default: 0
-#     -seed N    of what is random              -speed N    of lab time; 0: as fast as it goes, in lockstep, so nothing is lost
+#     -speed N        of lab time; 0: as fast as it goes, in lockstep, so nothing is lost
+#     -seed N, -short, -json FILE                  as for all that measures (demos/README.md)
 #
 # Daemons and buffers are its own: it may run beside another laboratory.
 
 package require sorma
-package require sorma::options
 package require sorma::service::shmem
+source [file join [file dirname [file normalize [info script]]] .. measure.tcl]
 
 namespace eval lab::figures {
     variable Lab simlab@figuresLab[pid]
@@ -20,7 +21,6 @@ namespace eval lab::figures {
     variable Down {0 1 0 0}                         ;# the tool points at the table
     variable Room {0.25 0.85 -0.5 0.5 -0.02 0.9}    ;# where the tool may be: the guard
     variable Running {}                             ;# dict: daemon -> its pipe
-    variable Rows {}                                ;# of the table: what, target, measured, whether it holds
     variable Stopped {}                             ;# the last event `stopped` of the laboratory
     variable Poses {}                               ;# records of tool.pose that nobody has looked at
     variable Unseen 0                               ;# records of it that were overwritten before
@@ -121,6 +121,7 @@ proc lab::figures::collect {} {
         lappend Poses {*}[dict get $reply floats]
         incr Unseen [lindex [dict get $reply ints] 0]
     }
+    return 1
 }
 # How far [m] a place is outside the room; 0: inside.
 proc lab::figures::outside {x y z} {
@@ -149,44 +150,23 @@ proc lab::figures::tool {} {
     return [lrange [dict get $reply floats] 0 6]
 }
 proc lab::figures::waitUntil condition {
-    set end [expr {[clock milliseconds] + 20000}]
-    while {![uplevel 1 [list expr $condition]]} {
-        if {[clock milliseconds] > $end} {
-            return -code error "waited 20 s for $condition"
-        }
-        collect
-        after 2 {set ::lab::figures::Tick 1}
-        vwait ::lab::figures::Tick
-    }
+    uplevel 1 [list measure until "\[lab::figures::collect\] && ($condition)" -every 2]
 }
 # A motion that must succeed.
 proc lab::figures::go {mover args} {
     set future [sorma::async $mover EXEC {*}[if {[llength $args] > 0} {list FMSG [llength $args]}] {*}$args]
-    try {
-        waitUntil {[$future done]}
-        return [$future result]
-    } finally {
-        $future destroy
-    }
+    waitUntil {[$future done]}
+    return [$future take]
 }
-
 # Wait for a request; returns the symbol of its error, or "done".
 proc lab::figures::outcome future {
     try {
         waitUntil {[$future done]}
-        $future result
+        $future take
         return done
     } on error {- options} {
         return [lindex [dict get $options -errorcode] 2]
-    } finally {
-        $future destroy
     }
-}
-proc lab::figures::row {what target measured holds} {
-    variable Rows
-    lappend Rows [list $what $target $measured $holds]
-    puts [format {%-44s %-30s %-60s %s} $what $target $measured [expr {$holds ? "yes" : "NO"}]]
-    flush stdout
 }
 proc lab::figures::millimetres metres { return [format %.2f [expr {1e3 * $metres}]] }
 
@@ -210,8 +190,8 @@ proc lab::figures::lines n {
         }
     }
     mvpos.line$At CTRL -speed 0.2
-    row "$n Cartesian lines, 0.05 to 0.5 m/s" "off the line <= 0.5 mm" \
-        "at most [millimetres $worst] mm, mean [millimetres [expr {$sum / max(1, $samples)}]] mm of $samples places" [expr {$worst <= 0.5e-3}]
+    measure row "$n Cartesian lines, 0.05 to 0.5 m/s" -wanted "off the line <= 0.5 mm" -target {$worst <= 0.5e-3} \
+        -measured "at most [millimetres $worst] mm, mean [millimetres [expr {$sum / max(1, $samples)}]] mm of $samples places"
 }
 
 proc lab::figures::motions n {
@@ -255,8 +235,8 @@ proc lab::figures::motions n {
             set worst [expr {max($worst, [outside $x $y $z])}]
         }
     }
-    row "$n random motions with guards" "none outside, refusals named" \
-        "outside by [millimetres $worst] mm; [join [lmap {k v} [lsort -stride 2 $outcomes] {set - "$v $k"}] {, }]" [expr {$worst < 1e-3 && $wrong == 0}]
+    measure row "$n random motions with guards" -wanted "none outside, refusals named" -target {$worst < 1e-3 && $wrong == 0} \
+        -measured "outside by [millimetres $worst] mm; [join [lmap {k v} [lsort -stride 2 $outcomes] {set - "$v $k"}] {, }]"
 }
 
 proc lab::figures::descents n {
@@ -276,9 +256,8 @@ proc lab::figures::descents n {
     }
     set sorted [lsort -real $heights]
     set off [tcl::mathfunc::max {*}[lmap z $heights {expr {abs($z - 0.005)}}]]
-    row "$n guarded descents at 0.03 m/s" "within 0.5 mm, peak <= 15 N" \
-        "contact at [millimetres [lindex $sorted 0]] to [millimetres [lindex $sorted end]] mm (true 5.00), peak [format %.1f $peak] N" \
-        [expr {$off <= 0.5e-3 && $peak <= 15}]
+    measure row "$n guarded descents at 0.03 m/s" -wanted "within 0.5 mm, peak <= 15 N" -target {$off <= 0.5e-3 && $peak <= 15} \
+        -measured "contact at [millimetres [lindex $sorted 0]] to [millimetres [lindex $sorted end]] mm (true 5.00), peak [format %.1f $peak] N"
 }
 
 # ---- real time: nothing waits for the arm ----
@@ -300,14 +279,14 @@ proc lab::figures::minutes n {
     lassign [lrange $told end-1 end] ticks skipped
     set late "[format %.2g [expr {1e3 * [lindex $told 8]}]] ms at most"
     set lost [expr {[skipped] - $before}]
-    row "$n min in real time, 20 pictures/s" "0 skipped ticks" \
-        "$skipped of $ticks ticks, [format %.3f $lost] s of lab time; [dict get [$Lab exec time] ints] pictures; ticks late by $late" [expr {$skipped == 0}]
+    measure row "$n min in real time, 20 pictures/s" -wanted "0 skipped ticks" -target {$skipped == 0} \
+        -measured "$skipped of $ticks ticks, [format %.3f $lost] s of lab time; [dict get [$Lab exec time] ints] pictures; ticks late by $late"
     # How fast it can go, alone: the robot has no power.
     pino$At EXEC power off
     foreach {what rate} {"with 20 pictures/s" 20 "without pictures" 0} {
         $Lab CTRL -speed 0 -cameraRate $rate
         set microseconds [lindex [time {$Lab EXEC FMSG 1 5}] 0]
-        row "as fast as it goes, $what" "factor" [format %.1f [expr {5e6 / $microseconds}]] 1
+        measure row "as fast as it goes, $what" -wanted factor -target 1 -measured [format %.1f [expr {5e6 / $microseconds}]]
     }
     foreach daemon [list figuresRobot[pid] figuresLab[pid]] {
         signal $daemon TERM
@@ -441,20 +420,17 @@ proc lab::figures::faults n {
             append measured "; the tool came at most [tcl::mathfunc::max {*}$ways] mm, in at most [format %.2f $longest] s"
             incr wrong [expr {[string match "category 1*" $target] && $longest > 0.25}]
         }
-        row "$n x $what" $target $measured [expr {$wrong == 0}]
+        measure row "$n x $what" -wanted $target -target {$wrong == 0} -measured $measured
         if {$wrong > 0 && $i <= $n} return
     }
 }
 
-proc lab::figures::run {} {
-    variable Settings [sorma::options::parse {-lines {any 100} -motions {any 1000} -descents {any 100} -faults {any 50} -kind {any *} -minutes {any 0} -seed {any 1} -speed {any 0}} \
-        $::argv]
+proc lab::figures::run settings {
+    variable Settings $settings
     variable Prefix
     variable Lab
-    variable Rows
     variable Unseen
     variable Running
-    expr {srand([dict get $Settings -seed])}
     sorma::create shmem_r.pose -key ${Prefix}tool.pose
     try {
         if {[dict get $Settings -minutes] > 0} {
@@ -478,9 +454,7 @@ proc lab::figures::run {} {
     if {$Unseen > 0} {
         puts "$Unseen places of the tool were not looked at: the machine is busy"
     }
-    set wrong [llength [lsearch -all -exact -index 3 $Rows 0]]
-    puts [expr {$wrong == 0 ? "[llength $Rows] figures, all as they should be" : "$wrong of [llength $Rows] figures are not as they should be"}]
-    return [expr {$wrong > 0}]
 }
 
-exit [lab::figures::run]
+exit [measure run {-lines {any 100} -motions {any 1000} -descents {any 100} -faults {any 50} -kind {any *} -minutes {any 0} -speed {any 0}} \
+    {-lines 3 -motions 10 -descents 2 -faults 1} $argv lab::figures::run]

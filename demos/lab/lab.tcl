@@ -83,7 +83,7 @@ proc lab::run {} {
             puts "no display: the operator's panel is left out"
         }
         set code 0
-        foreach words [list [list programme.tcl [dict get $options -speed]] \
+        foreach words [list [list programme.tcl -speed [dict get $options -speed]] \
                 [list carries.tcl -speed [dict get $options -speed] -carries [dict get $options -carries] -faults 0 -cancels 0]] {
             start [info nameofexecutable] [file join $Here [lindex $words 0]] {*}[lrange $words 1 end]
             vwait ::lab::Heard

@@ -1,15 +1,14 @@
-# programme.tcl ?SPEED? -- a programme of motions in the laboratory, and the table that says how each of them went. Exit code 0: as it should.
-
+# programme.tcl ?-speed N? ?-short? ?-json FILE? -- a programme of motions in the laboratory, and the table that says how each of them went. Exit
+# code 0: as it should.
 #
-# SPEED of lab time: 1 (default) real time, 0 as fast as the machine can.
+# -speed N: of lab time: 1 (default) real time, 0 as fast as the machine can, as with -short.
 
-package require sorma
+source [file join [file dirname [file normalize [info script]]] .. measure.tcl]
 
 namespace eval lab::programme {
     variable Lab simlab@lab             ;# the hardware
     variable At @robot                  ;# where the arm's objects are
     variable Down {0 1 0 0}             ;# the tool points at the table
-    variable Rows {}
 }
 
 # The tool's position now, and lab time.
@@ -22,41 +21,36 @@ proc lab::programme::labTime {} {
     return [lindex [dict get [$Lab exec time] floats] 0]
 }
 
-# lab::programme::step WHAT EXPECTED SCRIPT -- one row: the script returns what was measured; EXPECTED is well, or the error code's pattern.
+# lab::programme::step WHAT EXPECTED SCRIPT -- one row: the script returns what was measured; EXPECTED: the error code's pattern.
 proc lab::programme::step {what expected script} {
-    variable Rows
-    set before [labTime]
-    set failed [catch {uplevel 1 $script} result options]
-    set took [expr {[labTime] - $before}]
-    set code [if {$failed} {lrange [dict get $options -errorcode] 1 end}]
-    set right [expr {$failed ? [string match $expected $code] : $expected eq "well"}]
-    lappend Rows [list $what $took $right $result]
-    puts [format {%-34s %6.2f s  %-4s %s} $what $took [expr {$right ? "yes" : "NO"}] [string range $result 0 90]]
-    return $right
+    measure row $what -error $expected -wanted $expected -body {
+        set before [labTime]
+        set failed [catch {uplevel 1 $script} result how]
+        return -options $how [format {%6.2f s: %s} [expr {[labTime] - $before}] $result]
+    }
 }
 
-proc lab::programme::run speed {
+proc lab::programme::run given {
     variable At
     variable Lab
     variable Down
-    variable Rows {}
-    $Lab CTRL -speed $speed
-    step "power on" well {pino$At EXEC power on; set - "the arm holds"}
-    step "to the middle of the table" well {
+    $Lab CTRL -speed [dict get $given -speed]
+    step "power on" {} {pino$At EXEC power on; set - "the arm holds"}
+    step "to the middle of the table" {} {
         mvpos.line$At exec -floats [concat {0.55 0 0.3} $Down]
         away {0.55 0 0.3}
     }
-    step "the hand is weighed" well {
+    step "the hand is weighed" {} {
         set found [calibrate$At exec]
         set - "[format %.3f [lindex [dict get $found floats] 0]] kg"
     }
     foreach corner {{0.45 0.15 0.25} {0.65 0.15 0.25} {0.65 -0.15 0.25} {0.45 -0.15 0.25}} {
-        step "line to $corner" well {
+        step "line to $corner" {} {
             mvpos.line$At exec -floats [concat $corner $Down]
             away $corner
         }
     }
-    step "a dry run says what would happen" well {
+    step "a dry run says what would happen" {} {
         mvpos.dry$At CTRL -as pose -move line -dry
         dict get [mvpos.dry$At exec -floats [concat {0.55 0 0.3} $Down]] text
     }
@@ -64,30 +58,24 @@ proc lab::programme::run speed {
     step "out of reach is refused" "ROBOT UNREACHABLE*" {mvpos.line$At exec -floats [concat {1.4 0 0.3} $Down]}
     step "stopped on its way" "ROBOT STOPPED*" {
         set call [sorma::async mvpos.line$At EXEC FMSG 7 0.6 0.2 0.35 {*}$Down]
-        waitUntil {abs([lindex [tool] 1] + 0.15) > 0.03}
+        measure until {abs([lindex [tool] 1] + 0.15) > 0.03}
         mvpos.line$At CTRL -stop
         $call take
     }
-    step "down to the table, by feeling" well {
+    step "down to the table, by feeling" {} {
         mvpos.line$At exec -floats [concat {0.42 0.22 0.03} $Down]
         set reply [push.down$At exec -floats {0.42 0.22 0.02 0.42 0.22 0.004}]
         set - "contact at [format %.2f [expr {1e3 * [lindex [dict get $reply floats] 2]}]] mm"
     }
     step "emergency stop: no power" "ROBOT POWER*" {
         set call [sorma::async mvpos.line$At EXEC FMSG 7 0.5 -0.2 0.3 {*}$Down]
-        waitUntil {[lindex [tool] 2] > 0.05}
+        measure until {[lindex [tool] 2] > 0.05}
         $Lab CTRL -emergencyStop
         $call take
     }
     step "power only after a reset" "ROBOT POWER*" {pino$At EXEC power on}
-    step "a person resets it" well {$Lab CTRL -reset; pino$At EXEC power on; set - "the arm holds"}
-    step "park" well {pino$At EXEC park; set - "no power"}
-    set wrong [lsearch -all -inline -exact -index 2 $Rows 0]
-    foreach row $wrong {
-        puts "[lindex $row 0]: [lindex $row 3]"
-    }
-    puts [expr {[llength $wrong] == 0 ? "[llength $Rows] steps, all as they should be" : "[llength $wrong] of [llength $Rows] steps went wrong"}]
-    return [expr {[llength $wrong] > 0}]
+    step "a person resets it" {} {$Lab CTRL -reset; pino$At EXEC power on; set - "the arm holds"}
+    step "park" {} {pino$At EXEC park; set - "no power"}
 }
 
 # How far the tool is from where it should be, in millimetres.
@@ -99,13 +87,4 @@ proc lab::programme::away place {
     return "[format %.2f [expr {1e3 * sqrt($square)}]] mm off"
 }
 
-proc lab::programme::waitUntil condition {
-    set end [expr {[clock milliseconds] + 20000}]
-    while {![uplevel 1 [list expr $condition]]} {
-        if {[clock milliseconds] > $end} {
-            return -code error "waited 20 s for $condition"
-        }
-    }
-}
-
-exit [lab::programme::run [expr {[llength $argv] > 0 ? [lindex $argv 0] : 1}]]
+exit [measure run {-speed {any 1}} {-speed 0} $argv lab::programme::run]
