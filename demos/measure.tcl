@@ -16,9 +16,10 @@ package require sorma::json
 package require sorma::options
 
 namespace eval measure {
-    namespace export run row missed tries until process
+    namespace export run row missed tries until process renewed
     namespace ensemble create
     variable Rows {}            ;# dicts: name measured wanted met figures; met is empty where there is no target
+    variable Headed 0           ;# the table has its heading
 }
 
 # measure run TABLE SHORT WORDS COMMAND -- a program that measures. TABLE has its options as sorma::options wants them, SHORT what -short
@@ -51,6 +52,7 @@ proc measure::run {table short words command} {
 # the pattern, which is empty where none is expected.
 proc measure::row {name args} {
     variable Rows
+    variable Headed
     set row [dict merge {-measured {} -target {} -wanted {}} $args]
     set failed 0
     if {[dict exists $row -body]} {
@@ -72,11 +74,19 @@ proc measure::row {name args} {
     }
     set wanted [expr {[dict get $row -wanted] ne {} ? [dict get $row -wanted] : [dict get $row -target]}]
     lappend Rows [dict create name $name measured [dict get $row -measured] wanted $wanted met $met figures $figures]
-    puts [string trimright [format {%-40s %-44s %-36s %s} $name [dict get $row -measured] $wanted [dict get {{} {} 0 NO 1 yes} $met]]]
+    if {!$Headed} {
+        Print what measured target met
+        set Headed 1
+    }
+    Print $name [dict get $row -measured] $wanted [dict get {{} {} 0 NO 1 yes} $met]
     if {$failed && ![dict exists $row -error]} {
         return -options $how $text
     }
     return $met
+}
+
+proc measure::Print args {
+    puts [string trimright [format {%-40s %-44s %-36s %s} {*}$args]]
 }
 
 # measure missed -- say which rows have missed their target. Has any?
@@ -113,7 +123,7 @@ proc measure::until {condition args} {
     set given [dict merge {-within 20 -every 20 -else {}} $args]
     set end [expr {[clock milliseconds] + 1000 * [dict get $given -within]}]
     while {![uplevel 1 [list expr $condition]]} {
-        if {[clock milliseconds] > $end} {
+        if {[clock milliseconds] >= $end} {
             return -code error -errorcode {MEASURE LATE} [expr {[dict get $given -else] eq {} ? "waited [dict get $given -within] s for $condition"
                 : [uplevel 1 [list subst -nocommands [dict get $given -else]]]}]
         }
@@ -129,6 +139,11 @@ proc measure::process name {
         }
     }
     return 0
+}
+
+# measure renewed DAEMON PROCESS ?SECONDS? -- is the daemon another process than that, in so many seconds?
+proc measure::renewed {name process {seconds 20}} {
+    return [expr {$process && ![catch {until {[process $name] ni [list 0 $process]} -within $seconds -every 50}]}]
 }
 
 proc measure::Json {file seed} {

@@ -1,4 +1,4 @@
-# figures.tcl ?-games N? ?-seed S? ?-faults F? ?-kills SECONDS? ?-victims NAMES? ?-shifts N? ?-variant V? ?-dry? ?-most SECONDS? ?-folder F? -- games that nobody watches, and what is counted.
+# figures.tcl ?-games N? ?-seed S? ?-faults F? ?-kills SECONDS? ?-victims NAMES? ?-shifts N? ?-variant V? ?-dry? ?-most SECONDS? ?-folder F? ?-short? ?-json FILE? -- games that nobody watches, and what is counted.
 #
 # Each game: the board is put somewhere else, the light is another one (+-20 %), the person has another seed. -kills: every so many
 # seconds of wall time one of the daemons is killed, of all or of -victims. -shifts: so often the board is moved during a game. -dry: without arm, hand and eye.
@@ -8,7 +8,6 @@
 
 source [file join [file dirname [file normalize [info script]]] session.tcl]
 package require sorma::service::drycarry
-package require sorma::options
 
 namespace eval checkersFigures {
     variable Place {0 0 0}      ;# of the board: by how much it has been moved
@@ -43,21 +42,16 @@ proc checkersFigures::Kill {daemons seconds} {
     set Killing [after [expr {int(1e3 * $seconds)}] [list checkersFigures::Kill $daemons $seconds]]
 }
 
-proc checkersFigures::run {} {
+proc checkersFigures::run given {
     variable Shifts
     variable Killing
-    set o [sorma::options::parse {-games {any 20} -seed {any 1} -faults {any 0} -kills {any 0} -shifts {any 0} -variant {{choice braz engl intl} braz} -speed {any 0}
-        -folder any -dry flag -most {any 900} -victims {any {}}} $::argv]
-    dict with o {}
-    fconfigure stdout -buffering line
-    expr {srand(${-seed})}
+    dict with given {}
     set folder [expr {${-folder} eq {} ? [file join [pwd] checkersFigures] : ${-folder}}]
     file delete [file join $folder checkers.game] [file join $folder human.game]
     set common [session::settings [list -variant ${-variant} -look 10 -tidy 60] {-level 5} ${-dry}]
     set width [expr {${-variant} eq "intl" ? 10 : 8}]
     set victims [expr {${-victims} ne {} ? ${-victims} : ${-dry} ? {voice player human} : {lab robot eye hand transform laser voice player human}}]
     set rows {}
-    set failed 0
     try {
         for {set n 1} {$n <= ${-games}} {incr n} {
             set settings [dict merge $common [dict create human.sim [list -variant ${-variant} -level [expr {1 + $n % 4}] -seed [expr {${-seed} * 1000 + $n}] -faults ${-faults}]]]
@@ -78,35 +72,41 @@ proc checkersFigures::run {} {
             lappend rows $figures
             puts "game $n: [join [lmap {name value} $figures {string cat $name { } [join $value]}] {, }]"
         }
-    } on error {text how} {
-        puts "the games end here: $text"
-        set failed 1
     } finally {
         after cancel $Killing
         set kills [session::killed 60]
         session::end
+        Report $rows $kills
     }
-    foreach name [dict keys $::session::Killed] {
-        puts "daemon $name was killed and has not come back"
-        set failed 1
-    }
-    return [expr {[Report $rows $kills] || $failed}]
 }
 # KILLS: daemon -> how often.
 proc checkersFigures::Report {rows kills} {
-    set ended [llength [lsearch -all -regexp [lmap row $rows {dict get $row result}] {1-0|0-1|1/2-1/2}]]
-    puts "games [llength $rows] 1\nended_by_the_rules $ended 1\ndaemons_killed [tcl::mathop::+ 0 {*}[dict values $kills]] 1"
-    foreach name {carries troubles heights_felt moves_foreseen board_moved wrong_readings_accepted tokens_lost_unnoticed claims_judged claims_not_judged
-        faults_of_the_person faults_named faults_undone put_in_order set_out_again lab_time wall_time} {
-        set $name [tcl::mathop::+ 0 {*}[lmap row $rows {lindex [dict get $row $name] 0}]]
-        puts "$name [set $name] [expr {[string match *_time $name] ? "s" : "1"}]"
+    set games [llength $rows]
+    set ended_by_the_rules [llength [lsearch -all -regexp [lmap row $rows {dict get $row result}] {1-0|0-1|1/2-1/2}]]
+    set daemons_killed [tcl::mathop::+ 0 {*}[dict values $kills]]
+    set daemons_that_stay_away [dict size $::session::Killed]
+    if {$daemons_that_stay_away > 0} {
+        puts "killed, and not come back: [dict keys $::session::Killed]"
     }
-    puts "speed [format %.1f [expr {double($lab_time) / max(1, $wall_time)}]] 1"
     set allowed [tcl::mathop::+ 0 {*}[dict values [dict filter $kills script {name -} {expr {$name in {lab human}}}]]]
-    return [expr {$ended < [llength $rows] || $wrong_readings_accepted > 0 || $tokens_lost_unnoticed > 0 || $claims_judged == 0
-        || $faults_named + $faults_undone < $faults_of_the_person || $put_in_order > 0 || $set_out_again > $allowed}]
+    # Figure, its unit where it is none, its target where it has one.
+    foreach {name target} {
+        games {} ended_by_the_rules {$ended_by_the_rules == $games} daemons_killed {} daemons_that_stay_away {$daemons_that_stay_away == 0}
+        carries {} troubles {} heights_felt {} moves_foreseen {} board_moved {}
+        wrong_readings_accepted {$wrong_readings_accepted == 0} tokens_lost_unnoticed {$tokens_lost_unnoticed == 0} claims_judged {$claims_judged > 0} claims_not_judged {}
+        faults_of_the_person {} faults_undone {} faults_named {$faults_named + $faults_undone >= $faults_of_the_person}
+        put_in_order {$put_in_order == 0} set_out_again {$set_out_again <= $allowed} lab_time {} wall_time {} speed {}
+    } {
+        if {$name eq "speed"} {
+            set speed [format %.1f [expr {double($lab_time) / max(1, $wall_time)}]]
+        } elseif {![info exists $name]} {
+            set $name [tcl::mathop::+ 0 {*}[lmap row $rows {lindex [dict get $row $name] 0}]]
+        }
+        measure row $name -measured "[set $name] [expr {[string match *_time $name] ? "s" : "1"}]" -target $target
+    }
 }
 
 if {[file normalize $argv0] eq [file normalize [info script]]} {
-    exit [checkersFigures::run]
+    exit [measure run {-games {any 20} -faults {any 0} -kills {any 0} -shifts {any 0} -variant {{choice braz engl intl} braz} -speed {any 0}
+        -folder any -dry flag -most {any 900} -victims {any {}}} {-games 1 -dry 1} $argv checkersFigures::run]
 }

@@ -1,11 +1,10 @@
-# incidents.tcl ?-speed N? ?-folder F? ?-only NAMES? -- what people do beside playing, in physics; what the robot says of it, and that it goes on.
+# incidents.tcl ?-speed N? ?-folder F? ?-only NAMES? ?-short? ?-json FILE? -- what people do beside playing, in physics; what the robot says of it, and that it goes on.
 #
-# One game; this script moves the person's tokens. A line for each incident: its name, what was said of it, and whether all went as it
-# should. Exit code 0: everything did.
+# One game; this script moves the person's tokens. A row for each incident: its name, what was said of it, and whether all went as it
+# should. Exit code 0: everything did. -short: one that needs no long wait.
 
 source [file join [file dirname [file normalize [info script]]] session.tcl]
 package require sorma::service::drycarry
-package require sorma::options
 package require checkers::game
 
 namespace eval incidents {
@@ -13,7 +12,6 @@ namespace eval incidents {
     variable Told {}            ;# what the plot has told since the last look: dicts
     variable Spoken {}          ;# what was said since then
     variable Then {}            ;# state of the plot -> script, once
-    variable Bad 0
 }
 
 proc incidents::Watch told {
@@ -35,13 +33,7 @@ proc incidents::Said event {
 }
 # Wait until a condition holds, for two minutes of wall time at most.
 proc incidents::until {what condition} {
-    set end [expr {[clock milliseconds] + 120000}]
-    while {![uplevel 1 [list expr $condition]]} {
-        if {[clock milliseconds] > $end} {
-            return -code error -errorcode {CHECKERS INCIDENT} "in two minutes it did not happen: $what"
-        }
-        sorma::await sleep 20
-    }
+    uplevel 1 [list measure until $condition -within 120 -else "in two minutes it did not happen: $what"]
 }
 # Something was said that looks so.
 proc incidents::Heard pattern {
@@ -195,14 +187,11 @@ proc incidents::Pixels picture {
     return [list [string range $picture {*}$width] [string range $picture {*}$height] $bytes]
 }
 
-proc incidents::run {} {
+proc incidents::run given {
     variable Position
     variable Told
     variable Spoken
-    variable Bad
-    set o [sorma::options::parse {-speed {any 0} -folder any -only {any {never covered many laser touched moved killed}}} $::argv]
-    dict with o {}
-    fconfigure stdout -buffering line
+    dict with given {}
     set folder [expr {${-folder} eq {} ? [file join [pwd] checkersIncidents] : ${-folder}}]
     file delete [file join $folder checkers.game] [file join $folder human.game]
     set settings [dict merge [session::settings [list -position $Position -look 10 -remind 40 -show 15000] {-level 1} 0] [dict create human.sim [list -position $Position -mouse 1]]]
@@ -219,20 +208,13 @@ proc incidents::run {} {
         foreach name ${-only} {
             set Told [list [dict get [$::session::Checkers exec state] text]]
             set Spoken {}
-            if {[catch {$name} said how]} {
-                set Bad 1
-            }
-            puts [format {%-10s %-4s %s} $name [expr {[dict get $how -code] ? "NO" : "yes"}] $said]
+            measure row $name -error {} -body $name
         }
-    } on error {text how} {
-        puts [dict get $how -errorinfo]
-        set Bad 1
     } finally {
         session::end
     }
-    return $Bad
 }
 
 if {[file normalize $argv0] eq [file normalize [info script]]} {
-    exit [incidents::run]
+    exit [measure run {-speed {any 0} -folder any -only {any {never covered many laser touched moved killed}}} {-only touched} $argv incidents::run]
 }

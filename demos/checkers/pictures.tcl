@@ -16,7 +16,7 @@ if {$theme ne {}} {
 # A copy of the demo whose buffers have names of their own: another one may run.
 proc own folder {
     set demos [file dirname [file dirname [file normalize [info script]]]]
-    foreach name {lab checkers} {
+    foreach name {measure.tcl lab checkers} {
         file copy [file join $demos $name] $folder
     }
     set in [open [file join $demos checkers checkers.dict]]

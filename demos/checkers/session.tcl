@@ -5,8 +5,7 @@
 #     session::end
 
 package require sorma
-package require sorma::options
-foreach file {lab/lab lab/colours checkers/packages} {
+foreach file {lab/lab lab/colours checkers/packages measure} {
     source [file join [file dirname [file dirname [file normalize [info script]]]] $file.tcl]
 }
 package require checkers::tokens
@@ -130,16 +129,12 @@ proc session::ready {} {
 # His daemon may be killed, and be back soon; then he goes on with the game that he was to give up.
 proc session::Until state {
     variable Human
-    set end [expr {[clock milliseconds] + 120000}]
-    while {[catch {dict get [$Human exec state] text} is] || $is ne $state} {
-        if {[clock milliseconds] > $end} {
-            return -code error -errorcode {CHECKERS PERSON} "the person should be in state $state, and for two minutes it was: $is"
-        }
-        if {$state eq "idle" && $is eq "play"} {
+    measure until {[catch {
+        if {[set is [dict get [$Human exec state] text]] eq "play" && $state eq "idle"} {
             catch {$Human CTRL -new}
         }
-        sorma::await sleep 50
-    }
+        set is
+    } is] == 0 && $is eq $state} -within 120 -every 50 -else {the person should be in state $state, and for two minutes it was: $is}
 }
 # What the daemons of a game read: options of checkers and of the engine. DRY: without arm, hand and eye. The engine thinks on all cores but one, at idle priority.
 proc session::settings {checkers engine dry} {
@@ -207,9 +202,7 @@ proc session::play {{most 0}} {
             set failed [catch {$call take} came how]
             if {!$failed} {
                 # Its last events may come after the answer.
-                for {set end [expr {[clock milliseconds] + 2000}]} {![dict exists $State result] && [clock milliseconds] < $end} {} {
-                    sorma::await sleep 10
-                }
+                catch {measure until {[dict exists $State result]} -within 2 -every 10}
                 break
             }
             if {[lindex [dict get $how -errorcode] 1] ne "COMM"} {
@@ -345,7 +338,7 @@ proc session::Person event {
 proc session::kill name {
     variable Killed
     killed
-    set process [Process $name]
+    set process [measure process $name]
     if {$process == 0 || $process in [dict values [dict filter $Killed key $name]]} {
         return 0
     }
@@ -367,33 +360,24 @@ proc session::kill name {
     }
     return $process
 }
-# Of a daemon, as those that are there say; 0: none.
-proc session::Process name {
-    foreach daemon [sorma::daemons] {
-        if {[dict get $daemon name] eq $name && [regexp {(\d+)\]$} [dict get $daemon identity] -> process]} {
-            return $process
-        }
-    }
-    return 0
-}
 # Daemon -> how often it was killed and has come back with another process number. WAIT: for so long [s] for those that have not yet;
 # $::session::Killed has those that are still away.
 proc session::killed {{wait 0}} {
+    variable Kills
+    catch {measure until {[Away] eq {}} -within $wait -every 100}
+    return $Kills
+}
+# Those that have not come back so far.
+proc session::Away {} {
     variable Killed
     variable Kills
-    set end [expr {[clock milliseconds] + 1000 * $wait}]
-    while 1 {
-        foreach name [dict keys $Killed] {
-            if {[Process $name] ni [list 0 [dict get $Killed $name]]} {
-                dict unset Killed $name
-                dict incr Kills $name
-            }
+    foreach name [dict keys $Killed] {
+        if {[measure process $name] ni [list 0 [dict get $Killed $name]]} {
+            dict unset Killed $name
+            dict incr Kills $name
         }
-        if {$Killed eq {} || [clock milliseconds] >= $end} {
-            return $Kills
-        }
-        sorma::await sleep 100
     }
+    return $Killed
 }
 # The person's daemon has been killed: what he has done wrong he puts right when he is there again.
 proc session::forgotten {} {

@@ -127,7 +127,7 @@ proc tracker::pictures::Draw {column links constants} {
 
 proc tracker::pictures::window {file folder} {
     set folder [own $folder]
-    foreach name [list [file join $::tracker::pictures::Here .. lab lab.tcl] [file join $folder rows.tcl]] {
+    foreach name [list {*}[lmap part {measure lab/lab} {file join $::tracker::pictures::Here .. $part.tcl}] [file join $folder rows.tcl]] {
         uplevel #0 [list source $name]
     }
     set launch [lab::launch [file join $folder tracker.launch]]
@@ -140,9 +140,9 @@ proc tracker::pictures::window {file folder} {
         wm geometry . +0+0
         simlab@lab CTRL -speed 1
         tracker::rows::ball sine 0.56 0 0.12 0 0.1 0 0.4
-        tracker::rows::nap 9000
+        sorma::await sleep 9000
         simlab@lab CTRL -push 0 15 0 1
-        tracker::rows::nap 2500
+        sorma::await sleep 2500
         save $file
         if {$::plot ne {}} {
             set samples [tracker::rows::sample 5]

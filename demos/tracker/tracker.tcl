@@ -3,19 +3,18 @@
 #     ./bootstrap run tracker      the daemons end with it; exit code 0: it followed to the end, and each row met its target
 #
 # -window: no table but a window, until it is closed (window.tcl). -learn: teach the map anew, even when there is one. -speed N: of lab time.
-# -csv FILE: where ball and tool were. -short: each row as short as it still means something. What counts each row for so long that the
-# numbers can be quoted, and kills daemons, is figures.tcl.
+# -csv FILE: where ball and tool were. -short: each row as short as it still means something. -seed N, -json FILE: as for all that measures. What
+# counts each row for so long that the numbers can be quoted, and kills daemons, is figures.tcl.
 
 package require sorma
-package require sorma::options
 
 namespace eval tracker {
     variable Here [file dirname [file normalize [info script]]]
     variable Options {}     ;# as they were given
-    variable Only {}        ;# those of figures.tcl alone, as sorma::options wants them
 }
-source [file join $::tracker::Here .. lab lab.tcl]
-source [file join $::tracker::Here rows.tcl]
+foreach file {../measure.tcl ../lab/lab.tcl rows.tcl} {
+    source [file join $::tracker::Here $file]
+}
 
 # Count rows: name -> {in which time it is measured, what of rows.tcl counts it, how long, how long with -short}. In lab time, which stands between two
 # samples, or which the row itself lets run, each has one try.
@@ -27,7 +26,7 @@ proc tracker::count rows {
         switch $time {
             lab { rows::lab {*}$script }
             runs { namespace eval rows $script }
-            wall { rows::wall {*}$script }
+            wall { measure tries 3 namespace eval rows $script }
         }
     }
 }
@@ -42,12 +41,13 @@ proc tracker::minute {} {
     }
 }
 
-proc tracker::run rowsCmd {
+# A program that counts rows: its exit code. TABLE: its own options.
+proc tracker::run {rowsCmd {table {}}} {
+    return [measure run [concat {-learn flag -speed {any 1} -csv {any {}} -window flag} $table] {} $::argv [list tracker::Run $rowsCmd]]
+}
+proc tracker::Run {rowsCmd options} {
     variable Here
-    variable Options
-    variable Only
-    set options [sorma::options::parse [concat {-learn flag -speed {any 1} -csv {any {}} -window flag -short flag} $Only] $::argv]
-    set Options $options
+    variable Options $options
     set launch [lab::launch [file join $Here tracker.launch]]
     try {
         rows::prepare [dict get $options -speed]
@@ -59,20 +59,15 @@ proc tracker::run rowsCmd {
             puts "The window is yours; close it to end."
             tkwait window .
             rows::unfollow
-            return 0
+            return
         }
-        puts [format {%-34s %-44s %-36s %s} what measured target met]
         {*}$rowsCmd
-        rows::wall ticks
+        measure tries 3 rows::ticks
         rows::unfollow
         if {[dict get $options -csv] ne {}} {
             rows::save [dict get $options -csv]
         }
         pino@robot EXEC park
-        return [rows::missed]
-    } on error {- info} {
-        puts stderr [dict get $info -errorinfo]
-        return 1
     } finally {
         lab::finish $launch
     }
