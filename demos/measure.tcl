@@ -48,8 +48,8 @@ proc measure::run {table short words command} {
 # measure row NAME ?-body SCRIPT | -measured TEXT? ?-target EXPR? ?-wanted TEXT? ?-error PATTERN? -- a row: what was measured is the text, or
 # the result of the script. Returns whether EXPR is true in the caller then; empty: there is no target. WANTED says it to people; default: EXPR.
 #
-# An error in the script misses the row, and goes on to the caller; with -error it does not, and the error's code (without SORMA) must fit
-# the pattern, which is empty where none is expected.
+# An error in the script misses the row, and goes on to the caller. With -error it does not: the error's code, without SORMA, must fit the pattern.
+# An empty pattern expects no error.
 proc measure::row {name args} {
     variable Rows
     variable Headed
@@ -59,16 +59,15 @@ proc measure::row {name args} {
         set failed [expr {[catch {uplevel 1 [dict get $row -body]} text how] == 1}]
         dict set row -measured $text
     }
+    set met [expr {$failed ? 0 : {}}]
     if {[dict exists $row -error]} {
-        set met [expr {$failed ? [string match [dict get $row -error] [lrange [dict get $how -errorcode] 1 end]] && [dict get $row -error] ne {}
-            : [dict get $row -error] eq {}}]
-    } else {
-        set met [expr {$failed ? 0 : {}}]
+        set code [expr {$failed ? [lrange [dict get $how -errorcode] 1 end] : {}}]
+        set met [expr {$failed == ([dict get $row -error] ne {}) && [string match [dict get $row -error] $code]}]
     }
     set figures {}
     if {!$failed && [dict get $row -target] ne {}} {
         set met [expr {$met ne 0 && [uplevel 1 [list expr [dict get $row -target]]]}]
-        foreach {- figure} [regexp -all -inline {\$(\w+)} [dict get $row -target]] {
+        foreach {- figure} [regexp -all -inline {\$(\w+)\M(?!\()} [dict get $row -target]] {
             dict set figures $figure [uplevel 1 [list set $figure]]
         }
     }
