@@ -21,7 +21,7 @@ namespace eval lab::figures {
     variable Down {0 1 0 0}                         ;# the tool points at the table
     variable Room {0.25 0.85 -0.5 0.5 -0.02 0.9}    ;# where the tool may be: the guard
     variable Running {}                             ;# dict: daemon -> its pipe
-    variable Stopped {}                             ;# the last event `stopped` of the laboratory
+    variable Stopped {}                             ;# of the last event `stopped`: how long it took [s], how far the tool came [m]
     variable Poses {}                               ;# records of tool.pose that nobody has looked at
     variable Unseen 0                               ;# records of it that were overwritten before
 }
@@ -303,8 +303,8 @@ proc lab::figures::skipped {} {
 proc lab::figures::Heard event {
     variable Stopped
     # Also told: that the subscription has found the laboratory again.
-    if {[regexp {^(.*): stood after (\S+) s, the tool came (\S+) mm} [dict get $event text] - cause seconds way]} {
-        set Stopped [list $cause $seconds $way]
+    if {[dict get $event floats] ne {}} {
+        set Stopped [dict get $event floats]
     }
 }
 proc lab::figures::waitStopped {} {
@@ -405,8 +405,8 @@ proc lab::figures::faults n {
                     puts "$what $i: the caller heard $came instead of $expected"
                 }
                 if {$Stopped ne {}} {
-                    lappend times [lindex $Stopped 1]
-                    lappend ways [lindex $Stopped 2]
+                    lappend times [lindex $Stopped 0]
+                    lappend ways [lindex $Stopped 1]
                 }
             } on error message {
                 incr wrong
@@ -417,7 +417,7 @@ proc lab::figures::faults n {
         set measured "$wrong wrong"
         if {[llength $ways] > 0} {
             set longest [tcl::mathfunc::max {*}$times]
-            append measured "; the tool came at most [tcl::mathfunc::max {*}$ways] mm, in at most [format %.2f $longest] s"
+            append measured "; the tool came at most [millimetres [tcl::mathfunc::max {*}$ways]] mm, in at most [format %.2f $longest] s"
             incr wrong [expr {[string match "category 1*" $target] && $longest > 0.25}]
         }
         measure row "$n x $what" -wanted $target -target {$wrong == 0} -measured $measured

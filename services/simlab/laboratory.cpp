@@ -140,7 +140,7 @@ void Laboratory::run() {
         } catch (const std::exception& e) {
             settings_.paused = true;
             endWaits(true, INFINITY);
-            event_("failed", std::string("the physics has stopped: ") + e.what() + "; lab time is paused");
+            event_("failed", std::string("the physics has stopped: ") + e.what() + "; lab time is paused", {});
             continue;
         }
         const std::int64_t now = shmem::nanoseconds(), due = pace.stepped(scene.model->opt.timestep, now);
@@ -214,7 +214,7 @@ void Laboratory::takeOthers() {
             data->ctrl[scene.fingerServo[i]] = handSet_.floats()[1 + i];  // clamped by the model
         if (!finite)
             event_("refused",
-                   handSet_.key() + ": record " + std::to_string(handSet_.counter()) + " is not finite; the hand stays");
+                   handSet_.key() + ": record " + std::to_string(handSet_.counter()) + " is not finite; the hand stays", {});
     }
     if (cameraSet_.take()) {
         const double *f = cameraSet_.floats(), rate = f[1], request = f[2], exposure = f[3];
@@ -228,7 +228,7 @@ void Laboratory::takeOthers() {
             }
         } else {
             event_("refused", cameraSet_.key() + ": rate " + number(rate) + ", exposure " + number(exposure) +
-                                  ": they must be 0 .. 200 Hz and above 0 .. 100; the camera goes on as before");
+                                  ": they must be 0 .. 200 Hz and above 0 .. 100; the camera goes on as before", {});
         }
     }
     if (laserSet_.take()) props.laser(laserSet_.floats()[1] > 0.5, laserSet_.floats()[2]);
@@ -270,17 +270,18 @@ void Laboratory::write() {
 
     if (drive.cause() != toldCause_) {
         toldCause_ = drive.cause();
-        if (toldCause_ != Cause::none) event_("stop", std::string(toText(toldCause_)) + ": " + drive.why());
+        if (toldCause_ != Cause::none) event_("stop", std::string(toText(toldCause_)) + ": " + drive.why(), {});
     }
     Drive::Stopped stop;
     if (drive.stopped(stop))
         event_("stopped", std::string(toText(stop.cause)) + ": stood after " + number(stop.seconds) + " s, the tool came " +
-                              number(1000 * stop.tool) + " mm, a joint " + number(stop.joint) + " rad");
+                              number(1000 * stop.tool) + " mm, a joint " + number(stop.joint) + " rad",
+               {stop.seconds, stop.tool, stop.joint});
     int warnings = 0;
     for (int w : {mjWARN_BADQPOS, mjWARN_BADQVEL, mjWARN_BADQACC}) warnings += data->warning[w].number;
     if (warnings != toldWarnings_) {
         toldWarnings_ = warnings;
-        event_("unstable", "the physics became unstable and was reset to its first state; the arm is braked");
+        event_("unstable", "the physics became unstable and was reset to its first state; the arm is braked", {});
         drive.cut(Cause::limit, "the physics has become unstable", now);
         drive.place(*data, setup_.posture);
     }
@@ -371,7 +372,7 @@ void Laboratory::showCamera(std::unique_lock<std::mutex>& lock) {
 void Laboratory::refuse(const std::string& problem) {
     if (problem == lastProblem_) return;
     lastProblem_ = problem;
-    event_("refused", problem);
+    event_("refused", problem, {});
 }
 
 // ---- within between() ----

@@ -12,6 +12,7 @@
 #include <functional>
 #include <mutex>
 #include <thread>
+#include <vector>
 
 #include "buffers.h"
 #include "drive.h"
@@ -39,7 +40,7 @@ struct Settings {                       // what may change any time
 
 class Laboratory {
 public:
-    using Event = std::function<void(std::string event, std::string text)>;
+    using Event = std::function<void(std::string event, std::string text, std::vector<double> values)>;
 
     static std::size_t bufferBytes(const Setup& setup);        // of shared memory, about
     // Fails with a SceneError, or a shmem::Failure when a buffer cannot be written.

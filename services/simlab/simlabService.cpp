@@ -160,9 +160,10 @@ public:
         setup.width = int(width_);
         setup.height = int(height_);
         setup.samples = int(samples_);
-        auto event = [box = sorm().mailbox(), weak = std::weak_ptr<Simlab*>(alive_)](std::string event, std::string text) {
-            box->post([weak, event = std::move(event), text = std::move(text)] {
-                if (auto self = weak.lock()) (*self)->tell(event, text);
+        auto event = [box = sorm().mailbox(), weak = std::weak_ptr<Simlab*>(alive_)](std::string event, std::string text,
+                                                                                                    std::vector<double> values) {
+            box->post([weak, event = std::move(event), text = std::move(text), values = std::move(values)] {
+                if (auto self = weak.lock()) (*self)->tell(event, text, values);
             });
         };
         sorma::Charge charge(sorm().budget.ofCaller(), sorma::Account::Use::segments);
@@ -373,9 +374,10 @@ private:
         });
     }
 
-    void tell(const std::string& event, const std::string& text) {
+    void tell(const std::string& event, const std::string& text, std::vector<double> values) {
         Message m;
         m.text = text;
+        m.floats = std::move(values);
         publishState(event, m);
         sorm().announce(event, text, {name()});
     }
