@@ -11,9 +11,9 @@
 source [file join [file dirname [file normalize [info script]]] session.tcl]
 package require sorma::options
 
-namespace eval checkersGame {}
+namespace eval checkers::program {}
 
-proc checkersGame::Show {windows told} {
+proc checkers::program::Show {windows told} {
     if {$windows} {
         checkers::window::plot $told
     }
@@ -24,68 +24,68 @@ proc checkersGame::Show {windows told} {
     }
 }
 
-proc checkersGame::folder {} {
+proc checkers::program::folder {} {
     set base [expr {[info exists ::env(XDG_STATE_HOME)] ? $::env(XDG_STATE_HOME) : [file join $::env(HOME) .local state]}]
     return [file join $base sorma checkers]
 }
 
 # Begin with these options: the daemons, and the game that was interrupted or a new one. Files of an earlier game are removed.
-proc checkersGame::Begin {o folder go windows} {
+proc checkers::program::Begin {o folder go windows} {
     dict with o {}
     if {$go} {
-        session::remember $folder
+        checkers::session::remember $folder
     } else {
         file delete [file join $folder checkers.game] [file join $folder human.game]
     }
     # A simulated person sets out the tokens as usual before the robot looks at them.
     set begin [expr {${-position} eq "seen" ? {} : ${-position}}]
-    set settings [dict merge [session::settings [list -variant ${-variant} -robot ${-robot} -tidy ${-tidy} -position ${-position} -limit ${-limit} \
+    set settings [dict merge [checkers::session::settings [list -variant ${-variant} -robot ${-robot} -tidy ${-tidy} -position ${-position} -limit ${-limit} \
         -look [expr {${-speed} == 0 ? 10 : 100}]] [list -level ${-level}] ${-dry}] [dict create human.sim [list -variant ${-variant} -position $begin \
         -colour [expr {${-robot} eq "black" ? "white" : "black"}] -level ${-personLevel} -faults ${-faults} -seed ${-seed} -mouse [expr {${-human} eq "mouse"}]]]]
-    session::begin $folder $settings ${-speed} -intl [expr {${-variant} eq "intl"}] -dry ${-dry}
+    checkers::session::begin $folder $settings ${-speed} -intl [expr {${-variant} eq "intl"}] -dry ${-dry}
     if {$go} {
         # A simulated laboratory begins as for a new game.
-        session::ready
-        $::session::Human CTRL -setOut
+        checkers::session::ready
+        $::checkers::session::Human CTRL -setOut
     }
     if {$windows} {
         checkers::window::begin
     }
-    set ::session::Watch [list checkersGame::Show $windows]
+    set ::checkers::session::Watch [list checkers::program::Show $windows]
     # The plot may have begun before somebody watched.
-    set now [dict get [$::session::Checkers exec state] text]
+    set now [dict get [$::checkers::session::Checkers exec state] text]
     if {[dict exists $now position]} {
         Show $windows $now
     }
     # Who moves first may be the robot.
-    session::ready
+    checkers::session::ready
 }
 
 # Has the robot believed what is not so? Against a simulated person also: has it lost a token, or has he put all tokens where they belong?
-proc checkersGame::Failed {figures simulated} {
+proc checkers::program::Failed {figures simulated} {
     set names [list wrong_readings_accepted {*}[expr {$simulated ? {tokens_lost_unnoticed put_in_order} : {}}]]
     return [expr {[tcl::mathop::+ {*}[lmap name $names {lindex [dict get $figures $name] 0}]] > 0}]
 }
 
 # What the window wants: another game with these options, with other daemons or with the same.
-proc checkersGame::Restart chosen {
+proc checkers::program::Restart chosen {
     variable Wants $chosen
-    session::interrupt
+    checkers::session::interrupt
 }
-proc checkersGame::Again {} {
+proc checkers::program::Again {} {
     variable Playing
     if {!$Playing} {
         variable Wants again
     }
 }
-proc checkersGame::Closed window {
+proc checkers::program::Closed window {
     if {$window eq "."} {
         variable Wants end
-        session::interrupt
+        checkers::session::interrupt
     }
 }
 
-proc checkersGame::run {} {
+proc checkers::program::run {} {
     variable Wants
     variable Playing
     set o [sorma::options::parse {-speed any -variant {{choice braz engl intl} braz} -level {any 5} -personLevel {any 3} -faults {any 0} -seed {any 1}
@@ -106,10 +106,10 @@ proc checkersGame::run {} {
         close $in
     }
     if {$windows} {
-        uplevel #0 [list source [file join $::session::Here window.tcl]]
+        uplevel #0 [list source [file join $::checkers::session::Here window.tcl]]
         checkers::window::build [dict merge [dict filter $o script {option -} {expr {$option in {-variant -dry -limit}}}] [list -mouse [expr {[dict get $o -human] eq "mouse"}] \
-            -restart checkersGame::Restart -again checkersGame::Again]]
-        bind . <Destroy> {+checkersGame::Closed %W}
+            -restart checkers::program::Restart -again checkers::program::Again]]
+        bind . <Destroy> {+checkers::program::Closed %W}
     } else {
         puts "no display: the window is left out, the moves are printed"
     }
@@ -120,7 +120,7 @@ proc checkersGame::run {} {
         Begin $o $folder $go $windows
         while 1 {
             if {$Wants eq {}} {
-                set figures [session::play [dict get $o -most]]
+                set figures [checkers::session::play [dict get $o -most]]
             }
             set Playing 0
             if {$Wants eq {}} {
@@ -132,7 +132,7 @@ proc checkersGame::run {} {
                     return $code
                 }
                 puts "The window is yours; close it to end."
-                vwait ::checkersGame::Wants
+                vwait ::checkers::program::Wants
             }
             set wants $Wants
             set Playing 1
@@ -141,17 +141,17 @@ proc checkersGame::run {} {
                 end { return $code }
                 again {}
                 default {
-                    session::end
+                    checkers::session::end
                     set o [dict merge $o [dict remove $wants -mouse] [list -position {} -human [expr {[dict get $wants -mouse] ? "mouse" : "sim"}]]]
                     Begin $o $folder 0 $windows
                 }
             }
         }
     } finally {
-        session::end
+        checkers::session::end
     }
 }
 
 if {[file normalize $argv0] eq [file normalize [info script]]} {
-    exit [checkersGame::run]
+    exit [checkers::program::run]
 }

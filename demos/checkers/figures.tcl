@@ -9,46 +9,46 @@
 source [file join [file dirname [file normalize [info script]]] session.tcl]
 package require sorma::service::drycarry
 
-namespace eval checkersFigures {
+namespace eval checkers::figures {
     variable Place {0 0 0}      ;# of the board: by how much it has been moved
     variable Shifts 0           ;# that are still to come in this game
     variable Killing {}         ;# id of after
 }
 
-proc checkersFigures::uniform most {
+proc checkers::figures::uniform most {
     return [expr {$most * (2 * rand() - 1)}]
 }
 # Where nothing stands the board may be put, within what the arm reaches.
-proc checkersFigures::shift width {
+proc checkers::figures::shift width {
     variable Place
     set place [list [uniform 0.02] [uniform 0.03] [uniform 0.15]]
-    ::checkers::moveBoard $::session::Lab {*}[lmap to $place from $Place {expr {$to - $from}}] $width
+    ::checkers::moveBoard $::checkers::session::Lab {*}[lmap to $place from $Place {expr {$to - $from}}] $width
     set Place $place
 }
 # While the person thinks, now and then.
-proc checkersFigures::Watch told {
+proc checkers::figures::Watch told {
     variable Shifts
-    if {[dict get $told state] eq "think" && $Shifts > 0 && !$::session::Forgotten && rand() < 0.3} {
+    if {[dict get $told state] eq "think" && $Shifts > 0 && !$::checkers::session::Forgotten && rand() < 0.3} {
         # The laboratory may just have been killed; then another time.
         incr Shifts [expr {-![catch {shift [::checkers::tokens width [dict get $told pdn]]}]}]
     }
 }
-proc checkersFigures::Kill {daemons seconds} {
+proc checkers::figures::Kill {daemons seconds} {
     variable Killing
     set victim [lindex $daemons [expr {int(rand() * [llength $daemons])}]]
-    if {[session::kill $victim] && $victim eq "lab"} {
+    if {[checkers::session::kill $victim] && $victim eq "lab"} {
         variable Place {0 0 0}
     }
-    set Killing [after [expr {int(1e3 * $seconds)}] [list checkersFigures::Kill $daemons $seconds]]
+    set Killing [after [expr {int(1e3 * $seconds)}] [list checkers::figures::Kill $daemons $seconds]]
 }
 
-proc checkersFigures::run given {
+proc checkers::figures::run given {
     variable Shifts
     variable Killing
     dict with given {}
     set folder [expr {${-folder} eq {} ? [file join [pwd] checkersFigures] : ${-folder}}]
     file delete [file join $folder checkers.game] [file join $folder human.game]
-    set common [session::settings [list -variant ${-variant} -look 10 -tidy 60] {-level 5} ${-dry}]
+    set common [checkers::session::settings [list -variant ${-variant} -look 10 -tidy 60] {-level 5} ${-dry}]
     set width [expr {${-variant} eq "intl" ? 10 : 8}]
     set victims [expr {${-victims} ne {} ? ${-victims} : ${-dry} ? {voice player human} : {lab robot eye hand transform laser voice player human}}]
     set rows {}
@@ -56,37 +56,37 @@ proc checkersFigures::run given {
         for {set n 1} {$n <= ${-games}} {incr n} {
             set settings [dict merge $common [dict create human.sim [list -variant ${-variant} -level [expr {1 + $n % 4}] -seed [expr {${-seed} * 1000 + $n}] -faults ${-faults}]]]
             if {$n == 1} {
-                session::begin $folder $settings ${-speed} -intl [expr {$width == 10}] -dry ${-dry}
-                session::ready
-                set ::session::Watch checkersFigures::Watch
+                checkers::session::begin $folder $settings ${-speed} -intl [expr {$width == 10}] -dry ${-dry}
+                checkers::session::ready
+                set ::checkers::session::Watch checkers::figures::Watch
                 if {${-kills} > 0} {
-                    set Killing [after [expr {int(1e3 * ${-kills})}] [list checkersFigures::Kill $victims ${-kills}]]
+                    set Killing [after [expr {int(1e3 * ${-kills})}] [list checkers::figures::Kill $victims ${-kills}]]
                 }
             } else {
-                session::again $settings
+                checkers::session::again $settings
             }
             shift $width
-            $::session::Lab CTRL -light [expr {1 + [uniform 0.2]}] -shadows [expr {rand() < 0.3}]
+            $::checkers::session::Lab CTRL -light [expr {1 + [uniform 0.2]}] -shadows [expr {rand() < 0.3}]
             set Shifts ${-shifts}
-            set figures [session::play ${-most}]
+            set figures [checkers::session::play ${-most}]
             lappend rows $figures
             puts "game $n: [join [lmap {name value} $figures {string cat $name { } [join $value]}] {, }]"
         }
     } finally {
         after cancel $Killing
-        set kills [session::killed 60]
-        session::end
+        set kills [checkers::session::killed 60]
+        checkers::session::end
         Report $rows $kills
     }
 }
 # KILLS: daemon -> how often.
-proc checkersFigures::Report {rows kills} {
+proc checkers::figures::Report {rows kills} {
     set games [llength $rows]
     set ended_by_the_rules [llength [lsearch -all -regexp [lmap row $rows {dict get $row result}] {1-0|0-1|1/2-1/2}]]
     set daemons_killed [tcl::mathop::+ 0 {*}[dict values $kills]]
-    set daemons_that_stay_away [dict size $::session::Killed]
+    set daemons_that_stay_away [dict size $::checkers::session::Killed]
     if {$daemons_that_stay_away > 0} {
-        puts "killed, and not come back: [dict keys $::session::Killed]"
+        puts "killed, and not come back: [dict keys $::checkers::session::Killed]"
     }
     set allowed [tcl::mathop::+ 0 {*}[dict values [dict filter $kills script {name -} {expr {$name in {lab human}}}]]]
     # Figure, its unit where it is none, its target where it has one.
@@ -108,5 +108,5 @@ proc checkersFigures::Report {rows kills} {
 
 if {[file normalize $argv0] eq [file normalize [info script]]} {
     exit [measure run {-games {any 20} -faults {any 0} -kills {any 0} -shifts {any 0} -variant {{choice braz engl intl} braz} -speed {any 0}
-        -folder any -dry flag -most {any 900} -victims {any {}}} {-games 1 -dry 1} $argv checkersFigures::run]
+        -folder any -dry flag -most {any 900} -victims {any {}}} {-games 1 -dry 1} $argv checkers::figures::run]
 }

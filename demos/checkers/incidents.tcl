@@ -7,14 +7,14 @@ source [file join [file dirname [file normalize [info script]]] session.tcl]
 package require sorma::service::drycarry
 package require checkers::game
 
-namespace eval incidents {
+namespace eval checkers::incidents {
     variable Position {W:W21,22,23,24,29,30,31,32:B1,2,3,4,9,10,11,12}
     variable Told {}            ;# what the plot has told since the last look: dicts
     variable Spoken {}          ;# what was said since then
     variable Then {}            ;# state of the plot -> script, once
 }
 
-proc incidents::Watch told {
+proc checkers::incidents::Watch told {
     variable Told
     variable Then
     lappend Told $told
@@ -22,25 +22,25 @@ proc incidents::Watch told {
     if {[dict exists $Then $state]} {
         set script [dict get $Then $state]
         dict unset Then $state
-        namespace eval ::incidents $script
+        namespace eval ::checkers::incidents $script
     }
 }
-proc incidents::Said event {
+proc checkers::incidents::Said event {
     variable Spoken
     if {[dict get $event event] eq "said"} {
         lappend Spoken [dict get $event text]
     }
 }
 # Wait until a condition holds, for two minutes of wall time at most.
-proc incidents::until {what condition} {
+proc checkers::incidents::until {what condition} {
     uplevel 1 [list measure until $condition -within 120 -else "in two minutes it did not happen: $what"]
 }
 # Something was said that looks so.
-proc incidents::Heard pattern {
+proc checkers::incidents::Heard pattern {
     variable Spoken
     return [lsearch -inline -glob $Spoken $pattern]
 }
-proc incidents::heard pattern {
+proc checkers::incidents::heard pattern {
     until "something like \"$pattern\" is said" {[Heard $pattern] ne {}}
     return [Heard $pattern]
 }
@@ -48,38 +48,38 @@ proc incidents::heard pattern {
 # ---- the person's tokens ----
 
 # The game as the robot has it.
-proc incidents::Learn {} {
-    set state [dict get [$::session::Checkers exec state] text]
+proc checkers::incidents::Learn {} {
+    set state [dict get [$::checkers::session::Checkers exec state] text]
     draughts.incidents exec -text [dict get $state pdn] pdn
 }
 # A legal move of the person, at once; then the robot has answered, and waits again.
-proc incidents::go {} {
+proc checkers::incidents::go {} {
     Learn
     set move [lindex [dict get [draughts.incidents exec legal] text] 0]
     lassign [Path $move] stops victims
     set places [lmap square $stops {::checkers::tokens place 8 $square}]
     drycarry.incidents exec -floats [concat [lindex $places 0] 0 [lindex $places end] 0]
     foreach square $victims {
-        $::session::Lab CTRL -steal [At {*}[::checkers::tokens place 8 $square]]
+        $::checkers::session::Lab CTRL -steal [At {*}[::checkers::tokens place 8 $square]]
     }
 }
-proc incidents::Path move {
+proc checkers::incidents::Path move {
     set came [dict get [draughts.incidents exec path $move] ints]
     return [list [lrange $came 1 [lindex $came 0]] [lrange $came [lindex $came 0]+1 end]]
 }
-proc incidents::At {file rank} {
-    foreach line [split [lindex [$::session::Lab DBX -tokens] 3] \n] {
+proc checkers::incidents::At {file rank} {
+    foreach line [split [lindex [$::checkers::session::Lab DBX -tokens] 3] \n] {
         lassign $line name f r
         if {abs($f - $file) < 0.3 && abs($r - $rank) < 0.3} {
             return $name
         }
     }
 }
-proc incidents::answered {} {
+proc checkers::incidents::answered {} {
     variable Told
     until "the robot has played" {[lsearch -glob $Told "*state played*"] >= 0}
     until "it waits for the person" {[dict get [lindex $Told end] state] in {person ponder}}
-    set look [$::session::Judge exec look]
+    set look [$::checkers::session::Judge exec look]
     if {[lindex [dict get $look ints] 0] > 0} {
         return -code error -errorcode {CHECKERS INCIDENT} "the tokens do not lie as the game says: [dict get $look text]"
     }
@@ -87,43 +87,43 @@ proc incidents::answered {} {
 
 # ---- what happens ----
 
-proc incidents::never {} {
+proc checkers::incidents::never {} {
     return [heard "It is your turn."]
 }
-proc incidents::covered {} {
-    $::session::Lab CTRL -occluder 0.615 0 0.47
+proc checkers::incidents::covered {} {
+    $::checkers::session::Lab CTRL -occluder 0.615 0 0.47
     set said [heard "*"]
-    $::session::Lab CTRL -occluder away
+    $::checkers::session::Lab CTRL -occluder away
     go
     answered
     return $said
 }
-proc incidents::many {} {
+proc checkers::incidents::many {} {
     set added {}
     foreach {colour file rank} {yellow 1 5 yellow 3 5 yellow 5 5 yellow 7 5 red 2 4 red 4 4 red 6 4 red 8 4 yellow 2 6} {
         if {[At $file $rank] eq {}} {
-            lappend added [lindex [$::session::Lab CTRL -add $colour $file $rank] 3]
+            lappend added [lindex [$::checkers::session::Lab CTRL -add $colour $file $rank] 3]
         }
     }
     set said [heard "*come to*"]
     foreach name $added {
-        $::session::Lab CTRL -steal $name
+        $::checkers::session::Lab CTRL -steal $name
     }
     go
     answered
     return "$said ([expr {16 + [llength $added]}] tokens)"
 }
 # The arm is pushed when it carries.
-proc incidents::touched {} {
-    dict set ::incidents::Then carry { after 400 {$::session::Lab CTRL -push 0 100 0 0.3} }
+proc checkers::incidents::touched {} {
+    dict set ::checkers::incidents::Then carry { after 400 {$::checkers::session::Lab CTRL -push 0 100 0 0.3} }
     go
     set said [heard "Something has touched my arm*"]
     answered
     return $said
 }
 # A token of the person's is moved while the robot carries.
-proc incidents::moved {} {
-    dict set ::incidents::Then carry {drycarry.incidents exec -floats {7 1 0 8 5 0}}
+proc checkers::incidents::moved {} {
+    dict set ::checkers::incidents::Then carry {drycarry.incidents exec -floats {7 1 0 8 5 0}}
     go
     set said [heard "The board is not as it should be*"]
     drycarry.incidents exec -floats {8 5 0 7 1 0}
@@ -131,17 +131,17 @@ proc incidents::moved {} {
     return $said
 }
 # The laboratory is killed while the arm carries: no token is where it was until the person has set them out.
-proc incidents::killed {} {
-    dict set ::incidents::Then carry { after 400 {session::kill lab} }
+proc checkers::incidents::killed {} {
+    dict set ::checkers::incidents::Then carry { after 400 {checkers::session::kill lab} }
     go
-    until "the laboratory is new" {$::session::Forgotten}
-    until "the tokens have been set out" {!$::session::Forgotten}
+    until "the laboratory is new" {$::checkers::session::Forgotten}
+    until "the tokens have been set out" {!$::checkers::session::Forgotten}
     answered
-    return [lindex $::incidents::Spoken end]
+    return [lindex $::checkers::incidents::Spoken end]
 }
 # The laser points at a token that is where none may be: in a picture whose middle is that field the spot is in the middle.
-proc incidents::laser {} {
-    set lab $::session::Lab
+proc checkers::incidents::laser {} {
+    set lab $::checkers::session::Lab
     set name [At 1 1]
     lassign [lsearch -inline -index 0 [split [lindex [$lab DBX -tokens] 3] \n] $name] - - - x y z
     laser@laser CTRL -blinks 0
@@ -164,11 +164,11 @@ proc incidents::laser {} {
     return [format "the spot is %.1f %.1f pixels from the middle of the field, %d pixels large; in the camera's picture %d" $dx $dy $pixels [lindex $camera 2]]
 }
 # From the side, since the arm is above.
-proc incidents::View {x y} {
-    return [dict get [$::session::Lab exec -floats [list 200 -40 0.35 $x $y 0] view] any]
+proc checkers::incidents::View {x y} {
+    return [dict get [$::checkers::session::Lab exec -floats [list 200 -40 0.35 $x $y 0] view] any]
 }
 # Where two pictures (PPM) differ: the middle of what is redder in the first, from the picture's middle, and how many pixels.
-proc incidents::Spot {a b} {
+proc checkers::incidents::Spot {a b} {
     lassign [Pixels $a] width height first
     lassign [Pixels $b] - - second
     set n [set sx [set sy 0]]
@@ -181,40 +181,40 @@ proc incidents::Spot {a b} {
     }
     return [list [expr {$n ? double($sx) / $n - ($width - 1) / 2.0 : 0}] [expr {$n ? double($sy) / $n - ($height - 1) / 2.0 : 0}] $n]
 }
-proc incidents::Pixels picture {
+proc checkers::incidents::Pixels picture {
     regexp -indices {^P6\s+(\d+)\s+(\d+)\s+\d+\s} $picture head width height
     binary scan [string range $picture [lindex $head 1]+1 end] cu* bytes
     return [list [string range $picture {*}$width] [string range $picture {*}$height] $bytes]
 }
 
-proc incidents::run given {
+proc checkers::incidents::run given {
     variable Position
     variable Told
     variable Spoken
     dict with given {}
     set folder [expr {${-folder} eq {} ? [file join [pwd] checkersIncidents] : ${-folder}}]
     file delete [file join $folder checkers.game] [file join $folder human.game]
-    set settings [dict merge [session::settings [list -position $Position -look 10 -remind 40 -show 15000] {-level 1} 0] [dict create human.sim [list -position $Position -mouse 1]]]
+    set settings [dict merge [checkers::session::settings [list -position $Position -look 10 -remind 40 -show 15000] {-level 1} 0] [dict create human.sim [list -position $Position -mouse 1]]]
     try {
-        session::begin $folder $settings ${-speed}
-        set ::session::Watch incidents::Watch
-        sorma::subscribe $::session::Checkers -event said -queue 10000 -command incidents::Said
-        session::ready
-        $::session::Judge exec begin
-        drycarry.incidents configure -lab $::session::Lab
+        checkers::session::begin $folder $settings ${-speed}
+        set ::checkers::session::Watch checkers::incidents::Watch
+        sorma::subscribe $::checkers::session::Checkers -event said -queue 10000 -command checkers::incidents::Said
+        checkers::session::ready
+        $::checkers::session::Judge exec begin
+        drycarry.incidents configure -lab $::checkers::session::Lab
         draughts.incidents configure -variant braz -colours yr
-        sorma::async -timeout 0 $::session::Checkers exec play
-        until "the game begins" {[dict exists [dict get [$::session::Checkers exec state] text] position]}
+        sorma::async -timeout 0 $::checkers::session::Checkers exec play
+        until "the game begins" {[dict exists [dict get [$::checkers::session::Checkers exec state] text] position]}
         foreach name ${-only} {
-            set Told [list [dict get [$::session::Checkers exec state] text]]
+            set Told [list [dict get [$::checkers::session::Checkers exec state] text]]
             set Spoken {}
             measure row $name -error {} -body $name
         }
     } finally {
-        session::end
+        checkers::session::end
     }
 }
 
 if {[file normalize $argv0] eq [file normalize [info script]]} {
-    exit [measure run {-speed {any 0} -folder any -only {any {never covered many laser touched moved killed}}} {-only touched} $argv incidents::run]
+    exit [measure run {-speed {any 0} -folder any -only {any {never covered many laser touched moved killed}}} {-only touched} $argv checkers::incidents::run]
 }

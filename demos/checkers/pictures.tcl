@@ -39,7 +39,7 @@ proc photograph args {
         return
     }
     trace remove variable ::checkers::window::State write photograph
-    $::session::Lab CTRL -paused 1
+    $::checkers::session::Lab CTRL -paused 1
     after 1500 develop
 }
 proc develop {} {
@@ -49,18 +49,18 @@ proc develop {} {
     try {
         [image create photo -format window -data .] write $::picture -format png
     } finally {
-        $::session::Lab CTRL -paused 0
-        checkersGame::Closed .
+        $::checkers::session::Lab CTRL -paused 0
+        checkers::program::Closed .
     }
 }
 # Nobody sees a dialog here.
 proc bgerror text {
     puts stderr $::errorInfo
 }
-source [file join $::session::Here window.tcl]
+source [file join $::checkers::session::Here window.tcl]
 trace add variable ::checkers::window::State write photograph
 try {
-    checkersGame::run
+    checkers::program::run
 } finally {
     file delete -force $folder
 }

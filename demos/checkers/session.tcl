@@ -1,8 +1,8 @@
 # session.tcl -- the daemons of checkers.launch, and games in them that are watched and counted.
 #
-#     session::begin FOLDER SETTINGS SPEED ?-intl 1? ?-dry 1?     files of the game and its daemons are in the folder
-#     session::play ?SECONDS?                     until the game is over, or so much wall time; a dict of figures
-#     session::end
+#     checkers::session::begin FOLDER SETTINGS SPEED ?-intl 1? ?-dry 1?     files of the game and its daemons are in the folder
+#     checkers::session::play ?SECONDS?                     until the game is over, or so much wall time; a dict of figures
+#     checkers::session::end
 
 package require sorma
 foreach file {lab/lab lab/colours checkers/packages measure} {
@@ -10,7 +10,7 @@ foreach file {lab/lab lab/colours checkers/packages measure} {
 }
 package require checkers::tokens
 
-namespace eval session {
+namespace eval checkers::session {
     variable Here [file dirname [file normalize [info script]]]
     variable Lab simlab@lab
     variable Checkers checkers@player
@@ -37,11 +37,11 @@ namespace eval session {
     variable Fault {}           ;# of which he has not been told yet: dict kind, fields; empty: none
 }
 
-# ::session::settle FOLDER SETTINGS -- a folder with a table of colours, where there is an eye, and what the daemons read: dict, object -> options.
-proc session::settle {folder settings} {
+# ::checkers::session::settle FOLDER SETTINGS -- a folder with a table of colours, where there is an eye, and what the daemons read: dict, object -> options.
+proc checkers::session::settle {folder settings} {
     file mkdir $folder
     cd $folder
-    if {!$::session::Dry && ![file exists board.hsv]} {
+    if {!$::checkers::session::Dry && ![file exists board.hsv]} {
         lab::colours::learn board.hsv
     }
     set out [open settings w]
@@ -50,7 +50,7 @@ proc session::settle {folder settings} {
 }
 
 # -intl: the board has 10 x 10 fields; -dry: without arm, hand and eye.
-proc session::begin {folder settings speed args} {
+proc checkers::session::begin {folder settings speed args} {
     variable Lab
     variable Launch
     variable Checkers
@@ -65,14 +65,14 @@ proc session::begin {folder settings speed args} {
     variable Forgotten 0
     $Lab CTRL -speed $speed
     variable Began [Started]
-    variable Hears [list [sorma::subscribe $Lab -event sorma.reconnected -command session::Anew] \
-        [sorma::subscribe $Checkers -event plot -queue 10000 -command session::Plot] \
-        [sorma::subscribe $Checkers -event said -queue 10000 -command session::Said] \
-        [sorma::subscribe $Human -event person -queue 10000 -command session::Person] \
-        [sorma::subscribe $::session::Judge -event found -command session::Found]]
+    variable Hears [list [sorma::subscribe $Lab -event sorma.reconnected -command checkers::session::Anew] \
+        [sorma::subscribe $Checkers -event plot -queue 10000 -command checkers::session::Plot] \
+        [sorma::subscribe $Checkers -event said -queue 10000 -command checkers::session::Said] \
+        [sorma::subscribe $Human -event person -queue 10000 -command checkers::session::Person] \
+        [sorma::subscribe $::checkers::session::Judge -event found -command checkers::session::Found]]
 }
 # The launch file of this game. Other recipes, or fewer daemons, make another one of it, in this folder.
-proc session::LaunchFile {intl dry} {
+proc checkers::session::LaunchFile {intl dry} {
     variable Here
     set file [file join $Here checkers.launch]
     if {!$intl && !$dry} {
@@ -103,7 +103,7 @@ proc session::LaunchFile {intl dry} {
 }
 
 # Another game with the same daemons.
-proc session::again settings {
+proc checkers::session::again settings {
     variable Human
     variable Checkers
     variable Sight
@@ -114,20 +114,20 @@ proc session::again settings {
     # The person waits as long as the arm is low over the board.
     catch {$Sight exec}
     Until idle
-    sorma::async -timeout 0 -command session::Played $Human exec play
+    sorma::async -timeout 0 -command checkers::session::Played $Human exec play
     ready
 }
-proc session::Played future {
+proc checkers::session::Played future {
     if {[catch {$future take} text how] && [lindex [dict get $how -errorcode] 1] ne "COMM"} {
         puts stderr "the person does not play: $text"
     }
 }
 # Until the person has set out the tokens. Before that nobody else may move any, nor the board.
-proc session::ready {} {
+proc checkers::session::ready {} {
     Until play
 }
 # His daemon may be killed, and be back soon; then he goes on with the game that he was to give up.
-proc session::Until state {
+proc checkers::session::Until state {
     variable Human
     measure until {[catch {
         if {[set is [dict get [$Human exec state] text]] eq "play" && $state eq "idle"} {
@@ -137,14 +137,14 @@ proc session::Until state {
     } is] == 0 && $is eq $state} -within 120 -every 50 -else {the person should be in state $state, and for two minutes it was: $is}
 }
 # What the daemons of a game read: options of checkers and of the engine. DRY: without arm, hand and eye. The engine thinks on all cores but one, at idle priority.
-proc session::settings {checkers engine dry} {
+proc checkers::session::settings {checkers engine dry} {
     set threads [expr {[catch {exec nproc} cores] ? 1 : max(1, $cores - 1)}]
     set width [expr {[dict exists $checkers -variant] && [dict get $checkers -variant] eq "intl" ? 10 : 8}]
     return [dict create checkers $checkers draughts.engine [list -threads $threads {*}$engine] \
         {*}[expr {$dry ? [list drysight [list -width $width]] : [list porter [list -fields $width]]}]]
 }
 # Before begin: a person who has no memory of the game (a real one played) has the robot's.
-proc session::remember folder {
+proc checkers::session::remember folder {
     if {[file exists [file join $folder human.game]]} {
         return
     }
@@ -155,7 +155,7 @@ proc session::remember folder {
     puts $out [dict replace $kept intended {}]
     close $out
 }
-proc session::end {} {
+proc checkers::session::end {} {
     variable Launch
     variable Hears
     foreach subscription $Hears {
@@ -169,10 +169,10 @@ proc session::end {} {
 
 # Until it is over, whatever happens to the player's daemon, or for so many seconds of wall time (0: no limit): then it is said where the
 # plot stands. interrupt ends it at once. The figures: dict of name -> {value unit}.
-proc session::interrupt {} {
+proc checkers::session::interrupt {} {
     variable Ended interrupted
 }
-proc session::play {{most 0}} {
+proc checkers::session::play {{most 0}} {
     variable Checkers
     variable State
     variable Judge
@@ -186,13 +186,13 @@ proc session::play {{most 0}} {
     set begun [clock milliseconds]
     set labTime [labTime]
     set count [lindex [dict get [$Judge exec begin] floats] 0]
-    set timer [if {$most > 0} {after [expr {int(1e3 * $most)}] {set ::session::Ended timeout}}]
+    set timer [if {$most > 0} {after [expr {int(1e3 * $most)}] {set ::checkers::session::Ended timeout}}]
     try {
         while 1 {
-            set call [sorma::async -timeout 0 -command {set ::session::Ended} $Checkers exec play]
-            vwait ::session::Ended
-            if {$::session::Ended in {timeout interrupted}} {
-                if {$::session::Ended eq "timeout"} {
+            set call [sorma::async -timeout 0 -command {set ::checkers::session::Ended} $Checkers exec play]
+            vwait ::checkers::session::Ended
+            if {$::checkers::session::Ended in {timeout interrupted}} {
+                if {$::checkers::session::Ended eq "timeout"} {
                     puts "    (no end after $most s of wall time; the plot stands at: $State)"
                 }
                 set came {text *}
@@ -226,7 +226,7 @@ proc session::play {{most 0}} {
         lab_time [list [format %.0f $lab] s] wall_time [list [format %.0f $wall] s] speed [list [format %.1f [expr {$lab / max(0.001, $wall)}]] 1]]
 }
 # What the judge has counted. It waits for a laboratory that is dead, or whose tokens have not been set out.
-proc session::Judged count {
+proc checkers::session::Judged count {
     variable Judge
     set end [expr {[clock milliseconds] + 60000}]
     while 1 {
@@ -242,23 +242,23 @@ proc session::Judged count {
         sorma::await sleep 200
     }
 }
-proc session::Found event {
+proc checkers::session::Found event {
     if {[dict get $event event] eq "found" && [dict get $event text kind] ne "unjudged"} {
         puts "    (the judge: [dict get $event text kind]: [dict get $event text text])"
     }
 }
-proc session::labTime {} {
+proc checkers::session::labTime {} {
     variable Lab
     variable Earlier
     return [expr {$Earlier + [lindex [dict get [$Lab exec time] floats] 0]}]
 }
 
-proc session::Started {} {
+proc checkers::session::Started {} {
     variable Lab
     return [dict get [sorma::health [lindex [split $Lab @] 1]] started]
 }
 # Another laboratory, which knows nothing of this one's time and tokens. A connection may also have been away for long.
-proc session::Anew event {
+proc checkers::session::Anew event {
     variable Lab
     variable Speed
     variable Began
@@ -271,7 +271,7 @@ proc session::Anew event {
     }
 }
 
-proc session::Plot event {
+proc checkers::session::Plot event {
     variable Counts
     variable Watch
     variable State
@@ -285,12 +285,12 @@ proc session::Plot event {
         {*}$Watch $told
     }
 }
-proc session::Said event {
+proc checkers::session::Said event {
     if {[dict get $event event] eq "said"} {
         puts "    \"[dict get $event text]\""
     }
 }
-proc session::Person event {
+proc checkers::session::Person event {
     variable Faults
     variable Named
     variable Fault
@@ -306,15 +306,15 @@ proc session::Person event {
         }
         remembered {
             variable Forgotten 0
-            incr ::session::Remembered
+            incr ::checkers::session::Remembered
             puts "    (the person sets out the tokens as they were)"
         }
         undid {
-            incr ::session::Remembered
+            incr ::checkers::session::Remembered
             puts "    (the person sets out the tokens as they were before he erred)"
         }
         order {
-            incr ::session::Ordered
+            incr ::checkers::session::Ordered
             puts "    (the person puts all tokens where they belong)"
         }
         harmless {
@@ -335,7 +335,7 @@ proc session::Person event {
 }
 # Kill a daemon, which is started again. Returns its process; 0: it is not there, or has not come back since it was killed last. The kill
 # counts when the daemon has another process (see killed).
-proc session::kill name {
+proc checkers::session::kill name {
     variable Killed
     killed
     set process [measure process $name]
@@ -361,14 +361,14 @@ proc session::kill name {
     return $process
 }
 # Daemon -> how often it was killed and has come back with another process number. WAIT: for so long [s] for those that have not yet;
-# $::session::Killed has those that are still away.
-proc session::killed {{wait 0}} {
+# $::checkers::session::Killed has those that are still away.
+proc checkers::session::killed {{wait 0}} {
     variable Kills
     catch {measure until {[Away] eq {}} -within $wait -every 100}
     return $Kills
 }
 # Those that have not come back so far.
-proc session::Away {} {
+proc checkers::session::Away {} {
     variable Killed
     variable Kills
     foreach name [dict keys $Killed] {
@@ -380,7 +380,7 @@ proc session::Away {} {
     return $Killed
 }
 # The person's daemon has been killed: what he has done wrong he puts right when he is there again.
-proc session::forgotten {} {
+proc checkers::session::forgotten {} {
     variable Fault
     variable Undone
     incr Undone [expr {$Fault ne {}}]

@@ -156,7 +156,7 @@ proc checkers::window::Set {object option value} {
     variable Objects
     dict set Objects [list $object $option] $value
     if {$option eq "-speed"} {
-        set ::session::Speed $value
+        set ::checkers::session::Speed $value
     }
     send $object CTRL $option $value
 }
