@@ -10,7 +10,7 @@ package require Tk
 namespace eval lab::pictures {
     variable Here [file dirname [file normalize [info script]]]
 }
-foreach name {lab boards colours} {
+foreach name {lab boards colours ../measure} {
     source [file join $::lab::pictures::Here $name.tcl]
 }
 
@@ -59,7 +59,7 @@ proc lab::pictures::panel {file theme} {
         # Something to see in the charts: the table is felt.
         set push [sorma::async push.down@robot EXEC FMSG 6 0.42 0.22 0.02 0.42 0.22 0.004]
         $push wait
-        Until {[image width [.picture photo]] > 100 && [llength [.chart data z]] > 200 && [.side.guards.lroom cget -foreground] eq [sorma::style::colour good]}
+        measure until {[image width [.picture photo]] > 100 && [llength [.chart data z]] > 200 && [.side.guards.lroom cget -foreground] eq [sorma::style::colour good]}
         raise .
         update
         [image create photo -format window -data .] write $file -format png
@@ -80,12 +80,6 @@ proc lab::pictures::own folder {
         close $out
     }
     return [file join $folder lab.launch]
-}
-proc lab::pictures::Until condition {
-    while {![uplevel 1 [list expr $condition]]} {
-        after 20 {set ::lab::pictures::Tick 1}
-        vwait ::lab::pictures::Tick
-    }
 }
 
 lassign $argv what file theme
