@@ -55,8 +55,18 @@ constexpr Word kWords[] = {
     {"tune", kTune, nullptr},
     {"everything", kEverything, nullptr},
 };
-constexpr std::string_view kRightNames = "call, inspect, configure, make, dictionary, files, program, reach, operate, relay, use, tune, or everything";
-constexpr const char* kSubjectNames = "user, group, local, host, or anyone";
+const std::vector<std::string> kSubjects{"user", "group", "local", "host", "anyone"};       // as Access::Line::Subject has them
+
+// The words that a line may have for rights.
+const std::vector<std::string>& rightNames() {
+    static const std::vector<std::string> all = [] {
+        std::vector<std::string> names;
+        for (auto& w : kWords)
+            if (w.rights != Rights(Right::policy)) names.emplace_back(w.name);
+        return names;
+    }();
+    return all;
+}
 
 Rights rightsOf(std::string_view name) {
     for (auto& w : kWords)
@@ -85,13 +95,7 @@ std::vector<std::string> wordsOf(std::string_view line) {
     return words;
 }
 
-// A wrong word, and what is near among names such as "a, b, or c".
-std::string quoted(const std::string& word, std::string_view names) {
-    std::vector<std::string> known;
-    for (auto& name : wordsOf(names))
-        if (name != "or") known.push_back(name.substr(0, name.find(',')));
-    return "\"" + word + "\"" + didYouMean(word, known);
-}
+std::string quoted(const std::string& word, const std::vector<std::string>& known) { return "\"" + word + "\"" + didYouMean(word, known); }
 
 // A pattern for a text that a stranger has chosen. A line and a shell read it as one word.
 std::string patternFor(std::string_view subject) {
@@ -208,13 +212,24 @@ bool Access::Line::covers(std::string_view what) const {
 void Access::parseRights(Line& line, const std::vector<std::string>& words, std::size_t at) {
     for (; at < words.size() && words[at] != "on"; ++at) {
         Rights r = rightsOf(words[at]);
-        if (r == 0) fail(kSyntax, line.source, quoted(words[at], kRightNames) + " is no right: must be " + std::string(kRightNames));
+        if (r == 0) fail(kSyntax, line.source, quoted(words[at], rightNames()) + " is no right: must be " + oneOf(rightNames()));
         line.rights = Rights(line.rights | r);
     }
-    if (line.rights == 0) fail(kSyntax, line.source, "a right is missing: " + std::string(kRightNames));
+    if (line.rights == 0) fail(kSyntax, line.source, "a right is missing: " + oneOf(rightNames()));
     if (at == words.size()) return;
     line.patterns.assign(words.begin() + std::ptrdiff_t(at) + 1, words.end());
     if (line.patterns.empty()) fail(kSyntax, line.source, "a pattern is missing after \"on\"");
+}
+
+void Access::parseHost(Line& line, const std::string& host) {
+    auto slash = host.find('/');
+    if (!Principal::fromText(host.substr(0, slash), line.address)) fail(kSyntax, line.source, "\"" + host + "\" is no numeric address");
+    const bool four = host.find(':') == host.npos;
+    const std::int64_t most = four ? 32 : 128;
+    std::int64_t bits = most;
+    if (slash != host.npos && (!parseNumber(host.substr(slash + 1), bits) || bits < 0 || bits > most))
+        fail(kSyntax, line.source, "\"" + host.substr(slash + 1) + "\" is no number of bits from 0 to " + std::to_string(most));
+    line.bits = int(bits) + (four ? 96 : 0);
 }
 
 Access::Line Access::parse(std::string_view text, std::string source) {
@@ -222,42 +237,27 @@ Access::Line Access::parse(std::string_view text, std::string source) {
     line.source = std::move(source);
     auto words = wordsOf(text);
     for (auto& w : words) line.text += (line.text.empty() ? "" : " ") + w;
-    auto word = [&](std::size_t i, const char* what) -> const std::string& {
-        if (i >= words.size()) fail(kSyntax, line.source, std::string(what) + " is missing");
+    auto wrong = [&](const std::string& why) { fail(kSyntax, line.source, why); };
+    auto word = [&](std::size_t i, const std::string& what) -> const std::string& {
+        if (i >= words.size()) wrong(what + " is missing");
         return words[i];
     };
-    if (word(0, "allow or deny") != "allow" && words[0] != "deny")
-        fail(kSyntax, line.source, quoted(words[0], "allow, or deny") + " must be allow or deny");
-    line.allow = words[0] == "allow";
-    const std::string& subject = word(1, "the subject: user, group, local, host, or anyone");
-    if (subject == "anyone") {
-        line.subject = Line::Subject::anyone;
-        parseRights(line, words, 2);
-        return line;
+    line.allow = word(0, "allow or deny") == "allow";
+    if (!line.allow && words[0] != "deny") wrong(quoted(words[0], {"allow", "deny"}) + " must be allow or deny");
+    const std::string& subject = word(1, "the subject: " + oneOf(kSubjects));
+    const auto known = std::find(kSubjects.begin(), kSubjects.end(), subject);
+    if (known == kSubjects.end()) {
+        auto near = kSubjects;                          // and what `sormad -allow` may begin with
+        near.insert(near.end(), {"allow", "deny"});
+        wrong(quoted(subject, near) + " is no subject: must be " + oneOf(kSubjects));
     }
-    const bool host = subject == "host", named = subject == "user" || subject == "group" || subject == "local";
-    if (!host && !named)
-        fail(kSyntax, line.source, quoted(subject, std::string(kSubjectNames) + ", or allow, or deny") + " is no subject: must be " + kSubjectNames);
+    line.subject = Line::Subject(known - kSubjects.begin());
+    if (line.subject == Line::Subject::anyone) return parseRights(line, words, 2), line;
+    const bool host = line.subject == Line::Subject::host, group = line.subject == Line::Subject::group;
     const std::string& who = word(2, host ? "the address of the host" : "the name");
-    if (host) {
-        line.subject = Line::Subject::host;
-        auto slash = who.find('/');
-        if (!Principal::fromText(who.substr(0, slash), line.address))
-            fail(kSyntax, line.source, "\"" + who + "\" is no numeric address");
-        bool four = who.find(':') == who.npos;
-        std::int64_t bits = four ? 32 : 128;
-        const std::int64_t most = bits;
-        if (slash != who.npos && (!parseNumber(who.substr(slash + 1), bits) || bits < 0 || bits > most))
-            fail(kSyntax, line.source, "\"" + who.substr(slash + 1) + "\" is no number of bits from 0 to " + std::to_string(most));
-        line.bits = int(bits) + (four ? 96 : 0);
-    } else {
-        line.subject = subject == "user" ? Line::Subject::user : subject == "group" ? Line::Subject::group : Line::Subject::local;
-        uid_t uid = 0;
-        gid_t gid = 0;
-        if (subject == "group" ? !groupNumber(who, gid) : !userNumber(who, uid))
-            fail(kSyntax, line.source, "this host knows no " + std::string(subject == "group" ? "group" : "user") + " \"" + who + "\"");
-        line.number = subject == "group" ? gid : uid;
-    }
+    if (host) parseHost(line, who);
+    else if (!(group ? groupNumber(who, line.number) : userNumber(who, line.number)))
+        wrong("this host knows no " + std::string(group ? "group" : "user") + " \"" + who + "\"");
     parseRights(line, words, 3);
     return line;
 }

@@ -173,6 +173,7 @@ private:
     };
     static Line parse(std::string_view text, std::string source);
     static Line parseGiven(std::string_view text, std::string source);      // the word allow may be missing
+    static void parseHost(Line& line, const std::string& host);
     static void parseRights(Line& line, const std::vector<std::string>& words, std::size_t at);
     const std::vector<Line>& builtIn() const;
     const Line* decide(const Principal* who, Right right, std::string_view subject) const;
