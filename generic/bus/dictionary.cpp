@@ -19,6 +19,7 @@
 
 #include "bus/catalogue.h"
 #include "bus/descriptor.h"
+#include "bus/fnv.h"
 #include "bus/glob.h"
 #include "bus/nearest.h"
 #include "bus/requestText.h"
@@ -341,15 +342,15 @@ private:
     using Lines = std::map<std::string, std::string, std::less<>>;      // by hash
 
     static std::string hash(std::string_view word, const std::vector<std::string>& words) {
-        std::uint64_t h = 0xcbf29ce484222325;                           // FNV-1a: no secret, it only tells versions apart
+        Fnv h;
         auto add = [&](std::string_view text) {
-            for (char c : text) h = (h ^ static_cast<unsigned char>(c)) * 0x100000001b3;
-            h = (h ^ 0xff) * 0x100000001b3;                             // a byte that no UTF-8 has, between words
+            h.add(text.data(), text.size());
+            h.add(0xff);                                                // a byte that no UTF-8 has, between words
         };
         add(word);
         for (auto& w : words) add(w);
         char digits[kDigits + 1];
-        std::snprintf(digits, sizeof digits, "%016llx", static_cast<unsigned long long>(h));
+        std::snprintf(digits, sizeof digits, "%016llx", static_cast<unsigned long long>(h.value()));
         return digits;
     }
     void write(const Lines& lines) const {

@@ -12,6 +12,7 @@
 #include <map>
 #include <mutex>
 
+#include "bus/fnv.h"
 #include "draughts/moves.h"
 
 namespace draughts {
@@ -73,10 +74,6 @@ Position positionOf(const int (&c)[4], std::uint32_t index) {
 
 Position turnedBoard(const Position& p) { return turned<kBraz>(p); }
 
-std::uint64_t checksum(std::uint64_t sum, const unsigned char* at, std::size_t size) {
-    for (; size; --size) sum = (sum ^ *at++) * 0x100000001b3u;
-    return sum;
-}
 std::string heading(const Rules& rules, int pieces) {
     return std::string("SORMA draughts endgames 1 ") + rules.name + " " + std::to_string(pieces) + "\n";
 }
@@ -276,14 +273,15 @@ std::unique_ptr<Endgames> Endgames::load(const Rules& rules, const std::string& 
     if (std::fread(found.data(), 1, found.size(), in.get()) != found.size() || found != expected)
         return why = file + ": it does not begin with \"" + expected.substr(0, expected.size() - 1) + "\": of another game or version",
                nullptr;
-    std::uint64_t sum = 0xcbf29ce484222325u, stored = 0;
+    sorma::Fnv sum;
+    std::uint64_t stored = 0;
     for (auto& s : e->slices_) {
         s.values.resize(Radix(s.counts).all());
         if (std::fread(s.values.data(), 1, s.values.size(), in.get()) != s.values.size()) return why = file + ": too short", nullptr;
-        sum = checksum(sum, s.values.data(), s.values.size());
+        sum.add(s.values.data(), s.values.size());
     }
     if (std::fread(&stored, 1, sizeof stored, in.get()) != sizeof stored) return why = file + ": too short", nullptr;
-    if (stored != sum) return why = file + ": its check sum is wrong", nullptr;
+    if (stored != sum.value()) return why = file + ": its check sum is wrong", nullptr;
     return e;
 }
 
@@ -293,14 +291,15 @@ bool Endgames::save(const std::string& file, std::string& why) const {
     std::string fresh = file + "." + std::to_string(::getpid());
     std::FILE* out = std::fopen(fresh.c_str(), "wb");
     if (!out) return why = fresh + ": " + std::strerror(errno), false;
-    std::uint64_t sum = 0xcbf29ce484222325u;
+    sorma::Fnv sum;
     std::string head = heading(rules_, kPieces);
     bool good = std::fwrite(head.data(), 1, head.size(), out) == head.size();
     for (auto& s : slices_) {
         good = good && std::fwrite(s.values.data(), 1, s.values.size(), out) == s.values.size();
-        sum = checksum(sum, s.values.data(), s.values.size());
+        sum.add(s.values.data(), s.values.size());
     }
-    good = good && std::fwrite(&sum, 1, sizeof sum, out) == sizeof sum;
+    const std::uint64_t check = sum.value();
+    good = good && std::fwrite(&check, 1, sizeof check, out) == sizeof check;
     good = std::fclose(out) == 0 && good;
     good = good && std::rename(fresh.c_str(), file.c_str()) == 0;
     if (!good) {

@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "bus/fnv.h"
 #include "crc32c.h"
 
 namespace recorder {
@@ -17,10 +18,10 @@ struct ChannelText {                // as it stands in the file
     char key[kMostKey + 8];
 };
 
-std::uint32_t sumOfVersion1(const void* bytes, std::size_t n, std::uint32_t hash) {
-    auto* p = static_cast<const unsigned char*>(bytes);
-    for (std::size_t i = 0; i < n; ++i) hash = (hash ^ p[i]) * 16777619u;
-    return hash;
+std::uint32_t sumOfVersion1(const void* bytes, std::size_t n, std::uint32_t before) {
+    sorma::Fnv<std::uint32_t> hash(before);
+    hash.add(bytes, n);
+    return hash.value();
 }
 std::uint32_t checkOf(Head head) {
     head.check = 0;
@@ -107,7 +108,7 @@ RecordingReader::RecordingReader(std::string file, bool partial)
         sum_ = crc32c;
     } else if (whole && std::memcmp(head_.magic, first.magic, sizeof head_.magic) == 0 && head_.check == 0) {
         sum_ = sumOfVersion1;
-        first_ = 2166136261u;
+        first_ = sorma::Fnv<std::uint32_t>().value();
     } else {
         refuse("this is no recording of version 1 or 2");
     }

@@ -8,6 +8,8 @@
 #include <algorithm>
 #include <climits>
 
+#include "bus/fnv.h"
+
 namespace shmem {
 
 namespace {
@@ -63,18 +65,17 @@ void Writer::refresh(std::int64_t) noexcept {
 // FNV-1a with words in place of bytes, and then with the bytes that are left (Fowler, Noll, Vo; RFC 9923): each word or byte h = (h ^ word) * prime,
 // so that a change of any one of them changes the result. In the order of the block, after the number. Never 0.
 std::uint64_t Writer::checksum(const Segment& segment, const Block& b, std::uint64_t n) noexcept {
-    std::uint64_t h = 0xcbf29ce484222325;
-    auto add = [&h](std::uint64_t word) { h = (h ^ word) * 0x100000001b3; };
-    add(n);
-    add(std::uint64_t(b.monotonic.load(kDataLoad)));
-    add(std::uint64_t(b.offset.load(kDataLoad)));
+    sorma::Fnv h;
+    h.add(n);
+    h.add(std::uint64_t(b.monotonic.load(kDataLoad)));
+    h.add(std::uint64_t(b.offset.load(kDataLoad)));
     constexpr int kOrder = int(kDataLoad);
     const auto* data = reinterpret_cast<const unsigned char*>(&b + 1);
     const std::uint64_t bytes = segment.shape().floats * sizeof(double) + segment.shape().any;
     std::uint64_t i = 0;
-    for (; i + 8 <= bytes; i += 8) add(__atomic_load_n(reinterpret_cast<const std::uint64_t*>(data + i), kOrder));
-    for (; i < bytes; ++i) add(__atomic_load_n(data + i, kOrder));
-    return h ? h : 1;
+    for (; i + 8 <= bytes; i += 8) h.add(__atomic_load_n(reinterpret_cast<const std::uint64_t*>(data + i), kOrder));
+    for (; i < bytes; ++i) h.add(__atomic_load_n(data + i, kOrder));
+    return h.value() ? h.value() : 1;
 }
 
 // A reader that sets `asleep` from here on sees the record that was just counted; a reader that has set it before has read
