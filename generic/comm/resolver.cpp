@@ -83,33 +83,22 @@ Resolver::~Resolver() { shared_->owner = nullptr; }
 Resolution Resolver::find(std::string_view text) {
     Resolution out;
     Address address;
-    if (text.starts_with('@')) {
-        out.where = text.substr(1);
-        address = Address::parse(out.where);
-        if (address.kind == Address::Kind::alias) {
-            Name name = Name::parse("sorm" + std::string(text));
-            try {
-                address = resolve(name, dictionary_);
-            } catch (const Error& e) {
-                out.address = address;
-                out.why = e.what();
-                return out;
-            }
-        }
-    } else {
-        Name name = Name::parse(text);
-        out.service = name.service;
-        if (name.local()) {
-            out.state = Resolution::State::here;
-            return out;
-        }
-        try {
-            out.where = whereOf(name, dictionary_);
-            address = resolve(name, dictionary_);
-        } catch (const Error& e) {
-            out.why = e.what();
-            return out;
-        }
+    const bool place = text.starts_with('@');
+    if (place) address = Address::parse(text.substr(1));
+    const Name name = place ? Name() : Name::parse(text);
+    out.service = name.service;
+    if (!place && name.local()) {
+        out.state = Resolution::State::here;
+        return out;
+    }
+    try {
+        out.where = place ? std::string(text.substr(1)) : whereOf(name, dictionary_);
+        if (!place) address = resolve(name, dictionary_);
+        else if (address.kind == Address::Kind::alias) address = resolve(Name::parse("sorm" + std::string(text)), dictionary_);
+    } catch (const Error& e) {
+        out.address = address;
+        out.why = e.what();
+        return out;
     }
     Resolution found = followed(address);
     found.service = std::move(out.service);

@@ -8,6 +8,16 @@
 
 namespace sorma {
 
+namespace {
+
+std::shared_ptr<const Buffer> bodyOf(const wire::EventBody& event, const Message& content) {
+    auto body = std::make_shared<Buffer>();
+    wire::writeEventBody(*body, event, content);
+    return body;
+}
+
+}  // namespace
+
 Server::Subscription::Subscription(Server& server, Session& session, const wire::Subscription& wanted, const PrincipalPointer& author)
     : id(wanted.id), server_(server), session_(session),
       waiting_(wanted.name, session.peer->requests.account, Account::Use::subscriptions, {{}, 1024 + wanted.name.size() + wanted.pattern.size(), 0}),
@@ -32,14 +42,10 @@ void Server::Subscription::event(const Event& event) {
     if (author_ && concealed(event, server_.sorm_, author_)) [[unlikely]] {
         Message bare;
         bare.words = bareWords(event);
-        auto body = std::make_shared<Buffer>();
-        wire::writeEventBody(*body, {event.time, std::string(event.name), event.request}, bare);
-        return push(std::move(body));
+        return push(bodyOf({event.time, std::string(event.name), event.request}, bare));
     }
     if (server_.encoded_ != event.serial) {             // the first of this server's listeners
-        auto body = std::make_shared<Buffer>();
-        wire::writeEventBody(*body, {event.time, std::string(event.name), event.request}, event.message);
-        server_.encodedBody_ = std::move(body);
+        server_.encodedBody_ = bodyOf({event.time, std::string(event.name), event.request}, event.message);
         server_.encoded_ = event.serial;
     }
     push(server_.encodedBody_);
@@ -61,9 +67,7 @@ void Server::Subscription::end(const char* event, std::string why) {
     object_ = Reference();
     Message m;
     m.text = std::move(why);
-    auto body = std::make_shared<Buffer>();
-    wire::writeEventBody(*body, {wallNow(), event, 0}, m);
-    push(std::move(body));
+    push(bodyOf({wallNow(), event, 0}, m));
 }
 
 void Server::Subscription::judge() {
