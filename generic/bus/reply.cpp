@@ -95,6 +95,13 @@ bool Pending::cancel(Trail why) {
 
 void Pending::expire() { cancel(carrier ? carrier->overdue(*this) : Trail(makeEntry(kOverdue, {MessageArg::of(who)}))); }
 
+void Pending::expireBy(Loop& loop) {
+    if (deadline.none() || deadline.when() == INT64_MAX) return;
+    timer = loop.after(deadline.when(), [weak = weak_from_this()] {
+        if (auto p = weak.lock()) p->expire();
+    });
+}
+
 void Pending::onCancel(std::function<void()> callback) {
     if (cancelled()) return callback();
     onCancel_ = std::move(callback);

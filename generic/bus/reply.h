@@ -64,7 +64,7 @@ public:
     std::uint64_t number();
     std::int64_t sent = 0;              // [ns] when it went to another process, for the times of asker; 0: it did not
     Charge charge;                      // for the memory that it needs in a daemon; released with the answer
-    Timer timer;                        // for its deadline, when somebody has set it; cancelled with the answer
+    Timer timer;                        // see expireBy(); cancelled with the answer
     const std::shared_ptr<Mailbox> mailbox;
     Carrier* carrier = nullptr;         // null: an object of this process executes it
     std::uint32_t ticket = 0;           // for the carrier's own use
@@ -84,6 +84,7 @@ public:
     // already.
     bool cancel(Trail why);
     void expire();                                      // its deadline has passed: cancel it
+    void expireBy(Loop& loop);                          // when the deadline passes, from this loop
     void onCancel(std::function<void()> callback);      // called at once when it is cancelled already
 
     // The service has finished with it, also when the caller had its answer before. A serial object starts the next request.

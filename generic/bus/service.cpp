@@ -255,10 +255,7 @@ Future Service::async(Method method, Message request, Deadline deadline) {
 
 void Service::carry(const PendingPointer& pending, Method method) {
     pending->mailbox->post([pending, method, self = Reference(this)] { self->perform(pending, method); });
-    if (pending->deadline.none() || pending->deadline.when() == INT64_MAX || !sorm_->hasLoop()) return;
-    pending->timer = sorm_->loop().after(pending->deadline.when(), [weak = std::weak_ptr(pending)] {
-        if (auto p = weak.lock()) p->expire();
-    });
+    if (sorm_->hasLoop()) pending->expireBy(sorm_->loop());
 }
 
 void Service::oneway(Method method, Message request) {

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 
+#include "bus/atEnd.h"
 #include "bus/requestText.h"
-#include "bus/stream.h"
 #include "bus/statistics.h"
+#include "bus/stream.h"
 #include "comm/errors.h"
 
 namespace sorma {
@@ -18,12 +19,6 @@ constexpr std::int64_t kMoment = 10;                    // [ms] a daemon that ru
 using errors::trailOf;
 
 }  // namespace
-
-struct Calls::Leave {
-    Calls& calls;
-    std::uint32_t index;
-    ~Leave() { calls.freeSlot(index); }
-};
 
 Calls::Calls(Link& link, Link::User& user, const Settings& settings, std::shared_ptr<Reactor> reactor, std::shared_ptr<Mailbox> mailbox,
              std::function<void()> update, std::function<void(bool fresh)> resumed)
@@ -84,7 +79,7 @@ void Calls::call(std::string_view name, Method method, Message& m, Deadline dead
     }
     const std::uint32_t index = acquire(name, deadline);
     Slot& slot = slots_[index];
-    Leave leave{*this, index};
+    const AtEnd leave([this, index] { freeSlot(index); });
     if (!link_.live()) [[unlikely]] connect(deadline, &slot);
     if (!batch_.empty()) flush(deadline);
     if (link_.queued()) [[unlikely]] link_.drainAll(deadline);
@@ -99,11 +94,7 @@ void Calls::call(std::string_view name, Method method, Message& m, Deadline dead
     std::size_t taken = 0;
     if (link_.live() && link_.write(slot.request.data(), slot.request.size(), deadline, &taken)) slots_.sent(index);
     else slot.cut = taken > 0;
-    struct Forget {
-        std::int64_t& time;
-        std::int64_t outer;
-        ~Forget() { time = outer; }
-    } forget{link_.callTime, std::exchange(link_.callTime, now)};
+    const AtEnd forget([this, outer = std::exchange(link_.callTime, now)] { link_.callTime = outer; });
     await(index, deadline.none() ? deadline.left() : slot.budget);
     tellLater();
     if (slot.failed) throw Error(std::move(slot.failure));
@@ -149,7 +140,7 @@ void Calls::collect(Ticket ticket, Message& m) {
     if (ticket >= slots_.size() || slots_[ticket].state == Slot::State::free)
         sorma::fail(errors::kLimit, link_.who(), "this call has been collected already");
     Slot& slot = slots_[ticket];
-    Leave leave{*this, ticket};
+    const AtEnd leave([this, ticket] { freeSlot(ticket); });
     if (!unsent_.empty()) flush(slot.deadline);
     await(ticket, -1);
     if (slot.failed) throw Error(std::move(slot.failure));
@@ -200,11 +191,7 @@ void Calls::checkGivenUp(const Slot* waiting, const std::string& whom) {
 
 void Calls::connect(Deadline deadline, const Slot* waiting, bool restored) {
     const std::string whom = waiting ? fullName(*waiting) : link_.who();
-    struct Blocked {
-        const std::string*& place;
-        const std::string* outer;
-        ~Blocked() { place = outer; }
-    } blocked{blocked_, std::exchange(blocked_, &whom)};
+    const AtEnd unblock([this, outer = std::exchange(blocked_, &whom)] { blocked_ = outer; });
     while (!over(waiting)) {
         if (restored) proceed();
         if ((link_.live() && !(restored && held_)) || over(waiting)) break;
@@ -244,7 +231,7 @@ void Calls::begin(const PendingPointer& pending, const std::string& name, Method
     pending->who = link_.fullName(name);
     ++pendings_;
     update_();
-    addDeadline(pending);
+    pending->expireBy(*reactor_);
     if (pending->asker) pending->sent = monotonicNow();
     if (link_.live()) lookIfIdle(monotonicNow());
     (method == Method::exec ? waiting_ : urgent_).push_back({pending, name, method});
@@ -256,7 +243,6 @@ void Calls::begin(const PendingPointer& pending, const std::string& name, Method
 
 // The SORM ends: no caller is told anything.
 void Calls::end() {
-    deadlineTimer_.cancel();
     restoring_.clear();
     waiting_.clear();
     urgent_.clear();
@@ -353,15 +339,11 @@ void Calls::countAnswered(std::size_t calls) {
 // Block until a call that was begun is answered. Others that are answered meanwhile are told by the loop.
 void Calls::drive(Pending& pending, Deadline deadline) {
     auto keep = user_.keep();
-    struct Leave {
-        Calls& c;
-        const Pending* outer;
-        ~Leave() {
-            c.driven_ = outer;
-            c.tellLater();
-            c.link_.watch();
-        }
-    } leave{*this, std::exchange(driven_, &pending)};
+    const AtEnd leave([this, outer = std::exchange(driven_, &pending)] {
+        driven_ = outer;
+        tellLater();
+        link_.watch();
+    });
     while (!pending.answered()) {
         if (!hasArrived(pending)) {
             try {
@@ -433,37 +415,6 @@ Trail Calls::overdue(Pending& pending) {
         return trailOf(part ? errors::kTimeoutPart : errors::kTimeoutSent, pending.who, patience, link_.address());
     return trailOf(errors::kTimeoutUnsent, pending.who, "the daemon", patience,
                    link_.live() ? std::string("all its slots are taken") : link_.unconnected(pending.who).what());
-}
-
-// ---- deadlines: a heap of them, swept when most of it is over ----
-
-void Calls::addDeadline(const PendingPointer& pending) {
-    if (pending->deadline.none()) return;
-    if (due_.size() > 2 * pendings_ + 64) {
-        decltype(due_) left;
-        for (; !due_.empty(); due_.pop())
-            if (auto p = due_.top().pending.lock(); p && !p->answered()) left.push(due_.top());
-        due_.swap(left);
-    }
-    due_.push({pending->deadline.when(), pending});
-    if (deadlineTimer_ && deadlineAt_ <= pending->deadline.when()) return;
-    deadlineAt_ = pending->deadline.when();
-    deadlineTimer_ = reactor_->after(deadlineAt_, [this] { passDeadlines(); });
-}
-
-void Calls::passDeadlines() {
-    deadlineTimer_.cancel();
-    auto keep = user_.keep();
-    std::int64_t now = monotonicNow();
-    while (!due_.empty()) {
-        auto p = due_.top().pending.lock();
-        if (p && !p->answered() && due_.top().when > now) break;
-        due_.pop();
-        if (p && !p->answered()) p->cancel(overdue(*p));
-    }
-    if (due_.empty()) return;
-    deadlineAt_ = due_.top().when;
-    deadlineTimer_ = reactor_->after(deadlineAt_, [this] { passDeadlines(); });
 }
 
 // ---- what the link tells ----

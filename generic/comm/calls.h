@@ -16,7 +16,6 @@
 #include <functional>
 #include <memory>
 #include <optional>
-#include <queue>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -100,11 +99,6 @@ private:
             else pending->answer(std::move(failure));
         }
     };
-    struct Due {
-        std::int64_t when;
-        std::weak_ptr<Pending> pending;
-        bool operator>(const Due& o) const { return when > o.when; }
-    };
     // A request of restore(). The first one is on its way when restoringSlot_ says so.
     struct Restoring {
         const void* owner;
@@ -114,7 +108,6 @@ private:
         PrincipalPointer relayFor;
         Restored done;
     };
-    struct Leave;                       // releases a slot
 
     void drive(Pending& pending, Deadline deadline) override;
     void cancelled(Pending& pending) override;
@@ -142,8 +135,6 @@ private:
     void deliverOne(Pending& pending);
     void countAnswered(std::size_t calls);
     std::optional<std::uint32_t> abandon(Pending& pending);
-    void addDeadline(const PendingPointer& pending);
-    void passDeadlines();
     void resend();
     bool sendRestoring();
     void finishRestoring(const Message& reply, const Trail& failure);
@@ -169,13 +160,11 @@ private:
     std::vector<Arrived> arrived_;          // answers whose Pending has not been told yet
     bool delivering_ = false;               // deliver() is in the mailbox
     const Pending* driven_ = nullptr;       // the call for which drive() blocks
-    Timer deadlineTimer_, restoringTimer_;
-    std::int64_t deadlineAt_ = 0;           // [ns] for which deadlineTimer_ is set
-    std::priority_queue<Due, std::vector<Due>, std::greater<>> due_;    // deadlines, the next one first
     // State that goes before all else.
     std::deque<Restoring> restoring_;       // in the order of restore()
     std::uint32_t restoringSlot_ = kNoTicket;       // of the first one; kNoTicket: it is not sent
     Deadline restoringUntil_;               // of the one that is sent
+    Timer restoringTimer_;                  // goes off then
     bool held_ = false;                     // requests wait until restoring_ is empty
     bool fresh_ = false;                    // nothing has been sent again on this connection yet
 };

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <ctime>
 
+#include "bus/atEnd.h"
 #include "bus/call.h"
 #include "bus/statistics.h"
 #include "comm/clock.h"
@@ -76,11 +77,7 @@ bool Link::step(Deadline deadline, std::int64_t left) {
 
 void Link::ready(std::uint32_t events) {
     auto keep = user_.keep();
-    struct Leave {
-        bool& flag;
-        bool outer;
-        ~Leave() { flag = outer; }
-    } leave{inEvents_, std::exchange(inEvents_, true)};
+    const AtEnd leave([this, outer = std::exchange(inEvents_, true)] { inEvents_ = outer; });
     if (live()) {
         events = line_.means(events);
         if (events & EPOLLOUT) drain();
@@ -238,8 +235,7 @@ void Link::fail(const Error& e) {
     retry();
     if (final_) retryAt_ = 0;
     user_.failed(e, final_);
-    if (user_.wanted()) return;
-    timer_.cancel();
+    if (!user_.wanted()) timer_.cancel();
 }
 
 // Calls that were sent keep their slots until we know which daemon answers next.
@@ -360,17 +356,14 @@ void Link::look() {
 
 void Link::push(Item item) {
     if (!live()) return user_.unsent(item.tag, item.bytes, 0);
-    if (queue_.empty()) {
-        const Buffer& bytes = item.all();
-        ssize_t n = line_.write(bytes.data(), bytes.size());
-        if (n == static_cast<ssize_t>(bytes.size())) return user_.wrote(item.tag);
-        const int error = errno;
-        written_ = static_cast<std::size_t>(std::max(n, ssize_t{0}));
-        queue_.push_back(std::move(item));
-        if (n < 0 && error != EAGAIN) lose(std::strerror(error));
-        return;
-    }
+    if (!queue_.empty()) return queue_.push_back(std::move(item));
+    const Buffer& bytes = item.all();
+    ssize_t n = line_.write(bytes.data(), bytes.size());
+    if (n == static_cast<ssize_t>(bytes.size())) return user_.wrote(item.tag);
+    const int error = errno;
+    written_ = static_cast<std::size_t>(std::max(n, ssize_t{0}));
     queue_.push_back(std::move(item));
+    if (n < 0 && error != EAGAIN) lose(std::strerror(error));
 }
 
 void Link::drain() {

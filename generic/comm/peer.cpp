@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cerrno>
 
+#include "bus/atEnd.h"
 #include "comm/errors.h"
 #include "comm/sessions.h"
 #include "comm/subscription.h"
@@ -85,7 +86,7 @@ void Server::Peer::ready(std::uint32_t events) {
     if (!again && line_.row().wants) [[unlikely]] events = line_.means(events);
     if (events & EPOLLOUT) drain();
     if (upgrading() && !upgrade()) [[unlikely]] return;
-    if (open() && !events_.empty()) pump();
+    pump();
     if (!open()) return;
     if (events & (EPOLLRDHUP | EPOLLHUP)) ended_ = true;
     const bool comes = again ? !in_.empty() || line_.pending() : (events & EPOLLIN) && reading();
@@ -178,17 +179,13 @@ void Server::Peer::receive() {
     dwelt_ = !all && now - looked_ > kLookAgain;
     server_.frames_ = &frame;
     ++server_.depth_;
-    struct Leave {
-        Server& server;
-        Frame& frame;
-        ~Leave() {
-            server.frames_ = frame.outer;
-            if (--server.depth_ == 0) server.closedPeers_.clear();
-        }
-    } leave{server_, frame};
+    const AtEnd leave([&server = server_, &frame] {     // which may delete this
+        server.frames_ = frame.outer;
+        if (--server.depth_ == 0) server.closedPeers_.clear();
+    });
     serve(frame, scratch);
     // One-way requests are executed although their sender has closed the connection.
-    if (ended && open() && !complete()) server_.closePeer(this, {}, false);
+    if (ended && !complete()) server_.closePeer(this, {}, false);
 }
 
 // The turn is over. What was not served stays, and is charged.   more: of it could have been served.
@@ -264,7 +261,7 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
     frame.ran = 0;
     pay(frame);
     server_.shares_.leave(share_, more || (fed_ && served > 0));
-    if (open() && closing_) return server_.closePeer(this, *closing_, true);
+    if (closing_) return server_.closePeer(this, *closing_, true);
     if (open() && !frame.spilled) leave(frame, coming, more, served > 0);
 }
 

@@ -1,5 +1,6 @@
 #include "comm/proxy.h"
 
+#include "bus/atEnd.h"
 #include "bus/call.h"
 #include "bus/requestText.h"
 #include "bus/sorm.h"
@@ -69,11 +70,7 @@ void Proxy::forward(Method method, Message& m) {
     const std::int64_t start = monotonicNow();
     Deadline deadline = settings_.timeout > 0 ? Deadline::at(start + settings_.timeout * 1'000'000) : Deadline();
     if (CallContext* outer = CallContext::current()) {
-        struct Count {
-            CallContext* outer;
-            std::int64_t start;
-            ~Count() { outer->subTime += std::uint32_t((monotonicNow() - start) / 1000); }
-        } count{outer, start};
+        const AtEnd count([outer, start] { outer->subTime += std::uint32_t((monotonicNow() - start) / 1000); });
         connection.call(target_, method, m, deadline.earlier(CallContext::deadlineForCalls(start)), relayFor_, start);
     } else {
         connection.call(target_, method, m, deadline, relayFor_, start);

@@ -12,6 +12,7 @@
 #include <mutex>
 #include <system_error>
 
+#include "bus/atEnd.h"
 #include "bus/call.h"
 
 namespace sorma {
@@ -163,10 +164,7 @@ int Reactor::callAll(Batch& batch) {
         (void)ignored;
     }
     if (!unwatched_.empty() && !batch.outer) unwatched_.clear();
-    struct Leave {
-        Reactor& reactor;
-        ~Leave() { reactor.batches_ = reactor.batches_->outer; }
-    } leave{*this};
+    const AtEnd leave([this] { batches_ = batches_->outer; });
     int called = 0;
     while (batch.at < batch.count) {
         epoll_event& e = batch.events[batch.at++];

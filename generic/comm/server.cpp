@@ -274,10 +274,7 @@ void Server::replyLater(Later later, wire::Times times, PendingPointer pending) 
     if (slot) sessions_->answerLater(*slot, pending);
     else if (peer) peer->requests.owe(pending);
     std::weak_ptr<Server*> self = self_;
-    if (!pending->deadline.none())
-        pending->timer = reactor_.after(pending->deadline.when(), [weak = std::weak_ptr(pending)] {
-            if (auto p = weak.lock()) p->expire();
-        });
+    pending->expireBy(reactor_);
     pending->whenAnswered([self, later, times, p = pending.get()] {
         if (auto server = self.lock()) (*server)->answer(later, times, *p);
     });
