@@ -131,7 +131,7 @@ bool Server::Requests::answerBusy(std::string_view record, Buffer& out) {
                 hello(r, header.xid, out, monotonicNow());
             break;
         case wire::kCancel:                     // the SORM's thread will see it, too
-            if (Slot* slot = wire::readCancel(r, wanted) ? running(wanted) : nullptr; slot && slot->call)
+            if (ReplySlot* slot = wire::readCancel(r, wanted) ? running(wanted) : nullptr; slot && slot->call)
                 slot->call->cancelled.store(true, std::memory_order_relaxed);
             break;
         default: break;
@@ -173,17 +173,17 @@ void Server::Requests::hello(XdrReader& r, std::uint32_t xid, Buffer& out, std::
 }
 
 // The slot in which that call runs; null: it is over.
-Server::Slot* Server::Requests::running(const wire::Cancel& wanted) const {
+Server::ReplySlot* Server::Requests::running(const wire::Cancel& wanted) const {
     if (!session || wanted.slot >= session->slots.size()) return nullptr;
-    Slot& slot = session->slots[wanted.slot];
-    return slot.state == Slot::State::running && slot.sequence == wanted.sequence ? &slot : nullptr;
+    ReplySlot& slot = session->slots[wanted.slot];
+    return slot.state == ReplySlot::State::running && slot.sequence == wanted.sequence ? &slot : nullptr;
 }
 
 void Server::Requests::cancel(XdrReader& r) {
     wire::Cancel wanted;
     if (!wire::readCancel(r, wanted)) return;
     cancelledBefore(wanted.slot, wanted.sequence);
-    Slot* slot = running(wanted);
+    ReplySlot* slot = running(wanted);
     if (!slot) return;
     // Services run when the lock is released, and the slot may be deleted then. A context is on the stack below, and stays.
     CallContext* const call = slot->call;
@@ -249,7 +249,7 @@ void Server::Requests::call(XdrReader& r, const wire::CallHeader& header, std::s
     Message& m = scratch.message;
     const std::size_t words = wordsOf(r, record.size());
     if (!wire::readRequest(r, request, m)) return wire::writeRefusal(scratch.out, header.xid, wire::Refusal::garbage);
-    Slot* slot = nullptr;
+    ReplySlot* slot = nullptr;
     SessionKey key;
     if (request.slot != wire::kNoSlot) {
         if (!session) fail(kHelloFirst, "a call with a slot");
@@ -261,7 +261,7 @@ void Server::Requests::call(XdrReader& r, const wire::CallHeader& header, std::s
     needRoom(request.name, record.size(), slot);
     if (slot) {
         slot->sequence = request.sequence;
-        slot->state = Slot::State::running;
+        slot->state = ReplySlot::State::running;
         slot->asked = false;
     }
     ++calls;
@@ -332,7 +332,7 @@ bool Server::Requests::crowded() {
 }
 
 bool Server::Requests::execute(const wire::Request& request, const wire::CallHeader& header, std::string_view record, Message& m,
-                           wire::Times& times, Slot* slot, Scratch& scratch, Frame& frame) {
+                           wire::Times& times, ReplySlot* slot, Scratch& scratch, Frame& frame) {
     const std::int64_t arrived = peer_.arrived(), start = std::max(frame.since, arrived);
     times.waited = microseconds(start - arrived);
     Deadline deadline;
@@ -404,7 +404,7 @@ void Server::Requests::failed(const wire::Request& request, std::string_view rec
     m.trail = std::move(trail);
 }
 
-void Server::Requests::reply(std::uint32_t xid, const wire::Times& times, std::string_view name, Message& m, Slot* slot, Buffer& out) {
+void Server::Requests::reply(std::uint32_t xid, const wire::Times& times, std::string_view name, Message& m, ReplySlot* slot, Buffer& out) {
     peer_.executed();
     std::size_t start = out.size();
     wire::writeReply(out, xid, times, m);

@@ -30,7 +30,7 @@ public:
     std::size_t scan(const char* at, const char* end);
     // Append an answer.
     void refuse(std::uint32_t xid, Buffer& out, const Error& error);
-    void reply(std::uint32_t xid, const wire::Times& times, std::string_view name, Message& m, Slot* slot, Buffer& out);
+    void reply(std::uint32_t xid, const wire::Times& times, std::string_view name, Message& m, ReplySlot* slot, Buffer& out);
     // A call without a slot is answered later: it is cancelled with the connection.
     void owe(const PendingPointer& pending);
     void closed();                      // the connection is
@@ -55,13 +55,13 @@ private:
     void oneway(XdrReader& r, const wire::CallHeader& header, Scratch& scratch, Frame& frame);
     // Call the service, without the lock. m becomes the reply, also when the service throws. True: it answers later, by
     // m.later.
-    bool execute(const wire::Request& request, const wire::CallHeader& header, std::string_view record, Message& m, wire::Times& times, Slot* slot,
+    bool execute(const wire::Request& request, const wire::CallHeader& header, std::string_view record, Message& m, wire::Times& times, ReplySlot* slot,
                  Scratch& scratch, Frame& frame);
     void failed(const wire::Request& request, std::string_view record, Message& m, bool reached);
     // Has its caller cancelled it before it was started?
     bool cancelledBefore(std::uint32_t slot, std::uint32_t sequence) { return !cancels_.empty() && takeCancel(slot, sequence); }
     bool takeCancel(std::uint32_t slot, std::uint32_t sequence);
-    Slot* running(const wire::Cancel& wanted) const;
+    ReplySlot* running(const wire::Cancel& wanted) const;
     // Says whose rights count for a request: the peer's, and for a relayed one also its author's. The author is anyone unless
     // the peer has the right to relay to that object.
     PrincipalPointer authorOf(const wire::Behalf& behalf, std::string_view object) const {

@@ -265,7 +265,7 @@ void Server::setLimits(Sorm& sorm, const Settings& s) {
 void Server::replyLater(Later later, wire::Times times, PendingPointer pending) {
     later.started = monotonicNow();
     if (pending->answered()) return answer(later, times, *pending);
-    Slot* slot = sessions_->find(later);
+    ReplySlot* slot = sessions_->find(later);
     Peer* peer = findPeer(later);
     if (peer) {
         pending->charge = Charge(peer->requests.account, Account::Use::requests);
@@ -300,7 +300,7 @@ void Server::answer(const Later& later, wire::Times times, Pending& pending) {
         m = &failed;
     }
     mark(m->trail, {});
-    Slot* slot = sessions_->find(later);
+    ReplySlot* slot = sessions_->find(later);
     if (slot) sessions_->answerLater(*slot, nullptr);
     Peer* peer = findPeer(later);
     if (!slot && (!peer || later.slot != wire::kNoSlot)) return;        // nobody will ask for it

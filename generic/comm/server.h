@@ -104,7 +104,7 @@ private:
     class Sessions;
     struct Session;
     struct SessionKey;
-    struct Slot;
+    struct ReplySlot;
     struct Later;
     struct Frame;
     struct Scratch;

@@ -127,8 +127,8 @@ void Server::Sessions::leave(Session& s) {
     const Account& account = *s.held.account();
     for (auto& slot : s.slots) {
         if (account.used() <= account.limit() / 2) break;
-        if (slot.state != Slot::State::done || slot.reply.capacity() <= kKeepBuffer) continue;
-        slot.state = Slot::State::tooLarge;
+        if (slot.state != ReplySlot::State::done || slot.reply.capacity() <= kKeepBuffer) continue;
+        slot.state = ReplySlot::State::tooLarge;
         slot.size = slot.reply.size();
         freeReply(slot);
     }
@@ -155,9 +155,9 @@ void Server::Sessions::removeOld() {
 
 // ---- slots ----
 
-Server::Slot& Server::Sessions::addSlots(Session& s, const wire::Request& request) {
+Server::ReplySlot& Server::Sessions::addSlots(Session& s, const wire::Request& request) {
     if (request.slot >= static_cast<std::uint64_t>(server_.settings_.inFlight)) fail(kSlots, request.slot, server_.settings_.inFlight);
-    const std::size_t more = (request.slot + 1 - s.slots.size()) * (sizeof(Slot) + Slot::kSmall);
+    const std::size_t more = (request.slot + 1 - s.slots.size()) * (sizeof(ReplySlot) + ReplySlot::kSmall);
     Account& account = *s.peer->requests.account;
     if (!account.fits(more)) throw Error(account.refusal(std::string(request.name), Account::Use::replies, more));
     s.held.edit([&](auto& held) { held.slots += more; });
@@ -165,10 +165,10 @@ Server::Slot& Server::Sessions::addSlots(Session& s, const wire::Request& reques
     return s.slots[request.slot];
 }
 
-void Server::Sessions::repeat(Slot& slot, const wire::Request& request, std::uint32_t xid, Buffer& out) {
+void Server::Sessions::repeat(ReplySlot& slot, const wire::Request& request, std::uint32_t xid, Buffer& out) {
     if (request.sequence != slot.sequence) fail(errors::kSequence, request.name, request.sequence, request.slot, slot.sequence);
-    if (slot.state == Slot::State::tooLarge) fail(errors::kReplyGone, request.name, slot.size, "daemon " + server_.name_);
-    if (slot.state == Slot::State::running) {
+    if (slot.state == ReplySlot::State::tooLarge) fail(errors::kReplyGone, request.name, slot.size, "daemon " + server_.name_);
+    if (slot.state == ReplySlot::State::running) {
         slot.asked = true;
         slot.askedXid = xid;
     } else {
@@ -178,52 +178,52 @@ void Server::Sessions::repeat(Slot& slot, const wire::Request& request, std::uin
     }
 }
 
-Server::Slot* Server::Sessions::find(const Later& later) {
+Server::ReplySlot* Server::Sessions::find(const Later& later) {
     if (later.slot == wire::kNoSlot) return nullptr;
     auto found = all_.find(later.session);
     if (found == all_.end() || later.slot >= found->second->slots.size()) return nullptr;
-    Slot& slot = found->second->slots[later.slot];
-    return slot.state == Slot::State::running && slot.sequence == later.sequence ? &slot : nullptr;
+    ReplySlot& slot = found->second->slots[later.slot];
+    return slot.state == ReplySlot::State::running && slot.sequence == later.sequence ? &slot : nullptr;
 }
 
-void Server::Sessions::answerLater(Slot& slot, PendingPointer pending) {
+void Server::Sessions::answerLater(ReplySlot& slot, PendingPointer pending) {
     if (bool(pending) == bool(slot.pending)) return;
     pending ? ++underway_ : --underway_;
     slot.pending = std::move(pending);
 }
 
 // The memory is charged. It stays from one reply to the next, so replies of the same size cost nothing more.
-void Server::Sessions::keep(Slot& slot, const char* record, std::size_t size) {
+void Server::Sessions::keep(ReplySlot& slot, const char* record, std::size_t size) {
     if (slot.reply.capacity() > kKeepBuffer && size <= kKeepBuffer) freeReply(slot);
     if (size > slot.reply.capacity()) {
         freeReply(slot);
         // Some room stays for requests, without which kept replies are of no use.
         auto& held = slot.of->held;
         const Account& account = *held.account();
-        bool fits = size <= Slot::kSmall ||
+        bool fits = size <= ReplySlot::kSmall ||
                     (size <= static_cast<std::size_t>(server_.settings_.keepReply) &&
                      account.used() + size <= account.limit() - account.limit() / 4 && account.fits(size));
         if (!fits) {
-            slot.state = Slot::State::tooLarge;
+            slot.state = ReplySlot::State::tooLarge;
             slot.size = size;
             return;
         }
-        if (size > Slot::kSmall) held.edit([&](auto& h) { h.replies += size; });
+        if (size > ReplySlot::kSmall) held.edit([&](auto& h) { h.replies += size; });
     }
-    slot.state = Slot::State::done;
+    slot.state = ReplySlot::State::done;
     slot.reply.resize(size);                            // exactly, when it is new
     std::memcpy(slot.reply.data(), record, size);
 }
 
-void Server::Sessions::freeReply(Slot& slot) {
+void Server::Sessions::freeReply(ReplySlot& slot) {
     slot.of->held.edit([&](auto& h) { h.replies -= slot.charged(); });
     slot.reply.release();
 }
 
-void Server::Sessions::replyAgain(Slot& slot, const Peer* answered) {
+void Server::Sessions::replyAgain(ReplySlot& slot, const Peer* answered) {
     if (!std::exchange(slot.asked, false)) return;
     Peer* now = slot.of->peer;
-    if (!now || now == answered || slot.state != Slot::State::done) return;
+    if (!now || now == answered || slot.state != ReplySlot::State::done) return;
     wire::setXid(slot.reply.data(), slot.askedXid);
     now->push(slot.reply.data(), slot.reply.size());
 }

@@ -1,8 +1,8 @@
 // sessions.h -- the clients of a daemon that said HELLO. Only the files of the server include it.
 //
-//     Session  one client; it outlives a connection that breaks
-//     Slot     one call of a session at a time, and its last reply
-//     Later    a call that a service answers later: who gets the reply
+//     Session    one client; it outlives a connection that breaks
+//     ReplySlot  one call of a session at a time, and its last reply
+//     Later      a call that a service answers later: who gets the reply
 //
 //             HELLO           its connection is closed            grace is over
 //     none ----------> linked -----------------------> suspended --------------> left ----------> none
@@ -30,7 +30,7 @@
 
 namespace sorma {
 
-struct Server::Slot {
+struct Server::ReplySlot {
     static constexpr std::size_t kSmall = 256;              // [bytes] of reply for which a slot is charged from the beginning
     // done: the reply is kept. tooLarge: the call was executed, but its reply was too large to keep.
     enum class State : std::uint8_t { empty, running, done, tooLarge };
@@ -65,7 +65,7 @@ struct Server::Session {
     Peer* peer = nullptr;                   // null: the connection broke, the client may come back. Only Sessions::link changes it
     std::int64_t lastSeen = 0;              // [ns]
     Timer graceTimer;                       // runs while there is no peer, for Settings::grace
-    std::vector<Slot> slots;
+    std::vector<ReplySlot> slots;
     // Memory of itself, of the slots, and of the replies that are kept in them [bytes].
     struct Held {
         std::size_t slots = 0, replies = 0;
@@ -75,7 +75,7 @@ struct Server::Session {
     std::map<std::uint32_t, std::unique_ptr<Subscription>> subscriptions;      // by id
 
     bool running() const {
-        return std::any_of(slots.begin(), slots.end(), [](auto& slot) { return slot.state == Slot::State::running; });
+        return std::any_of(slots.begin(), slots.end(), [](auto& slot) { return slot.state == ReplySlot::State::running; });
     }
 };
 
@@ -105,16 +105,16 @@ public:
     std::size_t underway() const { return underway_; }      // calls that services answer later
 
     // The slot for a call. Throws COMM LIMIT when the client may not have so many.
-    Slot& slot(Session& session, const wire::Request& request) {
+    ReplySlot& slot(Session& session, const wire::Request& request) {
         return request.slot < session.slots.size() ? session.slots[request.slot] : addSlots(session, request);
     }
     // The client has sent it before: append what it is told to out. Throws COMM PROTOCOL, COMM LOST.
-    void repeat(Slot& slot, const wire::Request& request, std::uint32_t xid, Buffer& out);
-    Slot* find(const Later& later);         // of a call that is under way; null: it has none, or its session is no more
-    void answerLater(Slot& slot, PendingPointer pending);
-    void keep(Slot& slot, const char* record, std::size_t size);       // the reply, as it was sent
+    void repeat(ReplySlot& slot, const wire::Request& request, std::uint32_t xid, Buffer& out);
+    ReplySlot* find(const Later& later);         // of a call that is under way; null: it has none, or its session is no more
+    void answerLater(ReplySlot& slot, PendingPointer pending);
+    void keep(ReplySlot& slot, const char* record, std::size_t size);       // the reply, as it was sent
     // A reply is there. Has the client asked again while the call ran? Then it goes where he is now, unless it went there already.
-    void replyAgain(Slot& slot, const Peer* answered);
+    void replyAgain(ReplySlot& slot, const Peer* answered);
 
 private:
     struct Hash {
@@ -123,10 +123,10 @@ private:
         }
     };
     void link(Session& session, Peer* peer);
-    Slot& addSlots(Session& session, const wire::Request& request);
+    ReplySlot& addSlots(Session& session, const wire::Request& request);
     void leave(Session& session);           // it has not come back: cancel its calls, release what it holds
     void removeOld();
-    void freeReply(Slot& slot);
+    void freeReply(ReplySlot& slot);
 
     Server& server_;
     std::unordered_map<SessionKey, std::unique_ptr<Session>, Hash> all_;
