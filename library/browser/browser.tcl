@@ -50,9 +50,9 @@ snit::widget ::sorma::browser {
         ::sorma::browserLaunch $tabs.launch
         ::sorma::browserLog $tabs.log
         dict for {name title} $Titles {
-            $tabs add $tabs.$name -text $title -underline [expr {$name eq "launch" ? 2 : 0}]
+            $tabs add $tabs.$name -text [::msgcat::mc $title] -underline [expr {$name eq "launch" ? 2 : 0}]
         }
-        ttk::label $tabs.panel.none -justify left -anchor nw -padding $pad -text "Choose an object at the left, or search (Ctrl-F)."
+        ttk::label $tabs.panel.none -justify left -anchor nw -padding $pad -text [::msgcat::mc "Choose an object at the left, or search (Ctrl-F)."]
         pack $tabs.panel.none -fill both -expand 1
         ttk::label $win.state -anchor w -padding [list $pad 2]
         $win.panes add $win.left -weight 1
@@ -78,7 +78,7 @@ snit::widget ::sorma::browser {
         menu $win.menu -tearoff 0
         foreach {name label} {file File view View} {
             menu $win.menu.$name -tearoff 0
-            $win.menu add cascade -label $label -underline 0 -menu $win.menu.$name
+            $win.menu add cascade -label [::msgcat::mc $label] -underline 0 -menu $win.menu.$name
         }
         set entries [list file "Save the view\u2026" Ctrl+S s [mymethod AskSave] file "Copy the view" Ctrl+Y y [mymethod copy] \
             file "Listen to the events, or stop" Ctrl+L l [mymethod Do events listen] file "Pause the log, or go on" Ctrl+P p [mymethod Do log pause] \
@@ -89,7 +89,7 @@ snit::widget ::sorma::browser {
             lappend entries view $title Ctrl+[incr number] Key-$number [mymethod tab $name select]
         }
         foreach {menu label shown key script} $entries {
-            $win.menu.$menu add command -label $label -accelerator $shown -command $script
+            $win.menu.$menu add command -label [::msgcat::mc $label] -accelerator $shown -command $script
             bind $top <Control-$key> "$script; break"
         }
         ttk::notebook::enableTraversal $tabs

@@ -41,18 +41,18 @@ snit::widget ::sorma::browserDict {
     constructor {} {
         set pad [::sorma::style pixels 4]
         ttk::frame $win.bar
-        ttk::label $win.bar.label -text "Entries with"
+        ttk::label $win.bar.label -text [::msgcat::mc "Entries with"]
         ttk::entry $win.bar.only -textvariable [myvar only]
-        ttk::button $win.bar.write -text "Write to file" -underline 0 -command [mymethod write]
-        ttk::button $win.bar.reload -text "Read files again" -underline 5 -command [mymethod Do -reload]
+        ttk::button $win.bar.write -text [::msgcat::mc "Write to file"] -underline 0 -command [mymethod write]
+        ttk::button $win.bar.reload -text [::msgcat::mc "Read files again"] -underline 5 -command [mymethod Do -reload]
         pack $win.bar.label -side left -padx [list 0 $pad]
         pack $win.bar.reload $win.bar.write -side right -padx [list $pad 0]
         pack $win.bar.only -side left -fill x -expand 1         ;# the last: it gives way in a small window
         ttk::frame $win.list
         install tree using ttk::treeview $win.list.tree -style [::sorma::style own Treeview] -columns words -height 8 -selectmode browse \
             -yscrollcommand [list $win.list.scroll set]
-        $tree heading #0 -text Entry -anchor w
-        $tree heading words -text "Stands for" -anchor w
+        $tree heading #0 -text [::msgcat::mc Entry] -anchor w
+        $tree heading words -text [::msgcat::mc "Stands for"] -anchor w
         $tree column #0 -width [::sorma::style pixels 160] -stretch 0
         $tree column words -width [::sorma::style pixels 340]
         $tree tag configure draft -foreground [::sorma::style colour warn]
@@ -60,13 +60,13 @@ snit::widget ::sorma::browserDict {
         pack $win.list.scroll -side right -fill y
         pack $tree -side left -fill both -expand 1
         ttk::frame $win.edit
-        ttk::label $win.edit.wordLabel -text "Entry" -underline 0
+        ttk::label $win.edit.wordLabel -text [::msgcat::mc "Entry"] -underline 0
         ttk::entry $win.edit.word -font [::sorma::style font fixed]
-        ttk::label $win.edit.wordsLabel -text "Stands for"
+        ttk::label $win.edit.wordsLabel -text [::msgcat::mc "Stands for"]
         install editor using text $win.edit.words -height 3 -width 40 -wrap word -undo 1 -font [::sorma::style font fixed] \
             -background [ttk::style lookup TEntry -fieldbackground {} white] -foreground [ttk::style lookup . -foreground {} black] \
             -insertbackground [ttk::style lookup . -foreground {} black] -highlightthickness 1
-        ttk::label $win.edit.concernsLabel -text "Concerns"
+        ttk::label $win.edit.concernsLabel -text [::msgcat::mc "Concerns"]
         ttk::label $win.edit.concerns -justify left
         ttk::label $win.edit.said -justify left
         ttk::frame $win.edit.do

@@ -21,12 +21,12 @@ snit::widget ::sorma::browserEvents {
         $self configurelist $args
         set pad [::sorma::style pixels 6]
         ttk::frame $win.bar
-        ttk::button $win.bar.listen -text Listen -command [mymethod listen] -state disabled
-        ttk::label $win.bar.name -text "Choose an object."
+        ttk::button $win.bar.listen -text [::msgcat::mc Listen] -command [mymethod listen] -state disabled
+        ttk::label $win.bar.name -text [::msgcat::mc "Choose an object."]
         pack $win.bar.listen $win.bar.name -side left -padx [list 0 $pad]
         pack $win.bar -side top -fill x -padx $pad -pady $pad
         ttk::treeview $win.tree -style [::sorma::style own Treeview] -columns text -show headings -yscrollcommand [list $win.scroll set]
-        $win.tree heading text -text "Events" -anchor w
+        $win.tree heading text -text [::msgcat::mc "Events"] -anchor w
         ttk::scrollbar $win.scroll -style [::sorma::style own Vertical.TScrollbar] -command [list $win.tree yview]
         pack $win.scroll -side right -fill y
         pack $win.tree -side left -fill both -expand 1

@@ -30,16 +30,16 @@ snit::widget ::sorma::browserLaunch {
         $self configurelist $args
         set pad [::sorma::style pixels 4]
         ttk::frame $win.bar
-        ttk::label $win.bar.label -text "Launch file"
+        ttk::label $win.bar.label -text [::msgcat::mc "Launch file"]
         ttk::entry $win.bar.file -textvariable [myvar typed]
-        ttk::button $win.bar.read -text "Read" -command [mymethod Open]
-        ttk::button $win.bar.browse -text "Browse\u2026" -command [mymethod Browse]
+        ttk::button $win.bar.read -text [::msgcat::mc "Read"] -command [mymethod Open]
+        ttk::button $win.bar.browse -text [::msgcat::mc "Browse\u2026"] -command [mymethod Browse]
         pack $win.bar.label -side left -padx [list 0 $pad]
         pack $win.bar.browse $win.bar.read -side right -padx [list $pad 0]
         pack $win.bar.file -side left -fill x -expand 1         ;# the last: it gives way in a small window
         install tree using ttk::treeview $win.tree -style [::sorma::style own Treeview] -columns state -height 5 -selectmode extended
-        $tree heading #0 -text Daemon -anchor w
-        $tree heading state -text State -anchor w
+        $tree heading #0 -text [::msgcat::mc Daemon] -anchor w
+        $tree heading state -text [::msgcat::mc State] -anchor w
         foreach {tag state} {ready good ended gone} {
             $tree tag configure $tag -foreground [::sorma::style colour $state]
         }

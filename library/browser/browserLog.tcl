@@ -23,16 +23,16 @@ snit::widget ::sorma::browserLog {
     constructor {} {
         set pad [::sorma::style pixels 4]
         ttk::frame $win.bar
-        ttk::label $win.bar.severityLabel -text "At least"
+        ttk::label $win.bar.severityLabel -text [::msgcat::mc "At least"]
         ttk::combobox $win.bar.severity -style [::sorma::style own TCombobox] -values {error warning verbose} -width 7 -state readonly \
             -textvariable [myvar severity]
-        ttk::label $win.bar.daemonLabel -text "Daemon"
+        ttk::label $win.bar.daemonLabel -text [::msgcat::mc "Daemon"]
         ttk::combobox $win.bar.daemon -style [::sorma::style own TCombobox] -width 7 -textvariable [myvar daemon] -postcommand [mymethod Daemons]
-        ttk::label $win.bar.objectLabel -text "Object"
+        ttk::label $win.bar.objectLabel -text [::msgcat::mc "Object"]
         ttk::entry $win.bar.object -width 6 -textvariable [myvar object]
-        ttk::label $win.bar.textLabel -text "Text"
+        ttk::label $win.bar.textLabel -text [::msgcat::mc "Text"]
         ttk::entry $win.bar.text -width 6 -textvariable [myvar wanted]
-        ttk::checkbutton $win.bar.pause -style [::sorma::style own TCheckbutton] -text Pause -variable [myvar paused]
+        ttk::checkbutton $win.bar.pause -style [::sorma::style own TCheckbutton] -text [::msgcat::mc Pause] -variable [myvar paused]
         pack $win.bar.pause -side right                         ;# the first: entries give way in a small window
         pack {*}[lsearch -all -inline -not -exact [winfo children $win.bar] $win.bar.pause] -side left -padx [list 0 $pad]
         pack configure $win.bar.object $win.bar.text -fill x -expand 1

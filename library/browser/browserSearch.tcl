@@ -26,7 +26,7 @@ snit::widget ::sorma::browserSearch {
     constructor args {
         $self configurelist $args
         ttk::frame $win.bar
-        ttk::label $win.bar.label -text "Search" -underline 2
+        ttk::label $win.bar.label -text [::msgcat::mc "Search"] -underline 2
         ttk::entry $win.bar.entry -textvariable [myvar wanted]
         pack $win.bar.label -side left -padx [list 0 [::sorma::style pixels 6]]
         pack $win.bar.entry -side left -fill x -expand 1
@@ -136,7 +136,7 @@ snit::widget ::sorma::browserSearch {
         }
         $win.list configure -height [expr {max(1, min(12, [llength $found]))}]
         if {[llength $found] == 0} {
-            $win.list insert {} end -text "nothing is called so"
+            $win.list insert {} end -text [::msgcat::mc "nothing is called so"]
         }
         pack $win.scroll -side right -fill y
         pack $win.list -side left -fill both -expand 1

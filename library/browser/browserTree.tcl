@@ -496,7 +496,7 @@ snit::widget ::sorma::browserTree {
         if {$why ne {}} {
             $tree insert $item end -text "[::sorma::style mark stale] [$self Shown $why]" -tags stale
         } elseif {[dict size $rows] == 0} {
-            $tree insert $item end -text "(none)" -tags asking
+            $tree insert $item end -text [::msgcat::mc "(none)"] -tags asking
         }
         $self Choose
     }

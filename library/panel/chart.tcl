@@ -422,10 +422,10 @@ snit::widget ::sorma::stripchart {
         $self Hold
         if {$traces eq {}} {
             $canvas create text [expr {[winfo width $canvas] / 2}] [expr {[winfo height $canvas] / 2}] -fill [::sorma::style colour asking] \
-                -text "nothing is plotted yet: \"Plot this\" in the menu of a field" -font [::sorma::style font small]
+                -text [::msgcat::mc "nothing is plotted yet: \"Plot this\" in the menu of a field"] -font [::sorma::style font small]
         }
         if {$options(-paused)} {
-            $canvas create text [expr {[winfo width $canvas] / 2}] 3 -anchor n -text "paused" -fill $ink -font [::sorma::style font small]
+            $canvas create text [expr {[winfo width $canvas] / 2}] 3 -anchor n -text [::msgcat::mc "paused"] -fill $ink -font [::sorma::style font small]
         }
     }
     method Colour name {
@@ -440,11 +440,11 @@ snit::widget ::sorma::stripchart {
         $canvas create line $coordinates -fill [$self Colour $name] -tags [list points line $name]
     }
     method Menu {menu window} {
-        $menu add command -label [expr {$options(-paused) ? "Go on" : "Pause"}] -accelerator space -command [mymethod pause]
-        $menu add command -label "Shorter" -accelerator + -command [mymethod Zoom 0.5]
-        $menu add command -label "Longer" -accelerator - -command [mymethod Zoom 2]
-        $menu add command -label "Clear" -command [mymethod clear]
-        $menu add command -label "Save ..." -command [mymethod Save]
+        $menu add command -label [::msgcat::mc [expr {$options(-paused) ? "Go on" : "Pause"}]] -accelerator space -command [mymethod pause]
+        $menu add command -label [::msgcat::mc "Shorter"] -accelerator + -command [mymethod Zoom 0.5]
+        $menu add command -label [::msgcat::mc "Longer"] -accelerator - -command [mymethod Zoom 2]
+        $menu add command -label [::msgcat::mc "Clear"] -command [mymethod clear]
+        $menu add command -label [::msgcat::mc "Save ..."] -command [mymethod Save]
     }
     method Save {} {
         set file [tk_getSaveFile -parent $win -defaultextension .csv -filetypes {{Table .csv} {Picture .png} {{Vector picture} .pdf} {PostScript .ps}}]

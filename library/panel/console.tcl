@@ -563,15 +563,15 @@ snit::widget ::sorma::console {
         return 1
     }
     method Menu {menu window} {
-        $menu add command -label Copy -underline 0 -accelerator Ctrl-C -command [list tk_textCopy $screen] \
+        $menu add command -label [::msgcat::mc Copy] -underline 0 -accelerator Ctrl-C -command [list tk_textCopy $screen] \
             -state [expr {[$raw tag ranges sel] eq {} ? "disabled" : "normal"}]
-        $menu add command -label Paste -underline 0 -accelerator Ctrl-V -command [list event generate $screen <<Paste>>]
+        $menu add command -label [::msgcat::mc Paste] -underline 0 -accelerator Ctrl-V -command [list event generate $screen <<Paste>>]
         $menu add separator
-        $menu add command -label "Unfold the last trail" -underline 0 -accelerator Alt-T -command [mymethod unfold] \
+        $menu add command -label [::msgcat::mc "Unfold the last trail"] -underline 0 -accelerator Alt-T -command [mymethod unfold] \
             -state [expr {$folds eq {} ? "disabled" : "normal"}]
-        $menu add command -label "Stop what runs" -underline 0 -accelerator Escape -command [mymethod stop] \
+        $menu add command -label [::msgcat::mc "Stop what runs"] -underline 0 -accelerator Escape -command [mymethod stop] \
             -state [expr {$running ? "normal" : "disabled"}]
-        $menu add command -label Clear -underline 1 -accelerator Ctrl-L -command [mymethod clear]
+        $menu add command -label [::msgcat::mc Clear] -underline 1 -accelerator Ctrl-L -command [mymethod clear]
     }
 
     # Tab: what all that can stand there have in common; when nothing more is clear, all of them. Nothing stands still meanwhile, and it ends

@@ -22,8 +22,8 @@ snit::widget ::sorma::execform {
     constructor args {
         set pad [::sorma::style pixels 4]
         ttk::frame $win.in
-        ttk::button $win.go -text Execute -command [mymethod execute] -underline 0
-        ttk::button $win.cancel -text Cancel -command [mymethod cancel] -state disabled
+        ttk::button $win.go -text [::msgcat::mc Execute] -command [mymethod execute] -underline 0
+        ttk::button $win.cancel -text [::msgcat::mc Cancel] -command [mymethod cancel] -state disabled
         ttk::label $win.lamp -width 2
         ttk::progressbar $win.part -maximum 1.0 -length [::sorma::style pixels 120]
         ttk::label $win.time -font [::sorma::style font small]
@@ -88,7 +88,7 @@ snit::widget ::sorma::execform {
             $win.in.entry$n insert 0 $value
             if {[lindex $row 0] eq "any"} {
                 destroy $win.in.length$n
-                ttk::button $win.in.length$n -text "File \u2026" -command [mymethod Browse $win.in.entry$n]
+                ttk::button $win.in.length$n -text [::msgcat::mc "File \u2026"] -command [mymethod Browse $win.in.entry$n]
             }
             grid $win.in.title$n $win.in.entry$n $win.in.length$n -sticky ew -padx [list 0 $pad]
             if {$help ne {}} {

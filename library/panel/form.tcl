@@ -49,7 +49,7 @@ snit::widget ::sorma::form {
         ttk::frame $win.body
         set inner [::sorma::parts::scroller $win.body]
         ttk::frame $win.ask
-        ttk::label $win.ask.label -text "Add: OBJECT -option"
+        ttk::label $win.ask.label -text [::msgcat::mc "Add: OBJECT -option"]
         ttk::entry $win.ask.entry -textvariable [myvar asked]
         pack $win.ask.label -side left -padx [list 0 $pad]
         pack $win.ask.entry -side left -fill x -expand 1
@@ -57,8 +57,8 @@ snit::widget ::sorma::form {
         bind $win.ask.entry <Escape> [list grid remove $win.ask]
         ttk::label $win.said -wraplength [::sorma::style pixels 400] -justify left -foreground [::sorma::style colour refused]
         ttk::frame $win.apply
-        ttk::button $win.apply.apply -text Apply -command [mymethod apply] -underline 0
-        ttk::button $win.apply.revert -text Revert -command [mymethod revert] -underline 0
+        ttk::button $win.apply.apply -text [::msgcat::mc Apply] -command [mymethod apply] -underline 0
+        ttk::button $win.apply.revert -text [::msgcat::mc Revert] -command [mymethod revert] -underline 0
         pack $win.apply.apply $win.apply.revert -side left -padx [list 0 $pad]
         foreach {part sticky} {say ew body nsew ask ew said ew apply ew} {
             grid $win.$part -sticky $sticky -padx $pad -pady [list $pad 0]
@@ -275,7 +275,7 @@ snit::widget ::sorma::form {
         }
         grid columnconfigure $inner 2 -weight 1
         if {$entries eq {}} {
-            grid [ttk::label $inner.none -text "nothing is chosen yet: the right button or the Menu key adds an option of an object" \
+            grid [ttk::label $inner.none -text [::msgcat::mc "nothing is chosen yet: the right button or the Menu key adds an option of an object"] \
                 -wraplength [::sorma::style pixels 360]]
         }
         $self Tagged $win
@@ -393,9 +393,9 @@ snit::widget ::sorma::form {
         if {[regexp {^\.\D+(\d+)} [string range $window [string length $inner] end] -> n] && [string match $inner.* $window]} {
             $self EntryMenu $menu $n
         }
-        $menu add command -label "Add \u2026" -underline 0 -command [mymethod Ask]
-        $menu add command -label "Load form \u2026" -underline 0 -command [mymethod AskFile load tk_getOpenFile]
-        $menu add command -label "Save form \u2026" -underline 0 -command [mymethod AskFile save tk_getSaveFile]
+        $menu add command -label [::msgcat::mc "Add \u2026"] -underline 0 -command [mymethod Ask]
+        $menu add command -label [::msgcat::mc "Load form \u2026"] -underline 0 -command [mymethod AskFile load tk_getOpenFile]
+        $menu add command -label [::msgcat::mc "Save form \u2026"] -underline 0 -command [mymethod AskFile save tk_getSaveFile]
     }
     method EntryMenu {menu n} {
         set entry [lindex $entries $n]

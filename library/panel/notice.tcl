@@ -25,7 +25,7 @@ snit::widget ::sorma::notice {
     constructor args {
         $self configurelist $args
         ttk::label $win.text -justify left -anchor nw
-        ttk::button $win.make -text "Make it" -takefocus 1
+        ttk::button $win.make -text [::msgcat::mc "Make it"] -takefocus 1
         pack $win.text -side left -fill both -expand 1
         pack propagate $win 0
         bind $win.text <Configure> [mymethod Fit]

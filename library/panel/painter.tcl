@@ -113,7 +113,7 @@ snit::widget ::sorma::painter {
             ttk::radiobutton $tools.colour$n -style [::sorma::style own TRadiobutton] -text "$n $name" -underline 0 -variable [myvar colour] -value $n
             lappend all $tools.swatch$n $tools.colour$n
         }
-        ttk::radiobutton $tools.unknown -style [::sorma::style own TRadiobutton] -text "unknown" -underline 0 -variable [myvar colour] -value $Unknown
+        ttk::radiobutton $tools.unknown -style [::sorma::style own TRadiobutton] -text [::msgcat::mc "unknown"] -underline 0 -variable [myvar colour] -value $Unknown
         ttk::label $tools.brushText -text "Brush \[ \]"
         ttk::label $tools.brush -textvariable [myvar options(-brush)] -width 3
         lappend all $tools.unknown $tools.brushText $tools.brush
@@ -125,7 +125,7 @@ snit::widget ::sorma::painter {
         foreach w $all {
             grid $w -row 0 -column [incr column] -padx [list 0 $pad]
         }
-        ttk::label $tools.fileText -text "File"
+        ttk::label $tools.fileText -text [::msgcat::mc "File"]
         ttk::entry $tools.file -textvariable [myvar options(-file)]
         grid $tools.fileText -row 1 -column 0 -columnspan 2 -sticky w -pady [list $pad 0]
         grid $tools.file -row 1 -column 2 -columnspan [expr {$column - 1}] -sticky ew -pady [list $pad 0]

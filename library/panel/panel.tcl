@@ -66,7 +66,7 @@ snit::widget ::sorma::panel {
         ttk::label $win.head.name -text [$subject name] -font [::sorma::style font strong]
         ::sorma::status $win.head.state -name [$subject name] -brief 1
         ::sorma::notice $win.head.say
-        ttk::checkbutton $win.head.readonly -style [::sorma::style own TCheckbutton] -text "read only" -variable [myvar readOnly] \
+        ttk::checkbutton $win.head.readonly -style [::sorma::style own TCheckbutton] -text [::msgcat::mc "read only"] -variable [myvar readOnly] \
             -command [mymethod Switched] -underline 5
         ttk::frame $win.head.stop
         grid $win.head.name $win.head.state $win.head.readonly $win.head.stop -sticky ew -padx [list 0 $pad]
@@ -74,7 +74,7 @@ snit::widget ::sorma::panel {
         grid columnconfigure $win.head 1 -weight 1
         # What can be set.
         ttk::frame $win.find
-        ttk::label $win.find.label -text "Search" -underline 0
+        ttk::label $win.find.label -text [::msgcat::mc "Search"] -underline 0
         ttk::entry $win.find.entry -textvariable [myvar wanted]
         pack $win.find.label -side left -padx [list 0 $pad]
         pack $win.find.entry -side left -fill x -expand 1
@@ -86,9 +86,9 @@ snit::widget ::sorma::panel {
         $canvas configure -width [::sorma::style pixels 420] -height [::sorma::style pixels 240]
         bind $inner <Configure> [mymethod Sized]
         ttk::frame $win.apply
-        ttk::button $win.apply.apply -text Apply -command [mymethod apply] -underline 0
-        ttk::button $win.apply.revert -text Revert -command [mymethod revert] -underline 0
-        ttk::checkbutton $win.apply.once -style [::sorma::style own TCheckbutton] -text "apply at once" -variable [myvar atOnce] \
+        ttk::button $win.apply.apply -text [::msgcat::mc Apply] -command [mymethod apply] -underline 0
+        ttk::button $win.apply.revert -text [::msgcat::mc Revert] -command [mymethod revert] -underline 0
+        ttk::checkbutton $win.apply.once -style [::sorma::style own TCheckbutton] -text [::msgcat::mc "apply at once"] -variable [myvar atOnce] \
             -command [mymethod Switched]
         pack $win.apply.apply $win.apply.revert -side left -padx [list 0 $pad]
         pack $win.apply.once -side right
@@ -538,24 +538,24 @@ snit::widget ::sorma::panel {
     }
     method FieldMenu {menu option} {
         ::sorma::parts::fieldMenu $menu $subject $option [expr {!$readOnly}]
-        $menu add command -label "Undo what was set last" -underline 0 -state [expr {$readOnly ? "disabled" : "normal"}] -command [mymethod Do {CTRL -undo}]
-        $menu add command -label "Why this value" -underline 0 -command [mymethod Do [list DBX -why $option]]
+        $menu add command -label [::msgcat::mc "Undo what was set last"] -underline 0 -state [expr {$readOnly ? "disabled" : "normal"}] -command [mymethod Do {CTRL -undo}]
+        $menu add command -label [::msgcat::mc "Why this value"] -underline 0 -command [mymethod Do [list DBX -why $option]]
         $menu add separator
-        $menu add command -label "Move up" -underline 5 -command [mymethod move $option -1]
-        $menu add command -label "Move down" -underline 5 -command [mymethod move $option 1]
-        $menu add command -label "Hide" -underline 0 -command [mymethod hide $option]
+        $menu add command -label [::msgcat::mc "Move up"] -underline 5 -command [mymethod move $option -1]
+        $menu add command -label [::msgcat::mc "Move down"] -underline 5 -command [mymethod move $option 1]
+        $menu add command -label [::msgcat::mc "Hide"] -underline 0 -command [mymethod hide $option]
         $menu add separator
         $self PanelMenu $menu
     }
     method PanelMenu menu {
         set can [expr {$readOnly ? "disabled" : "normal"}]
-        $menu add command -label "Differences from the recipe" -underline 0 -command [mymethod Do {DBX -diff}]
-        $menu add command -label "Save as flavor \u2026" -underline 0 -state $can -command [mymethod Ask "Save as flavor" {} [mymethod SaveFlavor]]
+        $menu add command -label [::msgcat::mc "Differences from the recipe"] -underline 0 -command [mymethod Do {DBX -diff}]
+        $menu add command -label [::msgcat::mc "Save as flavor \u2026"] -underline 0 -state $can -command [mymethod Ask "Save as flavor" {} [mymethod SaveFlavor]]
         if {$layout ne {} && [dict get $layout hidden] ne {}} {
-            $menu add command -label "Show what is hidden" -underline 1 -command [mymethod unhide]
+            $menu add command -label [::msgcat::mc "Show what is hidden"] -underline 1 -command [mymethod unhide]
         }
-        $menu add command -label "Save layout \u2026" -underline 5 -command [mymethod AskFile save tk_getSaveFile]
-        $menu add command -label "Load layout \u2026" -underline 6 -command [mymethod AskFile load tk_getOpenFile]
+        $menu add command -label [::msgcat::mc "Save layout \u2026"] -underline 5 -command [mymethod AskFile save tk_getSaveFile]
+        $menu add command -label [::msgcat::mc "Load layout \u2026"] -underline 6 -command [mymethod AskFile load tk_getOpenFile]
     }
     method SaveFlavor flavor {
         $self Do [list CTRL -save {*}[if {$flavor ne {}} {list $flavor}]]

@@ -73,6 +73,7 @@ proc ::sorma::parts::scrolled {bar first last} {
 
 # ::sorma::parts::scroller FRAME ?PREFIX? -- fills a frame with one that scrolls: FRAME.canvas.inner, which it returns, as wide as the window.
 # FRAME.canvas is to be told its -height. PREFIX is called with first and last, when other parts of it can be seen.
+# tklib's scrollutil does this, too. Until Debian 13 it changes styles of the program around us when it is loaded: panel-4.0 would fail.
 proc ::sorma::parts::scroller {frame {prefix list}} {
     set view [canvas $frame.canvas -highlightthickness 0 -borderwidth 0 -background [ttk::style lookup . -background] \
         -yscrollcommand [list ::sorma::parts::Scrolled $frame.bar $prefix]]
@@ -120,7 +121,7 @@ proc ::sorma::parts::fieldMenu {menu subject option can} {
     $menu add command -label "Apply $option" -underline 0 -state [expr {$can ? $edited : "disabled"}] -command [list $subject apply $option]
     $menu add command -label "Revert $option" -underline 0 -state $edited -command [list $subject revert $option]
     $menu add separator
-    $menu add command -label "Copy as a request" -underline 0 -command [list ::sorma::parts::copy $menu $subject $option]
+    $menu add command -label [::msgcat::mc "Copy as a request"] -underline 0 -command [list ::sorma::parts::copy $menu $subject $option]
     switch -- [dict get [$subject option $option] type] {
         int - double { plotEntry $menu [$subject name] $option }
         vector {
@@ -131,7 +132,7 @@ proc ::sorma::parts::fieldMenu {menu subject option can} {
 }
 # ::sorma::parts::plotEntry MENU NAME WHAT ?-option value ...? -- what sorma::window chart takes.
 proc ::sorma::parts::plotEntry {menu args} {
-    $menu add command -label "Plot this" -underline 0 -command [list ::sorma::window chart {*}$args]
+    $menu add command -label [::msgcat::mc "Plot this"] -underline 0 -command [list ::sorma::window chart {*}$args]
 }
 proc ::sorma::parts::copy {window subject option} {
     clipboard clear -displayof $window

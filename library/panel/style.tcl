@@ -3,6 +3,7 @@
 # Each state of a value has a mark and a colour; neither is alone, for those who do not see the one or the other.
 
 package require Tk
+package require msgcat
 package provide sorma::style 1.0
 
 namespace eval ::sorma::style {

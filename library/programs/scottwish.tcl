@@ -91,19 +91,19 @@ proc ::sorma::scottwish::Window {} {
     wm protocol . WM_DELETE_WINDOW {set ::sorma::scottwish::Ended 1}
     menu .menu -tearoff 0
     menu .menu.file -tearoff 0
-    .menu add cascade -label File -underline 0 -menu .menu.file
+    .menu add cascade -label [::msgcat::mc File] -underline 0 -menu .menu.file
     foreach {label key command} {
         "Open arrangement..." Ctrl-O Choose
         "Save arrangement" Ctrl-S Save
         "Save arrangement as..." {} SaveAs
     } {
-        .menu.file add command -label $label -underline [expr {$command eq "SaveAs" ? 17 : 0}] -accelerator $key \
+        .menu.file add command -label [::msgcat::mc $label] -underline [expr {$command eq "SaveAs" ? 17 : 0}] -accelerator $key \
             -command [list ::sorma::scottwish::Try $command]
     }
     .menu.file add separator
-    .menu.file add command -label Quit -underline 0 -accelerator Ctrl-D -command {set ::sorma::scottwish::Ended 1}
+    .menu.file add command -label [::msgcat::mc Quit] -underline 0 -accelerator Ctrl-D -command {set ::sorma::scottwish::Ended 1}
     menu .menu.panels -tearoff 0 -postcommand ::sorma::scottwish::Panels
-    .menu add cascade -label Panels -underline 0 -menu .menu.panels
+    .menu add cascade -label [::msgcat::mc Panels] -underline 0 -menu .menu.panels
     . configure -menu .menu
     pack [::sorma::console .w -output 1 -command {set ::sorma::scottwish::Ended 1}] -fill both -expand 1
     # Before those of the text, which mean something else.
