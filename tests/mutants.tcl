@@ -6,7 +6,7 @@
 # pictures. A mutant is one change in this copy: another operator, a condition that is negated, or a statement that is left out.
 # The suites that concern the file run first, and then the others, until one fails. The file tests/mutants.list names the suites for each
 # file, and the mutants that may live. Without -suites it is those of the list that run, for "all" every one.
-# -line: only mutants whose line, as it is printed, fits this pattern of `string match`; so one that lived is tried again.
+# Only mutants are made whose line, as it is printed, fits -line, a pattern of `string match`: so one that lived is tried again.
 # A mutant is not counted when it does not compile or gives the same object. -jobs is for make; suites run one after the other.
 # Exit code 1: another one lives. The same seed gives the same mutants of the same sources.
 
