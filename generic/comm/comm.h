@@ -9,6 +9,7 @@
 // Owner:   Comm owns its servers. Proxies share the connections and may outlive Comm.
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <string>
