@@ -145,7 +145,7 @@ proc enter {page blocks starts} {
         }
         foreach word [lsort -unique $words] {
             set at [list $page [lindex $starts $i] [lindex $starts $end]]
-            # Of several heads in a row the first tells of all behind it.
+            # The first of several heads in a row tells of all behind it.
             set known [if {[dict exists $places [list $kind $word]]} {lindex [dict get $places [list $kind $word]] end}]
             if {[lindex $known 0] ne $page || [lindex $known 2] != [lindex $at 2]} {
                 dict lappend places [list $kind $word] $at
