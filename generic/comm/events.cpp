@@ -134,7 +134,6 @@ std::unique_ptr<Listening> Events::listen(std::string name, std::string pattern,
                                           const PrincipalPointer& relayFor) {
     const std::string patience = durationText(double(deadline.left()));
     calls_.lookIfIdle(monotonicNow());
-    calls_.connect(deadline);
     auto remote = make(std::move(name), std::move(pattern), keep, std::move(listener), relayFor, false);
     // Shared with the answer, which may come when nobody is here any more.
     struct Answer {
@@ -143,12 +142,10 @@ std::unique_ptr<Listening> Events::listen(std::string name, std::string pattern,
         bool done = false;
     };
     auto answer = std::make_shared<Answer>();
-    auto ask = [&] { remote->ask([answer](Trail why, const Message& m) { *answer = {std::move(why), m, true}; }); };
-    ask();
-    while (!answer->done) {
-        if (!link_.live()) {
+    for (bool asked = false; !answer->done; asked = true) {
+        if (!asked || !link_.live()) {
             calls_.connect(deadline);                   // which subscribes again by itself, but tells nobody here
-            ask();
+            remote->ask([answer](Trail why, const Message& m) { *answer = {std::move(why), m, true}; });
         }
         if (!link_.step(deadline) && !answer->done)
             fail(errors::kUnanswered, link_.fullName(remote->wanted.name), link_.address(), patience, "subscribe");
