@@ -50,9 +50,10 @@ attack {
     }
     set all {}
     for {set k 0} {$k < $kills} {incr k} {
-        set ended 0
         after [expr {int(300 * rand())}] [list daemon kill $name]
+        sorma::configure -timeout 500
         work $name $objects
+        sorma::configure -timeout 25000
         daemon start -name $name -dict $dict
         lappend all {*}[wrong $name $objects]
     }
