@@ -294,14 +294,21 @@ oo::class create ::sorma::service::judge {
     # have not. A person may put a victim on another heap than the robot thinks. What is high above the board is in somebody's hand.
     method Differences {said truth} {
         set width [dict get $said width]
+        set strays {}
         lassign [my Sorted [lmap token $truth {
             lassign $token name file rank - - z
+            set colour [lindex [split $name _] 0]
             set onBoard [expr {$file > 0.5 && $rank > 0.5 && $file < $width + 0.5 && $rank < $width + 0.5}]
             set place [list [expr {$onBoard ? round($file) : $file < 1 ? -0.4 : $width + 1.4}] [expr {round($rank)}]]
             # A heap has no token that lies half beside it.
             set away [expr {hypot($file - [lindex $place 0], $rank - min(max([lindex $place 1], 1), $width))}]
-            if {$onBoard ? $z >= 0.03 : $z >= 0.06 || $away > 0.45} continue
-            list $place [lindex [split $name _] 0]
+            if {$onBoard ? $z >= 0.03 : $z >= 0.06 || $away > 0.45} {
+                # Those that play no part lie far away.
+                if {$file < -3 || $file > $width + 4 || $rank < -2 || $rank > $width + 3} continue
+                dict append strays $colour [format {, %s at %.2f %.2f, %.0f mm high} $name $file $rank [expr {1e3 * $z}]]
+                continue
+            }
+            list $place $colour
         }] $width] is beside
         set told {}
         dict for {place stack} [dict get $said lies] {
@@ -320,8 +327,9 @@ oo::class create ::sorma::service::judge {
         }
         dict for {colour count} $besideShould {
             set there [expr {[dict exists $beside $colour] ? [dict get $beside $colour] : 0}]
+            set stray [expr {[dict exists $strays $colour] ? "; elsewhere[string range [dict get $strays $colour] 1 end]" : {}}]
             for {set n 1} {$n <= $count - $there} {incr n} {
-                dict set differs [list beside $colour $n] "on the heaps lie $there $colour tokens, and the robot says: $count"
+                dict set differs [list beside $colour $n] "on the heaps lie $there $colour tokens, and the robot says: $count$stray"
             }
         }
         return $differs

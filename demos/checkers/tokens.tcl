@@ -88,11 +88,12 @@ proc ::checkers::tokens::Height {lies place} {
     return [expr {[dict exists $lies $place] ? [llength [dict get $lies $place]] : 0}]
 }
 
-# Where tokens of a colour are put, beside the board at the right, then at the left.
+# Where tokens of a colour are put, beside the board at the right, then at the left. A row is free between two heaps: the fingers that close on
+# a token push what lies one field away (demos/lab/carries.tcl -heaps).
 proc ::checkers::tokens::HeapPlaces {width colour} {
     set places {}
     foreach file [list [expr {$width + 1.4}] -0.4] {
-        for {set n 0} {$n < $width / 2} {incr n} {
+        for {set n 0} {$n < $width / 2 - 1} {incr n 2} {
             lappend places [list $file [expr {$colour eq "red" ? $width - $n : 1 + $n}]]
         }
     }

@@ -1,6 +1,6 @@
-# carries.tcl ?-carries N? ?-faults M? ?-cancels K? ?-seed S? ?-speed F? ?-table FILE? ?-short? ?-json FILE? -- tokens are carried in the laboratory,
-# and it is measured how well: over random fields, boards, light and shadows; then while something goes wrong; then given up at random moments.
-# The daemons of lab.launch must run.
+# carries.tcl ?-carries N? ?-heaps H? ?-faults M? ?-cancels K? ?-seed S? ?-speed F? ?-table FILE? ?-short? ?-json FILE? -- tokens are carried
+# in the laboratory, and it is measured how well: over random fields, boards, light and shadows; from heaps; then while something goes wrong;
+# then given up at random moments. The daemons of lab.launch must run.
 #
 # A fault is well when it is healed (the token lies where it should) or named: the error says what it was. Exit code 0: all were.
 
@@ -364,6 +364,49 @@ proc lab::carries::Faulty count {
     measure row "$count carries with a fault, healed or named" -measured $well -wanted all -target {$well == $count}
 }
 
+# The uppermost token is taken from one of three heaps beside the board, between which a row is free, as checkers puts them.
+proc lab::carries::Heaps count {
+    set alone 0
+    for {set i 0} {$i < $count} {incr i} {
+        clear
+        set n 0
+        foreach rank {7 5 3} {
+            set high [expr {1 + int(4 * rand())}]
+            for {set underneath 0} {$underneath < $high} {incr underneath} {
+                simlab@lab CTRL -move red_[incr n] [expr {9.4 + [uniform 0.015]}] [expr {$rank + [uniform 0.015]}] $underneath
+            }
+            set top($rank) [list red_$n [expr {$high - 1}]]
+        }
+        simlab@lab EXEC step FMSG 1 0.3
+        set rank [lindex {7 5 3} [expr {int(3 * rand())}]]
+        lassign $top($rank) token underneath
+        set before [Others $token]
+        set failed [catch {carry@robot exec -floats [list 9.4 $rank $underneath 4 4 0]} text]
+        set pushed [lmap {name at} $before {
+            lassign [concat $at [dict get [Others $token] $name]] x y z u v w
+            expr {hypot($u - $x, $v - $y) > 0.002 || abs($w - $z) > 0.002 ? $name : [continue]}
+        }]
+        if {!$failed && $pushed eq {}} {
+            incr alone
+        } else {
+            puts "$i: $token from the heap at row $rank: [expr {$failed ? $text : "carried"}]; pushed: [join $pushed {, }]"
+        }
+        recover
+    }
+    measure row "$count taken from heaps, others as before" -measured $alone -wanted all -target {$alone == $count}
+}
+# Where tokens are in the laboratory but one: dict name -> x y z [m].
+proc lab::carries::Others token {
+    set places {}
+    foreach line [split [lindex [simlab@lab DBX -tokens] 3] \n] {
+        lassign $line name - - x y z
+        if {$name ne $token} {
+            dict set places $name [list $x $y $z]
+        }
+    }
+    return $places
+}
+
 proc lab::carries::GivenUp count {
     set still 0
     for {set i 0} {$i < $count} {} {
@@ -389,6 +432,7 @@ proc lab::carries::run given {
     dict with given {}
     prepare ${-table} ${-speed}
     Well ${-carries} ${-speed}
+    Heaps ${-heaps}
     # Parts that are away are given up sooner.
     carry@robot CTRL -patience 8
     Faulty ${-faults}
@@ -404,5 +448,6 @@ proc lab::carries::run given {
 }
 
 if {[file normalize $argv0] eq [file normalize [info script]]} {
-    exit [measure run {-carries {any 200} -faults {any 100} -cancels {any 50} -speed {any 0} -table any} {-carries 2 -faults 8 -cancels 2} $argv lab::carries::run]
+    exit [measure run {-carries {any 200} -heaps {any 40} -faults {any 100} -cancels {any 50} -speed {any 0} -table any} \
+        {-carries 2 -faults 8 -cancels 2 -heaps 2} $argv lab::carries::run]
 }

@@ -84,7 +84,7 @@ proc lab::run {} {
         }
         set code 0
         foreach words [list [list programme.tcl -speed [dict get $options -speed]] \
-                [list carries.tcl -speed [dict get $options -speed] -carries [dict get $options -carries] -faults 0 -cancels 0]] {
+                [list carries.tcl -speed [dict get $options -speed] -carries [dict get $options -carries] -heaps 0 -faults 0 -cancels 0]] {
             start [info nameofexecutable] [file join $Here [lindex $words 0]] {*}[lrange $words 1 end]
             vwait ::lab::Heard
             set code [expr {$code || $Heard ne "ended"}]

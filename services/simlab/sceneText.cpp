@@ -219,11 +219,11 @@ void putTokens(Text& out, int n, double field, double centre) {
     for (int rank = n; rank > n - rows; --rank)
         for (int file = 1; file <= n; ++file)
             if ((file + rank) % 2 == 0) put("red", red, file, rank);
-    for (int i = 0; i < 2; ++i) put("red", red, n + 1.4, n - i);
+    for (int i = 0; i < 2; ++i) put("red", red, n + 1.4, n - 2 * i);
     for (int rank = 1; rank <= rows; ++rank)
         for (int file = 1; file <= n; ++file)
             if ((file + rank) % 2 == 0) put("yellow", yellow, file, rank);
-    for (int i = 0; i < 2; ++i) put("yellow", yellow, n + 1.4, 1 + i);
+    for (int i = 0; i < 2; ++i) put("yellow", yellow, n + 1.4, 1 + 2 * i);
 }
 
 }  // namespace
