@@ -25,7 +25,7 @@ namespace eval checkers::session {
     variable Counts {}          ;# state of the plot -> how often it was entered, in this game
     variable Faults 0           ;# of the person
     variable Named 0            ;# those of which he was told, with a field where they are
-    variable Undone 0           ;# those that he put right because his daemon was killed, before he was told
+    variable Undone 0           ;# those that he put right because a daemon was killed, before he was told
     variable Ordered 0          ;# how often he has put all tokens where they belong, because he was told once more
     variable Remembered 0       ;# how often he has set out all tokens because a daemon was new
     variable Speed 1            ;# of lab time
@@ -307,6 +307,7 @@ proc checkers::session::Person event {
         remembered {
             variable Forgotten 0
             incr ::checkers::session::Remembered
+            forgotten
             puts "    (the person sets out the tokens as they were)"
         }
         undid {
@@ -379,7 +380,7 @@ proc checkers::session::Away {} {
     }
     return $Killed
 }
-# The person's daemon has been killed: what he has done wrong he puts right when he is there again.
+# The person's daemon or the laboratory has been killed: what he has done wrong is put right when all tokens lie as they did.
 proc checkers::session::forgotten {} {
     variable Fault
     variable Undone

@@ -16,6 +16,7 @@ oo::class create ::sorma::service::transform {
 
     sorma::purpose "between the board, the picture and the world, learned from what the hand's camera sees"
     sorma::option -board vector -unit "m, rad" -length 3 -default {0.57 0 0} -help "where the board lies: x, y of its middle, yaw"
+    sorma::option -learnFirst flag -default 0 -help "-board is where a board that may be moved was first: until learnBoard has found it, all else is an error"
     sorma::option -fields int -range {2 26} -default 8 -help "of a side of the board"
     sorma::option -field double -unit m -range {0.001 1} -default 0.045 -help "side of a field"
     sorma::option -markers vector -unit m -length 2 -default {0.206 0.160} -help "how far behind the middle of the board the markers are, and how far to its sides"
@@ -69,6 +70,9 @@ oo::class create ::sorma::service::transform {
         set floats [dict get $message floats]
         if {[llength $floats] ni [dict get $counts $word]} {
             sorma::fail {TRANSFORM FLOATS} "[my name]: $word takes [join [dict get $counts $word] { or }] floats, got [llength $floats]"
+        }
+        if {[my cget -learnFirst] && $word ni {learnBoard learnCamera learned} && ![dict exists $Learned board]} {
+            sorma::fail {TRANSFORM UNLEARNED} "[my name]: $word: since this object was made nobody has looked where the board lies: say [my name] EXEC learnBoard"
         }
         return [my [string toupper $word 0] {*}$floats]
     }
