@@ -452,6 +452,7 @@ void Class::declared() {
 }
 
 Class& Class::realtime() { return realtime_ = true, *this; }
+Class& Class::testedAtBirth(double seconds) { return testedAtBirth_ = seconds, *this; }
 Class& Class::withoutFeedthrough() { return feedthrough_ = false, *this; }
 Class& Class::example(std::string request) { return example_ = std::move(request), *this; }
 Class& Class::version(std::string version) { return version_ = std::move(version), *this; }
@@ -615,6 +616,7 @@ std::string Class::helpText(std::string_view object, bool expert) const {
         }
     }
     if (flavors_ == Flavors::dictionary) out += "\nflavors\n  only those that have an entry in the dictionary";
+    if (testedAtBirth_ > 0) out += "\nself-test\n  when an object is made: one that does not pass is not made";
     if (!example_.empty()) out += "\nexample\n  " + example_;
     return out;
 }

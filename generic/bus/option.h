@@ -301,6 +301,8 @@ public:
     Class& version(std::string version);
     Class& concurrency(Concurrency concurrency);                // default: serial
     Class& flavors(Flavors flavors);
+    // An object that does not pass its self-test is not made. It has so long for it [s].
+    Class& testedAtBirth(double seconds = 10);
     // The class promises: EXEC without words does not allocate, lock, wait or use the SORM, but for its first calls. So the
     // object may be a step of a cycle.
     Class& realtime();
@@ -312,6 +314,7 @@ public:
     Concurrency concurrency() const { return concurrency_; }
     Flavors flavors() const { return flavors_; }
     bool isRealtime() const { return realtime_; }
+    double testedAtBirth() const { return testedAtBirth_; }         // [s]; 0: it is not
     Right execRight() const { return execRight_; }
     bool doesActOnWords() const { return actsOnWords_; }
     // Does this EXEC need Right::operate? The second: does any?
@@ -397,6 +400,7 @@ private:
     std::uint8_t checks_ = 0;               // sum of Check
     std::array<Count, 4> takes_{};          // by Field: lengths that some part allows; without a signature: all
     bool takesWords_ = true, ranged_ = false;
+    double testedAtBirth_ = 0;
     bool realtime_ = false, feedthrough_ = true, actsOnWords_ = false;
     Right execRight_ = Right::call;
     std::vector<std::pair<std::string, Danger>> execDangers_;   // by word; empty word: every EXEC

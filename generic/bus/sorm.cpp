@@ -27,6 +27,7 @@ const Prototype kDuplicate{Severity::error, "CLASS DUPLICATE", 1, "service class
 const Prototype kClassName{Severity::error, "NAME SYNTAX", 1, "bad class name \"{}\": must be lower-case letters, digits and _"};
 const Prototype kCycle{Severity::error, "SERVICE CYCLE", 1, "{}: sub-services form a cycle: {}"};
 const Prototype kFailed{Severity::error, "SERVICE FAILED", 1, "{}: the constructor of class {} failed: {}"};
+const Prototype kUntested{Severity::error, "SERVICE SELFTEST", 1, "{}: is not made, since it does not pass its self-test"};
 const Prototype kThread{Severity::error, "SERVICE THREAD", 1,
                         "{}: a step of a cycle cannot make or remove objects; post that to sorm().mailbox()"};
 const Prototype kGone{Severity::error, "SERVICE GONE", 1, "{}: there is no such service object"};
@@ -335,6 +336,7 @@ Reference Sorm::makeLocal(const Name& which, const std::vector<std::string>* wor
         if (!recipe.empty()) made->configure(recipe, true, &reply);
         made->recall(words);
         made->born();
+        testAtBirth(*made);
     } catch (...) {
         throw Error(trailOfCurrentException(name));
     }
@@ -349,10 +351,25 @@ Reference Sorm::makeAnonymous(std::unique_ptr<Service> service, const std::strin
     type.learnDefaults(*made);
     try {
         made->born();
+        testAtBirth(*made);
     } catch (...) {
         throw Error(trailOfCurrentException(label));
     }
     return made;
+}
+
+void Sorm::testAtBirth(Service& made) {
+    const double seconds = made.type().testedAtBirth();
+    if (seconds <= 0) return;
+    Message test;
+    test.words = {"-selftest"};
+    try {
+        made.async(Method::ctrl, std::move(test), Deadline::in(std::int64_t(1000 * seconds))).wait();
+    } catch (const Error& e) {
+        Trail trail = e.trail;
+        trail.add(makeEntry(kUntested, {MessageArg::of(made.name())}));
+        throw Error(std::move(trail));
+    }
 }
 
 void Sorm::dismiss(const Reference& anonymous) {

@@ -236,6 +236,7 @@ private:
     };
     Use useOf(const std::string& name) const;
     void keep(const std::string& key, const Reference& service, AccountPointer account);    // add a name to the repository
+    void testAtBirth(Service& made);                                    // fails: it is not made
     void drop(const std::string& key);                                  // remove it
     friend class Observers;
     void markObserved();                                                // tell all objects that they are observed

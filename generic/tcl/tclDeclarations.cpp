@@ -37,6 +37,7 @@ Class buildClass(Interpreter& i, const std::vector<TclClass*>& line, Tcl_Class t
         if (!c->concurrency.empty())
             made.concurrency(c->concurrency == "concurrent" ? Concurrency::concurrent : c->concurrency == "exclusive" ? Concurrency::exclusive : Concurrency::serial);
         if (!c->flavors.empty()) made.flavors(c->flavors == "dictionary" ? Flavors::dictionary : Flavors::any);
+        if (c->testedAtBirth > 0) made.testedAtBirth(c->testedAtBirth);
         if (!c->file.empty()) made.declaredAt(c->file, c->line);
         for (auto& d : c->options) {
             std::size_t index = made.options().size();
@@ -393,6 +394,20 @@ int FlavorsObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const 
     });
 }
 
+int TestedAtBirthObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc > 2) return wrongArgs(interp, objv, "?seconds?");
+        TclClass& c = target(i, objv[0]);
+        double seconds = 10;
+        if (objc == 2 && (Tcl_GetDoubleFromObj(nullptr, objv[1], &seconds) != TCL_OK || !(seconds > 0 && seconds <= 86400)))
+            bad(objv[0], "bad time \"" + toUtf8(objv[1]) + "\": must be seconds, up to 86400");
+        c.testedAtBirth = seconds;
+        declared(i, c);
+        return TCL_OK;
+    });
+}
+
 // sorma::words usage ?verb at kind ...?
 int WordsObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
@@ -447,7 +462,7 @@ void tcloo::initDeclarations(Interpreter& i) {
     for (auto& c : std::initializer_list<Command>{
              {"option", OptionObjCmd}, {"action", ActionObjCmd}, {"inspection", InspectionObjCmd},
              {"concurrency", ConcurrencyObjCmd}, {"danger", DangerObjCmd}, {"flavors", FlavorsObjCmd}, {"reads", ReadsObjCmd},
-             {"writes", WritesObjCmd},
+             {"testedAtBirth", TestedAtBirthObjCmd}, {"writes", WritesObjCmd},
              {"purpose", TextObjCmd<&TclClass::purpose, kTextUsage>}, {"words", WordsObjCmd},
              {"example", TextObjCmd<&TclClass::example, kRequestUsage>},
              {"version", TextObjCmd<&TclClass::version, kVersionUsage>}})

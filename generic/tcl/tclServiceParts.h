@@ -25,6 +25,7 @@ struct TclClass {
     Tcl_Class tcl = nullptr;            // null when the TclOO class has been deleted
     std::string service;                // name of the service class
     std::string purpose, words, example, version, concurrency, flavors;
+    double testedAtBirth = 0;               // [s]; 0: it is not
     std::vector<Class::Word> wordKinds;     // of words
     std::vector<OptionDeclaration> options;
     std::vector<Action> actions, inspections;

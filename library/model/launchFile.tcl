@@ -17,7 +17,7 @@ namespace eval ::sorma::launchFile {
     # The settings of a daemon; the manual of sorma-launch explains them.
     variable Options {
         -package words  -make words  -dict words  -path words  -script word  -port {{whole 0 65535}}  -host word  -socket word  -rpcbind boolean  -program word
-        -allow words  -policy word  -share boolean  -strict boolean  -log word  -env words  -directory word  -on word  -after words
+        -allow words  -policy word  -share boolean  -strict boolean  -selftest {{seconds 0 86400}}  -log word  -env words  -directory word  -on word  -after words
         -ready {{seconds 0.1 86400} 20}  -restart {{choice never failure always} never}  -limit {{whole 0 1000000} 5}
         -pause {{seconds 0 3600} 0.5}  -grace {{seconds 0 86400} 5}  -essential {boolean 0}
         -sormad {{word {a command}} sormad}  -ssh {{word {a command}} ssh}

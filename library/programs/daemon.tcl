@@ -12,7 +12,7 @@ namespace eval ::sorma::daemon {
     # The options in the manual of sormad; the last ones are those of sorma::serve, which checks them.
     variable Options {
         -name {{word {a name}}}  -dict words  -path words  -package words  -make words  -script word  -log word  -idle {{seconds 0 1e9} 0}  -grace {{seconds 0 86400} 5}
-        -interactive flag  -until-eof flag  -inetd flag  -strict {boolean 0}  -help flag  --help flag
+        -selftest {{seconds 0 86400} 0}  -interactive flag  -until-eof flag  -inetd flag  -strict {boolean 0}  -help flag  --help flag
         -port any  -host any  -socket any  -rpcbind any  -program any  -allow collect  -policy any  -open any  -share any
     }
     variable End            ;# set once: how the daemon ended
@@ -196,6 +196,9 @@ proc ::sorma::daemon::Start {settings inherited} {
     foreach name [dict get $settings -make] {
         Make $name
     }
+    if {[dict get $settings -selftest] > 0} {
+        TestObjects [dict get $settings -selftest] $log
+    }
     if {[dict exists $inherited -connection]} {
         ::sorma::subscribe sorm -event connection.closed -command ::sorma::daemon::ConnectionEnded
     }
@@ -236,6 +239,20 @@ proc ::sorma::daemon::Make name {
         ::sorma::so::$name info class       ;# its first use, so that strict names hold
     } on error {message options} {
         return -options $options "-make $name: $message"
+    }
+}
+
+# Nobody can call a daemon before all its objects have passed their self-tests; each has so long for it [s].
+proc ::sorma::daemon::TestObjects {seconds log} {
+    set names [lsearch -all -inline -not -regexp [::sorma::names] {^(?:sorm|dict)$}]
+    set n 0
+    foreach name $names {
+        puts $log "self-test [incr n] of [llength $names]: $name"
+        try {
+            [::sorma::async -timeout [expr {round(1000 * $seconds)}] $name CTRL -selftest] take
+        } on error {message options} {
+            return -options $options "the self-test of $name: $message"
+        }
     }
 }
 

@@ -476,7 +476,7 @@ proc ::sorma::launch::commandText {name settings} {
     foreach line [dict get $settings -allow] {
         lappend words -allow $line
     }
-    foreach option {-port -host -socket -rpcbind -program -policy -share -strict -log -script} {
+    foreach option {-port -host -socket -rpcbind -program -policy -share -strict -selftest -log -script} {
         if {[dict get $settings $option] ne {}} {
             lappend words $option [dict get $settings $option]
         }

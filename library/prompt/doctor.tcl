@@ -1,7 +1,7 @@
 # doctor.tcl -- what could keep SORMA from working on this machine, and how to mend it.
 #
-# Each proc of the namespace that begins with Check adds findings by Note; it changes nothing but the sockets of daemons that have
-# died, which it removes as all that look around do.
+# Each proc of the namespace that begins with Check adds findings by Note. It changes nothing, but removes the sockets of dead daemons, as
+# all that look around do.
 
 package provide sorma::doctor 1.0         ;# before what needs it in turn
 package require sorma::inspect
@@ -15,17 +15,21 @@ namespace eval ::sorma::inspect::doctor {
     variable Checks {Package Folder Sockets Daemons Dictionary Policy SharedMemory Limits Rpcbind}
 }
 
-# ::sorma::inspect::doctor ?-data? --
-#       Look at what SORMA needs of this machine: a line for each thing, and below what is wrong how to mend it.
+# ::sorma::inspect::doctor ?-selftest? ?-data? --
+#       Look at what SORMA needs of this machine: a line for each thing, and below what is wrong how to mend it. With -selftest all objects
+#       here and at the daemons test themselves, too.
 # Results:
 #       With -data a list of dicts: what, state (ok; note: it matters to some; wrong), text, mend.
 proc ::sorma::inspect::doctor args {
-    lassign [Parse $args {}] - data
+    lassign [Parse $args {} 0 {-selftest flag}] - data selftest
     set doctor::Findings {}
     foreach check $doctor::Checks {
         if {[catch {doctor::Check$check} message]} {
             doctor::Note [string tolower $check] wrong "cannot be looked at: $message" {}
         }
+    }
+    if {$selftest} {
+        doctor::CheckObjects
     }
     return [if {$data} {set doctor::Findings} else {::sorma::listing findings $doctor::Findings}]
 }
@@ -152,6 +156,22 @@ proc ::sorma::inspect::doctor::CheckDaemons {} {
         Note daemons ok "[join $well {, }]"
     } elseif {[llength $daemons] == 0} {
         Note daemons ok "none runs"
+    }
+}
+
+proc ::sorma::inspect::doctor::CheckObjects {} {
+    set passed 0
+    foreach test [::sorma::inspect::selftest -data] {
+        if {[dict exists $test error]} continue        ;# that daemon has a line
+        if {[dict get $test passed]} {
+            incr passed
+        } else {
+            set place [dict get $test name][if {[dict get $test where] ne {}} {string cat @[dict get $test where]}]
+            Note object wrong "$place: [dict get $test text]" "see sorma::help $place; when it is mended, $place CTRL -selftest"
+        }
+    }
+    if {$passed > 0} {
+        Note objects ok "$passed pass[if {$passed == 1} {string cat es}] [expr {$passed == 1 ? "its" : "their"}] self-test[if {$passed > 1} {string cat s}]"
     }
 }
 

@@ -7,7 +7,7 @@ package require sorma::text
 package provide sorma::listing 1.0
 
 namespace eval ::sorma::listing {
-    namespace export objects tree daemons busiest found watched passing rates findings table sections microseconds digits
+    namespace export objects tree daemons busiest found tested watched passing rates findings table sections microseconds digits
     namespace ensemble create
     variable MostRows 200       ;# of one table
 }
@@ -124,6 +124,18 @@ proc ::sorma::listing::findings items {
     }
     lappend out [expr {$wrong == 0 ? "nothing is wrong" : $wrong == 1 ? "1 thing is wrong" : "$wrong things are wrong"}]
     return [join $out \n]
+}
+
+# ::sorma::listing::tested ITEM -- of where name passed seconds text.
+proc ::sorma::listing::tested item {
+    set where [dict get $item where]
+    if {[dict exists $item error]} {
+        return [Trouble "$where: [dict get $item error]"]
+    }
+    set passed [dict get $item passed]
+    set head [format "%-6s %8s  %-20s" [expr {$passed ? "passed" : "failed"}] [microseconds [expr {1e6 * [dict get $item seconds]}]] \
+        [dict get $item name][if {$where ne {}} {string cat @$where}]]
+    return [::sorma::text::hang [::sorma::text::paint $head [expr {$passed ? {} : "error"}] [Style]] 38 [::sorma::text::clean [dict get $item text]] [Style]]
 }
 
 # ---- what happens ----
