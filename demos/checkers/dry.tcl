@@ -4,6 +4,7 @@
 #     drysight -lab simlab@lab            drysight EXEC; publishes seen as sight does
 
 package require sorma
+package require checkers::tokens
 
 # What both know of the laboratory.
 oo::class create ::checkers::laboratory {
@@ -18,10 +19,10 @@ oo::class create ::checkers::laboratory {
                 lappend here [list $name $z]
             }
         }
-        return [lsort -real -index 1 $here]
+        return $here
     }
     method Tokens {} {
-        return [split [lindex [[my cget -lab] DBX -tokens] 3] \n]
+        return [::checkers::tokens seen [[my cget -lab] exec tokens]]
     }
 }
 
@@ -90,8 +91,8 @@ oo::class create ::sorma::service::drysight {
 # one still lies pushes it away.
 proc ::checkers::moveBoard {lab dx dy turn {width 8}} {
     set beside {}
-    foreach line [lsort -real -index 5 [split [lindex [$lab DBX -tokens] 3] \n]] {
-        lassign $line name file rank - - z
+    foreach token [::checkers::tokens seen [$lab exec tokens]] {
+        lassign $token name file rank - - z
         if {$file < 0.5 || $file > $width + 0.5} {
             lappend beside [list $name $file $rank [expr {round($z / 0.008 - 0.5)}]]
         }

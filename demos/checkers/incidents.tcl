@@ -68,8 +68,8 @@ proc checkers::incidents::Path move {
     return [list [lrange $came 1 [lindex $came 0]] [lrange $came [lindex $came 0]+1 end]]
 }
 proc checkers::incidents::At {file rank} {
-    foreach line [split [lindex [$::checkers::session::Lab DBX -tokens] 3] \n] {
-        lassign $line name f r
+    foreach token [::checkers::tokens seen [$::checkers::session::Lab exec tokens]] {
+        lassign $token name f r
         if {abs($f - $file) < 0.3 && abs($r - $rank) < 0.3} {
             return $name
         }
@@ -143,7 +143,7 @@ proc checkers::incidents::killed {} {
 proc checkers::incidents::laser {} {
     set lab $::checkers::session::Lab
     set name [At 1 1]
-    lassign [lsearch -inline -index 0 [split [lindex [$lab DBX -tokens] 3] \n] $name] - - - x y z
+    lassign [lsearch -inline -index 0 [::checkers::tokens seen [$lab exec tokens]] $name] - - - x y z
     laser@laser CTRL -blinks 0
     $lab CTRL -steal $name
     until "the laser is on" {[lindex [dict get [laser@laser exec status] floats] 0] == 1}

@@ -254,18 +254,15 @@ oo::class create ::sorma::service::judge {
         }
     }
     # A laboratory that is away is not waited for.
-    method Asked what {
-        return [lindex [[sorma::async -timeout 2000 [my cget -lab] DBX $what] take] 3]
+    method Asked args {
+        return [[sorma::async -timeout 2000 [my cget -lab] {*}$args] take]
     }
-    method Tokens {} {
-        return [split [my Asked -tokens] \n]
+    method Truth {} {
+        return [::checkers::tokens seen [my Asked exec tokens]]
     }
     # Is the person's hand over the board?
     method Hand {} {
-        return [expr {[my Asked -person] ne "away"}]
-    }
-    method Truth {} {
-        return [lsort -real -index 5 [my Tokens]]
+        return [expr {[lindex [my Asked DBX -person] 3] ne "away"}]
     }
     # HAND: one is over the board. What is missing beside it may be in this hand, also when the person has been killed.
     method Count {differs hand} {

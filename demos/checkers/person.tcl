@@ -197,10 +197,10 @@ oo::class create ::checkers::person {
     method Faultstolen {} {
         my variable Game Lab
         set other [expr {[my Setting -robot] eq "white" ? "red" : "yellow"}]
-        set lines [split [lindex [$Lab DBX -tokens] 3] \n]
-        set first [expr {int(rand() * [llength $lines])}]
-        foreach line [concat [lrange $lines $first end] [lrange $lines 0 $first-1]] {
-            lassign $line name file rank - - z
+        set tokens [::checkers::tokens seen [$Lab exec tokens]]
+        set first [expr {int(rand() * [llength $tokens])}]
+        foreach token [concat [lrange $tokens $first end] [lrange $tokens 0 $first-1]] {
+            lassign $token name file rank - - z
             set place [list [expr {round($file)}] [expr {round($rank)}]]
             if {[string match ${other}_* $name] && $z < 0.007 && [my OnBoard $place] && [my Tokens [$Game lies] $place] == 1} {
                 my Doing stolen [list $place]
@@ -217,7 +217,7 @@ oo::class create ::checkers::person {
     # Does a token lie neither on the board nor on a heap?
     method Stolen name {
         my variable Lab Game
-        lassign [lsearch -inline -index 0 [split [lindex [$Lab DBX -tokens] 3] \n] $name] - file rank
+        lassign [lsearch -inline -index 0 [::checkers::tokens seen [$Lab exec tokens]] $name] - file rank
         return [expr {![::checkers::tokens there [$Game width] $file $rank]}]
     }
     method Faultturned {} {

@@ -11,7 +11,7 @@ package require Tcl 8.6-
 package provide checkers::tokens 1.0
 
 namespace eval ::checkers::tokens {
-    namespace export width lie place square there spares colour heapPlace heap spare after transfers
+    namespace export width seen lie place square there spares colour heapPlace heap spare after transfers
     namespace ensemble create
 
     variable Most 6             ;# tokens on each other, of a heap
@@ -32,6 +32,16 @@ proc ::checkers::tokens::lie {width position} {
         }
     }
     return $lies
+}
+
+# ::checkers::tokens::seen REPLY -- the tokens of the laboratory, the lowest first, from its answer to EXEC tokens: list of {name file rank x y z}.
+proc ::checkers::tokens::seen reply {
+    if {![dict exists $reply text]} {
+        return
+    }
+    return [lsort -real -index 5 [lmap name [dict get $reply text] {file rank x y z} [dict get $reply floats] {
+        list $name $file $rank $x $y $z
+    }]]
 }
 
 # ::checkers::tokens::width PDN -- files of the board of a game.

@@ -375,7 +375,7 @@ proc checkers::window::Look {} {
         set Blind {}
     } elseif {$Hand == 0 && !$Looking} {
         set Looking 1
-        sorma::async -timeout 2000 -command [list checkers::window::Looked $::checkers::window::Shows] simlab@lab DBX -tokens
+        sorma::async -timeout 2000 -command [list checkers::window::Looked $::checkers::window::Shows] simlab@lab exec tokens
     }
 }
 proc checkers::window::Looked {asked future} {
@@ -383,11 +383,11 @@ proc checkers::window::Looked {asked future} {
     variable Width
     variable Looking 0
     variable Blind
-    set Blind [expr {[catch {lindex [$future take] 3} text] ? $text : {}}]
+    set Blind [expr {[catch {::checkers::tokens seen [$future take]} tokens] ? $tokens : {}}]
     if {$Blind eq {} && $Shows == $asked && [winfo exists .game.board]} {
         set lies {}
-        foreach line [lsort -real -index 5 [split $text \n]] {
-            lassign $line name file rank - - z
+        foreach token $tokens {
+            lassign $token name file rank - - z
             set place [list $file $rank]
             if {abs($file - round($file)) < 0.3 && abs($rank - round($rank)) < 0.3 && $file > 0.5 && $file < $Width + 0.5} {
                 set place [list [expr {round($file)}] [expr {round($rank)}]]

@@ -83,10 +83,10 @@ proc lab::carries::scene {{count 8}} {
 # What transform says of the tokens that are on the board and of the markers, and where they are.
 proc lab::carries::Compare {} {
     variable Off
-    set on [lsearch -all -inline -not -regexp [split [lindex [simlab@lab DBX -tokens] 3] \n] {^\S+ (9|-|0\.[0-4]|\d\d)}]
     set places {}
-    foreach line $on {
-        lassign $line - file rank x y
+    dict for {name place} [Tokens] {
+        lassign $place file rank x y
+        if {$file < 0.5 || $file >= 9 || $rank < 0.5} continue
         lassign [World $file $rank] u v
         lappend places [list [expr {$rank + 0.1 * $file}] $x $y $u $v]
     }
@@ -165,11 +165,17 @@ proc lab::carries::empty tokens {
 }
 # How far a token is from a field [m].
 proc lab::carries::away {token field} {
-    foreach line [split [lindex [simlab@lab DBX -tokens] 3] \n] {
-        if {[lindex $line 0] eq $token} {
-            return [expr {0.045 * hypot([lindex $line 1] - [lindex $field 0], [lindex $line 2] - [lindex $field 1])}]
-        }
+    lassign [concat [dict get [Tokens] $token] $field] file rank - - - wantedFile wantedRank
+    return [expr {0.045 * hypot($file - $wantedFile, $rank - $wantedRank)}]
+}
+# Where the tokens are in the laboratory: dict name -> file rank x y z [m].
+proc lab::carries::Tokens {} {
+    set seen [simlab@lab exec tokens]
+    set places {}
+    foreach name [dict get $seen text] {file rank x y z} [dict get $seen floats] {
+        dict set places $name [list $file $rank $x $y $z]
     }
+    return $places
 }
 
 # ---- one carry ----
@@ -380,10 +386,11 @@ proc lab::carries::Heaps count {
         simlab@lab EXEC step FMSG 1 0.3
         set rank [lindex {7 5 3} [expr {int(3 * rand())}]]
         lassign $top($rank) token underneath
-        set before [Others $token]
+        set before [dict remove [Tokens] $token]
         set failed [catch {carry@robot exec -floats [list 9.4 $rank $underneath 4 4 0]} text]
+        set after [Tokens]
         set pushed [lmap {name at} $before {
-            lassign [concat $at [dict get [Others $token] $name]] x y z u v w
+            lassign [concat $at [dict get $after $name]] - - x y z - - u v w
             expr {hypot($u - $x, $v - $y) > 0.002 || abs($w - $z) > 0.002 ? $name : [continue]}
         }]
         if {!$failed && $pushed eq {}} {
@@ -395,18 +402,6 @@ proc lab::carries::Heaps count {
     }
     measure row "$count taken from heaps, others as before" -measured $alone -wanted all -target {$alone == $count}
 }
-# Where tokens are in the laboratory but one: dict name -> x y z [m].
-proc lab::carries::Others token {
-    set places {}
-    foreach line [split [lindex [simlab@lab DBX -tokens] 3] \n] {
-        lassign $line name - - x y z
-        if {$name ne $token} {
-            dict set places $name [list $x $y $z]
-        }
-    }
-    return $places
-}
-
 proc lab::carries::GivenUp count {
     set still 0
     for {set i 0} {$i < $count} {} {

@@ -95,16 +95,11 @@ void Props::moveBoard(double dx, double dy, double turn) {
     for (std::size_t i = 0; i < 3; ++i) data_.qpos[scene_.boardQpos[i]] += at[i];
 }
 
-std::string Props::tokens() const {
-    std::string out;
+std::vector<Props::Lying> Props::tokens() const {
+    std::vector<Lying> out;
     for (auto& t : scene_.tokens) {
-        const Point p = position(t);
-        double file = 0, rank = 0;
-        fieldOf(p, file, rank);
-        char line[120];
-        std::snprintf(line, sizeof line, "%s%s %.3f %.3f %.4f %.4f %.4f", out.empty() ? "" : "\n", t.name.c_str(), file,
-                      rank, p[0], p[1], p[2]);
-        out += line;
+        Lying& here = out.emplace_back(Lying{t.name, 0, 0, position(t)});
+        fieldOf(here.at, here.file, here.rank);
     }
     return out;
 }

@@ -20,7 +20,12 @@ public:
     void stealToken(const std::string& name);
     std::string addToken(const std::string& colour, double file, double rank, double h);    // a spare one; returns its name
     void moveBoard(double dx, double dy, double turn);                                      // with what lies on it
-    std::string tokens() const;                     // lines: name file rank x y z
+    struct Lying {
+        std::string name;
+        double file, rank;
+        Point at;                                   // [m]
+    };
+    std::vector<Lying> tokens() const;
 
     void setBall(Trajectory path, double now);
     const Trajectory& ball() const { return ball_; }

@@ -25,7 +25,7 @@ const sorma::Prototype kBuffer{Severity::error, "SIMLAB BUFFER", 1,
                                "{}: a buffer cannot be written: {}; another laboratory may run: -prefix keeps them apart"};
 const sorma::Prototype kOption{Severity::error, "OPTION VALUE", 2, "{}: {} {}: {}"};
 const sorma::Prototype kRefused{Severity::error, "SIMLAB REFUSED", 1, "{}: {}: {}"};
-const sorma::Prototype kWord{Severity::error, "SIMLAB WORD", 2, "{}: bad word \"{}\": must be camera, step, time, or view"};
+const sorma::Prototype kWord{Severity::error, "SIMLAB WORD", 2, "{}: bad word \"{}\": must be camera, step, time, tokens, or view"};
 const sorma::Prototype kFloats{Severity::error, "SIMLAB FLOATS", 1, "{}: {} takes {}, got {} floats"};
 const sorma::Prototype kValue{Severity::error, "SIMLAB VALUE", 1, "{}: {} takes {}, not {}"};
 const sorma::Prototype kPicture{Severity::error, "SIMLAB PICTURE", 1, "{}: there is no picture: {}"};
@@ -117,7 +117,12 @@ public:
             .danger(sorma::Danger::move)
             .inspection({"-tokens", "", "name file rank x y z of each token", 0, 0,
                          [](Service& s, Args, Message& m) {
-                             m.text += static_cast<Simlab&>(s).lab([](Laboratory& l) { return l.props.tokens(); });
+                             for (auto& t : static_cast<Simlab&>(s).lab([](Laboratory& l) { return l.props.tokens(); })) {
+                                 char line[120];
+                                 std::snprintf(line, sizeof line, "%s%s %.3f %.3f %.4f %.4f %.4f", m.text.empty() ? "" : "\n", t.name.c_str(),
+                                               t.file, t.rank, t.at[0], t.at[1], t.at[2]);
+                                 m.text += line;
+                             }
                          }})
             .inspection({"-ball", "", "where the ball is: x y z; as a float, lab time", 0, 0,
                          [](Service& s, Args, Message& m) {
@@ -137,10 +142,11 @@ public:
                              m.text += text.empty() ? simlab::Scene::text("8x8") : text;
                          }})
             .concurrency(sorma::Concurrency::concurrent)
-            .words("?camera|step|time|view?")
+            .words("?camera|step|time|tokens|view?")
             .reads(floats, sorma::between(0, 6), "", "step, or no word: lab time [s] (1), none: one step; view: azimuth, elevation [degrees], "
                                                      "distance [m], what to look at x y z [m] (6), or none")
-            .writes(floats, sorma::between(0, 2), "s", "step: lab time; time: lab time, and how much of it was skipped")
+            .writes(floats, sorma::atLeast(0), "", "step: lab time [s]; time: lab time, and how much of it was skipped; tokens: file rank x y z [m] of each")
+            .writes(text, sorma::atLeast(0), "", "tokens: their names")
             .writes(ints, sorma::between(0, 1), "", "time: how many pictures were published")
             .writes(any, {}, "", "camera, view: the picture, PPM")
             .example("simlab.example CTRL -paused 1");
@@ -196,6 +202,7 @@ public:
         if (m.words.size() > 1) fail(kWord, name(), m.words[1]);
         if (word == "step") return pass(m);
         if (word == "time") return tell(m);
+        if (word == "tokens") return tellTokens(m);
         if (word == "camera" || word == "view") return show(m, word == "view");
         fail(kWord, name(), word);
     }
@@ -281,6 +288,17 @@ private:
         lab([&](Laboratory& l) {
             m.floats = {l.now(), l.pace.skipped()};
             m.ints = {std::int32_t(l.published())};
+        });
+    }
+
+    void tellTokens(Message& m) {
+        if (!m.floats.empty()) fail(kFloats, name(), "tokens", "none", m.floats.size());
+        m.clear();
+        lab([&](Laboratory& l) {
+            for (auto& t : l.props.tokens()) {
+                m.text += (m.text.empty() ? "" : " ") + t.name;
+                m.floats.insert(m.floats.end(), {t.file, t.rank, t.at[0], t.at[1], t.at[2]});
+            }
         });
     }
 
