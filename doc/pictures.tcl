@@ -130,7 +130,8 @@ proc pictures::draw folder {
     package require sorma
     package require img::window
     package require img::png
-    ttk::style theme use clam
+    package require sorma::theme
+    ::sorma::theme use light
     . configure -background [ttk::style lookup . -background]
     foreach object {arm.left foo.cell camera.hand} {
         $object@pictures CTRL -dump

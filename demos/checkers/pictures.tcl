@@ -10,8 +10,8 @@ set argv [lassign $argv picture theme]
 set picture [file normalize $picture]         ;# the game goes to a folder of its own
 if {$theme ne {}} {
     catch {package require awthemes}
-    catch {package require ttk::theme::$theme}
-    ttk::style theme use $theme
+    package require sorma::theme
+    sorma::theme use $theme
 }
 # A copy of the demo whose buffers have names of their own: another one may run.
 proc own folder {

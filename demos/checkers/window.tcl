@@ -9,6 +9,7 @@ package require Tk
 package require sorma::image
 package require sorma::notice
 package require sorma::style
+package require sorma::theme
 package require sorma::world
 source [file join [file dirname [file normalize [info script]]] packages.tcl]
 package require checkers::repair
@@ -63,9 +64,7 @@ proc checkers::window::build settings {
     settings $settings
     set Width [expr {[Holds -variant] eq "intl" ? 10 : 8}]
     wm title . "Draughts with a robot"
-    if {[ttk::style theme use] eq "default"} {
-        ttk::style theme use clam
-    }
+    sorma::theme program
     set gap [sorma::style pixels 6]
     # Two boards and a picture fit beside each other, and something below them.
     set size [expr {int(min([sorma::style pixels 400], 0.27 * [winfo screenwidth .], 0.48 * [winfo screenheight .]))}]

@@ -6,6 +6,7 @@ package require sorma::panel
 package require sorma::chart
 package require sorma::image
 package require sorma::notice
+package require sorma::theme
 package require sorma::trailview
 package require sorma::world
 
@@ -98,6 +99,7 @@ proc lab::panel::build {} {
     variable Place "where is the arm?"
     set gap [sorma::style pixels 6]
     wm title . "Laboratory"
+    sorma::theme program
     sorma::notice .notice -lines 1 -daemons [lmap name [list $Hardware $Arm] {lindex [split $name @] 1}]
     pack .notice -fill x -padx $gap
     pack [ttk::frame .f -padding $gap] -fill both -expand 1

@@ -45,8 +45,8 @@ proc lab::pictures::panel {file theme} {
     package require img::window
     if {$theme ne {}} {
         catch {package require awthemes}
-        package require ttk::theme::$theme
-        ttk::style theme use $theme
+        package require sorma::theme
+        sorma::theme use $theme
     }
     set folder [exec mktemp -d]
     set launch [lab::launch [own $folder]]

@@ -193,8 +193,8 @@ if {$what ni {circuit window}} {
 }
 if {$theme ne {}} {
     catch {package require awthemes}
-    package require ttk::theme::$theme
-    ttk::style theme use $theme
+    package require sorma::theme
+    sorma::theme use $theme
 }
 set folder [exec mktemp -d]
 try {

@@ -15,6 +15,7 @@ package require sorma::panel
 package require sorma::chart
 package require sorma::image
 package require sorma::notice
+package require sorma::theme
 package require sorma::trailview
 
 namespace eval ::tracker::window {
@@ -160,6 +161,7 @@ proc ::tracker::window::Letter {button index} {
 
 proc ::tracker::window::build {} {
     wm title . "The tracker"
+    sorma::theme program
     set gap [sorma::style pixels 6]
     sorma::notice .notice -lines 1 -daemons {lab robot argus sight}
     pack .notice -fill x -padx $gap

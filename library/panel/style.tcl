@@ -1,36 +1,17 @@
 # style.tcl -- how panels look: colours, fonts and sizes, from the ttk theme that is there and the display's dots per inch.
-#
-# Each state of a value has a mark and a colour; neither is alone, for those who do not see the one or the other.
+# The colours stand in colours.tcl.
 
 package require Tk
 package require msgcat
+package require sorma::colours
 package provide sorma::style 1.0
 
 namespace eval ::sorma::style {
-    namespace export pixels mark colour series font step tag tip menu bindWheel own
+    namespace export pixels mark colour token shade series font step tag tip menu bindWheel own
     namespace ensemble create
-    # state: mark, colour on a light background, colour on a dark one
-    variable States {
-        asking  {…  #7a7a7a #9a9a9a}
-        live    {{} {}      {}}
-        mine    {●  #1a5fb4 #78aeed}
-        theirs  {◆  #9141ac #dc8add}
-        sending {…  #1a5fb4 #78aeed}
-        stale   {?  #8a5a00 #cd9309}
-        refused {✕  #c01c28 #ff7b72}
-        gone    {∅  #7a7a7a #9a9a9a}
-        locked  {⊘  #7a7a7a #9a9a9a}
-        alarm   {!  #c01c28 #ff7b72}
-        warn    {!  #8a5a00 #cd9309}
-        good    {✓  #26872b #57e389}
-    }
     variable Bound 0            ;# is there a binding that follows the theme
     variable Made {}            ;# dict: name of a font of ours -> what it was made of
     variable Rest {}            ;# {canvas delta}: of the wheel that was turned last, what has not scrolled yet
-    # of lines beside each other, on a light background and on a dark one
-    variable Series {
-        {#1a5fb4 #62a0ea} {#c01c28 #ff7b72} {#26a269 #57e389} {#e5a50a #f8e45c} {#813d9c #dc8add} {#986a44 #cdab8f} {#2190a4 #5bc8d8} {#77767b #c0bfbc}
-    }
 }
 
 # ::sorma::style::pixels N -- so many pixels at 96 dots per inch, as many as look alike here.
@@ -43,25 +24,29 @@ proc ::sorma::style::pixels n {
 
 # ::sorma::style::mark STATE, colour STATE -- colour: empty for that of the theme.
 proc ::sorma::style::mark state {
-    variable States
-    return [lindex [dict get $States $state] 0]
+    return [lindex [dict get [::sorma::colours states] $state] 0]
 }
 proc ::sorma::style::colour state {
-    variable States
-    return [lindex [dict get $States $state] [expr {[Dark] ? 2 : 1}]]
+    set token [lindex [dict get [::sorma::colours states] $state] 1]
+    return [if {$token ne {}} {token $token}]
+}
+
+# ::sorma::style::token TOKEN -- a colour of colours.tcl, as the theme's background needs it.
+proc ::sorma::style::token token {
+    return [::sorma::colours one $token [shade]]
 }
 
 # ::sorma::style::series N -- the colour of the N-th of several lines, from 0.
 proc ::sorma::style::series n {
-    variable Series
-    return [lindex $Series [expr {$n % [llength $Series]}] [Dark]]
+    set series [::sorma::colours series [shade]]
+    return [lindex $series [expr {$n % [llength $series]}]]
 }
 
-# Is the theme's background dark?
-proc ::sorma::style::Dark {} {
+# ::sorma::style::shade -- light or dark, as the theme's background is.
+proc ::sorma::style::shade {} {
     set background [ttk::style lookup . -background]
     lassign [winfo rgb . [expr {$background ne {} ? $background : "#d9d9d9"}]] r g b
-    return [expr {0.3 * $r + 0.6 * $g + 0.1 * $b < 0x7000}]
+    return [expr {0.3 * $r + 0.6 * $g + 0.1 * $b < 0x7000 ? "dark" : "light"}]
 }
 
 # ::sorma::style::font KIND -- plain, strong, small, fixed or fixedStrong: names of Tk's own fonts. The strong ones are made of these at first
@@ -183,7 +168,7 @@ proc ::sorma::style::own class {
 # of 96 dots per inch; Tk 9 knows better, and so does awthemes where tksvg is installed.
 proc ::sorma::style::Fit {} {
     set theme [ttk::style theme use]
-    Set Treeview -rowheight [expr {[::font metrics TkDefaultFont -linespace] + [pixels 3]}]
+    Set Treeview -rowheight [expr {[::font metrics TkDefaultFont -linespace] + [pixels [expr {[string match sorma-* $theme] ? 8 : 3}]]}]
     if {[info exists ::tk::scalingPct] || [pixels 100] < 125} return
     if {$theme ni {alt clam classic default} && !([string match aw* $theme] && [package provide tksvg] eq {})} return
     foreach {class option size} {

@@ -8,7 +8,7 @@ package require sorma::world
 package provide sorma::browse 1.0
 
 namespace eval ::sorma::browse {
-    variable Options {--theme {{word {a theme of ttk}}}  --help flag  -h flag}
+    variable Options {--theme {{word {light, dark, auto, or a theme of ttk}}}  --help flag  -h flag}
 }
 
 # ::sorma::browse::main WORDS -- run the program: the exit code, once its window is closed.
@@ -41,14 +41,9 @@ proc ::sorma::browse::main words {
         puts stderr "sorma-browser: there is no display to open a window on ($message); set DISPLAY, or look around with scott"
         return 1
     }
-    set theme [dict get $settings --theme]
-    if {$theme ne {} && [catch {
-        if {$theme ni [ttk::style theme names]} {
-            package require ttk::theme::$theme
-        }
-        ttk::style theme use $theme
-    }]} {
-        puts stderr "sorma-browser: --theme \"$theme\" is not one of [join [lsort [ttk::style theme names]] {, }], nor the package of one"
+    package require sorma::theme
+    if {[catch {::sorma::theme program [dict get $settings --theme]} message]} {
+        puts stderr "sorma-browser: --theme: $message"
         return 2
     }
     package require sorma::browser
@@ -63,7 +58,7 @@ proc ::sorma::browse::Complete words {
     variable Options
     if {[lindex $words end-1] eq "--theme"} {
         catch {package require no.such.package}     ;# `package names` knows what has been looked for
-        set found [concat {alt clam classic default} [lmap name [lsearch -all -inline -glob [package names] ttk::theme::*] {namespace tail $name}]]
+        set found [concat {alt auto clam classic dark default light} [lmap name [lsearch -all -inline -glob [package names] ttk::theme::*] {namespace tail $name}]]
     } else {
         set found [concat [dict keys $Options --*] [::sorma::world names]]
     }

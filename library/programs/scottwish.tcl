@@ -7,7 +7,7 @@ package require sorma::usage
 package provide sorma::scottwish 1.0
 
 namespace eval ::sorma::scottwish {
-    variable Options {-panel {{word {a file}}}  --version flag  --help flag  -h flag}
+    variable Options {-panel {{word {a file}}}  --theme {{word {light, dark, auto, or a theme of ttk}}}  --version flag  --help flag  -h flag}
     variable File {}        ;# the arrangement that was opened or saved last
     variable Ended          ;# set when the window is closed
     variable Ready 0        ;# has each daemon said what it has
@@ -49,6 +49,11 @@ proc ::sorma::scottwish::main words {
         puts stderr "scottwish: it cannot open a window: $message; scott does the same in a terminal"
         return 1
     }
+    package require sorma::theme
+    if {[catch {::sorma::theme program [dict get $settings --theme]} message]} {
+        puts stderr "scottwish: --theme: $message"
+        return 2
+    }
     Window
     if {[dict get $settings -panel] ne {}} {
         Open [dict get $settings -panel]
@@ -71,6 +76,10 @@ proc ::sorma::scottwish::ShellWords words {
     package require sorma::complete
     set partial [lindex $words end]
     if {[lindex $words end-1] eq "-panel"} return
+    if {[lindex $words end-1] eq "--theme"} {
+        puts [join [lsearch -all -inline -glob {alt auto clam classic dark default light} $partial*] \n]
+        return
+    }
     if {[string match -* $partial]} {
         puts [join [lsearch -all -inline -glob [dict keys [::sorma::usage::options scottwish]] $partial*] \n]
         return
@@ -85,9 +94,6 @@ proc ::sorma::scottwish::Window {} {
     package require sorma::console
     package require sorma::window
     wm title . scottwish
-    if {[option get . tkTheme TkTheme] eq {}} {
-        ttk::style theme use clam
-    }
     wm protocol . WM_DELETE_WINDOW {set ::sorma::scottwish::Ended 1}
     menu .menu -tearoff 0
     menu .menu.file -tearoff 0
