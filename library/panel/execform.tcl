@@ -20,7 +20,7 @@ snit::widget ::sorma::execform {
     variable answer {}
 
     constructor args {
-        set pad [::sorma::style pixels 4]
+        set pad [::sorma::style pixels 8]
         ttk::frame $win.in
         ttk::button $win.go -text [::msgcat::mc Execute] -command [mymethod execute] -underline 0
         ttk::button $win.cancel -text [::msgcat::mc Cancel] -command [mymethod cancel] -state disabled
@@ -70,7 +70,7 @@ snit::widget ::sorma::execform {
             lappend parts {words 0 {}}
             lappend rows [list request {} "words as they stand behind EXEC; the class does not say which it takes"]
         }
-        set pad [::sorma::style pixels 4]
+        set pad [::sorma::style pixels 8]
         set n 0
         foreach row $rows value [$self Example $table] {
             if {[incr n] > [llength $rows]} break
@@ -80,7 +80,7 @@ snit::widget ::sorma::execform {
             }
             ttk::label $win.in.title$n -text $title
             ttk::entry $win.in.entry$n
-            ttk::label $win.in.length$n -text $length
+            ttk::label $win.in.length$n -text $length -style Unit.TLabel
             ttk::label $win.in.help$n -text $help -font [::sorma::style font small] -foreground [::sorma::style colour asking] \
                 -wraplength [::sorma::style pixels 380] -justify left
             bind $win.in.entry$n <Return> [mymethod execute]
@@ -96,6 +96,17 @@ snit::widget ::sorma::execform {
             }
         }
         grid columnconfigure $win.in 1 -weight 1
+        bind $win.in <Configure> [mymethod Wrap]
+        $self Wrap
+    }
+    # Help is as wide as there is room.
+    method Wrap {} {
+        set width [expr {[winfo width $win.in] - [lindex [grid bbox $win.in 1 0] 0]}]
+        foreach child [winfo children $win.in] {
+            if {[string match $win.in.help* $child] && $width > [::sorma::style pixels 100]} {
+                $child configure -wraplength [expr {$width - [::sorma::style pixels 8]}]
+            }
+        }
     }
     method Show {} {
         $win.reply configure -background [ttk::style lookup . -background] -foreground [ttk::style lookup . -foreground]

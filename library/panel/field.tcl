@@ -66,6 +66,10 @@ snit::macro ::sorma::fieldParts {} {
             $inside Show $told
         }
     }
+    # beside LABEL: the unit of its option, which stands behind the editor.
+    method beside unit {
+        pack $unit -in $win -side left -padx [list [::sorma::style pixels 8] 0] {*}[if {$editor ne {}} {list -after $editor}]
+    }
     # value, apply, revert: of its option.
     method value {} {
         return [dict get [$subject get $options(-option)] value]
@@ -154,7 +158,11 @@ snit::widget ::sorma::entry {
         if {[winfo exists $win.beside]} {
             pack $win.beside -side right -padx [list [::sorma::style pixels 4] 0]
         }
-        pack $editor -side left -fill both -expand 1
+        $editor configure -width [expr {[dict get $facts type] in {int double} ? 10 : [dict exists {file 34 folder 34 colour 10 time 18} $kind]
+            ? [dict get {file 34 folder 34 colour 10 time 18} $kind] : 26}]
+        if {[winfo manager $editor] eq {}} {
+            pack $editor -side left -fill both -expand 1
+        }
     }
     # While the user types, nothing else is put into the field.
     method Put value {
@@ -237,7 +245,8 @@ snit::widget ::sorma::vector {
             grid columnconfigure $win $i -weight 1
             if {[dict exists $facts hints names]} {
                 ttk::label $win.name$i -text [lindex [dict get $facts hints names] $i-1] -font [::sorma::style font small]
-                grid $win.name$i -row 0 -column $i
+                $win.name$i configure -style Quiet.TLabel
+                grid $win.name$i -row 2 -column $i
             }
         }
         set enabled {}
@@ -261,6 +270,19 @@ snit::widget ::sorma::vector {
             }
         }
     }
+    method beside unit {
+        grid $unit -in $win -row 1 -column 99 -sticky w
+    }
+    # Do the numbers have names below them, and how much higher does a label as high as that stand than a number.
+    method named {} {
+        return [dict exists $facts hints names]
+    }
+    method above height {
+        set probe [ttk::entry $win.probe]           ;# there may be no number yet
+        set entry [winfo reqheight $probe]
+        destroy $probe
+        return [expr {max(0, ($entry - $height) / 2)}]
+    }
     method Typed {} {
         if {$subject eq {}} return
         set value [join [lmap i [lsort -integer [array names texts]] {if {$texts($i) eq {}} {string cat "{}"} else {set texts($i)}}]]
@@ -275,7 +297,7 @@ snit::widget ::sorma::vector {
     }
 }
 
-# ::sorma::slider -- a number with a range: a scale, and an entry for those who know it exactly. One request is under way, and the last
+# ::sorma::slider -- a number with a range: an entry for those who know it exactly, and a scale. One request is under way, and the last
 # value is always sent.
 snit::widget ::sorma::slider {
     ::sorma::fieldParts
@@ -288,9 +310,12 @@ snit::widget ::sorma::slider {
             -command [mymethod Moved]
         install inside using ::sorma::entry $win.entry -name $options(-name) -option $options(-option) -apply $options(-apply) \
             -live $options(-live) -state $options(-state) -seen 0
-        pack $inside -side right
-        pack $editor -side left -fill x -expand 1 -padx [list 0 [::sorma::style pixels 6]]
+        pack $inside -side left
+        pack $editor -side left -fill x -expand 1 -padx [list [::sorma::style pixels 12] 0]
         $self Begin
+    }
+    method beside unit {
+        pack $unit -in $win -side left -padx [list [::sorma::style pixels 8] 0] -after $inside
     }
     method Build {} {
         if {[dict get $facts low] ne {} && [dict get $facts high] ne {}} {
@@ -353,7 +378,7 @@ snit::widget ::sorma::choice {
                 bind $win.box $event {continue}
             }
             bindtags $win.box [lsearch -all -inline -not -exact [linsert [bindtags $win.box] 1 SormaCombobox] TCombobox]
-            pack $win.box -fill x
+            pack $win.box -side left -fill x -expand 1
         }
     }
     method Chosen {} {

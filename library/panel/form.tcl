@@ -44,26 +44,30 @@ snit::widget ::sorma::form {
     typevariable Reply {-text any -part {{choice text floats ints words code} {}} -index {{whole 0 {}} {}} -unit any -every {{whole 10 {}} 1000}}
 
     constructor args {
-        set pad [::sorma::style pixels 6]
-        ::sorma::notice $win.say -lines 1
+        $hull configure -style Page.TFrame
+        set pad [::sorma::style pixels 8]
+        set edge [::sorma::style pixels 16]
+        set inside [list $edge [::sorma::style pixels 12]]
+        ::sorma::notice $win.say -lines 1 -style Page.TFrame
+        $win.say.text configure -style Page.TLabel
         ttk::frame $win.body
         set inner [::sorma::parts::scroller $win.body]
-        ttk::frame $win.ask
+        ttk::frame $win.ask -style Card.TFrame -padding $inside
         ttk::label $win.ask.label -text [::msgcat::mc "Add: OBJECT -option"]
         ttk::entry $win.ask.entry -textvariable [myvar asked]
         pack $win.ask.label -side left -padx [list 0 $pad]
         pack $win.ask.entry -side left -fill x -expand 1
         bind $win.ask.entry <Return> [mymethod Asked]
         bind $win.ask.entry <Escape> [list grid remove $win.ask]
-        ttk::label $win.said -wraplength [::sorma::style pixels 400] -justify left -foreground [::sorma::style colour refused]
-        ttk::frame $win.apply
-        ttk::button $win.apply.apply -text [::msgcat::mc Apply] -command [mymethod apply] -underline 0
+        ttk::label $win.said -wraplength [::sorma::style pixels 400] -justify left -foreground [::sorma::style colour refused] -style Page.TLabel
+        ttk::frame $win.apply -style Card.TFrame -padding $inside
+        ttk::button $win.apply.apply -style Accent.TButton -text [::msgcat::mc Apply] -command [mymethod apply] -underline 0
         ttk::button $win.apply.revert -text [::msgcat::mc Revert] -command [mymethod revert] -underline 0
         pack $win.apply.apply $win.apply.revert -side left -padx [list 0 $pad]
         foreach {part sticky} {say ew body nsew ask ew said ew apply ew} {
-            grid $win.$part -sticky $sticky -padx $pad -pady [list $pad 0]
+            grid $win.$part -sticky $sticky -padx $edge -pady [list $pad 0]
         }
-        grid configure $win.apply -pady $pad
+        grid configure $win.apply -pady [list 0 $edge]
         grid remove $win.ask $win.said
         grid columnconfigure $win 0 -weight 1
         grid rowconfigure $win 1 -weight 1
@@ -252,30 +256,41 @@ snit::widget ::sorma::form {
         if {![winfo exists $win]} return
         destroy {*}[winfo children $inner]
         set marks {}
-        set pad [::sorma::style pixels 4]
+        set edge [::sorma::style pixels 16]
+        for {set i [lindex [grid size $inner] 1]} {$i > 0} {} {
+            grid rowconfigure $inner [incr i -1] -minsize 0
+        }
         set row 0
+        set from 1
         set n 0
+        set cards 0
         foreach entry $entries {
             dict with entry {
+                if {$what eq {} && $row > $from} {
+                    ::sorma::parts::card [ttk::frame $inner.card[incr cards] -style Card.TFrame] $from [incr row]
+                    set from [expr {[incr row] + 1}]
+                }
+                if {$row < $from} {
+                    set row $from
+                }
                 if {$what eq {}} {
                     ttk::label $inner.field$n -text $name -font [::sorma::style font strong]
-                    grid $inner.field$n -row [incr row] -column 1 -columnspan 3 -sticky w -pady [list [expr {2 * $pad}] 0]
+                    grid $inner.field$n -row [incr row] -column 0 -columnspan 3 -sticky w -padx $edge -pady [expr {$edge / 4}]
                 } else {
                     $self Row $n $name $what $settings
-                    grid $inner.mark$n -row [incr row] -column 0
-                    grid $inner.label$n -row $row -column 1 -sticky w -padx [list 0 $pad]
-                    grid $inner.field$n -row $row -column 2 -sticky ew -pady [list $pad 0]
-                    grid $inner.unit$n -row $row -column 3 -sticky w -padx $pad
-                    grid $inner.why$n -row [incr row] -column 2 -columnspan 2 -sticky w
-                    grid remove $inner.why$n
+                    ::sorma::parts::row $inner $n [incr row]
+                    incr row
                     ::sorma::style tip $inner.label$n "$name $what"
                 }
             }
             incr n
         }
+        if {$entries ne {}} {
+            ::sorma::parts::card [ttk::frame $inner.card[incr cards] -style Card.TFrame] $from [incr row]
+        }
         grid columnconfigure $inner 2 -weight 1
         if {$entries eq {}} {
-            grid [ttk::label $inner.none -text [::msgcat::mc "nothing is chosen yet: the right button or the Menu key adds an option of an object"] \
+            grid [ttk::label $inner.none -style Page.TLabel -text [::msgcat::mc "nothing is chosen yet: the right button or the Menu key adds an option of an object"] \
                 -wraplength [::sorma::style pixels 360]]
         }
         $self Tagged $win
@@ -305,7 +320,6 @@ snit::widget ::sorma::form {
         set unit {}
         set isOption [string match -* $what]
         ttk::label $parent.mark$n -width 2 -anchor center
-        ttk::label $parent.why$n -font [::sorma::style font small] -wraplength [::sorma::style pixels 300] -justify left
         if {!$isOption} {
             ::sorma::reading $parent.field$n -name $name -request $what {*}[dict remove $settings -text]
         } elseif {[catch {$subject option $what} facts]} {
@@ -322,7 +336,10 @@ snit::widget ::sorma::form {
             }
             bind $parent.field$n <<SormaBuilt>> [mymethod Tagged $parent.field$n]
         }
-        ttk::label $parent.unit$n -text $unit
+        if {$unit ne {} && [winfo class $parent.field$n] ni {Led TLabel}} {
+            ttk::label $parent.unit$n -style Unit.TLabel -text $unit
+            catch {$parent.field$n beside $parent.unit$n}
+        }
         set text [dict get $settings -text]
         ttk::label $parent.label$n -text [if {$text ne {}} {set text} elseif {$isOption} {string range $what 1 end} else {join [lrange $what 1 end]}]
     }
@@ -332,7 +349,7 @@ snit::widget ::sorma::form {
         foreach entry $entries {
             incr n
             set what [dict get $entry what]
-            if {[dict get $entry name] ne $name || ![string match -* $what] || ![winfo exists $inner.why$n]} continue
+            if {[dict get $entry name] ne $name || ![string match -* $what] || ![winfo exists $inner.mark$n]} continue
             set shown [if {[$subject table] eq {}} {
                 set told [$subject get $what]
                 list [dict get $told state] [dict get $told why]

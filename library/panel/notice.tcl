@@ -15,6 +15,7 @@ package provide sorma::notice 1.0
 #       says                        {STATE TEXT}, as shown
 snit::widget ::sorma::notice {
     hulltype ttk::frame
+    delegate option -style to hull
     option -lines -default 2 -readonly 1
     option -daemons -default {} -configuremethod SetDaemons
     variable told {live {} {}}  ;# by the program: state, text and prefix

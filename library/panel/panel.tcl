@@ -59,21 +59,23 @@ snit::widget ::sorma::panel {
         set given [if {$options(-layout) ne {}} {::sorma::layout read $options(-layout)} else {::sorma::layout of $options(-groups)}]
         set subject [::sorma::subject of $name -live $options(-live)]
         set listener [$subject listen [mymethod Told]]
-        set pad [::sorma::style pixels 6]
-        set small [::sorma::style pixels 3]
+        $hull configure -style Page.TFrame
+        set pad [::sorma::style pixels 8]
+        set edge [::sorma::style pixels 16]
+        set inside [list $edge [::sorma::style pixels 12]]
         # What it is, how it is, and what stops it.
-        ttk::frame $win.head
-        ttk::label $win.head.name -text [$subject name] -font [::sorma::style font strong]
+        ttk::frame $win.head -style Card.TFrame -padding $inside
+        ttk::label $win.head.name -text [$subject name] -font [::sorma::style font title]
         ::sorma::status $win.head.state -name [$subject name] -brief 1
         ::sorma::notice $win.head.say
         ttk::checkbutton $win.head.readonly -style [::sorma::style own TCheckbutton] -text [::msgcat::mc "read only"] -variable [myvar readOnly] \
             -command [mymethod Switched] -underline 5
         ttk::frame $win.head.stop
         grid $win.head.name $win.head.state $win.head.readonly $win.head.stop -sticky ew -padx [list 0 $pad]
-        grid $win.head.say -row 1 -columnspan 4 -sticky ew
+        grid $win.head.say -row 1 -columnspan 4 -sticky ew -pady [list [::sorma::style pixels 4] 0]
         grid columnconfigure $win.head 1 -weight 1
         # What can be set.
-        ttk::frame $win.find
+        ttk::frame $win.find -style Card.TFrame -padding $inside
         ttk::label $win.find.label -text [::msgcat::mc "Search"] -underline 0
         ttk::entry $win.find.entry -textvariable [myvar wanted]
         pack $win.find.label -side left -padx [list 0 $pad]
@@ -83,17 +85,17 @@ snit::widget ::sorma::panel {
         ttk::frame $win.body
         set inner [::sorma::parts::scroller $win.body [mymethod Scrolled]]
         set canvas $win.body.canvas
-        $canvas configure -width [::sorma::style pixels 420] -height [::sorma::style pixels 240]
+        $canvas configure -width [::sorma::style pixels 500] -height [::sorma::style pixels 240]
         bind $inner <Configure> [mymethod Sized]
-        ttk::frame $win.apply
-        ttk::button $win.apply.apply -text [::msgcat::mc Apply] -command [mymethod apply] -underline 0
+        ttk::frame $win.apply -style Card.TFrame -padding $inside
+        ttk::button $win.apply.apply -style Accent.TButton -text [::msgcat::mc Apply] -command [mymethod apply] -underline 0
         ttk::button $win.apply.revert -text [::msgcat::mc Revert] -command [mymethod revert] -underline 0
         ttk::checkbutton $win.apply.once -style [::sorma::style own TCheckbutton] -text [::msgcat::mc "apply at once"] -variable [myvar atOnce] \
             -command [mymethod Switched]
         pack $win.apply.apply $win.apply.revert -side left -padx [list 0 $pad]
         pack $win.apply.once -side right
         # What was asked for in menus: a word, and what was answered.
-        ttk::frame $win.ask
+        ttk::frame $win.ask -style Card.TFrame -padding $inside
         ttk::label $win.ask.label
         ttk::entry $win.ask.entry -textvariable [myvar asked]
         ttk::button $win.ask.ok -text OK
@@ -101,11 +103,12 @@ snit::widget ::sorma::panel {
         pack configure $win.ask.entry -fill x -expand 1
         bind $win.ask.entry <Return> [list $win.ask.ok invoke]
         bind $win.ask.entry <Escape> [list grid remove $win.ask]
-        ttk::label $win.said -wraplength [::sorma::style pixels 420] -justify left
+        ttk::label $win.said -wraplength [::sorma::style pixels 420] -justify left -padding $inside
         bind $win.said <ButtonPress-1> [mymethod Say {}]
         # What it does.
-        ttk::frame $win.actions
-        ttk::labelframe $win.what -text EXEC -padding $pad
+        ttk::frame $win.actions -style Card.TFrame -padding $inside
+        ttk::frame $win.what -style Card.TFrame -padding $inside
+        pack [ttk::label $win.what.title -text EXEC -font [::sorma::style font strong]] -anchor w -pady [list 0 $pad]
         ::sorma::execform $win.exec -name [$subject name]
         raise $win.exec
         pack $win.exec -in $win.what -fill both -expand 1
@@ -113,13 +116,13 @@ snit::widget ::sorma::panel {
         $self Head
         set row -1
         foreach part {head find body apply ask said actions what} {
-            grid $win.$part -row [incr row] -sticky [expr {$part eq "body" ? "nsew" : "ew"}] -padx $pad -pady $small
+            grid $win.$part -row [incr row] -sticky [expr {$part eq "body" ? "nsew" : "ew"}] -padx $edge -pady [list [expr {$row == 0 ? $edge : 0}] [expr {$part eq "body" ? 0 : $pad}]]
         }
-        grid remove $win.find $win.apply $win.ask $win.said $win.what
+        grid remove $win.find $win.apply $win.ask $win.said $win.actions $win.what
         # The trail of an error: folded until the user opens it.
-        ttk::checkbutton $win.trail -variable [myvar trailShown] -command [mymethod Unfold] -style Toolbutton -underline 2
+        ttk::checkbutton $win.trail -variable [myvar trailShown] -command [mymethod Unfold] -style Page.Toolbutton -underline 2
         $self Unfold
-        grid $win.trail -row [incr row] -sticky w -padx $pad -pady [list 0 $small]
+        grid $win.trail -row [incr row] -sticky w -padx $edge -pady [list 0 $pad]
         grid columnconfigure $win 0 -weight 1
         grid rowconfigure $win 2 -weight 1 -minsize [::sorma::style pixels 40]
         bind $win <Destroy> +[list ::sorma::parts::ended $win [mymethod Ended %W]]
@@ -268,6 +271,8 @@ snit::widget ::sorma::panel {
         set chosen [expr {$options(-options) eq {} ? $all : [lmap option $options(-options) {if {$option ni $all} continue; set option}]}]
         destroy {*}[winfo children $inner]
         set rows {}
+        set widest [tcl::mathfunc::max 0 {*}[lmap option $chosen {font measure TkDefaultFont [dict get [$subject option $option] unit]}]]
+        set wide [expr {int(ceil(double($widest) / [font measure TkDefaultFont 0]))}]
         set n 0
         foreach option $chosen {
             dict set rows $option [incr n]
@@ -277,8 +282,10 @@ snit::widget ::sorma::panel {
             ttk::label $inner.label$n -text [string range $option 1 end][Danger [if {[dict exists $facts hints danger]} {dict get $facts hints danger}]]
             ::sorma::field $inner.field$n $facts -name [$subject name] -option $option -apply $options(-apply) -state $options(-state) -seen 0
             bind $inner.field$n <<SormaBuilt>> [mymethod Tagged $inner.field$n]
-            ttk::label $inner.unit$n -text [dict get $facts unit]
-            ttk::label $inner.why$n -font [::sorma::style font small] -wraplength $room -justify left
+            if {$wide > 0} {
+                ttk::label $inner.unit$n -style Unit.TLabel -text [dict get $facts unit] -width $wide
+                $inner.field$n beside $inner.unit$n
+            }
             foreach part {label field} {
                 ::sorma::style tip $inner.$part$n [string trim "[dict get $facts help]\n[dict get $facts range]"]
             }
@@ -299,7 +306,7 @@ snit::widget ::sorma::panel {
     # Where options stand when there are some. Why they are not there the status says, unless it is the daemon that says it.
     method None text {
         destroy $inner.none
-        grid [ttk::label $inner.none -text $text -wraplength $room -justify left] -row 0 -column 0 -columnspan 4 -sticky w
+        grid [ttk::label $inner.none -style Page.TLabel -text $text -wraplength $room -justify left] -row 0 -column 0 -columnspan 3 -sticky w -padx [::sorma::style pixels 16] -pady [::sorma::style pixels 12]
     }
     method Empty {} {
         $self None [if {[dict get [$subject get {}] state] eq "asking"} {string cat "asking \u2026"} else {
@@ -344,12 +351,17 @@ snit::widget ::sorma::panel {
                         -text [expr {$danger in {{} stop} ? {} : "[string totitle [string range $word 1 end]][Danger $danger]"}]
                 }
                 set at [llength [grid slaves $win.actions]]
-                grid $button -row [expr {$at / 4}] -column [expr {$at % 4}] -sticky ew -padx [list 0 $pad] -pady [list 0 $pad]
+                grid $button -row [expr {$at / 4}] -column [expr {$at % 4}] -sticky ew -padx [list 0 $pad] -pady [list [expr {$at < 4 ? 0 : $pad}] 0]
             }
             if {$danger ni {{} stop}} {
                 append help "; " [dict get {move {moves something} power {switches power} fire {fires something}} $danger] ": needs the right operate"
             }
             ::sorma::style tip $button $help
+        }
+        if {[winfo children $win.actions] ne {}} {
+            grid $win.actions
+        } else {
+            grid remove $win.actions
         }
         $self EnableActions
     }
@@ -371,13 +383,14 @@ snit::widget ::sorma::panel {
         }
         set layout [::sorma::layout complete $known [dict keys $rows]]
         foreach child [winfo children $inner] {
-            if {[string match $inner.group* $child]} {
+            if {[regexp {\.(group|card)\d+$} $child]} {
                 destroy $child
             }
         }
         set n 0
         foreach {title members} [dict get $layout groups] {
             ttk::label $inner.group[incr n] -text $title -font [::sorma::style font strong]
+            ttk::frame $inner.card$n -style Card.TFrame
         }
         $self Arrange
     }
@@ -386,32 +399,32 @@ snit::widget ::sorma::panel {
         if {$layout eq {}} return
         grid remove {*}[winfo children $inner]
         set pattern *[string map {* \\* ? \\? \[ \\\[ \\ \\\\} $wanted]*
-        set pad [::sorma::style pixels 4]
+        set gap [::sorma::style pixels 4]
         set row 0
         set group 0
         set first {}
+        for {set i [lindex [grid size $inner] 1]} {$i > 0} {} {
+            grid rowconfigure $inner [incr i -1] -minsize 0
+        }
         foreach {title members} [dict get $layout groups] {
             incr group
-            set any 0
-            incr row
+            set from [incr row]
             foreach option $members {
                 if {$wanted ne {} && ![string match -nocase $pattern "$option [dict get [$subject option $option] help] $title"]} continue
-                if {!$any && $title ne {}} {
-                    grid $inner.group$group -row $row -column 1 -columnspan 3 -sticky w -pady [list [expr {2 * $pad}] 0]
+                if {$row == $from && $title ne {}} {
+                    grid $inner.group$group -row [incr row] -column 0 -columnspan 3 -sticky w -padx [expr {4 * $gap}] -pady $gap
                 }
-                set any 1
                 set n [dict get $rows $option]
-                grid $inner.mark$n -row [incr row] -column 0
-                grid $inner.label$n -row $row -column 1 -sticky w -padx [list 0 [expr {2 * $pad}]]
-                grid $inner.field$n -row $row -column 2 -sticky ew -pady [list $pad 0]
-                grid $inner.unit$n -row $row -column 3 -sticky w -padx $pad
-                grid $inner.why$n -row [incr row] -column 2 -columnspan 2 -sticky w
-                if {[$inner.why$n cget -text] eq {}} {
-                    grid remove $inner.why$n
-                }
-                # Tab goes from field to field as they are seen.
-                raise $inner.field$n
                 set first 1
+                ::sorma::parts::row $inner $n [incr row]
+                incr row
+                if {[winfo exists $inner.why$n] && [$inner.why$n cget -text] ne {}} {
+                    grid $inner.why$n -row $row -column 2 -sticky w -padx [list $gap [expr {4 * $gap}]]
+                }
+            }
+            if {$row > $from} {
+                ::sorma::parts::card $inner.card$group $from [incr row]
+                incr row
             }
         }
         if {[dict size $rows] > $searchable} {
@@ -452,7 +465,9 @@ snit::widget ::sorma::panel {
         if {$new != $room && $new > 50} {
             set room $new
             foreach n [dict values $rows] {
-                $inner.why$n configure -wraplength $room
+                if {[winfo exists $inner.why$n]} {
+                    $inner.why$n configure -wraplength $room
+                }
             }
         }
     }

@@ -22,16 +22,64 @@ proc ::sorma::parts::ended {window method} {
     }
 }
 
-# ::sorma::parts::mark PARENT N STATE WHY -- the mark before row N of a grid, in the label mark N, and why below its field.
+# ::sorma::parts::mark PARENT N STATE WHY -- the mark of row N of a grid, in the label mark N, and why below its field. That label is made when
+# there is something to say for the first time.
 proc ::sorma::parts::mark {parent n state why} {
     set colour [::sorma::style colour $state]
     $parent.mark$n configure -text [::sorma::style mark $state] -foreground $colour
-    $parent.why$n configure -text $why -foreground $colour
-    if {$why ne {} && [winfo manager $parent.field$n] eq "grid"} {
-        grid $parent.why$n
-    } else {
-        grid remove $parent.why$n
+    set said $parent.why$n
+    if {![winfo exists $said]} {
+        if {$why eq {}} return
+        ttk::label $said -font [::sorma::style font small] -wraplength [Room $parent] -justify left
+        bindtags $said [string map [list $parent.label$n $said] [bindtags $parent.label$n]]
     }
+    $said configure -text $why -foreground $colour
+    if {$why ne {} && [winfo manager $parent.field$n] eq "grid"} {
+        grid $said -row [expr {[dict get [grid info $parent.field$n] -row] + 1}] -column 2 -sticky w \
+            -padx [list [::sorma::style pixels 4] [::sorma::style pixels 16]]
+    } else {
+        grid remove $said
+    }
+}
+# The width of what stands in the column of fields [pixels].
+proc ::sorma::parts::Room parent {
+    return [expr {max([::sorma::style pixels 200], [winfo width $parent] - [lindex [grid bbox $parent 2 0] 0] - [::sorma::style pixels 16])}]
+}
+
+# ::sorma::parts::row PARENT N ROW -- label, mark and field N in a row of the grid, and the unit in the field. A field begins where the others
+# do, and is as wide as its type; a scale takes what room there is.
+proc ::sorma::parts::row {parent n row} {
+    set gap [::sorma::style pixels 4]
+    set edge [expr {4 * $gap}]
+    set field $parent.field$n
+    set high [expr {[winfo class $field] eq "Vector" && [$field named]}]
+    grid $parent.label$n -row $row -column 0 -sticky [expr {$high ? "nw" : "w"}] -padx [list $edge [expr {2 * $gap}]] -pady $gap
+    grid $parent.mark$n -row $row -column 1 -sticky [expr {$high ? "n" : ""}] -pady $gap
+    grid $field -row $row -column 2 -sticky [expr {[winfo class $field] in {Slider Meter Reading} ? "ew" : "w"}] -padx [list $gap $edge] -pady $gap
+    if {$high} {
+        set above [$field above [winfo reqheight $parent.label$n]]
+        foreach part {label mark} {
+            grid configure $parent.$part$n -pady [list [expr {$gap + $above}] 0]
+        }
+    }
+    grid rowconfigure $parent $row -minsize [::sorma::style pixels 38]
+    # Tab goes from field to field as they are seen; the unit lies above its field.
+    raise $field
+    if {[winfo exists $parent.unit$n]} {
+        raise $parent.unit$n
+    }
+}
+
+# ::sorma::parts::card WINDOW FIRST LAST -- a card behind these rows of a grid of such rows, and room below it.
+proc ::sorma::parts::card {card first last} {
+    grid $card -row $first -column 0 -columnspan 3 -rowspan [expr {$last - $first + 1}] -sticky nsew
+    lower $card
+    set parent [winfo parent $card]
+    foreach row [list $first $last] {
+        grid rowconfigure $parent $row -minsize [::sorma::style pixels 8]
+    }
+    grid rowconfigure $parent [expr {$last + 1}] -minsize [::sorma::style pixels 12]
+    grid columnconfigure $parent 1 -minsize [::sorma::style pixels 20]
 }
 
 # ::sorma::parts::byKeys TREE -- the first arrow key goes to its first row; ttk's own go nowhere before a click.
@@ -75,12 +123,13 @@ proc ::sorma::parts::scrolled {bar first last} {
 # FRAME.canvas is to be told its -height. PREFIX is called with first and last, when other parts of it can be seen.
 # tklib's scrollutil does this, too. Until Debian 13 it changes styles of the program around us when it is loaded: panel-4.0 would fail.
 proc ::sorma::parts::scroller {frame {prefix list}} {
-    set view [canvas $frame.canvas -highlightthickness 0 -borderwidth 0 -background [ttk::style lookup . -background] \
+    set view [canvas $frame.canvas -highlightthickness 0 -borderwidth 0 -background [ttk::style lookup Page.TFrame -background] \
         -yscrollcommand [list ::sorma::parts::Scrolled $frame.bar $prefix]]
-    set inner [ttk::frame $view.inner]
+    set inner [ttk::frame $view.inner -style Page.TFrame]
+    $frame configure -style Page.TFrame
     $view create window 0 0 -anchor nw -window $inner -tags inner
     bind $view <Configure> "[list $view] itemconfigure inner -width %w"
-    bind $view <<ThemeChanged>> "[list $view] configure -background \[ttk::style lookup . -background\]"
+    bind $view <<ThemeChanged>> "[list $view] configure -background \[ttk::style lookup Page.TFrame -background\]"
     withBar $frame $view $frame.bar
     return $inner
 }
@@ -98,7 +147,7 @@ proc ::sorma::parts::see {canvas window} {
     set first [$canvas canvasy 0]
     set last [$canvas canvasy [winfo height $canvas]]
     if {$top < $first || $bottom - $top > $last - $first} {
-        $canvas yview moveto [expr {double($top) / [winfo height $inner]}]
+        $canvas yview moveto [expr {$top < 3 * $room ? 0 : double($top) / [winfo height $inner]}]       ;# with the edge of the first card
     } elseif {$bottom > $last} {
         $canvas yview moveto [expr {($first + $bottom - $last) / [winfo height $inner]}]
     }

@@ -49,13 +49,13 @@ proc ::sorma::style::shade {} {
     return [expr {0.3 * $r + 0.6 * $g + 0.1 * $b < 0x7000 ? "dark" : "light"}]
 }
 
-# ::sorma::style::font KIND -- plain, strong, small, fixed or fixedStrong: names of Tk's own fonts. The strong ones are made of these at first
+# ::sorma::style::font KIND -- plain, strong, title, small, fixed or fixedStrong: names of Tk's own fonts. The strong ones are made of these at first
 # use, and follow when these change.
 proc ::sorma::style::font kind {
     set own [dict get {
-        plain TkDefaultFont strong TkDefaultFont small TkSmallCaptionFont fixed TkFixedFont fixedStrong TkFixedFont
+        plain TkDefaultFont strong TkDefaultFont title TkDefaultFont small TkSmallCaptionFont fixed TkFixedFont fixedStrong TkFixedFont
     } $kind]
-    if {$kind ni {strong fixedStrong}} {
+    if {$kind ni {strong title fixedStrong}} {
         return $own
     }
     set name sorma-$kind
@@ -69,6 +69,9 @@ proc ::sorma::style::font kind {
 proc ::sorma::style::Strong {name own} {
     variable Made
     set is [dict replace [::font actual $own] -weight bold]
+    if {$name eq "sorma-title"} {
+        dict set is -size [expr {round(1.4 * [dict get $is -size])}]
+    }
     if {![dict exists $Made $name] || [dict get $Made $name] ne $is} {              ;# this is a change, too
         dict set Made $name $is
         ::font configure $name {*}$is
@@ -95,7 +98,8 @@ proc ::sorma::style::tip {window text} {
         if {[string length $text] > 600} {
             set text [string range $text 0 600]\u2026
         }
-        ::tooltip::tooltip $window [string trim [regsub -all -line {(.{1,70})(?:\s+|$)} $text "\\1\n"]]
+        set text [string trim [regsub -all -line {(.{1,70})(?:\s+|$)} $text "\\1\n"]]
+        ::tooltip::tooltip $window [expr {[string index $text 0] eq "-" ? " $text" : $text}]        ;# an option it would be, else
     }
 }
 

@@ -5,11 +5,10 @@
 # asks for one of these.
 #
 # Styles besides ttk's own. Other themes know nothing of them, and take the style behind the last dot:
-#   Page.TFrame, Page.TLabel, Page.TLabelframe, Page.TCheckbutton    on the window's ground, between cards
+#   Page.TFrame, Page.TLabel, Page.TLabelframe, Page.TCheckbutton, Page.Toolbutton    on the window's ground, between cards
 #   Card.TFrame                 a card, on the ground
 #   Accent.TButton              the main action of a card
 #   Quiet.TLabel, Unit.TLabel   what is read second: units, ages, help
-#   Group.Toolbutton            a card's title, which folds it
 
 package require Tk
 package require sorma::colours
@@ -294,7 +293,7 @@ proc ::sorma::theme::Root {} {
     foreach {style colour} {Quiet.TLabel quiet Unit.TLabel quiet} {
         ttk::style configure $style -foreground $Colours($colour)
     }
-    foreach style {Page.TFrame Page.TLabel Page.TCheckbutton} {
+    foreach style {Page.TFrame Page.TLabel Page.TCheckbutton Page.Toolbutton} {
         ttk::style configure $style -background $Colours(ground)
     }
     ttk::style configure Card.TFrame -background $Colours(surface)
@@ -320,7 +319,7 @@ proc ::sorma::theme::Buttons {} {
     set none [Blank [Px 32] [Px 32]]
     Element sorma.tool [list $none disabled $none \
         {*}[Shapes $radius {pressed tint tint 1 selected tint tint 1 focus surface accent 2 active hover hover 1}]] {*}$side
-    foreach {style element} {TButton sorma.button Accent.TButton sorma.accent Toolbutton sorma.tool Group.Toolbutton sorma.tool} {
+    foreach {style element} {TButton sorma.button Accent.TButton sorma.accent Toolbutton sorma.tool} {
         ttk::style layout $style [list $element -sticky nswe -children {Button.padding -sticky nswe -children {Button.label -sticky nswe}}]
     }
     ttk::style layout TMenubutton {sorma.button -sticky nswe -children {
@@ -331,8 +330,7 @@ proc ::sorma::theme::Buttons {} {
     ttk::style configure Accent.TButton -foreground $Colours(on)
     ttk::style map Accent.TButton -foreground [list disabled $Colours(off)]
     ttk::style configure Toolbutton -padding [list [Px 8] [Px 4]] -anchor center
-    ttk::style configure Group.Toolbutton -padding [list [Px 4] [Px 4]] -anchor w -font TkHeadingFont
-    foreach style {TButton TMenubutton Toolbutton Group.Toolbutton} {
+    foreach style {TButton TMenubutton Toolbutton} {
         ttk::style map $style -background {}
         Filled $style {{} surface disabled surface pressed tint active hover}
     }
