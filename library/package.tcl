@@ -32,6 +32,7 @@ apply {{} {
         trailview trailview
         panel panel
         window window
+        theme theme
         console console
         arrangement arrangement
         browser browser

@@ -5,8 +5,6 @@
 package provide sorma::colours 1.0
 
 namespace eval ::sorma::colours {
-    namespace export of one states series mix contrast
-    namespace ensemble create
     # token: light, dark
     variable Tokens {
         ground  {#f3f5f8 #12161c}
@@ -51,13 +49,13 @@ namespace eval ::sorma::colours {
     }
 }
 
-# ::sorma::colours of light|dark -- a dictionary: token -> #rrggbb.
+# ::sorma::colours::of light|dark -- a dictionary: token -> #rrggbb.
 proc ::sorma::colours::of shade {
     variable Tokens
     set index [Index $shade]
     return [dict map {token pair} $Tokens {lindex $pair $index}]
 }
-# ::sorma::colours one TOKEN light|dark -- one of them.
+# ::sorma::colours::one TOKEN light|dark -- one of them.
 proc ::sorma::colours::one {token shade} {
     variable Tokens
     return [lindex [dict get $Tokens $token] [Index $shade]]
@@ -70,27 +68,27 @@ proc ::sorma::colours::Index shade {
     return $index
 }
 
-# ::sorma::colours states -- a dictionary: state of a value -> {mark token}; an empty token: the colour of other text.
+# ::sorma::colours::states -- a dictionary: state of a value -> {mark token}; an empty token: the colour of other text.
 proc ::sorma::colours::states {} {
     variable States
     return $States
 }
 
-# ::sorma::colours series light|dark -- colours of lines beside each other.
+# ::sorma::colours::series light|dark -- colours of lines beside each other.
 proc ::sorma::colours::series shade {
     variable Series
     set index [Index $shade]
     return [lmap pair $Series {lindex $pair $index}]
 }
 
-# ::sorma::colours mix A B PART -- between two colours: A where PART is 0, B where it is 1.
+# ::sorma::colours::mix A B PART -- between two colours: A where PART is 0, B where it is 1.
 proc ::sorma::colours::mix {a b part} {
     scan $a #%2x%2x%2x r g bl
     scan $b #%2x%2x%2x R G B
     return [format #%02x%02x%02x [expr {round($r + ($R - $r) * $part)}] [expr {round($g + ($G - $g) * $part)}] [expr {round($bl + ($B - $bl) * $part)}]]
 }
 
-# ::sorma::colours contrast A B -- 1 to 21, as WCAG 2.2 computes it from relative luminance.
+# ::sorma::colours::contrast A B -- 1 to 21, as WCAG 2.2 computes it from relative luminance.
 proc ::sorma::colours::contrast {a b} {
     lassign [lsort -real [list [Luminance $a] [Luminance $b]]] low high
     return [expr {($high + 0.05) / ($low + 0.05)}]

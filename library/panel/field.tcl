@@ -122,7 +122,7 @@ snit::widget ::sorma::entry {
     variable kind plain
     variable swatch {}
     constructor args {
-        install editor using ttk::entry $win.entry -textvariable [myvar text] -width 12
+        install editor using ttk::entry $win.entry -style Sorma.TEntry -textvariable [myvar text] -width 12
         $self configurelist $args
         $self Keys $editor
         $self Begin
@@ -238,7 +238,7 @@ snit::widget ::sorma::vector {
         $self Build
         set pad [list 0 [::sorma::style pixels 4]]
         for {set i 1} {$i <= $n} {incr i} {
-            lappend entries [ttk::entry $win.entry$i -textvariable [myvar texts($i)] -width 7 -justify right]
+            lappend entries [ttk::entry $win.entry$i -style Sorma.TEntry -textvariable [myvar texts($i)] -width 7 -justify right]
             trace add variable [myvar texts($i)] write [list ::sorma::field::Written $self [myvar showing]]
             $self Keys $win.entry$i
             grid $win.entry$i -row 1 -column $i -sticky ew -padx $pad

@@ -24,21 +24,21 @@ proc ::sorma::style::pixels n {
 
 # ::sorma::style::mark STATE, colour STATE -- colour: empty for that of the theme.
 proc ::sorma::style::mark state {
-    return [lindex [dict get [::sorma::colours states] $state] 0]
+    return [lindex [dict get [::sorma::colours::states] $state] 0]
 }
 proc ::sorma::style::colour state {
-    set token [lindex [dict get [::sorma::colours states] $state] 1]
+    set token [lindex [dict get [::sorma::colours::states] $state] 1]
     return [if {$token ne {}} {token $token}]
 }
 
 # ::sorma::style::token TOKEN -- a colour of colours.tcl, as the theme's background needs it.
 proc ::sorma::style::token token {
-    return [::sorma::colours one $token [shade]]
+    return [::sorma::colours::one $token [shade]]
 }
 
 # ::sorma::style::series N -- the colour of the N-th of several lines, from 0.
 proc ::sorma::style::series n {
-    set series [::sorma::colours series [shade]]
+    set series [::sorma::colours::series [shade]]
     return [lindex $series [expr {$n % [llength $series]}]]
 }
 

@@ -8,6 +8,7 @@
 #   Page.TFrame, Page.TLabel, Page.TLabelframe, Page.TCheckbutton, Page.Toolbutton    on the window's ground, between cards
 #   Card.TFrame                 a card, on the ground
 #   Accent.TButton              the main action of a card
+#   Sorma.TEntry                a field of its natural height, as panels have them
 #   Quiet.TLabel, Unit.TLabel   what is read second: units, ages, help
 
 package require Tk
@@ -119,7 +120,7 @@ proc ::sorma::theme::Fonts {} {
 
 # Tk's own widgets know no styles: windows and menus that are there, and all that will be.
 proc ::sorma::theme::Classic shade {
-    set colours [::sorma::colours of $shade]
+    set colours [::sorma::colours::of $shade]
     dict with colours {}
     foreach {pattern value} [list \
             *Toplevel.background $ground *Menu.background $surface *Menu.foreground $text *Menu.activeBackground $tint *Menu.activeForeground $text \
@@ -153,7 +154,7 @@ proc ::sorma::theme::Ramp {from to} {
     variable Ramps
     if {![info exists Ramps($from,$to)]} {
         for {set i 0} {$i <= 16} {incr i} {
-            lappend Ramps($from,$to) [::sorma::colours mix $from $to [expr {$i / 16.0}]]
+            lappend Ramps($from,$to) [::sorma::colours::mix $from $to [expr {$i / 16.0}]]
         }
     }
     return $Ramps($from,$to)
@@ -261,7 +262,7 @@ proc ::sorma::theme::Element {name images args} {
 
 proc ::sorma::theme::Make shade {
     variable Colours
-    array set Colours [::sorma::colours of $shade]
+    array set Colours [::sorma::colours::of $shade]
     ttk::style theme create sorma-$shade -parent clam -settings {
         Root
         Buttons
@@ -276,10 +277,13 @@ proc ::sorma::theme::Make shade {
 proc ::sorma::theme::Px n {
     return [::sorma::style pixels $n]
 }
-# The padding that makes a part of a height 30 high, more with a large font; ASIDE: left and right of it.
+# How high that is what one clicks or types in: 30, more with a large font.
+proc ::sorma::theme::High {} {
+    return [expr {max([Px 30], [font metrics TkDefaultFont -linespace] + 2 * [Px 3])}]
+}
+# The padding that makes a part of a height that high; ASIDE: left and right of it.
 proc ::sorma::theme::Padding {aside {part 0}} {
-    set line [font metrics TkDefaultFont -linespace]
-    set room [expr {max([Px 30], $line + 2 * [Px 3]) - max($part, $line)}]
+    set room [expr {[High] - max($part, [font metrics TkDefaultFont -linespace])}]
     return [list $aside [expr {$room / 2}] $aside [expr {$room - $room / 2}]]
 }
 
@@ -301,10 +305,10 @@ proc ::sorma::theme::Root {} {
 }
 
 # The pictures of what is pressed: a list for Element. {state fill edge thick} ...; the first is the normal one.
-proc ::sorma::theme::Shapes {radius looks} {
+proc ::sorma::theme::Shapes {radius looks {high 0}} {
     variable Colours
     set wide [expr {2 * $radius + [Px 96]}]          ;# what is wider is tiled; few tiles are soon drawn
-    set high [expr {2 * $radius + [Px 24]}]
+    set high [expr {$high ? $high : 2 * $radius + [Px 24]}]
     return [concat {*}[lmap {state fill edge thick} $looks {
         list {*}[if {$state ne {}} {list $state}] [Box $wide $high $radius $Colours($fill) $Colours($edge) [expr {max(1, [Px $thick])}] $Colours(surface)]
     }]]
@@ -348,6 +352,10 @@ proc ::sorma::theme::Fields {} {
     set radius [Px 5]
     Element sorma.field [Shapes $radius {{} surface edge 1 disabled ground line 1 readonly surface edge 1 invalid surface error 2 focus surface accent 2}] \
         -border [expr {$radius + [Px 1]}] -sticky nsew -width 4 -height 4
+    # This one has its natural height and three pieces: X is told of each piece by itself, and a panel has many fields.
+    Element sorma.line [Shapes $radius {{} surface edge 1 disabled ground line 1 readonly surface edge 1 invalid surface error 2 focus surface accent 2} [High]] \
+        -border [list [expr {$radius + [Px 1]}] 0] -sticky ew -width 4
+    ttk::style layout Sorma.TEntry {sorma.line -sticky we -children {Entry.padding -sticky nswe -children {Entry.textarea -sticky nswe}}}
     # A combobox that is only chosen from is readonly, and shows its focus all the same.
     Element sorma.box [Shapes $radius {{} surface edge 1 disabled ground line 1 focus surface accent 2 active hover edge 1}] \
         -border [expr {$radius + [Px 1]}] -sticky nsew -width 4 -height 4
@@ -372,7 +380,7 @@ proc ::sorma::theme::Fields {} {
         ttk::style map $style -fieldbackground {} -foreground [list disabled $Colours(off)] \
             -selectbackground {} -selectforeground {} -background {}
     }
-    foreach style {TEntry TSpinbox} {
+    foreach style {TEntry TSpinbox Sorma.TEntry} {
         Filled $style {{} surface disabled ground}
     }
     Filled TCombobox {{} surface disabled ground active hover}
@@ -422,7 +430,7 @@ proc ::sorma::theme::Bars {} {
     set to [expr {$from + $thick}]
     set long [Px 160]
     foreach {direction size part} [list Horizontal [list $long $knob] [list 0 $from $long $to] Vertical [list $knob $long] [list $from 0 $to $long]] {
-        Element $direction.Scale.trough [Blank {*}$size $Colours(line) {*}$part] -border [Px 2] -sticky [expr {$direction eq "Horizontal" ? "ew" : "ns"}]
+        Element $direction.Scale.trough [Blank {*}$size $Colours(line) {*}$part] -sticky [expr {$direction eq "Horizontal" ? "ew" : "ns"}]
         Element $direction.Scale.slider $knobs -sticky {}
     }
     # Both are 6 thick, a scrollbar in a trough of 10.
@@ -446,7 +454,7 @@ proc ::sorma::theme::Bars {} {
 proc ::sorma::theme::Containers {} {
     variable Colours
     set radius [Px 8]
-    set size [expr {2 * $radius + [Px 40]}]
+    set size [expr {2 * $radius + [Px 300]}]         ;# it is tiled: a panel's card is large
     Element sorma.card [Box $size $size $radius $Colours(surface) $Colours(line) 1 $Colours(ground)] -border [expr {$radius + 1}] -sticky nsew
     ttk::style layout Card.TFrame {sorma.card -sticky nswe}
     ttk::style layout TLabelframe {sorma.card -sticky nswe}
