@@ -310,6 +310,11 @@ proc ::sorma::text::clean text {
     return $out[string range $text $at end]
 }
 
+# ::sorma::text::label WORD -- an option or action as it stands on a button: -emergencyStop as Emergency stop.
+proc ::sorma::text::label word {
+    return [string totitle [regsub -all {[[:lower:]](?=[[:upper:]])} [string trimleft $word -] {& }]]
+}
+
 # ::sorma::text::digits NUMBERS --
 #       Numbers for people: nine digits each, so that 0.45000000000000001 is 0.45, and more only where two numbers that differ would look
 #       the same. Whole numbers and short ones stay as they are.

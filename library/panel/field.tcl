@@ -5,6 +5,7 @@
 # they show comes from a subject, and what is done to them goes there: none of them asks anybody, and none of them waits.
 
 package require sorma::parts
+package require sorma::text
 package provide sorma::field 1.0
 
 namespace eval ::sorma::field {}
@@ -470,7 +471,7 @@ snit::widget ::sorma::button {
             return -code error -errorcode {SORMA REQUEST SYNTAX} "sorma::button: -name must say of which object"
         }
         if {$options(-text) eq {}} {
-            $button configure -text [string totitle [string trimleft [lindex $options(-request) end] -]]
+            $button configure -text [::sorma::text::label [lindex $options(-request) end]]
         }
         set subject [::sorma::subject of $options(-name)]
         bind $win <Destroy> +[list ::sorma::parts::ended $win [mymethod Ended %W]]

@@ -8,6 +8,7 @@ package require sorma::field
 package require sorma::lamp
 package require sorma::layout
 package require sorma::notice
+package require sorma::text
 package require sorma::trailview
 package require sorma::window
 package provide sorma::panel 1.0
@@ -345,10 +346,10 @@ snit::widget ::sorma::panel {
             } else {
                 set button $win.actions.b[incr n]
                 if {$least > 0} {
-                    ttk::button $button -text "[string totitle [string range $word 1 end]][Danger $danger] \u2026" -command [mymethod Ask "$word $usage" {} [mymethod Act $word]]
+                    ttk::button $button -text "[::sorma::text::label $word][Danger $danger] \u2026" -command [mymethod Ask "$word $usage" {} [mymethod Act $word]]
                 } else {
                     ::sorma::button $button -name [$subject name] -request [list CTRL $word] \
-                        -text [expr {$danger in {{} stop} ? {} : "[string totitle [string range $word 1 end]][Danger $danger]"}]
+                        -text [expr {$danger in {{} stop} ? {} : "[::sorma::text::label $word][Danger $danger]"}]
                 }
                 set at [llength [grid slaves $win.actions]]
                 grid $button -row [expr {$at / 4}] -column [expr {$at % 4}] -sticky ew -padx [list 0 $pad] -pady [list [expr {$at < 4 ? 0 : $pad}] 0]
