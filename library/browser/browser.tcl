@@ -5,6 +5,7 @@ package require sorma::browserEvents
 package require sorma::browserGraph
 package require sorma::browserLaunch
 package require sorma::browserLog
+package require sorma::browserOverview
 package require sorma::browserSearch
 package require sorma::browserText
 package require sorma::browserTree
@@ -27,7 +28,7 @@ snit::widget ::sorma::browser {
     variable timer {}           ;# until the choice rests
     variable at {}              ;# option at which the panel is to be opened
     typevariable Help {apply {text {dict get [::sorma::table parse $text] help}}}
-    typevariable Titles {panel Panel help Help statistics Statistics audit Audit
+    typevariable Titles {overview Overview panel Panel help Help statistics Statistics audit Audit
         dictionary Dictionary events Events graph Graph launch Launch log Log}
 
     constructor {} {
@@ -40,6 +41,7 @@ snit::widget ::sorma::browser {
         pack $tree -side top -fill both -expand 1
         lower $tree $search                                 ;# the search comes first by Tab
         install tabs using ttk::notebook $win.tabs -width [::sorma::style pixels 560] -height [::sorma::style pixels 480]
+        ::sorma::browserOverview $tabs.overview -command [mymethod choose]
         ttk::frame $tabs.panel
         foreach name {help statistics audit} {
             ::sorma::browserText $tabs.$name
@@ -84,7 +86,7 @@ snit::widget ::sorma::browser {
             file "Listen to the events, or stop" Ctrl+L l [mymethod Do events listen] file "Pause the log, or go on" Ctrl+P p [mymethod Do log pause] \
             file Quit Ctrl+Q q [list destroy $top] view Search Ctrl+F f [list focus $win.left.search.bar.entry] \
             view Tree Ctrl+T t [list focus $tree.tree]]
-        set number 0
+        set number -1
         dict for {name title} $Titles {
             lappend entries view $title Ctrl+[incr number] Key-$number [mymethod tab $name select]
         }
@@ -158,6 +160,9 @@ snit::widget ::sorma::browser {
 
     # Moving through the tree with the arrow keys must not make a panel for each row.
     method Chosen what {
+        if {$place ne $what && [$tabs select] eq "$tabs.overview" && [lindex $what 0] ne "daemon"} {
+            $tabs select $tabs.panel
+        }
         set place $what
         after cancel $timer
         set timer [after 60 [mymethod Show]]
