@@ -1,5 +1,6 @@
-# pictures.tcl FOLDER ?-widgets? -- pictures of windows for the web pages, NAME.png each, of real objects of a daemon; and of the laboratory and
-# the demos, lab-WHAT.png, checkers-WHAT.png and tracker-WHAT.png, as their pictures.tcl in demos make them, where their services are; -widgets: without those.
+# pictures.tcl FOLDER ?-widgets|-all? -- pictures of windows for the web pages, NAME.png each, of real objects of a daemon; and of the laboratory and
+# the demos, lab-WHAT.png, checkers-WHAT.png and tracker-WHAT.png, as their pictures.tcl in demos make them, where their services are; -widgets: without those. -all: also dark, NAME-dark.png,
+# and at 192 dots per inch, NAME-192.png and NAME-dark-192.png; of the demos dark ones.
 #
 # Needs Tk with libtk-img and snit, and Xvfb, which it starts. What is missing, or what fails, it says, and goes on: a manual without pictures is
 # one, too.
@@ -124,15 +125,16 @@ proc pictures::until condition {
 
 # ---- the child, which has a display ----
 
-proc pictures::draw folder {
+proc pictures::draw {folder shade dpi} {
     variable Widgets
     package require Tk
+    tk scaling [expr {$dpi / 72.0}]
     package require sorma
     package require img::window
     package require img::png
     package require sorma::theme
-    ::sorma::theme use light
-    . configure -background [ttk::style lookup . -background]
+    ::sorma::theme use $shade
+    set end [expr {$shade eq "dark" ? "-dark" : {}}][expr {$dpi == 192 ? "-192" : {}}].png
     foreach object {arm.left foo.cell camera.hand} {
         $object@pictures CTRL -dump
     }
@@ -146,7 +148,7 @@ proc pictures::draw folder {
         Ready $name
         update
         set picture [image create photo -format window -data .]
-        $picture write [file join $folder $name.png] -format png
+        $picture write [file join $folder $name$end] -format png
         image delete $picture
     }
 }
@@ -237,7 +239,7 @@ proc pictures::lab {} {
     }}]}]
 }
 
-proc pictures::make {folder demos} {
+proc pictures::make {folder demos all} {
     variable Classes
     variable Demos
     file delete -force $folder
@@ -253,14 +255,19 @@ proc pictures::make {folder demos} {
     set script [open [file join $temporary classes.tcl] w]
     puts $script $Classes
     close $script
-    set server [open |[list Xvfb -displayfd 1 -screen 0 1280x1024x24 -nolisten tcp 2> /dev/null] r]
+    set server [open |[list Xvfb -displayfd 1 -screen 0 2560x2048x24 -nolisten tcp 2> /dev/null] r]
     set daemon [open |[list sormad -name pictures -until-eof -script [file join $temporary classes.tcl]] r+]
     try {
         set ::env(DISPLAY) :[gets $server]
         if {![string match "ready *" [gets $daemon]]} {
             error "sormad does not start"
         }
-        exec [info nameofexecutable] [info script] -draw $folder 2>@1
+        set shades [expr {$all ? "light dark" : "light"}]
+        foreach shade $shades {
+            foreach dpi [expr {$all ? "96 192" : "96"}] {
+                exec [info nameofexecutable] [info script] -draw $folder $shade $dpi 2>@1
+            }
+        }
         if {$demos && [lab]} {
             foreach {demo name arguments} {
                 lab lab-scene {scene FILE}              lab lab-reading {reading FILE}      lab lab-panel {panel FILE}
@@ -268,7 +275,12 @@ proc pictures::make {folder demos} {
             } {
                 # A sanitizer is too slow for a whole demo.
                 if {[info exists ::env(LD_PRELOAD)] && [string match *-window $name]} continue
-                exec timeout 120 [info nameofexecutable] [file join $Demos $demo pictures.tcl] {*}[string map [list FILE [file join $folder $name.png]] $arguments] 2>@1
+                foreach shade $shades {
+                    if {$shade eq "dark" && $name in {lab-scene lab-reading tracker-circuit}} continue
+                    set file [file join $folder $name[expr {$shade eq "dark" ? "-dark" : {}}].png]
+                    exec timeout 120 [info nameofexecutable] [file join $Demos $demo pictures.tcl] {*}[string map [list FILE $file] $arguments] \
+                        {*}[if {$shade eq "dark"} {list dark}] 2>@1
+                }
             }
         }
     } on error message {
@@ -282,7 +294,7 @@ proc pictures::make {folder demos} {
 }
 
 if {[lindex $argv 0] eq "-draw"} {
-    pictures::draw [lindex $argv 1]
+    pictures::draw {*}[lrange $argv 1 end]
     exit
 }
-pictures::make [lindex $argv 0] [expr {[lindex $argv 1] ne "-widgets"}]
+pictures::make [lindex $argv 0] [expr {[lindex $argv 1] ne "-widgets"}] [expr {[lindex $argv 1] eq "-all"}]
