@@ -33,6 +33,7 @@ struct Caller {
 class Client;
 using ClientPointer = std::shared_ptr<Client>;      // bus/client.h
 class Pending;
+class Span;                         // bus/span.h
 
 // A call context that outlives the stack on which it began. There is one for each request; all work that waits for it shares
 // it.
@@ -54,6 +55,7 @@ public:
     // Note a request that is made for this one, so that it is cancelled with it.
     void begun(const std::shared_ptr<Pending>& pending);
     std::uint32_t subTime = 0;                  // [us] that its calls to other processes took, added up
+    std::shared_ptr<Span> span;                 // of its trace; null: it has none
 
 private:
     std::atomic<bool> cancelled_{false};
@@ -107,6 +109,7 @@ public:
     const std::string& behalf;
     std::atomic<bool> cancelled{false};         // the caller has cancelled it. Work that takes long may read it and stop early
     std::uint32_t subTime = 0;                  // [us] spent in calls to other processes since this began
+    std::shared_ptr<Span> span;                 // of its trace: calls that are made now are below it; null: it has none
     std::uint32_t waitedForOthers() const;      // [us] the same, with the time of its parts that waited
     void cancel();                              // by the caller; as KeptCall::cancel
 

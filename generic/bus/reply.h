@@ -63,6 +63,7 @@ public:
     // in this one listened when it was begun. A request that is made for another one has the number of that one.
     std::uint64_t number();
     std::int64_t sent = 0;              // [ns] when it went to another process, for the times of asker; 0: it did not
+    std::shared_ptr<Span> span;         // of the asker's trace, see bus/span.h
     Charge charge;                      // for the memory that it needs in a daemon; released with the answer
     Timer timer;                        // see expireBy(); cancelled with the answer
     const std::shared_ptr<Mailbox> mailbox;

@@ -5,6 +5,7 @@
 #include "bus/call.h"
 #include "bus/kept.h"
 #include "bus/serviceParts.h"
+#include "bus/span.h"
 
 namespace sorma {
 
@@ -74,10 +75,12 @@ bool Service::startGuarded(Method method, Message& m) {
     const auto wishes = std::uint8_t(Observer::all | (kind != Observer::sample || isSample() ? kind : 0));
     if (!observers.any(wishes)) return startHeld(method, m);
     Observation seen(observers, {this, name_, method, wishes}, m);
+    SpanScope span(name_, method, isElsewhere());
     try {
-        if (startHeld(method, m)) return seen.later(m.later), true;
+        if (startHeld(method, m)) return span.later(*m.later), seen.later(m.later), true;
     } catch (...) {
         Trail trail = trailOfCurrentException(name_);
+        span.failed(trail);
         seen.failed(trail);
         throw Error(std::move(trail));
     }
@@ -164,7 +167,7 @@ void Observers::add(Observer* observer) {
 
 // Objects lose their mark with the next request.
 void Observers::remove(Observer* observer) {
-    std::erase(list_, observer);
+    if (auto found = std::find(list_.begin(), list_.end(), observer); found != list_.end()) list_.erase(found);
     wishes_ = 0;
     for (auto* o : list_) wishes_ |= o->wishes;
 }

@@ -65,7 +65,7 @@ public:
 class Observers {
 public:
     explicit Observers(Sorm& sorm) : sorm_(sorm) {}
-    void add(Observer* observer);                   // it must be removed before it is deleted
+    void add(Observer* observer);                   // also several times, and then removed as often; it must be removed before it is deleted
     void remove(Observer* observer);
     bool any(std::uint8_t wishes = Observer::all) const { return wishes_ & wishes; }    // does one want such requests?
     // A request that reached no object.

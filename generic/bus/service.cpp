@@ -4,6 +4,7 @@
 
 #include "bus/call.h"
 #include "bus/serviceParts.h"
+#include "bus/span.h"
 
 namespace sorma {
 
@@ -211,6 +212,7 @@ void Service::perform(const PendingPointer& pending, Method method, bool again) 
         auto& asker = pending->asker;
         pending->own = std::make_shared<KeptCall>(pending->client(), pending->deadline, pending->number(),
                                                   asker ? asker->behalf : std::string());
+        pending->own->span = pending->span;
     }
     CallContext context(pending->own);
     Message m;
@@ -235,6 +237,14 @@ void Service::perform(const PendingPointer& pending, Method method, bool again) 
     }
 }
 
+// A call that goes on beside its caller: it has a span until it is answered.
+static void traceLater(Span& caller, Method method, const PendingPointer& pending) {
+    pending->span = caller.call(pending->who, method);
+    if (!pending->span) return;
+    pending->span->door = true;
+    pending->whenAnswered([span = pending->span, p = pending.get()] { span->finish(p->failed() ? &p->failure : nullptr); });
+}
+
 Future Service::async(Method method, Message request, Deadline deadline) {
     auto asker = CallContext::keep();
     const Deadline most = CallContext::current() ? CallContext::deadlineForCalls(monotonicNow()) : Deadline();
@@ -243,6 +253,7 @@ Future Service::async(Method method, Message request, Deadline deadline) {
     if (asker) asker->begun(pending);
     pending->who = name_;
     pending->message = std::move(request);
+    if (CallContext::current() && CallContext::current()->span) traceLater(*CallContext::current()->span, method, pending);
     try {
         carry(pending, method);
     } catch (...) {

@@ -18,6 +18,11 @@ constexpr std::int64_t kMoment = 10;                    // [ms] a daemon that ru
 
 using errors::trailOf;
 
+void trace(Slot& slot, const SpanPointer& span) {
+    slot.span = span;
+    span->sent = true;
+}
+
 }  // namespace
 
 Calls::Calls(Link& link, Link::User& user, const Settings& settings, std::shared_ptr<Reactor> reactor, std::shared_ptr<Mailbox> mailbox,
@@ -86,6 +91,7 @@ void Calls::call(std::string_view name, Method method, Message& m, Deadline dead
     slot.into = &m;
     if (CallContext::current() || relayFor) [[unlikely]] {
         wire::Behalf behalf = wire::behalfOf(relayFor);
+        if (behalf.trace) trace(slot, CallContext::current()->span);
         slots_.write(index, method, m, now, &behalf);
     } else {
         slots_.write(index, method, m, now, nullptr);
@@ -276,6 +282,11 @@ void Calls::sendWaiting() {
                 const bool tell = asker || call.pending->relayFor || Listening::any();       // for the numbers in events
                 wire::Behalf behalf;
                 if (tell) behalf = wire::behalfOf(call.pending->relayFor, call.pending->number(), asker ? asker->callers() : std::string());
+                if (auto& span = call.pending->span) {
+                    trace(slots_[index], span);
+                    behalf.trace = span->share->number;
+                    span->waited = now - span->begun;
+                }
                 slots_.write(index, call.method, call.pending->message, now, tell ? &behalf : nullptr);
             } catch (const Error& e) {
                 slots_.give(index);
@@ -438,7 +449,7 @@ void Calls::replied(XdrReader& r, std::uint32_t xid) {
     if (index == kNoTicket) return;
     Slot& slot = slots_[index];
     std::string objection = wire::readReplyHeader(r);
-    if (objection.empty() && !wire::readReply(r, times_, slot.reply())) objection = "its reply could not be decoded";
+    if (objection.empty() && !wire::readReply(r, times_, slot.reply(), slot.span.get())) objection = "its reply could not be decoded";
     if (!objection.empty())
         slots_.fail(index, trailOf(errors::kProtocol, fullName(slot), link_.address(), objection, "are both of the same version?"));
     if (slot.pending) return takeAnswer(index);

@@ -29,6 +29,7 @@ void Oneways::send(const std::string& name, Method method, const Message& m, con
     }
     Buffer bytes;
     wire::Behalf behalf = wire::behalfOf(relayFor);
+    behalf.trace = {};                  // no reply brings spans
     wire::writeCall(bytes, 0, link_.program(), {wire::kNoSlot, 0, 0, method, name}, m, wire::kOneway,
                     relayFor || CallContext::current() ? &behalf : nullptr);
     calls_.proceed();

@@ -54,6 +54,7 @@ struct Server::Frame {
     Buffer bytes = {};          // when it was inPeer and is spilled: the peer's buffer as it was, for the request under way
     Charge charge = {};         // for them
     ClientPointer client = {};  // of the request under way: stays while a service runs, whatever becomes of the peer
+    SpanPointer span = {};      // of the request under way, when it is traced
 };
 
 // It serves requests in order: several in one turn when they came together.

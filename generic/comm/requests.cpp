@@ -9,6 +9,7 @@
 #include "comm/errors.h"
 #include "comm/peer.h"
 #include "comm/subscription.h"
+#include "comm/wireSpan.h"
 
 namespace sorma {
 
@@ -266,13 +267,13 @@ void Server::Requests::call(XdrReader& r, const wire::CallHeader& header, std::s
     }
     ++calls;
     wire::Times times;
-    auto later = [&] { return Later{&peer_, peer_.number, key, request.slot, request.sequence, header.xid, record.size() + words, 0}; };
+    auto later = [&] { return Later{&peer_, peer_.number, key, request.slot, request.sequence, header.xid, record.size() + words, 0, frame.span}; };
     bool pending = execute(request, header, record, m, times, slot, scratch, frame);
     // A service may have run the event loop: the session may have another connection now, or may have been removed.
     if (slot && frame.spilled) [[unlikely]] slot = server_.sessions_->find(later());
     if (slot) slot->call = nullptr;
     if (pending) return server_.replyLater(later(), times, std::exchange(m.later, nullptr));
-    reply(header.xid, times, request.name, m, slot, scratch.out);
+    reply(header.xid, times, request.name, m, slot, scratch.out, frame.span);
     if (slot) server_.sessions_->replyAgain(*slot, &peer_);
 }
 
@@ -342,9 +343,14 @@ bool Server::Requests::execute(const wire::Request& request, const wire::CallHea
     const ClientPointer& who = frame.client;
     wire::Behalf behalf;
     const bool sound = header.behalf.empty() || wire::readBehalf(header.behalf, behalf);
-    CallContext context(who, deadline, behalf.request, behalf.callers);
-    if (slot) slot->call = &context;
     Method method = request.method;
+    CallContext context(who, deadline, behalf.request, behalf.callers);
+    frame.span = behalf.trace ? Span::root(behalf.trace, server_.sorm_, std::string(request.name), method, arrived) : nullptr;
+    if (frame.span) [[unlikely]] {
+        frame.span->door = true;
+        context.span = frame.span;
+    }
+    if (slot) slot->call = &context;
     ++server_.served_;
     bool reached = false;                               // the object: then it has told the observers
     try {
@@ -404,10 +410,20 @@ void Server::Requests::failed(const wire::Request& request, std::string_view rec
     m.trail = std::move(trail);
 }
 
-void Server::Requests::reply(std::uint32_t xid, const wire::Times& times, std::string_view name, Message& m, ReplySlot* slot, Buffer& out) {
+// With its spans, when there is room for them.
+void Server::Requests::writeTraced(std::uint32_t xid, const wire::Times& times, const Message& m, const Span& span, Buffer& out, std::size_t start) {
+    auto shown = [this](const std::string& name) { return bool(server_.sorm_.access.rights(principal, name) & Rights(Right::inspect)); };
+    const Buffer spans = wire::spansOf(span, shown, !principal);
+    if (out.size() - start + spans.size() + 8 > maxReply_) return;
+    out.resize(start);
+    wire::writeReply(out, xid, times, m, &spans);
+}
+
+void Server::Requests::reply(std::uint32_t xid, const wire::Times& times, std::string_view name, Message& m, ReplySlot* slot, Buffer& out, const SpanPointer& span) {
     peer_.executed();
     std::size_t start = out.size();
     wire::writeReply(out, xid, times, m);
+    if (span) [[unlikely]] writeTraced(xid, times, m, *span, out, start);
     std::size_t size = out.size() - start;
     auto instead = [&](const Error& why) {
         out.resize(start);

@@ -30,7 +30,7 @@ public:
     std::size_t scan(const char* at, const char* end);
     // Append an answer.
     void refuse(std::uint32_t xid, Buffer& out, const Error& error);
-    void reply(std::uint32_t xid, const wire::Times& times, std::string_view name, Message& m, ReplySlot* slot, Buffer& out);
+    void reply(std::uint32_t xid, const wire::Times& times, std::string_view name, Message& m, ReplySlot* slot, Buffer& out, const SpanPointer& span = nullptr);
     // A call without a slot is answered later: it is cancelled with the connection.
     void owe(const PendingPointer& pending);
     void closed();                      // the connection is
@@ -72,6 +72,7 @@ private:
     void needShort(const char* what, std::size_t size) const;
     void needRoom(std::string_view name, std::size_t bytes, bool slot);
     bool crowded();
+    void writeTraced(std::uint32_t xid, const wire::Times& times, const Message& m, const Span& span, Buffer& out, std::size_t start);
 
     Server& server_;
     Peer& peer_;

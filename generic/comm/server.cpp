@@ -306,7 +306,7 @@ void Server::answer(const Later& later, wire::Times times, Pending& pending) {
     if (!slot && (!peer || later.slot != wire::kNoSlot)) return;        // nobody will ask for it
     Buffer out;
     if (peer) {
-        peer->requests.reply(later.xid, times, pending.who, *m, slot, out);
+        peer->requests.reply(later.xid, times, pending.who, *m, slot, out, later.span);
         peer->push(out.data(), out.size());
     } else {
         wire::writeReply(out, later.xid, times, *m);

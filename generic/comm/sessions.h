@@ -87,6 +87,7 @@ struct Server::Later {
     std::uint32_t slot, sequence, xid;
     std::size_t size;                       // of the request [bytes]
     std::int64_t started;                   // [ns]
+    SpanPointer span = nullptr;             // when it is traced
 };
 
 class Server::Sessions {

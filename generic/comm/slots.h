@@ -38,6 +38,7 @@ struct Slot {
     bool orphan = false;            // cancelled, but it still has to be sent since a part of it was
     bool cut = false;               // a part of it was sent on a connection that broke
     bool unsure = false;            // failed, though its daemon may still execute it: see Slots::fail
+    SpanPointer span;               // of the trace that wants its spans; null: none does
     PendingPointer pending;         // of a call that was begun: it gets the reply
 
     bool awaited() const { return state == State::sent || state == State::unsent; }
@@ -88,6 +89,7 @@ public:
     void free(std::uint32_t index) {
         Slot& slot = *slots_[index];
         slot.state = Slot::State::free;
+        if (slot.span) [[unlikely]] slot.span.reset();
         if (slot.request.capacity() > kKeepBuffer) slot.request.release();
         free_.push_back(index);
     }

@@ -3,6 +3,7 @@
 #include "bus/call.h"
 #include "bus/kept.h"
 #include "bus/requestText.h"
+#include "comm/wireSpan.h"
 
 namespace sorma::wire {
 
@@ -137,22 +138,27 @@ Behalf behalfOf(const PrincipalPointer& relayFor, std::uint64_t request, std::st
 }
 
 Behalf behalfOf(const PrincipalPointer& relayFor) {
-    return behalfOf(relayFor, CallContext::currentRequest(), CallContext::currentCallers());
+    Behalf behalf = behalfOf(relayFor, CallContext::currentRequest(), CallContext::currentCallers());
+    if (CallContext* context = CallContext::current(); context && context->span && context->span->elsewhere) behalf.trace = context->span->share->number;
+    return behalf;
 }
+
+constexpr std::size_t kTraceBytes = 16;
 
 void writeCallHeader(XdrWriter& w, const CallHeader& h, const Behalf* behalf) {
     w.words(h.xid, kCallKind, h.rpcVersion, h.program, h.version, h.procedure);
     if (behalf) [[unlikely]] {
-        std::string_view callers = std::string_view(behalf->callers).substr(0, kMostCallers);
+        std::string_view callers = std::string_view(behalf->callers).substr(0, behalf->trace ? kMostCallers - kTraceBytes : kMostCallers);
         while (!callers.empty() && !isUtf8(callers)) callers.remove_suffix(1);
         w.u32(kBehalfFlavor);
         std::string_view author = behalf->author.size() <= kMostAuthor ? std::string_view(behalf->author) : kTooLong;
-        const bool named = behalf->relayed && !author.empty();
-        w.u32(static_cast<std::uint32_t>(16 + XdrWriter::padded(callers.size()) + (named ? 4 + XdrWriter::padded(author.size()) : 0)));
+        const bool named = behalf->trace || (behalf->relayed && !author.empty());
+        w.u32(static_cast<std::uint32_t>(16 + XdrWriter::padded(callers.size()) + (named ? 4 + XdrWriter::padded(author.size()) : 0) + (behalf->trace ? kTraceBytes : 0)));
         w.u32(behalf->relayed);
         w.u64(behalf->request);
         w.text(callers);
         if (named) w.text(author);
+        if (behalf->trace) w.u64(behalf->trace.high), w.u64(behalf->trace.low);
         w.words(0, 0);
     } else {
         w.words(0, 0, 0, 0);
@@ -166,11 +172,13 @@ bool readBehalf(std::string_view body, Behalf& behalf) {
     auto callers = r.text();
     if (!r.good() || callers.size() > kMostCallersRead || !isUtf8(callers)) return false;
     behalf.callers = oneLine(callers);
-    if (behalf.relayed && r.left() > 0) {
-        auto author = r.text();
+    if (r.left() == 0) return true;
+    auto author = r.text();
+    if (behalf.relayed) {
         if (!r.good() || author.size() > kMostAuthor || !isUtf8(author)) return false;
         behalf.author = author;
     }
+    if (r.good() && r.left() == kTraceBytes) behalf.trace.high = r.u64(), behalf.trace.low = r.u64();
     return true;
 }
 
@@ -183,12 +191,13 @@ void writeCall(Buffer& out, std::uint32_t xid, std::uint32_t program, const Requ
     writeMessage(w, m);
 }
 
-void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Message& m) {
+void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Message& m, const Buffer* spans) {
     Record w(out);
     writeAccepted(w, xid, 0);
     w.words(m.code, times.waited, times.ran, times.sub);
     writeMessage(w, m);
     writeTrail(w, m.trail);
+    if (spans) w.bytes(spans->data(), spans->size());
 }
 
 void writeCancel(Buffer& out, std::uint32_t program, const Cancel& c) {
@@ -384,12 +393,17 @@ Extent extentOf(XdrReader r) {
     return extent;
 }
 
-bool readReply(XdrReader& r, Times& times, Message& m) {
+bool readReply(XdrReader& r, Times& times, Message& m, Span* span) {
     std::uint32_t code;
     r.words(code, times.waited, times.ran, times.sub);
     m.code = static_cast<std::int32_t>(code);
     m.trail.clear();
-    return readMessage(r, m) && readTrail(r, m.trail) && r.atEnd();
+    if (!readMessage(r, m) || !readTrail(r, m.trail)) return false;
+    if (!span || r.atEnd()) return r.good() && r.atEnd();
+    const auto spans = r.text();
+    if (!r.good() || !r.atEnd()) return false;
+    readSpans(spans, *span);            // if they cannot be read, the reply is as good
+    return true;
 }
 
 bool readClock(XdrReader& r, std::int64_t& sent) {

@@ -16,6 +16,7 @@
 
 #include "bus/message.h"
 #include "bus/principal.h"
+#include "bus/span.h"
 #include "comm/record.h"
 #include "comm/xdr.h"
 
@@ -35,6 +36,7 @@ struct Behalf {
     std::uint64_t request = 0;      // number of the request that it is part of, at the caller
     std::string callers;            // for people: who called the caller, nearest first
     std::string author = {};        // relayed: for whom, as Principal::toText() says it; empty: anyone
+    TraceNumber trace = {};         // of the trace that wants the spans of this call; none: none does
 };
 // relayFor: who has named the object, when it was not the owner of this process. Without request and callers: of the present
 // context.
@@ -129,7 +131,7 @@ void writeSubscribe(Buffer& out, std::uint32_t xid, std::uint32_t program, const
 void writeUnsubscribe(Buffer& out, std::uint32_t program, std::uint32_t id);
 void writeEventBody(Buffer& out, const EventBody& body, const Message& content);        // no record, but the end of one
 void writeEvent(Buffer& out, const EventHeader& header, const Buffer& body);            // body: from writeEventBody
-void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Message& m);
+void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Message& m, const Buffer* spans = nullptr);
 void writeHello(Buffer& out, std::uint32_t xid, std::uint32_t program, const Hello& hello);
 void writeWelcome(Buffer& out, std::uint32_t xid, const Welcome& welcome);
 void writeClock(Buffer& out, std::uint32_t program, std::int64_t sent);
@@ -169,7 +171,7 @@ struct Extent {
 };
 inline constexpr Extent kMost{64 * 1024, 64 * 1024, 1 << 20};           // that a request may have
 Extent extentOf(XdrReader r);                           // r: where readRequest would begin; it is a copy
-bool readReply(XdrReader& r, Times& times, Message& m);
+bool readReply(XdrReader& r, Times& times, Message& m, Span* span = nullptr);     // span: of the call; null: it has no trace
 bool readClock(XdrReader& r, std::int64_t& sent);
 bool readCancel(XdrReader& r, Cancel& cancel);
 bool readHealth(XdrReader& r, Health& health);

@@ -5,6 +5,7 @@
 #include "tcl/eventLoops.h"
 #include "tcl/interpreter.h"
 #include "tcl/processCommands.h"
+#include "tcl/traceCommand.h"
 #include "tcl/soCommand.h"
 #include "tcl/tclService.h"
 
@@ -34,6 +35,7 @@ int init(Tcl_Interp* interp, bool safe) {
             if (!initTclServices(*interpreter)) return TCL_ERROR;
             initCommands(*interpreter);
             initProcessCommands(*interpreter);
+            initTraceCommand(*interpreter);
             wrapEventLoops(*interpreter);
 #ifdef SORMA_COMM
             initCommCommands(*interpreter);

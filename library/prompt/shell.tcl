@@ -26,6 +26,10 @@ namespace eval ::sorma::shell {
 #       every command of the same name that somebody has, or makes later.
 proc ::sorma::shell::prepare {} {
     ::sorma::JoinDict
+    if {[info commands ::sorma::shell::TclTrace] eq {}} {
+        rename ::trace ::sorma::shell::TclTrace
+        interp alias {} ::trace {} ::sorma::shell::Trace
+    }
     foreach name [InspectorCommands] {
         word $name ::sorma::shell::Look $name
     }
@@ -56,7 +60,7 @@ proc ::sorma::shell::InspectorCommands {} {
 
 # ::sorma::shell::commands -- all commands whose text is as it is to be shown.
 proc ::sorma::shell::commands {} {
-    return [concat [InspectorCommands] {trail record}]
+    return [concat [InspectorCommands] {trail trace record}]
 }
 
 # ---- running ----
@@ -319,6 +323,7 @@ proc ::sorma::shell::Help args {
     if {[llength $args] == 0} {
         append text \n [::sorma::text::table {} [list \
             [list [join [::sorma::usage::of trail]] {all messages of the last request, or of an object's last one; one; its stack trace}] \
+            [list [join [::sorma::usage::of trace]] {all calls of a request, over all daemons, and the time of each}] \
             [list [join [::sorma::usage::of record] { or }] {keeps what is typed as a script, and as a test suite; ends that}] \
             {{Tab, Ctrl-R, Ctrl-C, Ctrl-D} {complete; search what was typed; give up; leave. More: man scott}} \
         ] {*}[dict filter [::sorma::showDefaults] key -colour -width] -wrap 1]
@@ -335,6 +340,20 @@ proc ::sorma::shell::Record args {
         ::sorma::usage::wrong record
     }
     return [::sorma::record::start {*}$args]
+}
+
+# trace SCRIPT: its calls, over all daemons, and what it returned. With other words it is Tcl's own.
+proc ::sorma::shell::Trace args {
+    if {[llength $args] == 0} {
+        ::sorma::usage::wrong trace
+    }
+    if {[llength $args] != 1} {
+        tailcall ::sorma::shell::TclTrace {*}$args
+    }
+    set told [uplevel 1 [list ::sorma::trace [lindex $args 0]]]
+    package require sorma::listing
+    set result [::sorma::text::clean [dict get $told result]]
+    return "[::sorma::listing calls [dict get $told tree]]\n[expr {[dict get $told code] == 1 ? {error: } : {}}]$result"
 }
 
 # trail ?NAME? ?NUMBER? ?-stack?: the messages of the last request, or of the last one of an object that had any; one of them; the

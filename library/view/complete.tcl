@@ -19,6 +19,7 @@ namespace eval ::sorma::complete {
         sorma::async {method request word request}
         sorma::create {name so option recipe}
         sorma::pipe {step none}
+        sorma::trace {script none}
         sorma::classes {pattern class}
         sorma::catalogue {pattern none}
         sorma::manual {name topic}

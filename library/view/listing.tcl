@@ -7,7 +7,7 @@ package require sorma::text
 package provide sorma::listing 1.0
 
 namespace eval ::sorma::listing {
-    namespace export objects tree daemons busiest found tested watched passing rates findings table sections microseconds digits
+    namespace export objects tree daemons busiest found tested watched passing rates findings calls table sections microseconds digits
     namespace ensemble create
     variable MostRows 200       ;# of one table
 }
@@ -201,6 +201,29 @@ proc ::sorma::listing::rates items {
 }
 
 # ---- what these have in common ----
+
+# ::sorma::listing::calls TREE -- the tree of sorma::trace: a line for each call, those that it makes below it, and its times.
+proc ::sorma::listing::calls tree {
+    set rows {}
+    CallRows $tree 0 rows
+    return [table {call state whole waiting running wire} $rows {2 3 4 5}]
+}
+
+proc ::sorma::listing::CallRows {span depth rowsVar} {
+    upvar 1 $rowsVar rows
+    set name [dict get $span name]
+    set row [list "[string repeat {  } $depth][if {$name eq {}} {string cat (hidden)} else {string cat $name { } [dict get $span method]}]" [dict get $span state]]
+    foreach time {whole waiting running wire} {
+        lappend row [microseconds [dict get $span $time]]
+    }
+    lappend rows $row
+    foreach call [dict get $span calls] {
+        CallRows $call [expr {$depth + 1}] rows
+    }
+    if {[dict exists $span more]} {
+        lappend rows [list "[string repeat {  } [expr {$depth + 1}]]([dict get $span more] more)" {} {} {} {} {}]
+    }
+}
 
 # ::sorma::listing::microseconds N -- a time in the unit that fits.
 proc ::sorma::listing::microseconds us {
