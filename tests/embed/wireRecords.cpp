@@ -7,7 +7,9 @@
 #include <vector>
 
 #include "bus/kept.h"
+#include "bus/sorm.h"
 #include "comm/wire.h"
+#include "comm/wireSpan.h"
 #include "checks.h"
 
 using namespace sorma;
@@ -319,6 +321,41 @@ void testCredentials() {
     CHECK(header(kBehalfFlavor, 12, 4, behalf) && behalf.size() == 12);
 }
 
+void testSpans() {
+    Sorm sorm;
+    auto root = [&] { return Span::root({1, 2}, sorm, "a", Method::exec, monotonicNow()); };
+    const SpanPointer sent = root();
+    sent->call("b", Method::ctrl)->call("c", Method::exec)->finish();
+    sent->call("hidden", Method::exec)->call("d", Method::exec);
+    const Buffer bytes = spansOf(*sent, [](const std::string& name) { return name != "hidden"; }, true);
+    const std::string whole(bytes.data(), bytes.size());
+    const SpanPointer got = root();
+    CHECK(readSpans(whole, *got) && got->calls.size() == 2 && got->calls[0]->name == "b" && got->calls[0]->calls[0]->name == "c");
+    CHECK(got->calls[0]->underway && !got->calls[0]->calls[0]->underway && got->calls[1]->name.empty() && got->calls[1]->calls[0]->name.empty());
+    // Spans that cannot be read change nothing.
+    for (std::size_t i = 0; i < whole.size(); ++i) {
+        std::string wrong = whole;
+        wrong[i] = char(0xff);
+        const SpanPointer one = root(), other = root();
+        CHECK(readSpans(wrong, *one) || (one->calls.empty() && one->share->spans == 0 && !one->answered));
+        CHECK(readSpans(whole.substr(0, i), *other) || other->calls.empty());
+    }
+    const SpanPointer full = root();
+    for (int i = 0; i < 300; ++i) CHECK(readSpans(whole, *full));
+    CHECK(full->share->spans == TraceShare::kMostSpans && full->lost > 0);
+}
+
+void testTraceNumbers() {
+    const Behalf sent{true, 7, std::string(300, 'x'), "", {3, 4}};
+    const std::string record = written([&](Buffer& out) { writeCall(out, 5, kProgram, {}, Message(), kCall, &sent); });
+    CHECK(isCall(record, kCall, [&](XdrReader& r, const CallHeader& h) {
+        Behalf got;
+        Request q;
+        Message m;
+        return readBehalf(h.behalf, got) && got.trace == sent.trace && got.author.empty() && h.behalf.size() <= 400 && readRequest(r, q, m);
+    }));
+}
+
 void testRefusals() {
     auto answer = [](const std::string& record) {
         XdrReader r(record);
@@ -372,7 +409,7 @@ void testExtent() {
 
 constexpr Group kGroups[] = {
     {"calls", testCalls}, {"replies", testReplies}, {"trails", testTrails}, {"greetings", testGreetings}, {"claims", testClaims}, {"others", testOthers},
-    {"utf8", testUtf8}, {"behalf", testBehalf}, {"credentials", testCredentials}, {"refusals", testRefusals}, {"extent", testExtent},
+    {"utf8", testUtf8}, {"behalf", testBehalf}, {"credentials", testCredentials}, {"refusals", testRefusals}, {"extent", testExtent}, {"spans", testSpans}, {"numbers", testTraceNumbers},
 };
 
 }  // namespace
