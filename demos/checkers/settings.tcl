@@ -37,7 +37,7 @@ proc checkers::window::Dry name { return [expr {[Holds -dry] && $name in {eye ro
 proc checkers::window::Settings {} {
     variable Rows
     variable Rules
-    ttk::labelframe .settings -text "Settings"
+    ttk::labelframe .settings -style Page.TLabelframe -text "Settings"
     set s .settings
     set pad [sorma::style pixels 2]
     foreach {name text key command} {

@@ -70,13 +70,14 @@ proc checkers::window::build settings {
     set size [expr {int(min([sorma::style pixels 400], 0.27 * [winfo screenwidth .], 0.48 * [winfo screenheight .]))}]
     Stop .top 1
     pack .top -fill x -padx $gap -pady $gap
-    sorma::notice .away -lines 1
+    sorma::notice .away -lines 1 -style Page.TFrame
+    .away.text configure -style Page.TLabel
     pack .away -fill x -padx $gap
     Lamps
     pack .lamps -side bottom -fill x -padx $gap -pady $gap
-    pack [ttk::frame .f] -fill both -expand 1
+    pack [ttk::frame .f -style Page.TFrame] -fill both -expand 1
     foreach w {game eye camera moves talk} text {"The game" "What the eye sees, and how certain" "The camera in the hand" "Moves" "What is said"} {
-        ttk::labelframe .$w -text $text
+        ttk::labelframe .$w -style Page.TLabelframe -text $text
     }
     checkers::boardview create gameBoard .game.board -width $Width -size $size -heaps 1 -drop checkers::window::Drop -goals checkers::window::Goals
     checkers::boardview create eyeBoard .eye.board -width $Width -size $size
@@ -117,7 +118,7 @@ proc checkers::window::build settings {
 }
 # A bar with the emergency stop, which keeps its room when the window is small; Escape is the same. CLOCKS: with the state of the plot, too.
 proc checkers::window::Stop {bar clocks} {
-    ttk::frame $bar
+    ttk::frame $bar -style Page.TFrame
     button $bar.stop -text "EMERGENCY STOP  (Esc)" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
         -font TkHeadingFont -pady [sorma::style pixels 10] -padx [sorma::style pixels 24] -command {checkers::window::send simlab@lab CTRL -emergencyStop}
     pack $bar.stop -side right
@@ -125,7 +126,7 @@ proc checkers::window::Stop {bar clocks} {
         foreach side {black white} {
             pack [canvas $bar.$side -width [sorma::style pixels 190] -height [sorma::style pixels 46] -highlightthickness 0] -side right -padx [sorma::style pixels 6]
         }
-        ttk::label $bar.state -textvariable ::checkers::window::Head -font [Large] -anchor w
+        ttk::label $bar.state -style Page.TLabel -textvariable ::checkers::window::Head -font [Large] -anchor w
         pack $bar.state -side left -fill x -expand 1
     }
     bind [winfo toplevel $bar] <Escape> [list $bar.stop invoke]
@@ -140,9 +141,10 @@ proc checkers::window::Large {} {
 # Tk's own widgets look as the theme does.
 proc checkers::window::Themed {} {
     if {![winfo exists .lamps]} return
-    set back [ttk::style lookup TFrame -background]
+    set back [ttk::style lookup Page.TFrame -background]
     . configure -background $back
-    foreach canvas [list .top.white .top.black .camera.picture.canvas {*}[lsearch -all -inline [winfo children .lamps] .lamps.c*]] {
+    .camera.picture.canvas configure -background [ttk::style lookup TFrame -background]
+    foreach canvas [list .top.white .top.black {*}[lsearch -all -inline [winfo children .lamps] .lamps.c*]] {
         $canvas configure -background $back
     }
     foreach text {.moves.text .said} {
@@ -189,12 +191,12 @@ proc checkers::window::begin {} {
 
 proc checkers::window::Lamps {} {
     variable Daemons
-    ttk::frame .lamps
+    ttk::frame .lamps -style Page.TFrame
     set d [sorma::style pixels 14]
     foreach name $Daemons {
         canvas .lamps.c$name -width $d -height $d -highlightthickness 0
         .lamps.c$name create oval [expr {$d * 0.14}] [expr {$d * 0.14}] [expr {$d * 0.86}] [expr {$d * 0.86}] -fill #909090 -outline #505050 -tags lamp
-        pack .lamps.c$name [ttk::label .lamps.l$name -text "$name  "] -side left
+        pack .lamps.c$name [ttk::label .lamps.l$name -style Page.TLabel -text "$name  "] -side left
         Lamp $name gone
     }
 }

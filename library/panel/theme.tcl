@@ -461,7 +461,7 @@ proc ::sorma::theme::Containers {} {
     ttk::style layout Card.TFrame {sorma.card -sticky nswe}
     ttk::style layout TLabelframe {sorma.card -sticky nswe}
     foreach {style back} {TLabelframe surface Page.TLabelframe ground} {
-        ttk::style configure $style -background $Colours($back) -labeloutside 1 -labelmargins [list [Px 4] 0 0 [Px 4]]
+        ttk::style configure $style -background $Colours($back) -padding [Px 8] -labeloutside 1 -labelmargins [list [Px 4] 0 0 [Px 4]]
         ttk::style configure $style.Label -background $Colours($back) -foreground $Colours(text) -font TkHeadingFont
     }
     # Tabs: the chosen one has a line of the accent below.
