@@ -74,6 +74,7 @@ private:
 
 // sorma::trace                                   the traceparent for what the present request calls, or empty
 // sorma::trace ?-parent traceparent? script      dict  trace code result options tree
+// Other words                                    Tcl's own trace: code in our namespace, such as a snit type, finds this one first
 int TraceObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     return guarded(i, objc, objv, [&] {
@@ -82,6 +83,12 @@ int TraceObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
             if (context && context->span) Tcl_SetObjResult(interp, newText(parentText(context->span->share->number)));
             else Tcl_ResetResult(interp);
             return TCL_OK;
+        }
+        if (objc > 2 && !view(objv[1]).starts_with('-')) {
+            Obj words(Tcl_NewListObj(objc, objv));
+            Tcl_Obj* name = newText("::trace");
+            Tcl_ListObjReplace(nullptr, words, 0, 1, 1, &name);
+            return Tcl_EvalObjEx(interp, words, TCL_EVAL_DIRECT);
         }
         if (objc != 2 && !(objc == 4 && view(objv[1]) == "-parent")) return Tcl_WrongNumArgs(interp, 1, objv, "?-parent traceparent? script"), TCL_ERROR;
         Obj script(objv[objc - 1]);

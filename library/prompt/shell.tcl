@@ -26,8 +26,8 @@ namespace eval ::sorma::shell {
 #       every command of the same name that somebody has, or makes later.
 proc ::sorma::shell::prepare {} {
     ::sorma::JoinDict
-    if {[info commands ::sorma::shell::TclTrace] eq {}} {
-        rename ::trace ::sorma::shell::TclTrace
+    if {[info commands ::sorma::shell::tclTrace] eq {}} {
+        rename ::trace ::sorma::shell::tclTrace
         interp alias {} ::trace {} ::sorma::shell::Trace
     }
     foreach name [InspectorCommands] {
@@ -348,7 +348,7 @@ proc ::sorma::shell::Trace args {
         ::sorma::usage::wrong trace
     }
     if {[llength $args] != 1} {
-        tailcall ::sorma::shell::TclTrace {*}$args
+        tailcall ::sorma::shell::tclTrace {*}$args
     }
     set told [uplevel 1 [list ::sorma::trace [lindex $args 0]]]
     package require sorma::listing
