@@ -29,9 +29,11 @@ proc ::sorma::inspect::selftest args {
         }
     }
     set items {}
+    set passed 0
     foreach test $tests {
         if {![dict exists $test error]} {
             set test [dict merge $test [selftest::Outcome [dict get $test name] [dict get $test where] $within]]
+            incr passed [dict get $test passed]
         }
         lappend items $test
         if {!$data} {
@@ -42,7 +44,6 @@ proc ::sorma::inspect::selftest args {
         return $items
     }
     NeedPlaces $wheres $items
-    set passed [llength [lsearch -all -exact [lmap item $items {expr {[dict exists $item passed] && [dict get $item passed]}}] 1]]
     set failed [expr {[llength $items] - $passed}]
     return "$passed passed[if {$failed > 0} {string cat ", $failed failed"}]"
 }
