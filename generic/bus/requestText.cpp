@@ -665,6 +665,10 @@ void appendRequest(std::string& out, std::string_view name, Method method, const
 
 void appendReply(std::string& out, std::string_view name, const Message& message) {
     appendWord(out, name);
+    appendOutcome(out, message);
+}
+
+void appendOutcome(std::string& out, const Message& message) {
     if (message.code == 0) {
         out += " RET 0";
     } else {

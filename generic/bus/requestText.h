@@ -97,6 +97,7 @@ void appendRequest(std::string& out, std::string_view name, Method method, const
 
 void parseReply(std::string_view text, std::string& name, Message& message);
 void appendReply(std::string& out, std::string_view name, const Message& message);
+void appendOutcome(std::string& out, const Message& message);      // what follows the name
 // Append text, floats, ints and any as in requests and replies, with a space before each part unless out is empty; without
 // code, trail and free words.
 void appendParts(std::string& out, const Message& message);

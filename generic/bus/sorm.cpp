@@ -592,7 +592,9 @@ void Sorm::dispatchWith(Message& m, std::string& name, std::string_view request,
     }
     if (m.author) [[unlikely]] m.forget();
     setLastTrail(m.trail);
-    appendReply(reply, who, m);
+    if (name.empty()) reply += who;     // it was not parsed, and so needs no quotes either
+    else appendWord(reply, who);
+    appendOutcome(reply, m);
 }
 
 }  // namespace sorma
