@@ -89,7 +89,7 @@ bool Pending::cancel(Trail why) {
     answer(std::move(why));             // first: what the service has to say of it comes too late
     if (carrier) carrier->cancelled(*this);
     if (own) own->cancel();
-    if (tell) tell();
+    if (tell) (*tell)();
     return true;
 }
 
@@ -104,7 +104,7 @@ void Pending::expireBy(Loop& loop) {
 
 void Pending::onCancel(std::function<void()> callback) {
     if (cancelled()) return callback();
-    onCancel_ = std::move(callback);
+    onCancel_ = std::make_unique<std::function<void()>>(std::move(callback));
 }
 
 void Pending::finish() {

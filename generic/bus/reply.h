@@ -69,6 +69,12 @@ public:
     const std::shared_ptr<Mailbox> mailbox;
     Carrier* carrier = nullptr;         // null: an object of this process executes it
     std::uint32_t ticket = 0;           // for the carrier's own use
+
+private:
+    std::atomic<bool> cancelled_{false};
+    bool answered_ = false;             // here they fill a gap
+
+public:
     PrincipalPointer relayFor;          // who has named the object, when it was not the owner
     std::string who;                    // name of the object, for messages
     Reference service;                  // the object that executes it, from its start until finish()
@@ -93,11 +99,9 @@ public:
 
 private:
     void runCallbacks();
-    std::atomic<bool> cancelled_{false};
-    bool answered_ = false;
     std::uint64_t number_ = 0;
     std::vector<std::function<void()>> whenAnswered_;
-    std::function<void()> onCancel_;
+    std::unique_ptr<std::function<void()>> onCancel_;       // a pointer: few have one, and thousands may be pending
 };
 
 using PendingPointer = std::shared_ptr<Pending>;
