@@ -68,16 +68,10 @@ public:
     Timer timer;                        // see expireBy(); cancelled with the answer
     const std::shared_ptr<Mailbox> mailbox;
     Carrier* carrier = nullptr;         // null: an object of this process executes it
-    std::uint32_t ticket = 0;           // for the carrier's own use
-
-private:
-    std::atomic<bool> cancelled_{false};
-    bool answered_ = false;             // here they fill a gap
-
-public:
     PrincipalPointer relayFor;          // who has named the object, when it was not the owner
     std::string who;                    // name of the object, for messages
     Reference service;                  // the object that executes it, from its start until finish()
+    std::uint32_t ticket = 0;           // for the carrier's own use; the last one: cancelled_ and answered_ fill its gap
 
     bool answered() const { return answered_; }         // the caller has its answer
     bool failed() const { return !failure.empty(); }
@@ -99,6 +93,8 @@ public:
 
 private:
     void runCallbacks();
+    std::atomic<bool> cancelled_{false};
+    bool answered_ = false;
     std::uint64_t number_ = 0;
     std::vector<std::function<void()>> whenAnswered_;
     std::unique_ptr<std::function<void()>> onCancel_;       // a pointer: few have one, and thousands may be pending

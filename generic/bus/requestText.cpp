@@ -663,12 +663,9 @@ void appendRequest(std::string& out, std::string_view name, Method method, const
     }
 }
 
-void appendReply(std::string& out, std::string_view name, const Message& message) {
-    appendWord(out, name);
-    appendOutcome(out, message);
-}
-
-void appendOutcome(std::string& out, const Message& message) {
+void appendReply(std::string& out, std::string_view name, const Message& message, bool plain) {
+    if (plain) out += name;
+    else appendWord(out, name);
     if (message.code == 0) {
         out += " RET 0";
     } else {

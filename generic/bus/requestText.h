@@ -96,8 +96,8 @@ void parseParts(WordReader& reader, Method method, Message& message);
 void appendRequest(std::string& out, std::string_view name, Method method, const Message& message);
 
 void parseReply(std::string_view text, std::string& name, Message& message);
-void appendReply(std::string& out, std::string_view name, const Message& message);
-void appendOutcome(std::string& out, const Message& message);      // what follows the name
+// plain: the name is known to need no quotes, and out is empty.
+void appendReply(std::string& out, std::string_view name, const Message& message, bool plain = false);
 // Append text, floats, ints and any as in requests and replies, with a space before each part unless out is empty; without
 // code, trail and free words.
 void appendParts(std::string& out, const Message& message);

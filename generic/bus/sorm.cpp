@@ -592,9 +592,7 @@ void Sorm::dispatchWith(Message& m, std::string& name, std::string_view request,
     }
     if (m.author) [[unlikely]] m.forget();
     setLastTrail(m.trail);
-    if (name.empty()) reply += who;     // it was not parsed, and so needs no quotes either
-    else appendWord(reply, who);
-    appendOutcome(reply, m);
+    appendReply(reply, who, m, name.empty());       // a name that was not parsed has no quotes
 }
 
 }  // namespace sorma
