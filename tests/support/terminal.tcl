@@ -29,6 +29,7 @@ namespace eval terminal {
     variable Ended 0
     variable Bells 0
     variable Came 0         ;# has anything come since the last thing typed?
+    variable Returns 0      ;# lines typed last, less the line feeds that came since
     namespace export open type screen row until shows prompts resize settings pid end hangup kill
     namespace ensemble create
 }
@@ -49,6 +50,7 @@ proc terminal::open args {
     variable Rest {}
     variable Ended 0
     variable Bells 0
+    variable Returns 0
     set term xterm
     while {[string match -* [lindex $args 0]]} {
         set args [lassign $args option value]
@@ -74,6 +76,7 @@ proc terminal::open args {
 proc terminal::type text {
     variable Pipe
     variable Came 0
+    variable Returns [regexp -all \r $text]
     puts -nonewline $Pipe $text
 }
 
@@ -102,7 +105,8 @@ proc terminal::shows text {
 }
 
 proc terminal::prompts prompt {
-    uplevel 1 [list terminal::until "\$::terminal::Came && \[terminal::row end\] eq {$prompt}"]
+    # The first bytes may belong to the prompt before.
+    uplevel 1 [list terminal::until "\$::terminal::Came && \$::terminal::Returns <= 0 && \[terminal::row end\] eq {$prompt}"]
 }
 
 proc terminal::resize {columns rows} {
@@ -244,6 +248,7 @@ proc terminal::Show bytes {
 
 proc terminal::Down {} {
     variable Y
+    incr ::terminal::Returns -1
     variable Rows
     variable Height
     variable Columns
