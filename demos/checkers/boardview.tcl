@@ -8,9 +8,10 @@
 #     b mark {{3 3} {4 4}}                        these fields have a frame: the last move
 #     b resize 10                                 files of another board
 #
-# -drop: a command that gets two places when a person has carried a token with the mouse or the keys; empty: nobody can. Keys: the arrows move a
-# cursor, Return or space takes a token and puts it down, Escape puts it back where it was. -goals: a command that gets the place of a token and
-# returns those to which it may go, which are shown while it is carried. -heaps: what lies beside the board is shown, too.
+# -drop: a command that gets two places when a person has carried a token with the mouse or the keys; empty: nobody can. Keys:
+# the arrows move a cursor, Return or space takes a token and puts it down, Escape puts it back where it was. -goals: a command
+# that gets the place of a token and returns its possible goals; they are shown while the token is carried. -heaps: shows the
+# heaps beside the board, too.
 
 package require Tk
 package require sorma::options
@@ -138,7 +139,7 @@ oo::class create ::checkers::boardview {
             lassign [my At 0.5 $n] x y
             $Canvas create text [expr {$x - $rim / 2}] $y -text $n -fill #e8d8b8 -font $font
         }
-        # What lies in front hides what lies behind.
+        # Tokens in front hide those behind them.
         foreach place [lsort -decreasing -real -index 1 [dict keys $Lies]] {
             if {[my OnBoard $place] || [my Heaps]} {
                 my Token $place [dict get $Lies $place]
@@ -240,7 +241,7 @@ oo::class create ::checkers::boardview {
         $Canvas raise [my Tag $from]
         my Step $Flights [my Tag $from] [expr {$u - $x}] [expr {$v - $y}] 1
     }
-    # What was drawn anew meanwhile is where it should be.
+    # Items that were drawn again meanwhile are at their places.
     method Step {flight tag dx dy n} {
         my variable Canvas Flights
         if {![winfo exists $Canvas] || $flight != $Flights || $n > 25} return
@@ -270,7 +271,7 @@ oo::class create ::checkers::boardview {
             my draw
         }
     }
-    # From which places to which stacks have gone: those that went first go to the nearest that came.
+    # Pairs the places that stacks have left with the places of new stacks: the first to leave gets the nearest new place.
     method Moves {before after} {
         set gone {}
         foreach place [dict keys $before] {
@@ -330,7 +331,7 @@ oo::class create ::checkers::boardview {
             my Put $from [my PlaceOf $x $y]
         }
     }
-    # What lay there may have been taken away meanwhile.
+    # The token may have been taken away meanwhile.
     method Put {from to} {
         my variable Settings Lies Cursor
         set Cursor [my Column $to]

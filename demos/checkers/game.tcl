@@ -1,6 +1,6 @@
 # game.tcl -- the state of a game: the position, where every token lies, and a file that keeps both after each half-move.
 #
-# What a camera cannot know is kept here: a queen looks like a man from above, and tokens of a colour look alike.
+# The game keeps what a camera cannot see: from above a queen looks like a man, and tokens of a colour look alike.
 
 package require sorma
 package require checkers::tokens
@@ -101,7 +101,7 @@ oo::class create ::checkers::game {
     method side {} { return [my state side] }
     method over {} { return [expr {[my state result] ne "*"}] }
 
-    # What must be carried for a move, and what lies where then: as tokens transfers says it. Nothing is played.
+    # The transfers for a move, and the tokens' places after it, in the form of tokens transfers. Nothing is played.
     method plan move {
         my variable Draughts Lies
         lassign [my Path $move] stops victims crowned
@@ -123,7 +123,7 @@ oo::class create ::checkers::game {
     method origin move { return [::checkers::tokens place [my width] [lindex [my Path $move] 0 0]] }
     method goal move { return [::checkers::tokens place [my width] [lindex [my Path $move] 0 end]] }
 
-    # What lies where after a move when nobody knows what lies beside the board.
+    # The tokens' places after a move, when nobody knows the heaps.
     method after move {
         my variable Draughts Lies
         set width [my width]
@@ -173,7 +173,7 @@ oo::class create ::checkers::game {
         dict with Clock {}
         return [expr {$limit == 0 ? {} : $white >= $limit ? "white" : $black >= $limit ? "black" : {}}]
     }
-    # Who played White plays Black, and keeps his time.
+    # The players change sides, and each keeps his time.
     method exchange {} {
         my variable Clock
         set Clock [dict replace $Clock white [dict get $Clock black] black [dict get $Clock white]]
@@ -221,7 +221,7 @@ oo::class create ::checkers::game {
         my intend {}
     }
 
-    # What a camera must see when tokens lie so: a character for each field, Black's row first.
+    # The camera's view of tokens at these places: a character for each field, Black's row first.
     method sight lies {
         set width [my width]
         set rows {}

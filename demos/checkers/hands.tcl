@@ -8,7 +8,7 @@ package require checkers::tokens
 package require checkers::repair
 package provide checkers::hands 1.0
 
-# What every player can do.
+# The part that all players share.
 oo::class create ::checkers::hands {
     # How many tokens lie at a place.
     method Height place {
@@ -17,7 +17,7 @@ oo::class create ::checkers::hands {
         my Note felt place $place tokens $there
         return $there
     }
-    # What the hand still holds since a carry that failed goes to where it should have gone. Did it hold anything?
+    # If the hand still holds a token after a carry that failed, this takes the token to its goal. Did it hold anything?
     method Finish transfer {
         return [expr {[lindex [dict get [[my Setting -carry] exec -floats $transfer finish] floats] 0] != 0}]
     }
@@ -94,7 +94,8 @@ oo::class create ::checkers::hands {
         return [lindex $differ 0]
     }
 
-    # Carry what lies elsewhere than it should. What is felt of a field that has too many tokens is one, or what the field should have.
+    # Carry what lies elsewhere than it should. On a field with too many tokens the hand feels one token, or as many as the
+    # field should have.
     method Tidy {sight should} {
         my variable Game
         set width [$Game width]
@@ -126,7 +127,7 @@ oo::class create ::checkers::hands {
         if {$wrong ne {}} {
             my Say "Tokens are missing for [join [lmap place $wrong {my Named $place}] {, }]. Please put them there."
         }
-        # What lies beside the board now.
+        # The heaps beside the board, now.
         return [dict merge [dict filter $should script {place -} {my OnBoard $place}] [dict filter $after script {place -} {expr {![my OnBoard $place]}}]]
     }
 

@@ -6,7 +6,8 @@
 #     judge EXEC look             where the tokens lie otherwise than was said last
 #
 # The robot says what lies where (event plot of class checkers) when it has read the person's move, has carried a token, and at the end.
-# A word is compared with the tokens as long as nobody may have moved one since. What differs is counted once, as long as it lasts.
+# A word is compared with the tokens as long as nobody may have moved one since. A difference is counted once, as long as it
+# lasts.
 
 package require sorma
 package require sorma::await
@@ -203,7 +204,8 @@ oo::class create ::sorma::service::judge {
         my publish found -text [dict create kind unjudged text "what was said at $what could not be compared in time"]
         set Open 0
     }
-    # What was said last is compared with what is. AGAIN: also if it has been judged. Returns whether there may be more to judge.
+    # Compares the last message with the tokens as they lie. AGAIN: also if it has been judged. Returns whether there may be
+    # more to judge.
     method Judge {{again 0}} {
         if {!$Open && !$again} {
             return 0
@@ -214,7 +216,8 @@ oo::class create ::sorma::service::judge {
             return 0
         }
         set Dead {}
-        # What has been told meanwhile comes first; what differs must do so twice. What is missing both times may be in a hand that is there between.
+        # Messages that have come meanwhile are taken first. A difference must be seen twice. A token that is missing both times
+        # may have been in a hand between.
         sorma::await sleep 10
         set hand 0
         set differs [my Differences $Said $truth]
@@ -264,7 +267,8 @@ oo::class create ::sorma::service::judge {
     method Hand {} {
         return [expr {[lindex [my Asked DBX -person] 3] ne "away"}]
     }
-    # HAND: one is over the board. What is missing beside it may be in this hand, also when the person has been killed.
+    # HAND: one is over the board. A token that is missing beside the board may be in this hand, also when the person has been
+    # killed.
     method Count {differs hand} {
         set Held 0
         dict for {place text} $differs {
@@ -287,8 +291,9 @@ oo::class create ::sorma::service::judge {
     method Beside place {
         return [expr {[lindex $place 0] eq "beside"}]
     }
-    # What differs -> in words: a field {file rank} of the board, or {beside colour n}, the n-th token that heaps of a colour should have and
-    # have not. A person may put a victim on another heap than the robot thinks. What is high above the board is in somebody's hand.
+    # Differences -> words. A difference is a field {file rank} of the board, or {beside colour n}: the heaps of that colour
+    # lack their n-th token. A person may put a victim on another heap than the robot thinks. A token high above the board is in
+    # somebody's hand.
     method Differences {said truth} {
         set width [dict get $said width]
         set strays {}
@@ -331,7 +336,7 @@ oo::class create ::sorma::service::judge {
         }
         return $differs
     }
-    # Of tokens {place colour}, the lowest first: place -> colours on the board, and colour -> how many beside it.
+    # Sorts tokens {place colour}, the lowest first, into place -> colours on the board, and colour -> number beside it.
     method Sorted {tokens width} {
         set onBoard [set beside {}]
         foreach token $tokens {

@@ -1,10 +1,11 @@
-# people.tcl -- human: a person who plays against the robot. He sees the tokens, thinks with an engine of his own, and moves tokens with his
-# hand, slowly; with -faults he also does what people do who do not know the rules.
+# people.tcl -- human: a person who plays against the robot. He sees the tokens, thinks with an engine of his own, and moves
+# tokens with his hand, slowly. With -faults he also makes the errors of people who do not know the rules.
 #
 #     human.sim EXEC play         until his game is over
 #
-# He waits while the arm is over the board. All that he does to the laboratory are requests to simlab. Of the robot he knows what it says
-# (event said) and whose clock runs (event clock), never what it believes. Only where a real person plays (-mouse) the game is taken from it.
+# He waits while the arm is over the board. All that he does to the laboratory are requests to simlab. He knows the robot's
+# words (event said) and whose clock runs (event clock). He never knows its beliefs. Only where a real person plays (-mouse) the
+# game is taken from it.
 
 package require sorma
 package require sorma::service::draughts
@@ -100,7 +101,7 @@ oo::class create ::sorma::service::human {
         $Player heard {}
         my publish person -text {state remembered}
     }
-    # What lies where, as he remembers the game, and after the move that the robot has said since.
+    # The tokens' places, as he remembers the game, and after the robot's move that he has heard since.
     method Known {} {
         set lies [expr {$Announced eq {} ? {} : [$Player meant $Announced]}]
         return [expr {$lies eq {} ? [$Game lies] : $lies}]
@@ -156,7 +157,7 @@ oo::class create ::sorma::service::human {
                 my SetOut [$Game lies]
                 my publish person -text {state undid}
             }
-            # What he does at random after a restart is not what he did before.
+            # After a restart he makes other random choices than before.
             expr {srand([my cget -seed] + 1 + 7919 * [$Game state moves])}
             catch {[my cget -lab] CTRL -person away}
             set State play
@@ -215,7 +216,7 @@ oo::class create ::sorma::service::human {
             "We change sides.*" { $Player order sides }
             "I offer a draw." { my Consider }
             "The game is over: *" {
-                # Of an end by the rules he sees for himself.
+                # He sees for himself when the game ends by the rules.
                 if {[regexp {you have resigned|agreed on a draw|out of time} $text]} {
                     $Player order new
                 }
@@ -239,7 +240,7 @@ oo::class create ::sorma::service::human {
             $Player clock [dict get $event text]
         }
     }
-    # A real person plays. What is told of a game by other rules, which ends now, is nothing to him.
+    # A real person plays. He ignores messages about a game by other rules: that game ends now.
     method Told event {
         if {$Player ne {} && $State eq "play" && [dict get $event event] eq "plot"} {
             catch {my Hear [dict get $event text]}
@@ -273,7 +274,7 @@ oo::class create ::sorma::service::human {
         my publish person -text [dict merge [list state $what] $facts]
     }
 
-    # Of what the robot tells once more he is not aware: then he puts all tokens where they belong.
+    # If the robot repeats a message, he has missed the fault; then he puts all tokens where they belong.
     method Asked text {
         if {$text ne $Asked || [$Player errs] || [$Game intended] ne {}} {
             set Asked $text
@@ -310,7 +311,7 @@ oo::class create ::sorma::service::human {
         }
         return $missing
     }
-    # What he had in his hand goes to where it should have gone: the robot may have answered since.
+    # The token in his hand goes to its goal: the robot may have answered since.
     method PutDown {} {
         set transfer [lindex [$Game plan [$Game intended]] 0 [$Game step]]
         lassign $transfer - - - file rank

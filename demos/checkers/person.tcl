@@ -24,7 +24,7 @@ oo::class create ::checkers::person {
     # Whose clock runs: white or black.
     method clock side { my variable Runs; set Runs $side }
 
-    # What lies where when the robot has played a move that it has said, as people spell it; empty: there is none of that kind.
+    # The tokens' places after a move that the robot has said, as people spell it; empty: there is no such move.
     method meant spelled {
         my variable Game
         if {[$Game side] eq [my Setting -robot] || [$Game over]} {
@@ -93,7 +93,7 @@ oo::class create ::checkers::person {
     # He is about to do something wrong, and knows it.
     method errs {} { my variable Erring; return $Erring }
 
-    # He does it now. What he is told from here on is about that. PLACES: the fields of which one should be named.
+    # He does it now. Later messages are about that. PLACES: the fields of which one should be named.
     method Doing {kind places {state fault}} {
         my variable Heard
         set Heard {}
@@ -129,7 +129,7 @@ oo::class create ::checkers::person {
             }
         }
     }
-    # What the board looks like after a displacement is no legal move.
+    # A displacement does not look like a legal move.
     method Wrong {from to} {
         my variable Game
         set lies [::checkers::tokens after [$Game lies] [list {*}$from 0 {*}$to 0]]
@@ -206,7 +206,7 @@ oo::class create ::checkers::person {
                 my Doing stolen [list $place]
                 $Lab CTRL -steal $name
                 my Listen
-                # Of a laboratory that was started anew all tokens have been set out, and this name may be that of another one.
+                # In a restarted laboratory all tokens have been set out again, and this name may mean another token.
                 if {[my Stolen $name]} {
                     $Lab CTRL -move $name {*}$place
                 }

@@ -4,7 +4,7 @@
 #     p play
 #
 # see -> validate -> answer -> carry -> verify -> and again, until the game is over. play suspends the coroutine in which it runs.
-# Whatever is told or decided is an entry for -watch: a command that gets a state and a dict.
+# Each message and each decision is an entry for -watch: a command that gets a state and a dict.
 
 package require sorma
 package require sorma::await
@@ -46,8 +46,9 @@ oo::class create ::checkers::player {
     method state {} { my variable State; return $State }
     method robot {} { return [my Setting -robot] }
 
-    # Something is wanted of the player: new, resign and draw end play with the error {CHECKERS ORDER word} as soon as nothing is in the
-    # hand, and so does time, when a side has no time left; sides changes sides when nobody has begun a move; order puts the board in order.
+    # Gives the player an order. new, resign and draw end play with the error {CHECKERS ORDER word} as soon as the hand is
+    # empty. So does time, when a side has no time left. sides changes sides when nobody has begun a move. order puts the board
+    # in order.
     method order word { my variable Order; set Order $word }
     method Obey {} {
         my variable Order
@@ -90,7 +91,7 @@ oo::class create ::checkers::player {
             {*}[my Setting -say] $text
         }
     }
-    # What is wrong is told once, as long as it stays the same, and after -remind again. The field that is named first is pointed at.
+    # Trouble is told once, as long as it stays the same, and after -remind again. The field that is named first is pointed at.
     method Trouble {text args} {
         my variable Told Since Trouble
         set now [clock seconds]
@@ -181,7 +182,7 @@ oo::class create ::checkers::player {
         set Score [set Level [set Offered 0]]
         dict set Settings -robot $colour
     }
-    # Who played White plays Black.
+    # The players change colours.
     method Sides {} {
         my variable Settings Game Score
         my Unponder
@@ -229,7 +230,7 @@ oo::class create ::checkers::player {
 
     # ---- the eye ----
 
-    # What is seen when it has been the same so often in a row: the sight, or nothing and what the eye says instead.
+    # The view that has been the same for so many looks in a row: the sight, or nothing and the eye's message.
     method Still {{times {}}} {
         if {$times eq {}} {
             set times [my Setting -still]
@@ -240,7 +241,7 @@ oo::class create ::checkers::player {
             my Obey
             set failed [catch {dict get [[my Setting -sight] exec] text} text how]
             set now [expr {$failed ? [dict get $how -errorcode] : $text}]
-            # What a person over the board does not explain is told at once.
+            # Trouble that a person over the board does not explain is told at once.
             if {$failed && [lrange $now 1 2] ni {{VISION BOARD} {VISION MARKERS}}} {
                 set text [my Plain $text $now]
                 my Trouble $text
@@ -255,7 +256,7 @@ oo::class create ::checkers::player {
         }
     }
 
-    # A position that was set up by hand, as FEN: what lies there is seen; what is a queen is felt. SIDE moves first.
+    # A position that was set up by hand, as FEN: the eye sees the pieces, and the hand feels the queens. SIDE moves first.
     method survey side {
         my variable Game
         my Enter survey
@@ -417,7 +418,7 @@ oo::class create ::checkers::player {
         my Note played move $move
         my Offer [my Judged]
     }
-    # What is to be carried for a move. When there is no token for a queen, or no room on the heap, it is told, and felt until there is.
+    # The transfers for a move. When there is no token for a queen, or no room on the heap, it is told, and felt until there is.
     method Planned move {
         my variable Game
         while 1 {
@@ -451,7 +452,7 @@ oo::class create ::checkers::player {
         my Note thought move $move score $score seconds $seconds
         return $move
     }
-    # What the robot last thought of its position, in men.
+    # The robot's last judgement of its position, in men.
     method Judged {} {
         my variable Thought Score
         return [expr {[info exists Thought] ? $Thought : $Score}]
@@ -497,7 +498,7 @@ oo::class create ::checkers::player {
                 return $near
             }
             if {$fits ne {}} {
-                # What was done and seen before is not in doubt.
+                # Transfers that were seen done before are not in doubt.
                 set later [lmap n $fits {expr {$n >= $near ? $n : [continue]}}]
                 if {$later ne {}} {
                     set fits $later
@@ -538,7 +539,7 @@ oo::class create ::checkers::player {
         }]
     }
 
-    # What lies where before the first transfer, and after each.
+    # The tokens' places before the first transfer, and after each.
     method StagesOf {lies transfers} {
         set stages [list $lies]
         foreach transfer $transfers {

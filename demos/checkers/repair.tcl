@@ -1,4 +1,4 @@
-# repair.tcl -- tokens that do not lie as they should: what must be carried so that they do. Places and transfers are those of tokens.tcl.
+# repair.tcl -- finds the transfers that put a wrong board in order. Places and transfers are those of tokens.tcl.
 
 package require checkers::tokens
 package provide checkers::repair 1.0
@@ -8,8 +8,8 @@ namespace eval ::checkers::repair {
     namespace ensemble create
 }
 
-# ::checkers::repair::seen WIDTH SIGHT SHOULD -- what lies where, when a camera sees a board so, and as SHOULD says where it cannot know: it
-#       sees the uppermost token of a field, and nothing beside the board.
+# ::checkers::repair::seen WIDTH SIGHT SHOULD -- the tokens' places as the camera sees the board. The camera sees the uppermost
+#       token of a field, and nothing beside the board. SHOULD fills in the rest.
 proc ::checkers::repair::seen {width sight should} {
     set lies [dict filter $should script {place -} {expr {![OnBoard $width $place]}}]
     set i -1
@@ -27,8 +27,8 @@ proc ::checkers::repair::OnBoard {width place} {
     return [expr {[lindex $place 0] >= 1 && [lindex $place 0] <= $width}]
 }
 
-# ::checkers::repair::anew WIDTH LIES TRANSFERS -- the same transfers when the heaps are otherwise than they were: a token that comes from a
-#       heap comes from where one lies, one that goes there goes to where there is room. Returns transfers, and what lies where after them.
+# ::checkers::repair::anew WIDTH LIES TRANSFERS -- the same transfers with changed heaps. Each token from a heap is taken where
+#       one lies now, and each token for a heap goes where there is room. Returns transfers, and what lies where after them.
 proc ::checkers::repair::anew {width lies transfers} {
     set all {}
     foreach transfer $transfers {
@@ -73,7 +73,7 @@ proc ::checkers::repair::Next {width lies should} {
     foreach place $wrong {
         set here [At $lies $place]
         set goal [At $should $place]
-        # What is there already belongs there, and is too low.
+        # The tokens there are right, but too few.
         if {[llength $here] >= [llength $goal] || $here ne [lrange $goal 0 [llength $here]-1]} continue
         set colour [lindex $goal 0]
         foreach from $surplus {

@@ -1,11 +1,12 @@
 # tokens.tcl -- where the tokens lie, on the board and beside it, and which of them must be carried for a move.
 #
-# A place is a list {file rank}, in the board's coordinates. The heaps lie beside the board: taken red tokens on the robot's half, taken
-# yellow ones on the person's, as low as can be; the spare tokens lie there from the beginning. A queen is two tokens on each other; they are carried as one.
-# What lies where is a dict: place -> list of colours, the lowest first.
+# A place is a list {file rank}, in the board's coordinates. The heaps lie beside the board, as low as possible: taken red
+# tokens on the robot's half, taken yellow ones on the person's. The spare tokens lie there from the beginning. A queen is two
+# tokens on each other; they are carried as one.
+# The tokens' places are a dict: place -> list of colours, the lowest first.
 #
-# A transfer is a list {file rank underneath file rank underneath}, as carry takes it: it grips the token above so many others,
-# with all that is on it, and puts it on so many others.
+# A transfer is a list {file rank underneath file rank underneath}, as for carry. The hand grips a token that has so many others
+# underneath, with all tokens on it, and puts it on so many others.
 
 package require Tcl 8.6-
 package provide checkers::tokens 1.0
@@ -161,7 +162,7 @@ proc ::checkers::tokens::after {lies transfer} {
 # ::checkers::tokens::transfers WIDTH LIES STOPS VICTIMS CROWNED -- a move as transfers, and what lies where after them.
 #       STOPS and VICTIMS are numbers of squares, as draughts EXEC path tells them. The piece goes from stop to stop, the victims to
 #       their heap, and a man that is crowned gets a second token from the heap. A camera above cannot see that token: so it never comes
-#       last. Whoever sees the board as it shall be knows that all is done.
+#       last. When the board looks as it should, all is done.
 # Results:
 #       A list: transfers, and the dict.
 proc ::checkers::tokens::transfers {width lies stops victims crowned} {

@@ -101,7 +101,8 @@ proc tracker::rows::quick seconds {
         follow
     }
 }
-# What may be taken for the ball: a second one, also when the ball goes out then; half of it; something at the border; nothing. Counts what
+# Things that may be taken for the ball: a second one, also when the ball then goes out; half of it; something at the border;
+# nothing. Counts what
 # was told as valid and is wrong, in so many pictures.
 proc tracker::rows::distractors pictures {
     variable Ball
@@ -157,7 +158,8 @@ proc tracker::rows::distractors pictures {
     row "distractors" -wanted "0 wrong (more than 6 mm off)" -target {$wrong eq {}} \
         -measured "[tcl::mathop::+ {*}[dict values $wrong]] wrong of $told pictures, $valid valid[expr {$wrong eq {} ? {} : ": $wrong"}]; another ball instead of it: $replaced"
 }
-# [m] how far a ball at r in the tool's frame was from the true one; 0 when that is not known: before the first sample, or in a jump.
+# [m] distance of a ball at r in the tool's frame from the true ball; 0 when it is unknown (before the first sample, or in a
+# jump).
 proc tracker::rows::Wrong {samples t rx ry rz} {
     set k [lsearch -bisect -real -index 0 $samples $t]
     if {$k < 0 || $k + 1 >= [llength $samples]} {
@@ -173,8 +175,9 @@ proc tracker::rows::Wrong {samples t rx ry rz} {
     # The tool points down.
     return [expr {sqrt(($tx + $rx - $bx) ** 2 + ($ty - $ry - $by) ** 2 + ($tz - $rz - $bz) ** 2)}]
 }
-# While the ball moves, one of those named is killed, and the launcher starts it again; the camera, which is a part of the laboratory, gives no
-# pictures for as long as that. The next one is killed as soon as the arm follows again. Meanwhile all poses of the arm must be within its
+# While the ball moves, one of the named daemons is killed, and the launcher starts it again. The camera is a part of the
+# laboratory: it only stops its pictures for as long. The next one is killed as soon as the arm follows again. Meanwhile all
+# poses of the arm must be within its
 # limits: what the laboratory's own arm has done, not what it was told to do.
 proc tracker::rows::kill {names count} {
     swings
@@ -236,7 +239,7 @@ proc tracker::rows::Kill name {
     }
     return $process
 }
-# Of the tool: the largest speed [m/s] and acceleration [m/s2], over 0.06 s, and how many poses were outside of the guard.
+# The tool's largest speed [m/s] and acceleration [m/s2], over 0.06 s, and the number of poses outside of the guard.
 proc tracker::rows::Motion samples {
     set fastest 0
     set hardest 0
@@ -268,8 +271,9 @@ proc tracker::rows::Motion samples {
     return [list $fastest $hardest $outside]
 }
 # The tool is led against the table: the ball is hidden, and where the tool shall be goes to 50 mm below the table, with 0.1 m/s. It gives way when it
-# touches, as when somebody pushes it. What counts is what the table bears. Fingers and table give way by 1 mm for 8 N, and the arm brakes with
-# 2 m/s2, so touched with 0.1 m/s the table would bear 45 N even without any delay: therefore follow.ball goes slowly below its -floor.
+# touches, as when somebody pushes it. The load on the table counts. Fingers and table give way by 1 mm for 8 N, and the arm
+# brakes with 2 m/s2. At a touch with 0.1 m/s the table would bear 45 N even without any delay. Therefore follow.ball goes
+# slowly below its -floor.
 proc tracker::rows::press {count {slow 0.1}} {
     variable Ball
     lassign $Ball x y z
@@ -318,7 +322,7 @@ proc tracker::rows::press {count {slow 0.1}} {
 proc tracker::rows::Above {height wires} {
     return [string map [list "0 0 0.3 -> sum.goal.in2" "0 0 $height -> sum.goal.in2"] $wires]
 }
-# What the table bears [N], in so many seconds of lab time: all records.
+# The load on the table [N], in so many seconds of lab time: all records.
 proc tracker::rows::Loads seconds {
     set loads {}
     lassign [truth] - - - begin
@@ -331,8 +335,8 @@ proc tracker::rows::Loads seconds {
     }
     return $loads
 }
-# Learning is given up at each of its places in turn, from the first one on, and when it is checked: each time the tool must go back, and the map
-# that was there must count again. Lab time goes as fast as it can, with few pictures and quick moves.
+# Learning is given up at each of its places in turn, and during its check. Each time the tool must go back, and the previous
+# map must count again. Lab time goes as fast as it can, with few pictures and quick moves.
 proc tracker::rows::interrupted places {
     rests
     sample 3
@@ -397,13 +401,13 @@ proc tracker::rows::GiveUp {what begin} {
         expr {$b - $a}}]] < 0.001} -within 60 -every 50}]
     return [expr {$back ? "the tool did not go back" : {}}]
 }
-# What the map says of a ball, seen so; nothing while there is no map.
+# The map's result for a ball that is seen so; nothing while there is no map.
 proc tracker::rows::Known {} {
     return [expr {[catch {dict get [sight.ball@sight exec -floats {0 249.5 262.5 1150 19 0 0 0 0}] floats} known] ? {} : [lmap x $known {format %.6f $x}]}]
 }
 # The system calls of the control task's thread, as strace sees them; reading the clock is none. A bell that wakes other threads, and the sleep
-# until the next tick, are futexes. That sleep is for the laboratory's clock, a buffer: so it begins with a membarrier (shmem::Reader::sleep;
-# nothing else has one). strace makes the thread so slow that ticks are skipped.
+# until the next tick, are futexes. That sleep waits for the laboratory's clock, a buffer. So it begins with a membarrier
+# (shmem::Reader::sleep; nothing else has one). strace slows the thread down so much that ticks are skipped.
 proc tracker::rows::calls seconds {
     if {[auto_execok strace] eq {}} {
         return [row "system calls in the tick" -measured "strace is not installed" -wanted "futex alone" -target 0]

@@ -1,6 +1,6 @@
 # rows.tcl -- the rows of the tracker's table: each makes the ball do something while the arm follows, and measures how well that went.
 #
-# The daemons of tracker.launch must run. What counts is the laboratory's truth: where the ball is, and where the arm is.
+# The daemons of tracker.launch must run. The figures use the laboratory's truth: the places of the ball and of the arm.
 
 package require sorma
 
@@ -156,7 +156,7 @@ proc tracker::rows::Meet {poses balls} {
     return $samples
 }
 
-# ---- what is made of them ----
+# ---- their results ----
 
 # [m] How far the tool is from where it should be.
 proc tracker::rows::off sample {
@@ -349,8 +349,8 @@ proc tracker::rows::News buffer {
     set news [$buffer exec since]
     return [expr {[dict exists $news floats] ? [dict get $news floats] : {}}]
 }
-# Somebody pushes the hand while the ball rests, again and again, to each side in turn: the tool gives way as a spring does, beyond the null
-# radius of 2 N, and returns.
+# Somebody pushes the hand while the ball rests, again and again, to each side in turn. Above 2 N the tool gives way like a
+# spring, and returns.
 # How far the tool is from the ball, to this side [m]: the median of 0.3 s.
 proc tracker::rows::Aside side {
     return [quantile [lmap s [sample 0.3] {expr {$side * ([lindex $s 5] - [lindex $s 2])}}] 0.5]
@@ -371,7 +371,7 @@ proc tracker::rows::push count {
         sample 1.3
         set back [most [list $back {*}[lmap s [sample 0.3] {off $s}]]]
     }
-    # Of each force the mean: the tool rests within half a millimetre, and 5 N move it by 10.
+    # The mean of each force: the tool rests within half a millimetre, and 5 N move it by 10.
     set stiffness [lmap {force away} $ways {expr {($force - 2) * [llength $away] / max(1e-6, [::tcl::mathop::+ {*}$away])}}]
     set least [::tcl::mathfunc::min {*}$stiffness]
     set stiffest [most $stiffness]
