@@ -1,29 +1,35 @@
-# browserGraph.tcl -- sorma::browserGraph: who calls whom, drawn: processes at the left, the objects that they call at the right.
+# browserGraph.tcl -- sorma::browserGraph: a box for each process with the objects that are called there, and lines from their callers.
 #
-# Daemons tell of requests as they pass (monitor.reply), while the graph can be seen and never else. What was seen once keeps its
-# row: nothing moves when something new comes. A line is as thick as calls are frequent.
+# Daemons tell of requests as they pass (monitor.reply), while the graph can be seen and never else. It reads from left to right, and equal
+# calls give an equal picture, whatever came first (layers.tcl). A line goes around the boxes (ways.tcl) and is as thick as calls are frequent;
+# those of one caller share their way.
 
 package require Tk
 package require snit
+package require sorma::layers
 package require sorma::parts
 package require sorma::style
 package require sorma::text
 package require sorma::timer
+package require sorma::ways
 package require sorma::world
 package provide sorma::browserGraph 1.0
 
 # ::sorma::browserGraph .w ?-every ms? ?-most n? --
 #       -every: between two drawings; -most: objects that are drawn, those seen first
 # Methods:
-#       passed KEY EVENT: a monitor.reply of that daemon; edges: list of {CALLER OBJECT RATE LATENCY}, in 1/s and us; rows: dict of what
-#       is drawn -> its place from above; text: the edges, a line each; save FILE: .png, .pdf, .ps, else as text; clear
+#       passed KEY EVENT: a monitor.reply of that daemon; edges: list of {CALLER OBJECT RATE LATENCY}, in 1/s and us; boxes: a dict
+#       PROCESS -> {x y width height OBJECT ...}, in steps of a grid; text: the edges, a line each; save FILE: .png, .pdf, .ps, else as text; clear
 snit::widget ::sorma::browserGraph {
     hulltype ttk::frame
     option -every -default 1000 -readonly 1
     option -most -default 100 -readonly 1
     component canvas
     variable tokens {}          ;# dict: KEY of a daemon -> token of what passes there
-    variable rows {}            ;# dict: {caller NAME} or {object NAME} -> its row, for good
+    variable keyOf {}           ;# dict: OBJECT that is drawn -> KEY of its daemon
+    variable boxes {}           ;# as method boxes gives them
+    variable ways {}            ;# dict: {CALLER OBJECT} -> x1 y1 x2 y2 ... of its line, in steps of the grid
+    variable stale 0            ;# boxes and ways must be made anew
     variable counts {}          ;# dict: {CALLER OBJECT} -> {calls us}, since the last drawing
     variable rates {}           ;# dict: {CALLER OBJECT} -> {rate latency}, smoothed
     variable processes {}       ;# dict: caller -> the daemon it is, or what it says of itself
@@ -38,19 +44,28 @@ snit::widget ::sorma::browserGraph {
         install canvas using canvas $win.canvas -highlightthickness 1 -takefocus 1 -width 100 -height 100 \
             -background [ttk::style lookup TEntry -fieldbackground {} white] -yscrollcommand [list $win.bar set]
         ttk::scrollbar $win.bar -style [::sorma::style own Vertical.TScrollbar] -command [list $canvas yview]
+        ttk::scrollbar $win.below -style [::sorma::style own Horizontal.TScrollbar] -orient horizontal -command [list $canvas xview]
+        $canvas configure -xscrollcommand [list ::sorma::parts::scrolled $win.below]
         ttk::label $win.said -padding [::sorma::style pixels 4]
-        pack $win.said -side bottom -fill x
-        pack $win.bar -side right -fill y
-        pack $canvas -side left -fill both -expand 1
-        foreach {key amount unit} {Up -2 units Down 2 units Prior -1 pages Next 1 pages} {
-            bind $canvas <$key> [list $canvas yview scroll $amount $unit]
+        grid $canvas $win.bar -sticky nsew
+        grid $win.below -sticky ew
+        grid $win.said -columnspan 2 -sticky ew
+        grid columnconfigure $win 0 -weight 1
+        grid rowconfigure $win 0 -weight 1
+        foreach {key view amount unit} {Up y -2 units Down y 2 units Prior y -1 pages Next y 1 pages Left x -2 units Right x 2 units} {
+            bind $canvas <$key> [list $canvas ${view}view scroll $amount $unit]
         }
         bind $canvas <ButtonPress-1> {focus %W}
         ::sorma::style bindWheel $canvas $canvas
         bind $win <Map> [mymethod Begin]
         bind $win <Unmap> [mymethod End]
-        bind $canvas <Configure> [mymethod Draw]
+        bind $canvas <Configure> [mymethod Resized]
+        bind $win <<ThemeChanged>> [mymethod Resized]
         bind $win <Destroy> +[mymethod Ended %W]
+    }
+    method Resized {} {
+        set stale 1
+        $self Draw
     }
     method Ended window {
         if {$window eq $win} {
@@ -95,7 +110,12 @@ snit::widget ::sorma::browserGraph {
         if {[string match "*@[info hostname] *\\\[[pid]\\\]" $caller] || $object eq "sorm"} return         ;# our own, and those who look
         set us [lindex [dict get $event ints] 0]
         if {![string is double -strict $us]} return
-        set edge [list [$self Process $caller] [string range $object 0 200]@$key]
+        set name [string range $object 0 200]@$key
+        if {![dict exists $keyOf $name]} {
+            if {[dict size $keyOf] >= $options(-most)} return
+            dict set keyOf $name $key
+        }
+        set edge [list [$self Process $caller] $name]
         lassign [if {[dict exists $counts $edge]} {dict get $counts $edge} else {list 0 0}] calls sum
         dict set counts $edge [list [expr {$calls + 1 + [dict get $event lost]}] [expr {$sum + $us}]]
     }
@@ -122,11 +142,11 @@ snit::widget ::sorma::browserGraph {
     method edges {} {
         return [lmap {edge facts} $rates {concat $edge $facts}]
     }
-    method rows {} {
-        return $rows
+    method boxes {} {
+        return $boxes
     }
     method clear {} {
-        foreach name {rows counts rates} {
+        foreach name {keyOf boxes ways counts rates} {
             set $name {}
         }
         $self Draw
@@ -157,14 +177,7 @@ snit::widget ::sorma::browserGraph {
         set now [clock milliseconds]
         set seconds [expr {max($now - $drawn, 1) / 1000.0}]
         set drawn $now
-        foreach edge [dict keys $counts] {
-            lassign $edge caller object
-            foreach node [list [list caller $caller] [list object $object]] {
-                if {![dict exists $rows $node] && [llength [dict keys $rows "[lindex $node 0] *"]] < $options(-most)} {
-                    dict set rows $node [llength [dict keys $rows "[lindex $node 0] *"]]
-                }
-            }
-        }
+        set before $rates
         foreach edge [dict keys [dict merge $rates $counts]] {
             lassign [if {[dict exists $counts $edge]} {dict get $counts $edge} else {list 0 0}] calls us
             lassign [if {[dict exists $rates $edge]} {dict get $rates $edge} else {list {} 0}] rate latency
@@ -172,86 +185,153 @@ snit::widget ::sorma::browserGraph {
             set rate [expr {$rate eq {} ? $fresh : $Smooth * $fresh + (1 - $Smooth) * $rate}]
             dict set rates $edge [list [expr {$rate < 0.05 ? 0.0 : $rate}] [expr {$calls > 0 ? 1.0 * $us / $calls : $latency}]]
         }
+        if {[dict size [dict remove $counts {*}[dict keys $before]]] > 0} {
+            set stale 1
+        }
         set counts {}
     }
     method Figures {rate latency} {
         return "[format [expr {$rate < 10 ? "%.1f/s" : "%.0f/s"}] $rate],[if {$latency < 1000} {format "%.0f us" $latency} else {format "%.3g ms" [expr {$latency / 1000}]}]"
     }
-    method Draw {} {
-        $canvas delete all
-        set line [expr {[font metrics [::sorma::style font plain] -linespace] + [::sorma::style pixels 4]}]
-        set callers [dict keys $rows {caller *}]
-        set objects [dict keys $rows {object *}]
-        set width [winfo width $canvas]
-        set pad [::sorma::style pixels 8]
-        # Names get the room that they need, as far as there is room for lines between them.
-        set room [font measure [::sorma::style font plain] "0000/s  0000 us"]
-        set left [expr {2 * $pad + min([$self Widest $callers], round($width * 0.28))}]
-        set right [expr {$width - $room - 3 * $pad - min([$self Widest $objects], round($width * 0.4))}]
-        set right [expr {max(min($right, round($width * 0.6)), $left + [::sorma::style pixels 60])}]
-        set ink [ttk::style lookup . -foreground {} black]
-        set grey [::sorma::style colour asking]
-        set top [expr {$line * 1.5}]
-        foreach {x text} [list $pad "calls from" $right "to" [expr {$width - $pad}] "calls, mean time"] anchor {w w e} {
-            $canvas create text $x [expr {$line * 0.7}] -anchor $anchor -text $text -fill $grey -font [::sorma::style font small]
-        }
-        set place {}
-        set total {}
-        foreach {edge facts} $rates {
+    # What is where: columns, boxes and ways, in steps of the grid. A line of text takes four.
+    method Arrange {} {
+        set boxes {}
+        set ways {}
+        set objects {}
+        set calls {}                    ;# {CALLER PROCESS ROW1 ROW2}, and the edge
+        foreach edge [lsort -dictionary [dict keys $rates]] {
             lassign $edge caller object
-            lassign $facts rate latency
-            dict lappend total [list object $object] $rate $latency
-            dict lappend total [list caller $caller] $rate $latency
+            dict set objects $caller {}
+            dict set objects [dict get $keyOf $object] {}
         }
-        foreach {node row} $rows {
-            dict set place $node [expr {$top + ($row + 0.5) * $line * ([lindex $node 0] eq "caller" ? 2 : 1)}]
+        foreach object [lsort -dictionary [dict keys $keyOf]] {
+            if {[dict exists $objects [dict get $keyOf $object]]} {
+                dict lappend objects [dict get $keyOf $object] $object
+            }
         }
+        foreach edge [lsort -dictionary [dict keys $rates]] {
+            lassign $edge caller object
+            set key [dict get $keyOf $object]
+            lappend calls [list $caller $key 2 [expr {7 + 4 * [lsearch -exact [dict get $objects $key] $object]}]]
+        }
+        set columns [::sorma::layers columns [lsort -dictionary [dict keys $objects]] $calls]
+        set step [$self Step]
+        # Names get the room that they need, as far as all columns can be seen then; but some of it at least.
+        set widths [lmap column $columns {
+            tcl::mathfunc::max {*}[lmap key $column {$self Width $key [dict get $objects $key] $step}]
+        }]
+        set room [expr {[winfo width $canvas] / $step - 12 * [llength $columns]}]
+        for {set most 100} {$most > [::sorma::style pixels 190] / $step} {incr most -1} {
+            if {[tcl::mathop::+ {*}[lmap width $widths {expr {min($width, $most)}}]] <= $room} break
+        }
+        set sizes {}
+        foreach column $columns width $widths {
+            foreach key $column {
+                set count [llength [dict get $objects $key]]
+                dict set sizes $key [list [expr {min($width, $most)}] [expr {$count > 0 ? 6 + 4 * $count : 4}]]
+            }
+        }
+        set places [::sorma::layers places $columns $sizes $calls]
+        foreach key [concat {*}$columns] {
+            dict set boxes $key [concat [dict get $places $key] [dict get $sizes $key] [dict get $objects $key]]
+        }
+        set wires [lmap call $calls {
+            lassign $call from to row row2
+            lassign [dict get $boxes $from] x y width
+            lassign [dict get $boxes $to] x2 y2
+            list $from [expr {$x + $width}] [expr {$y + $row}] $x2 [expr {$y2 + $row2}]
+        }]
+        foreach edge [lsort -dictionary [dict keys $rates]] way [::sorma::ways of [lmap box [dict values $boxes] {lrange $box 0 3}] $wires] {
+            dict set ways $edge $way
+        }
+        set stale 0
+    }
+    # Pixels from one line of the grid to the next.
+    method Step {} {
+        return [expr {([font metrics [::sorma::style font plain] -linespace] + [::sorma::style pixels 4] + 3) / 4}]
+    }
+    # Steps that a box needs to show all.
+    method Width {process objects step} {
+        set font [::sorma::style font plain]
+        set room [font measure $font "  0000/s  0000 us"]
+        set names [lmap object $objects {expr {$room + [font measure $font [$self Own $object]]}}]
+        return [expr {int([tcl::mathfunc::max [font measure [::sorma::style font strong] $process] {*}$names]) / $step + 4}]
+    }
+    # The name of an object in the box of its daemon.
+    method Own object {
+        return [string range $object 0 end-[expr {1 + [string length [dict get $keyOf $object]]}]]
+    }
+    method Draw {} {
+        if {$stale} {
+            $self Arrange
+        }
+        $canvas delete all
+        set step [$self Step]
         # The busiest lie on top.
         foreach edge [lsort -real -index 2 [$self edges]] {
             lassign $edge caller object rate
-            if {![dict exists $place [list caller $caller]] || ![dict exists $place [list object $object]]} continue
-            set from [dict get $place [list caller $caller]]
-            set to [dict get $place [list object $object]]
-            set bend [expr {($right - $left) * 0.4}]
-            $canvas create line $left $from [expr {$left + $bend}] $from [expr {$right - $bend}] $to [expr {$right - $pad}] $to -smooth 1 -arrow last \
-                -width [expr {$rate > 0 ? [::sorma::style pixels [expr {1 + 1.4 * log10(1 + $rate) ** 1.5}]] : 1}] \
-                -fill [if {$rate > 0} {::sorma::style colour mine} else {set grey}]
+            $canvas create line [lmap at [dict get $ways [list $caller $object]] {expr {$at * $step}}] -arrow last -joinstyle round \
+                -width [::sorma::style pixels [expr {min(7, 1 + log10(1 + $rate) ** 1.5)}]] \
+                -fill [::sorma::style token [expr {$rate > 0 ? "mine" : "line"}]]
         }
-        foreach {node y} $place {
-            lassign $node kind name
-            set rate 0.0
-            set time 0.0
-            foreach {calls us} [if {[dict exists $total $node]} {dict get $total $node}] {
-                set rate [expr {$rate + $calls}]
-                set time [expr {$time + $calls * $us}]
-            }
-            set colour [expr {$rate > 0 ? $ink : $grey}]
-            set shown [::sorma::text::clean [string map {\n { }} $name]]
-            if {$kind eq "caller"} {
-                $canvas create text [expr {$left - $pad}] $y -anchor e -text [$self Fit $shown [expr {$left - 2 * $pad}]] -fill $colour \
-                    -font [::sorma::style font plain]
-            } else {
-                set figures [if {$rate > 0} {string map {, {  }} [$self Figures $rate [expr {$time / $rate}]]}]
-                $canvas create text $right $y -anchor w -text [$self Fit $shown [expr {$width - $right - $room - 2 * $pad}]] -fill $colour \
-                    -font [::sorma::style font plain]
-                $canvas create text [expr {$width - $pad}] $y -anchor e -text $figures -fill $colour -font [::sorma::style font plain]
-            }
+        set sums [$self Sums]
+        dict for {process box} $boxes {
+            $self Box $process $box $step $sums
         }
-        set bottom [expr {max([winfo height $canvas], 2 * $pad + [tcl::mathfunc::max 0 {*}[dict values $place]] + $line)}]
-        $canvas configure -scrollregion [list 0 0 $width $bottom]
+        set pad [::sorma::style pixels 16]
+        lassign [concat [$canvas bbox all] 0 0 0 0] left top right bottom
+        $canvas move all [expr {$pad - $left}] [expr {$pad - $top}]
+        $canvas configure -scrollregion [list 0 0 [expr {$right - $left + 2 * $pad}] [expr {max($bottom - $top + 2 * $pad, [winfo height $canvas])}]]
+        $self Say
+    }
+    # dict: OBJECT -> {rate latency}, of all its callers.
+    method Sums {} {
+        set sums {}
+        foreach {edge facts} $rates {
+            lassign $facts rate latency
+            lassign [if {[dict exists $sums [lindex $edge 1]]} {dict get $sums [lindex $edge 1]} else {list 0.0 0.0}] all time
+            dict set sums [lindex $edge 1] [list [expr {$all + $rate}] [expr {$time + $rate * $latency}]]
+        }
+        return [dict map {object pair} $sums {
+            lassign $pair all time
+            list $all [expr {$all > 0 ? $time / $all : 0.0}]
+        }]
+    }
+    # A title, and a line for each object.
+    method Box {process box step sums} {
+        lassign [lmap at [lrange $box 0 3] {expr {$at * $step}}] x y width height
+        set right [expr {$x + $width}]
+        set pad [::sorma::style pixels 8]
+        set token [expr {[::sorma::world get $process] ne {} ? "tint" : "ground"}]
+        $canvas create rectangle $x $y $right [expr {$y + $height}] -fill [::sorma::style token surface] -outline [::sorma::style token edge]
+        $canvas create rectangle $x $y $right [expr {$y + 4 * $step}] -fill [::sorma::style token $token] -outline [::sorma::style token edge]
+        $self Text [expr {$x + $pad}] [expr {$y + 2 * $step}] w $process [expr {$width - 2 * $pad}] text strong
+        set middle [expr {$y + 3 * $step}]
+        foreach object [lrange $box 4 end] {
+            incr middle [expr {4 * $step}]
+            lassign [if {[dict exists $sums $object]} {dict get $sums $object} else {list 0 0}] rate latency
+            set figures [if {$rate > 0} {string map {, {  }} [$self Figures $rate $latency]}]
+            set taken [expr {[font measure [::sorma::style font plain] $figures] + $pad}]
+            $self Text [expr {$right - $pad}] $middle e $figures $width quiet plain
+            $self Text [expr {$x + $pad}] $middle w [$self Own $object] [expr {$width - 2 * $pad - $taken}] [expr {$rate > 0 ? "text" : "quiet"}] plain
+        }
+    }
+    method Text {x y anchor text width token font} {
+        set text [::sorma::text::clean [string map {\n { }} $text]]
+        $canvas create text $x $y -anchor $anchor -text [$self Fit $text $width $font] -fill [::sorma::style token $token] -font [::sorma::style font $font]
+    }
+    method Say {} {
+        set objects [dict size $keyOf]
         $win.said configure -text [::sorma::text::cut [::sorma::text::clean [if {[dict size $refused] > 0} {
             string cat "[::sorma::style mark refused] [lindex $refused 1]"
-        } elseif {[dict size $rows] == 0} {
+        } elseif {$rates eq {}} {
             string cat "Nobody has called anything since this is watched."
         } else {
-            string cat "[llength $objects] objects, [llength $callers] callers[if {[llength $objects] >= $options(-most)} {string cat {; more are not drawn}}]"
+            string cat "$objects objects, [llength [lsort -unique [lmap edge [$self edges] {lindex $edge 0}]]] callers[if {$objects >= $options(-most)} {string cat {; more are not drawn}}]"
         }]] 300]
     }
-    method Widest nodes {
-        return [tcl::mathfunc::max 0 {*}[lmap node $nodes {font measure [::sorma::style font plain] [lindex $node 1]}]]
-    }
-    method Fit {text width} {
-        while {[font measure [::sorma::style font plain] $text] > $width && [string length $text] > 4} {
+    method Fit {text width font} {
+        while {[font measure [::sorma::style font $font] $text] > $width && [string length $text] > 4} {
             set text [string range $text 0 end-2]\u2026
         }
         return $text

@@ -97,7 +97,7 @@ try {
     for {set i 0} {$i < 30} {incr i} {
         $graph passed [lindex $daemons 0] [dict replace $reply words [list foo.n$i EXEC "joe@lab plan\[[expr {$i % 4}]\]" $i 0]]
     }
-    until {[dict size [$graph rows]] == 34}
+    until {[dict size [$graph boxes]] == 5}
     took "30 objects drawn" {event generate $graph.canvas <Configure>; update}
 } finally {
     foreach d $daemons {
