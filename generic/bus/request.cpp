@@ -88,11 +88,24 @@ bool Service::startGuarded(Method method, Message& m) {
     return false;
 }
 
+// What is wrong with an EXEC is told before it is told that it may not run now: waiting would not help.
+void Service::checkArguments(const Message& m) {
+    if (!(checks_ & Class::undeclared)) return;
+    try {
+        class_->checkNamed(name_, m);
+    } catch (const Error&) {
+        Trail trail = trailOfCurrentException(name_);
+        noteFailure(trail);
+        throw Error(std::move(trail));
+    }
+}
+
 // The reasons why a request may not run now.
 bool Service::startHeld(Method method, Message& m) {
     if (m.author) admit(method, m);
     if (gone()) failGone();
     if ((guard() & kAskBit) && !m.author) admit(method, m);
+    if (method == Method::exec) checkArguments(m);
     // CTRL prepares while ticks go on, see configure().
     std::optional<BetweenTicks> between;
     if (realtimeOwner_ && method != Method::ctrl) between.emplace(*this);

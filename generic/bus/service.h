@@ -198,6 +198,7 @@ private:
     void apply(Applying& a);
     [[noreturn]] void failGone() const;
     void admit(Method method, Message& m);
+    void checkArguments(const Message& m);
     bool isDangerous(const Message& m) const;           // does this EXEC of it?
     bool hasDangerousPart() const;
     void assign(const Option& option, const Value& value, const PrincipalPointer& author);
