@@ -30,6 +30,7 @@ public:
 
     Caller caller;
     PrincipalPointer principal;         // who is charged for it, and is the author of its requests; null: the owner
+    bool checksAhead = false;           // it has asked for what bus/ahead.h needs, and is told when that changes
 
     // Hold something of an object until release(). lost() is called if the client ends before that, or when a change of the
     // policy takes the right from it; at once if it has ended already. lost() must not throw; it may hold and release

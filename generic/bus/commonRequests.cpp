@@ -1,5 +1,7 @@
 #include <cmath>
 
+#include "bus/ahead.h"
+#include "bus/client.h"
 #include "bus/listText.h"
 #include "bus/monitor.h"
 #include "bus/nearest.h"
@@ -337,6 +339,8 @@ void CommonRequests::info(Service& s, Args args, Message& reply) {
     else if (what == "secrets") {
         for (auto& o : s.type().options())
             if (o.spec.secret) appendWord(out, o.name);
+        reply.ints = ahead::facts(s.type(), s.name(), s.sorm().access.rights(reply.author, s.name()));
+        if (auto client = CallContext::currentClient()) client->checksAhead = true;
     }
     else if (what == "location") out = s.location();
     else if (what == "version") out = s.type().version();

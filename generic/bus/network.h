@@ -27,6 +27,9 @@ public:
     // CTRL.   relayFor: who named the object, when it was not the owner.
     virtual std::unique_ptr<Service> makeProxy(const Name& name, std::vector<std::string> recipe, const PrincipalPointer& relayFor, Probe probe) = 0;
 
+    // Rights, classes or names are others than before: tell those who check requests ahead (bus/ahead.h).
+    virtual void outdated() {}
+
     // For DBX of the object `sorm`.
     virtual std::vector<std::string> served() const = 0;                // names of the daemons that this process is
     virtual std::string connectionLines() const = 0;                    // for people: its connections,

@@ -362,6 +362,9 @@ public:
         if (ranged_) checkRequest(object, m);
     }
     void dropUndeclared(Message& m) const;
+    // A number for the table. Classes of two processes with the same number refuse the same words and arguments in the same words: see
+    // bus/ahead.h.
+    std::uint64_t fingerprint() const;
     void checkReply(std::string_view object, const Message& m) const;       // fails with SERVICE FAILED
 
     std::string helpText(std::string_view object, bool expert = false) const;     // expert: with expert options
@@ -396,6 +399,7 @@ private:
     std::vector<Action> actions_, inspections_;
     std::vector<Part> reads_, writes_;
     mutable std::vector<Value> defaults_;
+    mutable std::uint64_t fingerprint_ = 0;         // 0: not asked for yet
     std::vector<Word> wordKinds_;
     std::uint8_t checks_ = 0;               // sum of Check
     std::array<Count, 4> takes_{};          // by Field: lengths that some part allows; without a signature: all

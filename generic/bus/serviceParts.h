@@ -142,4 +142,10 @@ struct WordFault {
 };
 std::vector<WordFault> faultsOf(const Class& type, const std::string& name, const std::vector<std::string>& words);
 
+// Fails as Service::ctrl and Service::dbx do before they change anything, as far as the table of the class decides it. Returns when all is
+// well, and when only the object can say it.   rights: of the author, to the object.
+void checkWords(const Class& type, const std::string& name, const std::vector<std::string>& words, bool ctrl, Rights rights);
+// The owner's, who needs no right to files and programs.
+inline bool isOwners(Rights rights) { return rights & Rights(Right::policy); }
+
 }  // namespace sorma

@@ -66,6 +66,10 @@ bool isOfEntry(Dictionary& dictionary, const std::string& name, std::size_t at) 
     return dictionary.has(name) && at < dictionary.expand(name).size();
 }
 
+void needChangeable(const std::string& name, const Option& o) {
+    if (o.spec.fixed) fail(kReadonly, name, o.name);
+}
+
 [[noreturn]] void failMissing(const std::string& name, const Option& o) {
     std::string what = std::string("a value: ") + toText(o.type);
     if (!o.spec.unit.empty()) what += " [" + o.spec.unit + "]";
@@ -108,6 +112,36 @@ std::vector<WordFault> faultsOf(const Class& type, const std::string& name, cons
         }
     }
     return faults;
+}
+
+void checkWords(const Class& type, const std::string& name, const std::vector<std::string>& words, bool ctrl, Rights rights) {
+    auto may = [&](Right right, Danger danger) { return (rights & Rights(right)) && (!needsOperate(danger) || (rights & Rights(Right::operate))); };
+    auto find = [&](std::string_view word) {
+        const Action* action = ctrl ? type.findAction(word) : type.findInspection(word);
+        return action ? action : findIn(ctrl ? CommonRequests::actions() : CommonRequests::inspections(), word);
+    };
+    auto known = [&](const std::string& word) { return (ctrl && type.findOption(word) >= 0) || find(word); };
+    for (std::size_t i = 0; i < words.size();) {
+        const std::string& word = words[i++];
+        if (int index = ctrl ? type.findOption(word) : -1; index >= 0) {
+            const Option& o = type.options()[std::size_t(index)];
+            if (!may(Right::configure, o.spec.danger)) return;
+            needChangeable(name, o);
+            if (o.type == Type::flag && (i == words.size() || words[i].starts_with('-'))) continue;
+            if (i == words.size()) failMissing(name, o);
+            if (carriesRight(o.kindOf(words[i])) && !isOwners(rights)) return;
+            o.parse(name, words[i++]);
+            continue;
+        }
+        const Action* action = find(word);
+        if (!action && rights == 0) return;
+        if (!action) failUnknown(name, type, word, ctrl);
+        if (!may(action->right, Danger::none)) return;
+        i += takeArguments(name, *action, words, i, known).size();
+        // The object may be locked.
+        if (!may(action->right, action->danger) || (needsOperate(action->danger) && type.concurrency() == Concurrency::exclusive)) return;
+        if (!action->kinds().empty() && !isOwners(rights)) return;
+    }
 }
 
 // The words of a class are told to nobody who has no right at all to the object.
@@ -159,7 +193,7 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, M
         if (int index = class_->findOption(word); index >= 0) {
             const Option& o = class_->options()[index];
             needToSet(*this, o, *origin);
-            if (o.spec.fixed && !birth) fail(kReadonly, name_, o.name);
+            if (!birth) needChangeable(name_, o);
             const bool flag = o.type == Type::flag, given = i < words.size() && !(flag && words[i].starts_with('-'));
             if (!given && !flag) failMissing(name_, o);         // a flag alone is set
             if (given) needKind(origin->author, o.kindOf(words[i]), words[i]);

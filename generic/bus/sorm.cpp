@@ -18,13 +18,9 @@ Class describeSorm();
 
 namespace {
 
-const Prototype kUnknownClass{Severity::error, "NAME UNKNOWN_CLASS", 1,
-                              "unknown service class \"{0}\"{1} in \"{0}\": no package sorma::service::{0} was found either{2}"};
 const Prototype kUnknownFlavor{Severity::error, "NAME UNKNOWN_FLAVOR", 1,
                                "unknown flavor in \"{0}\"{1}: {2}, and the dictionary has no entry {0}; "
                                "{3} {0} makes it all the same"};
-const Prototype kDuplicate{Severity::error, "CLASS DUPLICATE", 1, "service class \"{}\" is registered already, {}"};
-const Prototype kClassName{Severity::error, "NAME SYNTAX", 1, "bad class name \"{}\": must be lower-case letters, digits and _"};
 const Prototype kCycle{Severity::error, "SERVICE CYCLE", 1, "{}: sub-services form a cycle: {}"};
 const Prototype kFailed{Severity::error, "SERVICE FAILED", 1, "{}: the constructor of class {} failed: {}"};
 const Prototype kUntested{Severity::error, "SERVICE SELFTEST", 1, "{}: is not made, since it does not pass its self-test"};
@@ -61,6 +57,7 @@ Sorm::Sorm(Host* host) : host_(host), statistics_(makeStatistics()), audit_(make
     mailbox_->owner = this;
     access.watch(this, [this] {
         for (auto& [key, place] : repository_) place->service->judgeParts();
+        if (network) network->outdated();
     });
     access.budget = &budget;
     makeLocal(Name::parse("sorm"), nullptr, nullptr);
@@ -107,50 +104,6 @@ void Sorm::bindTo(const void* key) {
     std::lock_guard lock(bindings().mutex);
     bindings().sorms[key] = this;
     keys_.push_back(key);
-}
-
-// ---- classes ----
-
-void Sorm::add(Class type) {
-    Name parsed;
-    try {
-        parsed = Name::parse(type.name());
-    } catch (const Error&) {
-    }
-    if (parsed.service != type.name() || !parsed.flavor.empty() || !parsed.local()) fail(kClassName, type.name());
-    if (auto* known = findClass(type.name())) fail(kDuplicate, type.name(), known->file().empty() ? "by a class of Tcl" : "from " + known->file() + ":" + std::to_string(known->line()));
-    for (auto& o : type.options())
-        if (o.spec.secret) secrets_.insert(o.name);
-    std::string name = type.name();
-    classes_.emplace(std::move(name), std::make_shared<Class>(std::move(type)));
-}
-
-const Class* Sorm::findClass(std::string_view name) const {
-    auto found = classes_.find(name);
-    return found == classes_.end() ? nullptr : found->second.get();
-}
-
-const Class& Sorm::needClass(const std::string& name) {
-    const Class* known = findClass(name);
-    if (!known && host_ && host_->loadClass(name)) known = findClass(name);
-    if (!known) {
-        std::vector<std::string> names = host_ ? host_->classNames() : std::vector<std::string>();
-        for (auto& [key, type] : classes_) names.push_back(key);
-        std::string hint = didYouMean(name, names), places = hint.empty() && host_ ? host_->classPlaces() : std::string();
-        fail(kUnknownClass, name, hint, places.empty() ? places : " in " + places);
-    }
-    return *known;
-}
-
-std::vector<const Class*> Sorm::classes() const {
-    std::vector<const Class*> out;
-    for (auto& [name, type] : classes_) out.push_back(type.get());
-    return out;
-}
-
-void Sorm::forget(std::string_view name) {
-    auto found = classes_.find(name);
-    if (found != classes_.end()) classes_.erase(found);
 }
 
 // ---- repository and plant ----
@@ -416,6 +369,8 @@ void Sorm::remove(std::string_view name, const Permit& permit) {
     for (auto& key : leaving) drop(key);
     if (host_)
         for (auto& key : leaving) host_->removed(key);
+    // The next object of that name is of another class, perhaps.
+    if (network && !service->isElsewhere() && findClass(service->type().name()) != &service->type()) network->outdated();
     if (own == name) announce("object.removed", own);
 }
 
@@ -431,6 +386,7 @@ void Sorm::alias(std::string_view name, std::string_view target, const Principal
     access.need(author, Right::make, canonical(target), target);
     Reference service = get(target, author);
     keep(parsed.toText(), service, budget.ofCaller(author));
+    if (network) network->outdated();
 }
 
 std::string Sorm::canonical(std::string_view text) const {

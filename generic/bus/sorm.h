@@ -67,6 +67,7 @@ public:
     std::vector<const Class*> classes() const;
     // Remove a class; it may be added again. Objects that it has keep using it.
     void forget(std::string_view name);
+    std::uint64_t classChanges() const { return classChanges_; }    // counts those that were added and removed
 
     // ---- secret options (Spec::secret) ----
     bool isSecret(std::string_view word) const { return secrets_.contains(word); }      // an option of that name is, in some class
@@ -249,6 +250,7 @@ private:
     const std::unique_ptr<Observer> statistics_, audit_;       // of requests
     std::unique_ptr<Observer> monitor_;     // while somebody monitors them
     std::map<std::string, std::shared_ptr<Class>, std::less<>> classes_;     // objects share theirs, which may have been removed
+    std::uint64_t classChanges_ = 0;
     std::set<std::string, std::less<>> secrets_;        // names of options
     std::set<std::string> untold_;                      // names of objects, see awaitSecrets
     Repository repository_;

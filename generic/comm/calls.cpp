@@ -229,6 +229,15 @@ void Calls::connectSoon() {
         if (!link_.step(soon)) return;
 }
 
+// Not inside the reactor's turn, which has just taken it.
+void Calls::lookNow() {
+    if (!link_.live() || link_.inEvents()) return;
+    auto keep = user_.keep();
+    link_.look();
+    tellLater();
+    link_.watch();
+}
+
 // ---- calls that are begun ----
 
 void Calls::begin(const PendingPointer& pending, const std::string& name, Method method) {

@@ -56,6 +56,7 @@ public:
     void lookIfIdle(std::int64_t now) {
         if (link_.live() && link_.quiet(now) && !slots_.awaited()) link_.look();
     }
+    void lookNow();
     bool ready() const { return link_.live() && !held_; }       // may requests be sent?
     void proceed();                                     // restore state; when that is done, send what waits for it
     void tellLater();                                   // deliver answers from the mailbox, if any have come

@@ -109,11 +109,12 @@ std::unique_ptr<Service> Comm::makeProxy(const Name& name, std::vector<std::stri
     Deadline deadline = Deadline::in(settings.timeout).earlier(CallContext::currentDeadline());
     // The daemon makes the object now, so that a name that cannot be served is told at once. And it says what is secret there.
     auto secrets = Proxy::Secrets::later;
+    Message told;
+    const std::uint64_t doubts = connection->doubts();
     if (probe == Probe::now) try {
-        Message m;
-        m.words = {"-info", "secrets"};
-        connection->call(name.service, Method::dbx, m, deadline, relayFor);
-        secrets = sorm_.learnSecrets(m.text) ? Proxy::Secrets::some : Proxy::Secrets::none;
+        told.words = {"-info", "secrets"};
+        connection->call(name.service, Method::dbx, told, deadline, relayFor);
+        secrets = sorm_.learnSecrets(told.text) ? Proxy::Secrets::some : Proxy::Secrets::none;
     } catch (const Error& e) {
         // A daemon of a release before this question takes it as a syntax error: the object is there, and has no secrets.
         if (e.is("REQUEST SYNTAX")) secrets = Proxy::Secrets::none;
@@ -128,6 +129,7 @@ std::unique_ptr<Service> Comm::makeProxy(const Name& name, std::vector<std::stri
                                          }}, relayFor);
     if (!recipe.empty()) proxy->setRecipe(std::move(recipe), probe);
     proxy->setSecrets(secrets);
+    proxy->setFacts(std::move(told.ints), doubts);
     if (secrets > Proxy::Secrets::some) sorm_.awaitSecrets(name.toText());
     return proxy;
 }
@@ -165,6 +167,10 @@ void Comm::unserve(std::string name, const std::string& reason) {
     if (sorm_.daemonName == name) sorm_.access.daemon = sorm_.daemonName = servers_.empty() ? "" : servers_.begin()->first;
     server->stop(reason);
     if (server->serving()) stopped_.push_back(std::move(server));
+}
+
+void Comm::outdated() {
+    for (auto& [name, server] : servers_) server->outdated();
 }
 
 Server* Comm::findServer(const std::string& name) {

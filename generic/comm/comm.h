@@ -77,6 +77,7 @@ private:
     Comm(Sorm& sorm, std::shared_ptr<Settings> settings);
     const Class& proxyClass() const override { return *proxyClass_; }
     std::unique_ptr<Service> makeProxy(const Name& name, std::vector<std::string> recipe, const PrincipalPointer& relayFor, Probe probe) override;
+    void outdated() override;
     std::vector<std::string> served() const override;
     std::string connectionLines() const override;
     std::string statisticsLines() const override;

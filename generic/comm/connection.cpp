@@ -79,6 +79,7 @@ void Connection::wrote(Link::Tag tag) {
 }
 
 void Connection::ended() {
+    ++doubts_;
     calls_.ended();
     events_.ended();
     tellChange();

@@ -125,6 +125,15 @@ public:
 
     const std::string& who() const { return link_.who(); }
     bool connected() const { return link_.live(); }
+    // Counts what makes facts about objects doubtful (bus/ahead.h): the daemon has said so, or the connection was lost. Facts hold
+    // while there is a connection and this is as before they were asked for.
+    std::uint64_t doubts() const { return doubts_; }
+    // Ask for the facts of an object: a question that has no slot and no deadline, so that nobody waits because of it. False: not now.
+    // told: called from inside the function that reads the answer; never when the connection breaks before.
+    bool askFacts(std::string_view name, const PrincipalPointer& relayFor, std::function<void(Message& answer)> told) {
+        return events_.askFacts(name, relayFor, std::move(told));
+    }
+    void look() { calls_.lookNow(); }                   // take what has come by now; never blocks. May find that the connection is lost
     const wire::Welcome& daemon() const { return link_.daemon(); }     // who answered last; boot 0: nobody yet
     std::uint64_t boots() const { return link_.boots(); }      // daemons seen so far: changes when another one answers
     std::string facts() const;                          // for people, a line for each fact
@@ -143,6 +152,7 @@ private:
         else calls_.replied(r, xid);
     }
     void event(XdrReader& r) override { events_.event(r); }
+    void outdated() override { ++doubts_; }
     void wrote(Link::Tag tag) override;
     void unsent(Link::Tag tag, Buffer& bytes, std::size_t taken) override {
         if (tag == Oneways::kTag) oneways_.unsent(bytes, taken);
@@ -166,6 +176,7 @@ private:
     std::shared_ptr<Connection> keep_;      // the own reference, while something is under way
     std::map<std::uint64_t, std::function<void()>> restarted_;      // as onRestart
     std::uint64_t nextRestart_ = 1;
+    std::uint64_t doubts_ = 0;
 };
 
 }  // namespace sorma

@@ -124,6 +124,23 @@ void Events::askHealth(std::function<void(const wire::Health&)> told) {
     link_.watch();
 }
 
+bool Events::askFacts(std::string_view name, const PrincipalPointer& relayFor, std::function<void(Message& answer)> told) {
+    if (!calls_.ready()) return false;
+    auto answered = [told = std::move(told)](XdrReader& r, const std::string& objection) {
+        Message m;
+        wire::Times times;
+        if (objection.empty() && wire::readReply(r, times, m) && m.code >= 0) told(m);
+    };
+    Message question;
+    question.words = {"-info", "secrets"};
+    const wire::Behalf behalf = wire::behalfOf(relayFor);
+    Buffer bytes;
+    wire::writeCall(bytes, control(std::move(answered)), link_.program(), {.method = Method::dbx, .name = name}, question, wire::kCall, relayFor ? &behalf : nullptr);
+    link_.send(std::move(bytes));
+    link_.watch();
+    return true;
+}
+
 std::unique_ptr<Events::Remote> Events::make(std::string name, std::string pattern, std::size_t keep, Listener listener, const PrincipalPointer& relayFor,
                                              bool existing) {
     wire::Subscription wanted{++lastSubscription_, std::move(name), std::move(pattern), static_cast<std::uint32_t>(keep), existing};

@@ -28,6 +28,7 @@ public:
     std::unique_ptr<Listening> listenLater(std::string name, std::string pattern, std::size_t keep, Listener listener, bool existing);
     wire::Health health(Deadline deadline);
     void askHealth(std::function<void(const wire::Health&)> told);
+    bool askFacts(std::string_view name, const PrincipalPointer& relayFor, std::function<void(Message& answer)> told);
 
     bool any() const { return !subscriptions_.empty(); }
     void resume();                                      // on a new connection: subscribe again

@@ -337,6 +337,7 @@ bool Link::takeRecords() {
             auto header = wire::readCallHeader(r, envelope.xid);
             if (header.procedure == wire::kGoodbye) lastWords_ = std::string(r.text());
             if (header.procedure == wire::kEvent) user_.event(r);
+            if (header.procedure == wire::kOutdated) user_.outdated();
         } else {
             user_.replied(r, envelope.xid);
         }

@@ -1,5 +1,6 @@
 #include "comm/proxy.h"
 
+#include "bus/ahead.h"
 #include "bus/atEnd.h"
 #include "bus/call.h"
 #include "bus/requestText.h"
@@ -41,12 +42,62 @@ void Proxy::learnSecrets() {
     pending->who = name();
     pending->message.words = {"-info", "secrets"};
     pending->relayFor = relayFor_;
-    pending->whenAnswered([self = Reference(this), this, p = pending.get()] {
+    pending->whenAnswered([self = Reference(this), this, p = pending.get(), line = connection_.get(), doubts = connection_->doubts()] {
         if (p->failed() || self->gone()) return;    // perhaps it may not be told to us
         secrets_ = sorm().learnSecrets(p->message.text) ? Secrets::some : Secrets::none;
         sorm().endAwait(name());
+        setFacts(std::move(p->message.ints), line == connection_.get() ? doubts : kUnasked);
     });
     connection_->begin(pending, target_, Method::dbx);
+}
+
+// ---- requests that are refused here ----
+
+void Proxy::setFacts(std::vector<std::int64_t> facts, std::uint64_t doubts) {
+    facts_ = facts.empty() ? nullptr : std::make_shared<Facts>(Facts{std::move(facts), doubts});
+    known_ = nullptr;
+    classes_ = 0;
+}
+
+// What is sent next does not wait for the answer.
+void Proxy::askFacts() {
+    facts_ = std::make_shared<Facts>(Facts{{}, kUnasked});
+    known_ = nullptr;
+    classes_ = 0;
+    if (connection_->askFacts(target_, relayFor_, [facts = facts_](Message& answer) { facts->numbers = std::move(answer.ints); }))
+        facts_->doubts = connection_->doubts();
+}
+
+void Proxy::checkByFacts(Method method, const Message& m) {
+    if (!certain()) return askFacts();
+    if (facts_->numbers.empty()) return;
+    if (!known_ && classes_ != sorm().classChanges()) {
+        classes_ = sorm().classChanges();
+        if (auto* type = sorm().findClass(target_.substr(0, target_.find('.'))); type && ahead::fit(facts_->numbers, *type, target_)) known_ = type->shared_from_this();
+    }
+    if (!known_) return;
+    try {
+        ahead::check(*known_, target_, method, m, ahead::rightsIn(facts_->numbers));
+    } catch (const Error&) {
+        connection_->look();
+        if (!certain()) return;
+        Trail trail = trailOfCurrentException(target_);
+        mark(trail, method, m);
+        throw Error(std::move(trail));
+    }
+}
+
+// As the daemon would.
+void Proxy::mark(Trail& trail, Method method, const Message& m) const {
+    constexpr std::size_t kLongest = 4096;
+    std::size_t size = m.text.size() + 8 * (m.floats.size() + m.ints.size()) + m.any.size();
+    for (auto& word : m.words) size += word.size();
+    std::string request;
+    if (size <= kLongest) appendRequest(request, target_, method, m);
+    for (auto& e : trail.entries()) {
+        e.daemon = connection_->daemon().name;
+        e.request = sorm().masked(request);
+    }
 }
 
 void Proxy::follow() {
@@ -60,6 +111,7 @@ void Proxy::follow() {
     connection_->cancelRestart(std::exchange(restart_, 0));
     connection_->cancelRestore(this);
     connection_ = std::move(now);
+    if (facts_) facts_->doubts = kUnasked;
     if (recipe_.empty() && set_.empty()) return;
     untold_ = true;
     listenForRestart();
@@ -67,6 +119,7 @@ void Proxy::follow() {
 
 void Proxy::forward(Method method, Message& m) {
     Connection& connection = line();
+    check(method, m);
     const std::int64_t start = monotonicNow();
     Deadline deadline = settings_.timeout > 0 ? Deadline::at(start + settings_.timeout * 1'000'000) : Deadline();
     if (CallContext* outer = CallContext::current()) {
@@ -101,6 +154,7 @@ void Proxy::carry(const PendingPointer& pending, Method method) {
     if (answers(method, pending->message)) return pending->answer();
     count();
     Connection& connection = line();
+    check(method, pending->message);
     pending->relayFor = relayFor_;
     pending->whenAnswered([self = Reference(this), this, p = pending.get(), words = method == Method::ctrl ? pending->message.words : Words()] {
         if (p->failed()) return;
@@ -112,7 +166,9 @@ void Proxy::carry(const PendingPointer& pending, Method method) {
 
 void Proxy::oneway(Method method, Message request) {
     count();
-    line().oneway(target_, method, request, relayFor_);
+    Connection& connection = line();
+    check(method, request);
+    connection.oneway(target_, method, request, relayFor_);
     if (method == Method::ctrl) remember(std::move(request.words));
 }
 

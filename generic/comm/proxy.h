@@ -1,7 +1,8 @@
 // proxy.h -- stands for a service object of another process.
 //
 // Every request goes to the daemon, and the answer comes back unchanged, also when it is an error. Only two requests are
-// answered here: DBX -connection and CTRL -restore.
+// answered here: DBX -connection and CTRL -restore. And when this process has the same class, the proxy refuses wrong words and
+// arguments itself, as the daemon would (bus/ahead.h).
 //
 // When another daemon takes the place of the one before, the values that CTRL had set are lost. The proxy then says so with
 // the next answer, as a warning; or it sets them again, when CTRL -restore 1 has asked for it. Either way this is settled
@@ -50,6 +51,8 @@ public:
     // cases Sorm::awaitSecrets has its name.
     enum class Secrets : std::uint8_t { none, some, later, untold };
     void setSecrets(Secrets secrets);
+    // What the daemon says of the object for bus/ahead.h.   doubts: Connection::doubts when it was asked.
+    void setFacts(std::vector<std::int64_t> facts, std::uint64_t doubts);
 
     // The client's own recipe for the remote object: it is sent as a CTRL, and again to each daemon that takes the place of
     // the one before.   words: as for CTRL, perhaps with -restore BOOLEAN first.   probe: now blocks and throws as ctrl does;
@@ -74,6 +77,14 @@ private:
     // Have the daemon told what the one before knew.   here: it is that daemon's successor; else another place.
     void restore(bool here);
     void learnSecrets();                            // ask, and go on: what is sent next does not wait for the answer
+    // Refuse the request here if the daemon would, and this is certain. m stays as it is.
+    void check(Method method, const Message& m) {
+        if (facts_) checkByFacts(method, m);
+    }
+    void checkByFacts(Method method, const Message& m);
+    void mark(Trail& trail, Method method, const Message& m) const;
+    bool certain() const { return facts_->doubts == connection_->doubts() && connection_->connected(); }       // do the facts hold?
+    void askFacts();
     void restoreValues(const std::string& options); // options: the answer to DBX -info options
     void restoreValue(std::size_t count, std::vector<std::string> words);     // count: options in words
     // A request that goes before all others. A failure is said with the next answer of this proxy, after the word what.
@@ -100,6 +111,14 @@ private:
     std::uint64_t restart_ = 0;             // number from Connection::onRestart, 0: none
     bool restore_ = false;
     Secrets secrets_ = Secrets::none;
+    struct Facts {
+        std::vector<std::int64_t> numbers;          // empty: not told
+        std::uint64_t doubts;                       // Connection::doubts when they were asked for
+    };
+    static constexpr std::uint64_t kUnasked = UINT64_MAX;
+    std::shared_ptr<Facts> facts_;                  // null: the daemon has told none at first, and is not asked again
+    std::shared_ptr<const Class> known_;            // the class here to which they fit; null: there is none
+    std::uint64_t classes_ = 0;                     // Sorm::classChanges when it was looked for
     bool untold_ = false;                           // restore() has to be called before the next request
     std::deque<std::vector<std::string>> set_;      // CTRL requests that this daemon has done, the oldest first; 100 at most
     std::string notice_;                            // warning for the next answer

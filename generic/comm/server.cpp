@@ -332,6 +332,11 @@ void Server::passOn(Trail& trail, std::string_view name, const wire::Times& time
     trail.add(std::move(entry));
 }
 
+void Server::outdated() {
+    ServerLock::Held held(lock_);
+    sessions_->outdated();
+}
+
 // ---- health ----
 
 wire::Health Server::health(bool busy, const Requests& asker) const {

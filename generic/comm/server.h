@@ -89,6 +89,7 @@ public:
     // Call it when a service enters an event loop while it is executed: that loop then serves the requests that were read
     // with it.
     void handBack();
+    void outdated();                                            // tell clients who check requests ahead: bus/ahead.h
     bool serving() const { return depth_ > 0; }                 // is one of its requests on the stack?
     std::uint64_t served() const { return served_; }            // requests so far
     // For the health responder's thread, with the lock held, as HealthResponder::Look.

@@ -95,6 +95,17 @@ void Server::Sessions::judge() {
     for (auto& client : clients) client->judge(server_.sorm_.access);
 }
 
+// One who has lost his connection asks again after the next HELLO.
+void Server::Sessions::outdated() {
+    Buffer record;
+    wire::writeOutdated(record);
+    std::vector<Peer*> peers;
+    for (auto& [key, session] : all_)
+        if (session->peer && std::exchange(session->client->checksAhead, false)) peers.push_back(session->peer);
+    for (auto* peer : peers)
+        if (peer->open()) peer->push(record.data(), record.size());
+}
+
 void Server::Sessions::end() {
     std::vector<PendingPointer> pending;
     {

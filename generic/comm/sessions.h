@@ -101,6 +101,7 @@ public:
     // Its connection is closed. It may come back; what it holds, and its calls, stay for a while.
     void suspend(Session& session);
     void judge();                           // the policy has changed: take what it does not allow any more
+    void outdated();                        // as Server::outdated
     void end();                             // the server stops: cancel calls, release what clients hold
     std::size_t size() const { return all_.size(); }
     std::size_t underway() const { return underway_; }      // calls that services answer later

@@ -307,6 +307,11 @@ void writeGoodbye(Buffer& out, std::string_view reason) {
     w.text(reason);
 }
 
+void writeOutdated(Buffer& out) {
+    Record w(out);
+    writeCallHeader(w, {0, 2, kProgram, kVersion, kOutdated});
+}
+
 void writeRefusal(Buffer& out, std::uint32_t xid, Refusal refusal) {
     Record w(out);
     writeAccepted(w, xid, static_cast<std::uint32_t>(refusal));

@@ -26,7 +26,7 @@ namespace sorma::wire {
 inline constexpr std::uint32_t kProgram = 0x20534f52, kProgramBase = 0x20000000, kVersion = 1;
 // Procedures. 16 and above: the daemon sends them.
 inline constexpr std::uint32_t kNull = 0, kHello = 1, kCall = 2, kCancel = 3, kHealth = 4, kSubscribe = 5, kUnsubscribe = 6, kOneway = 7, kClock = 8,
-                               kGoodbye = 16, kEvent = 17;
+                               kGoodbye = 16, kEvent = 17, kOutdated = 18;
 inline constexpr std::uint32_t kNoSlot = 0xffffffff;            // a call outside of a session
 
 // Says for whom a call is made that is part of another one. It stands in the credentials of the RPC header; other calls have
@@ -138,6 +138,7 @@ void writeClock(Buffer& out, std::uint32_t program, std::int64_t sent);
 void writeNull(Buffer& out, std::uint32_t xid, std::uint32_t program);
 void writeEmptyReply(Buffer& out, std::uint32_t xid);
 void writeGoodbye(Buffer& out, std::string_view reason);
+void writeOutdated(Buffer& out);
 enum class Refusal : std::uint32_t { programUnavailable = 1, programMismatch = 2, procedureUnavailable = 3, garbage = 4 };
 void writeRefusal(Buffer& out, std::uint32_t xid, Refusal refusal);     // accepted, but not done
 void writeRpcMismatch(Buffer& out, std::uint32_t xid);                  // not ONC RPC version 2
