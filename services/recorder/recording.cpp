@@ -5,11 +5,13 @@
 #include <cstring>
 
 #include "bus/fnv.h"
-#include "crc32c.h"
+#include <recording/crc32c.h>
 
 namespace recorder {
 
 namespace {
+
+using sorma::crc32c;
 
 constexpr std::size_t kMostKey = 200;
 

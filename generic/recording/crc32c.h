@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace recorder {
+namespace sorma {
 
 namespace detail {
 
@@ -40,4 +40,4 @@ inline std::uint32_t crc32c(const void* bytes, std::size_t n, std::uint32_t befo
     return ~crc;
 }
 
-}  // namespace recorder
+}  // namespace sorma
