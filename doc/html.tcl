@@ -23,7 +23,7 @@ dd > p > img, .windows img { max-width: 100%; border: 1px solid #ccc }
 }
     variable Tutorials {first-tcl first-cpp first-panel two-hosts embedding moving testing}
     variable Demos {lab checkers tracker}
-    variable Formats {wire snapshot benchmark request debugging}
+    variable Formats {wire recording snapshot benchmark request debugging}
     variable Pages {}       ;# dict: file.html -> {kind title about}, in the order of the contents
     variable Words {}       ;# list of {word file.html anchor}
 }

@@ -1,0 +1,87 @@
+// reader.h -- what is in the file of a recording, also when that was cut, spoiled, or is still written.
+//
+// The bytes of the file may be anything: reading ends, says what is wrong, and needs 64 MB more than the file at most.
+//
+// Threads: none of its own; an object belongs to one thread at a time.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "bus/descriptor.h"
+#include "recording/block.h"
+#include "recording/writer.h"
+
+namespace sorma::recording {
+
+// A place of the file that could not be read.
+struct Damage {
+    std::uint64_t at = 0, bytes = 0;
+    std::string what;
+};
+
+class Reader {
+public:
+    // Fails with a FileError when the file cannot be read, is no recording, or one of a newer version.
+    explicit Reader(std::string file);
+
+    const FileHead& head() const { return head_; }
+    std::uint64_t bytes() const { return size_; }
+    bool closed() const { return closed_; }                 // has it an index?
+    // The parts of the file, the oldest first. Without an index their names are not known before they were read.
+    const std::vector<Section>& sections() const { return sections_; }
+    const std::vector<std::string>& names() const { return names_; }
+    // The broken places that were found so far. Reading all records finds all.
+    const std::vector<Damage>& damages() const { return damages_; }
+
+    // The next record, the oldest first. The texts of a record are valid until the next call. False at the end.
+    bool next(Record& out);
+    // Go on with this section of sections(); beyond them is the end.
+    void seek(std::size_t section);
+    std::size_t section() const { return section_; }        // of the last record
+
+private:
+    struct Found {
+        BlockHead head;
+        std::uint64_t at = 0;
+        std::uint64_t body() const { return at + sizeof head; }
+        std::uint64_t end() const { return body() + head.stored; }
+    };
+    bool get(std::uint64_t at, void* to, std::size_t n) const;
+    bool takeHead(std::uint64_t at, Found& out);
+    bool find(std::uint64_t from, std::uint64_t to, Found& out);
+    bool load(const Found& found, BlockReader& out, std::string& why) const;
+    bool readHead();
+    void readIndex();
+    bool readSections(std::uint64_t at, std::uint64_t end);
+    bool takeSection(const Record& record, const BlockReader& block, std::uint64_t end);
+    void rebuild();
+    void append(const Found& found);
+    void leave();
+    void damage(std::uint64_t at, std::uint64_t end, std::string what);
+
+    const std::string file_;
+    Descriptor in_;
+    std::uint64_t size_ = 0;
+    FileHead head_;
+    bool closed_ = false;
+    bool knowsId_ = false;
+    std::vector<Section> sections_;
+    std::vector<std::string> names_;
+    std::map<std::string, std::uint32_t, std::less<>> known_;       // places in names_
+    std::vector<Damage> damages_;
+
+    // Reading records.
+    std::size_t section_ = 0;
+    std::uint64_t at_ = 0;              // where the next block of the section begins
+    bool inBlock_ = false;
+    Found found_;                       // the block in hand
+    BlockReader block_;
+    std::string why_;                   // what is wrong with it; empty: nothing is known
+};
+
+}  // namespace sorma::recording
