@@ -25,7 +25,7 @@ const char* const kUsage =
     "       bench --client ADDRESS nop|rec\n";
 
 void (*const kGroups[])(Table&) = {byReference, tclCommand, textDispatch, protectedCall, asynchronous, snapshot,
-                                    cycle, circuit,
+                                    recording, cycle, circuit,
 #ifdef HAVE_EIGEN
                                     laboratory,
 #endif

@@ -11,6 +11,7 @@ void textDispatch(Table& table);        // S
 void protectedCall(Table& table);       // P PT PIPE BIG
 void asynchronous(Table& table);        // FUTURE CTRL_busy TIMER_busy STREAM PUBLISH FUTURES
 void snapshot(Table& table);            // M
+void recording(Table& table);           // RECORD
 void cycle(Table& table);               // CYCLE
 void circuit(Table& table);             // CIRCUIT
 void laboratory(Table& table);          // PUMA_inverse PSOM TRACK; where there is Eigen
