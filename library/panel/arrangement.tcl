@@ -24,7 +24,8 @@ namespace eval ::sorma::arrangement {
             -name {{word {a service object}}} -options any -groups any -layout {{word {a file}}} -live {{whole 1 {}}} -apply {{choice now later}}
             -state {{choice normal readonly}} -make boolean}}
         stripchart {sorma::chart ::sorma::stripchart {
-            -plot {{collect {an object and its option}}} -span any -low any -high any -interval {{whole 1 {}}} -paused boolean}}
+            -plot {{collect {an object and its option}}} -span any -low any -high any -interval {{whole 1 {}}} -paused boolean
+            -keep any}}
         form {sorma::form ::sorma::form {
             -file {{word {a file}}} -live {{whole 1 {}}} -apply {{choice now later}} -state {{choice normal readonly}} -make boolean}}
         image {sorma::image ::sorma::image {

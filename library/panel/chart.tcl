@@ -1,29 +1,34 @@
 # chart.tcl -- sorma::stripchart: numbers over time, several traces, as they come.
 #
 # A chart costs little because it draws little: each line is moved, its new points are appended and its old ones cut off. All of it is
-# drawn again only when the scale changes.
+# drawn again only when the scale changes, and then of many points what a column of pixels can show.
 
 package require Tk
 package require csv
 package require snit
+package require sorma::chartAxis
 package require sorma::options
 package require sorma::parts
+package require sorma::series
 package require sorma::text
 package provide sorma::chart 1.0
 
 # ::sorma::stripchart .w ?options? --
 #       Options: -span seconds that are shown (10), -low and -high (empty: as the numbers need), -width, -height, -interval (ms between two
-#       drawings, 33), -paused, -plot (list of plots from the beginning, each as the method takes it, behind the name), -state (disabled: grey,
-#       and keys, mouse and menu do nothing)
+#       drawings, 33), -paused, -keep seconds for which points are kept, and can be gone back to (3600), -plot (list of plots from the
+#       beginning, each as the method takes it, behind the name), -state (disabled: grey, and keys, mouse and menu do nothing)
 # Methods:
-#       trace NAME ?-text t? ?-colour c?        one more line; that is done by sample as well
+#       trace NAME ?-text t? ?-colour c? ?-unit u?      one more line; that is done by sample as well
 #       sample NAME VALUE ?TIME?                a point; time: s, default now. NaN makes a gap, an infinity too
 #       plot NAME SO -OPTION ?-index n?         the values of an option of a service object, as they change; of a vector one element. A value
 #                                               holds until the next one comes; where none is known, there is a gap
 #       plot NAME SO {EXEC ...} ?-part P? ?-index n? ?-every ms?    a number of what it answers, as sorma::reading has it
 #       forget NAME, clear                      traces; clear: their points
-#       data NAME                               list of {time value}, s since the chart was made
+#       hide NAME ?BOOL?                        its line; its points are kept
+#       data NAME                               list of {time value}, s since the chart was made, from the left edge on
 #       pause ?BOOL?, csv, export FILE          FILE.csv, FILE.png (with package Img), FILE.pdf (with ghostscript) or FILE.ps
+#       go SECONDS                              earlier (below 0) or later, and pause; zoom FACTOR ?X?: of the span, about a pixel
+# Wheel: zoom; drag: earlier or later; a click on a name hides its line; the pointer shows values.
 snit::widget ::sorma::stripchart {
     hulltype ttk::frame
     option -span -default 10 -configuremethod SetSpan
@@ -33,17 +38,21 @@ snit::widget ::sorma::stripchart {
     option -height -default 160
     option -interval -default 33
     option -paused -default 0 -configuremethod SetPaused
+    option -keep -default 3600
     option -plot -default {} -readonly 1
     ::sorma::stateParts
+    ::sorma::chartAxis
     component canvas
-    variable traces {}          ;# dict: name -> {number text colour times values subject token what part index holds age}; colour: empty: of its number;
-                                ;# what: -option or {EXEC ...}; holds: a value stays until the next one; age: how old the last one is
+    variable traces {}          ;# dict: name -> {number text colour unit series hidden subject token what part index holds age}; colour: empty: of its
+                                ;# number; what: -option or {EXEC ...}; holds: a value stays until the next one; age: how old the last one is
     variable fresh {}           ;# dict: name -> {time value ...} that are to be drawn
     variable origin 0           ;# ms, when the chart was made
     variable shown 0            ;# s, at the right edge
     variable scale {}           ;# {low high} that is drawn
     variable timer {}
     variable made 0             ;# traces, so far
+    variable added 0            ;# numbers that were appended since all was drawn
+    variable grip {}            ;# {x shown}, where the picture is held
 
     constructor args {
         set origin [clock milliseconds]
@@ -51,13 +60,18 @@ snit::widget ::sorma::stripchart {
         install canvas using canvas $win.canvas -width [::sorma::style pixels $options(-width)] -height [::sorma::style pixels $options(-height)] \
             -highlightthickness 0 -takefocus 1
         pack $canvas -fill both -expand 1
-        bind $canvas <Configure> [mymethod Rebuild]
+        foreach event {<Configure> <Map>} {
+            bind $canvas $event [mymethod Rebuild]
+        }
         bind $win <<ThemeChanged>> [mymethod Rebuild]
-        bind $canvas <space> [mymethod Act pause]
-        bind $canvas <ButtonPress-1> [list focus $canvas]
         ::sorma::style menu $canvas $win [mymethod Act Menu]
-        bind $canvas <plus> [mymethod Act Zoom 0.5]
-        bind $canvas <minus> [mymethod Act Zoom 2]
+        foreach {event words} {
+            <ButtonPress-1> {Grip %x %y} <B1-Motion> {Drag %x} <Double-ButtonPress-1> {Twice %x %y} <Motion> {Point %x %y} <Leave> {Point {} {}}
+            <space> pause <plus> {zoom 0.5} <minus> {zoom 2} <Left> {Leaf -0.25} <Right> {Leaf 0.25} <End> {pause 0}
+            <MouseWheel> {Wheel %x %D} <Button-4> {Wheel %x 120} <Button-5> {Wheel %x -120}
+        } {
+            bind $canvas $event [mymethod Act {*}$words]
+        }
         bind $win <Destroy> +[list ::sorma::parts::ended $win [mymethod Ended %W]]
         foreach plot $options(-plot) {
             $self plot [if {[llength $options(-plot)] > 1} {set plot} else {lindex $plot 1}] {*}$plot
@@ -76,16 +90,18 @@ snit::widget ::sorma::stripchart {
         after cancel $timer
         foreach name [dict keys $traces] {
             $self Unplot $name
+            [dict get $traces $name series] destroy
         }
     }
 
     # ---- what programs say ----
 
     method trace {name args} {
-        set facts [::sorma::options::parse {-colour any -text any} $args]
+        set facts [::sorma::options::parse {-colour any -text any -unit any} $args]
         if {[dict exists $traces $name]} return
         dict set traces $name [dict create number $made text [if {[dict get $facts -text] ne {}} {dict get $facts -text} else {set name}] \
-            colour [dict get $facts -colour] times {} values {} subject {} token {} what {} part {} index {} holds 0 age {}]
+            colour [dict get $facts -colour] unit [dict get $facts -unit] series [::sorma::series::new] hidden 0 subject {} token {} what {} part {} \
+            index {} holds 0 age {}]
         incr made
         $self Rebuild
     }
@@ -139,6 +155,9 @@ snit::widget ::sorma::stripchart {
         set index [dict get $trace index]
         if {[string match -* [dict get $trace what]]} {
             set told [[dict get $trace subject] get [dict get $trace what]]
+            if {[dict get $trace unit] eq {}} {
+                $self Measured $name
+            }
             set number [dict get $told live]
             if {$index ne {}} {
                 set number [lindex [regexp -all -inline {\S+} $number] $index]
@@ -152,31 +171,44 @@ snit::widget ::sorma::stripchart {
         } elseif {[$self Last $name] ne "NaN"} {
             $self EndAt $name [dict get $told seen]
         }
-        if {[dict get $told age] ne [dict get $traces $name age]} {
+        set age [dict get $trace age]
+        if {[dict get $told age] ne $age} {
             dict set traces $name age [dict get $told age]
-            $canvas itemconfigure text[dict get $traces $name number] -text [$self Text $name]
+            if {[string length $age] != [string length [dict get $told age]]} {
+                $self Rebuild
+            }
+            $canvas itemconfigure text[dict get $trace number] -text [$self Text $name]
         }
+    }
+    # The unit of an option is known when its table is.
+    method Measured name {
+        set trace [dict get $traces $name]
+        set subject [dict get $trace subject]
+        if {[$subject table] eq {} || [catch {$subject option [dict get $trace what]} facts] || [dict get $facts unit] eq {}} return
+        dict set traces $name unit [dict get $facts unit]
+        $self Rebuild
     }
     # A value ends where it was last known to be so [ms]; 0: now.
     method EndAt {name seen} {
-        set last [if {[dict exists $fresh $name]} {lindex [dict get $fresh $name] end-1} else {lindex [dict get $traces $name times] end}]
+        set last [lindex [$self Newest $name] 0]
         set time [expr {$seen > 0 ? max($last, ($seen - $origin) / 1000.0) : [$self Now]}]
         $self sample $name NaN $time
     }
     method Text name {
         return [string trimright "[dict get $traces $name text], [dict get $traces $name age]" ", "]
     }
-    # The last value of a trace, drawn or not; NaN: none.
+    # The last point of a trace, drawn or not; its value; NaN: none.
+    method Newest name {
+        return [if {[dict exists $fresh $name]} {lrange [dict get $fresh $name] end-1 end} else {[dict get $traces $name series] last}]
+    }
     method Last name {
-        set value [if {[dict exists $fresh $name]} {lindex [dict get $fresh $name] end} else {lindex [dict get $traces $name values] end}]
-        if {$value eq {} || $value != $value} {
-            return NaN
-        }
-        return $value
+        set value [lindex [$self Newest $name] 1]
+        return [if {$value eq {} || $value != $value} {string cat NaN} else {set value}]
     }
     method forget name {
         if {[dict exists $traces $name]} {
             $self Unplot $name
+            [dict get $traces $name series] destroy
             dict unset traces $name
             dict unset fresh $name
             $self Rebuild
@@ -184,16 +216,23 @@ snit::widget ::sorma::stripchart {
     }
     method clear {} {
         set fresh {}
-        foreach name [dict keys $traces] {
-            dict set traces $name times {}
-            dict set traces $name values {}
+        dict for {name trace} $traces {
+            [dict get $trace series] clear
         }
         $self Rebuild
+    }
+    method hide {name {on 1}} {
+        dict set traces $name hidden [expr {bool($on)}]
+        $self Rebuild
+    }
+    # From the left edge on; whole numbers as such.
+    method Points name {
+        return [lmap number [[dict get $traces $name series] points [expr {$shown - $options(-span)}] Inf] {regsub {\.0$} $number {}}]
     }
     method data name {
         $self Draw
         $self Take
-        return [lmap t [dict get $traces $name times] v [dict get $traces $name values] {list $t $v}]
+        return [lmap {t v} [$self Points $name] {list $t $v}]
     }
     method pause {{on {}}} {
         $self configure -paused [expr {$on eq {} ? !$options(-paused) : $on}]
@@ -201,8 +240,8 @@ snit::widget ::sorma::stripchart {
     method csv {} {
         $self Draw
         $self Take
-        return [::csv::joinlist [concat {{trace time value}} {*}[lmap {name trace} $traces {
-            lmap t [dict get $trace times] v [dict get $trace values] {list $name $t $v}
+        return [::csv::joinlist [concat {{trace time value}} {*}[lmap name [dict keys $traces] {
+            lmap {t v} [$self Points $name] {list $name $t $v}
         }]]]
     }
     method export file {
@@ -233,31 +272,71 @@ snit::widget ::sorma::stripchart {
             $self Rebuild
         }
     }
-    method Zoom factor {
-        $self configure -span [expr {max(0.1, min(86400, $options(-span) * $factor))}]
+    # About a pixel: what is there stays there, unless the newest stays at the right edge.
+    method zoom {factor {x {}}} {
+        set span [expr {max(0.1, min(86400, $options(-span) * double($factor)))}]
+        if {$options(-paused) && $x ne {}} {
+            set shown [expr {$shown + ($span - $options(-span)) * (1 - [$self Part $x])}]
+        }
+        $self configure -span $span
+    }
+    method Wheel {x delta} {
+        $self zoom [expr {$delta > 0 ? 0.8 : 1.25}] $x
+    }
+    method go seconds {
+        set now [$self Now]
+        set options(-paused) 1
+        set first [tcl::mathfunc::min $now {*}[lmap trace [dict values $traces] {
+            if {[[dict get $trace series] size] == 0} continue
+            lindex [[dict get $trace series] first] 0
+        }]]
+        set shown [expr {max(min($now, $first + 0.1 * $options(-span)), min($now, $shown + $seconds))}]
+        $self Rebuild
+    }
+    method Leaf part {
+        $self go [expr {$part * $options(-span)}]
+    }
+    # A click on a name hides its line, or shows it again; else the picture is held and can be moved.
+    method Grip {x y} {
+        focus $canvas
+        set grip {}
+        foreach id [$canvas find overlapping $x $y $x $y] {
+            if {[regexp {(?:^|\s)(?:key|text)(\d+)(?:\s|$)} [$canvas gettags $id] -> number]} {
+                dict for {name trace} $traces {
+                    if {[dict get $trace number] == $number} {
+                        return [$self hide $name [expr {![dict get $trace hidden]}]]
+                    }
+                }
+            }
+        }
+        set grip [list $x $shown]
+    }
+    method Twice {x y} {
+        $self Grip $x $y
+        if {$grip ne {}} {
+            $self pause 0
+        }
+    }
+    method Drag x {
+        if {$grip eq {}} return
+        lassign $grip from was
+        if {$options(-paused) || abs($x - $from) > 3} {
+            $self go [expr {$was + ([$self Part $from] - [$self Part $x]) * $options(-span) - $shown}]
+            $self Point $x 1
+        }
     }
     method Now {} {
         return [expr {([clock milliseconds] - $origin) / 1000.0}]
     }
-    # Add new values to the traces; remove those that are too old to be shown.
+    # Add new values to the traces; remove those that are too old.
     method Take {} {
-        set old [expr {($options(-paused) ? $shown : [$self Now]) - $options(-span)}]
+        set old [expr {[$self Now] - max($options(-span), $options(-keep))}]
         dict for {name points} $fresh {
-            set times [dict get $traces $name times]
-            set values [dict get $traces $name values]
-            dict set traces $name times {}
-            dict set traces $name values {}
+            set series [dict get $traces $name series]
             foreach {t v} $points {
-                lappend times $t
-                lappend values $v
+                $series add $t $v
             }
-            set first [lsearch -real -sorted -bisect $times $old]
-            if {$first > 0} {
-                set times [lrange $times $first end]
-                set values [lrange $values $first end]
-            }
-            dict set traces $name times $times
-            dict set traces $name values $values
+            $series forget $old
         }
         set points $fresh
         set fresh {}
@@ -268,34 +347,46 @@ snit::widget ::sorma::stripchart {
         $self Draw
     }
     method Draw {} {
-        if {$options(-paused) || ![winfo ismapped $canvas]} return
+        if {$options(-paused) || ![winfo ismapped $canvas]} {
+            return [$self Take]         ;# drawn when it goes on, or is seen again
+        }
         set points [$self Take]
         set now [$self Now]
-        set moved [expr {int(($now - $shown) * [winfo width $canvas] / double($options(-span)))}]
+        set perSecond [expr {[$self Wide] / double($options(-span))}]
+        set moved [expr {int(($now - $shown) * $perSecond)}]
         if {$moved > 0} {
             $canvas move points -$moved 0
-            set shown [expr {$shown + $moved * double($options(-span)) / [winfo width $canvas]}]
+            set shown [expr {$shown + $moved / $perSecond}]
         }
-        if {[dict size $points] > 0 && ![$self Fits $points]} {
+        dict for {name new} $points {
+            incr added [llength $new]
+        }
+        if {[dict size $points] > 0 && (![$self Fits $points] || $added > 8 * [winfo width $canvas])} {
             return [$self Rebuild]
         }
         dict for {name new} $points {
-            $self Append $name $new
+            if {![dict get $traces $name hidden]} {
+                $self Append $name $new
+            }
         }
         $self Hold
+        if {$cursor ne {}} {
+            $self Point {*}$cursor
+        }
     }
     # Values that hold reach to the right edge.
     method Hold {} {
         dict for {name trace} $traces {
-            set v [lindex [dict get $trace values] end]
+            lassign [[dict get $trace series] last] t v
             set id tail[dict get $trace number]
-            if {![dict get $trace holds] || $v eq {} || $v != $v || abs($v) >= 1e300} {
+            if {![dict get $trace holds] || [dict get $trace hidden] || $v eq {} || ![::sorma::chartAxis::isNumber $v] || $t > $shown} {
                 $canvas delete $id
                 continue
             }
-            set place [list [$self X [lindex [dict get $trace times] end]] [$self Y $v] [winfo width $canvas] [$self Y $v]]
+            set place [list [$self X $t] [$self Y $v] [lindex $area 2] [$self Y $v]]
             if {[$canvas find withtag $id] eq {}} {
-                $canvas create line $place -fill [$self Colour $name] -tags [list tail $id]
+                $canvas create line $place -fill [$self Colour $name] -width [::sorma::style pixels 1] -tags [list tail $id]
+                $canvas lower $id mask
             } else {
                 $canvas coords $id $place
             }
@@ -307,7 +398,8 @@ snit::widget ::sorma::stripchart {
         if {$scale eq {}} {
             return 0
         }
-        foreach values [dict values $points] {
+        dict for {name values} $points {
+            if {[dict get $traces $name hidden]} continue
             foreach {t v} $values {
                 if {!($v >= $low && $v <= $high)} {
                     return 0
@@ -315,13 +407,6 @@ snit::widget ::sorma::stripchart {
             }
         }
         return 1
-    }
-    method X t {
-        return [expr {[winfo width $canvas] - ($shown - $t) * [winfo width $canvas] / double($options(-span))}]
-    }
-    method Y v {
-        lassign $scale low high
-        return [expr {[winfo height $canvas] - 1 - ($v - $low) * ([winfo height $canvas] - 2) / ($high - $low)}]
     }
     method Append {name points} {
         set ids [$canvas find withtag "line&&\"[string map {\\ \\\\ \" \\\"} $name]\""]
@@ -342,7 +427,7 @@ snit::widget ::sorma::stripchart {
         set gone 0
         set coordinates [$canvas coords $id]
         set n [llength $coordinates]
-        while {$gone + 6 <= $n && [lindex $coordinates $gone+2] < 0} {
+        while {$gone + 6 <= $n && [lindex $coordinates $gone+2] < [lindex $area 0]} {
             incr gone 2
         }
         if {$gone > 0} {
@@ -352,33 +437,17 @@ snit::widget ::sorma::stripchart {
     # The scale that shows all numbers, in steps of 1, 2, 5.
     method Range {} {
         set all {}
+        set from [expr {$shown - $options(-span)}]
         dict for {name trace} $traces {
-            foreach v [dict get $trace values] {
-                if {$v == $v && abs($v) < 1e300} {
-                    lappend all $v
-                }
+            if {[dict get $trace hidden]} continue
+            set series [dict get $trace series]
+            lappend all {*}[$series range $from $shown]
+            set before [lindex [$series at $from] 1]
+            if {$before ne {} && [::sorma::chartAxis::isNumber $before]} {
+                lappend all $before
             }
         }
-        set low $options(-low)
-        set high $options(-high)
-        if {[llength $all] == 0} {
-            lappend all 0 1
-        }
-        set least [tcl::mathfunc::min {*}$all]
-        set most [tcl::mathfunc::max {*}$all]
-        if {$most - $least <= 1e-9 * abs($most)} {      ;# a constant lies in the middle
-            set beside [expr {$most == 0 ? 1 : 0.1 * abs($most)}]
-            set least [expr {$least - $beside}]
-            set most [expr {$most + $beside}]
-        }
-        set step [::sorma::style step [expr {max($most - $least, 1e-12 + 1e-9 * abs($most))}]]
-        if {$low eq {}} {
-            set low [expr {floor($least / $step) * $step}]
-        }
-        if {$high eq {}} {
-            set high [expr {ceil($most / $step) * $step}]
-        }
-        return [list $low [expr {$high > $low ? $high : $low + $step}]]
+        return [::sorma::chartAxis::range $all $options(-low) $options(-high)]
     }
     # Draw all of it again.
     method Rebuild {} {
@@ -387,46 +456,48 @@ snit::widget ::sorma::stripchart {
         if {!$options(-paused)} {
             set shown [$self Now]
         }
+        set added 0
         set scale [$self Range]
-        lassign $scale low high
         $canvas delete all
         $canvas configure -background [ttk::style lookup TEntry -fieldbackground {} white]
-        set ink [expr {[$self Enabled] ? [ttk::style lookup . -foreground {} black] : [::sorma::style colour asking]}]
-        set step [::sorma::style step [expr {$high - $low}]]
-        for {set v [expr {ceil($low / $step) * $step}]} {$v <= $high + 1e-9 * $step} {set v [expr {$v + $step}]} {
-            set y [$self Y $v]
-            $canvas create line 0 $y [winfo width $canvas] $y -fill [::sorma::style colour asking] -dash {1 3}
-            $canvas create text 3 $y -anchor [expr {$y < 14 ? "nw" : "sw"}] -text [format %.6g [expr {abs($v) < 1e-9 * $step ? 0 : $v}]] \
-                -font [::sorma::style font small] -fill [::sorma::style colour asking]
-        }
-        set x [expr {[winfo width $canvas] - 4}]
-        set y 3
+        $self Areas
+        $self Grid
         dict for {name trace} $traces {
-            set part {}
-            foreach t [dict get $trace times] v [dict get $trace values] {
-                if {[dict get $trace holds] && $part ne {}} {
-                    lappend part [$self X $t] [lindex $part end]
-                }
-                if {$v == $v && abs($v) < 1e300} {
-                    lappend part [$self X $t] [$self Y $v]
-                } else {
-                    $self Line $name $part
-                    set part {}
-                }
-            }
-            $self Line $name $part
-            $canvas create text $x $y -anchor ne -text [$self Text $name] -fill [$self Colour $name] -font [::sorma::style font small] \
-                -tags [list text[dict get $trace number]]
-            incr y [font metrics [::sorma::style font small] -linespace]
+            if {[dict get $trace hidden]} continue
+            $self Lines $name
         }
+        $self Masks
+        $self Texts
+        $self Legend
         $self Hold
-        if {$traces eq {}} {
-            $canvas create text [expr {[winfo width $canvas] / 2}] [expr {[winfo height $canvas] / 2}] -fill [::sorma::style colour asking] \
-                -text [::msgcat::mc "nothing is plotted yet: \"Plot this\" in the menu of a field"] -font [::sorma::style font small]
+        if {$cursor ne {}} {
+            $self Point {*}$cursor
         }
-        if {$options(-paused)} {
-            $canvas create text [expr {[winfo width $canvas] / 2}] 3 -anchor n -text [::msgcat::mc "paused"] -fill $ink -font [::sorma::style font small]
+    }
+    # All of a trace, from gap to gap. X and Y stand here once more: called for each point, they would take most of the time.
+    method Lines name {
+        set trace [dict get $traces $name]
+        set holds [dict get $trace holds]
+        set series [dict get $trace series]
+        lassign $area left top right bottom
+        lassign $scale low high
+        set perSecond [expr {($right - $left) / double($options(-span))}]
+        set perUnit [expr {($bottom - $top) / double($high - $low)}]
+        set to [tcl::mathfunc::max $shown {*}[if {!$options(-paused)} {lindex [$series last] 0}]]
+        set part {}
+        foreach {t v} [$series drawn [expr {$shown - $options(-span)}] $to [expr {max(10, int($right - $left))}]] {
+            if {!($v > -1e300 && $v < 1e300)} {
+                $self Line $name $part
+                set part {}
+                continue
+            }
+            set x [expr {$right - ($shown - $t) * $perSecond}]
+            if {$holds && $part ne {}} {
+                lappend part $x $y
+            }
+            lappend part $x [set y [expr {$bottom - ($v - $low) * $perUnit}]]
         }
+        $self Line $name $part
     }
     method Colour name {
         set colour [dict get $traces $name colour]
@@ -437,12 +508,16 @@ snit::widget ::sorma::stripchart {
         if {[llength $coordinates] == 2} {
             lappend coordinates {*}$coordinates
         }
-        $canvas create line $coordinates -fill [$self Colour $name] -tags [list points line $name]
+        # Dashes of a dense line would be a line.
+        set dash [if {[llength $coordinates] < 4 * [winfo width $canvas]} {::sorma::chartAxis::dash [dict get $traces $name number]}]
+        $canvas create line $coordinates -fill [$self Colour $name] -width [::sorma::style pixels 1] -dash $dash -tags [list points line $name]
     }
     method Menu {menu window} {
         $menu add command -label [::msgcat::mc [expr {$options(-paused) ? "Go on" : "Pause"}]] -accelerator space -command [mymethod pause]
-        $menu add command -label [::msgcat::mc "Shorter"] -accelerator + -command [mymethod Zoom 0.5]
-        $menu add command -label [::msgcat::mc "Longer"] -accelerator - -command [mymethod Zoom 2]
+        $menu add command -label [::msgcat::mc "Shorter"] -accelerator + -command [mymethod zoom 0.5]
+        $menu add command -label [::msgcat::mc "Longer"] -accelerator - -command [mymethod zoom 2]
+        $menu add command -label [::msgcat::mc "Earlier"] -accelerator Left -command [mymethod Leaf -0.25]
+        $menu add command -label [::msgcat::mc "Later"] -accelerator Right -command [mymethod Leaf 0.25]
         $menu add command -label [::msgcat::mc "Clear"] -command [mymethod clear]
         $menu add command -label [::msgcat::mc "Save ..."] -command [mymethod Save]
     }
