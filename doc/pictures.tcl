@@ -88,6 +88,8 @@ namespace eval pictures {
         notice     {sorma::notice -lines 2}
         status     {sorma::status -name arm.left@pictures}
         stripchart {sorma::stripchart -span 20 -width 420 -height 160}
+        display    {sorma::display -name arm.left@pictures -option -force}
+        dashboard  {sorma::dashboard}
         image      {sorma::image -name camera.hand@pictures -every 200 -width 320 -height 240 -zoom 2}
         painter    {sorma::painter -name hsvtable.board@pictures -picture eye.left@pictures}
         trailview  {sorma::trailview -keys arm.*@* -height 4}
@@ -189,6 +191,28 @@ proc pictures::Ready name {
                 for {set i 0} {$i <= 200} {incr i} {
                     .w sample $trace [expr {sin($i / 20.0 + ($trace eq "y")) * exp($i / -300.0)}] [expr {$i / 10.0 - 20}]
                 }
+            }
+        }
+        display {
+            wm geometry . 260x120
+            until {[lindex [.w shows] 1] eq "33"}
+        }
+        dashboard {
+            .w read {
+                text -text "Left arm" -at "0 0 24 1"
+                display -name arm.left@pictures -option -force -text Force -at "0 1 6 4"
+                display -name arm.left@pictures -option -gripper -text Gripper -at "0 5 6 3"
+                stripchart -plot "arm.left@pictures -force" -plot "arm.left@pictures -speed" -span 20 -text "Force and speed" -at "6 1 18 7"
+                led -name arm.left@pictures -option -lamp -text Lamp -at "0 8 6 2"
+                meter -name arm.left@pictures -option -force -text Force -at "6 8 9 2"
+                button -name foo.cell@pictures -request EXEC -text Serve -at "15 8 9 2"
+                status -name arm.left@pictures -text Daemon -at "0 10 6 2"
+                reading -name foo.cell@pictures -part text -text Menu -at "6 10 18 2"
+            }
+            update
+            foreach force {12 20 35} {
+                arm.left@pictures CTRL -force $force
+                until {[lindex [[.w window 2] shows] 1] == $force}
             }
         }
         trailview {

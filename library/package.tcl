@@ -32,6 +32,8 @@ apply {{} {
         trailview trailview
         panel panel
         window window
+        display display
+        dashboard dashboard
         theme theme
         console console
         arrangement arrangement

@@ -84,6 +84,8 @@ snit::widget ::sorma::browser {
         }
         set entries [list file "Save the view\u2026" Ctrl+S s [mymethod AskSave] file "Copy the view" Ctrl+Y y [mymethod copy] \
             file "Listen to the events, or stop" Ctrl+L l [mymethod Do events listen] file "Pause the log, or go on" Ctrl+P p [mymethod Do log pause] \
+            \
+            file "New dashboard" Ctrl+N n {::sorma::window dashboard} file "Open a dashboard\u2026" Ctrl+O o [mymethod AskDashboard] \
             file Quit Ctrl+Q q [list destroy $top] view Search Ctrl+F f [list focus $win.left.search.bar.entry] \
             view Tree Ctrl+T t [list focus $tree.tree]]
         set number -1
@@ -152,6 +154,13 @@ snit::widget ::sorma::browser {
         set types [if {[$tabs select] eq "$tabs.graph"} {list {PDF .pdf} {Picture .png} {PostScript .ps}}]
         set file [tk_getSaveFile -parent $win -defaultextension .txt -filetypes [list {*}$types {Text .txt}]]
         if {$file ne {} && [catch {$self save $file} message]} {
+            tk_messageBox -parent $win -icon error -message $message
+        }
+    }
+
+    method AskDashboard {} {
+        set file [tk_getOpenFile -parent $win -filetypes {{Dashboard .dash} {All *}}]
+        if {$file ne {} && [catch {::sorma::window dashboard $file} message]} {
             tk_messageBox -parent $win -icon error -message $message
         }
     }

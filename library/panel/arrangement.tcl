@@ -7,6 +7,8 @@
 #
 # Lines are as entries.tcl reads them. Options are those of the widgets, and -geometry: WIDTHxHEIGHT+X+Y, without a place the window comes
 # where it was last. -plot may come several times. Other files that are named there count from the file's folder.
+#
+# The file of a dashboard is alike: its lines are parts of one window, and have -at "COLUMN ROW WIDTH HEIGHT" instead of -geometry.
 
 package require sorma
 package require sorma::entries
@@ -15,7 +17,7 @@ package require sorma::text
 package provide sorma::arrangement 1.0
 
 namespace eval ::sorma::arrangement {
-    namespace export parse text console open save
+    namespace export parse text part console open save
     namespace ensemble create
     # kind -> package, command and options that a line may have. The command is called with the window and the options that were given.
     variable Kinds {
@@ -31,21 +33,39 @@ namespace eval ::sorma::arrangement {
         image {sorma::image ::sorma::image {
             -name {{word {a service object}}} -request {{word {a request}}} -every {{whole 0 {}}} -size any -zoom any}}
         trailview {sorma::trailview ::sorma::trailview {-keys {{word {a pattern}}} -severity any -keep {{whole 1 {}}}}}
+        dashboard {sorma::dashboard ::sorma::dashboard {-file {{word {a file}}} -wall boolean}}
     }
-    variable Needs {panel -name form -file image -name}
+    variable Needs {panel -name form -file image -name dashboard -file}
+    # The same for parts of a dashboard.
+    variable Parts {
+        display {sorma::display ::sorma::display {-name any -option {{word {an option}}} -index {{whole 0 {}}} -format any -text any}}
+        meter {sorma::lamp ::sorma::meter {-name any -option any -low any -high any -warn any -alarm any -format any -text any}}
+        led {sorma::lamp ::sorma::led {-name any -option any -good any -bad any -text any}}
+        reading {sorma::lamp ::sorma::reading {-name any -request any -part any -index any -unit any -every any -text any}}
+        status {sorma::lamp ::sorma::status {-name any -text any}}
+        button {sorma::field ::sorma::button {-name any -request any -text any}}
+        image {sorma::image ::sorma::image {-name any -request any -every {{whole 0 {}}} -size any -zoom any -text any}}
+        stripchart {sorma::chart ::sorma::stripchart {
+            -plot {{collect {an object and its option}}} -span any -low any -high any -keep any -text any}}
+        text {{} {} {-text any}}
+    }
+    variable PartNeeds {
+        display {-name -option} meter {-name -option} led {-name -option} reading -name status -name button {-name -request} image -name text -text
+    }
     variable Console {}         ;# the toplevel that a line "console" is about; empty: it opens one
 }
 
-# ::sorma::arrangement parse TEXT ?WHERE? --
+# ::sorma::arrangement parse TEXT ?WHERE? ?WHAT? --
 #       Read an arrangement.
 # Arguments:
 #       WHERE   the name of the file, for errors
+#       WHAT    windows, or parts: of a dashboard
 # Results:
 #       List of two: windows, each a list of kind and dict of its options; errors, each a line WHERE:LINE: ...
-proc ::sorma::arrangement::parse {text {where arrangement}} {
+proc ::sorma::arrangement::parse {text {where arrangement} {what windows}} {
     set windows {}
     ::sorma::entries::each {place words} $text $where ::sorma::SplitWords {
-        lappend windows [Window [lindex $words 0] [lrange $words 1 end]]
+        lappend windows [[dict get {windows Window parts Part} $what] [lindex $words 0] [lrange $words 1 end]]
     } wrong
     return [list $windows $wrong]
 }
@@ -54,27 +74,49 @@ proc ::sorma::arrangement::parse {text {where arrangement}} {
 proc ::sorma::arrangement::Window {kind words} {
     variable Kinds
     variable Needs
-    if {![dict exists $Kinds $kind]} {
-        Fail "bad kind of window \"$kind\": must be [::sorma::options::oneOf [lsort [dict keys $Kinds]]]"
-    }
-    set table [dict replace [lindex [dict get $Kinds $kind] 2] -geometry {{word {WIDTHxHEIGHT+X+Y}}}]
-    set defaults [::sorma::options::defaults $table]
-    set settings [dict filter [::sorma::options::parse $table $words] script {option value} {expr {$value ne [dict get $defaults $option]}}]
-    if {[dict exists $Needs $kind] && ![dict exists $settings [dict get $Needs $kind]]} {
-        Fail "$kind: [dict get $Needs $kind] must say what it shows"
-    }
+    set settings [Settings window $Kinds $Needs -geometry {{word {WIDTHxHEIGHT+X+Y}}} $kind $words]
     if {[dict exists $settings -geometry] && ![regexp {^\d+x\d+(\+-?\d+\+-?\d+)?$} [dict get $settings -geometry]]} {
         Fail "$kind: -geometry expects WIDTHxHEIGHT+X+Y, got \"[dict get $settings -geometry]\""
+    }
+    return [list $kind $settings]
+}
+# The same of a part of a dashboard.
+proc ::sorma::arrangement::Part {kind words} {
+    variable Parts
+    variable PartNeeds
+    set settings [Settings part $Parts $PartNeeds -at {{word {COLUMN ROW WIDTH HEIGHT}}} $kind $words]
+    if {[dict exists $settings -at] && ![regexp {^(\d+) +(\d+) +([1-9]\d*) +([1-9]\d*)$} [dict get $settings -at]]} {
+        Fail "$kind: -at expects COLUMN ROW WIDTH HEIGHT, got \"[dict get $settings -at]\""
+    }
+    return [list $kind $settings]
+}
+proc ::sorma::arrangement::Settings {what kinds needs place type kind words} {
+    if {![dict exists $kinds $kind]} {
+        Fail "bad kind of $what \"$kind\": must be [::sorma::options::oneOf [lsort [dict keys $kinds]]]"
+    }
+    set table [dict replace [lindex [dict get $kinds $kind] 2] $place $type]
+    set defaults [::sorma::options::defaults $table]
+    set settings [dict filter [::sorma::options::parse $table $words] script {option value} {expr {$value ne [dict get $defaults $option]}}]
+    foreach needed [if {[dict exists $needs $kind]} {dict get $needs $kind}] {
+        if {![dict exists $settings $needed]} {
+            Fail "$kind: $needed must say what it shows"
+        }
     }
     foreach plot [if {[dict exists $settings -plot]} {dict get $settings -plot}] {
         if {[catch {llength $plot} n] || $n < 2 || $n % 2 || ![regexp {^(?:-\S+|EXEC\y.*)$} [lindex $plot 1]]} {
             Fail "$kind: -plot expects an object and its option, or a request EXEC, got \"$plot\""
         }
     }
-    return [list $kind $settings]
+    return $settings
 }
 proc ::sorma::arrangement::Fail message {
     return -code error -errorcode {SORMA REQUEST SYNTAX} $message
+}
+
+# ::sorma::arrangement part KIND -- package and command of a part of a dashboard.
+proc ::sorma::arrangement::part kind {
+    variable Parts
+    return [lrange [dict get $Parts $kind] 0 1]
 }
 
 # ::sorma::arrangement text WINDOWS -- as parse has them, as text.
@@ -156,6 +198,7 @@ proc ::sorma::arrangement::save file {
         set settings [lassign $key kind]
         if {[dict exists $Kinds $kind]} {
             set settings [Relative [Now $kind $settings [Widget $top]] $folder]
+            if {$kind eq "dashboard" && ![dict exists $settings -file]} continue        ;# it has not been saved
             lappend windows [list $kind [dict replace $settings -geometry [wm geometry $top]]]
         }
     }

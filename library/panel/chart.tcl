@@ -14,9 +14,9 @@ package require sorma::text
 package provide sorma::chart 1.0
 
 # ::sorma::stripchart .w ?options? --
-#       Options: -span seconds that are shown (10), -low and -high (empty: as the numbers need), -width, -height, -interval (ms between two
+#       Options: -span seconds that are shown (10), -low and -high (empty: as the numbers need). -width, -height, -interval (ms between two
 #       drawings, 33), -paused, -keep seconds for which points are kept, and can be gone back to (3600), -plot (list of plots from the
-#       beginning, each as the method takes it, behind the name), -state (disabled: grey, and keys, mouse and menu do nothing)
+#       beginning, each as the method takes it, behind the name), -font (small), -state (disabled: grey, and keys, mouse and menu do nothing)
 # Methods:
 #       trace NAME ?-text t? ?-colour c? ?-unit u?      one more line; that is done by sample as well
 #       sample NAME VALUE ?TIME?                a point; time: s, default now. NaN makes a gap, an infinity too
@@ -39,6 +39,7 @@ snit::widget ::sorma::stripchart {
     option -interval -default 33
     option -paused -default 0 -configuremethod SetPaused
     option -keep -default 3600
+    option -font -default {} -configuremethod Redraw
     option -plot -default {} -readonly 1
     ::sorma::stateParts
     ::sorma::chartAxis

@@ -79,7 +79,7 @@ snit::macro ::sorma::chartAxis {} {
     variable names {}           ;# rows of the legend: {name name ...}
 
     method Small {} {
-        return [::sorma::style font small]
+        return [if {$options(-font) ne {}} {set options(-font)} else {::sorma::style font small}]
     }
     method Wide {} {
         return [expr {max(1, [lindex $area 2] - [lindex $area 0])}]
@@ -154,7 +154,7 @@ snit::macro ::sorma::chartAxis {} {
     }
     # Marks of the time axis: x and text. They stand still while the lines move below them; while these rest, they are times of the day.
     method Times {} {
-        set most [expr {max(1, int([$self Wide] / [::sorma::style pixels 90]))}]
+        set most [expr {max(1, int([$self Wide] / (2 * [font measure [$self Small] "00:00:00"])))}]
         set step [::sorma::chartAxis::step $options(-span) $most]
         set marks {}
         if {!$options(-paused)} {

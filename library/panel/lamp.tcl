@@ -4,17 +4,18 @@
 package require sorma::parts
 package provide sorma::lamp 1.0
 
-# ::sorma::led .w -name SO -option -OPTION ?-good PATTERN? ?-bad PATTERN? ?-text text? -- a lamp that shows the value of an option: green when it
+# ::sorma::led .w -name SO -option -OPTION ?-good PATTERN? ?-bad PATTERN? ?-text text? ?-size pixels? -- a lamp that shows the value of an option: green when it
 # fits one pattern, red when it fits the other, grey while it is not known or old. Outside of the limits of the class it is yellow or red;
 # of an option that has some, what lies inside is good, unless a pattern says else.
 snit::widget ::sorma::led {
     option -good -default {} -configuremethod SetLook
     option -bad -default {} -configuremethod SetLook
     option -text -default {} -configuremethod SetLook
+    option -size -default 14 -configuremethod SetSize
     ::sorma::lampParts {-name -option} 500
     constructor args {
         $self configurelist $args
-        set size [::sorma::style pixels 14]
+        set size [::sorma::style pixels $options(-size)]
         canvas $win.lamp -width $size -height $size -highlightthickness 0 -background [ttk::style lookup . -background]
         $win.lamp create oval 2 2 [expr {$size - 2}] [expr {$size - 2}] -tags lamp -outline [::sorma::style colour asking]
         ttk::label $win.text
@@ -24,6 +25,14 @@ snit::widget ::sorma::led {
         $self Enable
     }
     method Build {} {}
+    method SetSize {option value} {
+        set options($option) $value
+        if {[winfo exists $win.lamp]} {
+            set size [::sorma::style pixels $value]
+            $win.lamp configure -width $size -height $size
+            $win.lamp coords lamp 2 2 [expr {$size - 2}] [expr {$size - 2}]
+        }
+    }
     # good, warn, bad, off or stale
     method shows {} {
         set told [$subject get $options(-option)]

@@ -171,6 +171,7 @@ proc ::sorma::parts::fieldMenu {menu subject option can} {
     $menu add command -label "Revert $option" -underline 0 -state $edited -command [list $subject revert $option]
     $menu add separator
     $menu add command -label [::msgcat::mc "Copy as a request"] -underline 0 -command [list ::sorma::parts::copy $menu $subject $option]
+    $menu add command -label [::msgcat::mc "On a dashboard"] -underline 5 -command [list ::sorma::window offer [$subject name] $option]
     switch -- [dict get [$subject option $option] type] {
         int - double { plotEntry $menu [$subject name] $option }
         vector {
@@ -178,6 +179,11 @@ proc ::sorma::parts::fieldMenu {menu subject option can} {
             plotEntry $menu [$subject name] $option -index [lrange {0 1 2 3 4 5 6 7} 0 $n-1]
         }
     }
+}
+# ::sorma::parts::dragged LABEL NAME OPTION -- the label of an option, which can be dropped onto a dashboard.
+proc ::sorma::parts::dragged {label name option} {
+    bind $label <B1-Motion> {%W configure -cursor hand2}
+    bind $label <ButtonRelease-1> "%W configure -cursor {}; [list ::sorma::window offer [string map {% %%} $name] $option] %X %Y"
 }
 # ::sorma::parts::plotEntry MENU NAME WHAT ?-option value ...? -- what sorma::window chart takes.
 proc ::sorma::parts::plotEntry {menu args} {

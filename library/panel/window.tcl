@@ -6,7 +6,7 @@ package require sorma::style
 package provide sorma::window 1.0
 
 namespace eval ::sorma::window {
-    namespace export panel chart form open place geometry all file
+    namespace export panel chart form dashboard offer open place geometry all file
     namespace ensemble create
     variable Geometries         ;# dict: toplevel -> {KEY geometry}, as it was last
     variable Last
@@ -35,6 +35,34 @@ proc ::sorma::window::form path {
     package require sorma::form
     set path [::file normalize $path]
     return [open [list form -file $path] [::file rootname [::file tail $path]] ::sorma::form -file $path]
+}
+
+# ::sorma::window dashboard ?FILE? ?WALL? -- a window with that dashboard, or with an empty one; WALL 1: full-screen and read-only.
+proc ::sorma::window::dashboard {{path {}} {wall 0}} {
+    package require sorma::dashboard
+    if {$path eq {}} {
+        return [open dashboard [::msgcat::mc "Dashboard"] ::sorma::dashboard]
+    }
+    set path [::file normalize $path]
+    return [open [list dashboard -file $path] [::file rootname [::file tail $path]] ::sorma::dashboard -file $path -wall $wall]
+}
+
+# ::sorma::window offer NAME -OPTION ?X Y? -- an option for the dashboard at that place of the screen. Without a place, it is for the one that was
+# opened last, or a new one. Returns that dashboard; empty: there is none.
+proc ::sorma::window::offer {name option {x {}} {y {}}} {
+    if {$x eq {}} {
+        set last [lindex [dict keys [dict filter [all] script {top key} {expr {[lindex $key 0] eq "dashboard"}}]] end]
+        set board [expr {$last ne {} ? $last : [dashboard]}].w
+        raise [winfo toplevel $board]
+        $board offer $name $option
+        return $board
+    }
+    for {set board [winfo containing $x $y]} {$board ne {}} {set board [winfo parent $board]} {
+        if {[winfo class $board] eq "Dashboard"} {
+            $board offer $name $option $x $y
+            return $board
+        }
+    }
 }
 
 # ::sorma::window open KEY TITLE COMMAND ?ARG ...? -- a window that KEY stands for, filled by COMMAND WINDOW ARG ..., unless it is there.

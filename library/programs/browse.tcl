@@ -1,4 +1,4 @@
-# browse.tcl -- the program sorma-browser: the bus in one window.
+# browse.tcl -- the program sorma-browser: the bus in one window, or a dashboard.
 
 package require sorma
 package require sorma::options
@@ -8,7 +8,7 @@ package require sorma::world
 package provide sorma::browse 1.0
 
 namespace eval ::sorma::browse {
-    variable Options {--theme {{word {light, dark, auto, or a theme of ttk}}}  --help flag  -h flag}
+    variable Options {--dashboard {{word {a file}}}  --wall flag  --theme {{word {light, dark, auto, or a theme of ttk}}}  --help flag  -h flag}
 }
 
 # ::sorma::browse::main WORDS -- run the program: the exit code, once its window is closed.
@@ -49,13 +49,22 @@ proc ::sorma::browse::main words {
     package require sorma::browser
     package require sorma::window
     wm withdraw .
-    tkwait window [::sorma::window open browser SORMA ::sorma::browser]
+    if {[dict get $settings --dashboard] eq {}} {
+        tkwait window [::sorma::window open browser SORMA ::sorma::browser]
+        return 0
+    }
+    if {[catch {::sorma::window dashboard [dict get $settings --dashboard] [dict get $settings --wall]} top]} {
+        puts stderr "sorma-browser: $top"
+        return 2
+    }
+    tkwait window $top
     return 0
 }
 
 # Candidates for the last word of a command line: see library/scott.bash.
 proc ::sorma::browse::Complete words {
     variable Options
+    if {[lindex $words end-1] eq "--dashboard"} return
     if {[lindex $words end-1] eq "--theme"} {
         catch {package require no.such.package}     ;# `package names` knows what has been looked for
         set found [concat {alt auto clam classic dark default light} [lmap name [lsearch -all -inline -glob [package names] ttk::theme::*] {namespace tail $name}]]
