@@ -202,7 +202,7 @@ proc pictures::Ready name {
                 text -text "Left arm" -at "0 0 24 1"
                 display -name arm.left@pictures -option -force -text Force -at "0 1 6 4"
                 display -name arm.left@pictures -option -gripper -text Gripper -at "0 5 6 3"
-                stripchart -plot "arm.left@pictures -force" -plot "arm.left@pictures -speed" -span 20 -text "Force and speed" -at "6 1 18 7"
+                stripchart -plot "arm.left@pictures -force" -span 2 -text "Force over time" -at "6 1 18 7"
                 led -name arm.left@pictures -option -lamp -text Lamp -at "0 8 6 2"
                 meter -name arm.left@pictures -option -force -text Force -at "6 8 9 2"
                 button -name foo.cell@pictures -request EXEC -text Serve -at "15 8 9 2"
