@@ -14,13 +14,11 @@
 package provide sorma::layers 1.0
 
 namespace eval ::sorma::layers {
-    namespace export columns places
-    namespace ensemble create
     variable Gap 10             ;# steps between columns, at least
     variable Room 3             ;# steps between the boxes of a column
 }
 
-# ::sorma::layers columns KEYS EDGES ?FIRST? ?LAST? -- a list of columns, each a list of keys from above. FIRST: keys that stand before all
+# ::sorma::layers::columns KEYS EDGES ?FIRST? ?LAST? -- a list of columns, each a list of keys from above. FIRST: keys that stand before all
 # others; LAST: keys that stand in the last column.
 proc ::sorma::layers::columns {keys edges {first {}} {last {}}} {
     set forward [Forward $keys $edges]
@@ -149,7 +147,7 @@ proc ::sorma::layers::Mean {key near rank} {
     return [expr {[tcl::mathop::+ {*}[lmap other $list {dict get $rank $other}]] / [llength $list]}]
 }
 
-# ::sorma::layers places COLUMNS SIZES EDGES -- a dict KEY -> {x y} of all boxes in COLUMNS. SIZES: a dict KEY -> {width height}.
+# ::sorma::layers::places COLUMNS SIZES EDGES -- a dict KEY -> {x y} of all boxes in COLUMNS. SIZES: a dict KEY -> {width height}.
 proc ::sorma::layers::places {columns sizes edges} {
     variable Gap
     set into {}                         ;# dict: KEY -> edges that lead to it

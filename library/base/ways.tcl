@@ -7,14 +7,12 @@
 package provide sorma::ways 1.0
 
 namespace eval ::sorma::ways {
-    namespace export of
-    namespace ensemble create
     variable Tries 14           ;# places of a step that are compared
     variable Far 400            ;# rows, as far as a free one is looked for
     variable Most 4000          ;# wires; more of them go straight to their ends, through boxes, since a window must not wait
 }
 
-# ::sorma::ways of BOXES WIRES ?KEPT? -- a list: x1 y1 x2 y2 ... of each wire.
+# ::sorma::ways::of BOXES WIRES ?KEPT? -- a list: x1 y1 x2 y2 ... of each wire.
 # Arguments:
 #       BOXES   list of {x y width height}
 #       WIRES   list of {NET x1 y1 x2 y2}: from where to where; those of one NET may lie on each other

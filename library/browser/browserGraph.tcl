@@ -214,7 +214,7 @@ snit::widget ::sorma::browserGraph {
             set key [dict get $keyOf $object]
             lappend calls [list $caller $key 2 [expr {7 + 4 * [lsearch -exact [dict get $objects $key] $object]}]]
         }
-        set columns [::sorma::layers columns [lsort -dictionary [dict keys $objects]] $calls]
+        set columns [::sorma::layers::columns [lsort -dictionary [dict keys $objects]] $calls]
         set step [$self Step]
         # Names get the room that they need, as far as all columns can be seen then; but some of it at least.
         set widths [lmap column $columns {
@@ -231,7 +231,7 @@ snit::widget ::sorma::browserGraph {
                 dict set sizes $key [list [expr {min($width, $most)}] [expr {$count > 0 ? 6 + 4 * $count : 4}]]
             }
         }
-        set places [::sorma::layers places $columns $sizes $calls]
+        set places [::sorma::layers::places $columns $sizes $calls]
         foreach key [concat {*}$columns] {
             dict set boxes $key [concat [dict get $places $key] [dict get $sizes $key] [dict get $objects $key]]
         }
@@ -241,7 +241,7 @@ snit::widget ::sorma::browserGraph {
             lassign [dict get $boxes $to] x2 y2
             list $from [expr {$x + $width}] [expr {$y + $row}] $x2 [expr {$y2 + $row2}]
         }]
-        foreach edge [lsort -dictionary [dict keys $rates]] way [::sorma::ways of [lmap box [dict values $boxes] {lrange $box 0 3}] $wires] {
+        foreach edge [lsort -dictionary [dict keys $rates]] way [::sorma::ways::of [lmap box [dict values $boxes] {lrange $box 0 3}] $wires] {
             dict set ways $edge $way
         }
         set stale 0
