@@ -145,7 +145,7 @@ public:
         call();                         // what was sent before has been executed, too
     }
 
-    // Of our heap, for a future; without the 16 bytes of sorma::Future itself.
+    // Our heap for a future, without the 16 bytes of sorma::Future itself.
     double bytes() const { return bytes_; }
 
     // Begin a request and wait for its answer.
@@ -275,7 +275,7 @@ void streams(Table& table, Bus& bus, const Daemon& daemon) {
         }
         return spent;
     };
-    // What the sockets hold, and what is kept for each subscriber: from then on events are dropped.
+    // The room of the sockets and of each subscriber's queue: from then on events are dropped.
     for (int i = 0; i < 50; ++i) unread.call();
     table.measure(kPublish, publishing, repeat([&] { alone.call(); }));
     table.measure(kDeaf, repeat([&] { unread.call(); }), publishing);

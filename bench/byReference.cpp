@@ -18,7 +18,7 @@ const std::vector<Case> kCases = {
     {"TO10_checked", "the same, signature checked, numbers changed", "virtual call that changes 10 doubles", 1.5},
 };
 
-// What a caller does around a call with ten numbers: puts them where the callee wants them, and takes the result.
+// A caller's work around a call with ten numbers: it puts them where the callee wants them, and takes the result.
 struct Numbers {
     double in[10], out[10];
     Numbers() {

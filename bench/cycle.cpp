@@ -58,7 +58,7 @@ void sleepUntil(std::int64_t when) {
     while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, nullptr) != 0) checkSignals();
 }
 
-// What a program would do without a cycle: a thread of this priority that sleeps until the next time, and works.
+// A program without a cycle: a thread of this priority sleeps until the next time, and works.
 template <class Work> void bareLoop(std::int64_t count, Work work) {
     std::thread([&] {
         sched_param parameters{};

@@ -1,6 +1,6 @@
 // process.h -- the other processes of a measurement: daemons, and the servers of the floors.
 //
-// Whatever is started here ends with its object, and with the benchmark itself should that be killed.
+// A process that is started here ends with its object, and with the benchmark itself should that be killed.
 #pragma once
 
 #include <sys/types.h>

@@ -38,7 +38,7 @@ constexpr std::uint64_t kBlocks = 4;
 
 std::string ownKey(std::size_t floats) { return "bench" + std::to_string(getpid()) + "x" + std::to_string(floats); }
 
-// What the floors copy to and from: memory of the same kind as a segment's.
+// The floors copy to and from this memory; it is of the same kind as a segment's.
 class Pages {
 public:
     explicit Pages(std::size_t bytes) : bytes_(bytes) {

@@ -74,7 +74,7 @@ void Subscribers::listen(int tell, Kind kind, const std::string& object, int eac
             left = std::int64_t(each) * batch;
             say(kBatch);
         };
-        // Of more than the latest event: who keeps that alone is told the last one from before, too.
+        // It keeps more than the latest event: a subscriber that keeps one also gets the last one from before.
         for (int i = 0; i < each; ++i) all.push_back(publisher->listen("tick", std::size_t(std::max(batch, 2)), take));
         say(kReady);
         while (kind == Kind::deaf) pause();

@@ -104,8 +104,8 @@ public:
     Rights rights(const PrincipalPointer& author, std::string_view subject) const;
     std::uint32_t epoch() const { return epoch_; }      // counts the changes of the policy
     Budget* budget = nullptr;                           // pays for refusals that are remembered; null: nobody does
-    // Called after each change, inside the function that made it, until unwatch: whoever keeps something for a principal
-    // (a subscription, a lock) ends it when the right is gone. who: any pointer, as the key.
+    // Called after each change, inside the function that made it, until unwatch. A holder of something for a principal (a
+    // subscription, a lock) ends it here when the right is gone. who: any pointer, as the key.
     void watch(const void* who, std::function<void()> changed) { watchers_[who] = std::move(changed); }
     void unwatch(const void* who) { watchers_.erase(who); }
     // Fails with COMM DENIED and counts it, whatever the policy says.

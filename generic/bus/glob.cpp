@@ -19,7 +19,7 @@ std::uint32_t take(std::string_view& text) {
     std::size_t length = first < 0x80 ? 1 : first >= 0xc0 && first < 0xe0 ? 2 : first >= 0xe0 && first < 0xf0 ? 3
                          : first >= 0xf0 && first < 0xf8 ? 4 : 0;
     std::uint32_t character = length < 2 ? first : first & (0x7fu >> length);
-    // What is cut off stays below the least of its length.
+    // The part that is cut off stays below the least of its length.
     for (std::size_t i = 1; i < length && i < text.size() && (byte(i) & 0xc0) == 0x80; ++i)
         character = character << 6 | (byte(i) & 0x3f);
     if (length == 0 || character < kLeast[length] || character >= kNoUtf8) character = kNoUtf8 + first, length = 1;

@@ -7,8 +7,8 @@
 // pattern that ends within a range or after \ matches nothing. Characters are code points, as in Tcl 9; a byte that is no
 // UTF-8 is a character that equals only itself.
 //
-// Cost: at most the length of the text times that of the pattern, whatever a peer sends; and with ranges that end with ] as in
-// [a-], where Tcl looks for another ], times that of the brackets.
+// Cost: at most the length of the text times that of the pattern. Ranges that end with ], as in [a-], cost that times the
+// length of the brackets, since Tcl looks for another ] there.
 #pragma once
 
 #include <string_view>

@@ -1,7 +1,8 @@
 // kept.h -- what stays for somebody after his request: a Charged value pays for its memory, and its text is cut before.
 //
-// Whatever is kept because of a peer's words is a Charged<T>: sessions, names, entries of the dictionary, values of options
-// and services, audit, refusals, trails. Its bytes are on the account of who caused it, and are given back with the value.
+// A Charged<T> holds a thing that is kept because of a peer's words: sessions, names, entries of the dictionary, values of
+// options and services, audit, refusals, trails. Its bytes are on the account of who caused it, and are given back with the
+// value.
 // A limit by count stays beside it where there is one.
 //
 // A type T of several members says what it holds: std::size_t heap() const, in bytes beyond sizeof(T).

@@ -31,7 +31,7 @@ public:
     std::vector<std::string> words;     // words of CTRL and DBX; of EXEC those beyond the four parts above
     int code = 0;                       // 0: done; < 0: failed; > 0: done, with warnings or a result number of the class
     Trail trail;
-    // Who wrote it, and must have the right to all that its words ask for; null: the owner of this process. Messages that a
+    // The author, who must have the right to all that its words ask for; null: the owner of this process. Messages that a
     // program makes itself have null. EXEC gets null, too, unless the class acts on words (Class::actsOnWords): the code of
     // a class acts as the owner. Not part of the content.
     PrincipalPointer author;

@@ -56,7 +56,7 @@ public:
     Named(const char* text) : text_(text) {}
 
     bool empty() const { return text_.empty(); }
-    // What it names, for an object that is about to use it. Fails with COMM DENIED when the author has no right to that.
+    // The object of that name, for one that is about to use it. Fails with COMM DENIED when the author has no right to that.
     const std::string& use(const Service& user) const { return get(permit(user)); }
     Permit permit(const Service& user) const { return needKind(user, author_, kind, text_); }
     // permit: of permit(); for messages and comparisons, which reach nothing, Permit::owner().

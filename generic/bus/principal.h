@@ -45,7 +45,7 @@ public:
     // From toText(). A user has the groups that this host knows. A user that it does not know, and all text that cannot be
     // read, is anyone.
     static PrincipalPointer parse(std::string_view text);
-    // As the subject of a policy's line: "host 192.168.7.21". Of several: each of them, "user anna + host 192.168.7.21".
+    // As the subject of a policy's line: "host 192.168.7.21". Several are all named: "user anna + host 192.168.7.21".
     std::string toText() const;
 
     // The author of words that two have written together: both of them, each one once. When one of them is the owner, it is
@@ -77,7 +77,7 @@ private:
     std::uint64_t serial_ = 0;
 };
 
-// Of this host, as bus/users.h. False: there is no such group.
+// Users of this host, as bus/users.h. False: there is no such group.
 bool groupNumber(std::string_view name, gid_t& out);
 std::vector<gid_t> groupsOf(uid_t uid);                        // empty: this host does not know the user
 

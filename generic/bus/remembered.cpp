@@ -86,7 +86,7 @@ void Remembered::read() {
         const auto slash = word.find('/');
         auto& words = *file.get(word);
         Value v;
-        // What was cut or spoilt is left out, and so is an option that somebody has written without its time.
+        // Lines that were cut or spoilt are left out, and so is an option that somebody has written without its time.
         if (slash == word.npos || words.size() != 3 || !parseTime(words[1], v.time)) continue;
         v.option = word.substr(slash + 1);
         v.text = words[0];

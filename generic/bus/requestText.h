@@ -19,8 +19,8 @@
 // free word is quoted if it would be read as a keyword or as one more number.
 //
 // Numbers are written in the shortest form that reads back to the same bits (std::to_chars; nan of either sign is nan), and
-// read without regard to locale. Canonical text -> message -> text gives the same text, and message -> text -> message the
-// same message, without the parts that a direction does not have: requests have no code and no trail, replies no free words.
+// read without regard to locale. Canonical text -> message -> text gives the same text, and message -> text -> message the same
+// message. Parts that a direction does not have are lost: requests have no code and no trail, replies no free words.
 //
 // Threads: any; there is no state.
 // Errors:  REQUEST SYNTAX; the message says what was expected and at which word (counted from 1), or that the text is not

@@ -68,7 +68,7 @@ void Trail::append(const Trail& other) {
     trim();
 }
 
-// One pass whatever the number, so that a peer's trail of a million entries costs no more than reading it.
+// One pass for any number, so that a peer's trail of a million entries only costs as much as reading it.
 void Trail::trim() {
     const std::size_t most = limit();
     if (entries_.size() <= most) return;

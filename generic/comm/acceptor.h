@@ -1,7 +1,7 @@
 // acceptor.h -- the sockets on which a daemon listens. It takes the connections that come, and hands them over.
 //
-// When the process has no more descriptors, a spare one lets it take one more connection. Either another one makes room for it, or
-// it is told that the daemon is full.
+// When the process has used all descriptors, a spare one lets it take one more connection. Either another one makes room for
+// it, or it is told that the daemon is full.
 //
 // Threads: with the ServerLock held; takeWaiting is for the health responder's thread.
 #pragma once

@@ -35,7 +35,7 @@ inline std::uint32_t deadlineMark(Deadline deadline, std::int64_t now) {
     return mark == 0 ? 1 : mark;
 }
 
-// What is known of one peer's clock.
+// One peer's clock, as far as it is known.
 class PeerClock {
 public:
     // It is our clock, too: no estimate is needed.

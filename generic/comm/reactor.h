@@ -38,7 +38,7 @@ public:
         bool pending_ = false;
     };
 
-    // mailbox: its functions are called in the reactor's turns. Throws std::system_error when the kernel has no more
+    // mailbox: its functions are called in the reactor's turns. Throws std::system_error when the kernel has run out of
     // descriptors.
     explicit Reactor(std::shared_ptr<Mailbox> mailbox = std::make_shared<Mailbox>());
     ~Reactor() override;

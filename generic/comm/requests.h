@@ -22,7 +22,7 @@ class Server::Requests {
 public:
     Requests(Server& server, Peer& peer, ClientPointer who, std::int64_t user);
 
-    // Deal with one record. What is answered at once is appended to scratch.out. May run a service, and so the event loop.
+    // Deal with one record. Immediate answers are appended to scratch.out. May run a service, and so the event loop.
     void handle(std::string_view record, Scratch& scratch, Frame& frame);
     // Answer what needs no service, while the SORM's thread is elsewhere. handle() then skips it. False: it is no request.
     bool answerBusy(std::string_view record, Buffer& out);

@@ -53,7 +53,7 @@ private:
     // each turn costs something.
     std::int64_t quantum_ = kMost;
     // In the present turn [ns]: when the first flow is due that wants more, and when the last one of all. The most that a
-    // modest flow got, which wants no more.
+    // satisfied flow got.
     std::uint64_t turn_ = 0;
     std::int64_t firstDue_ = 0, lastDue_ = 0, modest_ = 0;
     int flows_ = 0, waiting_ = 0;       // that had a turn; of which want more

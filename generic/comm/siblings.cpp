@@ -94,7 +94,7 @@ void FolderWatch::ready() {
         for (char* at = events; at < events + n; at += sizeof(inotify_event) + reinterpret_cast<inotify_event*>(at)->len) {
             auto* e = reinterpret_cast<inotify_event*>(at);
             gone = gone || (e->mask & IN_IGNORED);
-            // Of the folder itself its rights may have changed.
+            // The rights of the folder itself may have changed.
             matters = matters || e->len == 0 || std::string_view(e->name).ends_with(ending_);
         }
     if (gone) end();

@@ -42,7 +42,7 @@ std::uint32_t Slots::take(std::string_view name, Deadline deadline) {
     return index;
 }
 
-// The caller needs it no more, but the daemon may still answer.
+// The caller has given it up, but the daemon may still answer.
 void Slots::abandon(std::uint32_t index) {
     Slot& slot = *slots_[index];
     if (slot.state == Slot::State::sent) {              // its reply may still come: the slot is not free before

@@ -6,8 +6,8 @@
 // All words are big-endian, and take 4 or 8 bytes. Texts and bytes are counted and padded to a multiple of 4.
 //
 // Threads: no state but the objects'; one object belongs to one thread.
-// Errors:  a writer throws std::bad_alloc. A reader never throws for its input and never reads beyond its record: when the
-//          record is too short it becomes bad, stays bad, and returns zeros and empty texts.
+// Errors:  a writer throws std::bad_alloc. A reader never throws for its input and never reads beyond its record. When the
+//          record is too short, the reader becomes bad, stays bad, and returns zeros and empty texts.
 #pragma once
 
 #include <bit>
@@ -206,8 +206,8 @@ public:
         }
         at_ += 8 * n;
     }
-    // The count of elements that follow, of which each has at least `least` bytes on the wire. A count for which the record
-    // is too short makes the reader bad, so that no peer can make us reserve memory for elements that do not come.
+    // The count of elements that follow, of which each has at least `least` bytes on the wire. If the record is too short for
+    // the count, the reader becomes bad. So no peer can make us reserve memory for elements that do not come.
     std::size_t count(std::size_t least) {
         std::size_t n = u32();
         if (n > left() / least) return spoil(), 0;

@@ -11,7 +11,7 @@
 //     sorma::edit attach, detach              take the terminal's signals and guard its output; give them back
 //
 // -complete is called with line and cursor and returns a dict of from, words and hint, -hint with the same and returns
-// text. Positions count Tcl's characters. What goes wrong in them is a background error, once for each line.
+// text. Positions count Tcl's characters. Their errors are background errors, one for each line.
 #include <memory>
 
 #include "edit/lineEditor.h"

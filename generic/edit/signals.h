@@ -1,8 +1,8 @@
 // signals.h -- handles the signals of a terminal for a Tcl program.
 //
 // Interrupt (Ctrl-C): the script that runs, or the event loop that it runs, ends with the error "interrupted", -errorcode
-// TCL CANCEL. An exception is code of this package that waits in an event loop (Waiting): it gets the interrupt itself,
-// since a script that happens to run in that loop might catch the error. If such a script has not returned after kPatience,
+// TCL CANCEL. There is one exception: code of this package that waits in an event loop (Waiting). It gets the interrupt itself,
+// since a script in that loop might catch the error. If such a script has not returned after kPatience,
 // it is ended all the same.
 //
 // Window size, and continuation after a stop: kept until resized() and continued() are called.

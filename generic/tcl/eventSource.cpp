@@ -18,8 +18,8 @@ EventSource::~EventSource() {
     else Tcl_DeleteFileHandler(epoll_);
 }
 
-// Tcl is about to wait. In the middle of a request that is a service's own event loop: what the reactor has read and not
-// yet served would wait for the end of that request, since no descriptor tells of it any more.
+// Tcl is about to wait. In the middle of a request this is a service's own event loop. Requests that the reactor has read and
+// not yet served would wait for the end of that request, since no descriptor is readable for them.
 void EventSource::enteringLoop(ClientData data, int) {
     auto* self = static_cast<EventSource*>(data);
     if (self->comm_.reactor().polling()) self->comm_.handBack();
@@ -46,7 +46,7 @@ void EventSource::callReactor() {
     Reactor& reactor = comm_.reactor();
     std::int64_t start = monotonicNow();
     reactor.seen(start);
-    // A service that runs the event loop waits for something of its own: serve what is there, and no more.
+    // A service that runs the event loop waits for something of its own. Serve the requests that are there, and return.
     bool nested = reactor.polling();
     std::int64_t linger = nested || comm_.servers().empty() ? 0 : comm_.settings.linger * 1000;
     std::int64_t end = start + 2 * linger;

@@ -44,7 +44,7 @@ struct FileEvent {
     int fd;
 };
 
-// What one thread waits for.
+// The descriptors of one thread.
 struct Set {
     explicit Set(std::shared_ptr<Reactor> r) : reactor(std::move(r)) {}
 
@@ -63,8 +63,8 @@ struct Set {
 
 thread_local Set* own = nullptr;            // of this thread; Tcl's finalization deletes it, of the main thread the process's end
 
-// Tcl names a thread by what its initNotifierProc returned. The installing thread is older than we are: it has a name that
-// Tcl's own notifier gave it, and stands for all names that are not in this list.
+// Tcl names a thread by what its initNotifierProc returned. The installing thread is older than we are. Tcl's own notifier gave
+// it its name, and it stands for all names that are not in this list.
 struct Threads {
     std::mutex mutex;
     std::unordered_set<void*> known;

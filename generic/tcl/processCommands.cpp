@@ -173,8 +173,7 @@ int AtEndObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
 
 // ---- the end of standard input ----
 
-// It is a thread of its own, since a service that computes for ever must not keep this process alive when the process that
-// holds the other end has ended.
+// It is a thread of its own: this process must end with the process at the other end, even when a service computes for ever.
 void watchInput(int milliseconds) {
     char buffer[4096];
     for (;;) {

@@ -100,8 +100,8 @@ proc ::sorma::line::words text {
 
 # ---- how it reads ----
 
-# Read commands from a place on, up to the end of the text, or to the ] that closes a bracket: then {closed PLACE}, else the
-# context. kind: script, bracket, brace (the inside of one that is not closed). commandsVar gets the commands.
+# Read commands from a place on, up to the end of the text (returns the context), or to the ] that closes a bracket (returns
+# {closed PLACE}). kind: script, bracket, brace (the inside of one that is not closed). commandsVar gets the commands.
 proc ::sorma::line::Scan {text at kind outer {commandsVar {}}} {
     if {$commandsVar ne {}} {
         upvar 1 $commandsVar commands

@@ -42,7 +42,7 @@ proc ::sorma::usage::of command {
 }
 
 # ::sorma::usage::words COMMAND --
-#       Of each way to call it the words behind it that are no options: <name> for what is put in place of name, the others as they
+#       The words behind COMMAND that are no options, for each way to call it. A placeholder is <name>; other words are as they
 #       are typed. The last one ends in ... when it may be repeated.
 proc ::sorma::usage::words command {
     return [lmap usage [Entry $command usages] {lindex $usage 1}]

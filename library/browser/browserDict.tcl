@@ -1,6 +1,6 @@
 # browserDict.tcl -- sorma::browserDict: the dictionary of a daemon: its entries, and one of them to be edited.
 #
-# What was typed stays until it is set or reverted, also when another daemon is chosen, and when the daemon dies meanwhile. Before an
+# Typed text stays until it is set or reverted, also when another daemon is chosen, or when the daemon dies. Before an
 # entry is set it is read once more: if another user has changed it, the browser says so, and does not overwrite it. The daemon itself
 # checks the words of an entry, as when it makes such an object (sorm DBX -check), without making one.
 
@@ -278,7 +278,7 @@ snit::widget ::sorma::browserDict {
     method Named {} {
         set name [$win.edit.word get]
         if {$name ne $word} {
-            # What is typed below goes with the new name.
+            # The text below goes with the new name.
             set typed [$editor get 1.0 end-1c]
             set word $name
             $self Concern

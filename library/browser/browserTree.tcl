@@ -1,9 +1,9 @@
-# browserTree.tcl -- sorma::browserTree: what there is, as a tree: daemons, their classes, the objects and flavors of each, and who is
-# connected and who listens.
+# browserTree.tcl -- sorma::browserTree: a tree of daemons, their classes, the objects and flavors of each, connections and
+# listeners.
 #
 # The model tells what comes and goes. A branch is filled when it is opened, and then kept as the model says: ten thousand objects that
-# nobody looks at cost a word each. What the model does not know, a daemon is asked while its row is open (flavors, connections and
-# subscriptions), when it tells that something of it has changed. What daemons call themselves is shown, never evaluated.
+# nobody looks at cost a word each. The model does not know flavors, connections and subscriptions. The tree asks a daemon for
+# them while its row is open, and when the daemon tells of a change. Names of daemons are shown, never evaluated.
 
 package require Tk
 package require snit
@@ -17,8 +17,8 @@ package provide sorma::browserTree 1.0
 # ::sorma::browserTree .w ?-command PREFIX? ?-most n? --
 #       PREFIX is called with the PLACE that was chosen: {daemon KEY}, {class KEY CLASS}, {object KEY NAME}, {flavor KEY NAME} (a recipe
 #       of which no object has been made), {connections KEY}, {subscriptions KEY}, {connection KEY {DIRECTION WHO ADDRESS}} or
-#       {subscription KEY {OBJECT PATTERN WHO}}. Of a class that has more than -most objects (default 1000) the first ones are shown; the
-#       search finds all.
+#       {subscription KEY {OBJECT PATTERN WHO}}. If a class has more than -most objects (default 1000), the first ones are
+#       shown; the search finds all.
 # Methods:
 #       chosen: the PLACE; choose PLACE: open the branches that lead there; open PLACE, shut PLACE: a branch that is there;
 #       shown PLACE: its text; text: what is shown, in lines; keys:
@@ -206,7 +206,7 @@ snit::widget ::sorma::browserTree {
             $self AskOpen $key [list daemon {*}[dict keys $Groups]]
         }
     }
-    # What the process before has said does not count any more.
+    # Answers of the previous process do not count.
     method Process {event key daemon} {
         unset -nocomplain recipes($key)
         set unasked($key) 1
@@ -345,7 +345,7 @@ snit::widget ::sorma::browserTree {
         }
         $self Choose
     }
-    # What was chosen may have been drawn anew.
+    # The chosen row may have been drawn again.
     method Choose {} {
         if {$told ne {} && [info exists items($told)] && [$tree selection] eq {}} {
             $tree selection set [list $items($told)]
@@ -370,7 +370,7 @@ snit::widget ::sorma::browserTree {
         }
     }
 
-    # ---- what a daemon is asked ----
+    # ---- questions to a daemon ----
 
     method Answers key {
         set daemon [::sorma::world get $key]
@@ -381,7 +381,8 @@ snit::widget ::sorma::browserTree {
         set above [list daemon [lindex $place 1]]
         return [expr {[info exists items($place)] && [$tree item $items($place) -open] && [$tree item $items($above) -open]}]
     }
-    # KINDS: those of {daemon KEY}, {connections KEY}, {subscriptions KEY} that may have changed. What is not open is asked for when it is opened.
+    # KINDS: those of {daemon KEY}, {connections KEY}, {subscriptions KEY} that may have changed. Rows that are closed are asked
+    # for when they are opened.
     method AskOpen {key kinds} {
         if {[$self Open [list daemon $key]] && ![info exists ears($key)]} {
             set ears($key) [::sorma::world listen sorm@$key -event {[scd][uoi][bnc]*} -command [mymethod Heard $key]]

@@ -159,7 +159,7 @@ proc ::sorma::await::Reply {token args} {
 }
 
 # ::sorma::await::trouble WHERE ?silent? -- why a daemon gives no answer, in one line for people; empty when it does. silent: it has let
-# us wait just now. What is left of one that has died is removed, and so it is said once.
+# us wait just now. The remains of a dead daemon are removed, so they are mentioned once.
 proc ::sorma::await::trouble {where {silent 0}} {
     set key [::sorma::world find $where]
     if {$key eq {}} {

@@ -1,7 +1,7 @@
 # events.tcl -- what objects publish, for sorma::world listen: by the lines of the model, and for as long as the object is there.
 #
-# Listening makes no object. One that is not there yet is waited for; one that goes and comes again is listened to again, and so is
-# one whose daemon was not to be reached for a while.
+# Listening makes no object. It waits for a source that is not there yet. It listens again to a source that went and came back,
+# also when only its daemon could not be reached for a while.
 
 package require sorma::line
 package require sorma::news

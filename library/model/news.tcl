@@ -1,4 +1,4 @@
-# news.tcl -- who is told what, for sorma::world: events for those who watch, in order and one call after another.
+# news.tcl -- tells watchers of sorma::world the events, in order and one call after another.
 #
 # Changes (*.changed) are collected for 20 ms, and the last state of a key counts; all other events are published as they come. A trail is
 # bounded, and says how much was lost. Callbacks run at global level, from the event loop, for 10 ms at a time; an error in one goes to
@@ -77,7 +77,7 @@ proc ::sorma::news::hook {events prefix} {
     }
 }
 
-# ::sorma::news::unhook PREFIX -- call it no more.
+# ::sorma::news::unhook PREFIX -- stop calling it.
 proc ::sorma::news::unhook prefix {
     variable Hooks
     dict for {event prefixes} $Hooks {

@@ -1,8 +1,8 @@
-# console.tcl -- sorma::console: scott's prompt as a widget. What is typed there is run, completed, hinted at and remembered by shell.tcl,
-# as at scott's own prompt; here are the keys and the looks.
+# console.tcl -- sorma::console: scott's prompt as a widget. shell.tcl runs, completes, explains and remembers the typed lines,
+# as at scott's own prompt. Here are the keys and the looks.
 #
-# The text is the output, a prompt, and what is being typed. Only the latter can be changed. What comes is inserted as text and never
-# evaluated; its colours are the escape sequences that a terminal gets.
+# The text is the output, a prompt, and what is being typed. Only the latter can be changed. Output is inserted as text and
+# never evaluated; its colours are the escape sequences that a terminal gets.
 
 package require Tk
 package require snit
@@ -52,7 +52,7 @@ snit::widget ::sorma::console {
         text $screen -font [::sorma::style font fixed] -wrap char -undo 0 -relief flat -borderwidth 0 -highlightthickness 0 \
             -padx [::sorma::style pixels 6] -pady [::sorma::style pixels 4] -width $options(-width) -height $options(-height) \
             -yscrollcommand [list $win.bar set] -insertwidth [::sorma::style pixels 2]
-        # Whatever binding changes the text does that by the command of its name: so that one knows what may be changed.
+        # Each binding that changes the text does so by the command of its name. So it is known which part may be changed.
         set raw ::sorma::console::raw$screen
         rename $screen $raw
         interp alias {} ::$screen {} {*}[mymethod Edit]
@@ -134,7 +134,7 @@ snit::widget ::sorma::console {
 
     # ---- the text ----
 
-    # What bindings do: only what is being typed is changed.
+    # The bindings' commands: they only change the line that is being typed.
     method Edit {word args} {
         switch -- $word {
             insert {
@@ -206,7 +206,7 @@ snit::widget ::sorma::console {
             set flushing [after 20 [mymethod Flush]]
         }
     }
-    # What has come, up to the last end of a line; with whole: all of it.
+    # The output so far, up to the last end of a line; with whole: all of it.
     method Flush {{whole 0}} {
         after cancel $flushing
         set flushing {}
@@ -231,7 +231,7 @@ snit::widget ::sorma::console {
             $raw see insert
         }
     }
-    # Of a text that is longer than what is kept, only the end; lines so long that Tk would be slow are broken.
+    # A longer text than is kept loses its begin. Lines so long that Tk would be slow are broken.
     method Insert {text tags} {
         set lines [split $text \n]
         if {[llength $lines] > $options(-keep)} {
@@ -309,7 +309,7 @@ snit::widget ::sorma::console {
         }
     }
 
-    # ---- what is below a message ----
+    # ---- the part below a message ----
 
     method Fold trail {
         lappend folds [incr Last]
@@ -362,7 +362,7 @@ snit::widget ::sorma::console {
         return [string length [if {[$raw compare insert < limit]} {$self input} else {$raw get limit insert}]]
     }
 
-    # execute LINES -- as if they had been typed. What is not complete goes on in the next line.
+    # execute LINES -- as if they had been typed. An incomplete command goes on in the next line.
     method execute lines {
         lappend queue {*}[split $lines \n]
         $self Next
@@ -627,7 +627,7 @@ snit::widget ::sorma::console {
         $self Insert $text sgr2
     }
 
-    # The line below: what is expected, what is searched for, or that something runs.
+    # The line below: the expected words, the searched text, or a note that something runs.
     method HintSoon args {
         if {$hinting eq {}} {
             set hinting [after idle [mymethod Hint]]

@@ -11,7 +11,7 @@ package provide sorma::execform 1.0
 # Methods:
 #       execute; cancel, when it runs; running: does it; words: of the request; answer: what came of it last, ok and the reply, or error and a
 #       message
-# Event <<SormaReplied>> comes after each answer. What a class publishes as progress is shown while it runs.
+# Event <<SormaReplied>> comes after each answer. Progress that a class publishes is shown while it runs.
 snit::widget ::sorma::execform {
     ::sorma::parts -name 0
     ::sorma::runParts
@@ -112,7 +112,7 @@ snit::widget ::sorma::execform {
         $win.reply configure -background [ttk::style lookup . -background] -foreground [ttk::style lookup . -foreground]
     }
 
-    # What the example of the class says, for each entry; of another method it says nothing.
+    # The example of the class, for each entry; there is none for other methods.
     method Example table {
         set words [if {[lindex [dict get $table example] 1] eq "EXEC"} {lrange [dict get $table example] 2 end}]
         set from [lsearch -regexp $words {^[TFIA]MSG$}]
@@ -175,7 +175,7 @@ snit::widget ::sorma::execform {
         }
         return [list EXEC {*}$words]
     }
-    # What is in a file, as a request has it.
+    # The content of a file, as a request has it.
     method Bytes file {
         set channel [open $file rb]
         try {

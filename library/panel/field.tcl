@@ -1,8 +1,8 @@
 # field.tcl -- widgets for one option of a service object, each usable by itself: sorma::slider, entry, vector, choice and check;
 # sorma::button runs a request.
 #
-# They are ttk megawidgets: configure and cget with options in Tk's spelling, any geometry manager, nothing left when destroyed. What
-# they show comes from a subject, and what is done to them goes there: none of them asks anybody, and none of them waits.
+# They are ttk megawidgets: configure and cget with options in Tk's spelling, any geometry manager, nothing left when destroyed.
+# They show values of a subject, and give all input to it. None of them asks anybody, and none of them waits.
 
 package require sorma::parts
 package require sorma::text
@@ -91,7 +91,7 @@ proc ::sorma::field::Written {widget ours args} {
     }
 }
 
-# Of those in which one types: Return and leaving the field take what was typed, Escape takes it back.
+# In fields for typing, Return and leaving the field take the typed text, and Escape takes it back.
 snit::macro ::sorma::typedParts {} {
     ::sorma::fieldParts
     method Keys window {
@@ -114,8 +114,8 @@ snit::macro ::sorma::typedParts {} {
     }
 }
 
-# ::sorma::entry .w -name NAME -option -OPTION -- a text or a number. What the class says it stands for has something beside it: a file a
-# button to look for it, a colour a button that shows it, a time the local time, a sub-service a button that opens its panel.
+# ::sorma::entry .w -name NAME -option -OPTION -- a text or a number. Some kinds have something beside the value: a file has a
+# button to look for it, a colour a button that shows it, a time the local time, a sub-service a button for its panel.
 snit::widget ::sorma::entry {
     widgetclass SormaEntry      ;# what Tk binds to Entry is for its own
     ::sorma::typedParts
@@ -441,7 +441,8 @@ proc ::sorma::field {window facts args} {
 }
 
 # ::sorma::button .w -name NAME -request {CTRL -start} ?-text text? ?-command prefix? -- runs a request, and shows that it runs, for how long
-# or how far it is, that it is done, or why it failed. What runs can be cancelled: by Escape, and by a button that appears after a moment.
+# or how far it is, that it is done, or why it failed. A running request can be cancelled by Escape, and by a button that
+# appears after a moment.
 # prefix gets ok and the reply, or error and a list of message and code.
 snit::widget ::sorma::button {
     widgetclass SormaButton     ;# what Tk binds to Button is for its own
@@ -490,7 +491,7 @@ snit::widget ::sorma::button {
         set options($option) $value
         $button state [expr {$value eq "normal" ? "!disabled" : "disabled"}]
     }
-    # What came of it last: running, ok or error, and the reply or the message; empty: nothing yet.
+    # The last result: running, ok or error, and the reply or the message; empty: nothing yet.
     method answer {} {
         return $answer
     }

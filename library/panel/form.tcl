@@ -179,7 +179,7 @@ snit::widget ::sorma::form {
         }
         return $found
     }
-    # What a form saved before 2026-12 are Tcl's lists: it matters where backslashes quote.
+    # A form that was saved before 2026-12 has Tcl's lists: it matters where backslashes quote.
     proc Words line {
         if {[string first \\ $line] >= 0 && [string is list $line] && [list {*}$line] eq $line} {
             return $line

@@ -1,4 +1,4 @@
-# layout.tcl -- in which groups and in which order a panel shows options; as a file, plain text that people write too. It knows no window.
+# layout.tcl -- the groups and the order of options in a panel; as a file, plain text that people write too. It knows no window.
 #
 #     # of the arm
 #     group Motion

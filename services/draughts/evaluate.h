@@ -3,7 +3,7 @@
 // A sum of learned weights, each in two phases between which the number of pieces decides: material and a few counts; the square
 // of each king; and patterns: each of 16 (9 on 8x8) overlapping fields of 2 x 4 squares, on 8x8 also each of four pairs of rows,
 // looks its men up in a table, 0 nobody, 1 black, 2 white in each square.
-// What is good for White in a field is bad for Black in the field turned by 180 degrees, so half of the tables are stored.
+// A field that is good for White is bad for Black after a turn by 180 degrees, so half of the tables are stored.
 //
 // Source: logistic regression on games of the engine with itself, see train/README.md and Buro, ProbCut and evaluation by
 // patterns (1995 ff.). Unit: a hundredth of a man.

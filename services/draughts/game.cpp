@@ -6,7 +6,7 @@
 namespace draughts {
 namespace {
 
-// Of how many moves of each side the game may last with so few pieces; 0: it may.
+// The moves of each side that the game may last with so few pieces; 0: no limit.
 int smallLimit(const Rules& rules, const Position& p) {
     const DrawLimits& d = rules.draws;
     auto limitFor = [&](Bits one, Bits many) {

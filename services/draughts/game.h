@@ -10,7 +10,7 @@
 
 namespace draughts {
 
-// Of the counters, see rules.h. In moves of both sides.
+// The counters, see rules.h. In moves of both sides.
 struct Status {
     bool over = false;
     std::string result = "*";           // 1-0, 0-1, 1/2-1/2

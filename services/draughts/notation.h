@@ -1,6 +1,6 @@
 // notation.h -- positions and moves as text: FEN and PDN of all three games, and the form of the Hub protocol.
 //
-// What is read is checked: the error says what was expected, what came, and where.
+// The input is checked. An error tells the expected text, the text that came, and the place.
 #pragma once
 
 #include <stdexcept>

@@ -162,7 +162,7 @@ private:
             if (repeated(p, key, ply)) return 0;
             if (!capture && shared_.settings.endgames && shared_.settings.endgames->find(p, outcome))
                 return outcome.value * (outcome.value ? kWin - ply - outcome.distance : 0);
-            // Whatever happens, the game lasts longer than that.
+            // The game lasts longer than that in any case.
             alpha = std::max(alpha, -kWin + ply);
             if (alpha >= beta) return alpha;
         }
@@ -315,7 +315,7 @@ private:
 template <const Rules& R>
 Progress runFor(Shared& shared, const std::vector<Position>& game, const std::function<void(const Progress&)>& report) {
     if (shared.settings.idle) {
-        // Of this thread alone, and of those that it starts.
+        // For this thread alone, and for those that it starts.
         sched_param parameter{};
         sched_setscheduler(0, SCHED_IDLE, &parameter);
     }

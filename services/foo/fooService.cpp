@@ -46,7 +46,7 @@ private:
 
 }  // namespace
 
-// What Tcl calls when it loads the package: register the class with the SORM of that interpreter.
+// Tcl calls this when it loads the package: register the class with the SORM of that interpreter.
 extern "C" SORMA_EXPORT int Foo_Init(Tcl_Interp* interp) {
     return sorma::provide(interp, "sorma::service::foo", "1.0", {Foo::describe()});
 }

@@ -99,8 +99,8 @@ private:
     sorma::Sorm& sorm_;
     Listener listener_;
     pid_t pid_ = 0;
-    // Invariant: while running_, pid_ is a child of ours whose status was not fetched, so that neither its number nor that
-    // of its group can belong to another process.
+    // Invariant: while running_, pid_ is a child of ours, and its status was not fetched. So neither its number nor that of its
+    // group can belong to another process.
     bool running_ = false;
     bool terminating_ = false;
     Descriptor exit_, report_;                  // pidfd; says why the program could not be run

@@ -398,7 +398,7 @@ private:
         return {leg(at, to, tips, speed_, arrival_)};
     }
 
-    // Of one finger, or one joint; the others stay.
+    // One finger, or one joint; the others stay.
     std::vector<Leg> some(std::size_t first, const std::vector<double>& values, bool tips) const {
         Targets to = present();
         if (tips) to = tipsOf(settings().geometry, to);

@@ -102,7 +102,7 @@ Jacobian jacobian(const Joints& q) {
 
 Joints gravity(const Joints& q, double acceleration, double load, const Vector3d& centre) {
     Chain chain(q);
-    // Of the links from i on: their mass, and the sum of their centres times mass.
+    // The links from i on: their mass, and the sum of their centres times mass.
     double mass = load;
     Vector3d moment = load * chain.frames[6].at(centre[0], centre[1], centre[2]);
     Joints torque;

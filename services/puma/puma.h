@@ -67,7 +67,7 @@ struct Solutions {
 // The pose must be a rotation and a finite position (isPose).
 void inverse(const Pose& pose, const Joints& posture, const Limits& limits, const Joints& weights, Solutions& out);
 
-// Of the wrist, where the last three axes meet: its centre for a pose of the flange, in the base frame [m].
+// The centre of the wrist, where the last three axes meet, for a pose of the flange, in the base frame [m].
 Eigen::Vector3d wristCentre(const Pose& pose);
 
 // Distance of a wrist centre from the shoulder, in the plane of the arm, and what the arm bridges [m].

@@ -81,7 +81,7 @@ class RecordingReader {
 public:
     // partial: a file that has been cut ends with the last frame that is whole.
     RecordingReader(std::string file, bool partial);
-    // Read the next record; false: there are no more. Its channel is in channels() then.
+    // Read the next record; false: that was the last one. Its channel is in channels() then.
     bool next(Record& record);
     const std::vector<Channel>& channels() const { return channels_; }
     const Head& head() const { return head_; }

@@ -120,7 +120,7 @@ void Control::tick(std::int64_t time, double period) noexcept {
     tool_ = tool;
     if (!heard_) return;
     const double now = double(time) * 1e-9 + (settings.labClock ? 0 : arm.clockOffset());
-    // What has been is the mean speed of the last period; the set-point's own is half a period ahead of it.
+    // The measured speed is the mean of the last period; the set-point's own is half a period ahead of it.
     const Joints speed = qdot_.isZero(0) ? Joints(Joints::Zero()) : Joints(qdot_ + 0.5 * (qdot_ - before));
     const bool runs = phase_ == Phase::moving || phase_ == Phase::braking;
     const Mode mode = phase_ == Phase::off ? Mode::off : runs ? Mode::run : Mode::hold;
@@ -141,7 +141,7 @@ void Control::sense(double period, double silence) noexcept {
         felt.head<3>() += carried;
         felt.tail<3>() += settings.handCentre.cross(carried);
     }
-    // What no sensor can feel must not stay for long, or overflow.
+    // A value that no sensor can feel must not stay for long, or overflow.
     felt = felt.cwiseMax(-kMostFelt).cwiseMin(kMostFelt);
     felt_ += -std::expm1(-period / settings.forceFilter) * (felt - felt_);
     const bool over = !(felt_.head<3>().norm() <= settings.wristForce && felt_.tail<3>().norm() <= settings.wristMoment);

@@ -3,8 +3,7 @@
 //     read state and forces  ->  power  ->  motion  ->  guards  ->  gate  ->  set-point, records
 //
 // The gate is the last check, and does not depend on motions and guards. It lets no set-point pass that exceeds the joints'
-// limits of angle, speed and acceleration, and it stops the arm when the force at the wrist is larger than the wrist may
-// bear.
+// limits of angle, speed and acceleration. It stops the arm when the force at the wrist is too large.
 //
 // Threads:   any thread may call tick() and requestStop(), one tick at a time. All else belongs to the SORM's thread,
 //            between ticks.

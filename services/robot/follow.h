@@ -19,7 +19,7 @@ public:
         track::Limits line, turn;
         double patience = 0.1;              // [s] an older target does not count; its age is counted in ticks. At least three periods
     };
-    // What it reads, and what has come of that.
+    // Its inputs, and their results.
     struct Feed {
         BufferInput target{kTarget, kTarget};
         sorma::Tally followed, waited, wrong;       // ticks with a target, without one, with one that is none

@@ -69,7 +69,7 @@ void FollowMotion::note(Target now) noexcept {
     last_ = now;
 }
 
-// By ticks: lab time may stand still, and nothing grows old then. What is found first has the age that it has.
+// By ticks: lab time may stand still, and nothing grows old then. The first record may have any age.
 bool FollowMotion::old(const shmem::Stamp& stamp, double period) noexcept {
     if (stamp.counter == counter_) age_ += period;
     else age_ = counter_ == 0 ? double(shmem::nanoseconds() - stamp.monotonic) * 1e-9 : 0;

@@ -54,7 +54,7 @@ void Fresh::watch() {
     counter_ = 0;
 }
 
-// In a cycle its own time counts: while lab time stands still nothing grows old. What is found first has the age that it has.
+// In a cycle its own time counts: while lab time stands still nothing grows old. The first record may have any age.
 bool Fresh::old(const shmem::Stamp& stamp) {
     const std::int64_t age = shmem::nanoseconds() - stamp.monotonic;
     const auto* tick = sorma::Tick::current();

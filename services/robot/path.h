@@ -47,7 +47,7 @@ public:
 
     Kind kind() const { return kind_; }
     double length() const { return pieces_.empty() ? 0 : pieces_.back().from + pieces_.back().length; }     // [rad] or [m]
-    // The speed at which rounded corners need no more than an acceleration.
+    // The largest speed at which rounded corners stay within an acceleration.
     double fastest(double acceleration) const;
     Knot at(double distance) const;
 

@@ -16,7 +16,7 @@
 
 namespace robot {
 
-// What a motion is planned from.
+// The state from which a motion is planned.
 struct Now {
     ArmState state;
     Joints q;                               // where it has been sent, or where it is while it has no power

@@ -204,7 +204,7 @@ void Pino::end(Args, Message&) {
     halt();
 }
 
-// Whatever moves stops by the other side's rule: no more set-points.
+// A motion stops by the other side's rule, when set-points end.
 void Pino::halt() {
     if (!control_) return;
     timer_ = {};

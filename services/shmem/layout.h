@@ -24,7 +24,7 @@ inline constexpr std::uint32_t kOrder = 0x01020304;     // another number on a m
 inline constexpr std::uint32_t kLayout = 1;             // version of this layout
 inline constexpr std::size_t kLine = 64;                // [bytes] blocks begin on cache lines
 
-// What is fixed when the segment is made.
+// These are fixed when the segment is made.
 struct Shape {
     std::uint64_t blocks = 16;      // records that it has, >= 2, since one may be incomplete
     std::uint64_t floats = 1;       // of a record

@@ -154,7 +154,7 @@ private:
     void wake() noexcept;
 
     std::shared_ptr<Segment> segment_;
-    // What write needs, on one line of the cache. Invariant: next_ is the block of record count_ + 1.
+    // The data for write, on one line of the cache. Invariant: next_ is the block of record count_ + 1.
     alignas(kLine) Header* header_;
     Block* next_;
     std::uint64_t count_;
@@ -178,7 +178,7 @@ public:
     // Number of the oldest record that may still be there. It may be overwritten at any moment.
     std::uint64_t oldest() const { return oldest(count()); }
     std::uint64_t oldest(std::uint64_t count) const { return count > shape().blocks ? count - shape().blocks + 1 : 1; }
-    // True: no more records will come; make another Reader of the same key. No other data depends on it.
+    // True: the records have ended; make another Reader of the same key. No other data depends on it.
     bool retired() const { return header_->retired.load(std::memory_order_relaxed); }
 
     // Copy the newest record.   floats (shape.floats), any (shape.any): null if you do not want them.

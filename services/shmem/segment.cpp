@@ -439,7 +439,7 @@ void Segment::leave() noexcept {
     if (owner_ != getpid()) return;         // a fork of ours: the rights are its parent's
     try {
         // Release the locks explicitly, since the mapping keeps the open file description, too.
-        // Of two that leave at the same time one finds itself alone, because both first give up what they have.
+        // If two leave at the same time, one finds itself alone, because both first give up their locks.
         lock(fd, F_UNLCK, kWriterByte, key_);
         lock(fd, F_UNLCK, kUserByte, key_);
         bool wanted = header_ && header_->keep.load(std::memory_order_relaxed);

@@ -50,7 +50,7 @@ struct Failure : std::runtime_error {
     Reason reason;
 };
 
-// Who may read: the writer's user, also the group, or everybody. Only the writer's user may write.
+// Readers: the writer's user, also the group, or everybody. Only the writer's user may write.
 enum class Access { owner, group, all };
 
 struct Writing {        // the writer, or the last one

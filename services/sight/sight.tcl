@@ -116,7 +116,7 @@ oo::class create ::sorma::service::sight {
         }
         set reply [[my cget -map] exec -floats [list 0 0 0 $u $v $radius] complete]
         lassign [dict get $reply floats] x y z u2 v2 radius2
-        # What the map has not learned is not known.
+        # Outside of the learned part the map knows nothing.
         set outside [expr {[dict exists $reply text] && [dict get $reply text] ne {}}]
         set residual [expr {sqrt(($u2 - $u) ** 2 + ($v2 - $v) ** 2 + ($radius2 - $radius) ** 2)}]
         return [list $time $x $y $z $residual [expr {$outside ? 7 : 0}]]
@@ -144,7 +144,7 @@ oo::class create ::sorma::service::sight {
         try {
             return [my Teach]
         } on error {text options} {
-            # What was known before counts again.
+            # The previous map counts again.
             catch {my Load}
             return -options $options $text
         }
@@ -179,7 +179,8 @@ oo::class create ::sorma::service::sight {
                 }
             }
         } finally {
-            # Also when it was given up; but then what this request calls fails at once: another coroutine calls. Who learns again waits for it.
+            # Also when it was given up; but then what this request calls fails at once: another coroutine calls. A new learning
+            # waits for it.
             if {[sorma::cancelled]} {
                 after 0 [namespace code [list coroutine [namespace current]::back my Back $begin [info coroutine]]]
                 if {[info coroutine] ne {}} {

@@ -127,7 +127,7 @@ void Laboratory::run() {
     std::unique_lock lock(mutex_);
     while (!stop_) {
         if (idle()) {
-            // What comes while time stands is taken as at this time.
+            // Input that comes while time stands is taken as at this time.
             takeSetPoint();
             takeOthers();
             pace.restart();
@@ -185,8 +185,8 @@ bool Laboratory::takeSetPoint() {
     return true;
 }
 
-// In lockstep lab time waits for the set-point that is due, while somebody sends any. Whoever was late may have skipped
-// the next one, and waits for lab time himself: then each would wait for the other. So lab time waits for what follows a
+// In lockstep lab time waits for the set-point that is due, while somebody sends any. A late writer may have skipped the next
+// one, and waits for lab time itself. Then each would wait for the other. So lab time waits for what follows a
 // set-point that came in time.
 void Laboratory::awaitSetPoint(std::unique_lock<std::mutex>& lock) {
     if (late_ || !drive.streaming(time_) || time_ < drive.due() - kSame || time_ < waitAgain_ - kSame) return;

@@ -104,7 +104,7 @@ std::vector<Props::Lying> Props::tokens() const {
     return out;
 }
 
-// ---- what hangs in the air ----
+// ---- tokens in the air ----
 
 void Props::setMocap(int id, const Point& p) {
     if (id >= 0) std::copy_n(p.begin(), 3, data_.mocap_pos + 3 * id);
@@ -118,7 +118,7 @@ void Props::setBall(Trajectory path, double now) {
 
 void Props::moveThing(Thing thing, const Point& to, double seconds, double now) {
     Mover& m = movers_[thing];
-    // What was out of sight appears where it is wanted.
+    // A thing that was out of sight appears at its new place.
     const bool hidden = m.to[2] < -1;
     const double part = m.end > m.begin ? std::clamp((now - m.begin) / (m.end - m.begin), 0.0, 1.0) : 1;
     Point at;

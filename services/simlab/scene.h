@@ -35,7 +35,8 @@ struct FieldPose { double x, y, z, yaw; };
 
 class Scene {
 public:
-    // what: 8x8, 10x10, tracker, or the path of a file. Throws SceneError, whose message says what is missing in the file.
+    // The parameter what is 8x8, 10x10, tracker, or the path of a file. Throws SceneError, whose message says what is missing
+    // in the file.
     explicit Scene(const std::string& what);
 
     static std::string text(const std::string& what);   // of a built-in scene; empty: there is no such scene

@@ -121,7 +121,8 @@ constexpr const char* kFinger = R"(
         </body>
 )";
 
-// What is moved from outside and touches nothing (the colour of a material is that of the geom: its class has one); below the table when it is not wanted.
+// Things that are moved from outside and touch nothing; below the table when they are not wanted. (The colour of a material is
+// that of the geom: its class has one.)
 constexpr const char* kMoved = R"(
     <body name="target" mocap="true" pos="0.6 0.6 0.3">
       <geom type="sphere" size="0.02" material="glow" rgba="1 1 0.95 1" group="0"/>

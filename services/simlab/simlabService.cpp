@@ -217,7 +217,7 @@ public:
     }
 
 private:
-    // What a person does: the laboratory says why it cannot be done.
+    // A person's action; the laboratory explains a refusal.
     template <class Work> auto act(const char* what, Work work) {
         try {
             return lab(work);

@@ -51,7 +51,7 @@ public:
     };
     // z: a position for each axis, measured at time t [s].
     Taken update(const Settings& settings, double t, std::span<const double> z);
-    // Of one axis, at a time that is not before the last measurement that was used (before it: as then).
+    // The state of one axis at a time after the last used measurement (before it: as then).
     Axis at(const Settings& settings, std::size_t axis, double t) const;
 
     bool begun() const { return begun_; }

@@ -1,7 +1,7 @@
 // course.h -- set-points that reach a moving target with its own velocity, planned anew in each tick.
 //
-// In each tick the velocity goes, as far as the acceleration allows, to that of the target plus a speed towards it, from which
-// the rest of the way is enough to stop. Nothing is kept but position and velocity: the target may do what it likes.
+// In each tick the velocity goes, as far as the acceleration allows, to that of the target plus a speed towards it. From this
+// speed the tool can stop in the rest of the way. Nothing is kept but position and velocity: the target may do what it likes.
 // The law of braking is exact for steps of one tick: a straight way from rest to rest never overshoots when `brake` is
 // at most 8/9 of the acceleration.
 //
@@ -36,8 +36,8 @@ double stoppingSpeed(double s, double dt, const Limits& limits);
 struct Course {
     Eigen::Vector3d position = Eigen::Vector3d::Zero(), velocity = Eigen::Vector3d::Zero();
 
-    // A tick of dt [s]; where the target is, at its beginning. `extra` is added to the velocity that is aimed at, as
-    // that of a hand that pushes.
+    // A tick of dt [s]; where the target is, at its beginning. `extra` is added to the target velocity, like that of a pushing
+    // hand.
     void step(double dt, const Eigen::Vector3d& target, const Eigen::Vector3d& targetVelocity, const Limits& limits,
               const Eigen::Vector3d& extra = Eigen::Vector3d::Zero());
 };

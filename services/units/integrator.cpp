@@ -1,7 +1,7 @@
 // integrator -- the integral of what comes, by forward Euler: y[k+1] = y[k] + T u[k], kept within bounds.
 //
-// It writes y[k] before it has seen u[k]: so it may close a loop. What would go beyond a bound is not stored up, so it
-// comes back at once when the sign of u changes.
+// It writes y[k] before it has seen u[k]: so it may close a loop. The integral stops at a bound, so it comes back at once when
+// the sign of u changes.
 #include <algorithm>
 
 #include "unit.h"

@@ -23,7 +23,7 @@ public:
         }
         if (state_.size() != m.floats.size()) [[unlikely]] begin(m.floats);
         for (std::size_t i = 0; i < state_.size(); ++i) {
-            // What is not finite passes, but does not stay.
+            // Values that are not finite pass, but do not stay.
             const double next = state_[i] + share_ * (m.floats[i] - state_[i]);
             m.floats[i] = next;
             if (std::isfinite(next)) [[likely]] state_[i] = next;

@@ -13,8 +13,8 @@ namespace {
 constexpr double kNever = 1e9;          // [pixels]
 constexpr double kClear = 0.5;          // the ball is the nearest one when the next one is twice as far
 
-// A pixel that the ball covers in part is not bright enough. By how much it is brighter than what is behind it, two pixels farther
-// outwards, its part is known: so the radius is known to a hundredth of a pixel, not to a few.
+// A pixel that the ball covers in part is not bright enough. Its brightness, compared with the background two pixels farther
+// out, gives the covered part. So the radius is known to a hundredth of a pixel, not to a few.
 Blob withEdge(const Blob& blob, const cv::Mat& grey, const cv::Mat& bright) {
     constexpr double kFull = 255, kOutwards = 2;
     double area = blob.area, u = area * blob.u, v = area * blob.v;

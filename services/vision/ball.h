@@ -31,8 +31,9 @@ struct Sighting {
     double measured = 0, limit = 0;         // of the rule that it breaks
 };
 
-// Which of several bright blobs is the ball, in pictures that follow each other: the one that goes on from where the ball was. What was
-// seen beside it stays another one as long as it is seen, also when the ball goes out. One that appears alone may be the ball after a jump.
+// Chooses the ball among several bright blobs, in pictures that follow each other: the blob nearest the last position.
+// A blob beside the ball stays another one as long as it is seen, also when the ball goes out. One that appears alone may be
+// the ball after a jump.
 class BallMemory {
 public:
     // The index of the ball among these, in a picture of time t [s]; none: it cannot be told.

@@ -50,7 +50,7 @@ const std::vector<Blob>& BlobFinder::find(const cv::Mat& colours, double leastAr
         above = begin;
         aboveEnd = runs_.size();
     }
-    // Sums, then moments. Of the squares from n to m: a run's are had at once.
+    // Sums, then moments. The sum of squares from n to m: that of a run is had at once.
     constexpr auto none = std::numeric_limits<std::uint32_t>::max();
     auto squares = [](double n) { return n * (n + 1) * (2 * n + 1) / 6; };
     blobOf_.assign(runs_.size(), none);

@@ -29,7 +29,8 @@ Ellipse ellipseOf(const Blob& blob);
 // Finds blobs by the runs of pixels in each row, neighbours in 8 directions; it keeps its room from one picture to the next.
 class BlobFinder {
 public:
-    // Of a picture of colours (CV_8U), 0 is background: those of at least so many pixels, top first. Valid until the next call.
+    // The blobs of a picture of colours (CV_8U, 0 is background) with at least so many pixels, top first. Valid until the next
+    // call.
     const std::vector<Blob>& find(const cv::Mat& colours, double leastArea = 1);
 
 private:

@@ -1,7 +1,7 @@
 // colourTable.h -- the colour of a pixel: a table of 65536 codes, 6 bits of hue, 5 of saturation, 5 of brightness.
 //
-// It is trained from pictures whose pixels are labelled: competitive clusters of each class in the cone of colours, a radial basis
-// function about each, and the class with the largest one gets the code.
+// It is trained from labelled pictures. Each class gets competitive clusters in the cone of colours, and each cluster a radial
+// basis function. A code belongs to the class with the largest one.
 #pragma once
 
 #include <array>
@@ -18,7 +18,7 @@ enum Colour : std::uint8_t { background, red, yellow, violet };
 inline constexpr std::size_t kColours = 4;
 inline constexpr const char* kColourNames[kColours] = {"background", "red", "yellow", "violet"};
 
-// Of one pixel, as OpenCV's COLOR_RGB2HSV_FULL gives its hue.
+// One pixel, with the hue of OpenCV's COLOR_RGB2HSV_FULL.
 std::uint16_t codeOf(std::uint8_t r, std::uint8_t g, std::uint8_t b);
 
 class ColourTable {

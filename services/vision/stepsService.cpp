@@ -6,7 +6,7 @@
 //     moments.low CTRL -from blobs.low
 //     moments.low EXEC                        -> 8 floats of each blob
 //
-// Each one works on what its request brings; a request that brings nothing is answered with what -from has.
+// Each one works on the data of its request; without data it works on those of -from.
 #include <algorithm>
 #include <cmath>
 

@@ -5,7 +5,7 @@
 
 namespace vision {
 
-// Of the lens: camera frame x right, y down, z forward; u = centreU + f X/Z, v = centreV + f Y/Z.
+// The lens: camera frame x right, y down, z forward; u = centreU + f X/Z, v = centreV + f Y/Z.
 struct Lens {
     double f = 451.01;                              // [pixels]
     double centreU = 249.5, centreV = 249.5;

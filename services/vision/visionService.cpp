@@ -3,8 +3,8 @@
 //     getBrdSit.main CTRL -table colours.hsv -picture shmem_r.camera -pose shmem_r.tool
 //     getBrdSit.main EXEC                       -> TMSG ...r.y.y...  FMSG 64 confidences
 //
-// A picture is a record as camera.image has it: floats time, width, height ...; any RGB, 8 bits, top row first. -picture names whoever
-// answers one, and an EXEC that brings a picture of its own asks nobody. doc/vision.man tells all.
+// A picture is a record as camera.image has it: floats time, width, height ...; any RGB, 8 bits, top row first. -picture names
+// the object that returns one; an EXEC with a picture asks nobody. See doc/vision.man.
 #include <array>
 #include <cmath>
 #include <ctime>
@@ -310,7 +310,7 @@ protected:
         for (double x : m.floats)
             if (!(std::abs(x) < 1e9)) fail(kFloats, name(), "finite numbers", x);
     }
-    // Who asks beside the stream is told what the stream would be, and changes nothing.
+    // A request beside the stream gets the stream's answer, and changes nothing.
     void look(const cv::Mat& picture, double time, const Message& asked, const vision::CameraView& view, Message& answer) override {
         vision::BallMemory aside = asked.any.empty() ? memory_ : vision::BallMemory();
         see(picture, time, asked, view, answer, aside);
