@@ -391,7 +391,7 @@ const std::vector<Action>& CommonRequests::inspections() {
              [](Service& s, Args, Message& m) {
                  auto& c = s.type();
                  addLine(m, c.name() + ": " + c.purpose());
-                 addLine(m, "declared at " + c.file() + ":" + std::to_string(c.line()) + ", version " + c.version());
+                 addLine(m, (c.file().empty() ? "declared in no file: typed, or evaluated" : "declared at " + c.file() + ":" + std::to_string(c.line())) + ", version " + c.version());
                  if (auto t = c.signatureText(); !t.empty()) addLine(m, t);
                  if (c.isRealtime()) addLine(m, "real-time: its EXEC may be a step of a cycle");
                  if (!c.hasFeedthrough()) addLine(m, "without feedthrough: it may close a loop of a circuit");
