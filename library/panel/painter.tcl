@@ -195,7 +195,7 @@ snit::widget ::sorma::painter {
             return
         }
         set toLearn $all
-        $self Ask $table "forgetting" {CTRL -forget} Trained
+        $self Ask $table "forgetting" {CTRL -unlearn} Trained
     }
     method save {} {
         if {$options(-file) eq {}} {

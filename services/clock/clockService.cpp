@@ -40,7 +40,7 @@ public:
             .real("-period", &ClockService::period_, {.unit = "s", .low = 0.01, .high = 3600, .help = "between two comparisons; the first ones come faster"})
             .real("-offset", &ClockService::offset_, {.unit = "s", .low = -1e9, .high = 1e9, .help = "for tests: added to the time"})
             .real("-drift", &ClockService::rate_, {.unit = "1", .low = -0.001, .high = 0.001, .help = "for tests: part by which the time runs faster"})
-            .action("-forget", &ClockService::forget, "", "compare again")
+            .action("-compareAgain", &ClockService::compareAgain, "", "drop all comparisons and start again")
             .inspection({"-difference", "", "offset, bound of its error, drift, number of comparisons, and how long ago the last one was", 0, 0,
                          [](sorma::Service& s, sorma::Args, Message& m) { static_cast<ClockService&>(s).tell(m.text); }})
             .words("?sample|theirs?")
@@ -201,7 +201,7 @@ private:
     }
     std::string otherName() const { return other_ ? std::string(other_->name()) : "the other clock"; }
     double last() const { return difference_.newest(); }
-    void forget(sorma::Args, Message&) {
+    void compareAgain(sorma::Args, Message&) {
         difference_.forget();
         begin();
     }

@@ -147,7 +147,7 @@ public:
             .danger(sorma::Danger::stop)
             .execDanger(sorma::Danger::move, {"finger", "grasp", "joint", "joints", "posture", "release", "sequence", "tip", "tips", "tripod"})
             .action("-teach", &Manus::teach, "name", "keep where the fingers have been sent as a posture", 1, 1)
-            .action("-forget", &Manus::forget, "name", "remove a posture", 1, 1)
+            .action("-unteach", &Manus::unteach, "name", "remove a posture", 1, 1)
             .words("?finger | grasp | joint | joints | posture name | release | sequence ?name|seconds ...? | status | tip | tips | tripod?")
             .reads(floats, sorma::between(0, 9 * kMostPostures), "rad, m",
                    "joints: 9 angles, spread, base, middle of each finger; finger: its number from 1, and 3 angles; joint: its number from 1, "
@@ -339,7 +339,7 @@ private:
         m.text += args[0] + " " + text(postures[args[0]]);
     }
 
-    void forget(Args args, Message& m) {
+    void unteach(Args args, Message& m) {
         auto postures = postures_;
         if (postures.erase(args[0]) == 0) fail(kPosture, name(), args[0], "no such posture; there are: " + known());
         setPostures(postures, m);

@@ -51,7 +51,7 @@ public:
             .named("-file", &Hsvtable::file_, {.help = "file to take the table from, as CTRL -save has written it; empty: all is background"})
             .action("-save", &Hsvtable::save, "file", "write the table to a file, for -file and for -table of the others", 1, sorma::Right::inspect, true)
             .action("-learn", &Hsvtable::learn, "", "make the table of all pictures that EXEC train was given")
-            .action("-forget", &Hsvtable::forget, "", "forget these pictures; the table stays until the next -learn")
+            .action("-unlearn", &Hsvtable::unlearn, "", "forget these pictures; the table stays until the next -learn")
             .words("code|classify|train")
             .reads(floats, sorma::between(3, 16), "", "code: red, green, blue (0 to 255); others: a picture's time, width, height")
             .reads(any, {}, "", "classify: RGB, 3 bytes for each pixel; train: the same, then a byte for each pixel with its colour: 0 background, "
@@ -128,7 +128,7 @@ private:
         m.text = origin_;
     }
 
-    void forget(sorma::Args, Message&) { training_ = {}; }
+    void unlearn(sorma::Args, Message&) { training_ = {}; }
 
     TableFile file_;
     std::string origin_;
