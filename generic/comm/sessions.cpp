@@ -4,6 +4,7 @@
 #include <cstring>
 #include <utility>
 
+#include "comm/clock.h"
 #include "comm/errors.h"
 #include "comm/peer.h"
 #include "comm/subscription.h"
@@ -14,6 +15,7 @@ namespace {
 
 constexpr std::size_t kKeepBuffer = 4096;               // [bytes] a slot's reply that is not larger stays where it is
 constexpr std::size_t kOrphans = 1000;                  // sessions without a connection that are remembered
+constexpr std::int64_t kLook = 20'000'000;              // [ns] until the first look whether the process of a client has ended
 constexpr std::int64_t kOrphanAge = 600'000'000'000;    // [ns]
 
 const Prototype kSlots{Severity::error, "COMM LIMIT", 0,
@@ -60,6 +62,7 @@ Server::Session& Server::Sessions::greet(Peer& peer, const wire::Hello& hello, b
     if (requests.client != s.client)                    // what the client held before its HELLO
         server_.sorm_.mailbox()->post([before = requests.client] { before->end(); });
     requests.client = s.client;
+    s.direct = requests.user != SessionKey::kByNumber && s.client->caller.process == hello.process;
     s.lastSeen = monotonicNow();
     server_.sorm_.mailbox()->post([&sorm = server_.sorm_, who = s.client->caller.toText()] { sorm.announce("connection.opened", who); });
     if (!server_.watched_) {
@@ -73,14 +76,23 @@ void Server::Sessions::suspend(Session& s) {
     link(s, nullptr);
     s.lastSeen = monotonicNow();
     for (auto& [id, subscription] : s.subscriptions) subscription->stopKeeping();
-    if (!s.graceTimer && !server_.stopping_)
-        s.graceTimer = server_.reactor_.after(s.lastSeen + server_.settings_.grace * 1'000'000, [this, key = s.key] {
-            ServerLock::Held held(server_.lock_);
-            auto found = all_.find(key);
-            if (found == all_.end() || found->second->peer) return;
-            found->second->graceTimer.cancel();
-            leave(*found->second);
-        });
+    if (!s.graceTimer && !server_.stopping_) awaitReturn(s);
+}
+
+// For Settings::grace. A process that has ended does not come back. It closes its socket a little before its end, so look
+// again, each time after twice as long.
+void Server::Sessions::awaitReturn(Session& s) {
+    const std::int64_t end = s.lastSeen + server_.settings_.grace * 1'000'000, now = monotonicNow();
+    const std::int64_t next = s.direct ? std::min(end, now + std::max(kLook, now - s.lastSeen)) : end;
+    s.graceTimer = server_.reactor_.after(next, [this, key = s.key, end] {
+        ServerLock::Held held(server_.lock_);
+        auto found = all_.find(key);
+        if (found == all_.end() || found->second->peer) return;
+        Session& s = *found->second;
+        s.graceTimer.cancel();
+        if (monotonicNow() < end && !hasEnded(s.client->caller.process, processesSeen())) return awaitReturn(s);
+        leave(s);
+    });
 }
 
 void Server::Sessions::judge() {

@@ -65,6 +65,7 @@ struct Server::Session {
     Peer* peer = nullptr;                   // null: the connection broke, the client may come back. Only Sessions::link changes it
     std::int64_t lastSeen = 0;              // [ns]
     Timer graceTimer;                       // runs while there is no peer, for Settings::grace
+    bool direct = false;                    // by Unix socket, with no tunnel between: the peer is the process that it says it is
     std::vector<ReplySlot> slots;
     // Memory of itself, of the slots, and of the replies that are kept in them [bytes].
     struct Held {
@@ -126,6 +127,7 @@ private:
     };
     void link(Session& session, Peer* peer);
     ReplySlot& addSlots(Session& session, const wire::Request& request);
+    void awaitReturn(Session& session);
     void leave(Session& session);           // it has not come back: cancel its calls, release what it holds
     void removeOld();
     void freeReply(ReplySlot& slot);
