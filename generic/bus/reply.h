@@ -71,7 +71,8 @@ public:
     PrincipalPointer relayFor;          // who has named the object, when it was not the owner
     std::string who;                    // name of the object, for messages
     Reference service;                  // the object that executes it, from its start until finish()
-    std::uint32_t ticket = 0;           // for the carrier's own use; the last one: cancelled_ and answered_ fill its gap
+    std::uint32_t ticket = 0;           // for the carrier's own use; bound, cancelled_ and answered_ fill the gap after it
+    bool bound = false;                 // it is only for the daemon that answers now, see Service::async
 
     bool answered() const { return answered_; }         // the caller has its answer
     bool failed() const { return !failure.empty(); }

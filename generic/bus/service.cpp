@@ -245,7 +245,7 @@ static void traceLater(Span& caller, Method method, const PendingPointer& pendin
     pending->whenAnswered([span = pending->span, p = pending.get()] { span->finish(p->failed() ? &p->failure : nullptr); });
 }
 
-Future Service::async(Method method, Message request, Deadline deadline) {
+Future Service::async(Method method, Message request, Deadline deadline, bool bound) {
     auto asker = CallContext::keep();
     const Deadline most = CallContext::current() ? CallContext::deadlineForCalls(monotonicNow()) : Deadline();
     auto pending = std::make_shared<Pending>(*sorm_, (deadline.none() ? patience() : deadline).earlier(most),
@@ -253,6 +253,7 @@ Future Service::async(Method method, Message request, Deadline deadline) {
     if (asker) asker->begun(pending);
     pending->who = name_;
     pending->message = std::move(request);
+    pending->bound = bound;
     if (CallContext::current() && CallContext::current()->span) traceLater(*CallContext::current()->span, method, pending);
     try {
         carry(pending, method);

@@ -125,7 +125,8 @@ public:
     void invoke(Method method, Message& m);
     // Begin a request without waiting. For an object of this process it starts when the event loop or wait() gets to it.
     // Never throws: errors are the future's. Without a deadline: -timeout for remote objects, none for others.
-    Future async(Method method, Message request, Deadline deadline = {});
+    // bound: it is only for the daemon that answers now. When that daemon ends, it fails with COMM LOST, sent or not.
+    Future async(Method method, Message request, Deadline deadline = {}, bool bound = false);
     // Send a request without an answer. Errors that come later are lost. May throw, and for a remote object block: see
     // Connection::oneway.
     virtual void oneway(Method method, Message request);

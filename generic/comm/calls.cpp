@@ -479,15 +479,24 @@ void Calls::unanswered(const Link::Verdict& verdict) {
             if (slot.pending) takeAnswer(i);
         }
     }
+    failWaiting([&](const Pending& p) { return p.bound ? trailOf(errors::kBound, p.who, link_.address(), verdict.why) : Trail(); });
 }
 
-void Calls::failWaiting(const Trail& trail) {
+// why: an empty one for those that go on waiting.
+void Calls::failWaiting(const std::function<Trail(const Pending&)>& why) {
     for (auto* queue : {&urgent_, &waiting_})
-        for (; !queue->empty(); queue->pop_front()) arrive(queue->front().pending, trail);
+        std::erase_if(*queue, [&](auto& w) {
+            Trail trail = why(*w.pending);
+            const bool fails = !trail.empty();
+            if (fails) arrive(w.pending, std::move(trail));
+            return fails;
+        });
     for (std::uint32_t i = 0; i < slots_.size(); ++i) {
         if (slots_[i].state != Slot::State::unsent || !slots_[i].pending) continue;
+        Trail trail = why(*slots_[i].pending);
+        if (trail.empty()) continue;
         --slots_[i].sequence;
-        slots_.fail(i, trail);
+        slots_.fail(i, std::move(trail));
         takeAnswer(i);
     }
 }

@@ -77,7 +77,7 @@ public:
     void ended();
     void unanswered(const Link::Verdict& verdict);
     void failed(const Error& why, bool final) {
-        if (final) failWaiting(why.trail);
+        if (final) failWaiting([&](const Pending&) { return why.trail; });
         tellLater();
     }
     void turned(bool blocking) {
@@ -126,7 +126,7 @@ private:
     void checkGivenUp(const Slot* waiting, const std::string& whom);
     void sendWaiting();
     void sweepWaiting();
-    void failWaiting(const Trail& trail);
+    void failWaiting(const std::function<Trail(const Pending&)>& why);
     // The answer of a begun call goes from takeAnswer() to arrived_. From there deliver() brings it to its Pending: in the reactor's
     // turn, or from the mailbox when a blocking call has read it.
     void takeAnswer(std::uint32_t index);

@@ -28,6 +28,7 @@ inline const Prototype kTimeoutLate{Severity::error, "COMM TIMEOUT", 1,
     "{}: the deadline had passed before the request was started; it was not executed"};
 inline const Prototype kLost{Severity::error, "COMM LOST", 1,
     "{}: the connection to {} (daemon {}, {} old) was lost: {}; the request was sent and {}, so whether it ran is unknown; {}"};
+inline const Prototype kBound{Severity::error, "COMM LOST", 1, "{}: what was under way at {} cannot go on: {}"};
 inline const Prototype kTimeoutPart{Severity::error, "COMM TIMEOUT", 1,
     "{}: no answer in {} from {}; the request was sent in part, and may still run"};
 inline const Prototype kTimeoutCut{Severity::error, "COMM TIMEOUT", 1,
