@@ -35,6 +35,7 @@
 #include "bus/message.h"
 #include "bus/name.h"
 #include "bus/option.h"
+#include "bus/pieces.h"
 #include "bus/requestText.h"
 #include "bus/service.h"
 #include "bus/sorm.h"

@@ -361,6 +361,12 @@ void CommonRequests::help(Service& s, Args args, Message& m) {
     addLine(m, s.type().helpText(s.name(), !args.empty()));
 }
 
+void CommonRequests::stream(Service& s, Args args, Message& m) {
+    auto& streams = s.record().streams;
+    if (!streams) streams = std::make_unique<OpenPieces>(s);
+    streams->request(args, m);
+}
+
 const std::vector<Action>& CommonRequests::actions() {
     static const std::vector<Action> list = {
         {"-help", "?expert?", "purpose, options, signature, example; expert: also the options that few need", 0, 1, help, Right::inspect, true},
@@ -423,6 +429,9 @@ const std::vector<Action>& CommonRequests::inspections() {
              }},
     };
         for (auto& action : all) action.right = Right::inspect;
+        // All words that follow are its own: nothing comes after a request that may wait.
+        all.push_back({"-stream", "open bytes request|next stream piece|close stream|list", "the reply of an EXEC in pieces, as sorma::stream reads it",
+                       1, Action::kRest, stream, Right::call});
         return all;
     }();
     return list;

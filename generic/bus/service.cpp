@@ -200,7 +200,8 @@ void Service::released() {
     while (!(guard() & (kBusyBit | kGoneBit)) && !r.waiting.empty()) {
         auto next = std::move(r.waiting.front());
         r.waiting.pop_front();
-        perform(next, Method::exec, true);
+        if (next) perform(next, Method::exec, true);
+        else if (r.streams) r.streams->nextTurn();
     }
 }
 
@@ -296,9 +297,11 @@ void Service::leave(bool hangs) {
         setGuard(kLockedBit, false);
     }
     if (record_) {
-        for (auto& pending : std::exchange(record_->waiting, {})) pending->answer(Trail(makeEntry(kRemoved, {MessageArg::of(name_)})));
+        for (auto& pending : std::exchange(record_->waiting, {}))
+            if (pending) pending->answer(Trail(makeEntry(kRemoved, {MessageArg::of(name_)})));
     }
     if (hangs) return;
+    if (record_ && record_->streams) record_->streams->endAll(Trail(makeEntry(kRemoved, {MessageArg::of(name_)})));
     try {
         removing();
     } catch (...) {                     // no caller could get the error

@@ -33,6 +33,7 @@
 namespace sorma {
 
 class Sorm;
+class Pieces;
 
 class Service {
 public:
@@ -50,6 +51,10 @@ public:
     // Called once before the first request: the recipe has been applied, and the name is known. Throw to refuse; then there
     // is no object.
     virtual void born() {}
+
+    // Returns the writer of a reply that is wanted in pieces, see bus/pieces.h. It begins its work at Pieces::next: also a serial object
+    // may be at work now. Null: exec answers, and its reply is cut. Rights and lock have been checked, as for exec. Throw to refuse.
+    virtual std::unique_ptr<Pieces> inPieces(Message& request);
 
     // Options are about to change. Do the slow part here: resolve names, make objects, allocate. The object goes on with its
     // present options meanwhile, perhaps in a cycle. Called on the SORM's thread, so do not change anything that EXEC uses.
@@ -191,6 +196,7 @@ private:
     friend class Sorm;
     friend struct CommonRequests;           // -help, -dump, -why ... that every class has
     friend struct Bookkeeping;              // what -stats and -audit show
+    friend class OpenPieces;                // streams: -stream
 
     struct Record;                          // see serviceParts.h; made when first needed
     Record& record();
@@ -200,6 +206,7 @@ private:
     [[noreturn]] void failGone() const;
     void admit(Method method, Message& m);
     void checkArguments(const Message& m);
+    void admitStream(Message& m);           // an EXEC whose reply is read in pieces: at its beginning, and at each piece
     bool isDangerous(const Message& m) const;           // does this EXEC of it?
     bool hasDangerousPart() const;
     void assign(const Option& option, const Value& value, const PrincipalPointer& author);

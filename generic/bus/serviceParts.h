@@ -5,6 +5,7 @@
 //     serviceWords.cpp     CTRL and DBX: options, actions and inspections of its class
 //     commonRequests.cpp   actions and inspections that every class has
 //     serviceLock.cpp      CTRL -lock and -unlock
+//     openPieces.cpp       DBX -stream
 #pragma once
 
 #include <algorithm>
@@ -16,6 +17,7 @@
 
 #include "bus/kept.h"
 #include "bus/nearest.h"
+#include "bus/openPieces.h"
 #include "bus/request.h"
 #include "bus/requestText.h"
 #include "bus/service.h"
@@ -72,7 +74,7 @@ struct Service::Record {
     std::int64_t since = monotonicNow();
     Charged<Trail> trail;               // of the last request that had one
     std::size_t underWay = 0;           // requests that it has taken over and not finished
-    std::deque<PendingPointer> waiting; // requests that start after those
+    std::deque<PendingPointer> waiting; // requests that start after those; null: a piece of a stream
     struct Lock {
         ClientPointer holder;           // null: this process
         Client::Lease lease = 0;
@@ -90,6 +92,7 @@ struct Service::Record {
         bool is(const ClientPointer& other) const { return other ? client.lock() == other : local; }
     };
     std::vector<Former> formerHolders;  // while guard_ has kFormerBit
+    std::unique_ptr<OpenPieces> streams;
 };
 
 // A change of options. Members are deleted from the last to the first: so ticks go on again before the old values, which
@@ -120,6 +123,7 @@ struct CommonRequests {
     static void save(Service& s, Args args, Message& reply);
     static void lock(Service& s, Args args, Message& reply);
     static void unlock(Service& s, Args args, Message& reply);
+    static void stream(Service& s, Args args, Message& reply);
     // told: the holder knows that it ends.
     static void endLock(Service& s, const std::string& why, bool told);
     static std::string optionsList(Service& s, std::string_view only, const Permit& permit);    // a Tcl list; only: one option, or empty for all

@@ -174,6 +174,8 @@ public:
     Budget budget;                                                  // memory that this process keeps for others
     std::string daemonName;                                         // as served; empty: this is no daemon
 
+    std::int64_t streamTime = 600;                                  // [s] after which a stream ends that nobody reads: bus/pieces.h
+
     // Names are strict: a name makes an object only if its flavor has an entry in the dictionary. Classes with Flavors::any
     // take any flavor all the same.
     bool strict = false;
