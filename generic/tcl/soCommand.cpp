@@ -593,6 +593,8 @@ bool sendOneway(Interpreter& i, std::string_view name, int objc, Tcl_Obj* const 
     return true;
 }
 
+Reference objectOf(Interpreter& i, std::string_view name) { return bindingFor(i, name, Probe::later).so; }
+
 bool isSoMethod(Tcl_Obj* word) { return methodOf(word) != Word::none; }
 
 int callByName(Interpreter& interpreter, std::string_view name, int objc, Tcl_Obj* const objv[]) {

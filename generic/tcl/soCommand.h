@@ -24,6 +24,9 @@ std::string commandOf(Interpreter& interpreter, std::string_view name);
 // returns Tcl's code. Throws Error.
 int callByName(Interpreter& interpreter, std::string_view name, int objc, Tcl_Obj* const objv[]);
 
+// The object of that name, or of the command of a TclOO object that a script has made. Made when need be; no daemon is asked.
+Reference objectOf(Interpreter& interpreter, std::string_view name);
+
 // Is the word one of the methods of a service object's command?
 bool isSoMethod(Tcl_Obj* word);
 

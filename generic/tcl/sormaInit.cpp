@@ -5,9 +5,10 @@
 #include "tcl/eventLoops.h"
 #include "tcl/interpreter.h"
 #include "tcl/processCommands.h"
-#include "tcl/traceCommand.h"
 #include "tcl/soCommand.h"
+#include "tcl/streamCommand.h"
 #include "tcl/tclService.h"
+#include "tcl/traceCommand.h"
 
 #if __has_include("tcl/commCommands.h")
 #include "tcl/asyncCommands.h"
@@ -36,6 +37,7 @@ int init(Tcl_Interp* interp, bool safe) {
             initCommands(*interpreter);
             initProcessCommands(*interpreter);
             initTraceCommand(*interpreter);
+            initStreamCommand(*interpreter);
             wrapEventLoops(*interpreter);
 #ifdef SORMA_COMM
             initCommCommands(*interpreter);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "tcl/tclPieces.h"
 #include "tcl/waiting.h"
 
 namespace sorma {
@@ -31,6 +32,7 @@ int DoneObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const obj
     if (Tcl_DictObjGet(nullptr, objv[3], key, &code) != TCL_OK || !code || Tcl_GetIntFromObj(nullptr, code, &run->code) != TCL_OK)
         run->code = TCL_ERROR;
     if (run->code == TCL_RETURN) run->code = TCL_OK;
+    if (run->pieces) return run->pieces->came(), TCL_OK;
     if (!run->reply) return TCL_OK;                 // exec() is on the stack, and sees to it
     try {
         Message& m = run->reply.message();
@@ -110,14 +112,13 @@ void TclService::act(const std::string& method, Args args, Message& m) {
     begin(run, command, m);
 }
 
-// In a coroutine of its own. When it has not come to its end, the answer is given later, by Done.
-void TclService::begin(const std::shared_ptr<TclRun>& run, std::span<const Obj> command, Message& m) {
+std::string TclService::run(const std::shared_ptr<TclRun>& run, std::span<const Obj> command) {
     Interpreter& i = interpreter_;
     if (i.closing()) fail(kInterpGone, name());
     if (!object_) fail(kObjectGone, name());
     run->service = this;
     run->keep = Reference(this);
-    run->context = CallContext::keep();
+    if (!run->context) run->context = CallContext::keep();
     std::string coroutine = "::sorma::co::" + std::to_string(++i.lastRun);
     i.runs.emplace(coroutine, run);
     int code;
@@ -135,17 +136,20 @@ void TclService::begin(const std::shared_ptr<TclRun>& run, std::span<const Obj> 
         code = Tcl_EvalObjv(i.interp, int(command.size() + 2), objv, TCL_EVAL_GLOBAL);
         if (i.closing()) fail(kInterpGone, this->name());
     }
-    if (run->done) {
-        Tcl_ResetResult(i.interp);
-        return answer(*run, m);
-    }
-    if (code != TCL_OK) {               // there is no coroutine, or it was deleted
+    if (code != TCL_OK && !run->done) {     // there is no coroutine, or it was deleted
         i.runs.erase(coroutine);
         Trail trail = run->said.trail;
         trail.append(trailOfTclError(i, code, name(), type()));
         throw Error(std::move(trail));
     }
     Tcl_ResetResult(i.interp);
+    return coroutine;
+}
+
+// In a coroutine of its own. When it has not come to its end, the answer is given later, by Done.
+void TclService::begin(const std::shared_ptr<TclRun>& run, std::span<const Obj> command, Message& m) {
+    this->run(run, command);
+    if (run->done) return answer(*run, m);
     run->reply = later(m);
     run->reply.onCancel([run] {
         run->cancelled = true;
@@ -179,6 +183,7 @@ void tcloo::initRuns(Interpreter& i) {
     i.define("cancelled", CancelledObjCmd);
     i.define("atCancel", AtCancelObjCmd);
     Tcl_CreateObjCommand(i.interp, "::sorma::tcloo::Done", DoneObjCmd, &i, nullptr);
+    initPieces(i);
 }
 
 }  // namespace sorma

@@ -32,6 +32,7 @@
 
 namespace sorma {
 
+class TclPieces;
 struct TclClass;        // declarations of one TclOO class
 
 class TclService final : public Service {
@@ -45,6 +46,7 @@ public:
     ~TclService() override;
 
     void exec(Message& m) override;
+    std::unique_ptr<Pieces> inPieces(Message& m) override;
     void born() override;
     void changed(std::span<const Option* const> options) override;
     void answerSelftest(Message& m) override;
@@ -75,6 +77,9 @@ public:
 private:
     // Evaluate the command in a coroutine. When it waits there, m is answered later.
     void begin(const std::shared_ptr<TclRun>& run, std::span<const Obj> command, Message& m);
+    friend class TclPieces;
+    // Evaluate it until it waits or is done. Returns the coroutine's name.
+    std::string run(const std::shared_ptr<TclRun>& run, std::span<const Obj> command);
 
     Interpreter& interpreter_;
     Tcl_Object object_ = nullptr;       // null when it has been deleted
@@ -95,6 +100,7 @@ struct TclRun {
     KeptCallPointer context;                    // caller and deadline of the request; null: it came from no request
     Reply reply;                        // empty until it waits
     Obj atCancel;                       // script to run when the caller cancels
+    TclPieces* pieces = nullptr;        // its reply is read as a stream, see tclPieces.h
     bool done = false, cancelled = false;
     int code = 0;                       // when it is done: Tcl's code
     Obj result, options;                // and result and return options

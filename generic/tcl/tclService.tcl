@@ -59,3 +59,61 @@ proc ::sorma::tcloo::Lineage {class} {
     }
     return {}
 }
+
+# In exec, when its reply is read as a stream: give a piece, a dict as exec returns, and wait until the reader wants another one.
+proc ::sorma::piece {piece} {
+    tcloo::Give $piece
+    ::while {![tcloo::Wanted]} {::yield}
+}
+
+# Write all pieces of a stream to a channel: text and bytes as they are, numbers one a line. Returns how many bytes of both there
+# were. No more is read than the channel takes.
+proc ::sorma::tcloo::StreamTo {stream channel} {
+    ::set written 0
+    ::try {
+        ::while {[$stream next piece]} {
+            ::foreach {part value} $piece {
+                ::switch -- $part {
+                    text {::set value [::encoding convertto utf-8 $value]}
+                    floats - ints {::set value [::join $value \n]\n}
+                    any {}
+                    default continue
+                }
+                ::if {![::info exists before]} {
+                    ::foreach option {-encoding -translation} {
+                        ::lappend before $option [::chan configure $channel $option]
+                    }
+                    ::chan configure $channel -translation binary
+                }
+                ::puts -nonewline $channel $value
+                ::incr written [::string length $value]
+            }
+            Drain $channel
+        }
+    } finally {
+        $stream close
+        ::if {[::info exists before]} {::chan configure $channel {*}$before}
+    }
+    ::return $written
+}
+
+# Wait until a channel that does not block has taken what was written.
+proc ::sorma::tcloo::Drain {channel} {
+    ::if {[::chan configure $channel -blocking]} {::return}
+    ::if {[::info coroutine] eq {}} {
+        ::chan configure $channel -blocking 1
+        ::flush $channel
+        ::chan configure $channel -blocking 0
+        ::return
+    }
+    ::flush $channel
+    ::set before [::chan event $channel writable]
+    ::try {
+        ::while {[::chan pending output $channel] > 0} {
+            ::chan event $channel writable [::info coroutine]
+            ::yield
+        }
+    } finally {
+        ::chan event $channel writable $before
+    }
+}

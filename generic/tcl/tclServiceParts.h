@@ -4,6 +4,7 @@
 //     tclDeclarations.cpp  sorma::option and the other declarations, and the service class that is made of them
 //     tclService.cpp       the service object
 //     tclRuns.cpp          EXECs and actions, each in a coroutine of its own
+//     tclPieces.cpp        EXECs whose reply is read in pieces
 //     tclMethods.cpp       commands for methods, and requests to objects and classes that are TclOO commands
 //     tclService.tcl       all that needs no C++; the build puts it into tclServiceScript.h
 #pragma once
@@ -83,6 +84,9 @@ private:
 // ---- tclRuns.cpp ----
 std::shared_ptr<TclRun> currentRun(Interpreter& i);     // the run whose coroutine we are in; null: none
 void initRuns(Interpreter& i);
+
+// ---- tclPieces.cpp ----
+void initPieces(Interpreter& i);
 
 // ---- tclDeclarations.cpp ----
 void initDeclarations(Interpreter& i);

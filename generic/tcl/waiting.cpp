@@ -17,6 +17,7 @@ struct Waiter {
     Deadline deadline;
     std::function<int()> finish;
     Obj coroutine;
+    bool kept;                          // the futures go on when the coroutine is deleted
     Timer timer = {};
     bool resuming = false;              // the loop is about to go on with the coroutine
     Tcl_Obj* words[1] = {};             // of yield: Tcl looks at them when we have returned
@@ -115,7 +116,8 @@ int afterYield(ClientData data[], Tcl_Interp* interp, int code) {
     }
     w->timer.cancel();
     if (!over) {                                        // the coroutine is being deleted
-        for (auto& f : w->futures) f.cancel();
+        for (auto& f : w->futures)
+            if (!w->kept) f.cancel();
         return code;
     }
     Tcl_ResetResult(interp);
@@ -145,7 +147,7 @@ Obj coroutineName(Interpreter& i) {
     return name;
 }
 
-int waitThen(Interpreter& i, std::vector<Future> futures, bool all, Deadline deadline, std::function<int()> finish) {
+int waitThen(Interpreter& i, std::vector<Future> futures, bool all, Deadline deadline, std::function<int()> finish, bool kept) {
     if (isOver(futures, all, deadline)) return finish();
     Obj coroutine = coroutineName(i);
     if (view(coroutine).empty()) {
@@ -154,7 +156,7 @@ int waitThen(Interpreter& i, std::vector<Future> futures, bool all, Deadline dea
         Tcl_ResetResult(i.interp);
         return finish();
     }
-    auto w = std::make_shared<Waiter>(Waiter{i, std::move(futures), all, deadline, std::move(finish), coroutine});
+    auto w = std::make_shared<Waiter>(Waiter{i, std::move(futures), all, deadline, std::move(finish), coroutine, kept});
     std::weak_ptr<Waiter> weak = w;
     for (auto& f : w->futures)
         f.pending()->whenAnswered([weak] {

@@ -19,6 +19,7 @@ namespace eval ::sorma::complete {
         sorma::async {method request word request}
         sorma::create {name so option recipe}
         sorma::pipe {step none}
+        sorma::piece {dict none}
         sorma::trace {script none}
         sorma::classes {pattern class}
         sorma::catalogue {pattern none}
@@ -437,7 +438,7 @@ proc ::sorma::complete::usage command {
     return [join $words]
 }
 
-# Words that can follow a command: of an ensemble, of an object, of a future.
+# Words that can follow a command: of an ensemble, of an object, of a future, of a stream.
 proc ::sorma::complete::Subcommands command {
     set command ::[string trimleft $command :]
     if {[namespace which -command $command] eq {}} {
@@ -466,6 +467,9 @@ proc ::sorma::complete::Subcommands command {
     }
     if {[string match ::sorma::future::* $command]} {
         return {cancel destroy done request result take wait}
+    }
+    if {[string match ::sorma::streams::s* $command]} {
+        return {close next}
     }
     return {}
 }
