@@ -19,6 +19,8 @@ constexpr std::int64_t kBatch = 1'000'000;
 constexpr const char* kRaw = "raw ping-pong of as many bytes, blocking";
 constexpr const char* kRawMany = "raw sockets, 64 in flight";
 constexpr const char* kRawBig = "raw transfer and byte swap";
+constexpr const char* kRawPieces = "raw sockets, as many bytes, 4 in flight";
+constexpr std::size_t kPiece = 256 << 10;      // [bytes] of a stream
 
 const std::vector<Case> kPairs = {
     {"P_unix", "call, empty; one CPU", kRaw, 1.25, 0, 0, 1, kBatch},
@@ -52,11 +54,16 @@ const std::vector<Case> kBigs = {
     {"BIG_tcp", "200 000 floats there and back; one CPU", kRawBig, 1.5, 0, 0, 1, kBatch, 20},
 };
 
+const std::vector<Case> kPieces = {
+    {"PIECES_unix", "a piece of a stream, 256 kB; one CPU", kRawPieces, 0, 0, 0, 1, kBatch, 20},
+    {"PIECES_tcp", "a piece of a stream, 256 kB; one CPU", kRawPieces, 0, 0, 0, 1, kBatch, 20},
+};
+
 std::vector<Case> allCases() {
     std::vector<Case> all = kPairs;
     all.push_back(kIdle);
     all.push_back(kSteps);
-    for (auto* more : {&kTails, &kPipes, &kScripts, &kBigs}) all.insert(all.end(), more->begin(), more->end());
+    for (auto* more : {&kTails, &kPipes, &kScripts, &kBigs, &kPieces}) all.insert(all.end(), more->begin(), more->end());
     return all;
 }
 
@@ -179,6 +186,29 @@ void bigOnes(Table& table, Bus& bus, const Daemon& daemon) {
     }
 }
 
+void pieces(Table& table, Bus& bus, const Daemon& daemon) {
+    for (auto& c : kPieces) {
+        if (!table.wants(c.row)) continue;
+        const bool tcp = contains(c, "tcp");
+        auto echo = bus.sorm.get("echo.pieces@" + (tcp ? daemon.tcpAddress() : daemon.unixAddress()));
+        sorma::Message options, request, piece;
+        options.words = {"-times", "1000000000000"};
+        echo->invoke(sorma::Method::ctrl, options);
+        request.any.resize(kPiece);
+        sorma::Reading reading(echo, request);
+        RawServer raw(tcp ? Kind::tcp : Kind::unixSocket, cpus().first, 120, kPiece + 160);
+        table.measure(c,
+                      repeat([&] {
+                          if (!reading.next(piece) || piece.any.size() != kPiece) throw std::runtime_error("PIECES: not a whole piece");
+                      }),
+                      [&](std::int64_t count) {
+                          const std::int64_t start = now();
+                          raw.pipeline(count, 4);
+                          return now() - start;
+                      });
+    }
+}
+
 }  // namespace
 
 void protectedCall(Table& table) {
@@ -194,6 +224,7 @@ void protectedCall(Table& table) {
         pipelines(table, bus, daemon);
         if (table.wantsAny(kScripts) || table.wants(kSteps.row)) scripts(table, bus, daemon);
         bigOnes(table, bus, daemon);
+        pieces(table, bus, daemon);
     } catch (const Interrupted&) {
         throw;
     } catch (const std::exception& e) {

@@ -8,7 +8,7 @@ namespace bench {
 void byReference(Table& table);         // F TO
 void tclCommand(Table& table);          // T
 void textDispatch(Table& table);        // S
-void protectedCall(Table& table);       // P PT PIPE BIG
+void protectedCall(Table& table);       // P PT PIPE BIG PIECES
 void asynchronous(Table& table);        // FUTURE CTRL_busy TIMER_busy STREAM PUBLISH FUTURES
 void snapshot(Table& table);            // M
 void recording(Table& table);           // RECORD
