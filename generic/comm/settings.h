@@ -12,7 +12,7 @@ struct Settings {
     std::int64_t maxMessage = 64 << 20;         // [bytes] longest record that is received or sent
     std::int64_t maxConnections = 10'000;       // of a daemon
     std::int64_t inFlight = 1024;               // calls of one client that a daemon takes at a time
-    std::int64_t grace = 1'000;                 // [ms] in which a client whose connection broke can come back; then what it
+    std::int64_t grace = 800;                   // [ms] in which a client whose connection broke can come back; then what it
                                                 // holds is released and its calls are cancelled
     std::int64_t budget = 0;                    // [bytes] that a daemon keeps for each client host or user; 0: 2 maxMessage
     std::int64_t totalBudget = 0;               // [bytes] for all of them together; 0: 8 maxMessage
