@@ -14,6 +14,7 @@ namespace {
 const Prototype kNoFile{Severity::error, "DICT FILE", 1,
                         "{}: no dictionary file is loaded, and values are remembered beside it: load one, dict CTRL -load FILE"};
 const Prototype kWhich{Severity::error, "OPTION VALUE", 2, "{}: {} {}: expected 1, 0, or a list of options, and there is no option {}{}"};
+const Prototype kNameless{Severity::error, "SERVICE FAILED", 1, "{}: an object without a name cannot remember values: they are kept by its name"};
 const Prototype kSecret{Severity::error, "OPTION VALUE", 2, "{}: {} {} is secret, and is not remembered: write it into the recipe"};
 const Prototype kStale{Severity::warning, "OPTION VALUE", 2, "{}: {} {} was remembered, but cannot be set any more: {}"};
 const Prototype kLong{Severity::warning, "OPTION VALUE", 2, "{}: {} has {} bytes; values beyond {} are not remembered"};
@@ -24,6 +25,7 @@ constexpr std::size_t kMostText = 4096;     // [bytes] of a value
 
 // write: note it in the file, too.
 void Service::rememberOnly(const std::string& which, const PrincipalPointer& author, bool write) {
+    if (!Name::isName(name_)) fail(kNameless, name_);
     if (sorm_->remembered().file().empty()) fail(kNoFile, name_);
     auto& options = class_->options();
     std::vector<bool> chosen(options.size(), false);

@@ -241,6 +241,26 @@ Reference Sorm::adopt(std::unique_ptr<Service> service, const std::string& name,
     return reference;
 }
 
+Charge Sorm::chargeObject(const std::string& name, const PrincipalPointer& author) {
+    Charge charge(budget.ofCaller(author), Account::Use::objects);
+    charge.need(name, kObjectSize + name.size());
+    return charge;
+}
+
+Reference Sorm::construct(const std::string& name, const Class& type) {
+    std::unique_ptr<Service> fresh;
+    try {
+        fresh = type.make();
+    } catch (const Error&) {
+        throw;
+    } catch (const std::exception& e) {
+        fail(kFailed, name, type.name(), e.what());
+    } catch (...) {
+        fail(kFailed, name, type.name(), "an exception of unknown type");
+    }
+    return adopt(std::move(fresh), name, type);
+}
+
 Reference Sorm::makeLocal(const Name& which, const std::vector<std::string>* words, const PrincipalPointer& author, Probe probe,
                           const std::vector<DictionaryWord>& wish) {
     const std::string &name = which.service, &className = which.className;
@@ -255,8 +275,7 @@ Reference Sorm::makeLocal(const Name& which, const std::vector<std::string>* wor
         for (; birth != births_.end(); ++birth) chain += birth->name + " -> ";
         fail(kCycle, name, chain + name);
     }
-    Charge charge(budget.ofCaller(author), Account::Use::objects);
-    charge.need(name, kObjectSize + name.size());
+    Charge charge = chargeObject(name, author);
     const std::shared_ptr<const Class> kept = needClass(className).shared_from_this();     // a recipe may remove it
     const Class& type = *kept;
     if (!words && wish.empty()) needFlavor(which, type, author);
@@ -266,17 +285,7 @@ Reference Sorm::makeLocal(const Name& which, const std::vector<std::string>* wor
         ~Popper() { births.pop_back(); }
     } popper{births_};
 
-    std::unique_ptr<Service> fresh;
-    try {
-        fresh = type.make();
-    } catch (const Error&) {
-        throw;
-    } catch (const std::exception& e) {
-        fail(kFailed, name, className, e.what());
-    } catch (...) {
-        fail(kFailed, name, className, "an exception of unknown type");
-    }
-    Reference made = adopt(std::move(fresh), name, type);
+    Reference made = construct(name, type);
     made->charge_ = std::move(charge);
     type.learnDefaults(*made);
     made->maker_ = dictionary_.has(which.recipeKey()) ? dictionary_.authorOf(which.recipeKey()) : author;
@@ -298,19 +307,6 @@ Reference Sorm::makeLocal(const Name& which, const std::vector<std::string>* wor
     return made;
 }
 
-Reference Sorm::makeAnonymous(std::unique_ptr<Service> service, const std::string& label, const std::string& className) {
-    const Class& type = needClass(className);
-    Reference made = adopt(std::move(service), label, type);
-    type.learnDefaults(*made);
-    try {
-        made->born();
-        testAtBirth(*made);
-    } catch (...) {
-        throw Error(trailOfCurrentException(label));
-    }
-    return made;
-}
-
 void Sorm::testAtBirth(Service& made) {
     const double seconds = made.type().testedAtBirth();
     if (seconds <= 0) return;
@@ -323,10 +319,6 @@ void Sorm::testAtBirth(Service& made) {
         trail.add(makeEntry(kUntested, {MessageArg::of(made.name())}));
         throw Error(std::move(trail));
     }
-}
-
-void Sorm::dismiss(const Reference& anonymous) {
-    if (!anonymous->gone()) anonymous->left();
 }
 
 void Sorm::keep(const std::string& key, const Reference& service, AccountPointer account) {

@@ -114,9 +114,11 @@ public:
     // The name for which a right to an object is asked, after spelling and second names: that of the object here, or that which
     // it would get; for one that is elsewhere all of it. Fails with NAME SYNTAX.
     std::string canonical(std::string_view name) const;
-    // Make an object that is not in the repository. It has its defaults, and born() was called. label: its name in messages.
-    // The reference owns it; dismiss() it at its end.
-    Reference makeAnonymous(std::unique_ptr<Service> service, const std::string& label, const std::string& className);
+    // Make an object that is not in the repository. It has its defaults, and then the words of CTRL; born() was called. label: its
+    // name in messages. The reference owns it; dismiss() it at its end. Without a service, the class makes it. Fails as create, and
+    // with COMM LIMIT when the caller has too many objects.
+    Reference makeAnonymous(std::unique_ptr<Service> service, const std::string& label, const std::string& className,
+                            const std::vector<std::string>& words = {});
     void dismiss(const Reference& anonymous);                       // as remove: no more requests
     std::vector<std::string> names(std::string_view pattern = "*") const;
     std::size_t size() const { return repository_.size(); }
@@ -244,6 +246,8 @@ private:
     friend class Observers;
     void markObserved();                                                // tell all objects that they are observed
     Reference adopt(std::unique_ptr<Service> service, const std::string& name, const Class& type);
+    Reference construct(const std::string& name, const Class& type);
+    Charge chargeObject(const std::string& name, const PrincipalPointer& author);
 
     Host* host_;
     Loop* loop_ = nullptr;

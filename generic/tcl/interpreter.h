@@ -92,6 +92,7 @@ public:
     Running running{nullptr, nullptr};
     std::unordered_map<std::string, std::shared_ptr<TclRun>> runs;  // requests that Tcl services execute, by their coroutine
     std::uint64_t lastRun = 0;                                      // for the name of the next coroutine
+    std::uint64_t lastObject = 0;                                   // for the command of the next object without a name
     int constructing = 0;                                           // TclOO objects whose service object is being made
     unsigned entries = 0;                                           // how often it was Entered: has a script run meanwhile?
 

@@ -1,10 +1,12 @@
 #include "bus/nearest.h"
 #include "tcl/soCommand.h"
 
+#include <algorithm>
 #include <cstring>
 
 #include "bus/requestText.h"
 #include "comm/proxy.h"
+#include "tcl/anonymous.h"
 #include "tcl/pendingCommand.h"
 #include "tcl/tclService.h"
 #include "tcl/waiting.h"
@@ -66,6 +68,7 @@ public:
     Message message;                    // reused by each call that finds it free, so that a call does not allocate
     bool messageBusy = false;
     bool registered = false;            // in interpreter.bindings
+    bool ownsObject = false;            // so is in no repository, and ends with its command
     Command commands[2];                // ::sorma::so::NAME and ::NAME
 
     // Without a command it goes, but not under the feet of a call in progress.
@@ -269,12 +272,14 @@ int ownMethod(SoBinding& b, Word method, int objc, Objects objv) {
             return answer(b, newText(view(objv[2]) == "name" ? b.name : b.so->location()));
         case Word::destroy:
             if (objc != 2) return Tcl_WrongNumArgs(interp, 2, objv, nullptr), TCL_ERROR;
+            if (b.ownsObject) return deleteCommands(b.interpreter, b.name), answer(b, b.interpreter.constants.empty);
             // The name may have been written otherwise than the repository has it: nop@h:0x014.
             b.interpreter.sorm.remove(b.interpreter.sorm.find(b.name) ? b.name : b.so->name(), Permit::owner());
             if (!b.interpreter.closing()) deleteCommands(b.interpreter, b.name);
             return answer(b, b.interpreter.constants.empty);
         default:
             if (b.name == "dict") return tclDict(interp, objc, objv);
+            if (makesObject(objv[1]) && b.name == b.so->type().name()) return makeByClass(b.interpreter, b.name, objc, objv);
             badMethod(objv[1]);
     }
 }
@@ -373,7 +378,9 @@ int SoObjCmd(ClientData data, Tcl_Interp* interp, int objc, Objects objv) {
 void soCommandDeleted(ClientData data) {
     auto* command = static_cast<SoBinding::Command*>(data);
     command->token = nullptr;
-    command->owner->deleteUnused();
+    SoBinding& b = *command->owner;
+    if (b.ownsObject) b.interpreter.sorm.dismiss(Reference(b.so));
+    b.deleteUnused();
 }
 
 // ---- from names to commands ----
@@ -390,9 +397,19 @@ void makeCommands(SoBinding& b) {
         create(b.commands[1], global);
 }
 
+// The binding of an object that has no name, by its command; null: the command is none of these.
+SoBinding* ownerBinding(Interpreter& i, const std::string& command) {
+    Tcl_CmdInfo info;
+    if (!Tcl_GetCommandInfo(i.interp, command.c_str(), &info) || info.deleteProc != soCommandDeleted) return nullptr;
+    auto* b = static_cast<SoBinding::Command*>(info.objClientData)->owner;
+    return b->ownsObject ? b : nullptr;
+}
+
 // Never null; the object is made when need be.
 SoBinding& bindingFor(Interpreter& i, std::string_view name, Probe probe = Probe::now) {
     std::string key(name);
+    if (key.starts_with("::"))
+        if (auto* b = ownerBinding(i, key)) return *b;      // by its command: that may have been renamed
     auto known = i.bindings.find(key);
     if (known != i.bindings.end() && !known->second->so->gone()) {
         makeCommands(*known->second);
@@ -436,7 +453,7 @@ Mention mentioned(int objc, Objects objv) {
     bool address = word.find('@') != std::string_view::npos;
     out.certain = out.certain || address;
     if (!address && word.find("::") != std::string_view::npos) return out;
-    if (!out.certain && (objc < 2 || methodOf(objv[1]) == Word::none)) return out;
+    if (!out.certain && (objc < 2 || (methodOf(objv[1]) == Word::none && (word.empty() || !makesObject(objv[1]))))) return out;
     if (word.empty()) fail(kEmpty, toUtf8(objv[1]));
     out.name = word;
     return out;
@@ -514,6 +531,11 @@ int UnknownNRCmd(ClientData data, Tcl_Interp* interp, int objc, Objects objv) {
                     Name::parse(mention.name);      // fails, and says what is wrong with it
                 }
                 Word method = objc > 1 ? methodOf(objv[1]) : Word::none;
+                if (method == Word::none && objc > 1 && makesObject(objv[1]) && mention.name.find_first_of(".@") == std::string::npos) {
+                    i.sorm.needClass(mention.name);
+                    mention.certain = true;
+                    return makeByClass(i, mention.name, objc, objv);
+                }
                 if (method == Word::none) {         // no connection is made for a slip of the pen
                     if (objc > 1) badMethod(objv[1]);
                     Tcl_WrongNumArgs(interp, 1, objv, "method ?word ...?");
@@ -528,7 +550,8 @@ int UnknownNRCmd(ClientData data, Tcl_Interp* interp, int objc, Objects objv) {
             std::string request = requestText(mention.name, objc, objv);
             bool nobodys = e.is("NAME UNKNOWN_CLASS") || e.is("NAME SYNTAX") || e.is("ADDRESS UNRESOLVED") || e.is("COMM DENIED");
             if (mention.certain || !nobodys) return i.raise(std::move(trail), request);
-            unanswered = new Unanswered{&i, std::move(trail), std::move(request), std::string(view(objv[0]))};
+            // Many a word of Tcl has such a method: what we say of it would mislead.
+            if (!makesObject(objv[1])) unanswered = new Unanswered{&i, std::move(trail), std::move(request), std::string(view(objv[0]))};
         } catch (...) {
             return i.raise(trailOfCurrentException({}), commandText(objc, objv));
         }
@@ -607,10 +630,31 @@ std::string commandOf(Interpreter& interpreter, std::string_view name) {
     return std::string(kNamespace) + b.name;
 }
 
-void bindAnonymous(Interpreter& i, const std::string& label, Reference so) {
+void bindAnonymous(Interpreter& i, const std::string& label, Reference so, const std::string& command) {
     auto* b = new SoBinding(i, label, std::move(so));
     b->registered = true;
     i.bindings.emplace(label, b);
+    if (command.empty()) return;
+    b->ownsObject = true;
+    b->commands[1].token = Tcl_NRCreateCommand(i.interp, command.c_str(), SoObjCmd, SoNRCmd, &b->commands[1], soCommandDeleted);
+}
+
+std::vector<std::pair<std::string, Reference>> anonymousObjects(Interpreter& i) {
+    std::vector<std::pair<std::string, Reference>> out;
+    for (auto& [label, b] : i.bindings) {
+        if (!label.starts_with("::")) continue;
+        auto* oo = dynamic_cast<TclService*>(&*b->so);
+        Obj command(Tcl_NewObj());
+        if (b->commands[1].token) Tcl_GetCommandFullName(i.interp, b->commands[1].token, command);
+        out.emplace_back(oo ? oo->command() : toUtf8(command), b->so);
+    }
+    std::sort(out.begin(), out.end(), [](auto& a, auto& b) { return a.first < b.first; });
+    return out;
+}
+
+Service* anonymousObject(Interpreter& i, const std::string& command) {
+    if (auto* b = ownerBinding(i, command)) return &*b->so;
+    return anonymousTclObject(i, command);
 }
 
 void releaseAnonymous(Interpreter& i, const std::string& label) {

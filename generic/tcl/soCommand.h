@@ -31,9 +31,14 @@ Reference objectOf(Interpreter& interpreter, std::string_view name);
 bool isSoMethod(Tcl_Obj* word);
 
 // An object that is not in the repository: callByName finds it by its label, which is no name, until releaseAnonymous.
-void bindAnonymous(Interpreter& interpreter, const std::string& label, Reference so);
+// command: make this command for it. When the command is deleted, the object ends. Empty: it has a command already.
+void bindAnonymous(Interpreter& interpreter, const std::string& label, Reference so, const std::string& command = {});
 void releaseAnonymous(Interpreter& interpreter, const std::string& label);
 bool isBound(Interpreter& interpreter, const std::string& label);
+// All such objects that have had a request, each with its command; or the one that a word calls from the present namespace. Null:
+// none.
+std::vector<std::pair<std::string, Reference>> anonymousObjects(Interpreter& interpreter);
+Service* anonymousObject(Interpreter& interpreter, const std::string& command);
 
 // The object of that name was removed: delete its commands.
 void deleteCommands(Interpreter& interpreter, const std::string& name);

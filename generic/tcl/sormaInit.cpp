@@ -1,6 +1,7 @@
 // sormaInit.cpp -- what Tcl's `load` calls.
 #include <string>
 
+#include "tcl/anonymous.h"
 #include "tcl/commands.h"
 #include "tcl/eventLoops.h"
 #include "tcl/interpreter.h"
@@ -35,6 +36,7 @@ int init(Tcl_Interp* interp, bool safe) {
             initSoCommands(*interpreter);
             if (!initTclServices(*interpreter)) return TCL_ERROR;
             initCommands(*interpreter);
+            initAnonymous(*interpreter);
             initProcessCommands(*interpreter);
             initTraceCommand(*interpreter);
             initStreamCommand(*interpreter);

@@ -433,12 +433,17 @@ constexpr const char* kVersionUsage = "version";
 
 }  // namespace
 
-bool registerTclClass(Interpreter& i, const std::string& name) {
+std::string tclClassOf(Interpreter& i, const std::string& name) {
     std::string best;
     for (auto& tcl : tclClasses(i)) {
         if (serviceName(tcl) != name) continue;
         if (best.empty() || tcl.rfind("::") == 0) best = tcl;       // the global one first
     }
+    return best;
+}
+
+bool registerTclClass(Interpreter& i, const std::string& name) {
+    const std::string best = tclClassOf(i, name);
     if (best.empty()) return false;
     Tcl_Object object = Tcl_GetObjectFromObj(i.interp, Obj(str(best)));
     if (!object) return false;

@@ -151,6 +151,8 @@ void TclService::dumpState(std::string& out) const {
     }
 }
 
+std::string TclService::command() const { return object_ ? objectName(interpreter_.interp, object_) : std::string(); }
+
 std::string labelOfObject(Interpreter& i, std::string_view command) {
     KeepState keep(i.interp);
     Obj word(str(command));
@@ -158,6 +160,14 @@ std::string labelOfObject(Interpreter& i, std::string_view command) {
     if (!object || !eval(i, {str("::info"), str("object"), str("isa"), str("typeof"), word, str("::sorma::Service")})) return {};
     if (view(Tcl_GetObjResult(i.interp)) != "1") return {};
     return serviceOf(i, object).name();
+}
+
+Service* anonymousTclObject(Interpreter& i, const std::string& command) {
+    KeepState keep(i.interp);
+    Obj word(str(command));
+    Tcl_Object object = Tcl_GetObjectFromObj(i.interp, word);
+    auto* service = object ? static_cast<TclService*>(Tcl_ObjectGetMetadata(object, &kObjectData)) : nullptr;
+    return service && service->name().starts_with("::") ? service : nullptr;
 }
 
 void tclServiceRemoved(Interpreter& interpreter, const std::string& name) {

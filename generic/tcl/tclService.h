@@ -73,6 +73,7 @@ public:
     void setValue(std::size_t option, const Value& value);
     void setService(std::size_t option, Reference service);
     Interpreter& interpreter() const { return interpreter_; }
+    std::string command() const;            // of its TclOO object, with all its namespaces; empty: it was deleted
 
 private:
     // Evaluate the command in a coroutine. When it waits there, m is answered later.
@@ -126,11 +127,15 @@ bool initTclServices(Interpreter& interpreter);
 
 // Look for a TclOO class of that service class name and add it to the SORM. False: there is none.
 bool registerTclClass(Interpreter& interpreter, const std::string& name);
+std::string tclClassOf(Interpreter& interpreter, const std::string& name);      // the command of that class; empty: there is none
 std::vector<std::string> tclClassNames(Interpreter& interpreter);      // service class names of all such TclOO classes
 
 // For a TclOO object of a service class that a script has made: the label by which callByName knows it. It gets a service
 // object if it has none. Empty: the command is no such object.
 std::string labelOfObject(Interpreter& interpreter, std::string_view command);
+
+// That service object, if it has one already; null.
+Service* anonymousTclObject(Interpreter& interpreter, const std::string& command);
 
 // The service object of that name was removed: delete its TclOO object, if it has one.
 void tclServiceRemoved(Interpreter& interpreter, const std::string& name);

@@ -88,6 +88,10 @@ proc ::sorma::table::words where {
 #       reads writes words signature example help, and dump when the object exists. No object is made; a class of this
 #       interpreter is loaded. An object elsewhere also has an age, as of answer. Empty when nothing is known, or not yet.
 proc ::sorma::table::describe name {
+    set own [::sorma::AnonymousObject $name]
+    if {$own ne {}} {
+        return [OfCommand {*}$own]
+    }
     lassign [locate $name] service where
     if {$where ne {}} {
         set request [list sorm DBX -describe $service]
@@ -104,6 +108,13 @@ proc ::sorma::table::describe name {
         return {}
     }
     return $text
+}
+
+# The same of an object without a name, by its command.
+proc ::sorma::table::OfCommand {command class} {
+    set table [HereText [list sorm DBX -describe $class.?]]
+    return [dict replace $table name $command exists 1 help [$command info help] dump [$command info dump] \
+        options [lmap option [dict get $table options] {lreplace $option 5 5 [$command cget [lindex $option 0]]}]]
 }
 
 # ::sorma::table::guess NAME -- the same as far as anything is known now: of an object elsewhere its own table, else that of the class

@@ -51,6 +51,12 @@ proc ::sorma::inspect::ls args {
                 lappend items [dict create where $where {*}$object]
             }
         }
+        foreach object [if {$where eq {}} ::sorma::anonymous] {
+            lassign $object name class calls underway
+            if {[string match $pattern $name] || [string match $pattern [string range $name 2 end]]} {
+                lappend items [dict create where {} name $name class $class calls $calls underway $underway]
+            }
+        }
     }
     if {$data} {
         return $items
@@ -198,6 +204,9 @@ proc ::sorma::inspect::dump args {
 proc ::sorma::inspect::Describe name {
     if {$name eq {}} {
         return -code error -errorcode {SORMA REQUEST SYNTAX} "a name is missing"
+    }
+    if {[::sorma::AnonymousObject $name] ne {}} {
+        return [::sorma::table describe $name]
     }
     lassign [::sorma::table locate $name] service where
     set text [::sorma::await answer $where [list sorm DBX -describe $service] 2000]

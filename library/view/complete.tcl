@@ -108,6 +108,11 @@ proc ::sorma::complete::WantsText words {
     return [expr {$kind in {recipe text} || ([lindex $words 1] in {CTRL DBX EXEC exec configure} && [isName [lindex $words 0]])}]
 }
 
+# How a class makes objects without a name.
+proc ::sorma::complete::Makers {name table} {
+    return [if {[dict exists $table class] && [dict get $table class] eq $name && $name ni {sorm dict}} {list create new}]
+}
+
 # Variables of the global level, elements of arrays included.
 proc ::sorma::complete::Variables name {
     if {[regexp {^([^(]+)\((.*)$} $name -> array element]} {
@@ -159,7 +164,7 @@ proc ::sorma::complete::ForKind {expected partial} {
         request { return [Request $one $partial] }
         methods {
             set table [::sorma::table guess $one]
-            set methods [if {$one eq "dict"} {concat {CTRL DBX EXEC} [Subcommands dict]} else {set ::sorma::complete::Methods}]
+            set methods [if {$one eq "dict"} {concat {CTRL DBX EXEC} [Subcommands dict]} else {concat $::sorma::complete::Methods [Makers $one $table]}]
             set hint [if {[dict exists $table purpose]} {string cat "[dict get $table class]: [dict get $table purpose]"}]
             return [list $methods $hint]
         }
@@ -242,6 +247,10 @@ proc ::sorma::complete::Expected words {
     }
     if {[llength $rest] > 0 && [lindex $rest 0] in $Methods && [isName $command] && !($command ne "dict" && [Occupied $command])} {
         return [list request $words]
+    }
+    if {[lindex $rest 0] in {create new} && [regexp {^[a-z]\w*$} $command] && [isName $command] && ![Occupied $command] && ![info object isa object ::$command]} {
+        set words [lrange $rest [expr {[lindex $rest 0] eq "create" ? 2 : 1}] end]
+        return [if {$rest eq "create"} {list none "$command create command ?-option value ...?"} else {list recipe $command $words}]
     }
     if {$command eq "dict" && [llength $rest] == 0 || [llength $rest] == 0 && [isName $command] && ![Occupied $command]} {
         return [list methods $command]
@@ -353,7 +362,7 @@ proc ::sorma::complete::Known name {
 
 # Is a command of that name something else than a service object? A class in Tcl is both.
 proc ::sorma::complete::Occupied name {
-    if {[Known $name] eq {}} {
+    if {[Known $name] eq {} || [::sorma::AnonymousObject $name] ne {}} {
         return 0
     }
     if {[string match *::* $name]} {
@@ -365,6 +374,9 @@ proc ::sorma::complete::Occupied name {
 
 # Can it be a service object? Cheap: nothing is looked up elsewhere.
 proc ::sorma::complete::isName name {
+    if {[::sorma::AnonymousObject $name] ne {}} {
+        return 1
+    }
     if {![regexp {^([[:alpha:]]\w*)(\.[^\s@\[\]{}$"\\;]*)?(@.+)?$} $name -> class flavor where]} {
         return 0
     }
@@ -545,7 +557,7 @@ proc ::sorma::complete::Slip {words flavors} {
     }
     set slip [SlipOfName $name $flavors]
     if {$slip eq {} && $method ne {} && !($name eq "dict" && $method in [Subcommands dict])} {
-        set slip [Unknown $method $::sorma::complete::Methods {}]
+        set slip [Unknown $method [concat $::sorma::complete::Methods {create new}] {}]
     }
     return [if {$slip ne {}} {set slip} else {SlipOfRequest $name $method $rest}]
 }
