@@ -14,6 +14,7 @@ apply {{} {
         world world
         table table
         await await
+        retry retry
         complete complete
         manual {manual manual::pages manual::titles}
         reply {show showDefaults}

@@ -369,9 +369,9 @@ void CommonRequests::stream(Service& s, Args args, Message& m) {
 
 const std::vector<Action>& CommonRequests::actions() {
     static const std::vector<Action> list = {
-        {"-help", "?expert?", "purpose, options, signature, example; expert: also the options that few need", 0, 1, help, Right::inspect, true},
+        {"-help", "?expert?", "purpose, options, signature, example; expert: also the options that few need", 0, 1, help, Right::inspect, true, Danger::none, true},
         {"-dump", "", "all state inside, as CTRL would read it again", 0, 0,
-         [](Service& s, Args, Message& m) { addLine(m, s.dump(s.need(m.author, Right::inspect))); }, Right::inspect},
+         [](Service& s, Args, Message& m) { addLine(m, s.dump(s.need(m.author, Right::inspect))); }, Right::inspect, false, Danger::none, true},
         {"-save", "?flavor?", "write the options as this name's recipe, or that of another flavor, into the dictionary", 0, 1,
          save, Right::inspect},
         {"-selftest", "", "check itself", 0, 0,
@@ -400,6 +400,7 @@ const std::vector<Action>& CommonRequests::inspections() {
                  addLine(m, (c.file().empty() ? "declared in no file: typed, or evaluated" : "declared at " + c.file() + ":" + std::to_string(c.line())) + ", version " + c.version());
                  if (auto t = c.signatureText(); !t.empty()) addLine(m, t);
                  if (c.isRealtime()) addLine(m, "real-time: its EXEC may be a step of a cycle");
+                 if (auto t = c.repeatableText(); !t.empty()) addLine(m, "may be repeated: " + t);
                  if (!c.hasFeedthrough()) addLine(m, "without feedthrough: it may close a loop of a circuit");
              }},
             {"-audit", "", "who sent which CTRL, and when", 0, 0,
@@ -428,7 +429,7 @@ const std::vector<Action>& CommonRequests::inspections() {
                  m.text += s.shown(s.type().options()[std::size_t(CommonRequests::needOption(s, args[0]))], s.need(m.author, Right::inspect));
              }},
     };
-        for (auto& action : all) action.right = Right::inspect;
+        for (auto& action : all) action.right = Right::inspect, action.repeatable = action.name != "-verbosity";
         // All words that follow are its own: nothing comes after a request that may wait.
         all.push_back({"-stream", "open bytes request|next stream piece|close stream|list", "the reply of an EXEC in pieces, as sorma::stream reads it",
                        1, Action::kRest, stream, Right::call});

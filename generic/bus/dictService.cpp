@@ -141,6 +141,7 @@ Class describeDict() {
         .reads(Field::text, {}, "", "a word, also without TMSG")
         .writes(Field::text, {}, "", "its expansion")
         .words("?word?")
+        .repeatable({"", "-get", "-expand", "-list", "-leftOut"})
         .example("dict CTRL -list");
 }
 

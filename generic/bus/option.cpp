@@ -355,6 +355,7 @@ Class& Class::word(Word word) {
 Class& Class::inspection(Action a, Right right) {
     if (findInspection(a.name)) fail(kTable, name_, "inspection", a.name, "is declared twice");
     a.right = right;
+    a.repeatable = right == Right::inspect;
     inspections_.push_back(std::move(a));
     lastIsInspection_ = true;
     return *this;
@@ -617,6 +618,7 @@ std::string Class::helpText(std::string_view object, bool expert) const {
     }
     if (flavors_ == Flavors::dictionary) out += "\nflavors\n  only those that have an entry in the dictionary";
     if (testedAtBirth_ > 0) out += "\nself-test\n  when an object is made: one that does not pass is not made";
+    if (auto words = repeatableText(); !words.empty()) out += "\nmay be repeated (sorma::retry)\n  " + words;
     if (!example_.empty()) out += "\nexample\n  " + example_;
     return out;
 }

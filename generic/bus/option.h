@@ -159,6 +159,7 @@ struct Action {
     // false: it runs between two ticks, and so must be short.
     bool whileTicking = false;
     Danger danger = Danger::none;       // stop: the right is call
+    bool repeatable = false;            // see Class::repeatable; an inspection is, if it needs only the right to inspect
     // Kinds of its arguments; the last holds for all that follow. Empty: all are plain.
     const std::vector<Kind>& kinds() const { return body.kinds_; }
 
@@ -275,6 +276,10 @@ public:
     Class& danger(Danger danger);                   // of the action or inspection that was declared last
     // EXEC does this; with words, such as "power off": only an EXEC that begins with one of them; the first that fits decides.
     Class& execDanger(Danger danger, std::vector<std::string> words = {});
+    // The class promises: to execute such a request twice does what once does. So sorma::retry may send it again when it has
+    // perhaps run. words: first words of EXEC, and names of declared actions; none: every EXEC. A request that moves,
+    // powers or fires something is never sent again.
+    Class& repeatable(std::vector<std::string> words = {});
     // execRight: EXEC needs this right instead of Right::call. actsOnWords: the words of EXEC name other objects, files or
     // programs. Then exec finds their author in the message, and checks the author's rights.
     Class& execRight(Right right);
@@ -316,6 +321,10 @@ public:
     bool isRealtime() const { return realtime_; }
     double testedAtBirth() const { return testedAtBirth_; }         // [s]; 0: it is not
     Right execRight() const { return execRight_; }
+    // Why a request may not be sent again; empty: it may.
+    std::string whyNotRepeatable(const Message& m, Method method) const;
+    std::string repeatableText() const;                 // for people: "EXEC latest, CTRL -home"; empty: nothing is declared
+    std::vector<std::string> repeatables() const;       // words as above; an empty one: every EXEC
     bool doesActOnWords() const { return actsOnWords_; }
     // Does this EXEC need Right::operate? The second: does any?
     bool isDangerous(const Message& m) const;
@@ -407,6 +416,7 @@ private:
     double testedAtBirth_ = 0;
     bool realtime_ = false, feedthrough_ = true, actsOnWords_ = false;
     Right execRight_ = Right::call;
+    std::vector<std::string> execRepeatables_;      // words; an empty one: every EXEC
     std::vector<std::pair<std::string, Danger>> execDangers_;   // by word; empty word: every EXEC
     bool lastIsInspection_ = false;         // what was declared last, for danger()
     Concurrency concurrency_ = Concurrency::serial;

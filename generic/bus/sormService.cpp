@@ -18,6 +18,7 @@ const Prototype kDepth{Severity::error, "SORM DEPTH", 0, "sorm: requests inside 
 const Prototype kElsewhere{Severity::error, "NAME UNKNOWN_CLASS", 1, "sorm: {} is served elsewhere: ask there"};
 const Prototype kInventory{Severity::error, "REQUEST SYNTAX", 1,
     "sorm: bad word \"{}\" of -inventory: must be addresses, busiest, classes, connections, names, objects, serves, siblings, subscriptions, or words"};
+const Prototype kMethod{Severity::error, "REQUEST SYNTAX", 0, "sorm: bad method \"{}\": must be CTRL, DBX, or EXEC"};
 const Prototype kBusiest{Severity::error, "REQUEST SYNTAX", 1, "sorm: busiest expects how many objects, got \"{}\""};
 constexpr std::size_t kMostLines = 1000;
 constexpr int kMostDepth = 16;
@@ -200,6 +201,20 @@ public:
         return list;
     }
 
+    // Why a request may not be sent again when it may have run; nothing: it may. The table of a class is no secret.
+    void repeatable(Args args, Message& reply) {
+        Service* s = sorm().find(args[0]);
+        if (!s && Name::isElsewhere(args[0])) fail(kElsewhere, args[0]);
+        const Class& type = s ? s->type() : sorm().needClass(Name::parse(args[0]).className);
+        Method method{};
+        if (!fromText(args[1], method)) fail(kMethod, args[1]);
+        Message m;
+        m.words.assign(args.begin() + 2, args.end());
+        std::string why = type.whyNotRepeatable(m, method);
+        if (why.empty() && method == Method::exec && s && s->isDangerous() && !type.isDangerous()) why = "a part of " + args[0] + " moves, powers or fires something";
+        addLine(reply, why);
+    }
+
     // The table of a class, by the name of an object that need not be there; it is not made. Values: of one that is.
     void describe(Args args, Message& reply) {
         Service* s = sorm().find(args[0]);
@@ -243,6 +258,7 @@ public:
         }
         out.put("rights", rights.text());
         out.put("danger", listOf(type.dangers()));
+        out.put("repeatable", listOf(type.repeatables()));
         out.put("example", type.example());
         out.put("help", type.helpText(args[0]));
         if (s) out.put("dump", s->dump(permit));
@@ -357,10 +373,13 @@ Class describeSorm() {
                      0, Action::kRest, [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).inventory(a, m); }})
         .inspection({"-describe", "name", "dict of the table of an object's class, without making the object", 1, 1,
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).describe(a, m); }})
+        .inspection({"-repeatable", "name method ?word ...?", "why such a request may not be sent again when it may have run already; nothing: it may", 2,
+                     Action::kRest, [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).repeatable(a, m); }})
         .inspection({"-check", "name ?word ...?", "is it a recipe for such an object: list of {word why} of what is wrong, without making the object", 1,
                      Action::kRest, [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).check(a, m); }})
         .inspection({"-look", "name word ?word ...?", "DBX of an object that is there; nothing is made, and no recipe sent", 2, Action::kRest,
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).look(a, m); }})
+        .repeatable({"-classes", "-objects", "-references", "-connections", "-daemons", "-statistics", "-policy", "-may"})
         .actsOnWords()
         .reads(Field::text, {}, "", "a request")
         .writes(Field::text, {}, "", "its reply")

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <set>
+#include <span>
 
 #include "bus/glob.h"
 #include "bus/nearest.h"
@@ -16,6 +17,7 @@ const Prototype kSetting{Severity::error, "OPTION UNKNOWN", 1, "unknown setting 
 const Prototype kMissing{Severity::error, "OPTION MISSING", 1, "{} needs a value"};
 const Prototype kNotTrusted{Severity::error, "COMM DENIED", 0, "a safe interpreter cannot grant rights; its parent can"};
 const Prototype kNoChild{Severity::error, "REQUEST SYNTAX", 0, "no interpreter \"{}\""};
+const Prototype kBadMethod{Severity::error, "REQUEST SYNTAX", 0, "bad method \"{}\": must be CTRL, DBX, EXEC, cget, configure, exec, or info"};
 const Prototype kNotLoaded{Severity::error, "REQUEST SYNTAX", 0, "interpreter \"{}\" has no sorma yet: load {{}} Sorma {}"};
 
 Interpreter& of(ClientData data) { return *static_cast<Interpreter*>(data); }
@@ -232,6 +234,29 @@ int DidYouMeanObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* con
     });
 }
 
+// sorma::RequestWords name method ?word ...?: METHOD and the words of a request as its object gets them, without the parts of EXEC.
+int RequestWordsObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    if (objc < 3) return wrongArgs(interp, objv, "name method ?word ...?");
+    return guarded(of(data), objc, objv, [&] {
+        const std::string name = toUtf8(objv[1]);
+        const std::string_view method = view(objv[2]);
+        const std::span<Tcl_Obj* const> given(objv + 3, std::size_t(objc - 3));
+        Message m;
+        std::vector<std::string> words{"DBX"};
+        if (method == "EXEC" || method == "CTRL" || method == "DBX") words[0] = method;
+        else if (method == "exec") words[0] = "EXEC";
+        else if (method == "configure" && given.size() > 1) words[0] = "CTRL";
+        else if (method == "configure") words.insert(words.end(), {"-info", "options"});
+        else if (method == "cget" || method == "info") words.emplace_back(method == "cget" ? "-get" : "-info");
+        else fail(kBadMethod, std::string(method));
+        if (method == "EXEC") readParts(name, given, m);
+        else if (method == "exec") readOptions(name, given, m);
+        else for (auto* o : given) m.words.push_back(toUtf8(o));
+        words.insert(words.end(), m.words.begin(), m.words.end());
+        return setList(interp, words);
+    });
+}
+
 }  // namespace
 
 void initCommands(Interpreter& i) {
@@ -246,6 +271,7 @@ void initCommands(Interpreter& i) {
     i.define("configure", ConfigureObjCmd);
     i.define("grant", GrantObjCmd);
     Tcl_CreateObjCommand(i.interp, "::sorma::KeepTrail", KeepTrailObjCmd, &i, nullptr);
+    Tcl_CreateObjCommand(i.interp, "::sorma::RequestWords", RequestWordsObjCmd, &i, nullptr);
     Tcl_CreateObjCommand(i.interp, "::sorma::DidYouMean", DidYouMeanObjCmd, &i, nullptr);
 }
 

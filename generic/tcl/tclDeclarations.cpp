@@ -52,6 +52,7 @@ Class buildClass(Interpreter& i, const std::vector<TclClass*>& line, Tcl_Class t
         for (auto& a : c->actions) made.action(a);
         for (auto& a : c->inspections) made.inspection(a, a.right);
         for (auto& [danger, words] : c->dangers) made.execDanger(danger, words);
+        for (auto& words : c->repeatables) made.repeatable(words);
         for (auto& p : c->reads) made.reads(p.field, p.count, p.unit, p.help, p.low, p.high);
         for (auto& p : c->writes) made.writes(p.field, p.count, p.unit, p.help);
     }
@@ -367,6 +368,18 @@ int DangerObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
         return TCL_OK;
     });
 }
+// sorma::repeatable ?word ...?: such requests may be sent again, see Class::repeatable.
+int RepeatableObjCmd(ClientData data, Tcl_Interp*, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        TclClass& c = target(i, objv[0]);
+        std::vector<std::string> words;
+        for (int k = 1; k < objc; ++k) words.push_back(toUtf8(objv[k]));
+        c.repeatables.push_back(std::move(words));
+        declared(i, c);
+        return TCL_OK;
+    });
+}
 int ConcurrencyObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     return guarded(i, objc, objv, [&] {
@@ -466,7 +479,7 @@ void tcloo::initDeclarations(Interpreter& i) {
     };
     for (auto& c : std::initializer_list<Command>{
              {"option", OptionObjCmd}, {"action", ActionObjCmd}, {"inspection", InspectionObjCmd},
-             {"concurrency", ConcurrencyObjCmd}, {"danger", DangerObjCmd}, {"flavors", FlavorsObjCmd}, {"reads", ReadsObjCmd},
+             {"concurrency", ConcurrencyObjCmd}, {"danger", DangerObjCmd}, {"flavors", FlavorsObjCmd}, {"reads", ReadsObjCmd}, {"repeatable", RepeatableObjCmd},
              {"testedAtBirth", TestedAtBirthObjCmd}, {"writes", WritesObjCmd},
              {"purpose", TextObjCmd<&TclClass::purpose, kTextUsage>}, {"words", WordsObjCmd},
              {"example", TextObjCmd<&TclClass::example, kRequestUsage>},

@@ -32,6 +32,7 @@ struct TclClass {
     std::vector<Action> actions, inspections;
     std::vector<Part> reads, writes;
     std::vector<std::pair<Danger, std::vector<std::string>>> dangers;   // of EXEC, see Class::execDanger
+    std::vector<std::vector<std::string>> repeatables;      // see Class::repeatable
     std::string file;                   // of its first declaration
     int line = 0;
     std::string path;                   // of that file, with its folders

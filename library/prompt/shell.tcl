@@ -287,6 +287,9 @@ proc ::sorma::shell::Look {name args} {
         }
     }
     package require sorma::json
+    if {$name eq "retry"} {
+        return [::sorma::inspect::retry -data {*}$args]
+    }
     if {$name eq "dump"} {
         ::sorma::inspect::dump {*}$args -data           ;# fails when there is no such object
         return [JsonOptions [dict get [::sorma::inspect::help {*}$args -data] options]]

@@ -20,6 +20,8 @@ namespace eval ::sorma::complete {
         sorma::create {name so option recipe}
         sorma::pipe {step none}
         sorma::piece {dict none}
+        sorma::retry {method request word request}
+        sorma::inspect::retry {method request word request}
         sorma::trace {script none}
         sorma::classes {pattern class}
         sorma::catalogue {pattern none}
@@ -269,7 +271,7 @@ proc ::sorma::complete::ByManual {command typed} {
     set plain {}
     for {set i 0} {$i < [llength $typed]} {incr i} {
         set word [lindex $typed $i]
-        if {![dict exists $options $word] || $command eq "sorma::configure" || $command eq "sorma::async" && [llength $plain] > 0} {
+        if {![dict exists $options $word] || $command eq "sorma::configure" || $command in {sorma::async sorma::retry sorma::inspect::retry} && [llength $plain] > 0} {
             lappend plain $word
         } elseif {[dict get $options $word] ne {} && [incr i] == [llength $typed]} {
             return [OptionValue [dict get $options $word] $hint]

@@ -51,6 +51,7 @@ public:
             .reads(text, {}, "", "put: the value, all four parts").reads(floats, {}, "", "").reads(ints, {}, "", "").reads(any, {}, "", "")
             .writes(text, {}, "", "get, wait: the value as it was put; names: a Tcl list")
             .writes(floats, {}, "", "").writes(ints, {}, "", "put, version: the version, 0 when there is no value").writes(any, {}, "", "")
+            .repeatable({"get", "wait", "version", "names"})
             .example("blackboard EXEC put door TMSG open");
     }
 

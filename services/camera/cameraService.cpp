@@ -65,6 +65,7 @@ public:
             .writes(any, {}, "", "the picture, by -format; snapshot: none")
             .writes(text, {}, "", "snapshot: the file")
             .concurrency(sorma::Concurrency::concurrent)
+            .repeatable({"latest"})
             .example("camera CTRL -format png");
     }
 

@@ -47,6 +47,7 @@ public:
             .reads(floats, {}, "s", "times of the other clock; theirs: of this one; sample: sent, received, answered, back; none: the time now")
             .writes(floats, {}, "s", "the same times by this clock; theirs: by the other one; sample: offset, delay; of none: the time")
             .realtime()
+            .repeatable()
             .example("clock.here EXEC");
     }
 

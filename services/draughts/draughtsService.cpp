@@ -68,6 +68,7 @@ public:
             .writes(text, {}, "", "what was asked for")
             .writes(ints, {}, "", "play, path, go: n, n squares on which the piece stops, squares of the victims; analyse: depth, nodes")
             .writes(floats, {}, "", "go, analyse: score for the side to move [men], time [s]")
+            .repeatable({"legal", "state"})
             .example("draughts EXEC legal");
     }
 

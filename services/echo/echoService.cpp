@@ -13,6 +13,7 @@ public:
             .concurrency(sorma::Concurrency::concurrent)
             .reads(text, {}, "", "anything").reads(floats, {}, "", "").reads(ints, {}, "", "").reads(any, {}, "", "")
             .writes(text, {}, "", "the same").writes(floats, {}, "", "").writes(ints, {}, "", "").writes(any, {}, "", "")
+            .repeatable()
             .example("echo EXEC TMSG hello FMSG 2 1.5 3");
     }
 

@@ -19,6 +19,7 @@ public:
             .writes(sorma::Field::floats, {}, "1, bytes, K or s",
                     "load [1], memory and disks [bytes], temperatures [K], clock [s]; temperatures: none without a thermometer")
             .writes(sorma::Field::text, {}, "", "a line for each: name, value, unit")
+            .repeatable()
             .example("host EXEC load");
     }
 

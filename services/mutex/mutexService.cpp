@@ -22,6 +22,7 @@ public:
             .concurrency(sorma::Concurrency::concurrent)
             .words("lock ?now? | unlock | holder")
             .writes(sorma::Field::text, {}, "", "holder: who has it, and since when; empty when nobody has")
+            .repeatable({"holder"})
             .example("mutex EXEC holder");
     }
 

@@ -6,7 +6,7 @@ namespace {
 class Nop : public sorma::Service {
 public:
     static sorma::Class describe() {
-        return sorma::Class::of<Nop>("nop", "does nothing, and says that it is done").realtime().example("nop EXEC");
+        return sorma::Class::of<Nop>("nop", "does nothing, and says that it is done").realtime().repeatable().example("nop EXEC");
     }
     void exec(sorma::Message&) override {}
 };

@@ -80,6 +80,7 @@ public:
             .writes(ints, sorma::between(0, 2), "1", "complete: steps, converged; demonstrate: nodes")
             .writes(text, {}, "", "complete, jacobian, evaluate: \"outside\" or \"not converged\" when it is so")
             .realtime()
+            .repeatable({"basis", "evaluate", "jacobian", "nodes"})
             .example("psom CTRL -axes {{0 1}} -dimension 2 -metric {1 0}");
     }
 

@@ -74,6 +74,7 @@ public:
                     "inverse, nearest: the configuration of each, 0 .. 7; configurations: for each 1 when it is within the limits")
             .writes(text, {}, "", "singularities that the first solution, or the posture, is near to: shoulder, elbow, wrist")
             .realtime()
+            .repeatable({"configurations", "distances", "forward", "gravity", "inverse", "jacobian"})
             .example("puma EXEC forward FMSG 6 0 0 0 0 0 0");
     }
 

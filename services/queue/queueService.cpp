@@ -48,6 +48,7 @@ public:
             .writes(text, {}, "", "get: the item as it was put").writes(floats, {}, "", "")
             .writes(ints, {}, "", "put: the item's number; get: its number, then the item's ints; loans: numbers, what this client has on loan")
             .writes(any, {}, "", "")
+            .repeatable({"loans"})
             .example("queue EXEC put TMSG job");
     }
 

@@ -46,6 +46,7 @@ public:
             .words("play|list|export ?folder?")
             .word("export", &Recorder::makeTables)
             .writes(ints, {}, "", "play, export: records, buffers")
+            .repeatable({"list"})
             .example("recorder.example CTRL -buffers {arm.* lab.clock}");
     }
 

@@ -32,6 +32,7 @@ public:
             .words("acquire ?n? ?now? | release ?n? | value | held")
             .writes(sorma::Field::ints, sorma::between(0, 1), "1",
                     "value: how many are free, negative when -count was lowered below what is held; held: how many this client holds")
+            .repeatable({"value", "held"})
             .example("semaphore EXEC value");
     }
 

@@ -230,6 +230,7 @@ public:
             .writes(ints, {}, "1, ns, us",
                     "counter, time by the monotonic clock [ns], by the wall clock [us] of each record; since: before them how "
                     "many were overwritten unread")
+            .repeatable({"latest", "nearestTo", "history"})
             .example("shmem_r.example EXEC");
         return c;
     }

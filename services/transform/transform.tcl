@@ -40,6 +40,7 @@ oo::class create ::sorma::service::transform {
     sorma::option -picture service -help "answers a picture, its first float is its time: it must be new; none: the object that sees takes a new one"
     sorma::option -pose service -help "answers where the tool is: floats lab time, position, quaternion"
     sorma::words "boardToWorld|worldToBoard|boardToImage|imageToBoard|worldToImage|imageToWorld|correct|under|learnBoard|learnGrasp|learnCamera|learned"
+    sorma::repeatable boardToWorld worldToBoard boardToImage imageToBoard worldToImage imageToWorld learned
     sorma::danger move learnBoard learnGrasp learnCamera
     sorma::reads floats 0..3 "" "board: file, rank, h (tokens underneath); world: x, y, z \[m\]; image: u, v \[pixels\], and how many\
         tokens high the point is, none: 0; correct: u, v; learnGrasp: file, rank, h of a token"

@@ -39,6 +39,7 @@ sorma::Class describeClip() {
         .reads(sorma::Field::floats, {}, "", "values")
         .writes(sorma::Field::floats, {}, "", "values within the bounds; nan stays")
         .realtime()
+        .repeatable()
         .example("clip EXEC FMSG 2 -7 7");
 }
 

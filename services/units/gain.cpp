@@ -33,6 +33,7 @@ sorma::Class describeGain() {
         .reads(sorma::Field::floats, {}, "", "values")
         .writes(sorma::Field::floats, {}, "", "values times factors")
         .realtime()
+        .repeatable()
         .example("gain EXEC FMSG 2 1.5 3");
 }
 

@@ -53,6 +53,7 @@ sorma::Class describeMatrix() {
         .reads(sorma::Field::floats, {}, "", "as many as the matrix has columns")
         .writes(sorma::Field::floats, {}, "", "matrix * values")
         .realtime()
+        .repeatable()
         .example("matrix EXEC FMSG 1 2");
 }
 

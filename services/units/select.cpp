@@ -56,6 +56,7 @@ sorma::Class describeSelect() {
         .reads(sorma::Field::floats, {}, "", "values")
         .writes(sorma::Field::floats, {}, "", "those that were chosen")
         .realtime()
+        .repeatable()
         .example("select EXEC FMSG 3 7 8 9");
 }
 

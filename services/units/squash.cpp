@@ -41,6 +41,7 @@ sorma::Class describeSquash() {
         .reads(sorma::Field::floats, {}, "", "components of the vector")
         .writes(sorma::Field::floats, {}, "", "the shorter vector; 0 when one that came is nan or infinite")
         .realtime()
+        .repeatable()
         .example("squash CTRL -null 2 -gain 0.01 -limit 0.15");
 }
 

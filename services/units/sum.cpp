@@ -59,6 +59,7 @@ sorma::Class describeSum() {
         .reads(sorma::Field::floats, {}, "", "the inputs, one after another")
         .writes(sorma::Field::floats, {}, "", "their sum")
         .realtime()
+        .repeatable()
         .example("sum EXEC FMSG 4 1 2 30 40");
 }
 

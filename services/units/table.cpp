@@ -51,6 +51,7 @@ sorma::Class describeTable() {
         .reads(sorma::Field::floats, {}, "", "values")
         .writes(sorma::Field::floats, {}, "", "the function of each")
         .realtime()
+        .repeatable()
         .example("table EXEC FMSG 3 -1 0.25 2");
 }
 
