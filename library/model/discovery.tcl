@@ -15,7 +15,7 @@ namespace eval ::sorma::discovery {
     # The data stays when this file is sourced again.
     variable Held               ;# dict: token of an add or a hold that has not been taken back -> WHERE
     variable Passing            ;# dict: WHERE -> ms, when somebody last looked there
-    variable Led                ;# dict: who says so -> {how wheres}
+    variable Led                ;# dict: who says so -> {how wheres names}
     variable Twins              ;# dict: WHERE -> boot of a daemon that is known by another address
     variable Hosts              ;# dict: host -> 1: its rpcbind has been asked
     variable Moved              ;# ms, when a socket was last added or removed
@@ -64,8 +64,10 @@ proc ::sorma::discovery::places {} {
             dict set how $where added
         }
     }
+    set names {}
     foreach found [dict values $Led] {
-        lassign $found reason wheres
+        lassign $found reason wheres called
+        set names [dict merge $called $names]
         foreach where $wheres {
             if {![dict exists $how $where] && ![dict exists $Twins $where]} {
                 dict set how $where $reason
@@ -76,7 +78,9 @@ proc ::sorma::discovery::places {} {
     dict for {where reason} $how {
         if {[catch {::sorma::resolve @$where} place] || [dict get $place state] eq "here" || [dict exists $seen [dict get $place address]]} continue
         dict set seen [dict get $place address] 1
-        dict set places $where [dict replace $place how $reason]
+        # The name that a peer gives is only shown. It never means a place.
+        set called [if {$reason eq "sibling" && [dict exists $names $where]} {dict get $names $where}]
+        dict set places $where [dict replace $place how $reason called $called]
     }
     return $places
 }
@@ -129,11 +133,12 @@ proc ::sorma::discovery::pass {where {only 0}} {
     }
 }
 
-# ::sorma::discovery::lead WHO HOW WHERES -- as long as WHO says so, there are daemons at these.
-proc ::sorma::discovery::lead {who how wheres} {
+# ::sorma::discovery::lead WHO HOW WHERES ?NAMES? -- as long as WHO says so, there are daemons at these. NAMES: dict, WHERE -> what it is
+# called there.
+proc ::sorma::discovery::lead {who how wheres {names {}}} {
     variable Led
     if {[llength $wheres] > 0} {
-        dict set Led $who [list $how $wheres]
+        dict set Led $who [list $how $wheres $names]
     } elseif {[dict exists $Led $who]} {
         dict unset Led $who
     } else {

@@ -7,11 +7,12 @@
 # A value's way  daemon, Take > value, objectChanged > subject, Valued > field, Told
 #
 # KEY       robot, a daemon; carry.slow@robot, an object. This process is the daemon called self.
-# daemon    a dict: name address how state why since user host pid boot objects busy
+# daemon    a dict: name address how state why since user host pid boot objects busy called
 #             state  asking (no answer yet) alive busy silent (no answer for 2 s) refused denied (it lets nobody look, or not us)
 #                    unresolved (its address leads nowhere) dead (its socket is all that is left) gone
 #             how    folder dictionary proxy added sibling rpcbind self: how it came to be known. sibling: a daemon that is reached by
 #                    TCP has named it, as one of the same user on its host; rpcbind: the rpcbind of that host has
+#             called  name of a sibling on its host
 #             since  ms, when the state began;  busy: in what;  objects: how many
 # object    a dict: name class calls underway; in object.changed also changes (dict: -option value) and by
 # events    daemon.here daemon.changed daemon.gone object.made object.changed object.removed trail world.ready
@@ -32,7 +33,7 @@ package require sorma::events
 package provide sorma::world 1.0
 
 namespace eval ::sorma::world {
-    namespace export watch unwatch get keys shown names objects find use add forget hold release value listen ask cancel
+    namespace export watch unwatch get keys shown names others open objects find use add forget hold release value listen ask cancel
     namespace ensemble create
 
     variable Pulse 1000         ;# ms between two HEALTHs
@@ -138,10 +139,33 @@ proc ::sorma::world::objects daemon {
     return [::sorma::worldDaemon::fact $daemon objects]
 }
 
-# ::sorma::world::names -- what can stand after @, sorted: daemons of this user on this host, aliases of the dictionary, addresses of
-# proxies, and what was added.
+# ::sorma::world::names -- what can stand after @, sorted. Daemons of this user on this host, aliases of the dictionary, addresses of
+# proxies, what was added, and addresses of others.
 proc ::sorma::world::names {} {
-    return [::sorma::discovery::names]
+    return [lsort -unique [concat [::sorma::discovery::names] [dict keys [others]]]]
+}
+
+# ::sorma::world::others -- daemons of other hosts that a daemon there, or its rpcbind, has named, and that let us look. A dict: address ->
+# name there, or empty. That name is only shown. After @ only the address leads there.
+proc ::sorma::world::others {} {
+    set found {}
+    dict for {key daemon} [::sorma::worldDaemon::all] {
+        set facts [$daemon facts]
+        if {[dict get $facts how] in {sibling rpcbind} && [$daemon visible]} {
+            dict set found $key [dict get $facts called]
+        }
+    }
+    return $found
+}
+
+# ::sorma::world::open -- may others become known in a moment?
+proc ::sorma::world::open {} {
+    foreach daemon [dict values [::sorma::worldDaemon::all]] {
+        if {[$daemon unsettled]} {
+            return 1
+        }
+    }
+    return 0
 }
 
 # ::sorma::world::find WHERE -- the KEY of the daemon that is meant by what stands after @; empty: none is known there.

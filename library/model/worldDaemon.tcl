@@ -148,7 +148,7 @@ oo::define ::sorma::worldDaemon::daemon {
         set key $itsKey
         set first [clock milliseconds]
         set facts [dict create name $key address $address how $how state $state why {} since $first user {} host {} pid {} \
-            boot {} objects {} busy {}]
+            boot {} objects {} busy {} called {}]
         set objects {}
         set known [set heard [set counted 0]]
         set log [set items [set seen {}]]
@@ -169,6 +169,13 @@ oo::define ::sorma::worldDaemon::daemon {
 
     method facts {} {
         return $facts
+    }
+    # Those of another process know better.
+    method visible {} {
+        return 0
+    }
+    method unsettled {} {
+        return 0
     }
     # Does it answer? Is it known that it does not?
     method answers {} {

@@ -20,7 +20,7 @@ proc ::sorma::worldLine::Answer {peer daemon method status value} {
 if {![info object isa object ::sorma::worldLine::daemon]} {oo::class create ::sorma::worldLine::daemon}
 oo::define ::sorma::worldLine::daemon {
     superclass ::sorma::worldDaemon::daemon
-    variable key facts known heard counted log items
+    variable key facts first known heard counted log items
     variable peer               ;# the line; empty: none now
     variable opened             ;# ms, when the line was made
     variable waiting            ;# requests for it, as of ask, when it may yet come
@@ -30,9 +30,11 @@ oo::define ::sorma::worldLine::daemon {
     variable asking again       ;# ms, when its objects were asked for; 0: they are not. again: one more such question is wanted
     variable text touched       ;# of that answer; has an object come or gone since
     variable beside             ;# id of after: those beside it are to be asked for
+    variable sideways           ;# ms, when they were asked for; 0: the answer is here
+    variable greeted            ;# has it let us look
 
     constructor {itsKey address how} {
-        set opened [set pulsed [set told [set wanted [set asking [set again [set touched 0]]]]]]
+        set opened [set pulsed [set told [set wanted [set asking [set again [set touched [set sideways [set greeted 0]]]]]]]]
         set peer [set waiting [set text [set beside {}]]]
         next $itsKey $address $how asking
     }
@@ -60,6 +62,14 @@ oo::define ::sorma::worldLine::daemon {
 
     # ---- what programs ask ----
 
+    # May people see it among those that nobody here has named? Its own daemon lets us look then. unsettled: that is not known yet.
+    method visible {} {
+        return [expr {$greeted && [my answers]}]
+    }
+    method unsettled {} {
+        set fresh [expr {[clock milliseconds] - $first < 1000}]
+        return [expr {$sideways != 0 || $fresh && [dict get $facts how] in {sibling rpcbind} && !$greeted && [dict get $facts state] in {asking alive}}]
+    }
     # The sorma::peer; empty: there is no line now.
     method line {} {
         return $peer
@@ -124,6 +134,9 @@ oo::define ::sorma::worldLine::daemon {
 
     # leads PLACE -- where its address leads now: a dict of sorma::resolve.
     method leads place {
+        if {[dict get $facts called] ne [dict get $place called]} {
+            my Set [dict create called [dict get $place called]]
+        }
         if {[dict get $facts address] ne [dict get $place address]} {
             my Set [dict create address [dict get $place address]]
             my Close
@@ -157,6 +170,7 @@ oo::define ::sorma::worldLine::daemon {
         return 0
     }
     method Close {} {
+        set sideways 0
         ::sorma::worldDaemon::never [self]
         if {$peer ne {}} {
             set ended $peer
@@ -195,6 +209,7 @@ oo::define ::sorma::worldLine::daemon {
         }
     }
     method Greeted {status value} {
+        set greeted [expr {$status eq "ok"}]
         # When it works on something, HEALTH says how it is.
         if {$status ne "ok" && !([string match "SORMA COMM TIMEOUT*" [lindex $value 1]] && [dict get [$peer facts] connected])} {
             my Failed {*}$value
@@ -320,23 +335,29 @@ oo::define ::sorma::worldLine::daemon {
         after cancel $beside
         set beside {}
         if {$peer ne {} && [dict get $facts how] ni {sibling rpcbind} && ![catch {::sorma::resolve @$key} place] && [dict get $place host] ne {}} {
+            set sideways [clock milliseconds]
             my Ask {sorm DBX -inventory siblings} 10000 Siblings
             ::sorma::discovery::host [dict get $place host]
         }
     }
     method Siblings {status value} {
+        set sideways 0
+        set names {}
         if {$status eq "error" || [catch {
             # A daemon that listens on one interface is reached by that one only.
             set host [dict get [::sorma::resolve @$key] host]
             lmap item [lrange [dict get [dict get $value text] siblings] 0 999] {
                 lassign $item name interface port
                 if {$interface ni [list 0.0.0.0 :: {} $host] || ![string is integer -strict $port]} continue
+                if {[regexp {^[\w.-]{1,64}$} $name]} {
+                    dict set names $host:$port $name
+                }
                 string cat $host : $port
             }
         } addresses]} {
             return
         }
-        ::sorma::discovery::lead $key sibling $addresses
+        ::sorma::discovery::lead $key sibling $addresses $names
     }
 
     export Connected Greeted Healthy Counted Happened AskSiblings Siblings

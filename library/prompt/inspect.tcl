@@ -48,7 +48,7 @@ proc ::sorma::inspect::ls args {
         }
         foreach object [::sorma::world objects $key] {
             if {[string match $pattern [dict get $object name]]} {
-                lappend items [dict create where $where {*}$object]
+                lappend items [dict create where $where {*}$object {*}[Called $where]]
             }
         }
         foreach object [if {$where eq {}} ::sorma::anonymous] {
@@ -119,10 +119,9 @@ proc ::sorma::inspect::tree args {
 # Results:
 #       With -data a list of dicts: name, address, state (as sorma::world gives it, or self), error, objects.
 proc ::sorma::inspect::daemons args {
-    variable Wait
     lassign [Parse $args {}] - data
     set items {}
-    foreach {name key error} [::sorma::await daemons $Wait [::sorma::world names] counted] {
+    foreach {name key error} [CountedOf {::sorma::world names}] {
         set known [::sorma::world get $key]
         if {$known eq {}} {             ;# its name leads nowhere
             set known {address {} state unresolved objects {}}
@@ -134,7 +133,7 @@ proc ::sorma::inspect::daemons args {
             set state silent
         }
         lappend items [dict create name $name address [if {$key eq "self"} {string cat self} else {dict get $known address}] \
-            state $state error $error objects [dict get $known objects]]
+            state $state error $error objects [dict get $known objects] {*}[Called $name]]
     }
     if {$data} {
         return $items
@@ -482,6 +481,10 @@ proc ::sorma::inspect::Places patterns {
             continue
         }
         set found [lsearch -all -inline -glob $names $pattern]
+        # A name of ours comes before that of a daemon elsewhere.
+        if {[llength $found] == 0 || [regexp {[*?\[]} $pattern]} {
+            lappend found {*}[dict keys [dict filter [::sorma::world others] value $pattern]]
+        }
         if {[llength $found] == 0 && ![regexp {[*?\[]} $pattern]} {
             set found [list $pattern]           ;# it cannot be found, but perhaps reached
         }
@@ -515,8 +518,30 @@ proc ::sorma::inspect::NeedPlaces {wheres items} {
 
 # WHERE KEY TROUBLE ... of the places, when all objects there were counted again.
 proc ::sorma::inspect::Counted patterns {
+    return [CountedOf [list Places $patterns]]
+}
+# The same of places that a command gives. Daemons of other hosts become known only when one of them has answered.
+proc ::sorma::inspect::CountedOf command {
     variable Wait
-    return [::sorma::await daemons $Wait [Places $patterns] counted]
+    set places [{*}$command]
+    set found [::sorma::await daemons $Wait $places counted]
+    if {[::sorma::world open]} {
+        ::sorma::await until $Wait {![::sorma::world open]}
+    }
+    set now [{*}$command]
+    set more [lmap place $now {if {$place in $places} continue; set place}]
+    if {[llength $more] == 0} {
+        return $found
+    }
+    foreach {place key error} [concat $found [::sorma::await daemons $Wait $more counted]] {
+        dict set told $place [list $place $key $error]
+    }
+    return [concat {*}[lmap place $now {dict get $told $place}]]
+}
+# For an item: what a daemon that nobody here has named is called on its host.
+proc ::sorma::inspect::Called where {
+    set others [::sorma::world others]
+    return [if {[dict exists $others $where] && [dict get $others $where] ne {}} {list called [dict get $others $where]}]
 }
 
 # Tables of classes or objects at a place, as far as they come in time.

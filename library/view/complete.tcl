@@ -186,7 +186,7 @@ proc ::sorma::complete::ForKind {expected partial} {
         }
         object { return [list [Names $partial 1] $one] }
         so { return [list [Names $partial] $one] }
-        at { return [list [lmap name [::sorma::world names] {string cat @ $name}] $one] }
+        at { return [list [lmap name [concat [::sorma::world names] [dict values [::sorma::world others]]] {string cat @ $name}] $one] }
         daemon { return [list [::sorma::world names] $one] }
         class { return [list [::sorma::table classes {}] $one] }
         topic { return [list [concat [Names $partial] [Topics]] $one] }
@@ -570,6 +570,10 @@ proc ::sorma::complete::SlipOfName {name flavors} {
         return {}
     }
     if {$at ne {} && [regexp {^[\w.-]+$} $where]} {
+        set elsewhere [dict keys [dict filter [::sorma::world others] value $where]]
+        if {[llength $elsewhere] > 0 && $where ni [::sorma::world names]} {
+            return "\"$where\" is at [join $elsewhere { and at }]"
+        }
         set slip [Unknown $where [concat self [::sorma::world names]] "daemon "]
         if {$slip ne {} || $where ni [::sorma::world names]} {
             return $slip

@@ -72,7 +72,7 @@ proc ::sorma::listing::Branch {byName name option depth above} {
 # ::sorma::listing::daemons ITEMS -- of name state objects address error.
 proc ::sorma::listing::daemons items {
     set rows [lmap item $items {
-        list [dict get $item name] [dict get $item state] [dict get $item objects] [dict get $item address]
+        list [Named [dict get $item name] $item] [dict get $item state] [dict get $item objects] [dict get $item address]
     }]
     set out [list [table {daemon state objects address} $rows {2}]]
     foreach item $items {
@@ -262,7 +262,7 @@ proc ::sorma::listing::sections {items heads right row} {
                 lappend rows [apply $row $item]
             }
         }
-        lappend out {*}[Section $where $heads $rows $right $errors]
+        lappend out {*}[Section [Named $where [lindex $group 0]] $heads $rows $right $errors]
     }
     return [join $out \n]
 }
@@ -295,6 +295,11 @@ proc ::sorma::listing::ByPlace items {
         dict lappend groups [dict get $item where] $item
     }
     return $groups
+}
+
+# A place, and in parentheses what an item says that it is called on its host.
+proc ::sorma::listing::Named {where item} {
+    return [if {[dict exists $item called] && [dict get $item called] ne {}} {string cat "$where ([dict get $item called])"} else {set where}]
 }
 
 proc ::sorma::listing::Heading where {
