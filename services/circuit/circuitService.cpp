@@ -38,6 +38,8 @@ public:
             .text("-inputs", &Circuit::inputs_,
                   {.help = "its own inputs, in order: name ?length? ?unit?; ...    others follow as wired"})
             .text("-outputs", &Circuit::outputs_, {.help = "its own outputs, likewise"})
+            .text("-places", &Circuit::places_,
+                  {.help = "where an editor draws its boxes: unit NAME x y; pin NAME x y; ...    nothing else reads it"})
             .real("-period", &Circuit::period_, {.unit = "s", .low = 0, .high = 3600,
                                                  .help = "time step of its units when no cycle drives it; 0: they need their own"})
             .action({"-rewire", "", "find units and lengths again, after units were replaced or changed", 0, 0,
@@ -192,7 +194,7 @@ private:
         fail(kFloats, name(), network_->inputs(), pins, got);
     }
 
-    std::string wires_, inputs_, outputs_;
+    std::string wires_, inputs_, outputs_, places_;
     double period_ = 0;
     std::shared_ptr<Network> network_;      // from birth on
     bool running_ = false;                  // a unit may come back to us, or let others do so while it waits
