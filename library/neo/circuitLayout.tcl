@@ -1,0 +1,112 @@
+# circuitLayout.tcl -- where the boxes of a circuit stand when nobody has moved them: from left to right, as signals flow (layers.tcl). It knows
+# no window. The same text gives the same picture.
+#
+# All is counted in steps of a grid, 8 pixels at 96 dots per inch and zoom 1. A place is the upper left corner of a box.
+# node      a dict as circuitText has it: kind, ins, outs; key: {unit NAME} or {pin NAME}
+
+package require sorma::circuitText
+package require sorma::layers
+package provide sorma::circuitLayout 1.0
+
+namespace eval ::sorma::circuitLayout {
+    namespace export size pin place free
+    namespace ensemble create
+    variable Gap $::sorma::layers::Gap
+    variable Room $::sorma::layers::Room
+    variable Pitch 3            ;# rows from pin to pin
+}
+
+# ::sorma::circuitLayout size KEY NODE -- {width height} of a box.
+proc ::sorma::circuitLayout::size {key node} {
+    variable Pitch
+    set title [string length [lindex $key 1]]
+    if {[dict get $node kind] ne "unit"} {
+        return [list [expr {min(30, max(6, ($title * 9 + 9) / 10 + 4))}] 4]
+    }
+    foreach side {ins outs} {
+        set $side [tcl::mathfunc::max 0 {*}[lmap pin [dict get $node $side] {string length $pin}]]
+    }
+    set rows [expr {max(1, [llength [dict get $node ins]], [llength [dict get $node outs]])}]
+    return [list [expr {min(36, max(10, ($title * 9 + 9) / 10 + 3, (($ins + $outs) * 9 + 9) / 10 + 4))}] [expr {3 + $Pitch * $rows}]]
+}
+
+# ::sorma::circuitLayout pin NODE SIDE NAME -- the row of a pin in its box. SIDE: ins or outs.
+proc ::sorma::circuitLayout::pin {node side name} {
+    variable Pitch
+    if {[dict get $node kind] ne "unit"} {
+        return 2
+    }
+    return [expr {4 + $Pitch * max(0, [lsearch -exact [dict get $node $side] $name])}]
+}
+
+# ::sorma::circuitLayout place GRAPH ?FIXED? -- a dict KEY -> {x y} of all nodes. FIXED: those that have a place.
+proc ::sorma::circuitLayout::place {graph {fixed {}}} {
+    set nodes [dict get $graph nodes]
+    set edges [Edges $graph]
+    set fixed [dict filter $fixed script {key -} {dict exists $nodes $key}]
+    if {[dict size $fixed] > 0} {
+        return [Fit $nodes $edges $fixed]
+    }
+    # Own inputs stand in the first column, own outputs in the last one.
+    foreach kind {in out} {
+        set $kind [dict keys [dict filter $nodes script {- node} {expr {[dict get $node kind] eq $kind}}]]
+    }
+    return [::sorma::layers::places [::sorma::layers::columns [dict keys $nodes] $edges $in $out] [dict map {key node} $nodes {size $key $node}] $edges]
+}
+
+# {FROM TO ROW1 ROW2} of each wire between two boxes; rows: of its pins.
+proc ::sorma::circuitLayout::Edges graph {
+    set nodes [dict get $graph nodes]
+    return [lmap wire [dict get $graph wires] {
+        lassign $wire - source sink
+        if {[lindex $source 1] eq {}} continue
+        set from [::sorma::circuitText::node $source]
+        set to [::sorma::circuitText::node $sink]
+        list $from $to [pin [dict get $nodes $from] outs [lindex $source 1]] [pin [dict get $nodes $to] ins [lindex $sink 1]]
+    }]
+}
+
+# Places where some have one. The others follow in the order of the text. Each stands right of what it reads, else left of its reader, else
+# below all; then as far below as there is room.
+proc ::sorma::circuitLayout::Fit {nodes edges fixed} {
+    variable Gap
+    variable Room
+    set places $fixed
+    set sizes [dict map {key node} $nodes {size $key $node}]
+    foreach key [dict keys $nodes] {
+        if {[dict exists $places $key]} continue
+        lassign [dict get $sizes $key] width height
+        set at {}
+        foreach edge $edges {
+            lassign $edge from to out in
+            if {$to eq $key && [dict exists $places $from]} {
+                lassign [dict get $places $from] x y
+                set at [list [expr {$x + [lindex [dict get $sizes $from] 0] + $Gap}] [expr {$y + $out - $in}]]
+                break
+            } elseif {$from eq $key && $at eq {} && [dict exists $places $to]} {
+                lassign [dict get $places $to] x y
+                set at [list [expr {$x - $width - $Gap}] [expr {$y + $in - $out}]]
+            }
+        }
+        if {$at eq {}} {
+            set at [list [tcl::mathfunc::min {*}[lmap place [dict values $places] {lindex $place 0}]] \
+                [tcl::mathfunc::max {*}[lmap {other place} $places {expr {[lindex $place 1] + [lindex [dict get $sizes $other] 1] + $Room}}]]]
+        }
+        dict set places $key [free $at $width $height [lmap {other place} $places {concat $place [dict get $sizes $other]}]]
+    }
+    return $places
+}
+
+# ::sorma::circuitLayout free PLACE WIDTH HEIGHT BOXES -- the next place below this one where such a box is on none of BOXES, {x y width height}.
+proc ::sorma::circuitLayout::free {place width height boxes} {
+    variable Room
+    lassign $place x y
+    # From above, so that one pass is enough.
+    foreach box [lsort -integer -index 1 $boxes] {
+        lassign $box left top wide high
+        if {$x < $left + $wide + $Room && $x + $width + $Room > $left && $y < $top + $high + $Room && $y + $height + $Room > $top} {
+            set y [expr {$top + $high + $Room}]
+        }
+    }
+    return [list $x $y]
+}
