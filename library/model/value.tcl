@@ -1,6 +1,6 @@
 # value.tcl -- values of objects that change, for sorma::world value: shared by all who look at the same.
 #
-# Options are read once (sorm DBX -describe, which makes nothing); from then on the daemon tells of each CTRL. Replies of EXEC, and
+# Options are read once (sorm DBX -describe, which makes nothing); from then on the daemon tells of each CTRL. Replies of EXEC and DBX, and
 # options that change by themselves, are asked for again and again, as often as the most eager caller wants them.
 #
 # A value is a dict: value, state (live, stale: it may be old; refused; gone: there is no such object), by (who set it, when that was
@@ -37,7 +37,7 @@ proc ::sorma::value::new {token name what every command} {
     variable Tokens
     set full [join [::sorma::line::place $name] @]
     set option {}
-    if {[lindex $what 0] eq "EXEC"} {
+    if {[lindex $what 0] in {EXEC DBX}} {
         if {$every == 0} {
             set every 1000
         }
@@ -189,7 +189,13 @@ oo::define ::sorma::value::reading {
         set asking 1
         set newer {}
         my Await
-        $there ask [if {$what eq "options"} {list sorm DBX -describe $name} else {list $name {*}$what}] 5000 [list ::sorma::value::Answer [self]]
+        $there ask [if {$what eq "options"} {
+            list sorm DBX -describe $name
+        } elseif {[lindex $what 0] eq "DBX"} {
+            list sorm DBX -look $name {*}[lrange $what 1 end]
+        } else {
+            list $name {*}$what
+        }] 5000 [list ::sorma::value::Answer [self]]
         return 0
     }
     method Again {} {

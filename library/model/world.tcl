@@ -78,7 +78,7 @@ proc ::sorma::world::watch {pattern args} {
     return $token
 }
 
-# ::sorma::world::value NAME *|-option|{EXEC ...} ?-every ms? -command PREFIX -- see value.tcl.
+# ::sorma::world::value NAME *|-option|{EXEC ...}|{DBX ...} ?-every ms? -command PREFIX -- see value.tcl.
 proc ::sorma::world::value {name what args} {
     set options [Read {-every {{whole 0 {}} 0}} value $args]
     Start
