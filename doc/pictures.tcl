@@ -95,6 +95,7 @@ namespace eval pictures {
         trailview  {sorma::trailview -keys arm.*@* -height 4}
         console    {sorma::console -width 84 -height 22}
         browser    {sorma::browser}
+        circuitEditor {sorma::circuitEditor circuit.level@pictures}
     }
     variable Bound 20000        ;# ms for which something is waited for
     variable Demos [file join [file dirname [file dirname [file normalize [info script]]]] demos]
@@ -182,6 +183,18 @@ proc pictures::Ready name {
             until {{arm.left@pictures} in [.w tree keys]}
             .w choose {object pictures arm.left}
             until {[string match "*-speed 0.5*" [.w text]]}
+        }
+        circuitEditor {
+            wm geometry . 1000x560
+            circuit.level@pictures CTRL -inputs {target 1 m} -period 0.1 -wires {
+                target              -> sum.error.in1
+                integrator.tank.out -> sum.error.in2
+                sum.error.out       -> gain.valve.in
+                gain.valve.out      -> integrator.tank.in
+                integrator.tank.out -> level
+            }
+            circuit.level@pictures EXEC FMSG 1 1.5
+            until {[.w value 0] eq "1.5 m" && "sum" in [.w palette classes]}
         }
         notice { wm geometry . 460x64; .w say gone "arm.left is not there any more. A request makes it again, from its recipe." {apply {{} {}}} }
         status { until {[.w shows] eq "alive"} }

@@ -39,6 +39,7 @@ apply {{} {
         console console
         arrangement arrangement
         browser browser
+        circuitEditor circuitEditor
     } {
         if {"*" in $commands} {                     ;# all that the manual has of it
             set commands [lmap command [concat $package [dict keys $usage sorma::${package}::*]] {regsub {^sorma::} $command {}}]

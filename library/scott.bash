@@ -1,5 +1,5 @@
-# scott.bash -- completion of the command lines of scott, scottwish and sorma-browser in bash. What there is they say themselves: commands, and
-# what is at all daemons.
+# scott.bash -- completion of the command lines of scott, scottwish, sorma-browser and sorma-neo in bash. What there is they say themselves:
+# commands, and what is at all daemons.
 
 _scott() {
     local current="${COMP_WORDS[COMP_CWORD]}" line="${COMP_LINE:0:COMP_POINT}" words word
@@ -13,4 +13,4 @@ _scott() {
     local before="${word%"$current"}"
     COMPREPLY=("${COMPREPLY[@]#"$before"}")
 }
-complete -o bashdefault -o default -F _scott scott scottwish sorma-browser
+complete -o bashdefault -o default -F _scott scott scottwish sorma-browser sorma-neo

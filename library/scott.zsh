@@ -1,6 +1,6 @@
-#compdef scott scottwish sorma-browser
-# scott.zsh -- completion of the command lines of scott, scottwish and sorma-browser in zsh, as file _scott in its function path. What there is
-# they say themselves: commands, and what is at all daemons.
+#compdef scott scottwish sorma-browser sorma-neo
+# scott.zsh -- completion of the command lines of scott, scottwish, sorma-browser and sorma-neo in zsh, as file _scott in its function path.
+# What there is they say themselves: commands, and what is at all daemons.
 
 # The word at the cursor as far as it goes, perhaps an empty one; all of them as scott would get them, without their quotes.
 local -a found

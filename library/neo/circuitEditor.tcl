@@ -1,0 +1,421 @@
+# circuitEditor.tcl -- sorma::circuitEditor: a circuit as a picture, with the present values on its wires, here or elsewhere.
+#
+# The recipe (options -wires, -inputs, -outputs) is the only source of the picture; option -places has where its boxes stand. It is a view
+# of the model: it never waits, and makes no object until somebody edits. Edits are in circuitEdits.tcl.
+
+package require sorma::circuitEdits
+package require sorma::circuitLayout
+package require sorma::circuitPalette
+package require sorma::circuitScene
+package require sorma::circuitText
+package require sorma::lamp
+package require sorma::notice
+package require sorma::subject
+package require sorma::text
+package require sorma::ways
+package require sorma::window
+package provide sorma::circuitEditor 1.0
+
+# ::sorma::circuitEditor .w NAME ?-every ms? ?-values 0|1? ?-state normal|readonly? --
+#       A frame with the picture. The circuit need not be there.
+# Arguments:
+#       ms       how often values are asked for, default 200
+#       values   are they shown
+#       readonly nothing is changed
+# Methods:
+#       subject, scene, palette     its parts
+#       graph, places               as circuitText has them, with all pins and all boxes
+#       box KEY                     {x y width height}
+#       said                        the line below the picture
+#       value NUMBER                the text on that wire
+#       connect SOURCE SINK, drop CLASS X Y, delete KEYS NUMBERS, move KEYS DX DY, replace NUMBER WIRE, tidy. These edit.
+#       undo, redo, revert
+#       history                     names of the edits that can be undone
+snit::widget ::sorma::circuitEditor {
+    hulltype ttk::frame
+    option -every -default 200 -readonly 1 -type {snit::integer -min 20}
+    option -values -default 1 -configuremethod SetValues -type snit::boolean
+    option -state -default normal -readonly 1 -type {snit::enum -values {normal readonly}}
+    component scene -public scene
+    component palette -public palette
+    variable subject {}
+    variable listener {}
+    variable token {}           ;# of the model, for values; empty while nobody sees them
+    variable timer {}
+    variable recipe {}          ;# dict: -wires -inputs -outputs -places, as shown
+    variable running {}         ;# the same, as the circuit has it
+    variable graph {nodes {} wires {} pieces {}}
+    variable places {}          ;# dict: KEY -> {x y}
+    variable boxes {}           ;# dict: KEY -> {x y width height}
+    variable ways {}            ;# of the wires, in their order
+    variable pins {}            ;# dict: name of a unit -> {ins dict outs dict}, each name -> {length unit}; own pins: under the name {}
+    variable live {}            ;# dict: {NAME in|out} -> {length unit number ...}
+    variable reply {}           ;# the text that live was read from
+    variable told {state asking why {} age {}}
+    variable shown 1            ;# values
+    variable stands {}          ;# begin, end or nothing, for each wire: where its value stands
+    variable redraw 0           ;# have pins changed, so that it is to be drawn again
+    variable hint {}            ;# below the picture
+
+    ::sorma::circuitEdits
+
+    constructor {name args} {
+        $self configurelist $args
+        set subject [::sorma::subject of $name]
+        set pad [::sorma::style pixels 8]
+        $hull configure -style Page.TFrame
+        $self Head
+        ::ttk::panedwindow $win.panes -orient horizontal
+        install palette using ::sorma::circuitPalette $win.panes.palette -where [lindex [::sorma::table locate $name] 1]
+        ::ttk::frame $win.panes.picture
+        install scene using ::sorma::circuitScene $win.panes.picture.scene
+        ::text $win.panes.picture.text -wrap word -width 20 -height 10 -font [::sorma::style font fixed] -relief flat
+        ::ttk::label $win.hint -style Page.TLabel -textvariable [myvar hint] -anchor w -padding [list $pad [::sorma::style pixels 4]]
+        pack $scene -fill both -expand 1
+        if {$options(-state) eq "normal"} {
+            $win.panes add $palette -weight 0
+        }
+        $win.panes add $win.panes.picture -weight 1
+        pack $win.head -fill x -padx $pad -pady $pad
+        pack $win.hint -side bottom -fill x
+        pack $win.panes -fill both -expand 1 -padx $pad
+        bind $win <Map> [mymethod Begin]
+        bind $win <Unmap> [mymethod Rest]
+        bind $win <Destroy> +[list ::sorma::parts::ended $win [mymethod Ended %W]]
+        $self Bind
+        set listener [$subject listen [mymethod Told]]
+        $self Refresh
+    }
+    # The picture gets the room.
+    proc Narrow panes {
+        if {[winfo exists $panes]} {
+            $panes sashpos 0 [::sorma::style pixels 170]
+        }
+    }
+    # Title, state, buttons; then what is wrong.
+    method Head {} {
+        set pad [::sorma::style pixels 8]
+        set head [::ttk::frame $win.head -style Card.TFrame -padding [list [::sorma::style pixels 12] $pad]]
+        ::ttk::label $head.name -text [$subject name] -font [::sorma::style font title]
+        ::sorma::status $head.status -name [$subject name] -brief 1
+        ::ttk::frame $head.tools
+        set column 0
+        foreach {name text method changes} {undo Undo undo 1 redo Redo redo 1 revert Revert revert 1 tidy Tidy tidy 1 out \u2212 {Zoom 0.8} 0 in + {Zoom 1.25} 0 fit Fit {Zoom fit} 0} {
+            if {$changes && $options(-state) eq "readonly"} continue
+            ::ttk::button $head.tools.$name -style Toolbutton -text [::msgcat::mc $text] -command [mymethod {*}$method] -takefocus 1
+            grid $head.tools.$name -row 0 -column [incr column] -sticky ns
+        }
+        foreach {name text} {undo "Take the last change back (Ctrl-Z)" redo "Do it again (Ctrl-Y)" revert "Show the circuit as it runs, and forget what it has refused"
+                tidy "Lay all boxes out anew (Ctrl-L)" out "Smaller (minus)" in "Larger (plus)" fit "All of it (0)"} {
+            if {[winfo exists $head.tools.$name]} {
+                ::sorma::style tip $head.tools.$name $text
+            }
+        }
+        ::ttk::checkbutton $head.tools.values -style [::sorma::style own TCheckbutton] -text [::msgcat::mc values] -variable [myvar shown] -underline 0 \
+            -command [mymethod Values]
+        grid $head.tools.values -row 0 -column [incr column] -padx [list $pad 0]
+        ::sorma::notice $head.say -lines 1
+        grid $head.name $head.status $head.tools -sticky ew -padx [list 0 $pad]
+        grid $head.say -row 1 -columnspan 3 -sticky ew
+        grid columnconfigure $head 1 -weight 1
+    }
+    method Ended window {
+        if {$window eq $win && $subject ne {}} {
+            after cancel $timer
+            $self Rest
+            $subject unlisten $listener
+            $subject release
+            set subject {}
+        }
+    }
+
+    # ---- what programs say ----
+
+    method subject {} { return $subject }
+    method graph {} { return $graph }
+    method places {} { return $places }
+    method box key { return [dict get $boxes $key] }
+    method said {} { return $hint }
+    method value number {
+        return [$self Text [lindex [dict get $graph wires] $number]]
+    }
+
+    # ---- the model ----
+
+    # Values are asked for while the picture can be seen.
+    method Begin {} {
+        if {$token eq {} && $subject ne {} && $palette in [$win.panes panes]} {
+            after idle [list ::sorma::circuitEditor::Narrow $win.panes]
+        }
+        if {$token eq {} && $subject ne {}} {
+            set token [$subject value {DBX -live} $options(-every) [list ::sorma::parts::answer [mymethod Valued]]]
+        }
+    }
+    method Rest {} {
+        if {$token ne {}} {
+            ::sorma::world unwatch $token
+            set token {}
+        }
+    }
+    method Told args {
+        if {$timer eq {}} {
+            set timer [after idle [mymethod Refresh]]
+        }
+    }
+    method Valued {what name values} {
+        set value [lindex $values 1]
+        set told [dict filter $value key state why age]
+        set text [if {[dict exists $value value text]} {dict get $value value text}]
+        if {$text ne {} && $text ne $reply} {
+            set reply $text
+            $self ReadLive $text
+        }
+        $self Values
+        $self Say
+    }
+    method Redraw {} {
+        set redraw 1
+        $self Told
+    }
+    # Pins that have come or gone change the boxes.
+    method ReadLive text {
+        set live [set found {}]
+        foreach line [split $text \n] {
+            if {[catch {lassign $line pin way length unit}]} continue
+            dict set live [list $pin $way] [lrange $line 2 end]
+            set dot [string last . $pin]
+            dict set found [string range $pin 0 $dot-1] [dict get {in ins out outs} $way] [string range $pin $dot+1 end] [list $length $unit]
+        }
+        if {$found ne $pins} {
+            set pins [dict merge $pins $found]
+            $self Redraw
+        }
+    }
+
+    # ---- the picture ----
+
+    method Refresh {} {
+        after cancel $timer
+        set timer {}
+        if {$subject eq {}} return
+        set now [set running {}]
+        foreach option {-wires -inputs -outputs -places} {
+            set known [$subject get $option]
+            dict set now $option [if {[$self Wants $option]} {dict get $wanted $option} else {dict get $known value}]
+            dict set running $option [dict get $known live]
+        }
+        if {$now ne $recipe || $redraw} {
+            set recipe $now
+            set redraw 0
+            $self Picture
+        }
+        $self Sent
+        $self Say
+    }
+    method Picture {} {
+        try {
+            set graph [::sorma::circuitText graph [dict get $recipe -wires] [dict get $recipe -inputs] [dict get $recipe -outputs]]
+        } on error {message how} {
+            return [$self AsText $message [dict get $how -errorcode]]
+        }
+        if {[winfo manager $scene] eq {}} {
+            pack forget $win.panes.picture.text
+            pack $scene -fill both -expand 1
+        }
+        set fixed [::sorma::circuitText places [dict get $recipe -places]]
+        $self Complete $fixed
+        set places [::sorma::circuitLayout place $graph $fixed]
+        $self Arrange
+    }
+    # All pins of the units that are known, in the order of their class; and units that have a place and no wire yet.
+    method Complete fixed {
+        set nodes [dict get $graph nodes]
+        dict for {key place} $fixed {
+            if {[lindex $key 0] eq "unit" && ![dict exists $nodes $key]} {
+                dict set nodes $key {kind unit ins {} outs {}}
+                $self AskPins [lindex $key 1]
+            }
+        }
+        dict set graph nodes [dict map {key node} $nodes {
+            foreach side {ins outs} {
+                set name [::sorma::circuitText object [lindex $key 1]]
+                if {[lindex $key 0] eq "unit" && [dict exists $pins $name $side]} {
+                    set all [dict keys [dict get $pins $name $side]]
+                    dict set node $side [concat $all [lmap pin [dict get $node $side] {if {$pin in $all} continue; set pin}]]
+                }
+            }
+            set node
+        }]
+    }
+    # The ways of all wires; with KEYS only of those at these boxes.
+    method Arrange {{moved {}}} {
+        set nodes [dict get $graph nodes]
+        set boxes [dict map {key node} $nodes {concat [dict get $places $key] [::sorma::circuitLayout size $key $node]}]
+        set asked [set numbers [set kept {}]]
+        set n -1
+        foreach wire [dict get $graph wires] {
+            incr n
+            lassign [$self Ends $wire] net from to
+            if {$moved ne {} && $from ni $moved && $to ni $moved && $n < [llength $ways]} {
+                lappend kept [list $net [lindex $ways $n]]
+                continue
+            }
+            lappend numbers $n
+            lappend asked [$self Asked $wire]
+        }
+        if {$moved eq {}} {
+            set ways [lrepeat [expr {max(1, [llength [dict get $graph wires]])}] {}]
+        }
+        foreach number $numbers way [::sorma::ways::of [dict values $boxes] $asked $kept] {
+            lset ways $number $way
+        }
+        $self Show
+    }
+    # {NET FROM TO} of a wire; constants have a net of their own, and no box.
+    method Ends wire {
+        lassign $wire - source sink
+        set to [::sorma::circuitText node $sink]
+        if {[lindex $source 1] eq {}} {
+            return [list $wire {} $to]
+        }
+        return [list [lrange $source 0 1] [::sorma::circuitText node $source] $to]
+    }
+    # The wire as the routes take it. Constants stand left of their pin.
+    method Asked wire {
+        lassign [$self Ends $wire] net from to
+        lassign [dict get $boxes $to] X Y
+        set Y [expr {$Y + [::sorma::circuitLayout pin [dict get $graph nodes $to] ins [lindex $wire 2 1]]}]
+        if {$from eq {}} {
+            return [list $net [expr {$X - 3}] $Y $X $Y]
+        }
+        lassign [dict get $boxes $from] x y width
+        return [list $net [expr {$x + $width}] [expr {$y + [::sorma::circuitLayout pin [dict get $graph nodes $from] outs [lindex $wire 1 1]]}] $X $Y]
+    }
+    method Show {} {
+        set there [lmap wire [if {[catch {::sorma::circuitText read [dict get $running -wires]} known]} {} else {dict get $known wires}] {lrange $wire 1 2}]
+        set named [set wired [set stands {}]]
+        set wires [lmap wire [dict get $graph wires] way $ways {
+            if {$wire eq {}} break
+            lassign [$self Ends $wire] net from to
+            dict set wired $from 1
+            dict set wired $to 1
+            lassign $wire - source sink
+            # A value stands once for its net, at its beginning; that of a part, and a constant, at the end.
+            set part [expr {[lindex $source 1] eq {} || [lindex $source 2] ne {}}]
+            lappend stands [expr {$part ? "end" : [dict exists $named $net] ? {} : "begin"}]
+            dict set named $net 1
+            dict create way $way ends [list $from $to] end $part count [$self Count $wire] state [expr {[lrange $wire 1 2] in $there ? "live" : "mine"}]
+        }]
+        $scene show [dict map {key node} [dict get $graph nodes] {
+            dict replace $node box [dict get $boxes $key] state [$self NodeState $key $wired]
+        }] $wires
+        $self Values
+        $self Selected
+    }
+    method NodeState {key wired} {
+        return [expr {[dict exists $wired $key] || [lindex $key 0] eq "pin" ? "live" : "asking"}]
+    }
+    # How many elements a wire has; empty: not known.
+    method Count wire {
+        lassign $wire - source sink
+        foreach {end side} [list $source outs $sink ins] {
+            lassign $end object pin first last numbers
+            if {$pin eq {}} {
+                return [llength $numbers]
+            } elseif {$first ne {}} {
+                return [expr {$last - $first + 1}]
+            }
+        }
+        set known [$self Live $source out]
+        return [lindex $known 0]
+    }
+    # {length unit number ...} of the pin at an end.
+    method Live {end way} {
+        lassign $end object pin
+        if {$object eq {}} {
+            set way [dict get {in out out in} $way]         ;# inside, an input of the circuit is a source
+        }
+        set key [list [if {$object ne {}} {string cat [::sorma::circuitText object $object] .}]$pin $way]
+        return [if {[dict exists $live $key]} {dict get $live $key}]
+    }
+
+    # ---- values ----
+
+    # The value of a wire as it stands there: three elements at most, the unit, and its age when it is old.
+    method Text wire {
+        lassign $wire - source sink
+        lassign $source object pin first last numbers
+        set unit {}
+        if {$pin ne {}} {
+            set numbers [lassign [$self Live $source out] length unit]
+            if {$first ne {}} {
+                set numbers [lrange $numbers $first $last]
+            }
+        }
+        if {$numbers eq {}} {
+            return
+        }
+        set text [join [lmap number [lrange $numbers 0 2] {expr {[string is double -strict $number] ? [format %.4g $number] : $number}}]]
+        append text [if {[llength $numbers] > 3} {string cat \u2026}] [if {$unit ne {}} {string cat " " $unit}]
+        return [if {$pin ne {} && [dict get $told age] ne {}} {string cat "$text, [dict get $told age]"} else {set text}]
+    }
+    method Values {} {
+        $scene values [lmap wire [dict get $graph wires] where $stands {if {$shown && $where ne {}} {$self Text $wire}}]
+        $scene grey [expr {[dict get $told state] in {stale gone refused}}]
+    }
+    method SetValues {option value} {
+        set options($option) $value
+        set shown $value
+        if {$scene ne {}} {
+            $self Values
+        }
+    }
+    # The top says what holds for the whole circuit.
+    method Say {} {
+        lassign [$subject trouble] state text
+        set make {}
+        set refused [lmap option {-wires -inputs -outputs -places} {
+            set known [$subject get $option]
+            if {[dict get $known state] ni {refused theirs locked}} continue
+            list [dict get $known state] [expr {[dict get $known why] ne {} ? [dict get $known why] : [lindex [$subject mark $option] 1]}]
+        }]
+        if {$state eq "live" && $refused ne {}} {
+            lassign [lindex $refused 0] state text
+        } elseif {$state eq "live" && [dict get $told state] ni {live asking}} {
+            set state [dict get $told state]
+            set text [dict get $told why]
+        } elseif {$state eq "gone" && $options(-state) eq "normal" && [$subject makes]} {
+            set make [list $subject make]
+        }
+        if {$state eq "live"} {
+            set text "[dict size [dict get $graph nodes]] boxes, [llength [dict get $graph wires]] wires"
+        } else {
+            set text "[::sorma::style mark $state] $text"
+        }
+        $win.head.say say [expr {$state eq "live" ? "asking" : $state}] [::sorma::text::clean [string map {\n { }} $text]] $make
+    }
+    # A recipe that cannot be read: its text, with the error marked.
+    method AsText {message code} {
+        set view $win.panes.picture.text
+        pack forget $scene
+        pack $view -fill both -expand 1
+        $view configure -state normal
+        $view delete 1.0 end
+        $view insert end [dict get $recipe -wires]
+        $view tag configure wrong -foreground [::sorma::style colour refused] -underline 1
+        lassign [lrange $code 4 5] first last
+        if {[string is integer -strict $last]} {
+            $view tag add wrong "1.0 + $first chars" "1.0 + [expr {$last + 1}] chars"
+            $view see "1.0 + $first chars"
+        }
+        $view configure -state disabled
+        set hint "[::sorma::style mark refused] $message"
+    }
+    method Zoom factor {
+        if {$factor eq "fit"} {
+            $scene fit
+        } else {
+            $scene zoom $factor
+        }
+    }
+}

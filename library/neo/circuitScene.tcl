@@ -1,0 +1,349 @@
+# circuitScene.tcl -- sorma::circuitScene: the drawing of a circuit on a canvas, with zoom and pan. It is told what to draw, and tells what lies
+# below the pointer; it knows no bus.
+
+package require Tk
+package require snit
+package require sorma::circuitLayout
+package require sorma::style
+package provide sorma::circuitScene 1.0
+
+# ::sorma::circuitScene .w --
+#       A canvas. Places are counted in steps of the grid, as circuitLayout has them.
+# Methods:
+#       show NODES WIRES    NODES: dict KEY -> {kind ins outs box state}, box: {x y width height}; state: live or one that sorma::style has.
+#                           WIRES: list of dicts: way (x1 y1 ...), ends {FROM TO} (KEYs), count of elements (empty: not known), state,
+#                           end (1: the value stands at the sink)
+#       values TEXTS        a text for each wire, in their order
+#       select KEYS NUMBERS of nodes and wires
+#       hit X Y             what is at a pixel: {node KEY}, {pin KEY ins|outs NAME}, {wire NUMBER}, or nothing
+#       at X Y, pixel X Y   the grid at a pixel of the window; where a place of the grid is
+#       zoom ?FACTOR? ?X Y? the scale; times FACTOR, with this pixel staying where it is
+#       fit                 all of it in the window;  centre KEY: that node in the middle;  follow DX DY: pan by pixels
+#       grey BOOL           are the values old
+#       shift KEYS DX DY    these nodes, so many steps from where they are; until the next show. Wires follow without regard to boxes
+#       rubber ?X1 Y1 X2 Y2 WHY?    a wire that is drawn, in pixels; WHY it does not fit, or nothing
+#       band ?X1 Y1 X2 Y2?  a rectangle
+snit::widgetadaptor ::sorma::circuitScene {
+    delegate method * to hull
+    delegate option * to hull
+    variable nodes {}
+    variable wires {}
+    variable texts {}
+    variable chosen {{} {}}     ;# keys, numbers
+    variable zoom 1.0
+    variable old 0
+    variable moving {0 0}       ;# steps by which nodes are shifted
+    variable fitted 1           ;# all is shown as large as it fits, until somebody zooms
+    variable keys {}            ;# dict: number of a node, as in tags -> KEY
+    typevariable Least 0.08
+    typevariable Most 4.0
+
+    constructor args {
+        installhull using canvas -highlightthickness 1 -takefocus 1 -width 400 -height 300 -confine 0
+        $self configurelist $args
+        foreach kind {plain strong small} {
+            ::font create sorma-scene$win-$kind
+        }
+        bind $win <<ThemeChanged>> [mymethod Draw]
+        bind $win <Configure> [mymethod Sized]
+    }
+    destructor {
+        foreach kind {plain strong small} {
+            catch {::font delete sorma-scene$win-$kind}
+        }
+    }
+
+    # ---- what programs say ----
+
+    method show {given ways} {
+        set nodes $given
+        set wires $ways
+        $self Sized
+    }
+    method values given {
+        set n -1
+        foreach text $given before $texts {
+            incr n
+            if {$text ne $before} {
+                $hull itemconfigure v$n -text $text
+            }
+        }
+        set texts $given
+    }
+    method select {these numbers} {
+        set chosen [list $these $numbers]
+        $self Tint
+    }
+    method grey bool {
+        if {$old != $bool} {
+            set old $bool
+            $self Tint
+        }
+    }
+    method zoom {{factor {}} {x {}} {y {}}} {
+        if {$factor eq {}} {
+            return $zoom
+        }
+        if {$x eq {}} {
+            set x [expr {[winfo width $win] / 2}]
+            set y [expr {[winfo height $win] / 2}]
+        }
+        lassign [$self at $x $y] column row
+        set fitted 0
+        set zoom [expr {max($Least, min($Most, $zoom * $factor))}]
+        $self Draw
+        $self Move $column $row $x $y
+    }
+    method fit {} {
+        set fitted 1
+        $self Sized
+    }
+    method centre key {
+        lassign [dict get $nodes $key box] x y width height
+        set fitted 0
+        $self Move [expr {$x + $width / 2.0}] [expr {$y + $height / 2.0}] [expr {[winfo width $win] / 2}] [expr {[winfo height $win] / 2}]
+    }
+    method follow {dx dy} {
+        set fitted 0
+        $hull scan mark 0 0
+        $hull scan dragto $dx $dy 1
+    }
+    method at {x y} {
+        set step [$self Step]
+        return [list [expr {[$hull canvasx $x] / $step}] [expr {[$hull canvasy $y] / $step}]]
+    }
+    method pixel {x y} {
+        set step [$self Step]
+        return [list [expr {round($x * $step - [$hull canvasx 0])}] [expr {round($y * $step - [$hull canvasy 0])}]]
+    }
+    method hit {x y} {
+        set X [$hull canvasx $x]
+        set Y [$hull canvasy $y]
+        set halo [::sorma::style pixels 5]
+        set found {}
+        foreach item [$hull find overlapping [expr {$X - $halo}] [expr {$Y - $halo}] [expr {$X + $halo}] [expr {$Y + $halo}]] {
+            set tags [$hull gettags $item]
+            lassign $tags kind number side name
+            switch -- $kind {
+                pin { set found [list pin [dict get $keys $number] $side $name] }
+                node { if {[lindex $found 0] ne "pin"} {set found [list node [dict get $keys $number]]} }
+                wire { if {$found eq {} || [lindex $found 0] eq "wire"} {set found [list wire $number]} }
+            }
+        }
+        return $found
+    }
+
+    method shift {moved dx dy} {
+        set step [$self Step]
+        lassign $moving X Y
+        set n -1
+        dict for {key node} $nodes {
+            incr n
+            if {$key in $moved} {
+                $hull move n$n [expr {($dx - $X) * $step}] [expr {($dy - $Y) * $step}]
+            }
+        }
+        set moving [list $dx $dy]
+        set n -1
+        foreach wire $wires {
+            incr n
+            lassign [lmap key [dict get $wire ends] {expr {$key in $moved}}] from to
+            if {!$from && !$to} continue
+            set way [dict get $wire way]
+            lassign [list [expr {[lindex $way 0] + $from * $dx}] [expr {[lindex $way 1] + $from * $dy}] \
+                [expr {[lindex $way end-1] + $to * $dx}] [expr {[lindex $way end] + $to * $dy}]] x y a b
+            $hull coords w$n&&wire [lmap c [list $x $y [expr {($x + $a) / 2.0}] $y [expr {($x + $a) / 2.0}] $b $a $b] {expr {$c * $step}}]
+            $hull itemconfigure v$n -text {}
+        }
+    }
+    method rubber args {
+        $hull delete rubber
+        if {$args eq {}} return
+        lassign $args x1 y1 x2 y2 why
+        lassign [lmap c [list $x1 $x2] {$hull canvasx $c}] x1 x2
+        lassign [lmap c [list $y1 $y2] {$hull canvasy $c}] y1 y2
+        set colour [::sorma::style token [expr {$why eq {} ? "accent" : "error"}]]
+        $hull create line $x1 $y1 $x2 $y2 -fill $colour -width [::sorma::style pixels 2] -tags rubber
+        set text [$hull create text [expr {$x2 + [::sorma::style pixels 12]}] [expr {$y2 + [::sorma::style pixels 12]}] -anchor nw -text $why -fill $colour \
+            -width [::sorma::style pixels 260] -font TkDefaultFont -tags rubber]
+        if {$why ne {}} {
+            lassign [$hull bbox $text] left top right bottom
+            set pad [::sorma::style pixels 4]
+            $hull create rectangle [expr {$left - $pad}] [expr {$top - $pad}] [expr {$right + $pad}] [expr {$bottom + $pad}] -fill [::sorma::style token surface] -outline $colour -tags {rubber ground}
+            $hull raise $text
+        }
+    }
+    method band args {
+        $hull delete band
+        if {$args eq {}} return
+        lassign $args x1 y1 x2 y2
+        $hull create rectangle [$hull canvasx $x1] [$hull canvasy $y1] [$hull canvasx $x2] [$hull canvasy $y2] -dash {4 3} \
+            -outline [::sorma::style token accent] -tags band
+    }
+
+    # ---- drawing ----
+
+    method Step {} {
+        return [expr {[::sorma::style pixels 800] / 100.0 * $zoom}]
+    }
+    # Put a place of the grid at a pixel of the window.
+    method Move {column row x y} {
+        set step [$self Step]
+        $hull scan mark 0 0
+        $hull scan dragto [expr {round($x - ($column * $step - [$hull canvasx 0]))}] [expr {round($y - ($row * $step - [$hull canvasy 0]))}] 1
+    }
+    # {left top right bottom} of all, in the grid.
+    method Extent {} {
+        set left [set top 1000000000]
+        set right [set bottom -1000000000]
+        dict for {key node} $nodes {
+            lassign [dict get $node box] x y width height
+            set left [expr {min($left, $x)}]
+            set top [expr {min($top, $y)}]
+            set right [expr {max($right, $x + $width)}]
+            set bottom [expr {max($bottom, $y + $height)}]
+        }
+        foreach wire $wires {
+            foreach {x y} [dict get $wire way] {
+                set top [expr {min($top, $y)}]
+                set bottom [expr {max($bottom, $y)}]
+            }
+        }
+        return [if {$right < $left} {list 0 0 1 1} else {list $left $top $right $bottom}]
+    }
+    method Sized {} {
+        if {!$fitted} {
+            return [$self Draw]
+        }
+        lassign [$self Extent] left top right bottom
+        set step [expr {[$self Step] / $zoom}]
+        set width [expr {max(1, [winfo width $win] - [::sorma::style pixels 40])}]
+        set height [expr {max(1, [winfo height $win] - [::sorma::style pixels 40])}]
+        set zoom [expr {max($Least, min(1.0, $width / (($right - $left) * $step), $height / (($bottom - $top) * $step)))}]
+        $self Draw
+        $self Move [expr {($left + $right) / 2.0}] [expr {($top + $bottom) / 2.0}] [expr {[winfo width $win] / 2}] [expr {[winfo height $win] / 2}]
+    }
+    method Draw {} {
+        $hull delete all
+        set moving {0 0}
+        foreach {kind font weight} {plain TkDefaultFont normal strong TkDefaultFont bold small TkSmallCaptionFont normal} {
+            set size [expr {max(1, round([::font metrics $font -ascent] * 1.05 * $zoom))}]
+            ::font configure sorma-scene$win-$kind {*}[::font actual $font] -size -$size -weight $weight
+        }
+        $hull configure -background [::sorma::style token ground] -highlightbackground [::sorma::style token line] -highlightcolor [::sorma::style token accent]
+        set n -1
+        foreach wire $wires {
+            $self DrawWire [incr n] $wire
+        }
+        set keys {}
+        set n -1
+        dict for {key node} $nodes {
+            dict set keys [incr n] $key
+            $self DrawNode $n $key $node
+        }
+        $self Tint
+    }
+    method DrawWire {n wire} {
+        set step [$self Step]
+        set way [dict get $wire way]
+        set count [dict get $wire count]
+        set thick [expr {max(1, round([::sorma::style pixels [expr {$count ne {} && $count > 1 ? 3 : 2}]] * min(1.0, $zoom)))}]
+        set dash [if {[dict get $wire state] ni {live {}}} {list -dash [list [expr {3 * $thick}] [expr {2 * $thick}]]}]
+        $hull create line [lmap c $way {expr {$c * $step}}] -width $thick -tags [list wire $n w$n] -joinstyle round {*}$dash
+        if {$zoom < 0.45} return
+        lassign [if {[dict get $wire end]} {list {*}[lrange $way end-1 end] se -0.6} else {list {*}[lrange $way 0 1] sw 0.6}] x y anchor shift
+        $hull create text [expr {($x + $shift) * $step}] [expr {$y * $step - $thick}] -anchor $anchor -tags [list value $n v$n] \
+            -font sorma-scene$win-small -text [lindex $texts $n]
+    }
+    method DrawNode {n key node} {
+        set step [$self Step]
+        lassign [dict get $node box] x y width height
+        set kind [dict get $node kind]
+        lassign [lmap c [list $x $y [expr {$x + $width}] [expr {$y + $height}]] {expr {$c * $step}}] left top right bottom
+        set tags [list node $n n$n]
+        if {$kind eq "unit"} {
+            $hull create polygon [Round $left $top $right $bottom [expr {0.8 * $step}]] -smooth 1 -tags [concat $tags box]
+        } else {
+            # A flag that points with the signal.
+            set tip [expr {1.6 * $step}]
+            $hull create polygon $left $top [expr {$right - $tip}] $top $right [expr {($top + $bottom) / 2}] [expr {$right - $tip}] $bottom $left $bottom \
+                -tags [concat $tags box]
+        }
+        if {$zoom < 0.2} return
+        set title [lindex $key 1]
+        if {[dict get $node state] ne "live"} {
+            set title "[::sorma::style mark [dict get $node state]] $title"
+        }
+        if {$kind ne "unit"} {
+            $hull create text [expr {$left + 1.5 * $step}] [expr {($top + $bottom) / 2}] -anchor w -font sorma-scene$win-plain \
+                -text [$self Fit $title plain [expr {$right - $left - 3 * $step}]] -tags [concat $tags title]
+        } else {
+            $hull create text [expr {($left + $right) / 2}] [expr {$top + 1.6 * $step}] -font sorma-scene$win-strong \
+                -text [$self Fit $title strong [expr {$right - $left - $step}]] -tags [concat $tags title]
+        }
+        foreach {side edge anchor shift} [list ins $left w 1 outs $right e -1] {
+            foreach pin [dict get $node $side] {
+                $self DrawPin $n $node $side $pin $edge [expr {($y + [::sorma::circuitLayout pin $node $side $pin]) * $step}] $anchor $shift
+            }
+        }
+    }
+    method DrawPin {n node side pin x y anchor shift} {
+        set step [$self Step]
+        set tags [list pin $n $side $pin n$n]
+        set r [expr {max(1.5, 0.45 * $step)}]
+        $hull create oval [expr {$x - $r}] [expr {$y - $r}] [expr {$x + $r}] [expr {$y + $r}] -tags [concat $tags dot]
+        if {$zoom >= 0.45 && [dict get $node kind] eq "unit"} {
+            $hull create text [expr {$x + 0.9 * $shift * $step}] $y -anchor $anchor -text $pin -font sorma-scene$win-small -tags [concat $tags name]
+        }
+    }
+    method Fit {text kind width} {
+        if {[::font measure sorma-scene$win-$kind $text] <= $width} {
+            return $text
+        }
+        while {[string length $text] > 1 && [::font measure sorma-scene$win-$kind $text\u2026] > $width} {
+            set text [string range $text 0 end-1]
+        }
+        return $text\u2026
+    }
+    proc Round {left top right bottom r} {
+        return [list $left $top [expr {$left + $r}] $top [expr {$left + $r}] $top [expr {$right - $r}] $top [expr {$right - $r}] $top $right $top \
+            $right [expr {$top + $r}] $right [expr {$top + $r}] $right [expr {$bottom - $r}] $right [expr {$bottom - $r}] $right $bottom \
+            [expr {$right - $r}] $bottom [expr {$right - $r}] $bottom [expr {$left + $r}] $bottom [expr {$left + $r}] $bottom $left $bottom \
+            $left [expr {$bottom - $r}] $left [expr {$bottom - $r}] $left [expr {$top + $r}] $left [expr {$top + $r}]]
+    }
+
+    # Give all its colours: old values are grey, chosen boxes and wires have the accent.
+    method Tint {} {
+        set line [expr {max(1, round([::sorma::style pixels 1] * min(1.0, $zoom)))}]
+        foreach {tag options} [list box {-fill surface -outline edge} title {-fill text} dot {-fill surface -outline quiet} name {-fill quiet} \
+                wire {-fill quiet} value {-fill text}] {
+            $hull itemconfigure $tag {*}[concat {*}[lmap {option token} $options {
+                list $option [::sorma::style token [if {!$old || $token ni {text quiet} || $tag in {title name}} {set token} else {string cat off}]]
+            }]]
+        }
+        $hull itemconfigure box -width $line
+        set n -1
+        dict for {key node} $nodes {
+            incr n
+            set state [dict get $node state]
+            if {$state ne "live"} {
+                $hull itemconfigure n$n&&box -outline [::sorma::style colour $state]
+            }
+            if {$key in [lindex $chosen 0]} {
+                $hull itemconfigure n$n&&box -outline [::sorma::style token accent] -fill [::sorma::style token tint] -width [expr {2 * $line}]
+            }
+        }
+        set n -1
+        foreach wire $wires {
+            incr n
+            set state [dict get $wire state]
+            if {$state ni {live {}}} {
+                $hull itemconfigure w$n -fill [::sorma::style colour $state]
+            }
+            if {$n in [lindex $chosen 1]} {
+                $hull itemconfigure w$n -fill [::sorma::style token accent]
+                $hull raise w$n wire
+            }
+        }
+    }
+}
