@@ -604,7 +604,7 @@ std::shared_ptr<PendingCommand> beginCommand(Interpreter& i, std::string_view na
 }
 
 bool sendOneway(Interpreter& i, std::string_view name, int objc, Tcl_Obj* const objv[]) {
-    SoBinding& b = bindingFor(i, name);
+    SoBinding& b = bindingFor(i, name, view(coroutineName(i)).empty() ? Probe::now : Probe::later);
     if (objc < 2) return Tcl_WrongNumArgs(i.interp, 1, objv, "method ?word ...?"), false;
     Message m;
     RequestForm request;
