@@ -14,8 +14,8 @@
 package provide sorma::layers 1.0
 
 namespace eval ::sorma::layers {
-    variable Gap 10             ;# steps between columns, at least
-    variable Room 3             ;# steps between the boxes of a column
+    variable gap 10             ;# steps between columns, at least
+    variable room 3             ;# steps between the boxes of a column
 }
 
 # ::sorma::layers::columns KEYS EDGES ?FIRST? ?LAST? -- a list of columns, each a list of keys from above. FIRST: keys that stand before all
@@ -149,7 +149,7 @@ proc ::sorma::layers::Mean {key near rank} {
 
 # ::sorma::layers::places COLUMNS SIZES EDGES -- a dict KEY -> {x y} of all boxes in COLUMNS. SIZES: a dict KEY -> {width height}.
 proc ::sorma::layers::places {columns sizes edges} {
-    variable Gap
+    variable gap
     set into {}                         ;# dict: KEY -> edges that lead to it
     set lanes {}                        ;# dict: KEY -> rows that edges leave or enter there, as {KEY ROW} of the one they leave
     foreach edge $edges {
@@ -168,7 +168,7 @@ proc ::sorma::layers::places {columns sizes edges} {
         }
         # Each edge between two columns needs a step of its own there; those that leave in the same row share it.
         set between [dict size [dict merge {*}[lmap key [concat $list $next] {if {![dict exists $lanes $key]} continue; dict get $lanes $key}]]]
-        incr x [expr {[tcl::mathfunc::max {*}[lmap key $list {lindex [dict get $sizes $key] 0}]] + $Gap + max(0, min(24, $between - 6))}]
+        incr x [expr {[tcl::mathfunc::max {*}[lmap key $list {lindex [dict get $sizes $key] 0}]] + $gap + max(0, min(24, $between - 6))}]
     }
     set top [tcl::mathfunc::min 0 {*}[lmap place [dict values $places] {lindex $place 1}]]
     return [dict map {key place} $places {list [lindex $place 0] [expr {[lindex $place 1] - $top}]}]
@@ -186,12 +186,12 @@ proc ::sorma::layers::Wanted {key into places} {
 }
 # Rows for boxes in this order, {KEY WANTED HEIGHT}, near to what they want and none over another: pushed down, pushed up, the mean.
 proc ::sorma::layers::Stack wanted {
-    variable Room
+    variable room
     set y 0
     set wanted [lmap item $wanted {
         lassign $item key want height
         set want [expr {$want eq {} ? $y : $want}]
-        set y [expr {$want + $height + $Room}]
+        set y [expr {$want + $height + $room}]
         list $key $want $height
     }]
     set down [set up {}]
@@ -200,18 +200,18 @@ proc ::sorma::layers::Stack wanted {
         lassign $item key want height
         set y [expr {max($want, $y)}]
         lappend down $y
-        incr y [expr {$height + $Room}]
+        incr y [expr {$height + $room}]
     }
     set y 1000000000
     foreach item [lreverse $wanted] {
         lassign $item key want height
-        set y [expr {min($want, $y - $height - $Room)}]
+        set y [expr {min($want, $y - $height - $room)}]
         lappend up $y
     }
     set y -1000000000
     return [concat {*}[lmap item $wanted low $down high [lreverse $up] {
         set at [expr {max($y, ($low + $high) >> 1)}]
-        set y [expr {$at + [lindex $item 2] + $Room}]
+        set y [expr {$at + [lindex $item 2] + $room}]
         list [lindex $item 0] $at
     }]]
 }

@@ -11,8 +11,8 @@ package provide sorma::circuitLayout 1.0
 namespace eval ::sorma::circuitLayout {
     namespace export size pin place free
     namespace ensemble create
-    variable Gap $::sorma::layers::Gap
-    variable Room $::sorma::layers::Room
+    variable Gap $::sorma::layers::gap
+    variable Room $::sorma::layers::room
     variable Pitch 3            ;# rows from pin to pin
 }
 
