@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "bus/principal.h"
+#include "bus/span.h"
 
 namespace sorma {
 
@@ -36,6 +37,8 @@ public:
     virtual std::string statisticsLines() const = 0;                    // the daemons that it is,
     virtual std::string daemonLines() = 0;                              // and those of this user, which takes a while
     virtual std::string connectionRows() const = 0;                     // for programs: lists, each of words
+    // The spans of a trace that no reply brings, as that author may see them: for comm/lateTrace.h.
+    virtual std::vector<unsigned char> lateSpans(TraceNumber number, const PrincipalPointer& author) const = 0;
     virtual std::string siblingRows() const = 0;                        // daemons of this user that listen to TCP: {name host port} ...
 };
 

@@ -4,6 +4,7 @@
 
 #include "bus/call.h"
 #include "bus/serviceParts.h"
+#include "bus/lateSpans.h"
 #include "bus/span.h"
 
 namespace sorma {
@@ -239,8 +240,8 @@ void Service::perform(const PendingPointer& pending, Method method, bool again) 
 }
 
 // A call that goes on beside its caller: it has a span until it is answered.
-static void traceLater(Span& caller, Method method, const PendingPointer& pending) {
-    pending->span = caller.call(pending->who, method);
+static void traceLater(const SpanPointer& caller, Method method, const PendingPointer& pending) {
+    pending->span = caller->door && caller->name == pending->who ? caller : caller->call(pending->who, method);
     if (!pending->span) return;
     pending->span->door = true;
     pending->whenAnswered([span = pending->span, p = pending.get()] { span->finish(p->failed() ? &p->failure : nullptr); });
@@ -255,7 +256,7 @@ Future Service::async(Method method, Message request, Deadline deadline, bool bo
     pending->who = name_;
     pending->message = std::move(request);
     pending->bound = bound;
-    if (CallContext::current() && CallContext::current()->span) traceLater(*CallContext::current()->span, method, pending);
+    if (CallContext::current() && CallContext::current()->span) traceLater(CallContext::current()->span, method, pending);
     try {
         carry(pending, method);
     } catch (...) {
@@ -273,6 +274,7 @@ void Service::carry(const PendingPointer& pending, Method method) {
 
 void Service::oneway(Method method, Message request) {
     if (method == Method::exec && (checks_ & Class::undeclared)) class_->checkNamed(name_, request);
+    const LeaveScope left(*sorm_, name_, method);
     async(method, std::move(request));
 }
 
@@ -353,7 +355,7 @@ public:
         if (object_) object_->unsubscribe(this);
     }
     void event(const Event& e) override {
-        inbox_->push({std::string(e.object), std::string(e.name), e.message, ++number_, 0, e.time, e.request});
+        inbox_->push({std::string(e.object), std::string(e.name), e.message, ++number_, 0, e.time, e.request, e.origin});
     }
     void gone() override {
         Reference was = std::exchange(object_, Reference());

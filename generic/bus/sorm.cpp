@@ -6,6 +6,7 @@
 #include "bus/bookkeeping.h"
 #include "bus/call.h"
 #include "bus/glob.h"
+#include "bus/lateSpans.h"
 #include "bus/monitor.h"
 #include "bus/nearest.h"
 #include "bus/remembered.h"
@@ -49,7 +50,8 @@ bool onForeignThread() { return RealtimeOwner::current() != nullptr; }
 
 }  // namespace
 
-Sorm::Sorm(Host* host) : host_(host), statistics_(makeStatistics()), audit_(makeAudit(*this)), remembered_(std::make_unique<Remembered>(*this)) {
+Sorm::Sorm(Host* host) : host_(host), statistics_(makeStatistics()), audit_(makeAudit(*this)), remembered_(std::make_unique<Remembered>(*this)),
+      lateSpans_(std::make_unique<LateSpans>(*this)) {
     observers.add(statistics_.get());
     observers.add(audit_.get());
     add(describeDict());

@@ -34,6 +34,7 @@
 
 namespace sorma {
 
+class LateSpans;        // bus/lateSpans.h
 class Remembered;       // bus/remembered.h
 
 // The surroundings of a SORM: an interpreter, or an embedding program, which need not override anything. Called on the
@@ -132,6 +133,7 @@ public:
 
     Dictionary& dictionary() { return dictionary_; }
     Remembered& remembered() { return *remembered_; }
+    LateSpans& lateSpans() { return *lateSpans_; }
     const Dictionary& dictionary() const { return dictionary_; }
     void dictionaryChanged(std::string_view word);                  // call it after each change of the dictionary
     // Counts the changes of locations in the dictionary. When it changes, addresses that were resolved before may be wrong.
@@ -263,6 +265,7 @@ private:
     mutable std::array<Recent, 64> recent_{};
     Dictionary dictionary_;
     const std::unique_ptr<Remembered> remembered_;
+    const std::unique_ptr<LateSpans> lateSpans_;
     std::deque<Charged<Relay>> relays_;     // the last ones, the oldest first
     struct Birth {
         std::string name;

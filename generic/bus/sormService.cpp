@@ -20,6 +20,7 @@ const Prototype kInventory{Severity::error, "REQUEST SYNTAX", 1,
     "sorm: bad word \"{}\" of -inventory: must be addresses, busiest, classes, connections, names, objects, serves, siblings, subscriptions, or words"};
 const Prototype kMethod{Severity::error, "REQUEST SYNTAX", 0, "sorm: bad method \"{}\": must be CTRL, DBX, or EXEC"};
 const Prototype kBusiest{Severity::error, "REQUEST SYNTAX", 1, "sorm: busiest expects how many objects, got \"{}\""};
+const Prototype kTrace{Severity::error, "REQUEST SYNTAX", 1, "sorm: {} is no W3C traceparent"};
 constexpr std::size_t kMostLines = 1000;
 constexpr int kMostDepth = 16;
 
@@ -125,6 +126,12 @@ public:
     }
 
     void alias(Args args, Message& reply) { sorm().alias(args[0], args[1], reply.author); }
+
+    void spans(Args args, Message& reply) {
+        const TraceNumber number = TraceNumber::parse(args[0]);
+        if (!number) fail(kTrace, args[0]);
+        if (sorm().network) reply.any = sorm().network->lateSpans(number, reply.author);
+    }
 
     // Requests that inspectors repeat: they are not in the audit, and make no objects.
     void inventory(Args args, Message& reply) {
@@ -371,6 +378,8 @@ Class describeSorm() {
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).budgets(a, m); }})
         .inspection({"-inventory", "?what ...?", "dict of classes, names, objects (name class calls underway), words, addresses, serves; or siblings, connections, subscriptions, busiest N",
                      0, Action::kRest, [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).inventory(a, m); }})
+        .inspection({"-spans", "traceparent", "what one-way requests and events of a trace have caused here, for sorma::trace", 1, 1,
+                     [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).spans(a, m); }})
         .inspection({"-describe", "name", "dict of the table of an object's class, without making the object", 1, 1,
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).describe(a, m); }})
         .inspection({"-repeatable", "name method ?word ...?", "why such a request may not be sent again when it may have run already; nothing: it may", 2,

@@ -56,6 +56,13 @@ std::string TraceNumber::toText() const {
     return text;
 }
 
+std::string traceparent(TraceNumber number) { return "00-" + number.toText() + "-" + TraceNumber::random().toText().substr(0, 16) + "-01"; }
+
+std::string traceparent() {
+    const CallContext* context = CallContext::current();
+    return context && context->span ? traceparent(context->span->share->number) : std::string();
+}
+
 TraceShare::TraceShare(TraceNumber number, Sorm& sorm) : number(number), mailbox_(sorm.mailbox()) { sorm.observers.add(&marker); }
 
 TraceShare::~TraceShare() {
@@ -81,6 +88,16 @@ SpanPointer Span::call(std::string name, Method method) {
     auto span = std::make_shared<Span>(share, std::move(name), method, now);
     span->offset = now - begun;
     calls.push_back(span);
+    return span;
+}
+
+SpanPointer Span::leave(Kind kind, std::string name, Method method) {
+    SpanPointer span = call(std::move(name), method);
+    if (!span) return nullptr;
+    span->kind = kind;
+    span->cause = TraceNumber::random().low;
+    span->heard = 1;
+    span->sent = true;
     return span;
 }
 

@@ -4,6 +4,9 @@
 // another process takes the trace's number along; the spans of that process come back with the reply (comm/wireSpan.h), so
 // nothing is left there. A call that is not finished by then is shown as under way.
 //
+// No reply waits for what one-way requests and events cause. These take a TraceOrigin along, and the spans of what they cause
+// stay where that runs, for a few seconds: see bus/lateSpans.h.
+//
 // Times are durations, and offsets inside the caller's span: clocks of different hosts are never compared.
 //
 // While a process has a trace, its objects are observed, which brings all requests to Service::startGuarded. Without a trace
@@ -37,7 +40,18 @@ struct TraceNumber {
     std::string toText() const;                 // 32 hex digits
 };
 
-// What this process adds to one trace.
+// A one-way request or an event takes it along: its trace, and a number for its span.
+struct TraceOrigin {
+    TraceNumber number;
+    std::uint64_t cause = 0;
+    explicit operator bool() const { return cause != 0; }
+};
+
+// The W3C traceparent for what the present request calls by other means; empty when it is not traced.
+std::string traceparent();
+std::string traceparent(TraceNumber number);
+
+// The part of one trace that this process adds.
 class TraceShare {
 public:
     static constexpr std::uint32_t kMostSpans = 1000;
@@ -54,17 +68,26 @@ private:
 
 class Span {
 public:
+    // event: an object publishes. listener: a subscriber gets that event.
+    enum class Kind : std::uint8_t { call, oneway, event, listener };
     Span(std::shared_ptr<TraceShare> share, std::string name, Method method, std::int64_t begun);
     // The first span of a trace, or of this process's share of one.
     static SpanPointer root(TraceNumber number, Sorm& sorm, std::string name, Method method, std::int64_t begun);
     // A call that is made by this one. Null when the share is full: then it is counted.
     SpanPointer call(std::string name, Method method);
+    // A one-way request or an event, which has effects that this does not wait for. Null as with call().
+    SpanPointer leave(Kind kind, std::string name, Method method);
+    TraceOrigin origin() const { return {share->number, cause}; }           // of what it leaves
     void finish(const Trail* failure = nullptr);            // only the first time counts
     std::int64_t lasted() const;                            // [ns] until now, when it is under way
     std::int64_t running() const;                           // [ns] its own time, without calls
 
     std::string name, error;                    // name empty: the one who asks may not inspect it
     Method method;
+    Kind kind = Kind::call;
+    std::string event;                          // its name, of event and listener
+    std::uint64_t cause = 0;                    // of oneway and event: those that it causes have this number
+    std::uint32_t heard = 0, told = 0;          // so many get it; so many of these have sent their spans
     bool finished = false, failed = false;
     bool underway = false;                      // at another process, when that one replied; finished here
     bool door = false;                          // of a request that has not started: Service::start begins in it
@@ -81,7 +104,8 @@ public:
     const std::shared_ptr<TraceShare> share;
 };
 
-// A request of the present context begins, and is over with the end of this, or when `pending` is answered.
+// A request of the present context begins, and is over with the end of this, or when `pending` is answered. A service may make one
+// for a part of its own work: SpanScope part("my.name", Method::exec, false).
 class SpanScope {
 public:
     SpanScope(const std::string& name, Method method, bool elsewhere);

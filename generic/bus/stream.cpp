@@ -5,7 +5,9 @@
 
 #include "bus/call.h"
 #include "bus/deadline.h"
+#include "bus/atEnd.h"
 #include "bus/glob.h"
+#include "bus/lateSpans.h"
 #include "bus/monitor.h"
 #include "bus/service.h"
 #include "bus/sorm.h"
@@ -45,6 +47,16 @@ void Stream::removeUnsubscribed() {
     if (handing_ == 0) std::erase_if(subscribers_, [](auto& entry) { return !entry.subscriber; });
 }
 
+// One more gets the event, of a request that is traced.
+static void note(Span* caller, SpanPointer& span, Event& event) {
+    if (span) {
+        ++span->heard;
+    } else if (event.serial != 0 && (span = caller->leave(Span::Kind::event, std::string(event.object), Method::exec))) {
+        span->event = cutText(event.name);
+        event.origin = span->origin();
+    }
+}
+
 void Stream::publish(const Service& from, std::string_view name, const Message& m, bool monitor) {
     static std::atomic<std::uint64_t> serial{0};        // interpreters in several threads publish, too
     Event event{from.name(), name, m, wallNow(), serial.fetch_add(1, std::memory_order_relaxed) + 1, CallContext::currentRequest()};
@@ -52,12 +64,19 @@ void Stream::publish(const Service& from, std::string_view name, const Message& 
         keep(event, from);
         if (from.sorm().monitored() && from.name() != "sorm") [[unlikely]] tellPassing(from, name, m);
     }
+    // Events about this process itself are no part of a trace.
+    const CallContext* context = CallContext::current();
+    Span* caller = context && !monitor && from.name() != "sorm" ? context->span.get() : nullptr;
+    SpanPointer span;
     ++handing_;
     for (std::size_t i = 0; i < subscribers_.size(); ++i) {     // a listener may come or go meanwhile
         auto& entry = subscribers_[i];
         if (!entry.subscriber || (monitor && !entry.pattern.starts_with("monitor"))) continue;
-        if (entry.pattern == "*" || globMatch(entry.pattern, name)) entry.subscriber->event(event);
+        if (entry.pattern != "*" && !globMatch(entry.pattern, name)) continue;
+        if (caller) [[unlikely]] note(caller, span, event);
+        entry.subscriber->event(event);
     }
+    if (span) span->finish();
     --handing_;
     removeUnsubscribed();
 }
@@ -121,6 +140,20 @@ void Inbox::push(Item event) {
     mailbox_->post([self = shared_from_this()] { self->deliver(); });
 }
 
+// As part of a trace.
+void Inbox::tell(const Listener& listener, Received& event) {
+    Sorm* sorm = mailbox_->owner;
+    SpanPointer span = sorm ? sorm->lateSpans().begin(event.origin, event.object, Method::exec, monotonicNow()) : nullptr;
+    if (!span) return listener(event);
+    span->kind = Span::Kind::listener;
+    span->event = cutText(event.name);
+    auto kept = std::make_shared<KeptCall>(nullptr, Deadline(), CallContext::newRequest(), std::string());
+    kept->span = span;
+    const CallContext context(kept);
+    const AtEnd over([&] { span->finish(); });
+    listener(event);
+}
+
 void Inbox::deliver() {
     constexpr int kTurn = 64;           // then others have their turn
     auto keep = shared_from_this();
@@ -128,7 +161,8 @@ void Inbox::deliver() {
     for (int i = 0; i < kTurn && !waiting_.empty() && listener_; ++i) {
         Item event = std::move(waiting_.front());
         waiting_.pop_front();
-        listener(*event);
+        if (event->origin) [[unlikely]] tell(listener, *event);
+        else listener(*event);
         if (spares_) spares_->give(std::move(event));
     }
     scheduled_ = !waiting_.empty() && listener_;

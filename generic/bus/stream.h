@@ -18,6 +18,7 @@
 #include "bus/kept.h"
 #include "bus/loop.h"
 #include "bus/message.h"
+#include "bus/span.h"
 
 namespace sorma {
 
@@ -31,6 +32,7 @@ struct Event {
     std::int64_t time;                  // [us since 1970]
     std::uint64_t serial;               // number of the event, unique in the process
     std::uint64_t request;              // in which it was published: CallContext::currentRequest()
+    TraceOrigin origin = {};            // when that is traced
 };
 
 // Gets the events of one object, inside the call that publishes them. It must unsubscribe before it is deleted, unless
@@ -86,6 +88,7 @@ struct Received {
     std::int64_t lost = 0;              // events that were lost before this one; -1: an unknown number
     std::int64_t time = 0;              // [us since 1970]
     std::uint64_t request = 0;          // in which it was published, see Pending::number; 0: outside of any
+    TraceOrigin origin = {};            // when that is traced
 };
 // Gets the object's own events, and these:
 //     sorma.gone          the object was removed; no more events will come
@@ -131,6 +134,7 @@ public:
 
 private:
     void deliver();
+    void tell(const Listener& listener, Received& event);
     std::shared_ptr<Mailbox> mailbox_;
     std::shared_ptr<Spares> spares_;
     std::size_t keep_;

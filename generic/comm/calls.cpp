@@ -91,7 +91,7 @@ void Calls::call(std::string_view name, Method method, Message& m, Deadline dead
     slot.into = &m;
     if (CallContext::current() || relayFor) [[unlikely]] {
         wire::Behalf behalf = wire::behalfOf(relayFor);
-        if (behalf.trace) trace(slot, CallContext::current()->span);
+        if (behalf.trace.number) trace(slot, CallContext::current()->span);
         slots_.write(index, method, m, now, &behalf);
     } else {
         slots_.write(index, method, m, now, nullptr);
@@ -293,7 +293,7 @@ void Calls::sendWaiting() {
                 if (tell) behalf = wire::behalfOf(call.pending->relayFor, call.pending->number(), asker ? asker->callers() : std::string());
                 if (auto& span = call.pending->span) {
                     trace(slots_[index], span);
-                    behalf.trace = span->share->number;
+                    behalf.trace.number = span->share->number;
                     span->waited = now - span->begun;
                 }
                 slots_.write(index, call.method, call.pending->message, now, tell ? &behalf : nullptr);

@@ -4,9 +4,11 @@
 #include <cstdio>
 
 #include "bus/listText.h"
+#include "bus/monitor.h"
 #include "comm/errors.h"
 #include "comm/runtimeFolder.h"
 #include "comm/siblings.h"
+#include "comm/wireSpan.h"
 
 namespace sorma {
 
@@ -254,6 +256,22 @@ std::string Comm::daemonLines() {
         addLine(out, item);
     }
     return out;
+}
+
+std::vector<std::string> Comm::known() const {
+    std::vector<std::string> out;
+    for (auto& [key, weak] : connections_)
+        if (auto connection = weak.lock()) out.push_back(connection->who());
+    if (sorm_.access.rights(nullptr, "daemons") & Rights(Right::reach))
+        for (auto& name : namesIn(runtimeFolder(), kSocketEnding))
+            if (!servers_.contains(name) && std::find(out.begin(), out.end(), name) == out.end()) out.push_back(name);
+    return out;
+}
+
+std::vector<unsigned char> Comm::lateSpans(TraceNumber number, const PrincipalPointer& author) const {
+    auto shown = [&](const std::string& name) { return tellable(name, sorm_, author); };
+    const Buffer bytes = wire::lateSpansOf(sorm_.lateSpans(), number, shown, !author);
+    return {bytes.data(), bytes.data() + bytes.size()};
 }
 
 std::string Comm::siblingRows() const {

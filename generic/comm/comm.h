@@ -67,6 +67,9 @@ public:
     // permission.
     std::vector<Found> daemons();
 
+    // The names of the daemons with which this process has a connection, and of those in the runtime folder. Asks nobody.
+    std::vector<std::string> known() const;
+
     // Says where a name leads; never waits.
     Resolver& resolver() { return resolver_; }
     // A connection to one daemon for observers. It is shared with no proxy, and begin() on it never blocks
@@ -84,6 +87,7 @@ private:
     std::string daemonLines() override;
     std::string connectionRows() const override;
     std::string siblingRows() const override;
+    std::vector<unsigned char> lateSpans(TraceNumber number, const PrincipalPointer& author) const override;
     // The connection for a name, as the dictionary says now; null when the object is in this process.
     std::shared_ptr<Connection> lineTo(const Name& name);
     bool servesAt(const Address& address) const;            // is that address one of our servers?

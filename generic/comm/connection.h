@@ -153,6 +153,7 @@ private:
     }
     void event(XdrReader& r) override { events_.event(r); }
     void outdated() override { ++doubts_; }
+    void traced(XdrReader& r) override { events_.traced(r); }
     void wrote(Link::Tag tag) override;
     void unsent(Link::Tag tag, Buffer& bytes, std::size_t taken) override {
         if (tag == Oneways::kTag) oneways_.unsent(bytes, taken);

@@ -1,6 +1,7 @@
 #include "comm/events.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "bus/statistics.h"
 #include "comm/errors.h"
@@ -187,6 +188,10 @@ void Events::resume() {
         if (remote->boot != 0) remote->askLater(&Remote::goesOn, remote->boot == link_.daemon().boot);
 }
 
+void Events::traced(XdrReader& r) {
+    if (!wire::readTraced(r, next_, origin_)) origin_ = {};
+}
+
 void Events::event(XdrReader& r) {
     wire::EventHeader header;
     wire::EventBody body;
@@ -203,6 +208,7 @@ void Events::event(XdrReader& r) {
     event->lost = std::int64_t(header.lost);
     event->time = body.time;
     event->request = body.request;
+    event->origin = header.id == next_.id && header.number == next_.number ? std::exchange(origin_, {}) : TraceOrigin();
     remote.inbox->push(std::move(event));
 }
 

@@ -35,6 +35,7 @@ public:
     void ended() { controls_.clear(); }                 // the connection is lost
     void replied(XdrReader& r, std::uint32_t xid);      // to a question of ours, which has Slots::kControl in its xid
     void event(XdrReader& r);
+    void traced(XdrReader& r);                          // the event that comes next
 
 private:
     class Remote;                                       // a subscription
@@ -49,6 +50,8 @@ private:
     Link::User& user_;
     std::shared_ptr<Mailbox> mailbox_;
     const std::shared_ptr<Inbox::Spares> spares_ = std::make_shared<Inbox::Spares>();
+    wire::EventHeader next_;                            // of the event that is traced, if it is
+    TraceOrigin origin_;
     std::map<std::uint32_t, Control> controls_;         // by xid
     std::map<std::uint32_t, Remote*> subscriptions_;    // by id
     std::uint32_t lastControl_ = 0, lastSubscription_ = 0;

@@ -338,6 +338,7 @@ bool Link::takeRecords() {
             if (header.procedure == wire::kGoodbye) lastWords_ = std::string(r.text());
             if (header.procedure == wire::kEvent) user_.event(r);
             if (header.procedure == wire::kOutdated) user_.outdated();
+            if (header.procedure == wire::kTraced) user_.traced(r);
         } else {
             user_.replied(r, envelope.xid);
         }

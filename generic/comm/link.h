@@ -58,6 +58,7 @@ public:
         virtual void replied(XdrReader& r, std::uint32_t xid) = 0;     // a reply has come; not r.good(): it is none
         virtual void event(XdrReader& r) = 0;
         virtual void outdated() = 0;                    // what the daemon has said of objects may be wrong now: see bus/ahead.h
+        virtual void traced(XdrReader& r) = 0;         // the event that comes next
         virtual void wrote(Tag tag) = 0;                // the line has taken the last byte
         // The line is gone with this still in the queue, of which it has taken so many bytes. bytes: empty when they were lent.
         virtual void unsent(Tag tag, Buffer& bytes, std::size_t taken) = 0;

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "bus/atEnd.h"
 #include "bus/call.h"
 #include "comm/errors.h"
 
@@ -16,6 +17,11 @@ const Prototype kDropped{Severity::warning, "COMM LOST", 1, "{}: {} one-way requ
 }  // namespace
 
 void Oneways::send(const std::string& name, Method method, const Message& m, const PrincipalPointer& relayFor, bool mayBlock) {
+    CallContext* context = CallContext::current();
+    const SpanPointer span = context && context->span ? context->span->leave(Span::Kind::oneway, link_.fullName(name), method) : nullptr;
+    const AtEnd sent([&] {
+        if (span) span->finish();
+    });
     calls_.lookIfIdle(monotonicNow());
     try {
         if (!link_.live() && link_.boots() == 0) calls_.connect(Deadline::in(settings_.timeout));
@@ -29,7 +35,7 @@ void Oneways::send(const std::string& name, Method method, const Message& m, con
     }
     Buffer bytes;
     wire::Behalf behalf = wire::behalfOf(relayFor);
-    behalf.trace = {};                  // no reply brings spans
+    behalf.trace = span ? span->origin() : TraceOrigin();
     wire::writeCall(bytes, 0, link_.program(), {wire::kNoSlot, 0, 0, method, name}, m, wire::kOneway,
                     relayFor || CallContext::current() ? &behalf : nullptr);
     calls_.proceed();

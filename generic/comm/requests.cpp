@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "bus/kept.h"
+#include "bus/lateSpans.h"
 #include "bus/request.h"
 #include "bus/requestText.h"
 #include "bus/statistics.h"
@@ -295,7 +296,9 @@ void Server::Requests::oneway(XdrReader& r, const wire::CallHeader& header, Scra
     }
     ++calls;
     wire::Times times;
-    if (!execute(request, header, {}, m, times, nullptr, scratch, frame)) return;
+    const bool pends = execute(request, header, {}, m, times, nullptr, scratch, frame);
+    if (frame.span && !pends) frame.span->finish(m.code < 0 ? &m.trail : nullptr);
+    if (!pends) return;
     auto pending = std::exchange(m.later, nullptr);
     if (pending->answered()) return;
     pending->charge = Charge(account, Account::Use::requests);
@@ -345,7 +348,10 @@ bool Server::Requests::execute(const wire::Request& request, const wire::CallHea
     const bool sound = header.behalf.empty() || wire::readBehalf(header.behalf, behalf);
     Method method = request.method;
     CallContext context(who, deadline, behalf.request, behalf.callers);
-    frame.span = behalf.trace ? Span::root(behalf.trace, server_.sorm_, std::string(request.name), method, arrived) : nullptr;
+    const bool answered = header.procedure != wire::kOneway;
+    if (!behalf.trace.number) [[likely]] frame.span = nullptr;
+    else if (answered) frame.span = Span::root(behalf.trace.number, server_.sorm_, std::string(request.name), method, arrived);
+    else frame.span = behalf.trace ? server_.sorm_.lateSpans().begin(behalf.trace, std::string(request.name), method, arrived) : nullptr;
     if (frame.span) [[unlikely]] {
         frame.span->door = true;
         context.span = frame.span;

@@ -42,13 +42,13 @@ void Server::Subscription::event(const Event& event) {
     if (author_ && concealed(event, server_.sorm_, author_)) [[unlikely]] {
         Message bare;
         bare.words = bareWords(event);
-        return push(bodyOf({event.time, std::string(event.name), event.request}, bare));
+        return push(bodyOf({event.time, std::string(event.name), event.request}, bare), event.origin);
     }
     if (server_.encoded_ != event.serial) {             // the first of this server's listeners
         server_.encodedBody_ = bodyOf({event.time, std::string(event.name), event.request}, event.message);
         server_.encoded_ = event.serial;
     }
-    push(server_.encodedBody_);
+    push(server_.encodedBody_, event.origin);
 }
 
 std::string Server::Subscription::who() const { return session_.client->caller.toText(); }
@@ -87,13 +87,13 @@ bool Server::Subscription::mayListen() {
     }
 }
 
-void Server::Subscription::push(std::shared_ptr<const Buffer> body) {
+void Server::Subscription::push(std::shared_ptr<const Buffer> body, const TraceOrigin& origin) {
     ++number_;
     if (!session_.peer) {
         ++lost_;
         return;
     }
-    Item item{std::move(body), number_, 0};
+    Item item{std::move(body), number_, 0, origin};
     const std::size_t size = sizeOf(item);
     if (waiting_->items.size() >= keep_) dropOldest();
     while (!fits(size)) {
@@ -130,6 +130,7 @@ bool Server::Subscription::pump(Buffer& out) {
     waiting_.edit([&](Waiting& w) {
         while (!w.items.empty() && out.size() < kEventWindow) {
             auto& item = w.items.front();
+            if (item.origin) [[unlikely]] wire::writeTraced(out, {id, item.number, 0}, item.origin);
             wire::writeEvent(out, {id, item.number, item.lost}, *item.body);
             w.bytes -= sizeOf(item);
             w.items.pop_front();

@@ -42,6 +42,7 @@ private:
     struct Item {
         std::shared_ptr<const Buffer> body;     // shared by all subscriptions that get the event
         std::uint64_t number, lost;
+        TraceOrigin origin;
     };
     // The client's account pays for these.
     struct Waiting {
@@ -54,7 +55,7 @@ private:
         static constexpr std::size_t kStep = 1024;
     };
     bool fits(std::size_t more) const;      // may so many bytes of events wait in addition?
-    void push(std::shared_ptr<const Buffer> body);
+    void push(std::shared_ptr<const Buffer> body, const TraceOrigin& origin = {});
     void end(const char* event, std::string why);
     bool mayListen();                       // check the right again after the policy has changed
     static std::size_t sizeOf(const Item& item) { return sizeof(Item) + item.body->size(); }

@@ -139,26 +139,28 @@ Behalf behalfOf(const PrincipalPointer& relayFor, std::uint64_t request, std::st
 
 Behalf behalfOf(const PrincipalPointer& relayFor) {
     Behalf behalf = behalfOf(relayFor, CallContext::currentRequest(), CallContext::currentCallers());
-    if (CallContext* context = CallContext::current(); context && context->span && context->span->elsewhere) behalf.trace = context->span->share->number;
+    if (CallContext* context = CallContext::current(); context && context->span && context->span->elsewhere) behalf.trace.number = context->span->share->number;
     return behalf;
 }
 
-constexpr std::size_t kTraceBytes = 16;
+constexpr std::size_t kTraceBytes = 16, kCauseBytes = 8;
 
 void writeCallHeader(XdrWriter& w, const CallHeader& h, const Behalf* behalf) {
     w.words(h.xid, kCallKind, h.rpcVersion, h.program, h.version, h.procedure);
     if (behalf) [[unlikely]] {
-        std::string_view callers = std::string_view(behalf->callers).substr(0, behalf->trace ? kMostCallers - kTraceBytes : kMostCallers);
+        const bool traced(behalf->trace.number), caused(behalf->trace);
+        std::string_view callers = std::string_view(behalf->callers).substr(0, kMostCallers - (traced ? kTraceBytes : 0));
         while (!callers.empty() && !isUtf8(callers)) callers.remove_suffix(1);
         w.u32(kBehalfFlavor);
         std::string_view author = behalf->author.size() <= kMostAuthor ? std::string_view(behalf->author) : kTooLong;
-        const bool named = behalf->trace || (behalf->relayed && !author.empty());
-        w.u32(static_cast<std::uint32_t>(16 + XdrWriter::padded(callers.size()) + (named ? 4 + XdrWriter::padded(author.size()) : 0) + (behalf->trace ? kTraceBytes : 0)));
+        const bool named = traced || (behalf->relayed && !author.empty());
+        w.u32(static_cast<std::uint32_t>(16 + XdrWriter::padded(callers.size()) + (named ? 4 + XdrWriter::padded(author.size()) : 0) + (traced ? kTraceBytes : 0) + (caused ? kCauseBytes : 0)));
         w.u32(behalf->relayed);
         w.u64(behalf->request);
         w.text(callers);
         if (named) w.text(author);
-        if (behalf->trace) w.u64(behalf->trace.high), w.u64(behalf->trace.low);
+        if (traced) w.u64(behalf->trace.number.high), w.u64(behalf->trace.number.low);
+        if (caused) w.u64(behalf->trace.cause);
         w.words(0, 0);
     } else {
         w.words(0, 0, 0, 0);
@@ -178,7 +180,10 @@ bool readBehalf(std::string_view body, Behalf& behalf) {
         if (!r.good() || author.size() > kMostAuthor || !isUtf8(author)) return false;
         behalf.author = author;
     }
-    if (r.good() && r.left() == kTraceBytes) behalf.trace.high = r.u64(), behalf.trace.low = r.u64();
+    const bool caused = r.left() == kTraceBytes + kCauseBytes;
+    if (!r.good() || (r.left() != kTraceBytes && !caused)) return true;
+    behalf.trace.number = {r.u64(), r.u64()};
+    if (caused) behalf.trace.cause = r.u64();
     return true;
 }
 
@@ -252,6 +257,16 @@ void writeEvent(Buffer& out, const EventHeader& h, const Buffer& body) {
     const auto high = [](std::uint64_t v) { return static_cast<std::uint32_t>(v >> 32); };
     w.words(0, kCallKind, 2, kProgram, kVersion, kEvent, 0, 0, 0, 0, h.id, high(h.number), h.number, high(h.lost), h.lost);
     out.append(body.data(), body.size());
+}
+
+void writeTraced(Buffer& out, const EventHeader& h, const TraceOrigin& origin) {
+    Record w(out);
+    writeCallHeader(w, {0, 2, kProgram, kVersion, kTraced});
+    w.u32(h.id);
+    w.u64(h.number);
+    w.u64(origin.number.high);
+    w.u64(origin.number.low);
+    w.u64(origin.cause);
 }
 
 void writeHello(Buffer& out, std::uint32_t xid, std::uint32_t program, const Hello& h) {
@@ -454,6 +469,14 @@ bool readEvent(XdrReader& r, EventHeader& h, EventBody& body, Message& content) 
     if (!readMessage(r, content)) return false;
     body.request = r.atEnd() ? 0 : r.u64();
     return r.good() && r.atEnd();
+}
+
+bool readTraced(XdrReader& r, EventHeader& h, TraceOrigin& origin) {
+    h.id = r.u32();
+    h.number = r.u64();
+    origin.number = {r.u64(), r.u64()};
+    origin.cause = r.u64();
+    return r.good() && r.atEnd() && origin.number && origin;
 }
 
 bool readHello(XdrReader& r, Hello& h) {

@@ -26,7 +26,7 @@ namespace sorma::wire {
 inline constexpr std::uint32_t kProgram = 0x20534f52, kProgramBase = 0x20000000, kVersion = 1;
 // Procedures. 16 and above: the daemon sends them.
 inline constexpr std::uint32_t kNull = 0, kHello = 1, kCall = 2, kCancel = 3, kHealth = 4, kSubscribe = 5, kUnsubscribe = 6, kOneway = 7, kClock = 8,
-                               kGoodbye = 16, kEvent = 17, kOutdated = 18;
+                               kGoodbye = 16, kEvent = 17, kOutdated = 18, kTraced = 19;
 inline constexpr std::uint32_t kNoSlot = 0xffffffff;            // a call outside of a session
 
 // Says for whom a call is made that is part of another one. It stands in the credentials of the RPC header; other calls have
@@ -36,7 +36,7 @@ struct Behalf {
     std::uint64_t request = 0;      // number of the request that it is part of, at the caller
     std::string callers;            // for people: who called the caller, nearest first
     std::string author = {};        // relayed: for whom, as Principal::toText() says it; empty: anyone
-    TraceNumber trace = {};         // of the trace that wants the spans of this call; none: none does
+    TraceOrigin trace = {};         // of the trace that wants the spans of this call; its cause only of a one-way request
 };
 // relayFor: who has named the object, when it was not the owner of this process. Without request and callers: of the present
 // context.
@@ -131,6 +131,8 @@ void writeSubscribe(Buffer& out, std::uint32_t xid, std::uint32_t program, const
 void writeUnsubscribe(Buffer& out, std::uint32_t program, std::uint32_t id);
 void writeEventBody(Buffer& out, const EventBody& body, const Message& content);        // no record, but the end of one
 void writeEvent(Buffer& out, const EventHeader& header, const Buffer& body);            // body: from writeEventBody
+// The event with this header, which comes next, is part of a trace. A client that does not know it ignores it.
+void writeTraced(Buffer& out, const EventHeader& header, const TraceOrigin& origin);
 void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Message& m, const Buffer* spans = nullptr);
 void writeHello(Buffer& out, std::uint32_t xid, std::uint32_t program, const Hello& hello);
 void writeWelcome(Buffer& out, std::uint32_t xid, const Welcome& welcome);
@@ -178,6 +180,7 @@ bool readCancel(XdrReader& r, Cancel& cancel);
 bool readHealth(XdrReader& r, Health& health);
 bool readSubscription(XdrReader& r, Subscription& subscription);
 bool readEvent(XdrReader& r, EventHeader& header, EventBody& body, Message& content);
+bool readTraced(XdrReader& r, EventHeader& header, TraceOrigin& origin);
 bool readHello(XdrReader& r, Hello& hello);
 bool readWelcome(XdrReader& r, Welcome& welcome);
 

@@ -9,9 +9,12 @@ namespace sorma::wire {
 
 namespace {
 
-constexpr std::uint32_t kDbx = 2, kFinished = 4, kFailed = 8, kSent = 16, kAnswered = 32;
+constexpr std::uint32_t kDbx = 2, kFinished = 4, kFailed = 8, kSent = 16, kAnswered = 32, kKindShift = 6;
+constexpr std::size_t kMostLate = 1 << 20;     // [bytes]
 constexpr std::size_t kMostName = 256, kMostError = 256, kMostDepth = 256;
 constexpr std::int64_t kLongest = std::int64_t{1} << 60;       // [ns]
+
+bool leaves(const Span& s) { return s.kind == Span::Kind::oneway || s.kind == Span::Kind::event; }
 
 class Writer {
 public:
@@ -27,9 +30,10 @@ public:
             }
             const bool show = mayShow && shown_(c->name);
             w_.u32(depth);
-            w_.u32(std::uint32_t(c->method) | (c->finished && !c->underway ? kFinished : 0) | (c->failed ? kFailed : 0) | (c->sent ? kSent : 0) | (c->answered ? kAnswered : 0));
+            w_.u32(std::uint32_t(c->method) | (c->finished && !c->underway ? kFinished : 0) | (c->failed ? kFailed : 0) | (c->sent ? kSent : 0) | (c->answered ? kAnswered : 0) |
+                   std::uint32_t(c->kind) << kKindShift);
             w_.text(show ? cutText(c->name, kMostName) : std::string());
-            w_.text(show ? cutText(c->error, kMostError) : std::string());
+            w_.text(show ? cutText(c->event.empty() ? c->error : c->event, kMostError) : std::string());
             w_.i64(c->offset);
             w_.i64(c->lasted());
             w_.i64(c->waited);
@@ -37,6 +41,7 @@ public:
             w_.i64(c->farWaited);
             const std::size_t place = out_.size();
             w_.u32(0);
+            if (leaves(*c)) w_.u64(c->cause), w_.u32(c->heard);
             const std::uint32_t left = calls(*c, depth + 1, show && (foreign_ || !c->sent));
             XdrWriter::put(out_.data() + place, left);
         }
@@ -88,7 +93,10 @@ bool readSpans(std::string_view body, Span& into) {
         const auto name = r.text(), error = r.text();
         std::int64_t times[5];
         for (auto& t : times) t = r.i64();
-        const std::uint32_t lost = r.u32();
+        const std::uint32_t lost = r.u32(), kind = flags >> kKindShift & 3;
+        const bool leaves = kind == std::uint32_t(Span::Kind::oneway) || kind == std::uint32_t(Span::Kind::event);
+        const std::uint64_t cause = leaves ? r.u64() : 0;
+        const std::uint32_t heard = leaves ? r.u32() : 0;
         if (!r.good() || depth == 0 || depth > path.size() || depth > kMostDepth || (flags & 3) > kDbx || !isUtf8(name) || !isUtf8(error) ||
             name.size() > 2 * kMostName || error.size() > 2 * kMostError || !sane({times[0], times[1], times[2], times[3], times[4]}))
             return false;
@@ -101,7 +109,10 @@ bool readSpans(std::string_view body, Span& into) {
         }
         ++made;
         auto span = std::make_shared<Span>(into.share, oneLine(name), Method(flags & 3), 0);
-        span->error = oneLine(error);
+        span->kind = Span::Kind(kind);
+        (kind < std::uint32_t(Span::Kind::event) ? span->error : span->event) = oneLine(error);
+        span->cause = cause;
+        span->heard = heard;
         span->finished = true;                  // its times do not grow here
         span->underway = !(flags & kFinished);
         span->failed = flags & kFailed;
@@ -122,6 +133,44 @@ bool readSpans(std::string_view body, Span& into) {
     into.far += read.whole;
     into.lost += read.lost;
     for (auto& c : read.calls) into.calls.push_back(std::move(c));
+    return true;
+}
+
+// ---- late ones: number, cause, is it over, its spans ----
+
+Buffer lateSpansOf(const LateSpans& late, TraceNumber number, const std::function<bool(const std::string&)>& shown, bool foreign) {
+    Buffer out;
+    XdrWriter w(out);
+    for (auto& k : late.kept()) {
+        if (k.span->share->number != number || out.size() > kMostLate) continue;
+        Span above(k.span->share, {}, k.span->method, 0);
+        above.finished = true;
+        above.calls.push_back(k.span);
+        const Buffer spans = spansOf(above, shown, foreign);
+        w.u64(k.number);
+        w.u64(k.cause);
+        w.u32(isOver(*k.span));
+        w.bytes(spans.data(), spans.size());
+    }
+    return out;
+}
+
+bool readLateSpans(std::string_view body, const std::function<Span*(std::uint64_t cause)>& find, std::set<std::uint64_t>& seen, bool all) {
+    XdrReader r(body);
+    while (!r.atEnd()) {
+        const std::uint64_t number = r.u64(), cause = r.u64();
+        const bool over = r.u32() != 0;
+        const auto spans = r.text();
+        if (!r.good()) return false;
+        Span* into = seen.contains(number) || !(over || all) ? nullptr : find(cause);
+        if (!into || into->told >= into->heard) continue;
+        Span read(into->share, {}, into->method, 0);
+        if (!readSpans(spans, read)) return false;
+        seen.insert(number);
+        ++into->told;
+        into->lost += read.lost;
+        for (auto& c : read.calls) into->calls.push_back(std::move(c));
+    }
     return true;
 }
 

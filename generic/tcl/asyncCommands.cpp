@@ -146,8 +146,11 @@ int AsyncObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
         if (objc - at < 2)
             return Tcl_WrongNumArgs(interp, 1, objv, "?-timeout ms? ?-command prefix? ?-oneway? name method ?word ...?"), TCL_ERROR;
         std::string name = toUtf8(objv[at]);
-        if (oneway) return sendOneway(i, name, objc - at, objv + at) ? TCL_OK : TCL_ERROR;
         Obj coroutine = coroutineName(i);
+        if (oneway) {
+            InCoroutine context(i, coroutine);
+            return sendOneway(i, name, objc - at, objv + at) ? TCL_OK : TCL_ERROR;
+        }
         auto pending = [&] {
             InCoroutine context(i, coroutine);
             return beginCommand(i, name, objc - at, objv + at, deadline);

@@ -42,8 +42,6 @@ struct InterpreterComm {
     EventSource source;
 };
 
-Comm& commOf(Interpreter& i) { return static_cast<InterpreterComm*>(Tcl_GetAssocData(i.interp, kKey, nullptr))->comm; }
-
 std::int64_t wholeNumber(const std::string& option, const std::string& text, std::int64_t low, std::int64_t high) {
     std::string digits = text;
     std::int64_t value = 0;
@@ -217,6 +215,8 @@ int SweepSocketObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* co
 }
 
 }  // namespace
+
+Comm& commOf(Interpreter& i) { return static_cast<InterpreterComm*>(Tcl_GetAssocData(i.interp, kKey, nullptr))->comm; }
 
 void initCommCommands(Interpreter& i) {
     auto own = std::make_shared<InterpreterComm>(i);

@@ -5,8 +5,11 @@
 
 namespace sorma {
 
+class Comm;
+
 // Give the interpreter COMM: names with @ work from now on. COMM ends with the interpreter, or with the process: then
 // clients are told, and socket files are removed.
 void initCommCommands(Interpreter& interpreter);
+Comm& commOf(Interpreter& interpreter);     // of that interpreter
 
 }  // namespace sorma

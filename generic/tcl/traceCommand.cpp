@@ -5,7 +5,11 @@
 #include <utility>
 
 #include "bus/call.h"
+#include "bus/requestText.h"
 #include "bus/span.h"
+#include "comm/lateTrace.h"
+#include "tcl/commCommands.h"
+#include "tcl/convert.h"
 #include "tcl/tclService.h"
 #include "tcl/waiting.h"
 
@@ -14,8 +18,7 @@ namespace sorma {
 namespace {
 
 const Prototype kParent{Severity::error, "REQUEST SYNTAX", 0, "-parent {} is no W3C traceparent: 00-<32 hex digits>-<16 hex digits>-<2 hex digits>"};
-
-std::string parentText(TraceNumber number) { return "00-" + number.toText() + "-" + TraceNumber::random().toText().substr(0, 16) + "-01"; }
+const Prototype kLate{Severity::error, "REQUEST SYNTAX", 0, "-late {} is no time: 0 to 600000 ms"};
 
 Tcl_Obj* microseconds(std::int64_t t) { return Tcl_NewDoubleObj(double(t) / 1e3); }
 
@@ -24,14 +27,19 @@ Tcl_Obj* treeOf(const Span& s) {
     Tcl_Obj* dict = Tcl_NewDictObj();
     auto put = [&](const char* key, Tcl_Obj* value) { Tcl_DictObjPut(nullptr, dict, Tcl_NewStringObj(key, -1), value); };
     const std::int64_t whole = s.lasted();
+    static constexpr const char* kKinds[] = {"call", "oneway", "event", "listener"};
+    const bool untold = s.kind == Span::Kind::call ? s.sent && !s.answered : s.told < s.heard;
     put("name", newText(s.name));
+    put("kind", newText(kKinds[int(s.kind)]));
     put("method", newText(toText(s.method)));
-    put("state", newText(!s.finished || s.underway ? "underway" : s.failed ? "failed" : s.sent && !s.answered ? "untold" : "done"));
+    if (!s.event.empty()) put("event", newText(s.event));
+    put("state", newText(!s.finished || s.underway ? "underway" : s.failed ? "failed" : untold ? "untold" : "done"));
     put("offset", microseconds(s.offset));
     put("whole", microseconds(whole));
     put("waiting", microseconds(s.waited + s.farWaited));
     put("running", microseconds(s.running()));
     put("wire", microseconds(s.sent ? std::max<std::int64_t>(whole - s.waited - s.far, 0) : 0));
+    if (s.heard > s.told) put("untold", Tcl_NewWideIntObj(s.heard - s.told));
     if (!s.error.empty()) put("error", newText(s.error));
     if (s.lost > 0) put("more", Tcl_NewWideIntObj(s.lost));
     Tcl_Obj* calls = Tcl_NewListObj(0, nullptr);
@@ -40,13 +48,32 @@ Tcl_Obj* treeOf(const Span& s) {
     return dict;
 }
 
-TraceNumber numberFor(int objc, Tcl_Obj* const objv[]) {
-    if (objc == 4) {
-        const std::string parent = toUtf8(objv[2]);
-        const TraceNumber given = TraceNumber::parse(parent);
-        if (!given) fail(kParent, parent);
-        return given;
+struct Wanted {
+    TraceNumber number;
+    std::int64_t late = 500;                    // [ms] how long to ask for what no reply brings
+    std::vector<std::string> ask;               // daemons, beside those that are known
+};
+
+// Its options. False: they make no sense.
+bool readOptions(int objc, Tcl_Obj* const objv[], Wanted& wanted) {
+    if (objc % 2 != 0) return false;
+    for (int at = 1; at + 1 < objc; at += 2) {
+        const std::string option = toUtf8(objv[at]), value = toUtf8(objv[at + 1]);
+        if (option == "-parent") {
+            wanted.number = TraceNumber::parse(value);
+            if (!wanted.number) fail(kParent, value);
+        } else if (option == "-late") {
+            if (!parseNumber(value, wanted.late) || wanted.late < 0 || wanted.late > 600'000) fail(kLate, value);
+        } else if (option == "-ask") {
+            wanted.ask = listStrings(objv[at + 1]);
+        } else {
+            return false;
+        }
     }
+    return true;
+}
+
+TraceNumber numberOfEnvironment() {
     const char* variable = std::getenv("TRACEPARENT");         // a bad one is ignored, as W3C has it
     const TraceNumber given = variable ? TraceNumber::parse(variable) : TraceNumber();
     return given ? given : TraceNumber::random();
@@ -73,15 +100,14 @@ private:
 };
 
 // sorma::trace                                   the traceparent for what the present request calls, or empty
-// sorma::trace ?-parent traceparent? script      dict  trace code result options tree
+// sorma::trace ?option value ...? script         dict  trace code result options tree
 // Other words                                    Tcl's own trace: code in our namespace, such as a snit type, finds this one first
 int TraceObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     return guarded(i, objc, objv, [&] {
         if (objc == 1) {
-            CallContext* context = CallContext::current();
-            if (context && context->span) Tcl_SetObjResult(interp, newText(parentText(context->span->share->number)));
-            else Tcl_ResetResult(interp);
+            InCoroutine context(i, coroutineName(i));
+            Tcl_SetObjResult(interp, newText(traceparent()));
             return TCL_OK;
         }
         if (objc > 2 && !view(objv[1]).starts_with('-')) {
@@ -90,9 +116,10 @@ int TraceObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
             Tcl_ListObjReplace(nullptr, words, 0, 1, 1, &name);
             return Tcl_EvalObjEx(interp, words, TCL_EVAL_DIRECT);
         }
-        if (objc != 2 && !(objc == 4 && view(objv[1]) == "-parent")) return Tcl_WrongNumArgs(interp, 1, objv, "?-parent traceparent? script"), TCL_ERROR;
+        Wanted wanted;
+        if (!readOptions(objc, objv, wanted)) return Tcl_WrongNumArgs(interp, 1, objv, "?-parent traceparent? ?-late ms? ?-ask daemons? script"), TCL_ERROR;
         Obj script(objv[objc - 1]);
-        auto root = Span::root(numberFor(objc, objv), i.sorm, "script", Method::exec, monotonicNow());
+        auto root = Span::root(wanted.number ? wanted.number : numberOfEnvironment(), i.sorm, "script", Method::exec, monotonicNow());
         int code;
         {
             static const ClientPointer self;
@@ -107,12 +134,14 @@ int TraceObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
         }
         if (i.closing()) return TCL_ERROR;
         root->finish();
+        Obj result(Tcl_GetObjResult(interp));
         Tcl_Obj* options = Tcl_GetReturnOptions(interp, code);
+        if (wanted.late > 0) gatherLate(commOf(i), i.sorm, *root, Deadline::in(wanted.late), wanted.ask);
         Tcl_Obj* dict = Tcl_NewDictObj();
         auto put = [&](const char* key, Tcl_Obj* value) { Tcl_DictObjPut(nullptr, dict, Tcl_NewStringObj(key, -1), value); };
-        put("trace", newText(parentText(root->share->number)));
+        put("trace", newText(traceparent(root->share->number)));
         put("code", Tcl_NewIntObj(code));
-        put("result", Tcl_GetObjResult(interp));
+        put("result", result);
         put("options", options);
         put("tree", treeOf(*root));
         Tcl_SetObjResult(interp, dict);

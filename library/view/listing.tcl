@@ -212,7 +212,13 @@ proc ::sorma::listing::calls tree {
 proc ::sorma::listing::CallRows {span depth rowsVar} {
     upvar 1 $rowsVar rows
     set name [dict get $span name]
-    set row [list "[string repeat {  } $depth][if {$name eq {}} {string cat (hidden)} else {string cat $name { } [dict get $span method]}]" [dict get $span state]]
+    set kind [dict get $span kind]
+    set what [switch $kind {
+        event - listener { string cat $kind { } [expr {[dict exists $span event] ? [dict get $span event] : {}}] }
+        oneway { string cat [dict get $span method] { one-way} }
+        default { dict get $span method }
+    }]
+    set row [list "[string repeat {  } $depth][if {$name eq {}} {string cat (hidden)} else {string cat $name { } $what}]" [dict get $span state]]
     foreach time {whole waiting running wire} {
         lappend row [microseconds [dict get $span $time]]
     }

@@ -345,15 +345,77 @@ void testSpans() {
     CHECK(full->share->spans == TraceShare::kMostSpans && full->lost > 0);
 }
 
+// Spans that come with no reply.
+void testLateSpans() {
+    Sorm sorm;
+    auto shown = [](const std::string&) { return true; };
+    const SpanPointer sent = Span::root({1, 2}, sorm, "a", Method::exec, monotonicNow());
+    const SpanPointer left = sent->leave(Span::Kind::oneway, "b@d", Method::exec), event = sent->leave(Span::Kind::event, "c", Method::exec);
+    event->event = "told";
+    event->heard = 2;
+    const Buffer bytes = spansOf(*sent, shown, true);
+    const SpanPointer got = Span::root({1, 2}, sorm, "a", Method::exec, monotonicNow());
+    CHECK(readSpans({bytes.data(), bytes.size()}, *got) && got->calls.size() == 2);
+    Span &one = *got->calls[0], &two = *got->calls[1];
+    CHECK(one.kind == Span::Kind::oneway && one.cause == left->cause && one.heard == 1 && two.event == "told" && two.heard == 2 && two.cause == event->cause);
+
+    LateSpans& late = sorm.lateSpans();
+    const SpanPointer there = late.begin(left->origin(), "b", Method::exec, monotonicNow());
+    there->call("e", Method::ctrl)->finish();
+    CHECK(late.begin({{1, 2}, left->cause + 1}, "another", Method::exec, monotonicNow()) && late.begin({{3, 4}, left->cause}, "another", Method::exec, 0));
+    auto find = [&](std::uint64_t cause) { return cause == one.cause ? &one : cause == two.cause ? &two : nullptr; };
+    auto read = [&](std::set<std::uint64_t>& seen, bool all) {
+        const Buffer all2 = lateSpansOf(late, {1, 2}, shown, true);
+        return readLateSpans({all2.data(), all2.size()}, find, seen, all);
+    };
+    std::set<std::uint64_t> seen;
+    CHECK(read(seen, false) && one.told == 0);                          // it is under way
+    there->finish();
+    CHECK(read(seen, false) && one.told == 1 && one.calls.size() == 1 && one.calls[0]->name == "b" && one.calls[0]->calls[0]->name == "e");
+    CHECK(read(seen, true) && one.calls.size() == 1 && seen.size() == 1);       // once
+    // No more than could have heard of it, whoever claims to.
+    for (int i = 0; i < 5; ++i) late.begin(event->origin(), "f", Method::exec, monotonicNow())->finish();
+    CHECK(read(seen, true) && two.told == 2 && two.calls.size() == 2);
+    // Bounded, by traces and in all.
+    for (std::uint64_t i = 1; i < 3000; ++i) late.begin({{i % 100 + 1, 7}, 1}, "g", Method::exec, monotonicNow());
+    CHECK(late.kept().size() <= LateSpans::kMostKept);
+    std::set<std::uint64_t> traces;
+    for (auto& k : late.kept()) traces.insert(k.span->share->number.high);
+    CHECK(traces.size() <= LateSpans::kMostTraces);
+}
+
+// A service in C++: the number for calls by other means, and a span for a part of its work.
+void testOwnSpans() {
+    Sorm sorm;
+    CHECK(traceparent().empty());
+    auto kept = std::make_shared<KeptCall>(nullptr, Deadline(), 1, std::string());
+    kept->span = Span::root({1, 2}, sorm, "a", Method::exec, monotonicNow());
+    const CallContext context(kept);
+    CHECK(TraceNumber::parse(traceparent()) == (TraceNumber{1, 2}));
+    { const SpanScope part("a.part", Method::exec, false); }
+    CHECK(kept->span->calls.size() == 1 && kept->span->calls[0]->name == "a.part" && kept->span->calls[0]->finished && CallContext::current()->span == kept->span);
+}
+
+void testTraced() {
+    const std::string record = written([&](Buffer& out) { writeTraced(out, {5, 6, 0}, {{1, 2}, 3}); });
+    XdrReader r(record);
+    CHECK(readCallHeader(r, readEnvelope(r).xid).procedure == kTraced);
+    EventHeader h;
+    TraceOrigin origin;
+    CHECK(readTraced(r, h, origin) && h.id == 5 && h.number == 6 && origin.number == (TraceNumber{1, 2}) && origin.cause == 3);
+}
+
 void testTraceNumbers() {
-    const Behalf sent{true, 7, std::string(300, 'x'), "", {3, 4}};
-    const std::string record = written([&](Buffer& out) { writeCall(out, 5, kProgram, {}, Message(), kCall, &sent); });
-    CHECK(isCall(record, kCall, [&](XdrReader& r, const CallHeader& h) {
-        Behalf got;
-        Request q;
-        Message m;
-        return readBehalf(h.behalf, got) && got.trace == sent.trace && got.author.empty() && h.behalf.size() <= 400 && readRequest(r, q, m);
-    }));
+    for (std::uint64_t cause : {0, 9}) {
+        const Behalf sent{true, 7, std::string(300, 'x'), std::string(kMostAuthor, 'a'), {{3, 4}, cause}};
+        const std::string record = written([&](Buffer& out) { writeCall(out, 5, kProgram, {}, Message(), kCall, &sent); });
+        CHECK(isCall(record, kCall, [&](XdrReader& r, const CallHeader& h) {
+            Behalf got;
+            Request q;
+            Message m;
+            return readBehalf(h.behalf, got) && got.trace.number == sent.trace.number && got.trace.cause == cause && got.author == sent.author && h.behalf.size() <= 400 && readRequest(r, q, m);
+        }));
+    }
 }
 
 void testRefusals() {
@@ -409,7 +471,7 @@ void testExtent() {
 
 constexpr Group kGroups[] = {
     {"calls", testCalls}, {"replies", testReplies}, {"trails", testTrails}, {"greetings", testGreetings}, {"claims", testClaims}, {"others", testOthers},
-    {"utf8", testUtf8}, {"behalf", testBehalf}, {"credentials", testCredentials}, {"refusals", testRefusals}, {"extent", testExtent}, {"spans", testSpans}, {"numbers", testTraceNumbers},
+    {"utf8", testUtf8}, {"behalf", testBehalf}, {"credentials", testCredentials}, {"refusals", testRefusals}, {"extent", testExtent}, {"spans", testSpans}, {"late", testLateSpans}, {"traced", testTraced}, {"own", testOwnSpans}, {"numbers", testTraceNumbers},
 };
 
 }  // namespace

@@ -1,5 +1,7 @@
-# liar.tcl TEXT|-file:PATH|-error:{SYMBOL DETAIL ...} ?N? -- listens on a TCP port like a daemon, greets its clients as one, is well, and answers every call with TEXT and a
-# trail of N warnings (TEXT may be what a file holds), or refuses it with an error; who subscribes is refused without a reason. Prints its port. Ends with its standard input.
+# liar.tcl TEXT|-file:PATH|-error:{SYMBOL DETAIL ...} ?N? ?SEED? -- listens on a TCP port like a daemon, greets its clients as one, is
+# well, and answers every call with TEXT and a trail of N warnings (TEXT may be the content of a file), or refuses it with an error. It refuses
+# subscribers without a reason. With SEED each answer has lies of a trace: random spans behind it, and in its bytes others that no reply
+# brings. Prints its port. Ends with its standard input.
 
 source [file join [file dirname [file normalize [info script]]] rpc.tcl]
 
@@ -28,7 +30,7 @@ proc answer {channel record} {
     append welcome [binary format IIWI 1000000 64 0 0]
     switch $procedure {
         1 { rpc::send $channel [rpc::record $head$welcome] }
-        2 { rpc::send $channel [rpc::record $head[binary format IIII [expr {[info exists ::refusal] ? -1 : 0}] 0 0 0][rpc::message $::lie][trail]] }
+        2 { rpc::send $channel [rpc::record $head[binary format IIII [expr {[info exists ::refusal] ? -1 : 0}] 0 0 0][lied][trail][spans $record]] }
         4 { rpc::send $channel [rpc::record $head[rpc::text liar][binary format WI 0 0][rpc::text {}][binary format WII 0 0 1]] }
         5 { rpc::send $channel [rpc::record $head[binary format IIII -1 0 0 0][rpc::message][binary format II 0 0]] }
     }
@@ -47,6 +49,62 @@ proc trail {} {
     return [binary format II 0 $n][string repeat $entry $n]
 }
 
+# ---- lies of a trace: doc/wire.md ----
+
+proc lied {} {
+    if {[llength $::argv] < 3} { return [rpc::message $::lie] }
+    set late {}
+    for {set i [expr {int(rand() * 10)}]} {$i > 0} {incr i -1} {
+        set rows [rows 1]
+        append late [binary format WWII [expr {int(rand() * 1000)}] [expr {int(rand() * 6)}] [expr {rand() < 0.8}] [string length $rows]] $rows
+    }
+    return [rpc::text $::lie][binary format III 0 0 [string length $late]]$late[binary format I 0]
+}
+
+proc spans record {
+    if {![traced $record] || [llength $::argv] < 3} return
+    set rows [rows 0]
+    return [binary format I [string length $rows]]$rows
+}
+
+# Has the call the number of a trace? It is the last part of its credentials: relayed, request, callers, author, trace.
+proc traced record {
+    binary scan $record @24II flavor size
+    if {$flavor == 0} {
+        return 0
+    }
+    set at 12
+    foreach text {callers author} {
+        if {$at >= $size} {
+            return 0
+        }
+        binary scan $record @[expr {32 + $at}]I length
+        incr at [expr {4 + ($length + 3) / 4 * 4}]
+    }
+    return [expr {$at < $size}]
+}
+
+# The beginning and the rows of spans: most can be read; causes are few, so that spans cause each other.
+proc rows late {
+    set out [binary format WWI [expr {$late ? 0 : [moment]}] [expr {$late ? 0 : [moment]}] 0]
+    set depth 0
+    set n [expr {rand() < 0.1 ? 3000 : int(rand() * 8)}]
+    for {set i 0} {$i < $n} {incr i} {
+        set depth [expr {rand() < 0.02 ? int(rand() * 400) : $depth < 250 && rand() < 0.5 ? $depth + 1 : max(1, int(rand() * ($depth + 1)))}]
+        set kind [expr {int(rand() * 4)}]
+        append out [binary format II $depth [expr {$kind << 6 | (rand() < 0.02 ? int(rand() * 64) : 4 | int(rand() * 3) | (rand() < 0.5 ? 48 : 0))}]]
+        append out [rpc::text [string repeat x [expr {int(rand() * (rand() < 0.02 ? 10000 : 20))}]]][rpc::text "a \{ lie"]
+        append out [binary format WWWWWI [moment] [moment] [moment] [moment] [moment] 0]
+        if {$kind in {1 2}} { append out [binary format WI [expr {int(rand() * 6)}] [expr {rand() < 0.1 ? 0xffffffff : int(rand() * 4)}]] }
+    }
+    return [expr {rand() < 0.03 ? [string range $out 0 end-[expr {4 * int(rand() * 5)}]] : $out}]
+}
+
+proc moment {} {
+    return [expr {rand() < 0.01 ? -1 : rand() < 0.1 ? (1 << 60) - 1 : int(rand() * 1e6)}]
+}
+
+if {[llength $argv] > 2} { expr {srand([lindex $argv 2])} }
 set lie [lindex $argv 0]
 if {[regsub {^-file:} $lie {} path]} {
     set channel [open $path]
