@@ -16,9 +16,9 @@ namespace eval checkers::window {
     variable Rules {braz "Brazilian, 8x8" engl "English, 8x8" intl "international, 10x10"}
     # widget, label, key, what it sets: object, option
     variable Rows {
-        level    "Robot's level (Ctrl-L)"            l {draughts.engine@player -level}
-        person   "Person's level (Ctrl-E)"           e {human.sim@human -level}
-        speed    "Speed, 0: all it can (Ctrl-S)"     s {simlab@lab -speed}
+        level    "Robot's level"           l {draughts.engine@player -level}
+        person   "Person's level"          e {human.sim@human -level}
+        speed    "Speed, 0: all it can"    s {simlab@lab -speed}
     }
 }
 
@@ -34,12 +34,10 @@ proc checkers::window::Holds option { variable Now; return [dict get $Now $optio
 # Is there no such daemon, since the game is one without robot?
 proc checkers::window::Dry name { return [expr {[Holds -dry] && $name in {eye robot hand transform laser}}] }
 
-proc checkers::window::Settings {} {
-    variable Rows
-    variable Rules
-    ttk::labelframe .settings -style Page.TLabelframe -text "Settings"
-    set s .settings
-    set pad [sorma::style pixels 2]
+# What is done to a game, in one row.
+proc checkers::window::Actions {} {
+    ttk::frame .actions -style Page.TFrame
+    set gap [sorma::style pixels 4]
     foreach {name text key command} {
         new    "New game"         n checkers::window::New
         resign "Resign"           r {checkers::window::send checkers@player CTRL -resign}
@@ -49,16 +47,26 @@ proc checkers::window::Settings {} {
         reset  "Power: reset"     g {checkers::window::send simlab@lab CTRL -reset}
         panels "Panels"           p checkers::window::Panels
     } {
-        ttk::button $s.$name -text $text -command $command
-        ttk::label $s.k$name -text "Ctrl-[string toupper $key]" -font [sorma::style font small]
-        bind . <Control-$key> [list $s.$name invoke]
+        ttk::button .actions.$name -text $text -command $command {*}[if {$name eq "new"} {list -style Accent.TButton}]
+        pack .actions.$name [Key .actions.k$name $key Page.TLabel] -side left -padx [list 0 $gap]
+        pack configure .actions.k$name -padx [list 0 [expr {4 * $gap}]]
+        bind . <Control-$key> [list .actions.$name invoke]
     }
-    foreach {a b} {new resign draw sides order reset} {
-        grid $s.$a $s.k$a $s.$b $s.k$b -sticky ew -padx $pad -pady $pad
-    }
+}
+proc checkers::window::Key {window key style} {
+    return [ttk::label $window -style $style -text "Ctrl-[string toupper $key]" -font [sorma::style font small] -foreground [sorma::style token quiet]]
+}
+
+proc checkers::window::Settings {} {
+    variable Rows
+    variable Rules
+    ttk::labelframe .settings -style Page.TLabelframe -text "Settings" -padding [sorma::style pixels 8]
+    set s .settings
+    set pad [sorma::style pixels 4]
     foreach {name text key what} $Rows {
         lassign $what object option
         ttk::label $s.t$name -text $text
+        Key $s.k$name $key TLabel
         ttk::spinbox $s.$name -width 6 -command [list checkers::window::Choose $name]
         foreach event {<Return> <FocusOut>} {
             bind $s.$name $event [list checkers::window::Choose $name]
@@ -67,14 +75,16 @@ proc checkers::window::Settings {} {
         set subject [sorma::subject of $object]
         $subject listen [list checkers::window::InForce $name $subject $option] $option
     }
-    ttk::label $s.tvariant -text "Rules (Ctrl-U)"
-    ttk::combobox $s.variant -style [::sorma::style own TCombobox] -width 18 -state readonly -values [dict values $Rules]
+    ttk::label $s.tvariant -text "Rules"
+    Key $s.kvariant u TLabel
+    ttk::combobox $s.variant -style [::sorma::style own TCombobox] -width 16 -state readonly -values [dict values $Rules]
     $s.variant set [dict get $Rules [Holds -variant]]
     bind $s.variant <<ComboboxSelected>> {
         dict set ::checkers::window::Wanted -variant [lindex [dict keys $::checkers::window::Rules] [.settings.variant current]]
         checkers::window::Later
     }
-    ttk::label $s.tlimit -text "Minutes each, 0: no limit (Ctrl-M)"
+    ttk::label $s.tlimit -text "Minutes, 0: no limit"
+    Key $s.klimit m TLabel
     ttk::spinbox $s.limit -from 0 -to 600 -width 6
     $s.limit set [expr {[Holds -limit] / 60.0 == [Holds -limit] / 60 ? [Holds -limit] / 60 : [Holds -limit] / 60.0}]
     set command {checkers::window::Limit [.settings.limit get]}
@@ -84,28 +94,33 @@ proc checkers::window::Settings {} {
     }
     bind . <Control-u> [list focus $s.variant]
     bind . <Control-m> [list focus $s.limit]
-    ttk::checkbutton $s.voice -style [::sorma::style own TCheckbutton] -text "Speak aloud (Ctrl-A)" \
+    ttk::checkbutton $s.voice -style [::sorma::style own TCheckbutton] -text "Speak aloud" \
         -command checkers::window::Speak -variable ::checkers::window::Voice
     set subject [sorma::subject of speaker@voice]
     $subject listen [list checkers::window::InForce voice $subject -output] -output
-    ttk::checkbutton $s.dry -style [::sorma::style own TCheckbutton] -text "Without robot (Ctrl-W)" -variable ::checkers::window::WantDry -command {
+    ttk::checkbutton $s.dry -style [::sorma::style own TCheckbutton] -text "Without robot" -variable ::checkers::window::WantDry -command {
         dict set ::checkers::window::Wanted -dry $::checkers::window::WantDry; checkers::window::Later
     }
-    ttk::checkbutton $s.mouse -style [::sorma::style own TCheckbutton] -text "I play (Ctrl-Y)" -variable ::checkers::window::WantMouse -command {
+    ttk::checkbutton $s.mouse -style [::sorma::style own TCheckbutton] -text "I play" -variable ::checkers::window::WantMouse -command {
         dict set ::checkers::window::Wanted -mouse $::checkers::window::WantMouse; checkers::window::Later
     }
     foreach {key name} {a voice w dry y mouse} {
         bind . <Control-$key> [list $s.$name invoke]
+        Key $s.k$name $key TLabel
     }
     set ::checkers::window::WantDry [Holds -dry]
     set ::checkers::window::WantMouse [Holds -mouse]
     foreach name {level person speed variant limit} {
-        grid $s.t$name - - $s.$name -sticky ew -padx $pad -pady $pad
+        grid $s.t$name $s.k$name $s.$name -padx $pad -pady [expr {$pad / 2}]
+        grid configure $s.t$name $s.k$name -sticky w
+        grid configure $s.$name -sticky [expr {$name eq "variant" ? "ew" : "e"}]
     }
-    grid $s.voice - $s.dry - -sticky w -padx $pad
-    grid $s.mouse - $s.panels $s.kpanels -sticky ew -padx $pad -pady $pad
-    grid [ttk::label $s.later -textvariable ::checkers::window::Later -foreground [sorma::style colour mine]] -columnspan 4 -sticky w -padx $pad
-    grid columnconfigure $s {0 2} -weight 1
+    foreach name {voice dry mouse} {
+        grid $s.$name $s.k$name -sticky w -padx $pad
+    }
+    ttk::label $s.later -textvariable ::checkers::window::Later -foreground [sorma::style colour mine] -wraplength [sorma::style pixels 300]
+    grid $s.later -columnspan 3 -sticky w -padx $pad
+    grid columnconfigure $s 2 -weight 1
 }
 
 # ---- what holds at once ----

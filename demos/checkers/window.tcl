@@ -65,9 +65,9 @@ proc checkers::window::build settings {
     set Width [expr {[Holds -variant] eq "intl" ? 10 : 8}]
     wm title . "Draughts with a robot"
     sorma::theme program
-    set gap [sorma::style pixels 6]
-    # Two boards and a picture fit beside each other, and something below them.
-    set size [expr {int(min([sorma::style pixels 400], 0.27 * [winfo screenwidth .], 0.48 * [winfo screenheight .]))}]
+    set gap [sorma::style pixels 8]
+    # Both boards fit beside a picture, and something below them.
+    set size [expr {int(min([sorma::style pixels 560], 0.31 * [winfo screenwidth .], 0.5 * [winfo screenheight .]))}]
     Stop .top 1
     pack .top -fill x -padx $gap -pady $gap
     sorma::notice .away -lines 1 -style Page.TFrame
@@ -75,20 +75,20 @@ proc checkers::window::build settings {
     pack .away -fill x -padx $gap
     Lamps
     pack .lamps -side bottom -fill x -padx $gap -pady $gap
-    pack [ttk::frame .f -style Page.TFrame] -fill both -expand 1
+    pack [ttk::frame .f -style Page.TFrame] -fill both -expand 1 -padx [expr {$gap / 2}]
     foreach w {game eye camera moves talk} text {"The game" "What the eye sees, and how certain" "The camera in the hand" "Moves" "What is said"} {
-        ttk::labelframe .$w -style Page.TLabelframe -text $text
+        ttk::labelframe .$w -style Page.TLabelframe -text $text -padding $gap
     }
     checkers::boardview create gameBoard .game.board -width $Width -size $size -heaps 1 -drop checkers::window::Drop -goals checkers::window::Goals
-    checkers::boardview create eyeBoard .eye.board -width $Width -size $size
+    checkers::boardview create eyeBoard .eye.board -width $Width -size [expr {$size * 5 / 8}]
     pack .game.board .eye.board -fill both -expand 1
-    sorma::image .camera.picture -name getbrdsit@eye -request {EXEC debug} -every 0 -zoom fit -width 300 -height 300
+    sorma::image .camera.picture -name getbrdsit@eye -request {EXEC debug} -every 0 -brief 1 -zoom fit -width 300 -height 220
     ttk::label .camera.none -text "A game without robot and camera" -anchor center
     pack .camera.picture -fill both -expand 1
 
-    text .moves.text -width 24 -height 8 -wrap word -state disabled -takefocus 0 -tabs [sorma::style pixels 34] -yscrollcommand {.moves.y set}
+    text .moves.text -width 24 -height 4 -wrap word -state disabled -takefocus 0 -tabs [sorma::style pixels 34] -yscrollcommand {.moves.y set}
     ttk::scrollbar .moves.y -style [::sorma::style own Vertical.TScrollbar] -command {.moves.text yview}
-    text .said -width 44 -height 8 -wrap word -state disabled -takefocus 0 -yscrollcommand {.talk.y set}
+    text .said -width 34 -height 6 -wrap word -state disabled -takefocus 0 -yscrollcommand {.talk.y set}
     ttk::scrollbar .talk.y -style [::sorma::style own Vertical.TScrollbar] -command {.said yview}
     ttk::label .talk.thoughts -textvariable ::checkers::window::Thoughts
     pack .talk.thoughts -side bottom -fill x
@@ -96,14 +96,22 @@ proc checkers::window::build settings {
         pack $frame.y -side right -fill y
         pack $text -in $frame -fill both -expand 1
     }
+    Actions
+    pack .actions -before .f -fill x -padx $gap -pady [list 0 $gap]
     Settings
-    foreach {w row column} {game 0 0 eye 0 1 camera 0 2 moves 1 0 talk 1 1 settings 1 2} {
-        grid .$w -in .f -row $row -column $column -sticky nsew -padx $gap -pady [expr {$gap / 2}]
+    # What is about the game at the left and large; what the robot sees and says in the middle; what can be set at the right.
+    foreach {column parts weight} {0 {game moves} 8 1 {eye talk} 5 2 {camera settings} 5} {
+        grid [ttk::frame .f.c$column -style Page.TFrame] -row 0 -column $column -sticky nsew -padx [expr {$gap / 2}]
+        grid columnconfigure .f $column -weight $weight -uniform part
+        foreach part $parts share {3 1} {
+            grid .$part -in .f.c$column -sticky nsew -pady [list 0 $gap]
+            grid rowconfigure .f.c$column [expr {$share == 1}] -weight $share
+        }
+        grid columnconfigure .f.c$column 0 -weight 1
     }
-    # In a narrow window the boards become smaller; the settings keep their room.
-    grid columnconfigure .f {0 1} -weight 1
-    grid rowconfigure .f 0 -weight 3
-    grid rowconfigure .f 1 -weight 1
+    # Settings keep their room.
+    grid rowconfigure .f.c2 1 -weight 0
+    grid rowconfigure .f 0 -weight 1
     bind . <Control-b> {focus .game.board}
     bind . <<ThemeChanged>> {+if {"%W" eq "."} {after idle checkers::window::Themed}}
     Themed
@@ -112,7 +120,8 @@ proc checkers::window::build settings {
     sorma::world watch * -events daemon.* -command checkers::window::Daemon
     update idletasks
     # It does not grow with what is shown in it.
-    wm geometry . [expr {min([winfo reqwidth .], [winfo screenwidth .])}]x[expr {min([winfo reqheight .], [winfo screenheight .])}]
+    wm geometry . [expr {min(max([winfo reqwidth .], [sorma::style pixels 1280]), [winfo screenwidth .])}]x[expr {min(max([winfo reqheight .],
+        [sorma::style pixels 800]), [winfo screenheight .])}]
     wm minsize . [expr {[winfo reqwidth .top.stop] + 4 * $gap}] [expr {[winfo reqheight .top] * 3}]
     focus .game.board
 }
@@ -120,7 +129,7 @@ proc checkers::window::build settings {
 proc checkers::window::Stop {bar clocks} {
     ttk::frame $bar -style Page.TFrame
     button $bar.stop -text "EMERGENCY STOP  (Esc)" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
-        -font TkHeadingFont -pady [sorma::style pixels 10] -padx [sorma::style pixels 24] -command {checkers::window::send simlab@lab CTRL -emergencyStop}
+        -font TkHeadingFont -relief flat -borderwidth 0 -pady [sorma::style pixels 10] -padx [sorma::style pixels 24] -command {checkers::window::send simlab@lab CTRL -emergencyStop}
     pack $bar.stop -side right
     if {$clocks} {
         foreach side {black white} {
@@ -144,7 +153,7 @@ proc checkers::window::Themed {} {
     set back [ttk::style lookup Page.TFrame -background]
     . configure -background $back
     .camera.picture.canvas configure -background [ttk::style lookup TFrame -background]
-    foreach canvas [list .top.white .top.black {*}[lsearch -all -inline [winfo children .lamps] .lamps.c*]] {
+    foreach canvas {.top.white .top.black} {
         $canvas configure -background $back
     }
     foreach text {.moves.text .said} {
@@ -192,11 +201,9 @@ proc checkers::window::begin {} {
 proc checkers::window::Lamps {} {
     variable Daemons
     ttk::frame .lamps -style Page.TFrame
-    set d [sorma::style pixels 14]
     foreach name $Daemons {
-        canvas .lamps.c$name -width $d -height $d -highlightthickness 0
-        .lamps.c$name create oval [expr {$d * 0.14}] [expr {$d * 0.14}] [expr {$d * 0.86}] [expr {$d * 0.86}] -fill #909090 -outline #505050 -tags lamp
-        pack .lamps.c$name [ttk::label .lamps.l$name -style Page.TLabel -text "$name  "] -side left
+        pack [ttk::label .lamps.c$name -style Page.TLabel -width 2 -anchor e] [ttk::label .lamps.l$name -style Page.TLabel -text $name] -side left \
+            -padx [list 0 [sorma::style pixels 4]]
         Lamp $name gone
     }
 }
@@ -216,7 +223,8 @@ proc checkers::window::Lamp {name state} {
     if {$state ne "alive" && [Dry $name]} {
         set state none
     }
-    .lamps.c$name itemconfigure lamp -fill [switch $state {alive {string cat #38b048} busy {string cat #e0b030} none {string cat #a0a0a0} default {string cat #d03020}}]
+    set shown [dict get [dict merge [dict create $state refused] {alive good busy warn none asking asking asking}] $state]
+    .lamps.c$name configure -text [sorma::style mark $shown] -foreground [sorma::style colour $shown]
 }
 proc checkers::window::Tick {} {
     if {![winfo exists .lamps]} return
@@ -301,7 +309,7 @@ proc checkers::window::plot told {
             }
         }
     }
-    .settings.draw configure -text [expr {$State eq "offer" ? "Accept the draw" : "Offer a draw"}]
+    .actions.draw configure -text [expr {$State eq "offer" ? "Accept the draw" : "Offer a draw"}]
     if {$State in {begin carried played} || (![Holds -mouse] && $State in {person validate think answer over}) || $::checkers::window::Lies eq {}} {
         Show [dict get $told lies]
     }
