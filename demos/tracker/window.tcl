@@ -17,6 +17,7 @@ package require sorma::image
 package require sorma::notice
 package require sorma::theme
 package require sorma::trailview
+source [file join [file dirname [file normalize [info script]]] view.tcl]
 
 namespace eval ::tracker::window {
     variable Said {}                    ;# what the last button has said
@@ -44,7 +45,7 @@ proc ::tracker::window::Answered future {
 
 proc ::tracker::window::Tick {} {
     variable Last
-    if {![winfo exists .chart]} {
+    if {![winfo exists .charts]} {
         return
     }
     after 100 ::tracker::window::Tick
@@ -55,15 +56,18 @@ proc ::tracker::window::Tick {} {
         set pose [dict get [shmem_r.window.pose exec] floats]
         set age [expr {[lindex $pose 0] - $time}]
         set seen [expr {$code == 0 && $age < 0.5}]
-        .chart sample age [expr {1e3 * $age}] $now
+        .charts.age sample age [expr {1e3 * $age}] $now
         if {$seen} {
-            .chart sample error [expr {1e3 * sqrt($x * $x + $y * $y + ($z - 0.3) ** 2)}] $now
+            .charts.error sample error [expr {1e3 * sqrt($x * $x + $y * $y + ($z - 0.3) ** 2)}] $now
         }
         if {[info exists Last] && [lindex $pose 0] > [lindex $Last 0]} {
             set way [::tcl::mathop::+ {*}[lmap a [lrange $Last 1 3] b [lrange $pose 1 3] {expr {($b - $a) ** 2}}]]
-            .chart sample speed [expr {1e3 * sqrt($way) / ([lindex $pose 0] - [lindex $Last 0])}] $now
+            .charts.speed sample speed [expr {1e3 * sqrt($way) / ([lindex $pose 0] - [lindex $Last 0])}] $now
         }
         set Last $pose
+        lassign $pose - px py pz
+        # The tool points down.
+        ::tracker::view::show [list $px $py $pz] [if {$seen} {list [expr {$px + $x}] [expr {$py - $y}] [expr {$pz - $z}]}]
         Expect $pose
     }
     set pushed 0
@@ -71,7 +75,7 @@ proc ::tracker::window::Tick {} {
         lassign [dict get [shmem_r.window.force exec] floats] - x y z
         set force [expr {sqrt($x * $x + $y * $y + $z * $z)}]
         set pushed [expr {$force > 2}]
-        .chart sample force $force $now
+        .charts.force sample force $force $now
     }
     Lamp sight [expr {$seen ? "good" : "alarm"}]
     Lamp force [expr {$pushed ? "good" : "gone"}]
@@ -162,31 +166,37 @@ proc ::tracker::window::Letter {button index} {
 proc ::tracker::window::build {} {
     wm title . "The tracker"
     sorma::theme program
-    set gap [sorma::style pixels 6]
-    sorma::notice .notice -lines 1 -daemons {lab robot argus sight}
-    pack .notice -fill x -padx $gap
-    pack [ttk::frame .f -padding $gap] -fill both -expand 1
-    sorma::image .camera -name findball.argus@argus -request {EXEC debug} -every 200 -zoom fit -width 500 -height 360
-    sorma::stripchart .chart -span 20 -low 0 -width 420 -height 180
-    # Seen on light and on dark backgrounds.
-    foreach {name text colour} {error "error \[mm\]" #e0443c speed "speed \[mm/s\]" #2fa04a force "force \[N\]" #4a86f0 age "age \[ms\]" #c08020} {
-        .chart trace $name -text $text -colour $colour
+    set gap [sorma::style pixels 8]
+    sorma::notice .notice -lines 1 -daemons {lab robot argus sight} -style Page.TFrame
+    .notice.text configure -style Page.TLabel
+    pack .notice -fill x -padx $gap -pady [list [expr {$gap / 2}] 0]
+    pack [ttk::frame .f -style Page.TFrame -padding [expr {$gap / 2}]] -fill both -expand 1
+    foreach {w text} {seen "What the camera sees" places "Where ball and tool are" charts "How well it follows"} {
+        ttk::labelframe .$w -style Page.TLabelframe -text $text -padding $gap
+    }
+    sorma::image .camera -name findball.argus@argus -request {EXEC debug} -every 200 -brief 1 -zoom fit -width 400 -height 220
+    pack .camera -in .seen -fill both -expand 1
+    pack [::tracker::view::build .places.view] -fill both -expand 1
+    # A chart for each unit.
+    foreach {name text unit} {error error mm speed speed mm/s force force N age "age of what is seen" ms} {
+        pack [sorma::stripchart .charts.$name -span 20 -low 0 -width 340 -height 96] -fill both -expand 1
+        .charts.$name trace $name -text $text -unit $unit
     }
     sorma::trailview .trail -height 4
 
-    ttk::frame .run
+    ttk::labelframe .run -style Page.TLabelframe -padding $gap
     button .run.stop -text "EMERGENCY STOP (F12)" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
-        -font TkHeadingFont -pady 10 -command {::tracker::window::send simlab@lab CTRL -emergencyStop} -takefocus 1
+        -font TkHeadingFont -relief flat -borderwidth 0 -pady [sorma::style pixels 10] -command {::tracker::window::send simlab@lab CTRL -emergencyStop} -takefocus 1
     grid .run.stop -columnspan 2 -sticky ew
     sorma::button .run.follow -name follow.ball@robot -request EXEC -text Follow
     ttk::button .run.halt -text Stop -command {::tracker::window::send follow.ball@robot CTRL -stop}
     sorma::button .run.learn -name sight.ball@sight -request {EXEC learn} -text Learn
     ttk::button .run.power -text "Reset, power on" -command ::tracker::window::Power
-    grid .run.follow .run.halt -sticky ew -pady 2
-    grid .run.learn .run.power -sticky ew -pady 2
+    grid .run.follow .run.halt -sticky ew -pady [list $gap 0]
+    grid .run.learn .run.power -sticky ew -pady [list [expr {$gap / 2}] 0]
     grid columnconfigure .run {0 1} -weight 1 -uniform half
 
-    ttk::labelframe .inputs -text "What moves the arm (arrow keys, Prior, Next: hand)"
+    ttk::labelframe .inputs -style Page.TLabelframe -padding $gap -text "What moves the arm (hand: arrow keys)"
     foreach {input name option} {sight track.ball@robot -index force squash.force@robot -gain hand squash.hand@robot -gain} {
         grid [ttk::label .inputs.l$input] [ttk::label .inputs.n$input -text $option] [sorma::entry .inputs.g$input -name $name -option $option] \
             -sticky ew -padx $gap
@@ -200,7 +210,7 @@ proc ::tracker::window::build {} {
 
     grid columnconfigure .inputs.presets {0 1} -weight 1 -uniform half
 
-    ttk::labelframe .tease -text "Tease it"
+    ttk::labelframe .tease -style Page.TLabelframe -padding $gap -text "Tease it"
     set n 0
     foreach {text request} {
         "At rest" {-ball still 0.56 0 0.12}        "Swing" {-ball sine 0.56 0 0.12 0 0.1 0 0.4}
@@ -220,17 +230,20 @@ proc ::tracker::window::build {} {
     } {
         Letter $button $index
     }
-    ttk::label .said -textvariable ::tracker::window::Said -wraplength [sorma::style pixels 900]
+    ttk::label .said -style Page.TLabel -textvariable ::tracker::window::Said -wraplength [sorma::style pixels 900]
 
-    grid .camera -in .f -row 0 -column 0 -sticky nsew
-    grid [ttk::frame .side] -in .f -row 0 -column 1 -rowspan 2 -sticky new -padx $gap
+    set half [expr {$gap / 2}]
+    grid .seen -in .f -row 0 -column 0 -sticky nsew -padx $half -pady [list 0 $gap]
+    grid .places -in .f -row 1 -column 0 -sticky nsew -padx $half -pady [list 0 $gap]
+    grid .charts -in .f -row 0 -column 1 -rowspan 2 -sticky nsew -padx $half -pady [list 0 $gap]
+    grid [ttk::frame .side -style Page.TFrame] -in .f -row 0 -column 2 -rowspan 3 -sticky new -padx $half
+    raise .camera .seen
     lower .side
     pack .run .inputs .tease -in .side -fill x -pady [list 0 $gap]
-    grid .chart -in .f -row 1 -column 0 -sticky nsew -pady $gap
-    grid .said -in .f -row 2 -column 0 -columnspan 2 -sticky w
-    grid .trail -in .f -row 3 -column 0 -columnspan 2 -sticky nsew
-    grid columnconfigure .f 0 -weight 1
-    grid rowconfigure .f {0 1 3} -weight 1
+    grid .said -in .f -row 2 -column 0 -columnspan 2 -sticky w -padx $half
+    grid .trail -in .f -row 3 -column 0 -columnspan 3 -sticky nsew -padx $half
+    grid columnconfigure .f {0 1} -weight 1
+    grid rowconfigure .f {0 1} -weight 1
     foreach {key way} {Up {150 0 0} Down {-150 0 0} Left {0 150 0} Right {0 -150 0} Prior {0 0 150} Next {0 0 -150}} {
         Push $key $way
     }
@@ -239,6 +252,8 @@ proc ::tracker::window::build {} {
     Tick
     sorma::world watch robot -events daemon.* -command ::tracker::window::Robot
     update idletasks
+    wm geometry . [expr {min(max([winfo reqwidth .], [sorma::style pixels 1280]), [winfo screenwidth .])}]x[expr {min(max([winfo reqheight .],
+        [sorma::style pixels 800]), [winfo screenheight .])}]
     # What presses and what is set is always there; pictures and messages may be smaller.
     wm minsize . [expr {[winfo reqwidth .run] + [winfo reqwidth .tease]}] \
         [expr {[winfo reqheight .side] + [winfo reqheight .trail] + [winfo reqheight .said] + [winfo reqheight .notice]}]
