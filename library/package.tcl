@@ -46,7 +46,10 @@ apply {{} {
         }
         foreach command $commands {
             namespace eval ::sorma::[namespace qualifiers $command] {}
-            proc ::sorma::$command args "package require sorma::$package\ntailcall ::sorma::$command {*}\$args"
+            # What was read before is kept.
+            if {[package provide sorma::$package] eq {}} {
+                proc ::sorma::$command args "package require sorma::$package\ntailcall ::sorma::$command {*}\$args"
+            }
             namespace eval ::sorma::[namespace qualifiers $command] [list namespace export [namespace tail $command]]
         }
     }
