@@ -117,13 +117,13 @@ snit::macro ::sorma::chartAxis {} {
         set units [lsort -unique [lmap trace [dict values $traces] {dict get $trace unit}]]
         return [if {[llength $units] == 1} {lindex $units 0}]
     }
-    # Names from the left to the right, in as many rows as they need; then what room is left.
+    # Names from the left to the right, in as many rows as they need; then what room is left. Charts below one another mostly begin at one edge.
     method Areas {} {
         set font [$self Small]
         set line [font metrics $font -linespace]
         set gap [::sorma::style pixels 4]
         set width [winfo width $canvas]
-        set left [expr {[tcl::mathfunc::max 0 {*}[lmap v [$self Levels] {font measure $font [$self Number $v]}]] + 2 * $gap}]
+        set left [expr {[tcl::mathfunc::max [font measure $font 00000] {*}[lmap v [$self Levels] {font measure $font [$self Number $v]}]] + 2 * $gap}]
         set x [set begin [expr {max($left, 3 * $gap + [font measure $font [$self Unit]])}]]
         set names {}
         set row {}

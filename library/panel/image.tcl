@@ -7,7 +7,7 @@ package provide sorma::image 1.0
 # ::sorma::image .w ?-name SO -request WORDS -every ms? ?-size WxH? ?-zoom n? ?-brief 0|1? --
 #       Options: -request: whose reply has the picture in its part any, default EXEC; -every: how often it is asked for, 0 (default): when
 #       refresh is called; one request is under way at a time. -size: of a raw picture, of bytes of grey or of red, green and blue.
-#       -zoom: 1, 2, 3 ..., 0.75, 0.66, 0.5, 0.33 ..., or what is next; fit: the largest of these for which there is room; -width and -height: of the window; -state disabled: keys and mouse do nothing.
+#       -zoom: 1, 1.5, 2, 3 ..., 0.75, 0.66, 0.5, 0.33 ..., or what is next; fit: the largest of these for which there is room, in the middle; -width and -height: of the window; -state disabled: keys and mouse do nothing.
 #       -brief 1: when there is no new picture it says only that, because a notice of the window says why
 # Methods:
 #       show BYTES                      a picture: PPM, PGM, PNG or raw; error IMAGE FORMAT
@@ -145,7 +145,7 @@ snit::widget ::sorma::image {
     # The next step of 1/3, 1/2, 1, 2, 3.
     method Zoom step {
         set zoom [$self Factor]
-        set n [expr {$zoom >= 1 ? int($zoom) : -round(1.0 / $zoom + 0.2) + 2}]
+        set n [expr {$zoom >= 1 ? int($step < 0 ? ceil($zoom) : $zoom) : -round(1.0 / $zoom + 0.2) + 2}]
         set n [expr {max(-6, min(16, $n + $step))}]
         $self configure -zoom [expr {$n >= 1 ? $n : 1.0 / (2 - $n)}]
     }
@@ -189,7 +189,18 @@ snit::widget ::sorma::image {
     method Fit {} {
         if {$options(-zoom) eq "fit" && [$self Ratio] ne $ratio} {
             $self Draw
+        } else {
+            $self Region
         }
+    }
+    # A picture that fits stands in the middle.
+    method Region {} {
+        set w [::image width $drawn]
+        set h [::image height $drawn]
+        set fits [expr {$options(-zoom) eq "fit"}]
+        set x [expr {$fits * max(0, [winfo width $canvas] - $w) / 2}]
+        set y [expr {$fits * max(0, [winfo height $canvas] - $h) / 2}]
+        $canvas configure -scrollregion [list -$x -$y [expr {$w + $x}] [expr {$h + $y}]]
     }
     method Draw {} {
         $drawn blank
@@ -204,7 +215,7 @@ snit::widget ::sorma::image {
             $drawn copy $larger -subsample $down -shrink
             ::image delete $larger
         }
-        $canvas configure -scrollregion [list 0 0 [::image width $drawn] [::image height $drawn]]
+        $self Region
         $self DrawMarks
     }
     method Factor {} {
@@ -222,7 +233,7 @@ snit::widget ::sorma::image {
             # Less than two thirds: rather smaller than larger.
             set zoom [expr {$zoom < 0.66 ? 1.0 / min(32, ceil(1 / $zoom)) : $zoom}]
         }
-        foreach {least up down} [list 1 [expr {int($zoom)}] 1 0.75 3 4 0.66 2 3] {
+        foreach {least up down} [list 2 [expr {int($zoom)}] 1 1.5 3 2 1 1 1 0.75 3 4 0.66 2 3] {
             if {$zoom >= $least} {
                 return [list $up $down]
             }
