@@ -140,7 +140,7 @@ public:
     // From now on the owner needs rights, too: all but files, program and reach are allowed, unless grant() says otherwise.
     void restrict() { restricted_ = true; }
     bool restricted() const { return restricted_; }
-    // words: a line without its SUBJECT: {allow reach on robot}. Later ones come before earlier ones.
+    // words: a line without its SUBJECT: {allow reach on robot}. The last matching line wins.
     void grant(const std::vector<std::string>& words);
     std::vector<std::string> grants() const;
 

@@ -33,7 +33,7 @@ private:
 struct Incident {
     std::string object, kind;
     std::uint64_t count = 0;            // since the object was made; may begin again
-    bool told = false;                  // the object itself names it in the trail
+    bool told = false;                  // the object reports it itself, in the trail
 };
 using Incidents = std::vector<Incident>;
 

@@ -99,7 +99,7 @@ public:
     // OPTION ..., SERVICE CYCLE, SERVICE FAILED (its constructor threw), ADDRESS UNRESOLVED, COMM ...
     // author: who wrote the name; null: the owner. Others need the right to call the object when it has to be made, and the
     // right to reach its place when it is elsewhere. Then they get a proxy of their own, and the other daemon gives its
-    // requests no rights but those of anyone.
+    // requests only the rights of anyone.
     Reference get(std::string_view name, Probe probe = Probe::now) {
         if (auto* known = find(name)) return Reference(known);
         return make(Name::parse(name), nullptr, nullptr, probe);

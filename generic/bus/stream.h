@@ -85,7 +85,7 @@ struct Received {
     std::string object, name;
     Message message;
     std::uint64_t number = 0;           // counts the events of this subscription from 1, lost ones included
-    std::int64_t lost = 0;              // events that were lost before this one; -1: an unknown number
+    std::int64_t lost = 0;              // events that were lost before this one; -1: unknown
     std::int64_t time = 0;              // [us since 1970]
     std::uint64_t request = 0;          // in which it was published, see Pending::number; 0: outside of any
     TraceOrigin origin = {};            // when that is traced

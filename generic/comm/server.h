@@ -14,8 +14,8 @@
 //
 // Threads: belongs to the thread of its SORM. Everything here is guarded by the ServerLock, since the health responder reads
 //          it too. The lock is released while a service or Tcl runs.
-// Re-entry: a service may run the event loop. Then the server serves other requests on top of it, and the service may even
-//          stop the server. What is on the stack stays valid until it has returned.
+// Re-entry: a service may run the event loop. Then the server serves other requests on top of it. The service may stop the
+//          server; objects on the stack stay valid until it has returned.
 //
 // Its parts, each in files of its own that no other code includes:
 //

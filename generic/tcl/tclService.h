@@ -52,9 +52,8 @@ public:
     void answerSelftest(Message& m) override;
     void dumpState(std::string& out) const override;
 
-    // Call a method of the TclOO object, also a private one, and return its result. Warnings of the method go to message's
-    // trail;
-    // null: they are lost. An error of the method is thrown as Error, after the entries that the trail has already.
+    // Call a method of the TclOO object, also a private one, and return its result. message receives the warnings of the
+    // method; null drops them. An error of the method is thrown as Error, after the entries that the trail has already.
     Obj call(std::string_view method, std::span<Tcl_Obj* const> args, Message* message) const;
 
     // Run an action or an inspection. As EXEC it may wait, and is then answered later. The method's result becomes a line of

@@ -135,7 +135,7 @@ private:
     std::thread thread_;
 
 public:
-    Pictures pictures;                  // ends first: its answers come here
+    Pictures pictures;                  // destroyed first: its thread posts to this object
 };
 
 }  // namespace simlab

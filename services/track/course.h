@@ -20,11 +20,12 @@ struct Limits {
     double speed = 0.5;             // [m/s], or [rad/s]
     double acceleration = 2;        // [m/s^2], or [rad/s^2]
     double brake = 8.0 / 9;         // part of the acceleration that braking counts on, above 0
-    // Near the target the speed is at most kappa s at the distance s, with kappa rising from soft at 0 to stiff at `near`:
-    // the bare law is as steep as a root there, and noise makes the arm tremble.
+    // Near the target the speed is at most kappa s at the distance s, with kappa rising from soft at 0 to stiff at `near`. The
+    // bare law's slope is infinite at the target, so noise would make the arm tremble.
     double soft = 4, stiff = 25;    // [1/s]; soft 0: the bare law
     double near = 0.010;            // [m], or [rad]
-    // Of a Course: below the height `floor` it goes down with `touch` at most, and it slows down before; something may be touched there.
+    // For a Course: below the height `floor` it goes down with `touch` at most, since something may be touched there. It slows
+    // down before.
     double floor = -std::numeric_limits<double>::infinity();    // [m]
     double touch = 0.02;            // [m/s]
 };

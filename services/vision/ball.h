@@ -22,7 +22,7 @@ struct BallRules {
     double solid = 0.95;                    // least part of its ellipse that is bright
     double second = 0.3;                    // a blob of that part of the largest one's area may be the ball, too
     double step = 60;                       // [pixels] farther than that it does not come from one picture to the next, unless it jumps
-    double doubt = 2;                       // [s] after so long without the ball another one, when it is alone, is taken for it
+    double doubt = 2;                       // [s] without the ball, before another single blob is accepted
 };
 
 struct Sighting {
