@@ -57,8 +57,8 @@ struct Limits {
     double low = -kInfinity, high = kInfinity;
 };
 
-// A word does this to the world. Whoever has it move, power or fire something needs Right::operate besides the word's own
-// right; whoever may call may stop it.
+// A word does this to the world. A caller needs Right::operate besides the word's own right to move, power or fire something.
+// Every caller may stop it.
 enum class Danger : std::uint8_t { none, move, power, fire, stop };
 const char* toText(Danger danger);              // "" "move" "power" "fire" "stop"
 bool fromText(std::string_view text, Danger& out);
@@ -185,7 +185,7 @@ struct Part {
     double low = -kInfinity, high = kInfinity;      // floats: others are refused; NaN is refused when there is a range
 };
 
-// What happens to EXEC requests that come while the object still has to answer another one (Service::later). CTRL and DBX
+// The treatment of EXEC requests that come while the object still has to answer another one (Service::later). CTRL and DBX
 // never wait.
 enum class Concurrency : std::uint8_t {
     serial,             // they run one after another, in order
@@ -311,8 +311,8 @@ public:
     // The class promises: EXEC without words does not allocate, lock, wait or use the SORM, but for its first calls. So the
     // object may be a step of a cycle.
     Class& realtime();
-    // The class promises: the output of EXEC depends only on earlier requests, not on the floats of this one; and without
-    // floats EXEC writes its next output and changes nothing. So the object may close a loop of a circuit.
+    // The class promises two things. The output of EXEC depends only on earlier requests, not on the floats of this one.
+    // Without floats EXEC writes its next output and changes nothing. So the object may close a loop of a circuit.
     Class& withoutFeedthrough();
     Class& declaredAt(std::string file, int line);  // place of the declaration, for classes in other languages
 
@@ -361,7 +361,7 @@ public:
     const std::vector<Value>& defaults() const { return defaults_; }
     void learnDefaults(const Service& fresh) const;
 
-    // What Service has to check: a sum of these.
+    // The checks of Service: a sum of these.
     enum Check : std::uint8_t { lengths = 1, undeclared = 2, replies = 4 };
     std::uint8_t checks() const { return checks_; }
     void checkRequest(std::string_view object, const Message& m) const;     // lengths and ranges; fails with REQUEST SIGNATURE, RANGE

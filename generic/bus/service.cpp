@@ -291,7 +291,7 @@ void Service::left() {
     leave(hangs);
 }
 
-// hangs: its real-time owner is in the middle of it, for ever perhaps. What is under way there cannot be ended.
+// hangs: its real-time owner is in the middle of it, for ever perhaps. A request that is under way there cannot be ended.
 void Service::leave(bool hangs) {
     if (guard() & kLockedBit) {
         auto& lock = record().lock;

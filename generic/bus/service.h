@@ -161,7 +161,7 @@ public:
     // Fails with COMM DENIED if the author has not this right to this object; what it knows of the last author is kept.
     Permit need(const PrincipalPointer& author, Right right);
 
-    // Who wrote the present value of an option, also inside changed(); null: the owner. If the value names a thing, the
+    // The author of the present value of an option, also inside changed(); null: the owner. If the value names a thing, the
     // object uses it with the author's rights.
     const PrincipalPointer& author(std::string_view option) const;
     // The author of its recipe in the dictionary, else whoever used the name first; null: the owner. If the name
@@ -298,7 +298,8 @@ inline void Reference::step(Message& message, RealtimeOwner* here) const {
     if (message.later || message.code < 0) [[unlikely]] s.unusable(message);
 }
 
-// Adds the object and all that is executed in its EXEC, by its parts and theirs. What is in the tree already is passed by.
+// Adds the object and all that is executed in its EXEC, by its parts and theirs. Objects that are in the tree already are
+// passed by.
 void addTree(const Service& object, std::unordered_set<const Service*>& tree);
 
 // For Class::service: finds or makes an object by its name. Fails with SERVICE CYCLE when it needs the object that asks.

@@ -138,8 +138,9 @@ inline void addLine(Message& reply, std::string_view line) {
     reply.text += line;
 }
 
-// What is wrong with the words of a recipe, as far as the table of its class says: place of the word, from 0, and why. What
-// -SUBST brings is not looked at, and no object is made.
+// Errors in the words of a recipe, as far as the table of its class shows them: place of the word, from 0, and the reason.
+// Words
+// that -SUBST brings are not looked at, and no object is made.
 struct WordFault {
     std::size_t word;
     std::string why;

@@ -239,7 +239,7 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, M
     }
 }
 
-// All or nothing. What takes time comes first, while ticks go on; then all is set between two of them.
+// All or nothing. Slow work comes first, while ticks go on. Then all is set between two of them.
 void Service::apply(Applying& a) {
     Record& r = record();
     std::vector<const Option*> options;
@@ -366,9 +366,9 @@ std::string Service::recipe(const Permit& permit) const {
 Reference subService(Service& user, const std::string& name, const PrincipalPointer& author) {
     if (name.empty()) return {};
     // While a daemon serves a peer's request it does not wait for a third one: that one may be silent, or wait for this one.
-    // What is wrong with a name elsewhere is told when it is used.
+    // A wrong name elsewhere is reported when it is used.
     Reference found = user.sorm().get(name, author, CallContext::currentClient() ? Probe::later : Probe::now);
-    // What the class does with it, it does as the owner; so whoever has named it must have the right to that. Elsewhere that
+    // The class uses it as the owner. So its author must have the right to that. Elsewhere that
     // daemon judges.
     if (!found->isElsewhere()) {
         found->need(author, Right::call);

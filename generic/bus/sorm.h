@@ -1,8 +1,7 @@
 // sorm.h -- the service object request manager (SORM): repository, plant, dispatch.
 //
-// There is one for each interpreter, or for a thread of an embedding program. A name is enough to use an object: get() finds
-// it in the repository, or the plant makes it, configures it with its recipe in the dictionary, and adds it to the
-// repository.
+// There is one for each interpreter, or for a thread of an embedding program. A name is enough to use an object. get() finds it
+// in the repository. Else the plant makes it, configures it with its recipe in the dictionary, and adds it to the repository.
 //
 // Threads:  all functions belong to the thread that made the SORM. Other threads may only post to mailbox(), which they have
 //           to keep by a shared pointer.
@@ -112,8 +111,8 @@ public:
     // stay valid, and calls by them fail with SERVICE GONE.   permit: to make that object (canonical(name)).
     void remove(std::string_view name, const Permit& permit);
     void alias(std::string_view name, std::string_view target, const PrincipalPointer& author);     // a second name
-    // The name for which a right to an object is asked, after spelling and second names: that of the object here, or that which
-    // it would get; for one that is elsewhere all of it. Fails with NAME SYNTAX.
+    // The name for checks of rights, after spelling and second names. For an object here it is its name, or the name that it
+    // would get; for one elsewhere it is the whole name. Fails with NAME SYNTAX.
     std::string canonical(std::string_view name) const;
     // Make an object that is not in the repository. It has its defaults, and then the words of CTRL; born() was called. label: its
     // name in messages. The reference owns it; dismiss() it at its end. Without a service, the class makes it. Fails as create, and
@@ -213,7 +212,7 @@ private:
 
     void dispatchWith(Message& m, std::string& name, std::string_view request, std::string& reply, const PrincipalPointer& author) noexcept;
     void dispatchInside(std::string_view request, std::string& reply, const PrincipalPointer& author) noexcept;
-    // The last names that find() found, so that a name that is used again needs no look-up in repository_.
+    // The last names that find() found. A name that is used again needs no look-up in repository_.
     // Invariant: name points to a key of repository_, service to the object there.
     struct Recent {
         const std::string* name = nullptr;

@@ -52,7 +52,7 @@ std::string partsText(const std::vector<Part>& parts) {
     return list;
 }
 
-// What the caller of a word needs: the word's own right, and what its arguments carry by their types.
+// The rights that the caller of a word needs: the word's own, and those of its arguments' types.
 std::string rightsOf(const Action& a) {
     std::string out = toText(a.right);
     for (Kind kind : a.kinds()) {
@@ -178,7 +178,7 @@ public:
         addLine(reply, out.text());
     }
 
-    // Who listens to what: {object pattern who} ..., of objects that the author may inspect.
+    // The subscribers: {object pattern who} ..., of objects that the author may inspect.
     std::string subscriptions(const PrincipalPointer& author) {
         std::string list;
         std::size_t lines = 0;

@@ -193,7 +193,7 @@ snit::widget ::sorma::browserGraph {
     method Figures {rate latency} {
         return "[format [expr {$rate < 10 ? "%.1f/s" : "%.0f/s"}] $rate],[if {$latency < 1000} {format "%.0f us" $latency} else {format "%.3g ms" [expr {$latency / 1000}]}]"
     }
-    # What is where: columns, boxes and ways, in steps of the grid. A line of text takes four.
+    # Places of columns, boxes and ways, in steps of the grid. A line of text takes four.
     method Arrange {} {
         set boxes {}
         set ways {}

@@ -328,7 +328,7 @@ proc ::sorma::world::Look {} {
     ::sorma::worldDaemon::ready
 }
 
-# Once a second: is each daemon still there? What is not connected is tried again.
+# Once a second: is each daemon still there? Daemons that are not connected are tried again.
 proc ::sorma::world::Beat {} {
     variable Pulse
     variable Beaten

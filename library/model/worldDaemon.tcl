@@ -214,7 +214,7 @@ oo::define ::sorma::worldDaemon::daemon {
 
     # ---- telling ----
 
-    # what: here, changed or gone.
+    # The word what is here, changed or gone.
     method Tell what {
         ::sorma::news::emit daemon.$what $key $facts
         my ToObservers daemonChanged

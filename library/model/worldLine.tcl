@@ -224,7 +224,7 @@ oo::define ::sorma::worldLine::daemon {
         }
         ::sorma::news::hint heard $key
     }
-    # An answer that is an error says how the daemon is.
+    # An error as the answer tells the daemon's state.
     method Failed {message code} {
         regsub {^sorm@\S+: } $message {} message
         switch -glob -- $code {

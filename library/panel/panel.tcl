@@ -1,7 +1,7 @@
 # panel.tcl -- sorma::panel, a panel for any service object, from its option table and its signature alone.
 #
-# Its parts are the widgets of field.tcl and execform.tcl and one subject; it asks nobody itself, and a daemon that does not answer never
-# makes it stand still: its fields turn stale, and say why.
+# Its parts are the widgets of field.tcl and execform.tcl and one subject. It asks nobody itself, so a silent daemon never makes
+# it stand still: its fields turn stale, and say why.
 
 package require sorma::execform
 package require sorma::field
@@ -64,7 +64,7 @@ snit::widget ::sorma::panel {
         set pad [::sorma::style pixels 8]
         set edge [::sorma::style pixels 16]
         set inside [list $edge [::sorma::style pixels 12]]
-        # What it is, how it is, and what stops it.
+        # Its purpose, its state, and its stop buttons.
         ttk::frame $win.head -style Card.TFrame -padding $inside
         ttk::label $win.head.name -text [$subject name] -font [::sorma::style font title]
         ::sorma::status $win.head.state -name [$subject name] -brief 1
@@ -95,7 +95,7 @@ snit::widget ::sorma::panel {
             -command [mymethod Switched]
         pack $win.apply.apply $win.apply.revert -side left -padx [list 0 $pad]
         pack $win.apply.once -side right
-        # What was asked for in menus: a word, and what was answered.
+        # Requests from menus: a word, and the answer.
         ttk::frame $win.ask -style Card.TFrame -padding $inside
         ttk::label $win.ask.label
         ttk::entry $win.ask.entry -textvariable [myvar asked]
@@ -231,7 +231,7 @@ snit::widget ::sorma::panel {
         set readOnly [expr {$value ne "normal"}]
         $self Switched
     }
-    # One of the switches was moved. What stops a motion is never switched off.
+    # One of the switches was moved. A button that stops a motion is never switched off.
     method Switched {} {
         set options(-apply) [expr {$atOnce ? "now" : "later"}]
         set options(-state) [expr {$readOnly ? "readonly" : "normal"}]

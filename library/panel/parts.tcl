@@ -153,8 +153,8 @@ proc ::sorma::parts::see {canvas window} {
     }
 }
 
-# ::sorma::parts::ofReply REPLY PART INDEX -- {PART VALUE}; if PART is empty, the first of text, floats, ints and words that is there. Of a list
-# the items, or that of INDEX.
+# ::sorma::parts::ofReply REPLY PART INDEX -- {PART VALUE}; if PART is empty, the first of text, floats, ints and words that is
+# there. The items of a list, or that of INDEX.
 proc ::sorma::parts::ofReply {reply part index} {
     foreach part [if {$part ne {}} {list $part} else {list text floats ints words}] {
         if {[dict exists $reply $part] && [dict get $reply $part] ne {}} {
@@ -253,7 +253,7 @@ snit::macro ::sorma::parts {needs live} {
             return -options $how $message
         }
     }
-    # Of what nobody can see no values are told.
+    # Widgets that nobody can see get no values.
     method Listen {} {
         $subject unlisten $listener
         set listener [$subject listen [list $self Told] [if {![info exists options(-seen)] || $options(-seen)} {set options(-option)}]]
@@ -305,7 +305,7 @@ snit::macro ::sorma::stateParts {} {
     method Enabled {} {
         return [expr {$options(-state) ne "disabled"}]
     }
-    # What keys and mouse do.
+    # Keys and mouse.
     method Act args {
         if {[$self Enabled]} {
             $self {*}$args

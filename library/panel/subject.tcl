@@ -1,5 +1,5 @@
-# subject.tcl -- one service object as an operator handles it: its options with what they are, what has been typed and not applied
-# yet, and what became of it. It knows no window: panels and widgets show what it says, and tell it what was done.
+# subject.tcl -- one service object as an operator handles it: its options with their facts, typed values that are not applied
+# yet, and the results of requests. It knows no window: panels and widgets show what it says, and tell it what was done.
 #
 # Nothing here waits; everything comes from the model, sorma::world, and all is shared by who names the same object.
 #
@@ -40,7 +40,7 @@ proc ::sorma::subject::of {name args} {
 }
 
 # ::sorma::subject zone HINTS VALUE -- where a value is: live, warn or alarm. HINTS: a dict that may have warn and alarm, {LOW HIGH}; an empty
-# end is open. Of a vector the worst element counts; NaN lies nowhere.
+# end is open. The worst element of a vector counts; NaN lies nowhere.
 proc ::sorma::subject::zone {hints value} {
     foreach zone {alarm warn} {
         if {![dict exists $hints $zone]} continue
@@ -142,8 +142,8 @@ oo::define ::sorma::subject::Subject {
     method table {} {
         return $table
     }
-    # What an option is: a dict of type unit range default help fixed hints (as in the table), and low and high of its range, which are
-    # empty where it is open.
+    # The facts of an option: a dict of type unit range default help fixed hints (as in the table). It also has low and high of
+    # its range, empty where it is open.
     method option option {
         if {![dict exists $facts $option]} {
             return -code error -errorcode [list SORMA OPTION UNKNOWN $option] \
@@ -327,7 +327,7 @@ oo::define ::sorma::subject::Subject {
 
     # ---- what is done ----
 
-    # edit OPTION VALUE -- typed, for later. What is as it was is no draft.
+    # edit OPTION VALUE -- typed, for later. An unchanged value is no draft.
     method edit {option value} {
         set told [my get $option]
         dict unset faults $option
@@ -350,7 +350,7 @@ oo::define ::sorma::subject::Subject {
         }
         my Tell $args
     }
-    # apply ?OPTION ...? -- set what was typed, of these or of all, in one request. What is refused stays as it was typed.
+    # apply ?OPTION ...? -- set what was typed, of these or of all, in one request. A refused value stays as it was typed.
     method apply args {
         if {[llength $args] == 0} {
             set args [dict keys $drafts]
@@ -507,7 +507,7 @@ oo::define ::sorma::subject::Subject {
             my Tell {} table
         }
     }
-    # What of a table panels are made of: all but the values.
+    # The part of a table that panels are made of: all but the values.
     method Shape table {
         return [list [lmap option [dict get $table options] {lreplace $option 5 5}] [dict filter $table key class fixed hints actions writes reads]]
     }

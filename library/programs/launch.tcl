@@ -1,8 +1,8 @@
 # launch.tcl -- the program sorma-launch: starts the daemons of an application, shows what they say, ends them.
 #
-# Each daemon runs in a session of its own, so that Ctrl-C reaches only the launcher, with a pipe as its standard
-# input: sormad -until-eof ends when the launcher does, however that dies. One on another host has ssh between, which
-# hands that end on. Whatever is left in the session when a daemon has ended is killed.
+# Each daemon runs in a session of its own, so that Ctrl-C reaches only the launcher. Its standard input is a pipe: sormad
+# -until-eof ends when the launcher does, however that dies. One on another host has ssh between, which
+# hands that end on. Processes that are left in the session of an ended daemon are killed.
 
 package require sorma
 package require sorma::launchDaemon
@@ -270,7 +270,7 @@ proc ::sorma::launch::Signalled {} {
     }
 }
 
-# Whoever has started this program ends, however that came: so do all daemons.
+# When the starter of this program ends in any way, all daemons end.
 proc ::sorma::launch::Input {} {
     if {[catch {read stdin}] || [eof stdin]} {
         fileevent stdin readable {}
@@ -418,7 +418,7 @@ proc ::sorma::launch::say {name line {colour {}} {mark |}} {
     } trap {POSIX EPIPE} {} - trap {POSIX EIO} {} {
         after 0 ::sorma::launch::Stop           ;# the reader of our output has ended
     } on error {} {
-        # such as a full disk: that is no reason to end the daemons
+        # for example a full disk: that is no reason to end the daemons
     }
 }
 

@@ -1,6 +1,6 @@
 # shell.tcl -- what a person types: run, shown, completed and remembered. The one piece below scott's terminal and the console in Tk.
 #
-# What is typed is Tcl. A command whose first word is a service object's name and whose second is EXEC, CTRL or DBX may
+# Typed lines are Tcl. A command whose first word is a service object's name and whose second is EXEC, CTRL or DBX may
 # also quote words as 'text', taken as it stands: see line.tcl. Where it is typed and shown is the caller's.
 #
 # settings: those of text.tcl (-width, -colour, -whole, -json), for the place where what comes is shown.
@@ -131,11 +131,11 @@ proc ::sorma::shell::records {} {
     return [expr {[info commands ::sorma::record::active] ne {} && [::sorma::record::active]}]
 }
 
-# ---- what can be typed next ----
+# ---- the words that can come next ----
 
 # ::sorma::shell::complete PENDING LINE POINT --
-#       As sorma::complete, of a line that goes on from lines before it. What is known of a daemon has to be asked for first: in a
-#       coroutine that waits a moment for it, else the event loop runs meanwhile.
+#       As sorma::complete, of a line that goes on from lines before it. Facts of a daemon have to be asked for first. A
+#       coroutine waits a moment for them; elsewhere the event loop runs meanwhile.
 proc ::sorma::shell::complete {pending line point} {
     set before [string length $pending]
     set found [::sorma::complete $pending$line [expr {$before + $point}]]

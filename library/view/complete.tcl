@@ -1,6 +1,6 @@
 # complete.tcl -- what can be typed next: for the terminal, and for whatever else takes lines.
 #
-# A line is read as Tcl reads it, up to the point; what the point is in decides: a command's name, a word of a request, a
+# A line is read as Tcl reads it, up to the point. The place of the point decides: a command's name, a word of a request, a
 # value, a recipe in quotes. Tables come from table.tcl: nothing is made, nothing is called, nobody is waited for.
 
 package require sorma::line
@@ -81,7 +81,7 @@ proc ::sorma::complete::Complete {line point} {
     if {[regexp {[][\\{}"$; ]} $all]} {
         set found [lmap word $found {Quoted $word $quote}]
     }
-    # What is mistyped comes before all that could be said; a word that nothing continues is as it will be. A flavor may be a new one.
+    # A mistyped word is reported first. A word that nothing continues is complete. A flavor may be a new one.
     set slip [Slip [concat $words [if {$partial ne {} && $skip eq {} && [llength $found] == 0} {list $partial}]] [expr {$hint eq {}}]]
     if {$slip ne {}} {
         set hint $slip
@@ -823,8 +823,7 @@ proc ::sorma::complete::NameHint {table partial ctrl} {
     return [if {$kind eq "option"} {optionHint $table $item} else {ActionHint $item}]
 }
 
-# {candidates hint ?skip?} for an argument of an action; before: its arguments so far. What it means is told by its
-# name in the usage.
+# {candidates hint ?skip?} for an argument of an action; before: its arguments so far. Its name in the usage tells its meaning.
 proc ::sorma::complete::Argument {name table item before partial} {
     set index [llength $before]
     lassign $item action usage

@@ -1,7 +1,7 @@
 // blackboard -- values with names, which anybody may put, get, and wait for.
 //
-// Each put gives a value a version: 1, 2, 3 ... of its name. What comes after a removal goes on above what was there,
-// so the version of a name never falls back, and whoever waits for a later one does not miss it. Who follows a value:
+// Each put gives a value a version: 1, 2, 3 ... of its name. After a removal the versions of a name go on. So a version never
+// falls back, and a reader that waits for a later one does not miss it. Who follows a value:
 //
 //     board EXEC version door         -> ints {v}
 //     board EXEC get door             -> the value, of version v or later
