@@ -57,7 +57,7 @@ proc checkers::program::Begin {o folder go windows} {
     if {[dict exists $now position]} {
         Show $windows $now
     }
-    # Who moves first may be the robot.
+    # The robot may move first.
     checkers::session::ready
 }
 
@@ -67,7 +67,7 @@ proc checkers::program::Failed {figures simulated} {
     return [expr {[tcl::mathop::+ {*}[lmap name $names {lindex [dict get $figures $name] 0}]] > 0}]
 }
 
-# What the window wants: another game with these options, with other daemons or with the same.
+# The window asks for another game with these options, with other daemons or with the same.
 proc checkers::program::Restart chosen {
     variable Wants $chosen
     checkers::session::interrupt

@@ -2,11 +2,12 @@
 
 package provide checkers::clock 1.0
 
-# What every player can do.
+# The part that all players share.
 oo::class create ::checkers::clock {
     variable Ticked     ;# [s] the time up to here has been counted; empty: the clock has not begun to run
 
-    # What has passed since the last time is time of the side whose turn it is. While the robot waits in its own turn for a board that is
+    # The time since the last call belongs to the side whose turn it is. While the robot waits in its own turn for a board that
+    # is
     # in disorder, the clock stands.
     method Tick {} {
         my variable Game Trouble
@@ -19,7 +20,7 @@ oo::class create ::checkers::clock {
     # For a new game.
     method Unclock {} { set Ticked {} }
 
-    # Whoever is out of time has lost.
+    # A side without time has lost.
     method Late {} {
         my variable Game
         my Tick

@@ -6,7 +6,7 @@
 package require sorma
 package require checkers::tokens
 
-# What both know of the laboratory.
+# The part of the laboratory that both know.
 oo::class create ::checkers::laboratory {
     superclass sorma::Service
 

@@ -139,7 +139,7 @@ proc checkers::incidents::killed {} {
     answered
     return [lindex $::checkers::incidents::Spoken end]
 }
-# The laser points at a token that is where none may be: in a picture whose middle is that field the spot is in the middle.
+# The laser points at a token on a wrong field. A picture with this field in its middle must have the spot in the middle.
 proc checkers::incidents::laser {} {
     set lab $::checkers::session::Lab
     set name [At 1 1]

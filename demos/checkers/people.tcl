@@ -222,7 +222,7 @@ oo::class create ::sorma::service::human {
                 }
             }
         }
-        # Of the board, as it was seen: a field is named. In the robot's turn it waits, and says what should be there.
+        # About the board, as it was seen: a field is named. In the robot's turn it waits, and says what should be there.
         if {[dict get $event words] eq "trouble" && [regexp {\m[a-j]\d+\M} $text] && ![string match "* I feel *" " $text"]} {
             $Player heard $text
             if {![string match "The board is not as it should be.*" $text]} {

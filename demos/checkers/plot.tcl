@@ -1,5 +1,5 @@
-# plot.tcl -- checkers: the game as a service object. Who plays is player.tcl, with the parts that the options name; what happens is told
-# by events, and kept in a file.
+# plot.tcl -- checkers: the game as a service object. player.tcl plays, with the parts that the options name. The plot publishes
+# events, and is kept in a file.
 #
 #     checkers EXEC play              until the game is over; a game that was interrupted goes on
 #     checkers CTRL -new              give up this game, and begin another one
@@ -174,7 +174,7 @@ oo::class create ::sorma::service::checkers {
             sorma::async -command [list ::checkers::spoken [namespace code {my Mute}]] [my cget -speaker] exec -text $text
         }
     }
-    # What the speaker cannot say, and why, is told where people read; once, as long as it is the same.
+    # A failure of the speaker is shown to people, with its reason; once, as long as it is the same.
     method Mute text {
         if {$text ne $Silent} {
             set Silent $text

@@ -6,12 +6,12 @@
 package require sorma
 package provide checkers::ponder 1.0
 
-# What every player can do. -ponder: the engine; empty: nobody.
+# The part that all players share. -ponder: the engine; empty: nobody.
 oo::class create ::checkers::ponder {
     variable Plan       ;# of this turn: dict of moves (before it), guess, answer (move score seconds); empty: none
     variable Hit        ;# answer to the person's move; empty: it was not foreseen
 
-    # Begin. Whatever is wrong with it, the game goes on without it.
+    # Begin. If it fails in any way, the game goes on without it.
     method Ponder {} {
         set Plan [set Hit {}]
         if {[my Setting -ponder] ne {}} {
@@ -46,7 +46,7 @@ oo::class create ::checkers::ponder {
         }
         set Plan {}
     }
-    # What was thought of already; once.
+    # The thought of before; once.
     method Foreseen {} {
         set hit [expr {[info exists Hit] ? $Hit : {}}]
         set Hit {}

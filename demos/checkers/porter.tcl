@@ -56,7 +56,8 @@ oo::class create ::sorma::service::porter {
         return [dict create floats [dict get $came floats]]
     }
 
-    # Power; an open hand; whoever has touched the arm has been told. What it holds goes to where it should have gone. Did it hold anything?
+    # Power; an open hand; whoever has touched the arm has been told. The token in the hand goes to its goal. Did it hold
+    # anything?
     method Recover transfer {
         [my cget -arm] EXEC power on
         [my cget -arm] EXEC reset
@@ -73,7 +74,7 @@ oo::class create ::sorma::service::porter {
         set Ready 1
         return $held
     }
-    # All fingertips feel something. Whoever carries may have been started anew, and then does not know it.
+    # All fingertips feel something. The carrier may have been restarted; then it does not know it.
     method Holds {} {
         return [expr {[tcl::mathfunc::min {*}[lrange [dict get [[my cget -hand] exec status] floats] 0 2]] > 0.2}]
     }
@@ -133,7 +134,7 @@ oo::class create ::sorma::service::porter {
         [my cget $mover] exec -floats $pose
     }
 
-    # Whoever knows where things are may have been started anew. Returns whether the grasp is known.
+    # The service that knows places may have been restarted. Returns whether the grasp is known.
     method LearnBoard {} {
         set transform [my cget -transform]
         lassign [dict get [$transform exec learned] ints] board grasp

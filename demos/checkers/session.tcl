@@ -136,7 +136,8 @@ proc checkers::session::Until state {
         set is
     } is] == 0 && $is eq $state} -within 120 -every 50 -else {the person should be in state $state, and for two minutes it was: $is}
 }
-# What the daemons of a game read: options of checkers and of the engine. DRY: without arm, hand and eye. The engine thinks on all cores but one, at idle priority.
+# The daemons of a game read these: options of checkers and of the engine. DRY: without arm, hand and eye. The engine thinks on
+# all cores but one, at idle priority.
 proc checkers::session::settings {checkers engine dry} {
     set threads [expr {[catch {exec nproc} cores] ? 1 : max(1, $cores - 1)}]
     set width [expr {[dict exists $checkers -variant] && [dict get $checkers -variant] eq "intl" ? 10 : 8}]
@@ -225,7 +226,7 @@ proc checkers::session::play {{most 0}} {
         faults_of_the_person [list $Faults 1] faults_named [list $Named 1] faults_undone [list $Undone 1] put_in_order [list $Ordered 1] \
         lab_time [list [format %.0f $lab] s] wall_time [list [format %.0f $wall] s] speed [list [format %.1f [expr {$lab / max(0.001, $wall)}]] 1]]
 }
-# What the judge has counted. It waits for a laboratory that is dead, or whose tokens have not been set out.
+# The judge's counts. It waits for a laboratory that is dead, or whose tokens have not been set out.
 proc checkers::session::Judged count {
     variable Judge
     set end [expr {[clock milliseconds] + 60000}]

@@ -1,6 +1,8 @@
 # settings.tcl -- what can be set in the window, each by mouse and by keys, and the page for developers.
 #
-# What is shown is what is in force: a daemon tells what its objects have. What a person has chosen is told again to a daemon that is new.
+# The values shown are those in force: a daemon tells the values of its objects. A new daemon is told again the values that a
+# person
+# has chosen.
 # Rules, time, who plays, and without robot hold from the next game on; another size of the board, or with and without robot, need other daemons:
 # then the program that made the window starts them (-restart).
 
@@ -29,12 +31,12 @@ proc checkers::window::settings given {
     variable Wanted [dict remove $given -restart -again]
     variable Now $Wanted
 }
-# What holds in this game.
+# The settings of this game.
 proc checkers::window::Holds option { variable Now; return [dict get $Now $option] }
 # Is there no such daemon, since the game is one without robot?
 proc checkers::window::Dry name { return [expr {[Holds -dry] && $name in {eye robot hand transform laser}}] }
 
-# What is done to a game, in one row.
+# The buttons of a game, in one row.
 proc checkers::window::Actions {} {
     ttk::frame .actions -style Page.TFrame
     set gap [sorma::style pixels 4]
@@ -140,7 +142,7 @@ proc checkers::window::InForce {name subject option args} {
         Shows $name $value
     }
 }
-# What a person is typing there is left alone.
+# Text that a person is typing there is left alone.
 proc checkers::window::Shows {name value} {
     variable Shown
     set Shown($name) [expr {$value == int($value) ? int($value) : $value}]
@@ -186,7 +188,7 @@ proc checkers::window::Again daemon {
     }
 }
 
-# ---- what holds from the next game on ----
+# ---- the settings of the next game ----
 
 proc checkers::window::Limit minutes {
     variable Wanted

@@ -50,7 +50,7 @@ oo::class create ::sorma::service::sight {
     }
     # The arm goes above the board, unless it is there.
     method Go {} {
-        # Whoever looked before may have been killed: its motion goes on, and ends soon.
+        # The process that looked before may have been killed: its motion goes on, and ends soon.
         for {set try 1} 1 {incr try} {
             try {
                 return [my Leave]

@@ -1,5 +1,5 @@
 # window.tcl -- the game in a window: the board, the board as the camera sees it, its picture, what is said, the moves, the clocks, the plot,
-# the daemons. Nothing in it waits: all requests are asynchronous. What can be set is in settings.tcl.
+# the daemons. Nothing in it waits: all requests are asynchronous. The settings are in settings.tcl.
 #
 #     checkers::window::build SETTINGS          as settings.tcl has them
 #     checkers::window::begin                   the daemons have been started (again)
@@ -44,7 +44,7 @@ namespace eval checkers::window {
 proc checkers::window::send {name args} {
     sorma::async -timeout 0 -command [list checkers::window::Answered $name] $name {*}$args
 }
-# What fails is shown with what is said.
+# Failures are shown among the spoken messages.
 proc checkers::window::Answered {name future} {
     if {[catch {$future take} text]} {
         Complain $text
@@ -99,7 +99,7 @@ proc checkers::window::build settings {
     Actions
     pack .actions -before .f -fill x -padx $gap -pady [list 0 $gap]
     Settings
-    # What is about the game at the left and large; what the robot sees and says in the middle; what can be set at the right.
+    # The game is at the left and large. The robot's view and messages are in the middle, the settings at the right.
     foreach {column parts weight} {0 {game moves} 8 1 {eye talk} 5 2 {camera settings} 5} {
         grid [ttk::frame .f.c$column -style Page.TFrame] -row 0 -column $column -sticky nsew -padx [expr {$gap / 2}]
         grid columnconfigure .f $column -weight $weight -uniform part
@@ -168,7 +168,7 @@ proc checkers::window::Themed {} {
     .said tag configure wrong -foreground [sorma::style colour alarm]
     Clocks
 }
-# Who plays with mouse and keys sees the tokens as they lie on the table.
+# A player with mouse and keys sees the tokens as they lie on the table.
 proc checkers::window::Yours {} {
     .game configure -text [expr {[Holds -mouse] ? "The table: carry tokens with the mouse, or arrow keys and Return (Ctrl-B)" : "The game"}]
 }

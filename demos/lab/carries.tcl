@@ -16,7 +16,7 @@ namespace eval lab::carries {
     variable Room {}                    ;# of the tool, as the arm's guard has it [m]
     variable Outside 0                  ;# by how much the tool was outside of that [m]
     variable Off {0 0 0}                ;# most by which a marker was wrong [m], the board's yaw [rad], a token before it is looked at [m]
-    # What is done, and how it may be named; placed: it is healed.
+    # The faults, and the names that they may get; placed: it is healed.
     variable Faults {
         shifted   {placed EARLY EMPTY LOST}
         stolen    {UNSEEN}

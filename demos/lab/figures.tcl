@@ -132,7 +132,7 @@ proc lab::figures::outside {x y z} {
 proc lab::figures::distance {a b} {
     return [expr {sqrt([tcl::mathop::+ {*}[lmap x [lrange $a 0 2] y [lrange $b 0 2] {expr {($x - $y) ** 2}}]])}]
 }
-# Of a point from the line between two.
+# The distance of a point from the line between two.
 proc lab::figures::fromLine {p a b} {
     set along 0
     set square 0
@@ -202,7 +202,7 @@ proc lab::figures::motions n {
     go mvpos.line$At {*}[place]
     poses
     for {set i 0} {$i < $n} {incr i} {
-        # Of ten: two through forbidden space, one cancelled, one stopped.
+        # Ten motions: two through forbidden space, one cancelled, one stopped.
         set kind [lindex {forbidden forbidden cancelled stopped plain plain plain plain plain plain} [expr {$i % 10}]]
         set mover mvpos.[expr {rand() < 0.5 ? "line" : "joints"}]$At
         set to [expr {$kind eq "forbidden" ? [forbidden] : [place]}]

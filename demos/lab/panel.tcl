@@ -60,7 +60,7 @@ proc lab::panel::End name {
     }
 }
 
-# What the hand feels, as the arm tells it: forces as traces, and where the tool is.
+# The forces at the hand as traces, and the tool's place, as the arm tells them.
 proc lab::panel::Felt {- - told} {
     variable Place
     dict for {- value} $told {

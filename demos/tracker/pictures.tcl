@@ -62,7 +62,7 @@ proc tracker::pictures::circuit {file folder} {
             }
         }
     }
-    # What nobody reads early stands where it is read.
+    # A unit that is read late stands beside its reader.
     foreach unit [lreverse [dict keys $column]] {
         set readers [lmap ends [dict keys $links] {if {[lindex $ends 0] ne $unit} continue; dict get $column [lindex $ends 1]}]
         if {$readers ne {}} {

@@ -1,4 +1,4 @@
-# window.tcl -- the tracker in a window: what the camera sees, how well the arm follows, what moves it, and what teases it.
+# window.tcl -- the tracker in a window: the camera's view, errors of the arm, its inputs, and buttons that disturb it.
 #
 #     ./bootstrap run tracker -window
 #
@@ -8,7 +8,7 @@
 # Escape stops following, F12 is the emergency stop; arrow keys, Prior and Next are a hand that pushes, except where one types. Alt and the
 # letter that is underlined press a button.
 #
-# Nothing in it waits. What it plots is what the robot itself knows: the ball as sight sees it, read from the buffers of this machine.
+# Nothing in it waits. It plots the robot's own knowledge: the ball as sight sees it, read from the buffers of this machine.
 
 package require Tk
 package require sorma::panel
@@ -254,7 +254,7 @@ proc ::tracker::window::build {} {
     update idletasks
     wm geometry . [expr {min(max([winfo reqwidth .], [sorma::style pixels 1280]), [winfo screenwidth .])}]x[expr {min(max([winfo reqheight .],
         [sorma::style pixels 800]), [winfo screenheight .])}]
-    # What presses and what is set is always there; pictures and messages may be smaller.
+    # Buttons and settings are always there; pictures and messages may be smaller.
     wm minsize . [expr {[winfo reqwidth .run] + [winfo reqwidth .tease]}] \
         [expr {[winfo reqheight .side] + [winfo reqheight .trail] + [winfo reqheight .said] + [winfo reqheight .notice]}]
 }

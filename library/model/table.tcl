@@ -1,7 +1,8 @@
 # table.tcl -- what daemons say of themselves when they are asked: classes, words of the dictionary, tables of classes and objects.
 #
 # Nothing here waits, and nothing is ever made for a question: daemons are asked by the lines of the model, through their object
-# sorm, DBX -inventory and -describe. What is known is given at once. It is asked for again, behind the scenes, when it is needed and
+# sorm, DBX -inventory and -describe. A known table is given at once. It is asked for again, behind the scenes, when it is
+# needed and
 # has grown old.
 #
 # WHERE is what stands after @; empty or self is this process. Answers come from strangers: they are data, checked before they are

@@ -194,7 +194,7 @@ proc ::sorma::style::Fit {} {
         Set $class $option [pixels $size]
     }
 }
-# A value that is set already is not set again: each setting tells all windows that the theme has changed, and that leads here.
+# A value is not set twice: each setting sends <<ThemeChanged>> to all windows, and so leads here.
 proc ::sorma::style::Set {class option value} {
     if {[ttk::style lookup Sorma.$class $option] ne $value} {
         ttk::style configure Sorma.$class $option $value

@@ -52,7 +52,7 @@ snit::widget ::sorma::trailview {
         foreach {severity state} {error refused warning warn verbose asking} {
             $tree tag configure $severity -foreground [$self Shade $state]
         }
-        # What keys and mouse do is bound to its class.
+        # Keys and mouse are bound to its class.
         set tags [lsearch -all -inline -exact -not [bindtags $tree] Treeview]
         if {[$self Enabled]} {
             $tree state !disabled
