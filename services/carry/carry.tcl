@@ -99,7 +99,7 @@ oo::class create ::sorma::service::carry {
         return [join [concat [list "holds $Holds" "phase $Phase"] [lmap {phase seconds} $Times {format "%s %.2f s" $phase $seconds}]] \n]
     }
 
-    # What must be so before anything moves.
+    # The conditions before anything moves.
     method Begin {} {
         foreach part {-transfer -approach -hand -transform -disk -pose} {
             if {[my cget $part] eq {}} {
@@ -157,7 +157,7 @@ oo::class create ::sorma::service::carry {
         }
     }
 
-    # What is seen from there says how far the tool is off.
+    # The view from there tells the error of the tool.
     method Look place {
         lassign [my Goal $place] x y
         for {set look 1} {1} {incr look} {
@@ -314,7 +314,7 @@ oo::class create ::sorma::service::carry {
         my Fly [lreplace $pose 2 2 [expr {max([lindex $pose 2], [lindex [my cget -token] 1] + [my cget -lookHeight])}]]
     }
 
-    # What the hand holds is still there.
+    # The hand still holds its token.
     method Feel {} {
         if {[my cget -tips] eq {}} {
             return
@@ -398,7 +398,7 @@ oo::class create ::sorma::service::carry {
 
     # ---- others ----
 
-    # A request to whom an option names: begun; and its answer. Who moves the arm takes the time that the way takes.
+    # A request to whom an option names: begun; and its answer. The mover of the arm takes as long as the way.
     method Begun {option args} {
         set patience [expr {$option in {-transfer -approach} ? 0 : int(1e3 * [my cget -patience])}]
         return [sorma::async -timeout $patience [my cget $option] {*}$args]

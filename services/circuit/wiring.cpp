@@ -341,7 +341,7 @@ template <class Use> void Wiring::eachEdge(Use use) const {
 }
 
 // Take away what nothing leads to and what leads to nothing, again and again: what is left are loops, and what lies
-// between them. Units without feedthrough among these are asked beforehand.
+// between them. Units without feedthrough among these are asked first.
 void Wiring::findLoops() {
     std::size_t count = nodes_.size();
     std::vector<bool> left(count, true);

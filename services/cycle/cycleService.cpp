@@ -130,13 +130,13 @@ public:
     }
 
 private:
-    // ---- what is to be run ----
+    // ---- the steps to run ----
 
     // An object by the name that the author of an option has written there. He must be allowed to call it: when the option is set, and
     // again when the cycle is started with it. Never inside a tick.
     sorma::Reference named(const std::string& target, sorma::Method method, const sorma::PrincipalPointer& author) {
         sorma::Reference object = sorm().get(target, author);
-        // Of a safe action for CTRL each word asks for its own right, when it is sent.
+        // Each word of a safe action for CTRL asks for its own right, when it is sent.
         auto right = method == sorma::Method::exec ? object->type().execRight() : sorma::Right::call;
         if (!object->isElsewhere()) {
             object->need(author, right);

@@ -50,7 +50,7 @@ struct Step {
     }
 };
 
-// What happens when a tick has not ended before the next one was due.
+// The reaction to a tick that has not ended before the next one was due.
 enum class Overrun {
     skip,           // the ticks that were due meanwhile are left out
     catchUp,        // they follow at once
@@ -109,8 +109,8 @@ public:
     std::vector<std::string> start(Plan plan, const Schedule& schedule, std::unique_ptr<Clock> clock);
     // Wait for the end of the present tick, and give the objects back to the SORM's thread. False: a step hangs.
     bool stop();
-    // A step hangs: execute the safe action if that has not happened, and give back all objects but those of that step,
-    // which stay with its thread. Then do not use the runner any more: it deletes itself if the step ever returns. False:
+    // A step hangs: execute the safe action if that has not happened, and give back all other objects. Those of the step stay
+    // with its thread. Then do not use the runner any more: it deletes itself if the step ever returns. False:
     // the step has returned; call stop().
     bool abandon();
     // Delete a runner that was stopped. If this happens inside a request to one of its objects, it is deleted when that

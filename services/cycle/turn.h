@@ -60,7 +60,7 @@ public:
     // Between two ticks: let a request that waits have the turn; wait for it to begin until a time [ns].
     bool requestWaits() const { return word_.peek() & kWaiting; }
     void offer(std::int64_t keepOpen);
-    // No more ticks, and no more turns. False: a request has the turn.
+    // Ticks and turns have ended. False: a request has the turn.
     bool finish();
 
     // ---- the SORM's thread ----

@@ -257,7 +257,7 @@ private:
         });
     }
 
-    // Whose turn it is; null when that client has ended, which wants nothing any more.
+    // The next one; null when that client has ended.
     Reply first(Line& line) {
         Reply reply = std::move(line.begin()->second);
         line.erase(line.begin());
@@ -279,7 +279,7 @@ private:
         return found;
     }
 
-    // Clients need not look after loans of an object that is no more.
+    // Clients need not look after loans of a removed object.
     void releaseLoans() {
         for (auto& [id, loan] : std::exchange(loans_, {}))
             if (loan.client) loan.client->release(loan.lease);

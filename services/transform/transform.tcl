@@ -159,7 +159,7 @@ oo::class create ::sorma::service::transform {
         $map exec -floats $vectors train
         set Nodes $basis
     }
-    # Of a point in the world, when the tool is at a pose.
+    # The picture of a point in the world, when the tool is at a pose.
     method PixelOf {point pose} {
         return [::sorma::service::transform::pixelOf $point $pose [my cget -mount] [my cget -fieldOfView] [my cget -size]]
     }
@@ -184,7 +184,7 @@ oo::class create ::sorma::service::transform {
         return [dict create floats [concat $board $moved]]
     }
 
-    # The tool above the token; then to the four corners around it. What is seen there is the map.
+    # The tool above the token; then to the four corners around it. The map is made from the view there.
     method LearnGrasp {file rank h} {
         my Need learnGrasp -mover -disk
         lassign [my World $file $rank $h] x y z
@@ -268,7 +268,7 @@ oo::class create ::sorma::service::transform {
         return [dict create floats [concat $mount $fieldOfView $residual] text [dict get $Learned camera]]
     }
 
-    # ---- what it does with others ----
+    # ---- requests to others ----
 
     method Need {word args} {
         foreach part $args {

@@ -34,7 +34,7 @@ const char* const kNames[kKinds] = {"throws", "overruns", "hangs"};
 
 const Prototype kFailed{Severity::error, "TEST FAILED", 1, "{}: failed as it was told to"};
 
-// What shall go wrong in this tick, told by the witness; touched in ticks alone, and while the cycle stands still.
+// The fault of this tick, told by the witness; touched in ticks alone, and while the cycle stands still.
 struct Injection {
     Kind kind = kThrow;
     std::string step;                   // who does it; empty: nobody
