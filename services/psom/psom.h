@@ -50,8 +50,8 @@ struct Match {
 
 class Map {
 public:
-    // axes: nodes of each, rising; 1 to kMostAxes axes of 2 to kMostNodes nodes. dimension: d > 0. local: how many nodes of each
-    // axis are used, near the start of the search; 0: all.
+    // axes: nodes of each, rising; 1 to kMostAxes axes of 2 to kMostNodes nodes. dimension: d > 0.
+    // local: nodes of each axis that are used, near the start of the search; 0: all.
     Map(std::vector<std::vector<double>> axes, std::size_t dimension, std::size_t local = 0);
 
     const std::vector<std::vector<double>>& axes() const { return axes_; }
