@@ -3,10 +3,6 @@
 #include "bus/fnv.h"
 #include "bus/serviceParts.h"
 
-#ifndef SORMA_VERSION
-#define SORMA_VERSION "1.0"
-#endif
-
 namespace sorma {
 
 namespace {

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "bus/ahead.h"
@@ -7,10 +8,6 @@
 #include "bus/nearest.h"
 #include "bus/remembered.h"
 #include "bus/serviceParts.h"
-
-#ifndef SORMA_VERSION
-#define SORMA_VERSION "1.0"
-#endif
 
 namespace sorma {
 
@@ -158,11 +155,7 @@ void CommonRequests::undo(Service& s, Args, Message& reply) {
 // that differ stand behind them.
 static std::string recipeOf(const Service& s, const std::vector<std::string>& words, const Dictionary& dictionary, const Permit& permit) {
     const Class& type = s.type();
-    auto isAction = [&](const std::string& word) {
-        if (type.findAction(word)) return true;
-        auto& common = CommonRequests::actions();
-        return std::any_of(common.begin(), common.end(), [&](auto& a) { return a.name == word; });
-    };
+    auto isAction = [&](const std::string& word) { return CommonRequests::findAction(type, word) != nullptr; };
     // The value of an option that stands at words[i], which moves to its last word.
     auto valueAt = [](const Option& o, auto& words, std::size_t& i, auto text) {
         if (i + 1 >= words.size() || (o.type == Type::flag && text(words[i + 1]).starts_with('-'))) return std::string("1");
@@ -365,6 +358,17 @@ void CommonRequests::stream(Service& s, Args args, Message& m) {
     auto& streams = s.record().streams;
     if (!streams) streams = std::make_unique<OpenPieces>(s);
     streams->request(args, m);
+}
+
+static const Action* ownOrCommon(const Action* own, const std::vector<Action>& common, std::string_view name) {
+    if (own) return own;
+    auto found = std::find_if(common.begin(), common.end(), [&](auto& a) { return a.name == name; });
+    return found == common.end() ? nullptr : &*found;
+}
+
+const Action* CommonRequests::findAction(const Class& type, std::string_view name) { return ownOrCommon(type.findAction(name), actions(), name); }
+const Action* CommonRequests::findInspection(const Class& type, std::string_view name) {
+    return ownOrCommon(type.findInspection(name), inspections(), name);
 }
 
 const std::vector<Action>& CommonRequests::actions() {

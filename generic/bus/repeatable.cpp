@@ -10,11 +10,6 @@ namespace {
 
 const Prototype kNoAction{Severity::error, "CLASS TABLE", 2, "class {}: {} is to be repeatable, but is no action that was declared before"};
 
-const Action* byName(const std::vector<Action>& actions, std::string_view name) {
-    auto found = std::find_if(actions.begin(), actions.end(), [&](auto& a) { return a.name == name; });
-    return found == actions.end() ? nullptr : &*found;
-}
-
 }  // namespace
 
 Class& Class::repeatable(std::vector<std::string> words) {
@@ -58,8 +53,7 @@ std::string Class::whyNotRepeatable(const Message& m, Method method) const {
     bool known = false;
     for (auto& word : m.words) {
         if (ctrl && findOption(word) >= 0) return word + " sets an option, and another value may have been set meanwhile";
-        const Action* action = ctrl ? findAction(word) : findInspection(word);
-        if (!action) action = byName(ctrl ? CommonRequests::actions() : CommonRequests::inspections(), word);
+        const Action* action = ctrl ? CommonRequests::findAction(*this, word) : CommonRequests::findInspection(*this, word);
         if (action && needsOperate(action->danger)) return word + " moves, powers or fires something";
         if (action && !action->repeatable) return declares + word + " repeatable";
         known = known || action;

@@ -24,6 +24,11 @@
 #include "bus/sorm.h"
 #include "bus/statistics.h"
 
+// The build says it, but not to the fuzz targets.
+#ifndef SORMA_VERSION
+#define SORMA_VERSION "1.0"
+#endif
+
 namespace sorma {
 
 inline const Prototype kUnknownWord{Severity::error, "OPTION UNKNOWN", 2, "{0}: unknown word \"{1}\"{3}: must be {2}"};
@@ -110,6 +115,9 @@ struct Service::Applying {
 struct CommonRequests {
     static const std::vector<Action>& actions();
     static const std::vector<Action>& inspections();
+    // The action or inspection of that name: the class's own, else a common one; null: there is none.
+    static const Action* findAction(const Class& type, std::string_view name);
+    static const Action* findInspection(const Class& type, std::string_view name);
 
     static void remember(Service& s, Args args, Message& reply);
     static void forget(Service& s, Args args, Message& reply);

@@ -12,12 +12,6 @@ const Prototype kReadonly{Severity::error, "OPTION READONLY", 2, "{}: {} can onl
 
 constexpr std::string_view kSubstWord = "-SUBST";
 
-const Action* findIn(const std::vector<Action>& actions, std::string_view name) {
-    for (auto& a : actions)
-        if (a.name == name) return &a;
-    return nullptr;
-}
-
 [[noreturn]] void failUnknown(const std::string& name, const Class& type, std::string_view word, bool ctrl) {
     std::vector<std::string> known;
     if (ctrl)
@@ -82,7 +76,7 @@ void needChangeable(const std::string& name, const Option& o) {
 std::vector<WordFault> faultsOf(const Class& type, const std::string& name, const std::vector<std::string>& words) {
     std::vector<WordFault> faults;
     auto known = [&](const std::string& word) {
-        return word == kSubstWord || type.findOption(word) >= 0 || type.findAction(word) || findIn(CommonRequests::actions(), word);
+        return word == kSubstWord || type.findOption(word) >= 0 || CommonRequests::findAction(type, word);
     };
     for (std::size_t i = 0; i < words.size();) {
         std::size_t at = i++;
@@ -99,8 +93,7 @@ std::vector<WordFault> faultsOf(const Class& type, const std::string& name, cons
                 at = i++;
                 o.parse(name, words[at]);
             } else {
-                const Action* action = type.findAction(word);
-                if (!action) action = findIn(CommonRequests::actions(), word);
+                const Action* action = CommonRequests::findAction(type, word);
                 if (!action) {
                     while (i < words.size() && !known(words[i])) ++i;      // they belong to it
                     failUnknown(name, type, word, true);
@@ -116,10 +109,7 @@ std::vector<WordFault> faultsOf(const Class& type, const std::string& name, cons
 
 void checkWords(const Class& type, const std::string& name, const std::vector<std::string>& words, bool ctrl, Rights rights) {
     auto may = [&](Right right, Danger danger) { return (rights & Rights(right)) && (!needsOperate(danger) || (rights & Rights(Right::operate))); };
-    auto find = [&](std::string_view word) {
-        const Action* action = ctrl ? type.findAction(word) : type.findInspection(word);
-        return action ? action : findIn(ctrl ? CommonRequests::actions() : CommonRequests::inspections(), word);
-    };
+    auto find = [&](std::string_view word) { return ctrl ? CommonRequests::findAction(type, word) : CommonRequests::findInspection(type, word); };
     auto known = [&](const std::string& word) { return (ctrl && type.findOption(word) >= 0) || find(word); };
     for (std::size_t i = 0; i < words.size();) {
         const std::string& word = words[i++];
@@ -184,7 +174,7 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, M
     for (auto& w : recipe) words.push_back(w.text);
 
     auto known = [&](const std::string& word) {
-        return class_->findOption(word) >= 0 || class_->findAction(word) || findIn(CommonRequests::actions(), word);
+        return class_->findOption(word) >= 0 || CommonRequests::findAction(*class_, word);
     };
     std::size_t i = 0;
     auto take = [&] {
@@ -201,8 +191,7 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, M
             origins.push_back(origin);
             return;
         }
-        const Action* action = class_->findAction(word);
-        if (!action) action = findIn(CommonRequests::actions(), word);
+        const Action* action = CommonRequests::findAction(*class_, word);
         if (!action) needSome(*this, origin->author), failUnknown(name_, *class_, word, true);
         const Permit permit = need(origin->author, action->right);
         const Args args = takeArguments(name_, *action, words, i, known);
@@ -308,10 +297,7 @@ void Service::dbx(Message& m) {
         Permit permit;
     };
     std::vector<Step> steps;
-    auto find = [&](std::string_view word) {
-        const Action* a = class_->findInspection(word);
-        return a ? a : findIn(CommonRequests::inspections(), word);
-    };
+    auto find = [&](std::string_view word) { return CommonRequests::findInspection(*class_, word); };
     for (std::size_t i = 0; i < words.size();) {
         const Action* action = find(words[i]);
         if (!action) needSome(*this, m.author), failUnknown(name_, *class_, words[i], false);
