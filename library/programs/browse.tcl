@@ -1,9 +1,9 @@
 # browse.tcl -- the program sorma-browser: the bus in one window, or a dashboard.
 
 package require sorma
+package require sorma::graphical
 package require sorma::options
 package require sorma::text
-package require sorma::usage
 package require sorma::world
 package provide sorma::browse 1.0
 
@@ -21,30 +21,9 @@ proc ::sorma::browse::main words {
         }
         return 0
     }
-    try {
-        set settings [::sorma::options::leading $Options words]
-        foreach address $words {
-            ::sorma::world add $address
-        }
-    } on error message {
-        puts stderr "sorma-browser: $message\n[::sorma::usage::program sorma-browser]"
-        return 2
-    }
-    if {[dict get $settings --help] || [dict get $settings -h]} {
-        puts [::sorma::usage::program sorma-browser]
-        return 0
-    }
-    # Tk would take words that are ours.
-    set ::argv {}
-    set ::argc 0
-    if {[catch {package require Tk} message]} {
-        puts stderr "sorma-browser: there is no display to open a window on ($message); set DISPLAY, or look around with scott"
-        return 1
-    }
-    package require sorma::theme
-    if {[catch {::sorma::theme program [dict get $settings --theme]} message]} {
-        puts stderr "sorma-browser: --theme: $message"
-        return 2
+    lassign [::sorma::graphical::begin sorma-browser $Options words {::sorma::world add} "there is no display to open a window on (%s); set DISPLAY, or look around with scott"] code settings
+    if {$code ne {}} {
+        return $code
     }
     package require sorma::browser
     package require sorma::window

@@ -1,9 +1,9 @@
 # neo.tcl -- the program sorma-neo: circuits as pictures, each in a window.
 
 package require sorma
+package require sorma::graphical
 package require sorma::options
 package require sorma::text
-package require sorma::usage
 package require sorma::world
 package provide sorma::neo 1.0
 
@@ -21,30 +21,9 @@ proc ::sorma::neo::main words {
         }
         return 0
     }
-    try {
-        set settings [::sorma::options::leading $Options words]
-        foreach name $words {
-            ::sorma::resolve $name
-        }
-    } on error message {
-        puts stderr "sorma-neo: $message\n[::sorma::usage::program sorma-neo]"
-        return 2
-    }
-    if {[dict get $settings --help] || [dict get $settings -h]} {
-        puts [::sorma::usage::program sorma-neo]
-        return 0
-    }
-    # Tk would take words that are ours.
-    set ::argv {}
-    set ::argc 0
-    if {[catch {package require Tk} message]} {
-        puts stderr "sorma-neo: there is no display to open a window on ($message); set DISPLAY"
-        return 1
-    }
-    package require sorma::theme
-    if {[catch {::sorma::theme program [dict get $settings --theme]} message]} {
-        puts stderr "sorma-neo: --theme: $message"
-        return 2
+    lassign [::sorma::graphical::begin sorma-neo $Options words ::sorma::resolve "there is no display to open a window on (%s); set DISPLAY"] code settings
+    if {$code ne {}} {
+        return $code
     }
     package require sorma::window
     wm withdraw .

@@ -1,6 +1,7 @@
 # scottwish.tcl -- the program scottwish: scott's prompt in a window, with panels beside it. The same as scott, for who has a display.
 
 package require sorma
+package require sorma::graphical
 package require sorma::options
 package require sorma::shell
 package require sorma::usage
@@ -42,17 +43,9 @@ proc ::sorma::scottwish::main words {
         puts "scottwish, SORMA [package present sorma], Tcl [info patchlevel]"
         return 0
     }
-    # Tk would read the command line as its own.
-    set ::argv {}
-    set ::argc 0
-    if {[catch {package require Tk} message]} {
-        puts stderr "scottwish: it cannot open a window: $message; scott does the same in a terminal"
-        return 1
-    }
-    package require sorma::theme
-    if {[catch {::sorma::theme program [dict get $settings --theme]} message]} {
-        puts stderr "scottwish: --theme: $message"
-        return 2
+    set code [::sorma::graphical::display scottwish [dict get $settings --theme] "it cannot open a window: %s; scott does the same in a terminal"]
+    if {$code ne {}} {
+        return $code
     }
     Window
     if {[dict get $settings -panel] ne {}} {
