@@ -199,7 +199,7 @@ snit::widget ::sorma::circuitEditor {
         set timer {}
         if {$subject eq {}} return
         set now [set running {}]
-        foreach option {-wires -inputs -outputs -places} {
+        foreach option $::sorma::circuitText::options {
             set known [$subject get $option]
             dict set now $option [if {[$self Wants $option]} {dict get $wanted $option} else {dict get $known value}]
             dict set running $option [dict get $known live]
@@ -374,7 +374,7 @@ snit::widget ::sorma::circuitEditor {
     method Say {} {
         lassign [$subject trouble] state text
         set make {}
-        set refused [lmap option {-wires -inputs -outputs -places} {
+        set refused [lmap option $::sorma::circuitText::options {
             set known [$subject get $option]
             if {[dict get $known state] ni {refused theirs locked}} continue
             list [dict get $known state] [expr {[dict get $known why] ne {} ? [dict get $known why] : [lindex [$subject mark $option] 1]}]

@@ -51,7 +51,7 @@ snit::macro ::sorma::circuitEdits {} {
     }
     # Is the recipe known? Else an edit would write over what nobody has seen.
     method known {} {
-        foreach option {-wires -inputs -outputs -places} {
+        foreach option $::sorma::circuitText::options {
             set told [$subject get $option]
             set state [dict get $told state]
             set seen [expr {$option in [$subject edited] || [dict get $told live] ne {} || [dict get $told seen] > 0}]
@@ -75,7 +75,7 @@ snit::macro ::sorma::circuitEdits {} {
     }
     # Send what was not sent yet, all that was edited meanwhile together: one request at a time.
     method Sent {} {
-        set states [lmap option {-wires -inputs -outputs -places} {dict get [$subject get $option] state}]
+        set states [lmap option $::sorma::circuitText::options {dict get [$subject get $option] state}]
         if {$unsent && "sending" ni $states} {
             set unsent 0
             dict for {option text} $wanted {
@@ -91,11 +91,11 @@ snit::macro ::sorma::circuitEdits {} {
     }
     # Options whose text the circuit has not taken.
     method drafts {} {
-        return [lmap option {-wires -inputs -outputs -places} {if {![$self Wants $option] && $option ni [$subject edited]} continue; set option}]
+        return [lmap option $::sorma::circuitText::options {if {![$self Wants $option] && $option ni [$subject edited]} continue; set option}]
     }
     # Are there no edits that wait to be sent, or for their answer?
     method sent {} {
-        return [expr {!$unsent && "sending" ni [lmap option {-wires -inputs -outputs -places} {dict get [$subject get $option] state}]}]
+        return [expr {!$unsent && "sending" ni [lmap option $::sorma::circuitText::options {dict get [$subject get $option] state}]}]
     }
     method undo {} {
         if {$done > 0 && [$self Step undo [lindex $edits $done-1] 2 1]} {

@@ -16,6 +16,7 @@ package provide sorma::circuitText 1.0
 namespace eval ::sorma::circuitText {
     namespace export graph node object read text wire end write add remove replace pins undeclare places place drop
     namespace ensemble create
+    variable options {-wires -inputs -outputs -places}      ;# of a circuit, that are its recipe
     variable Piece {[ \t\r;\n]+|#[^\n]*|[^ \t\r;\n#](?:[^ \t\r;\n]|[ \t\r]+[^#;\n \t\r])*}
     variable Number {^[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?$|^[-+](?:[iI][nN][fF]|[nN][aA][nN])$}
     variable Pin {^[A-Za-z_][A-Za-z0-9_-]*$}

@@ -227,10 +227,12 @@ snit::widget ::sorma::dashboard {
     method Add {kind settings place} {
         set n [incr last]
         if {$place eq {}} {
-            set place [::sorma::boardGrid::free $places {*}[dict get {text {24 1} stripchart {12 6} image {8 6}} [expr {$kind in {text stripchart image} ? $kind : "text"}]]]
-            if {$kind ni {text stripchart image}} {
-                set place [::sorma::boardGrid::free $places 4 3]
-            }
+            set place [::sorma::boardGrid::free $places {*}[switch -- $kind {
+                text { list 24 1 }
+                stripchart { list 12 6 }
+                image { list 8 6 }
+                default { list 4 3 }
+            }]]
         }
         dict set parts $n [list $kind $settings]
         dict set places $n $place
