@@ -7,8 +7,7 @@ oo::class create ::checkers::clock {
     variable Ticked     ;# [s] the time up to here has been counted; empty: the clock has not begun to run
 
     # The time since the last call belongs to the side whose turn it is. While the robot waits in its own turn for a board that
-    # is
-    # in disorder, the clock stands.
+    # is in disorder, the clock stands.
     method Tick {} {
         my variable Game Trouble
         set now [expr {[clock milliseconds] / 1e3}]

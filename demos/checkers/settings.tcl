@@ -1,8 +1,7 @@
 # settings.tcl -- what can be set in the window, each by mouse and by keys, and the page for developers.
 #
 # The values shown are those in force: a daemon tells the values of its objects. A new daemon is told again the values that a
-# person
-# has chosen.
+# person has chosen.
 # Rules, time, who plays, and without robot hold from the next game on; another size of the board, or with and without robot, need other daemons:
 # then the program that made the window starts them (-restart).
 

@@ -102,8 +102,7 @@ proc tracker::rows::quick seconds {
     }
 }
 # Things that may be taken for the ball: a second one, also when the ball then goes out; half of it; something at the border;
-# nothing. Counts what
-# was told as valid and is wrong, in so many pictures.
+# nothing. Counts what was told as valid and is wrong, in so many pictures.
 proc tracker::rows::distractors pictures {
     variable Ball
     lassign $Ball x y z
@@ -177,8 +176,7 @@ proc tracker::rows::Wrong {samples t rx ry rz} {
 }
 # While the ball moves, one of the named daemons is killed, and the launcher starts it again. The camera is a part of the
 # laboratory: it only stops its pictures for as long. The next one is killed as soon as the arm follows again. Meanwhile all
-# poses of the arm must be within its
-# limits: what the laboratory's own arm has done, not what it was told to do.
+# poses of the arm must be within its limits: what the laboratory's own arm has done, not what it was told to do.
 proc tracker::rows::kill {names count} {
     swings
     sample 3

@@ -147,8 +147,7 @@ inline void addLine(Message& reply, std::string_view line) {
 }
 
 // Errors in the words of a recipe, as far as the table of its class shows them: place of the word, from 0, and the reason.
-// Words
-// that -SUBST brings are not looked at, and no object is made.
+// Words that -SUBST brings are not looked at, and no object is made.
 struct WordFault {
     std::size_t word;
     std::string why;

@@ -2,8 +2,7 @@
 #
 # Nothing here waits, and nothing is ever made for a question: daemons are asked by the lines of the model, through their object
 # sorm, DBX -inventory and -describe. A known table is given at once. It is asked for again, behind the scenes, when it is
-# needed and
-# has grown old.
+# needed and has grown old.
 #
 # WHERE is what stands after @; empty or self is this process. Answers come from strangers: they are data, checked before they are
 # believed, and never evaluated.
