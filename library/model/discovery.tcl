@@ -49,6 +49,11 @@ proc ::sorma::discovery::changed {} {
     }
 }
 
+# ::sorma::discovery::unseen -- has something changed that nobody has been told yet?
+proc ::sorma::discovery::unseen {} {
+    return [::sorma::timer::waits discovery.changed]
+}
+
 # ::sorma::discovery::places -- a dict: WHERE -> what sorma::resolve says of it, and how it came to be known. One address, one place.
 proc ::sorma::discovery::places {} {
     variable Held

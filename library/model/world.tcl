@@ -160,6 +160,9 @@ proc ::sorma::world::others {} {
 
 # ::sorma::world::open -- may others become known in a moment?
 proc ::sorma::world::open {} {
+    if {[::sorma::discovery::unseen]} {
+        return 1
+    }
     foreach daemon [dict values [::sorma::worldDaemon::all]] {
         if {[$daemon unsettled]} {
             return 1

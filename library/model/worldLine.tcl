@@ -68,7 +68,8 @@ oo::define ::sorma::worldLine::daemon {
     }
     method unsettled {} {
         set fresh [expr {[clock milliseconds] - $first < 1000}]
-        return [expr {$sideways != 0 || $fresh && [dict get $facts how] in {sibling rpcbind} && !$greeted && [dict get $facts state] in {asking alive}}]
+        set asked [expr {[dict get $facts state] eq "asking" || [my answers] && !$greeted}]
+        return [expr {$sideways != 0 || $fresh && $asked && [dict get $facts how] in {sibling rpcbind}}]
     }
     # The sorma::peer; empty: there is no line now.
     method line {} {
