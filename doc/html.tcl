@@ -1,7 +1,7 @@
 # html.tcl FOLDER MANUAL SOURCE ?PICTURES? -- the manual and the tutorials as web pages, with contents and index.
 #
 # FOLDER is made anew. MANUAL holds the pages as doc/pages.tcl has made them; SOURCE is the folder with README.md and doc. PICTURES holds those
-# of widgets as doc/pictures.tcl has made them, NAME.png: each stands below the command sorma::NAME, and those of whole windows in the README;
+# of widgets as doc/pictures.tcl has made them, NAME.png: each stands below the command sorma::NAME, those of whole windows on the pages that are about them;
 # and drawings for pages, NAME.svg.
 # Needs tcllib's doctools, and cmark-gfm for Markdown; graphviz for its graphs, which stay text without. Every link between the pages leads somewhere: tests/html.test follows them.
 
@@ -21,7 +21,7 @@ nav { font-size: 14px; margin-bottom: 1.5em } a[href] { color: #05a } a { color:
 dd > p > img, .windows img { max-width: 100%; border: 1px solid #ccc }
 .index { columns: 3 14em } .index p { margin: 0 }
 }
-    variable Tutorials {first-tcl first-cpp first-panel two-hosts embedding moving testing}
+    variable Tutorials {first-tcl first-cpp first-panel two-hosts moving testing embedding tour}
     variable Demos {lab checkers tracker}
     variable Formats {wire recording snapshot benchmark request debugging}
     variable Pages {}       ;# dict: file.html -> {kind title about}, in the order of the contents
@@ -71,12 +71,22 @@ proc html::markdown text {
     set out {}
     while {[regexp -indices {<a href="([^"#:]*?)"[^>]*>(.*?)</a>} $html all target label]} {
         append out [string range $html 0 [lindex $all 0]-1]
-        set file [file rootname [file tail [string range $html {*}$target]]].html
+        set file [Page [string range $html {*}$target]]
         set label [string range $html {*}$label]
         append out [if {[dict exists $Pages $file]} {string cat "<a href=\"$file\">$label</a>"} else {set label}]
         set html [string range $html [lindex $all 1]+1 end]
     }
-    return [drawn $out$html]
+    return [drawn [regsub -all {<img src="[^"]*/([^"/]+)"} $out$html {<img src="\1"}]]
+}
+# The page that is made of a file of the sources, which a link names.
+proc html::Page target {
+    variable Pages
+    set name [file rootname [file tail $target]]
+    set folder [file tail [file dirname $target]]
+    if {$name eq "README" && $folder ne "."} {
+        set name [expr {$folder eq "demos" ? "demos" : "$folder-demo"}]
+    }
+    return [expr {[dict exists $Pages $name-format.html] ? "$name-format.html" : "$name.html"}]
 }
 # Graphs, code blocks of the language dot, are drawn where there is graphviz.
 proc html::drawn html {
@@ -146,14 +156,19 @@ proc html::manual {name text} {
 
 # ---- pictures ----
 
-# What pictures the README and other pages have, behind the paragraph that has these words first.
+# What pictures pages have, behind the paragraph that has these words first.
 set html::Shown {
-    README.html {
+    first-panel.html {
         panel,console {<code>sorma::panel</code>}
-        browser {<code>sorma-browser</code> is the bus}
+    }
+    lab-demo.html {
         lab-scene,lab-panel,lab-reading {simulated laboratory with an arm}
-        checkers-window {lets the arm of the laboratory play a game}
-        tracker-run,tracker-window {starts four daemons}
+    }
+    checkers-demo.html {
+        checkers-window {The arm of the laboratory plays}
+    }
+    tracker-demo.html {
+        tracker-run,tracker-window {starts the four daemons}
     }
     checkers.html {
         checkers-window {On the left is the board}
@@ -165,7 +180,7 @@ set html::Shown {
     }
 }
 
-# A page of the manual with the pictures of its commands; the README with its own.
+# A page of the manual with the pictures of its commands; others with their own.
 proc html::pictured {page body pictures} {
     variable Shown
     set paths [lsort $pictures]
@@ -216,7 +231,9 @@ proc html::make {folder manual source {pictures {}}} {
 
     # What there is, before the first page is made: pages link to each other.
     dict set Pages README.html {readme SORMA {what it is, and a tour}}
-    set sources [dict create README.html [read_file [file join $source README.md]]]
+    dict set Pages demos.html {demo {All demos} {what each of them shows, and how they measure}}
+    set sources [dict create README.html [read_file [file join $source README.md]] demos.html [read_file [file join $source demos README.md]]]
+    file copy [file join $source doc window.svg] $folder
     foreach {kind names where} [list tutorial $Tutorials doc/tutorials/NAME.md demo $Demos demos/NAME/README.md format $Formats doc/NAME.md] {
         foreach name $names {
             set text [read_file [file join $source [string map [list NAME $name] $where]]]

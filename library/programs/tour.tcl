@@ -50,10 +50,10 @@ proc tour::run {command failedVar} {
     return $result
 }
 
-# The commands of README.md between ```tcl and ```, with what is expected after each: list of command, expected.
-proc tour::steps {} {
+# The commands of README.md, or of another page, between ```tcl and ```, with what is expected after each: list of command, expected.
+proc tour::steps {{page README.md}} {
     variable Here
-    set file [open [file join $Here README.md]]
+    set file [open [file join $Here $page]]
     fconfigure $file -encoding utf-8
     set text [read $file]
     close $file
