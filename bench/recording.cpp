@@ -4,7 +4,9 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include "interpreter.h"
 #include "recording/reader.h"
+#include "recording/recorder.h"
 #include "recording/writer.h"
 
 namespace bench {
@@ -16,6 +18,7 @@ constexpr int kRecords = 3000;          // of a block, so that each batch writes
 const std::vector<Case> kCases = {
     {.row = "RECORD", .what = "a small record to a file in memory, with its check sum", .mostNs = 500, .per = kRecords, .batch = 1'000'000},
     {.row = "RECORD_read", .what = "the same read again, and checked", .mostNs = 500},
+    {.row = "RECORD_request", .what = "EXEC by reference, 1 float, while it is recorded to a file in memory", .floor = "the same, not recorded", .mostMore = 200},
     {.row = "RECORD_zstd", .what = "the same written, and compressed", .mostNs = 500, .per = kRecords, .batch = 1'000'000},
 };
 
@@ -55,6 +58,23 @@ private:
     std::uint64_t number_ = 0;
 };
 
+// The same object in two SORMs, one of which is recorded.
+void requests(Table& table, const std::string& file) {
+    Interpreter seen, other;
+    Writer writer(file, {.most = 64 << 20});
+    Recorder recorder(seen.sorm(), {.requests = "*", .events = {}, .source = "robot", .without = {}, .author = nullptr}, [&](Block& block) { writer.write(block); });
+    auto body = [](sorma::Reference nop) {
+        return repeat([nop, m = sorma::Message()]() mutable {
+            m.floats.assign(1, 1.5);
+            nop.exec(m);
+            keep(m);
+        });
+    };
+    table.measure(kCases[2], body(seen.sorm().get("nop")), body(other.sorm().get("nop")));
+    recorder.stop();
+    if (recorder.figures().lost > 0) throw std::runtime_error("the recorder has lost " + std::to_string(recorder.figures().lost) + " records");
+}
+
 }  // namespace
 
 void recording(Table& table) {
@@ -63,7 +83,7 @@ void recording(Table& table) {
     for (const bool compress : {false, true}) {
         if (compress && !canCompress()) break;
         Tape tape(file.name(), compress);
-        table.measure(kCases[compress ? 2 : 0], repeat([&] {
+        table.measure(kCases[compress ? 3 : 0], repeat([&] {
                           for (int i = 0; i < kRecords; ++i) tape.add();
                           tape.write();
                       }));
@@ -85,6 +105,7 @@ void recording(Table& table) {
                       record.read(m);
                       keep(m);
                   }));
+    requests(table, file.name());
 }
 
 }  // namespace bench

@@ -175,7 +175,7 @@ void Service::review(Message& m) {
 void Observers::add(Observer* observer) {
     list_.push_back(observer);
     wishes_ |= observer->wishes;
-    if (observer->wishes & Observer::all) sorm_.markObserved();
+    if (observer->wishes & (Observer::all | Observer::events)) sorm_.markObserved();
 }
 
 // Objects lose their mark with the next request.
@@ -195,6 +195,13 @@ template <class F> static void tell(const std::vector<Observer*>& list, const Pa
         if (list[i]->wishes & passage.wishes) f(*list[i]);
 }
 
+// An event of a tick, which has another thread, is not observed.
+void Observers::published(const Event& event) {
+    if (!any(Observer::events) || RealtimeOwner::current()) return;
+    for (std::size_t i = 0; i < list_.size(); ++i)
+        if (list_[i]->wishes & Observer::events) list_[i]->published(event);
+}
+
 const std::string& Passage::callers() const {
     if (callersText.empty()) callersText = CallContext::currentCallers();
     return callersText;
@@ -202,8 +209,8 @@ const std::string& Passage::callers() const {
 
 Observation::Observation(Observers& observers, Passage&& passage, const Message& request) : observers_(observers), passage_(std::move(passage)) {
     passage_.number = ++observers_.number_;
-    tell(observers_.list_, passage_, [&](Observer& o) { o.came(passage_, request); });
     passage_.begun = monotonicNow();
+    tell(observers_.list_, passage_, [&](Observer& o) { o.came(passage_, request); });
 }
 
 void Observation::answered(const Message& reply) {

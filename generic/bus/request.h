@@ -29,6 +29,7 @@ namespace sorma {
 
 class Service;
 class Sorm;
+struct Event;        // bus/stream.h
 
 // A request on its way.
 struct Passage {
@@ -37,7 +38,7 @@ struct Passage {
     Method method;
     std::uint8_t wishes;            // those of Observer::Wish that it fits
     std::uint64_t number = 0;       // counts the observed requests of this SORM
-    std::int64_t begun = 0;         // [ns] by the monotonic clock
+    std::int64_t begun = 0;         // [ns] by the monotonic clock: when it came
     // For people: who has sent it, and that one's callers. The text is made when an observer asks for it, and then kept.
     const std::string& callers() const;
     mutable std::string callersText = {};       // what callers() has made
@@ -51,6 +52,7 @@ public:
         ctrl = 2,
         dbx = 4,
         sample = 8,                 // of EXEC, one in 64 of each object
+        events = 16,                // no requests: what objects of this process publish, also when nobody listens
     };
     explicit Observer(std::uint8_t wishes = all) : wishes(wishes) {}
     virtual ~Observer() = default;
@@ -59,6 +61,8 @@ public:
     virtual void came(const Passage& passage, const Message& request) = 0;
     // Its answer is here, perhaps much later: a reply, or code -1 with the trail of a refusal.   ran: [ns] since it came.
     virtual void answered(const Passage& passage, const Message& reply, std::int64_t ran) = 0;
+    // An object publishes an event. Must not throw, must not make requests.
+    virtual void published(const Event&) {}
 };
 
 // The observers of one SORM.
@@ -70,6 +74,7 @@ public:
     bool any(std::uint8_t wishes = Observer::all) const { return wishes_ & wishes; }    // does one want such requests?
     // A request that reached no object.
     void refused(std::string_view name, Method method, const Message& request, const Trail& why);
+    void published(const Event& event);             // by an object
 
 private:
     friend class Observation;

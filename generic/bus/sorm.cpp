@@ -239,7 +239,7 @@ Reference Sorm::adopt(std::unique_ptr<Service> service, const std::string& name,
     s->sorm_ = this;
     s->checks_ = type.checks();
     if (access.restricted()) s->setGuard(Service::kAskBit, true);
-    if (observers.any()) s->setGuard(Service::kObservedBit, true);
+    markObserved(*s);
     return reference;
 }
 
@@ -480,7 +480,12 @@ void Sorm::listenersChanged(const Service& of) {
 }
 
 void Sorm::markObserved() {
-    for (auto& [key, place] : repository_) place->service->setGuard(Service::kObservedBit, true);
+    for (auto& [key, place] : repository_) markObserved(*place->service);
+}
+
+void Sorm::markObserved(Service& s) {
+    if (observers.any()) s.setGuard(Service::kObservedBit, true);
+    if (observers.any(Observer::events) && !s.stream_ && !s.isElsewhere()) s.stream_ = std::make_unique<Stream>();
 }
 
 void Sorm::monitor(std::string_view event, const Message& m) {

@@ -71,6 +71,7 @@ public:
 
     // ---- secret options (Spec::secret) ----
     bool isSecret(std::string_view word) const { return secrets_.contains(word); }      // an option of that name is, in some class
+    bool hasSecrets() const { return !secrets_.empty() || !untold_.empty(); }
     // Words or a request, with kMask instead of what follows the name of a secret option.
     std::vector<std::string> masked(std::vector<std::string> words) const;
     std::string masked(std::string request) const;
@@ -246,6 +247,7 @@ private:
     void drop(const std::string& key);                                  // remove it
     friend class Observers;
     void markObserved();                                                // tell all objects that they are observed
+    void markObserved(Service& s);
     Reference adopt(std::unique_ptr<Service> service, const std::string& name, const Class& type);
     Reference construct(const std::string& name, const Class& type);
     Charge chargeObject(const std::string& name, const PrincipalPointer& author);

@@ -62,6 +62,7 @@ void Stream::publish(const Service& from, std::string_view name, const Message& 
     Event event{from.name(), name, m, wallNow(), serial.fetch_add(1, std::memory_order_relaxed) + 1, CallContext::currentRequest()};
     if (!monitor) {
         keep(event, from);
+        from.sorm().observers.published(event);
         if (from.sorm().monitored() && from.name() != "sorm") [[unlikely]] tellPassing(from, name, m);
     }
     // Events about this process itself are no part of a trace.

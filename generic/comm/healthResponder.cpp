@@ -9,7 +9,7 @@
 #include <system_error>
 #include <utility>
 
-#include "comm/signalsBlocked.h"
+#include "bus/signalsBlocked.h"
 
 namespace sorma {
 

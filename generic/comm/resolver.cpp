@@ -9,7 +9,7 @@
 #include "bus/catalogue.h"
 #include "bus/deadline.h"
 #include "bus/dictionary.h"
-#include "comm/signalsBlocked.h"
+#include "bus/signalsBlocked.h"
 #include "comm/transport.h"
 
 namespace sorma {

@@ -157,16 +157,20 @@ bool Block::add(const Facts& facts, const Message* content) {
     for (auto& text : texts)
         if (text.size() > kMostRecord) return false;
     if (size > kMostRecord) return false;
-    for (int i = 0; i < 3; ++i)
+    std::uint32_t numbers[3] = {};
+    for (int i = 0; i < 3; ++i) {
+        if (texts[i].empty()) continue;             // requests have a caller, and the replies between them none
         if (texts[i] != lastText_[i]) {
             lastName_[i] = name(texts[i]);
-            lastText_[i] = lastName_[i] ? names_[lastName_[i] - 1] : std::string_view();
+            lastText_[i] = names_[lastName_[i] - 1];
         }
+        numbers[i] = lastName_[i];
+    }
     head.size = std::uint32_t(size);
     head.kind = facts.kind;
     if (facts.method) head.method = std::uint8_t(*facts.method);
     head.code = facts.code;
-    head.source = lastName_[0], head.object = lastName_[1], head.word = lastName_[2];
+    head.source = numbers[0], head.object = numbers[1], head.word = numbers[2];
     head.time = facts.time;
     head.number = facts.number;
     head.span = facts.span;

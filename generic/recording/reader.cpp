@@ -245,11 +245,11 @@ void Reader::leave() {
     damage(found_.at, std::min(found_.end(), size_), why_ + ": " + std::to_string(block_.records()) + " of its " + std::to_string(found_.head.records) + " records were read");
 }
 
-bool Reader::next(Record& out) {
+bool Reader::next(Record& out, std::size_t before) {
     for (;;) {
         if (inBlock_ && block_.next(out)) return true;
         if (inBlock_) leave();
-        if (section_ >= sections_.size()) return false;
+        if (section_ >= std::min(before, sections_.size())) return false;
         const Section& s = sections_[section_];
         const std::uint64_t to = s.at + s.bytes;
         if (at_ >= to) {

@@ -38,8 +38,9 @@ public:
     // The broken places that were found so far. Reading all records finds all.
     const std::vector<Damage>& damages() const { return damages_; }
 
-    // The next record, the oldest first. The texts of a record are valid until the next call. False at the end.
-    bool next(Record& out);
+    // The next record, the oldest first. The texts of a record are valid until the next call. False at the end, or where the section
+    // `before` begins.
+    bool next(Record& out, std::size_t before = SIZE_MAX);
     // Go on with this section of sections(); beyond them is the end.
     void seek(std::size_t section);
     std::size_t section() const { return section_; }        // of the last record

@@ -12,7 +12,7 @@
 #include "comm/rpcbind.h"
 #include "comm/runtimeFolder.h"
 #include "comm/siblings.h"
-#include "comm/signalsBlocked.h"
+#include "bus/signalsBlocked.h"
 
 namespace sorma {
 

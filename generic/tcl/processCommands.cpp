@@ -22,7 +22,7 @@
 
 #include "bus/descriptor.h"
 #include "bus/requestText.h"
-#include "comm/signalsBlocked.h"
+#include "bus/signalsBlocked.h"
 
 namespace sorma {
 

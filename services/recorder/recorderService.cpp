@@ -7,6 +7,10 @@
 
 #include <sstream>
 
+#include <bus/monitor.h>
+
+#include "busRecording.h"
+#include "live.h"
 #include "tape.h"
 
 namespace {
@@ -24,17 +28,25 @@ const sorma::Prototype kBuffer{Severity::error, "RECORDER BUFFER", 1,
                                "{}: a buffer cannot be written: {}; -buffers chooses, -prefix keeps runs apart"};
 const sorma::Prototype kBusy{Severity::error, "RECORDER BUSY", 1, "{}: it is {} {}; CTRL -stop ends that"};
 const sorma::Prototype kIdle{Severity::error, "RECORDER IDLE", 1, "{}: nothing is under way that could be stopped"};
-const sorma::Prototype kWord{Severity::error, "RECORDER WORD", 2, "{}: bad words \"{}\": must be export FOLDER, list, or play"};
+const sorma::Prototype kWord{Severity::error, "RECORDER WORD", 2, "{}: bad words \"{}\": must be about, export FOLDER, list, play, records ?OPTION ...?, or as a stream, stream REQUESTS EVENTS"};
+const sorma::Prototype kRecords{Severity::error, "RECORDER WORD", 2, "{}: records: {}"};
 
 class Recorder : public sorma::Service {
 public:
     static sorma::Class describe() {
         using enum sorma::Field;
-        return sorma::Class::of<Recorder>("recorder", "records snapshot buffers in a file, plays them again, makes tables of them")
+        return sorma::Class::of<Recorder>("recorder", "records requests, events and snapshot buffers in a file, plays buffers again")
             .named("-file", &Recorder::file_, {.help = "the recording"})
             .named("-prefix", &Recorder::prefix_,
                   {.help = "of the buffers' keys; a recording does not contain it, so it may be played with another one"})
             .text("-buffers", &Recorder::buffers_, {.help = "patterns of keys, without the prefix; what fits none is left out"})
+            .text("-requests", &Recorder::requests_,
+                  {.help = "pattern of objects whose requests and replies are recorded; then no buffers are"})
+            .text("-events", &Recorder::events_, {.help = "pattern of objects whose events are recorded; then no buffers are"})
+            .text("-from", &Recorder::from_, {.help = "names of recorders at other daemons: their requests and events are recorded, and not those of this process"})
+            .integer("-max", &Recorder::max_,
+                     {.unit = "byte", .low = 0, .high = 1e15, .help = "requests, events: of the file, which keeps the last ones then; 0: any"})
+            .real("-seconds", &Recorder::seconds_, {.unit = "s", .low = 0, .high = 1e9, .help = "requests, events: older ones may go; 0: none"})
             .text("-clock", &Recorder::clock_,
                   {.help = "play: the buffer whose float 0 is the time to play by; empty, or not recorded: the time of writing"})
             .real("-speed", &Recorder::speed_,
@@ -43,21 +55,26 @@ public:
             .action("-record", &Recorder::record, "", "begin to record; what is in the file is replaced")
             .action("-stop", &Recorder::stop, "", "end what is under way; says how much that was", 0, 0, sorma::Right::call)
             .concurrency(sorma::Concurrency::concurrent)
-            .words("play|list|export ?folder?")
+            .words("about | export folder | list | play | records ?option ...? | stream requests events")
             .word("export", &Recorder::makeTables)
             .writes(ints, {}, "", "play, export: records, buffers")
-            .repeatable({"list"})
+            .writes(text, {}, "", "about, list, records: what is in the file")
+            .repeatable({"about", "list", "records"})
             .example("recorder.example CTRL -buffers {arm.* lab.clock}");
     }
 
     ~Recorder() override { removing(); }
     void removing() override {
         job_.reset();
+        merge_.reset();
+        bus_.reset();
         charge_.clear();
     }
 
     void exec(Message& m) override {
         if (execWord(m)) return;
+        if (m.words.size() == 1 && m.words[0] == "about") return about(m);
+        if (auto text = recordText(m)) return gather(*text, m);
         const bool plays = m.words.size() == 1 && m.words[0] == "play";
         if (!plays && !(m.words.size() == 1 && m.words[0] == "list")) {
             std::string all;
@@ -73,8 +90,22 @@ public:
         start(m, [plan](Job& job, Message& answer) { return recorder::list(job, plan, answer.text); });
     }
 
+    std::unique_ptr<sorma::Pieces> inPieces(Message& m) override {
+        if (m.words.size() == 3 && m.words[0] == "stream") {
+            sorma::recording::Selection selection{m.words[1], m.words[2], source(), name(), m.author};
+            return std::make_unique<recorder::LivePieces>(sorm(), std::move(selection));
+        }
+        std::shared_ptr<recorder::RecordText> text = recordText(m);
+        if (!text) return nullptr;
+        return sorma::piecesOf([text](Message& piece, std::size_t most) { text->next(piece.text, most); });
+    }
+
     void dumpState(std::string& out) const override {
         out += "# state " + (busy() ? what_ : "idle") + "\n";
+        if (!bus_) return;
+        if (merge_) out += "# connected " + std::to_string(merge_->connected()) + "\n";
+        const auto figures = bus_->recorder().figures();
+        out += "# records " + std::to_string(figures.records) + "\n# lost " + std::to_string(figures.lost) + "\n";
     }
 
 private:
@@ -84,7 +115,66 @@ private:
         start(m, [plan](Job& job, Message&) { return recorder::exportTables(job, plan); });
     }
 
-    bool busy() const { return job_ && !job_->ended(); }
+    bool busy() const { return bus_ || (job_ && !job_->ended()); }
+
+    // ---- requests and events ----
+
+    template <class F> auto reading(F f) -> decltype(f(std::string())) {
+        if (file_.empty()) fail(kNoFile, name(), "-file");
+        try {
+            return f(file_.use(*this));
+        } catch (const sorma::recording::FileError& e) {
+            fail(kFile, name(), e.what());
+        }
+    }
+    void about(Message& m) {
+        const bool names = !sorma::Principal::both(m.author, author("-file"));
+        m.clear();
+        m.text = reading([&](const std::string& file) { return recorder::describe(file, names); });
+    }
+    // The reader of `records`; null: the words are others.
+    std::unique_ptr<recorder::RecordText> recordText(const Message& m) {
+        if (m.words.empty() || m.words[0] != "records") return nullptr;
+        recorder::Search search;
+        if (auto wrong = search.read(m.words, 1); !wrong.empty()) fail(kRecords, name(), wrong);
+        if (auto reader = sorma::Principal::both(m.author, author("-file")))
+            search.mayTell = [this, reader](std::string_view object) {
+                return object != "sorm" && object != "dict" && sorma::tellable(std::string(object), sorm(), reader);
+            };
+        return reading([&](const std::string& file) { return std::make_unique<recorder::RecordText>(file, search); });
+    }
+    void gather(recorder::RecordText& text, Message& m) {
+        constexpr std::size_t kMost = 16 << 20;
+        m.clear();
+        for (std::size_t before = SIZE_MAX; before != m.text.size() && m.text.size() < kMost;) {
+            before = m.text.size();
+            text.next(m.text, kMost);
+        }
+        if (m.text.size() >= kMost) fail(kRecords, name(), "more than 16 MB: read them with sorma::stream");
+    }
+    std::string source() const { return sorm().daemonName.empty() ? sorma::Caller::self().program : sorm().daemonName; }
+    void recordBus(const sorma::PrincipalPointer& by) {
+        if (busy()) fail(kBusy, name(), what_, file_.get(sorma::Permit::owner()));
+        const auto from = sorma::splitWords(from_);
+        const auto authors = sorma::Principal::both(by, author("-file"));
+        sorma::recording::Selection selection{requests_, events_, source(), name(), authors};
+        if (!from.empty()) selection.requests.clear(), selection.events.clear();
+        const sorma::recording::WriterOptions options{.most = std::uint64_t(max_), .keep = std::int64_t(seconds_ * 1e9)};
+        bus_ = reading([&](const std::string& file) { return std::make_unique<recorder::BusRecording>(sorm(), selection, file, options); });
+        what_ = "recording";
+        if (!from.empty())
+            merge_ = std::make_unique<recorder::Merge>(sorm(), from, std::vector<std::string>{"stream", requests_, events_}, sorma::Principal::both(authors, author("-from")),
+                                                       bus_->recorder());
+    }
+    void stopBus(Message& m) {
+        merge_.reset();
+        const auto bus = std::move(bus_);
+        const auto figures = reading([&](const std::string&) { return bus->stop(); });
+        if (!figures.error.empty() && figures.records == 0) fail(kFile, name(), figures.error);
+        m.text += std::to_string(figures.records) + " records, " + std::to_string(figures.lost) + " lost, in " + file_.get(sorma::Permit::owner());
+        if (!figures.error.empty()) m.text += "; " + figures.error;
+        m.ints = {std::int64_t(figures.records), 0, std::int64_t(figures.lost)};
+    }
 
     // The plan that the options give. Fails when a job is under way.
     Plan begin(const char* what) {
@@ -137,7 +227,8 @@ private:
         }
     }
 
-    void record(Args, Message&) {
+    void record(Args, Message& m) {
+        if (!requests_.empty() || !events_.empty()) return recordBus(m.author);
         const Plan plan = begin("recording");
         std::shared_ptr<recorder::Recording> recording;
         try {
@@ -165,6 +256,7 @@ private:
     }
 
     void stop(Args, Message& m) {
+        if (bus_) return stopBus(m);
         const bool records = what_ == "recording" && job_;
         if (!records && !busy()) fail(kIdle, name());
         job_->stop();
@@ -179,13 +271,17 @@ private:
     sorma::Named<sorma::Kind::file> file_;
     sorma::Named<sorma::Kind::segment> prefix_;
     std::string buffers_ = "*", clock_ = "arm.state";
-    double speed_ = 1;
+    std::string requests_, events_, from_;
+    std::int64_t max_ = 0;
+    double seconds_ = 0, speed_ = 1;
     bool partial_ = false;
     std::string what_;
     Figures figures_;                       // of the recording; written by its thread, read when that has ended
     std::exception_ptr error_;
     std::shared_ptr<Recorder*> alive_ = std::make_shared<Recorder*>(this);      // work in the mailbox asks
     sorma::Charge charge_;                  // for the buffers that are played, on the account of the caller
+    std::unique_ptr<recorder::BusRecording> bus_;
+    std::unique_ptr<recorder::Merge> merge_;
     std::unique_ptr<Job> job_;              // last: its thread uses what is above
 };
 

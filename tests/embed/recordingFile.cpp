@@ -16,8 +16,11 @@
 #include <string>
 #include <vector>
 
+#include "bus/service.h"
+#include "bus/sorm.h"
 #include "recording/crc32c.h"
 #include "recording/reader.h"
+#include "recording/recorder.h"
 #include "recording/writer.h"
 #include "checks.h"
 
@@ -26,6 +29,8 @@ using namespace sorma::recording;
 
 namespace {
 
+using sorma::recording::Kind;          // not that of bus/named.h
+using sorma::recording::Record;
 std::string folder = "/tmp";
 std::string fileOf(const char* name) { return folder + "/" + name; }
 
@@ -334,7 +339,45 @@ void testNoRoom() {
     CHECK(reader.damages().empty());
 }
 
-constexpr Group kGroups[] = {{"records", testRecords}, {"cuts", testCuts}, {"flips", testFlips}, {"rebuilt", testRebuilt}, {"blackBox", testBlackBox}, {"refusals", testRefusals}, {"noRoom", testNoRoom}};
+class Callee : public sorma::Service {
+public:
+    void exec(Message&) override {}
+};
+
+// A sink refuses now and then, or is slow. The records that it has taken and those that are lost are all records.
+void testLosses() {
+    Sorm sorm;
+    sorm.add(Class::of<Callee>("callee", "does nothing"));
+    for (const bool slow : {false, true}) {
+        std::uint64_t taken = 0, told = 0;
+        int blocks = 0;
+        Message m;
+        m.text.assign(slow ? 30'000 : 3'000, 'x');
+        constexpr std::uint64_t kRequests = 2000;
+        Recorder recorder(sorm, {.requests = "*", .events = {}, .source = "here", .without = {}, .author = nullptr}, [&](Block& block) {
+            if (slow) usleep(2000);
+            if (++blocks % 3 == 0) throw FileError("no room");
+            BlockReader reader(block.finish(1, 2), 1, 2);
+            for (Record r; reader.next(r);) r.kind == Kind::loss ? told += r.number : ++taken;
+            block.clear();
+        });
+        auto callee = sorm.get("callee");
+        for (std::uint64_t i = 0; i < kRequests; ++i) {
+            Message request = m;
+            callee.exec(request);
+        }
+        recorder.stop();
+        const auto figures = recorder.figures();
+        EQUAL(std::to_string(taken + figures.lost), std::to_string(2 * kRequests));
+        EQUAL(std::to_string(figures.records), std::to_string(taken));
+        CHECK(figures.lost > 0 && told <= figures.lost && taken > 0);
+        // The last block that was refused may be told of only after the end.
+        if (blocks % 3 != 0) EQUAL(std::to_string(told), std::to_string(figures.lost));
+        EQUAL(figures.error, "no room");
+    }
+}
+
+constexpr Group kGroups[] = {{"records", testRecords}, {"cuts", testCuts}, {"flips", testFlips}, {"rebuilt", testRebuilt}, {"blackBox", testBlackBox}, {"refusals", testRefusals}, {"noRoom", testNoRoom}, {"losses", testLosses}};
 
 }  // namespace
 

@@ -1,0 +1,225 @@
+#include "recording/recorder.h"
+
+#include <algorithm>
+#include <chrono>
+#include <ctime>
+
+#include "bus/call.h"
+#include "bus/deadline.h"
+#include "bus/glob.h"
+#include "bus/monitor.h"
+#include "bus/signalsBlocked.h"
+#include "bus/sorm.h"
+#include "bus/stream.h"
+
+namespace sorma::recording {
+
+namespace {
+
+// The reasons of losses, in the order of Recorder::Why.
+constexpr const char* kReasons[] = {"they were not taken fast enough", "larger than a record may be", "no memory", "they could not be written"};
+
+std::int64_t wallOffset() {
+    timespec t;
+    clock_gettime(CLOCK_REALTIME, &t);
+    return std::int64_t(t.tv_sec) * 1'000'000'000 + t.tv_nsec - monotonicNow();
+}
+
+bool fits(const std::string& pattern, std::string_view name) { return pattern == "*" || globMatch(pattern, name); }
+
+// The same without the values of secret options, also where a request is inside of a part.
+Message masked(const Sorm& sorm, const Message& m) {
+    Message out = m;
+    out.later = nullptr;
+    out.words = sorm.masked(std::move(out.words));
+    out.text = sorm.masked(std::move(out.text));
+    if (std::string any(out.any.begin(), out.any.end()), safe = sorm.masked(any); safe != any) out.any.assign(safe.begin(), safe.end());
+    for (auto& entry : out.trail.entries()) entry.request = sorm.masked(std::move(entry.request)), entry.text = sorm.masked(std::move(entry.text));
+    return out;
+}
+
+// All that is told of a message which may hold any secret.
+Message hidden(const Message& m) {
+    Message out;
+    out.text = kMask;
+    out.code = m.code;
+    if (auto* cause = m.code < 0 ? m.trail.cause() : nullptr) {
+        Entry bare;
+        bare.severity = cause->severity, bare.symbol = cause->symbol, bare.time = cause->time;
+        bare.text = kMask;
+        out.trail.add(std::move(bare));
+    }
+    return out;
+}
+
+}  // namespace
+
+Recorder::Recorder(Sorm& sorm, Selection selection, Sink sink)
+    : Observer((selection.requests.empty() ? 0 : all) | (selection.events.empty() ? 0 : events)), sorm_(sorm), selection_(std::move(selection)),
+      allRequests_(selection_.requests == "*" && !selection_.author), offset_(wallOffset()), sink_(std::move(sink)) {
+    const SignalsBlocked blocked;
+    thread_ = std::thread([this] { run(); });
+    sorm_.observers.add(this);
+}
+
+void Recorder::stop() {
+    if (!active_) return;
+    active_ = false;
+    sorm_.observers.remove(this);
+    {
+        std::lock_guard lock(mutex_);
+        stop_ = true;
+    }
+    work_.notify_one();
+    thread_.join();
+}
+
+Recorder::Figures Recorder::figures() const {
+    std::lock_guard lock(mutex_);
+    return figures_;
+}
+
+std::int64_t Recorder::now() const { return monotonicNow() + offset_; }
+
+// ---- on the SORM's thread ----
+
+bool Recorder::mayTell(std::string_view object) const {
+    if (object == selection_.without) return false;
+    if (!selection_.author) return true;
+    return object != "sorm" && object != "dict" && tellable(std::string(object), sorm_, selection_.author);
+}
+
+bool Recorder::wants(const Passage& p) const {
+    return (allRequests_ || fits(selection_.requests, p.object)) && mayTell(p.object);
+}
+
+void Recorder::add(const Facts& facts, const Message& m) {
+    try {
+        std::lock_guard lock(mutex_);
+        if (!block_.add(facts, &m)) return lose(large, {1, facts.time, facts.time});
+        if (!block_.full()) [[likely]] return;
+        if (waiting_.size() >= kWaiting) {
+            lose(slow, {block_.records(), block_.first(), block_.last()});
+            return block_.clear();
+        }
+        waiting_.push_back(std::move(block_));
+        block_ = Block();
+        if (!spares_.empty()) block_ = std::move(spares_.back()), spares_.pop_back();
+        work_.notify_one();
+    } catch (const std::bad_alloc&) {
+        std::lock_guard lock(mutex_);
+        lose(memory, {1, facts.time, facts.time});
+    }
+}
+
+// A request that comes from outside begins a call; all that is done in its course has the same number of the call.
+From Recorder::origin(const Passage& p) {
+    if (!CallContext::currentClient()) return From::process;
+    const std::uint64_t call = CallContext::currentRequest();
+    if (!calls_.insert(call).second) return From::inside;
+    open_.emplace(p.number, call);
+    return From::outside;
+}
+
+void Recorder::came(const Passage& p, const Message& m) {
+    if (!wants(p)) return;
+    const bool local = !CallContext::current();         // then the text of the caller is always the same
+    static const std::string self = Caller::self().toText();
+    const auto from = local ? From::process : origin(p);
+    const Facts facts{Kind::request, p.method, selection_.source, p.object, local ? self : p.callers(), int(from), p.begun + offset_, p.number};
+    if (!sorm_.hasSecrets()) [[likely]] return add(facts, m);
+    const bool awaits = p.method == Method::ctrl && p.service && sorm_.awaitsSecrets(p.service->name());
+    add(facts, awaits ? hidden(m) : masked(sorm_, m));
+}
+
+void Recorder::answered(const Passage& p, const Message& m, std::int64_t ran) {
+    if (!open_.empty())
+        if (auto found = open_.find(p.number); found != open_.end()) calls_.erase(found->second), open_.erase(found);
+    if (!wants(p)) return;
+    const Facts facts{Kind::reply, p.method, selection_.source, p.object, {}, m.code, p.begun + ran + offset_, p.number, ran};
+    if (!sorm_.hasSecrets()) [[likely]] return add(facts, m);
+    const bool tells = p.method != Method::exec || p.object == "sorm" || p.object == "dict";
+    Service* object = tells ? sorm_.find(p.object) : nullptr;
+    add(facts, object && sorm_.holdsSecrets(*object) ? hidden(m) : masked(sorm_, m));
+}
+
+void Recorder::published(const Event& e) {
+    if (!fits(selection_.events, e.object) || e.object == selection_.without || concealed(e, sorm_, selection_.author)) return;
+    if (selection_.author && e.object != "sorm" && !mayTell(e.object)) return;
+    const Facts facts{Kind::event, {}, selection_.source, e.object, e.name, e.message.code, now(), e.serial};
+    if (sorm_.hasSecrets()) add(facts, masked(sorm_, e.message));
+    else add(facts, e.message);
+}
+
+// With the lock.
+void Recorder::lose(Why why, const Loss& loss) {
+    Loss& all = losses_[why];
+    all.first = all.records == 0 ? loss.first : std::min(all.first, loss.first);
+    all.last = all.records == 0 ? loss.last : std::max(all.last, loss.last);
+    all.records += loss.records;
+    figures_.lost += loss.records;
+}
+
+// ---- on the recorder's thread ----
+
+void Recorder::run() {
+    for (std::unique_lock lock(mutex_);;) {
+        work_.wait_for(lock, std::chrono::nanoseconds(kFlush), [this] { return stop_ || !waiting_.empty(); });
+        const bool last = stop_;
+        std::deque<Block> blocks = std::exchange(waiting_, {});
+        if (!block_.empty() && (blocks.empty() || last)) {
+            blocks.push_back(std::move(block_));
+            block_ = Block();
+        }
+        lock.unlock();
+        for (auto& block : blocks) {
+            giveLosses();
+            give(block);
+        }
+        giveLosses();
+        lock.lock();
+        for (auto& block : blocks)
+            if (spares_.size() < 2) spares_.push_back(std::move(block));
+        if (last) return;
+    }
+}
+
+// The block is empty then.
+void Recorder::give(Block& block) {
+    const Loss all{block.records(), block.first(), block.last()};
+    std::string error;
+    try {
+        sink_(block);
+    } catch (const std::exception& e) {
+        error = e.what();
+        block.clear();
+    }
+    std::lock_guard lock(mutex_);
+    if (error.empty()) figures_.records += all.records;
+    else figures_.error = error, lose(refused, all);
+}
+
+// A record for each reason. When the sink does not take these, they are told later.
+void Recorder::giveLosses() {
+    std::array<Loss, kWhys> losses{};
+    {
+        std::lock_guard lock(mutex_);
+        losses.swap(losses_);
+    }
+    Block block;
+    for (int why = 0; why < kWhys; ++why)
+        if (auto& loss = losses[why]; loss.records > 0)
+            block.add({.kind = Kind::loss, .source = selection_.source, .word = kReasons[why], .time = loss.first, .number = loss.records, .span = loss.last - loss.first});
+    try {
+        if (!block.empty()) sink_(block);
+        return;
+    } catch (const std::exception&) {
+    }
+    std::lock_guard lock(mutex_);
+    for (int why = 0; why < kWhys; ++why) {
+        figures_.lost -= losses[why].records;           // counted before
+        if (losses[why].records > 0) lose(Why(why), losses[why]);
+    }
+}
+
+}  // namespace sorma::recording

@@ -1,0 +1,110 @@
+// recorder.h -- an observer that records what passes on the bus of this process: requests, their answers, and events.
+//
+// The SORM's thread only appends records to a block in memory. A thread of the recorder gives full blocks to a sink, and at least every
+// kFlush those that are not full. So the SORM never waits for a disk. When the sink refuses a block, or more than kWaiting of them wait,
+// their records are lost. The count of these stands in a record of its own, as soon as the sink takes one.
+//
+// The value of a secret option never gets into a block. Neither do objects that the author of the recording has no right to inspect at
+// that moment. Requests to `sorm` and `dict` may tell of any object, so they are recorded for the owner alone.
+//
+// Threads: the SORM's, but for the sink.
+#pragma once
+
+#include <array>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <unordered_map>
+#include <unordered_set>
+#include <vector>
+
+#include "bus/message.h"
+#include "bus/principal.h"
+#include "bus/request.h"
+#include "recording/block.h"
+
+namespace sorma::recording {
+
+// Records that are missing, for one reason.
+struct Loss {
+    std::uint64_t records = 0;
+    std::int64_t first = 0, last = 0;           // over how long [ns since 1970]
+};
+
+// Where a request comes from: the code of its record.
+enum class From : int {
+    outside = 0,
+    inside = 1,         // it was made in the course of another request from outside
+    process = 2,        // by the process itself
+};
+
+struct Selection {
+    std::string requests, events;               // patterns of the names of objects, as Tcl's string match; empty: none
+    std::string source;                         // name of this process in the records
+    std::string without;                        // an object that is not recorded: the one which records
+    PrincipalPointer author;                    // who records; null: the owner
+};
+
+class Recorder : public Observer {
+public:
+    // Takes a block, and empties it. Throws a FileError: then it is lost. Called on the thread of the recorder.
+    using Sink = std::function<void(Block& block)>;
+    static constexpr std::int64_t kFlush = 50'000'000;          // [ns]
+    static constexpr std::size_t kWaiting = 64;                 // blocks
+
+    Recorder(Sorm& sorm, Selection selection, Sink sink);
+    ~Recorder() override { stop(); }
+    // Give the rest to the sink, and end. Waits for that.
+    void stop();
+
+    struct Figures {
+        std::uint64_t records = 0, lost = 0;    // that the sink has taken; that are missing
+        std::string error;                      // why the sink has refused the last time; empty: never
+    };
+    Figures figures() const;
+    // The clock of the records: wall time when it began, and from there by the monotonic clock [ns since 1970].
+    std::int64_t now() const;
+    // Append a record that comes from elsewhere. Any thread.
+    void add(const Facts& facts, const Message& m);
+
+    void came(const Passage& passage, const Message& request) override;
+    void answered(const Passage& passage, const Message& reply, std::int64_t ran) override;
+    void published(const Event& event) override;
+
+private:
+    bool wants(const Passage& passage) const;
+    From origin(const Passage& passage);
+    bool mayTell(std::string_view object) const;
+    enum Why : std::uint8_t { slow, large, memory, refused, kWhys };
+    void lose(Why why, const Loss& loss);
+    void run();
+    void give(Block& block);
+    void giveLosses();
+
+    Sorm& sorm_;
+    const Selection selection_;
+    const bool allRequests_;                    // no pattern needs to be compared
+    const std::int64_t offset_;                 // of the wall time from the monotonic clock [ns]
+    const Sink sink_;
+    bool active_ = true;                        // the SORM's thread alone
+    // Requests of others that are under way: those of their calls, by their own numbers; and these calls.
+    std::unordered_map<std::uint64_t, std::uint64_t> open_;
+    std::unordered_set<std::uint64_t> calls_;
+
+    mutable std::mutex mutex_;                  // of what follows
+    std::condition_variable work_;
+    Block block_;                               // is being filled
+    std::deque<Block> waiting_;
+    std::vector<Block> spares_;
+    std::array<Loss, kWhys> losses_;            // that are not told yet
+    Figures figures_;
+    bool stop_ = false;
+    std::thread thread_;                        // last: it uses what is above
+};
+
+}  // namespace sorma::recording

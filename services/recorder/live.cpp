@@ -1,0 +1,143 @@
+#include "live.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+namespace recorder {
+
+namespace rec = sorma::recording;
+
+// ---- the writer ----
+
+void LivePieces::take(rec::Block& block) {
+    {
+        std::lock_guard lock(mutex_);
+        if (blocks_.size() >= kMost) throw rec::FileError("the reader is too slow");
+        blocks_.push_back(block.finish(0, number_ + blocks_.size()));
+    }
+    block.clear();
+    wake();
+}
+
+bool LivePieces::next(sorma::Message& piece, std::size_t) {
+    // The first piece is empty: so the reader learns that it is recorded from now on.
+    const bool first = !recorder_;
+    if (first) recorder_ = std::make_unique<rec::Recorder>(sorm_, selection_, [this](rec::Block& block) { take(block); });
+    const std::int64_t offset = recorder_->now() - sorma::monotonicNow();
+    if (first) return piece.ints = {0, offset}, true;
+    std::lock_guard lock(mutex_);
+    if (blocks_.empty()) return false;
+    piece.any.assign(blocks_.front().begin(), blocks_.front().end());
+    piece.ints = {std::int64_t(number_), offset};
+    blocks_.pop_front();
+    ++number_;
+    return true;
+}
+
+// ---- the reader ----
+
+Merge::Merge(sorma::Sorm& sorm, const std::vector<std::string>& names, std::vector<std::string> request, const sorma::PrincipalPointer& author,
+             rec::Recorder& to)
+    : sorm_(sorm), request_(std::move(request)), author_(author), to_(to) {
+    for (auto& name : names) {
+        sources_.push_back(std::make_unique<Source>());
+        sources_.back()->name = name;
+    }
+    for (auto& source : sources_) open(*source);
+    turn();
+}
+
+Merge::~Merge() { stop(); }
+
+void Merge::stop() {
+    turn_.cancel();
+    alive_.reset();
+    for (auto& source : sources_) source->retry.cancel(), source->reading.reset();
+    give(INT64_MAX);
+}
+
+std::size_t Merge::connected() const {
+    return std::size_t(std::count_if(sources_.begin(), sources_.end(), [](auto& s) { return s->heard && s->lost.empty(); }));
+}
+
+void Merge::open(Source& source) {
+    try {
+        sorma::Message request;
+        request.words = request_;
+        source.reading = std::make_unique<sorma::Reading>(sorm_.get(source.name, author_, sorma::Probe::later), request,
+                                                          sorma::Reading::How{.most = sorma::Reading::kMostPiece, .ahead = 4});
+        await(source);
+    } catch (const std::exception& e) {
+        lose(source, e.what());
+    }
+}
+
+void Merge::await(Source& source) {
+    source.reading->coming().then([this, &source, weak = std::weak_ptr<Merge*>(alive_)](const sorma::Future&) {
+        if (weak.lock() && source.reading) take(source);
+    });
+}
+
+void Merge::take(Source& source) {
+    try {
+        for (sorma::Message piece;;) {
+            const auto taken = source.reading->take(piece);
+            if (taken == sorma::Reading::Taken::notYet) return await(source);
+            if (taken == sorma::Reading::Taken::end) return lose(source, "its stream has ended");
+            if (!source.lost.empty()) note(source, "found", source.name);
+            source.lost.clear();
+            source.heard = true;
+            absorb(source, piece);
+        }
+    } catch (const std::exception& e) {
+        lose(source, e.what());
+    }
+}
+
+// The same reason again is no news.
+void Merge::lose(Source& source, const std::string& why) {
+    source.reading.reset();
+    if (source.lost != why) note(source, "lost", why);
+    source.lost = why;
+    source.retry = sorm_.loop().after(sorma::monotonicNow() + kRetry, [this, &source] { open(source); });
+}
+
+void Merge::note(const Source& source, std::string_view what, const std::string& text) {
+    sorma::Message m;
+    m.text = text;
+    to_.add({.kind = rec::Kind::note, .source = source.name, .word = what, .time = to_.now()}, m);
+}
+
+// Its bytes may be anything.
+void Merge::absorb(Source& source, sorma::Message& piece) {
+    constexpr std::size_t kMostHeld = 64 << 20;
+    if (piece.ints.size() != 2) throw std::runtime_error("what it sends is no piece of a recording");
+    const std::int64_t shift = to_.now() - sorma::monotonicNow() - piece.ints[1];
+    rec::BlockReader block(std::string(piece.any.begin(), piece.any.end()), 0, std::uint64_t(piece.ints[0]));
+    for (rec::Record r; block.next(r);) {
+        Held held{r, std::string(r.source), std::string(r.object), std::string(r.word), {}, r.content.size()};
+        if (!r.read(held.message)) continue;
+        held.facts.time = std::int64_t(std::uint64_t(r.time) + std::uint64_t(shift));
+        heldBytes_ += held.bytes;
+        held_.emplace(held.facts.time, std::move(held));
+    }
+    if (!block.whole()) note(source, "broken", "a piece of its recording is broken behind its first records");
+    if (heldBytes_ > kMostHeld) give(INT64_MAX);
+}
+
+void Merge::give(std::int64_t until) {
+    while (!held_.empty() && held_.begin()->first <= until) {
+        Held& held = held_.begin()->second;
+        held.facts.source = held.source, held.facts.object = held.object, held.facts.word = held.word;
+        to_.add(held.facts, held.message);
+        heldBytes_ -= held.bytes;
+        held_.erase(held_.begin());
+    }
+}
+
+void Merge::turn() {
+    give(to_.now() - kHold);
+    turn_ = sorm_.loop().after(sorma::monotonicNow() + kTurn, [this] { turn(); });
+}
+
+}  // namespace recorder

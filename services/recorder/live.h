@@ -1,0 +1,91 @@
+// live.h -- what passes on the bus of one process, sent in pieces to a recorder in another one, which merges several of them.
+//
+// A piece is a block of records as it stands in a file (doc/recording.md). Its bytes are `any`. The ints are the number of the block
+// and an offset: the clock of its records less the monotonic clock of the host. Processes of one host have the same monotonic clock.
+// So their records can be put on one clock, also when the wall time steps between the beginnings of two recorders.
+//
+// Threads: the SORM's, but for LivePieces::take.
+#pragma once
+
+#include <sorma.h>
+
+#include <deque>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include <recording/recorder.h>
+
+namespace recorder {
+
+// The writer of such a stream. It records from the first piece that is wanted.
+class LivePieces : public sorma::Pieces {
+public:
+    LivePieces(sorma::Sorm& sorm, sorma::recording::Selection selection) : sorm_(sorm), selection_(std::move(selection)) {}
+    bool next(sorma::Message& piece, std::size_t most) override;
+    bool works() const override { return false; }
+    std::size_t heap() const override { return kMost * sorma::recording::kBlockBytes; }
+
+private:
+    // Blocks that wait for the reader. More are refused: the recorder counts them as lost, and says so in the stream.
+    static constexpr std::size_t kMost = 32;
+    void take(sorma::recording::Block& block);
+    sorma::Sorm& sorm_;
+    const sorma::recording::Selection selection_;
+    std::mutex mutex_;
+    std::deque<std::string> blocks_;                        // with the lock
+    std::uint64_t number_ = 0;
+    std::unique_ptr<sorma::recording::Recorder> recorder_;  // last: its thread uses what is above
+};
+
+// Reads such streams of several recorders, and gives their records to a recorder here, ordered by time. A record waits kHold for
+// earlier ones of others. One that comes later than that is not moved. When a daemon is lost a note says so, and it is tried
+// again each kRetry.
+class Merge {
+public:
+    static constexpr std::int64_t kHold = 500'000'000, kRetry = 1'000'000'000, kTurn = 50'000'000;     // [ns]
+    // names: of the recorders; request: the words that each of them gets.   to: gets the records, and lives longer.
+    Merge(sorma::Sorm& sorm, const std::vector<std::string>& names, std::vector<std::string> request, const sorma::PrincipalPointer& author,
+          sorma::recording::Recorder& to);
+    ~Merge();
+    // All that has come is given on, in order; then nothing more is taken.
+    void stop();
+    std::size_t connected() const;          // recorders that have answered, and are not lost
+
+private:
+    struct Source {
+        std::string name;
+        std::unique_ptr<sorma::Reading> reading;
+        std::string lost;                   // why; empty: it is there
+        bool heard = false;
+        sorma::Timer retry;
+    };
+    struct Held {
+        sorma::recording::Facts facts;      // its texts are those below
+        std::string source, object, word;
+        sorma::Message message;
+        std::size_t bytes;
+    };
+    void open(Source& source);
+    void await(Source& source);
+    void take(Source& source);
+    void lose(Source& source, const std::string& why);
+    void absorb(Source& source, sorma::Message& piece);
+    void note(const Source& source, std::string_view what, const std::string& text);
+    void give(std::int64_t until);
+    void turn();
+
+    sorma::Sorm& sorm_;
+    const std::vector<std::string> request_;
+    const sorma::PrincipalPointer author_;
+    sorma::recording::Recorder& to_;
+    std::vector<std::unique_ptr<Source>> sources_;
+    std::multimap<std::int64_t, Held> held_;
+    std::size_t heldBytes_ = 0;
+    sorma::Timer turn_;
+    std::shared_ptr<Merge*> alive_ = std::make_shared<Merge*>(this);        // callbacks of futures ask
+};
+
+}  // namespace recorder
