@@ -32,8 +32,21 @@ const std::vector<Case> kPairs = {
     {"P10_unix_2cpu", "call, text and 10 floats; two CPUs", kRaw, 1.4, 0, 0, 1, kBatch},
     {"P10_tcp_2cpu", "call, text and 10 floats; two CPUs", kRaw, 1.4, 0, 0, 1, kBatch},
 };
-const Case kIdle = {"P_unix_idle", "call, empty, after 5 ms of silence; one CPU", kRaw, 0, 0, 0, 1, kBatch, 20};
 constexpr std::int64_t kTailBatch = 20'000'000;        // [ns]: 1000 calls and more, of which ten are later than the figure
+// By memory that both share. Where each has a CPU, the targets are times.
+const std::vector<Case> kShared = {
+    {"P_shm", "call by memory, empty; one CPU", kRaw, 0.9, 0, 0, 1, kBatch},
+    {"P_shm_2cpu", "call by memory, empty; two CPUs", kRaw, 0, 1000, 0, 1, kBatch},
+    {"P10_shm_2cpu", "call by memory, text and 10 floats; two CPUs", kRaw, 0, 1600, 0, 1, kBatch},
+    {"P99_shm_2cpu", "99th percentile of calls by memory; two CPUs", "that of raw ping-pong", 0, 3000, 0, 1, kTailBatch, 30},
+};
+const std::vector<Case> kSharedPipes = {
+    {"PIPE_shm", "64 calls by memory in flight, empty; two CPUs", kRawMany, 0, 250, 0, kInFlight * kRounds, kBatch},
+    {"PIPE10_shm", "64 by memory in flight, text and 10 floats; two CPUs", kRawMany, 0, 400, 0, kInFlight * kRounds, kBatch},
+};
+const Case kSharedScript = {"PT_shm", "Tcl script by memory: nop@robot EXEC; two CPUs", "P_shm_2cpu", 0, 2500, 0, Interpreter::kUnrolled, kBatch};
+const Case kSharedBig = {"BIG_shm", "200 000 floats there and back by memory; two CPUs", kRawBig, 0, 0, 0, 1, kBatch, 20};
+const Case kIdle = {"P_unix_idle", "call, empty, after 5 ms of silence; one CPU", kRaw, 0, 0, 0, 1, kBatch, 20};
 const std::vector<Case> kTails = {
     {"P99_unix", "99th percentile of empty calls; one CPU", "that of raw ping-pong", 1.3, 0, 0, 1, kTailBatch, 30},
     {"P99_tcp", "99th percentile of empty calls; one CPU", "that of raw ping-pong", 1.3, 0, 0, 1, kTailBatch, 30},
@@ -65,7 +78,9 @@ std::vector<Case> allCases() {
     std::vector<Case> all = kPairs;
     all.push_back(kIdle);
     all.push_back(kSteps);
-    for (auto* more : {&kTails, &kPipes, &kScripts, &kBigs, &kPieces}) all.insert(all.end(), more->begin(), more->end());
+    all.push_back(kSharedScript);
+    all.push_back(kSharedBig);
+    for (auto* more : {&kShared, &kSharedPipes, &kTails, &kPipes, &kScripts, &kBigs, &kPieces}) all.insert(all.end(), more->begin(), more->end());
     return all;
 }
 
@@ -115,12 +130,14 @@ void calls(Table& table, Bus& bus, const Daemon& daemon, const std::vector<Case>
     }
 }
 
-void pipelines(Table& table, Bus& bus, const Daemon& daemon) {
-    for (auto& c : kPipes) {
+void pipelines(Table& table, Bus& bus, const Daemon& daemon, const std::vector<Case>& cases) {
+    for (auto& c : cases) {
         if (!table.wants(c.row)) continue;
-        bool tcp = contains(c, "tcp");
+        const bool tcp = contains(c, "tcp");
+        const int cpu = contains(c, "shm") ? cpus().second : cpus().first;
+        pin(daemon.process(), cpu);
         Remote remote(bus, tcp ? daemon.tcpAddress() : daemon.unixAddress(), contains(c, "PIPE10"));
-        RawServer raw(tcp ? Kind::tcp : Kind::unixSocket, cpus().first, remote.requestSize(), remote.replySize());
+        RawServer raw(tcp ? Kind::tcp : Kind::unixSocket, cpu, remote.requestSize(), remote.replySize());
         // A batch is one stream of calls: the window fills once, and empties once.
         auto row = [&](std::int64_t count) {
             std::int64_t start = now(), left = count * c.per - kInFlight;
@@ -137,11 +154,13 @@ void pipelines(Table& table, Bus& bus, const Daemon& daemon) {
             return now() - start;
         };
         table.measure(c, row, floor);
+        pin(daemon.process(), cpus().first);
     }
 }
 
 void scripts(Table& table, Bus& bus, const Daemon& daemon) {
     Interpreter interpreter;
+    interpreter.eval("sorma::configure -transport unix");
     auto measure = [&](const Case& c, const std::string& call, bool record) {
         if (!table.wants(c.row)) return;
         Remote remote(bus, daemon.name(), record);
@@ -174,8 +193,8 @@ void scripts(Table& table, Bus& bus, const Daemon& daemon) {
     table.measure(kSteps, script("sorma::pipe" + step + step + step), script(call));
 }
 
-void bigOnes(Table& table, Bus& bus, const Daemon& daemon) {
-    for (auto& c : kBigs) {
+void bigOnes(Table& table, Bus& bus, const Daemon& daemon, const std::vector<Case>& cases) {
+    for (auto& c : cases) {
         if (!table.wants(c.row)) continue;
         bool tcp = contains(c, "tcp");
         auto echo = bus.sorm.get("echo@" + (tcp ? daemon.tcpAddress() : daemon.unixAddress()));
@@ -211,6 +230,35 @@ void pieces(Table& table, Bus& bus, const Daemon& daemon) {
     }
 }
 
+// The client and the daemon share memory.
+void byMemory(Table& table, const Daemon& daemon) {
+    if (!table.wantsAny(kShared) && !table.wantsAny(kSharedPipes) && !table.wants(kSharedScript.row) && !table.wants(kSharedBig.row)) return;
+    Bus bus;
+    bus.comm.settings.sharing = sorma::Sharing::always;
+    calls(table, bus, daemon, kShared);
+    pipelines(table, bus, daemon, kSharedPipes);
+    pin(daemon.process(), cpus().second);
+    bigOnes(table, bus, daemon, {kSharedBig});
+    if (table.wants(kSharedScript.row)) {
+        Interpreter interpreter;
+        interpreter.eval("sorma::configure -transport shm");
+        Remote remote(bus, daemon.unixAddress(), false);
+        const std::string loop = interpreter.loop("nop@" + daemon.name() + " EXEC");
+        table.measure(kSharedScript,
+                      [&](std::int64_t count) {
+                          const std::int64_t start = now();
+                          interpreter.run(loop, count);
+                          return now() - start;
+                      },
+                      [&](std::int64_t count) {
+                          const std::int64_t start = now();
+                          for (std::int64_t n = count * kSharedScript.per; n > 0; --n) remote.call();
+                          return now() - start;
+                      });
+    }
+    pin(daemon.process(), cpus().first);
+}
+
 }  // namespace
 
 void protectedCall(Table& table) {
@@ -223,10 +271,11 @@ void protectedCall(Table& table) {
         calls(table, bus, daemon, kPairs);
         calls(table, bus, daemon, {kIdle});
         calls(table, bus, daemon, kTails);
-        pipelines(table, bus, daemon);
+        pipelines(table, bus, daemon, kPipes);
         if (table.wantsAny(kScripts) || table.wants(kSteps.row)) scripts(table, bus, daemon);
-        bigOnes(table, bus, daemon);
+        bigOnes(table, bus, daemon, kBigs);
         pieces(table, bus, daemon);
+        byMemory(table, daemon);
     } catch (const Interrupted&) {
         throw;
     } catch (const std::exception& e) {

@@ -62,6 +62,7 @@ public:
     void tellLater();                                   // deliver answers from the mailbox, if any have come
     bool underway() const { return pendings_ > 0; }
     std::uint64_t count() const { return slots_.calls(); }
+    std::size_t taken() const { return slots_.taken(); }
     std::size_t inFlight() const { return slots_.inFlight(); }
     const wire::Times& lastTimes() const { return times_; }
 

@@ -1,5 +1,9 @@
 #include "comm/connection.h"
 
+#include <sched.h>
+
+#include <utility>
+
 #include "bus/listText.h"
 #include "bus/statistics.h"
 
@@ -51,6 +55,17 @@ void Connection::close(const std::string& reason) {
 std::uint64_t Connection::onRestart(std::function<void()> callback) {
     restarted_.emplace(nextRestart_, std::move(callback));
     return nextRestart_++;
+}
+
+// Where calls follow each other quickly the line is made again, by memory: once, when nothing else is under way. Subscribers would hear
+// of it, and are left alone.
+void Connection::hurry() {
+    const std::int64_t now = monotonicNow();
+    quick_ = 0;
+    if (now - std::exchange(quickSince_, now) > kWithin || !link_.mayShare() || inEvents() || wanted() || calls_.taken() > 0) return;
+    cpu_set_t processors;
+    if (sched_getaffinity(0, sizeof processors, &processors) == 0 && CPU_COUNT(&processors) < 2) return;       // nobody can look while the other one works
+    link_.share();
 }
 
 // ---- what the link tells ----
@@ -117,6 +132,7 @@ std::string Connection::facts() const {
     auto& d = daemon();
     std::string out = "daemon " + d.name + " at " + link_.address();
     out += connected() ? ", connected for " + link_.age() : ", not connected" + (link_.how().empty() ? std::string() : ": " + link_.how());
+    if (connected()) out += "\ntransport " + std::string(link_.transport());
     out += "\nserved by " + d.user + "@" + d.host + " " + d.program + "[" + std::to_string(d.process) + "] since " + clockText(d.started);
     out += "\ncalls " + std::to_string(calls_.count()) + ", in flight " + std::to_string(calls_.inFlight()) + ", connections lost " +
            std::to_string(link_.losses()) + ", daemons seen " + std::to_string(boots());

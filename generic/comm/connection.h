@@ -45,6 +45,7 @@ public:
     // it.   relayFor: who chose the name, when it was not the owner of this process. now: the time from which the deadline was
     // computed [ns, monotonic]; 0: the clock is read.
     void call(std::string_view name, Method method, Message& m, Deadline deadline, const PrincipalPointer& relayFor = nullptr, std::int64_t now = 0) {
+        if (++quick_ == kQuick) [[unlikely]] hurry();
         calls_.call(name, method, m, deadline, relayFor, now);
     }
 
@@ -141,10 +142,14 @@ public:
     const wire::Times& lastTimes() const { return calls_.lastTimes(); }     // of the last reply
 
 private:
+    static constexpr int kQuick = 1024;                 // calls
+    static constexpr std::int64_t kWithin = 1'000'000'000;      // [ns]
+
     // ---- Link::User ----
     std::shared_ptr<void> keep() override { return weak_from_this().lock(); }
     Address locate() override { return locate_(); }
     std::string whom() const override { return calls_.whom(); }
+    void hurry();
     bool wanted() const override { return calls_.underway() || events_.any() || oneways_.waiting(); }
     void welcomed(bool other) override;
     void replied(XdrReader& r, std::uint32_t xid) override {
@@ -178,6 +183,8 @@ private:
     std::map<std::uint64_t, std::function<void()>> restarted_;      // as onRestart
     std::uint64_t nextRestart_ = 1;
     std::uint64_t doubts_ = 0;
+    int quick_ = 0;                         // calls since quickSince_
+    std::int64_t quickSince_ = 0;           // [ns]
 };
 
 }  // namespace sorma

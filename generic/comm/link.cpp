@@ -98,6 +98,7 @@ void Link::watch() {
     else if (events != interest_) reactor_->change(line_.descriptor(), events, this);
     watched_ = true;
     interest_ = events;
+    if (line_.row().brought) reactor_->stay(this);
 }
 
 void Link::unwatch() {
@@ -115,7 +116,8 @@ void Link::start() {
         program_ = programOf(address) != 0 ? wire::kProgramBase + programOf(address) : wire::kProgram;
         address_ = describe(address);
         wait_ = address.wait;
-        line_ = transportOf(address).begin(address, user_.whom());
+        const Transport& row = transportOf(address);
+        line_ = (shares_ || settings_.sharing == Sharing::always ? sharing(row) : row).begin(address, user_.whom());
         state_ = State::connecting;
         until_ = Deadline::at(monotonicNow() + kOpenTime);
         timer_ = reactor_->after(until_.when(), [this] { fail(errors::errorOf(kNotGreeted, who_, address_)); });
@@ -147,6 +149,7 @@ bool Link::upgrade(Transport::Stage stage) {
     hungUp_ = true;                                     // in case that it throws
     const bool done = line_.row().upgrade(line_, stage, user_.whom());
     hungUp_ = false;
+    declined_ = declined_ || (shares_ && done && &line_.row() != &memoryTransport);
     return done;
 }
 
@@ -210,6 +213,17 @@ void Link::welcome() {
     user_.welcomed(other);
 }
 
+bool Link::mayShare() const {
+    return live() && settings_.sharing == Sharing::automatic && !declined_ && queue_.empty() && &sharing(line_.row()) != &line_.row();
+}
+
+void Link::share() {
+    auto keep = user_.keep();
+    disconnect();
+    shares_ = true;
+    start();
+}
+
 // ---- > lost ----
 
 void Link::disconnect() {
@@ -218,6 +232,7 @@ void Link::disconnect() {
     timer_.cancel();
     in_.clear();
     inAt_ = 0;
+    shares_ = false;
     const bool was = std::exchange(state_, State::lost) == State::live;
     auto queue = std::exchange(queue_, {});
     std::size_t taken = std::exchange(written_, 0);

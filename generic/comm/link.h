@@ -142,6 +142,12 @@ public:
 
     std::int64_t callTime = 0;          // [ns] when the blocking call under way was made: saves reading the clock; 0: there is none
 
+    bool brought(bool sleep) override { return line_.brought(sleep); }
+    // Connect again, by memory. Nothing may be under way. Where that cannot be, by the socket; then mayShare() is false from now on.
+    bool mayShare() const;
+    void share();
+    std::string_view transport() const { return line_.row().name; }    // of its line; empty: there is none
+
 private:
     struct Item {
         Tag tag;
@@ -192,6 +198,8 @@ private:
     bool final_ = false;                // failure_ is
     bool inEvents_ = false;
     bool hungUp_ = false;               // the last attempt was accepted, then closed before the welcome
+    bool shares_ = false;               // the present attempt, or line, is by memory
+    bool declined_ = false;             // the daemon does not take it
     bool wait_ = false;                 // the address says -wait: the daemon may come later
     std::int64_t absentSince_ = 0;      // [ns] nothing has listened there since; 0: something does, or did a moment ago
     std::string address_, how_;

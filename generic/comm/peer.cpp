@@ -84,12 +84,12 @@ void Server::Peer::ready(std::uint32_t events) {
     if (!open()) return;                // it was closed since the reactor has noted this
     const bool again = events == 0;
     if (!again && line_.row().wants) [[unlikely]] events = line_.means(events);
-    if (events & EPOLLOUT) drain();
+    if ((events & EPOLLOUT) && queued() > 0) drain();
     if (upgrading() && !upgrade()) [[unlikely]] return;
     pump();
     if (!open()) return;
     if (events & (EPOLLRDHUP | EPOLLHUP)) ended_ = true;
-    const bool comes = again ? !in_.empty() || line_.pending() : (events & EPOLLIN) && reading();
+    const bool comes = again ? !in_.empty() || line_.pending() || line_.brought(false) : (events & EPOLLIN) && reading();
     if (comes || (events & (EPOLLHUP | EPOLLERR))) receive();
 }
 
@@ -410,6 +410,7 @@ void Server::Peer::drain() {
 void Server::Peer::interest() {
     if (!open()) return;
     std::uint32_t wanted = line_.wants((reading() ? kReading : 0u) | (queued() > 0 ? std::uint32_t{EPOLLOUT} : 0u));
+    if (line_.row().brought && reading()) server_.reactor_.stay(this);
     if (wanted == interest_) return;
     interest_ = wanted;
     server_.reactor_.change(line_.descriptor(), wanted, this);
@@ -451,7 +452,7 @@ void Server::Peer::pump() {
 
 // Look at the bytes that were read and not served, then at those in the socket, so records in the order in which they came.
 void Server::Peer::peek() {
-    if (!open() || queued() > kQueueLimit || upgrading()) return;
+    if (!open() || queued() > kQueueLimit || (upgrading() && !upgradeInClear())) return;
     const char* begin = in_.data() + taken_;
     const char* end = in_.data() + in_.size();
     for (Frame* f = server_.frames_; f; f = f->outer)
@@ -475,12 +476,25 @@ void Server::Peer::peek() {
     queue(data, left);
     queue_.force(out_.size());
     // The timer of those who take nothing is the SORM's thread's.
-    server_.sorm_.mailbox()->post([self = std::weak_ptr(server_.self_), peer = this, number = number] {
+    later([](Peer& peer) { peer.server_.watchSlow(&peer); });
+}
+
+// A newcomer whose first bytes only say how it wants to speak. The reactor hears of it when the SORM's thread is back.
+bool Server::Peer::upgradeInClear() {
+    if (!line_.row().inClear || !line_.row().upgrade(line_, Transport::Stage::connected, {})) return false;
+    state_ = State::greeting;
+    later([](Peer& peer) { peer.interest(); });
+    return true;
+}
+
+// From the health responder's thread: do that in the SORM's, if the peer is still there.
+void Server::Peer::later(void (*what)(Peer&)) {
+    server_.sorm_.mailbox()->post([self = std::weak_ptr(server_.self_), peer = this, number = number, what] {
         auto server = self.lock();
         if (!server) return;
         ServerLock::Held held((*server)->lock_);
         auto found = (*server)->peers_.find(peer);
-        if (found != (*server)->peers_.end() && peer->number == number) (*server)->watchSlow(peer);
+        if (found != (*server)->peers_.end() && peer->number == number) what(*peer);
     });
 }
 

@@ -64,6 +64,7 @@ public:
     Peer(Server& server, Line line, ClientPointer who, std::int64_t user);
     ~Peer() override { closeSocket(); }
 
+    bool brought(bool sleep) override { return open() && reading() && line_.brought(sleep); }
     void ready(std::uint32_t events) override;          // one turn: sends, reads and serves. May run services and the event loop
     void push(const char* data, std::size_t size);      // send now, or queue what the socket does not take. May close the peer
     void flush(Scratch& scratch);       // send the answers of this turn
@@ -71,7 +72,7 @@ public:
     bool onStack() const;               // is one of its requests being executed?
     void closeAfterReply(const std::string& reason) { closing_ = reason, interest(); }    // close it after the reply to that request
     bool open() const { return line_.open(); }
-    bool mayBeTold() const { return open() && !upgrading() && queued() == 0; }      // may a GOODBYE be sent?
+    bool mayBeTold() const { return open() && (!upgrading() || line_.row().inClear) && queued() == 0; }      // may a GOODBYE be sent?
     std::size_t queued() const { return out_.size() - sent_; }      // [bytes] that the socket has not taken
     void spill(Frame& frame);           // see Frame
     void schedule(Subscription& subscription);          // it has events for this peer
@@ -105,6 +106,8 @@ private:
     enum class State : std::uint8_t { greeting, live, opening, joining };       // those that upgrade come last
     bool upgrading() const { return state_ >= State::opening; }
     bool upgrade();                     // false: its transport has not done it yet
+    bool upgradeInClear();
+    void later(void (*what)(Peer&));
     bool reading() const;               // are its requests read?
     void receive();                     // read once, and serve what is complete
     std::size_t appetite() const;       // [bytes] to read now

@@ -16,10 +16,12 @@
 #include <map>
 #include <memory>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "bus/descriptor.h"
 #include "bus/loop.h"
+#include "comm/spinner.h"
 
 namespace sorma {
 
@@ -32,10 +34,12 @@ public:
         virtual ~Watcher() = default;
         // events: EPOLLIN, EPOLLOUT, EPOLLHUP ..., or 0 after again().
         virtual void ready(std::uint32_t events) = 0;
+        // After stay(): has its line brought something? As Transport::brought.
+        virtual bool brought(bool /*sleep*/) { return false; }
 
     private:
         friend class Reactor;
-        bool pending_ = false;
+        bool pending_ = false, awake_ = false;
     };
 
     // mailbox: its functions are called in the reactor's turns. Throws std::system_error when the kernel has run out of
@@ -75,6 +79,14 @@ public:
 
     // Call watcher->ready(0) in the next poll, which then does not wait. Once, also when it is asked for again before.
     void again(Watcher* watcher);
+
+    // Its descriptor has no event although bytes come: ask watcher->brought() instead, until the reactor sleeps. It asks for a while before
+    // it does (comm/spinner.h), and then calls watcher->ready(EPOLLIN).
+    void stay(Watcher* watcher) {
+        if (!std::exchange(watcher->awake_, true)) awake_.push_back(watcher);
+    }
+    // Another event loop is about to wait for descriptor().
+    void doze();
 
     // ---- Loop ----
     void watch(int fd, Callback readable) override;
@@ -117,6 +129,11 @@ private:
     std::deque<Watcher*> pending_;      // from again(); while it is not empty the bell can be read
     Batch* batches_ = nullptr;          // of the polls on the stack, the innermost first
     std::unique_ptr<Batch> gathered_;   // what gather() has found
+    std::vector<Watcher*> awake_;       // from stay()
+    Spinner spinner_;
+    std::int64_t waited_ = 0;           // [ns] when descriptors were last asked for events
+    Watcher* findAwake(bool sleep);
+    bool findBefore(Batch& batch, std::int64_t end);
 };
 
 // Move a descriptor above 1023, which select() cannot use. Returns the new one, close-on-exec; the old one when the process may

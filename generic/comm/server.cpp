@@ -177,7 +177,7 @@ void Server::sayFull(Line line) {
     const bool descriptors = places() < static_cast<std::size_t>(settings_.maxConnections);
     wire::writeGoodbye(out, "daemon " + name_ + " is full: it serves " + std::to_string(peers_.size()) + " connections; raise it there: " +
                                 (descriptors ? "ulimit -n N" : "sorma::configure -maxconnections N"));
-    if (!line.row().upgrade) (void)line.write(out.data(), out.size());
+    if (!line.row().upgrade || line.row().inClear) (void)line.write(out.data(), out.size());
 }
 
 void Server::closePeer(Peer* peer, const std::string& reason, bool tell) {
@@ -366,7 +366,7 @@ bool Server::peek(const std::vector<void*>& waiting) {
     // A connection for which there is no place waits for the SORM's thread, which may make room.
     acceptor_->takeWaiting(waiting, [this](bool vouched) { return peers_.size() < places() + (vouched ? kReserved : 0); });
     for (auto& [peer, owned] : peers_)
-        if (peer->unserved() || std::find(waiting.begin(), waiting.end(), static_cast<Reactor::Watcher*>(peer)) != waiting.end()) peer->peek();
+        if (peer->unserved() || peer->brought(true) || std::find(waiting.begin(), waiting.end(), static_cast<Reactor::Watcher*>(peer)) != waiting.end()) peer->peek();
     watched_ = false;
     return activity_ != nullptr;
 }

@@ -7,7 +7,15 @@
 
 namespace sorma {
 
+// How to reach a daemon of this host by its Unix-domain socket.
+enum class Sharing : std::uint8_t {
+    automatic,      // by memory as soon as calls follow each other quickly
+    always,         // by memory, where the daemon agrees
+    never           // by the socket
+};
+
 struct Settings {
+    Sharing sharing = Sharing::automatic;
     std::int64_t timeout = 25'000;              // [ms] time for a call, 0: no limit
     std::int64_t maxMessage = 64 << 20;         // [bytes] longest record that is received or sent
     std::int64_t maxConnections = 10'000;       // of a daemon

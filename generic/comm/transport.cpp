@@ -48,7 +48,7 @@ std::uint32_t Line::means(std::uint32_t events) const {
 }
 
 std::uint32_t Line::wait(std::uint32_t events, int milliseconds) const {
-    if ((events & EPOLLIN) && pending()) return EPOLLIN;
+    if ((events & EPOLLIN) && (pending() || brought(true))) return EPOLLIN;
     pollfd p{descriptor(), short(wants(events)), 0};
     return poll(&p, 1, milliseconds) > 0 ? means(std::uint32_t(p.revents)) : 0;
 }
@@ -58,6 +58,8 @@ bool isHere(const Address& address) { return address.kind == Kind::self; }
 const Transport& transportOf(const Address& address) {
     return **std::find_if(rows().begin(), rows().end(), [&](auto* row) { return row->mine(address); });
 }
+
+const Transport& sharing(const Transport& row) { return &row == &unixTransport ? memoryTransport : row; }
 
 void addTransport(const Transport& row) { rows().insert(rows().begin(), &row); }
 

@@ -3,6 +3,7 @@
 //     tcp         a port of a host, or a program that its rpcbind knows             tcp.cpp
 //     unix        a socket in the file system                                       unix.cpp
 //     inherited   a socket that another program has opened for us                   inherited.cpp
+//     shm         memory that both ends share, agreed on by a socket of unix        shm.cpp
 //
 // No other code knows the kind of a socket. A new transport is a file and a line in rows(), and a line in the checks. The
 // example tests/embed/sealed.cpp needs every function.
@@ -64,6 +65,7 @@ public:
     std::uint32_t wants(std::uint32_t events) const;
     // Says what may be done (EPOLLIN, EPOLLOUT ...) when the descriptor has these events; 0: bytes were pending.
     std::uint32_t means(std::uint32_t events) const;
+    bool brought(bool sleep) const;
     // Block until something of events (EPOLLIN, EPOLLOUT) may be done, for so many milliseconds at most. Returns what may be.
     std::uint32_t wait(std::uint32_t events, int milliseconds) const;
 
@@ -169,12 +171,20 @@ struct Transport {
     // may have to write before it can read. It is asked after each read and write. With this function a line that cannot
     // take bytes may have begun with them: the caller has to come again with the same.
     std::uint32_t (*wants)(const Line& line, std::uint32_t events) = nullptr;
+    // For a row whose bytes come without an event of the descriptor: are some there?   sleep: the caller is about to wait for the
+    // descriptor, which has to have an event when bytes come. Is asked often, and must be quick.
+    bool (*brought)(const Line& line, bool sleep) = nullptr;
+    // What a daemon writes before the stage `connected` is understood.
+    bool inClear = false;
 };
 
-extern const Transport tcpTransport, unixTransport, inheritedTransport;
+extern const Transport tcpTransport, unixTransport, inheritedTransport, memoryTransport;
+extern const Transport offeredTransport;                // a connection that came by Unix-domain socket; it becomes unix, or shm
 
 // The row for an address; it must not be of this process (isHere).
 const Transport& transportOf(const Address& address);
+// The same with shared memory, where the row has it.
+const Transport& sharing(const Transport& row);
 void addTransport(const Transport& row);                // before the first address is used; it goes before the others
 bool isHere(const Address& address);
 
@@ -213,6 +223,7 @@ inline bool Line::writeMost(const char*& data, std::size_t& left) {
     }
     return true;
 }
+inline bool Line::brought(bool sleep) const { return row_->brought && row_->brought(*this, sleep); }
 inline bool Line::pending() const { return row_->pending && row_->pending(*this); }
 inline std::uint32_t Line::wants(std::uint32_t events) const { return row_->wants ? row_->wants(*this, events) : events; }
 

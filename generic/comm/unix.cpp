@@ -155,7 +155,7 @@ ListeningSocket listen(const std::string& path, int, bool share) {
 
 Line accept(int fd) {
     Descriptor came(accept4(fd, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
-    return came ? Line(raiseDescriptor(std::move(came)), unixTransport) : Line();
+    return came ? Line(raiseDescriptor(std::move(came)), offeredTransport) : Line();
 }
 
 std::vector<gid_t> groupsOf(int fd, gid_t first) {

@@ -17,6 +17,8 @@ namespace sorma {
 
 namespace {
 
+constexpr std::string_view kSharing[] = {"auto", "shm", "unix"};      // in the order of Sharing
+const Prototype kBadSharing{Severity::error, "OPTION VALUE", 1, "-transport expects auto, shm or unix, got \"{}\""};
 const Prototype kServeOption{Severity::error, "REQUEST SYNTAX", 0,
     "bad option \"{}\": must be -allow, -connection, -host, -listen, -open, -policy, -port, -program, -rpcbind, -share, -socket, or -wait"};
 const Prototype kServeValue{Severity::error, "REQUEST SYNTAX", 0, "{} expects {}, got \"{}\""};
@@ -236,6 +238,12 @@ void initCommCommands(Interpreter& i) {
             Server::setLimits(sorm, s);
         });
     };
+    i.add({"-transport", "", "to daemons of this user here: auto, shm (memory that both share), or unix (a socket); for the next connection",
+           [&s] { return std::string(kSharing[std::size_t(s.sharing)]); }, [&s](const std::string& value) {
+               const auto found = std::find(std::begin(kSharing), std::end(kSharing), value);
+               if (found == std::end(kSharing)) fail(kBadSharing, value);
+               s.sharing = Sharing(found - std::begin(kSharing));
+           }});
     constexpr std::int64_t kDay = 86'400'000, kGigabyte = 1 << 30, kTerabyte = kGigabyte << 10, kMany = 1'000'000;
     add("-timeout", "ms", "deadline of a call to another process, 0 = none", 0, 30 * kDay, s.timeout);
     add("-maxmessage", "bytes", "longest message sent or taken", 1024, kGigabyte, s.maxMessage);

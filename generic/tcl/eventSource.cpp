@@ -22,7 +22,9 @@ EventSource::~EventSource() {
 // not yet served would wait for the end of that request, since no descriptor is readable for them.
 void EventSource::enteringLoop(ClientData data, int) {
     auto* self = static_cast<EventSource*>(data);
-    if (self->comm_.reactor().polling()) self->comm_.handBack();
+    Reactor& reactor = self->comm_.reactor();
+    if (reactor.polling()) self->comm_.handBack();
+    if (!self->shared_) reactor.doze();
 }
 
 void EventSource::readable(ClientData data, int) { static_cast<EventSource*>(data)->serve(); }

@@ -25,11 +25,19 @@ ListeningSocket inherit(ListeningSocket from) {
     return inheritedTransport.listen({}, from.fd.get(), false);
 }
 
+// The memory row for addresses of its own: elsewhere a setting of the client chooses it.
+const Transport sharedTransport = [] {
+    Transport row = memoryTransport;
+    row.mine = [](const Address& address) { return pathOf(address).ends_with(".shared"); };
+    return row;
+}();
+
 // One line for each row.
 const std::map<std::string, Row> rows{
     {"tcp", {tcpTransport, [] { return tcpTransport.listen("127.0.0.1", 0, false); }}},
     {"unix", {unixTransport, [] { return unixTransport.listen(newPath(), 0, false); }}},
     {"inherited", {inheritedTransport, [] { return inherit(unixTransport.listen(newPath(), 0, false)); }}},
+    {"shm", {sharedTransport, [] { return sharedTransport.listen(newPath() + ".shared", 0, false); }, true}},
     {"sealed", {sealedTransport, [] { return sealedTransport.listen(newPath() + ".sealed", 0, false); }, true}},
 };
 
@@ -243,6 +251,7 @@ int main(int argc, char** argv) {
     folder = argv[3];
     setenv("SORMA_RUNTIME_DIR", folder.c_str(), 1);
     addTransport(sealedTransport);
+    addTransport(sharedTransport);
     try {
         cases.at(argv[2])(rows.at(argv[1]));
         return 0;

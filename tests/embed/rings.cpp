@@ -1,0 +1,241 @@
+// rings.cpp -- comm/ring.h by itself, and ends of it that lie.
+//
+// rings alone BYTES SEED: one thread writes so many bytes in pieces of any size, the other one reads them. Both sleep when there is
+// nothing to do, until the other one wakes them. Prints "BYTES bytes"; or what is wrong.
+// rings offers SOCKET: offers a daemon memory that it must not take. Prints what it answers to each, and "clear" when it serves the
+// line all the same.
+// rings hostile SOCKET COUNT SEED: agrees on memory with a daemon, and changes it so many times, anywhere; connects anew when the daemon
+// has had enough. Prints "COUNT changes", and how many lines it took.
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <random>
+#include <stdexcept>
+#include <thread>
+#include <vector>
+
+#include "bus/descriptor.h"
+#include "comm/ring.h"
+#include "comm/wire.h"
+
+namespace {
+
+using namespace sorma;
+using Dice = std::mt19937_64;
+
+void check(bool good, const char* what) {
+    if (!good) throw std::runtime_error(what);
+}
+
+// ---- alone ----
+
+struct Bell {
+    Descriptor fd{eventfd(0, EFD_CLOEXEC)};
+    void ring() {
+        const std::uint64_t one = 1;
+        check(write(fd.get(), &one, sizeof one) == sizeof one, "a bell does not ring");
+    }
+    void wait() {
+        pollfd p{fd.get(), POLLIN, 0};
+        check(poll(&p, 1, 60'000) == 1, "nobody wakes it");
+        std::uint64_t rung;
+        check(read(fd.get(), &rung, sizeof rung) == sizeof rung, "a bell is not heard");
+    }
+};
+
+char byteAt(std::uint64_t at) { return char(at * 0x9e3779b97f4a7c15 >> 56); }
+
+void writeAll(RingMemory& memory, Bell& mine, Bell& other, std::uint64_t bytes, std::uint64_t seed) {
+    RingWriter ring(memory);
+    Dice dice(seed);
+    std::vector<char> piece;
+    for (std::uint64_t at = 0; at < bytes;) {
+        piece.resize(std::min<std::uint64_t>(bytes - at, 1 + dice() % (dice() % 8 == 0 ? 3 * RingMemory::kSize : 300)));
+        for (std::size_t i = 0; i < piece.size(); ++i) piece[i] = byteAt(at + i);
+        for (std::size_t done = 0; done < piece.size();) {
+            const auto n = ring.put(piece.data() + done, piece.size() - done);
+            check(n >= 0, "the reader's count makes no sense");
+            if (n > 0 && ring.wakes()) other.ring();
+            if (n == 0 && ring.waits()) mine.wait();
+            done += std::size_t(n);
+        }
+        at += piece.size();
+    }
+}
+
+void readAll(RingMemory& memory, Bell& mine, Bell& other, std::uint64_t bytes, std::uint64_t seed) {
+    RingReader ring(memory);
+    Dice dice(seed);
+    std::vector<char> room(RingMemory::kSize);
+    for (std::uint64_t at = 0; at < bytes;) {
+        const auto n = ring.take(room.data(), 1 + dice() % room.size());
+        check(n >= 0, "the writer's count makes no sense");
+        for (std::size_t i = 0; i < std::size_t(n); ++i) check(room[i] == byteAt(at + i), "a byte is another one");
+        at += std::uint64_t(n);
+        if (n > 0 && ring.wakes()) other.ring();
+        if (n == 0 && ring.sleeps()) mine.wait();
+    }
+}
+
+void alone(std::uint64_t bytes, std::uint64_t seed) {
+    const auto memory = std::make_unique<RingMemory>();
+    Bell writer, reader;
+    std::string wrong;
+    std::thread writes([&] {
+        try {
+            writeAll(*memory, writer, reader, bytes, seed);
+        } catch (const std::exception& e) {
+            wrong = e.what();
+        }
+    });
+    try {
+        readAll(*memory, reader, writer, bytes, seed + 1);
+    } catch (...) {
+        writes.detach();
+        throw;
+    }
+    writes.join();
+    if (!wrong.empty()) throw std::runtime_error(wrong);
+    std::printf("%llu bytes\n", static_cast<unsigned long long>(bytes));
+}
+
+// ---- against a daemon ----
+
+struct Rings {
+    RingMemory toDaemon, toClient;
+};
+constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL;
+
+Descriptor memoryOf(std::size_t size, int seals) {
+    Descriptor fd(memfd_create("rings", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+    check(fd && ftruncate(fd.get(), off_t(size)) == 0 && (seals == 0 || fcntl(fd.get(), F_ADD_SEALS, seals) == 0), "no memory");
+    return fd;
+}
+
+Descriptor reach(const char* path) {
+    Descriptor fd(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    sockaddr_un a{};
+    a.sun_family = AF_UNIX;
+    std::strncpy(a.sun_path, path, sizeof a.sun_path - 1);
+    check(connect(fd.get(), reinterpret_cast<sockaddr*>(&a), sizeof a) == 0, "nobody listens");
+    return fd;
+}
+
+// The answer; 0: there is none.   memory: -1: none is sent.
+char offer(int fd, int memory) {
+    char text[] = {'S', 'h', 'm', '1'};
+    iovec bytes{text, sizeof text};
+    alignas(cmsghdr) char room[CMSG_SPACE(sizeof memory)] = {};
+    msghdr message{};
+    message.msg_iov = &bytes;
+    message.msg_iovlen = 1;
+    if (memory >= 0) {
+        message.msg_control = room;
+        message.msg_controllen = sizeof room;
+        cmsghdr* head = CMSG_FIRSTHDR(&message);
+        head->cmsg_len = CMSG_LEN(sizeof memory);
+        head->cmsg_level = SOL_SOCKET;
+        head->cmsg_type = SCM_RIGHTS;
+        std::memcpy(CMSG_DATA(head), &memory, sizeof memory);
+    }
+    check(sendmsg(fd, &message, MSG_NOSIGNAL) == sizeof text, "it takes no offer");
+    char answer = 0;
+    return recv(fd, &answer, 1, 0) == 1 ? answer : '\0';
+}
+
+bool servesInClear(int fd) {
+    Buffer out;
+    wire::writeNull(out, 7, wire::kProgram);
+    char reply[28];
+    return send(fd, out.data(), out.size(), MSG_NOSIGNAL) == ssize_t(out.size()) && recv(fd, reply, sizeof reply, MSG_WAITALL) == sizeof reply;
+}
+
+void offers(const char* path) {
+    const Descriptor unsealed = memoryOf(sizeof(Rings), 0), small = memoryOf(4096, kSeals), large = memoryOf(sizeof(Rings) + 4096, kSeals);
+    const Descriptor device(open("/dev/zero", O_RDWR | O_CLOEXEC));
+    const std::pair<const char*, int> all[] = {{"none", -1}, {"unsealed", unsealed.get()}, {"small", small.get()}, {"large", large.get()}, {"device", device.get()}};
+    for (auto& [what, memory] : all) {
+        const Descriptor line = reach(path);
+        const char answer = offer(line.get(), memory);
+        std::printf("%s %c %s\n", what, answer ? answer : '-', servesInClear(line.get()) ? "clear" : "closed");
+    }
+}
+
+class Liar {
+public:
+    explicit Liar(const char* path) : line_(reach(path)) {
+        const Descriptor memory = memoryOf(sizeof(Rings), kSeals);
+        rings_ = static_cast<Rings*>(mmap(nullptr, sizeof(Rings), PROT_READ | PROT_WRITE, MAP_SHARED, memory.get(), 0));
+        check(rings_ != MAP_FAILED, "no memory");
+        writer_ = std::make_unique<RingWriter>(rings_->toDaemon);
+        check(offer(line_.get(), memory.get()) == 'Y', "the daemon takes no memory");
+    }
+    ~Liar() { munmap(rings_, sizeof(Rings)); }
+    // False: the daemon has closed the line.
+    bool goOn(Dice& dice) {
+        if (dice() % 4 == 0) ask(dice);
+        else spoil(dice);
+        if (dice() % 2 == 0) (void)send(line_.get(), "!", 1, MSG_NOSIGNAL | MSG_DONTWAIT);
+        char bells[256];
+        return recv(line_.get(), bells, sizeof bells, MSG_DONTWAIT) != 0;
+    }
+
+private:
+    void ask(Dice& dice) {
+        Buffer out;
+        if (dice() % 2 == 0) wire::writeNull(out, 7, wire::kProgram);
+        else wire::writeHello(out, 1, wire::kProgram, {dice(), "u", "h", "p", 1, 1 << 20});
+        (void)writer_->put(out.data(), out.size());
+    }
+    void spoil(Dice& dice) {
+        RingMemory& r = dice() % 2 == 0 ? rings_->toDaemon : rings_->toClient;
+        const std::uint64_t values[] = {0, 1, dice() % (2 * RingMemory::kSize), dice(), UINT64_MAX, RingMemory::kSize};
+        switch (dice() % 5) {
+            case 0: r.written = values[dice() % 6]; break;
+            case 1: r.taken = values[dice() % 6]; break;
+            case 2: r.readerSleeps = std::uint32_t(values[dice() % 6]); break;
+            case 3: r.writerWaits = std::uint32_t(values[dice() % 6]); break;
+            default: r.bytes[dice() % RingMemory::kSize] = char(dice());
+        }
+    }
+    const Descriptor line_;
+    Rings* rings_ = nullptr;
+    std::unique_ptr<RingWriter> writer_;
+};
+
+void hostile(const char* path, long count, std::uint64_t seed) {
+    Dice dice(seed);
+    long lines = 0;
+    std::unique_ptr<Liar> liar;
+    for (long i = 0; i < count; ++i) {
+        if (!liar) liar = std::make_unique<Liar>(path), ++lines;
+        if (!liar->goOn(dice)) liar.reset();
+    }
+    std::printf("%ld changes %ld lines\n", count, lines);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    const std::string what = argc > 1 ? argv[1] : "";
+    try {
+        if (what == "alone" && argc == 4) return alone(std::strtoull(argv[2], nullptr, 10), std::strtoull(argv[3], nullptr, 10)), 0;
+        if (what == "offers" && argc == 3) return offers(argv[2]), 0;
+        if (what == "hostile" && argc == 5) return hostile(argv[2], std::strtol(argv[3], nullptr, 10), std::strtoull(argv[4], nullptr, 10)), 0;
+    } catch (const std::exception& e) {
+        std::printf("%s: %s\n", what.c_str(), e.what());
+        return 1;
+    }
+    std::fputs("usage: rings alone BYTES SEED | offers SOCKET | hostile SOCKET COUNT SEED\n", stderr);
+    return 2;
+}
