@@ -64,7 +64,7 @@ ListeningSocket listen(const std::string&, int fd, bool) { return inherit(fd, tr
 Line accept(int fd) {
     ListeningSocket found = inherit(fd, false);
     if (!found.row->vouched) tuneTcp(found.fd.get());
-    return {std::move(found.fd), *found.row};
+    return {std::move(found.fd), found.row == &unixTransport ? offeredTransport : *found.row};
 }
 
 }  // namespace

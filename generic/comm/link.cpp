@@ -117,7 +117,8 @@ void Link::start() {
         address_ = describe(address);
         wait_ = address.wait;
         const Transport& row = transportOf(address);
-        line_ = (shares_ || settings_.sharing == Sharing::always ? sharing(row) : row).begin(address, user_.whom());
+        shares_ = !declined_ && (shares_ || settings_.sharing == Sharing::always) && &sharing(row) != &row;
+        line_ = (shares_ ? sharing(row) : row).begin(address, user_.whom());
         state_ = State::connecting;
         until_ = Deadline::at(monotonicNow() + kOpenTime);
         timer_ = reactor_->after(until_.when(), [this] { fail(errors::errorOf(kNotGreeted, who_, address_)); });
@@ -199,6 +200,7 @@ bool Link::readWelcome() {
 // The daemon's answer to HELLO says which daemon this is, and so what happens to calls without a reply.
 void Link::welcome() {
     const bool first = daemon_.boot == 0, other = offered_.boot != daemon_.boot;
+    if (other && !first) declined_ = false;
     if (!first && other)
         user_.unanswered({"the daemon has ended", "another one answers there now: " + offered_.program + "[" + std::to_string(offered_.process) + "]"});
     else if (!first && !offered_.known)
@@ -243,6 +245,12 @@ void Link::disconnect() {
 // An attempt has failed.
 void Link::fail(const Error& e) {
     auto keep = user_.keep();
+    // A daemon of before, or a program that hands it the bytes, does not know the offer.
+    if (shares_ && state_ >= State::opening) {
+        declined_ = true;
+        disconnect();
+        return start();
+    }
     disconnect();
     failure_ = e;
     conclude(e);
