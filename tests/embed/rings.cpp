@@ -2,10 +2,9 @@
 //
 // rings alone BYTES SEED: one thread writes so many bytes in pieces of any size, the other one reads them. Both sleep when there is
 // nothing to do, until the other one wakes them. Prints "BYTES bytes"; or what is wrong.
-// rings offers SOCKET: offers a daemon memory that it must not take. Prints what it answers to each, and "clear" when it serves the
-// line all the same.
-// rings hostile SOCKET COUNT SEED: agrees on memory with a daemon, and changes it so many times, anywhere; connects anew when the daemon
-// has had enough. Prints "COUNT changes", and how many lines it took.
+// rings offers SOCKET: offers a daemon memory that it must not take. Prints each answer, and "clear" when it serves the line all the same.
+// rings hostile SOCKET COUNT SEED: agrees on memory with a daemon. It changes that so many times, anywhere, and connects anew when the
+// daemon has had enough. Prints "COUNT changes", and how many lines it took.
 #include <fcntl.h>
 #include <poll.h>
 #include <sys/eventfd.h>
