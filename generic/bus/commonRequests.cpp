@@ -98,6 +98,9 @@ void CommonRequests::diff(Service& s, Args, Message& reply) {
     if (!any) addLine(reply, "as its recipe says");
 }
 
+std::int64_t CommonRequests::p99(Service& s) {
+    return s.record().times.quantile(0.99);
+}
 void CommonRequests::stats(Service& s, Args, Message& reply) {
     auto& r = s.record();
     double seconds = double(monotonicNow() - r.since) / 1e9;

@@ -125,6 +125,7 @@ struct CommonRequests {
     static void why(Service& s, Args args, Message& reply);
     static void diff(Service& s, Args args, Message& reply);
     static void stats(Service& s, Args args, Message& reply);
+    static std::int64_t p99(Service& s);        // time that 99 of 100 EXEC do not exceed [ns]; 0: none was timed
     static void info(Service& s, Args args, Message& reply);
     static void verbosity(Service& s, Args args, Message& reply);
     static void undo(Service& s, Args args, Message& reply);

@@ -193,7 +193,7 @@ public:
         return list;
     }
 
-    // The objects whose EXEC was called most, the busiest first: {name class calls underway} ...
+    // The objects whose EXEC was called most, the busiest first: {name class calls underway p99} ...; p99 [ns], 0: not timed yet.
     std::string busiest(std::size_t most) {
         std::vector<std::pair<std::uint64_t, Service*>> called;
         for (auto& name : sorm().names())
@@ -203,7 +203,8 @@ public:
         std::string list;
         for (std::size_t k = 0; k < most; ++k) {
             Service& s = *called[k].second;
-            appendListElement(list, listOf({s.name(), s.type().name(), std::to_string(s.calls()), std::to_string(s.underWay())}));
+            appendListElement(list, listOf({s.name(), s.type().name(), std::to_string(s.calls()), std::to_string(s.underWay()),
+                                           std::to_string(CommonRequests::p99(s))}));
         }
         return list;
     }

@@ -41,7 +41,7 @@ snit::widget ::sorma::browser {
         pack $tree -side top -fill both -expand 1
         lower $tree $search                                 ;# the search comes first by Tab
         install tabs using ttk::notebook $win.tabs -width [::sorma::style pixels 560] -height [::sorma::style pixels 480]
-        ::sorma::browserOverview $tabs.overview -command [mymethod choose]
+        ::sorma::browserOverview $tabs.overview -command [mymethod Pressed]
         ttk::frame $tabs.panel
         foreach name {help statistics audit} {
             ::sorma::browserText $tabs.$name
@@ -115,6 +115,16 @@ snit::widget ::sorma::browser {
         if {$option ne {}} {
             $tabs select $tabs.panel
             $self Chosen $what
+        }
+    }
+    # Something was pressed in the overview.
+    method Pressed what {
+        lassign $what kind daemon
+        if {$kind eq "errors"} {
+            $tabs.log about $daemon
+            $tabs select $tabs.log
+        } else {
+            $self choose $what
         }
     }
     method Found {what option} {

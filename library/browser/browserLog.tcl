@@ -8,6 +8,7 @@ package provide sorma::browserLog 1.0
 
 # ::sorma::browserLog .w -- the last 5000 messages, the newest below.
 # Methods:
+#       about DAEMON: its errors alone.
 #       text: what is shown, in lines; messages: those that are wanted, also while it is paused; pause ?BOOLEAN?
 snit::widget ::sorma::browserLog {
     hulltype ttk::frame
@@ -45,6 +46,9 @@ snit::widget ::sorma::browserLog {
     }
     method pause {{boolean {}}} {
         set paused [expr {$boolean eq {} ? !$paused : $boolean}]
+    }
+    method about name {
+        lassign [list error $name {} {}] severity daemon object wanted
     }
     method Daemons {} {
         $win.bar.daemon configure -values [concat {{}} [::sorma::world keys]]

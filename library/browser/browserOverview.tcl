@@ -1,18 +1,18 @@
 # browserOverview.tcl -- sorma::browserOverview: a card for each daemon, with its state, its load, and the errors of the last hour. Below stand the
-# objects that are called most, and the time of a call. It asks for that only while somebody can see it.
+# objects that are called most, the slowest ones, and a button that stops the daemon. It asks only while somebody can see it.
 
 package require Tk
 package require snit
+package require sorma::listing
 package require sorma::load
 package require sorma::parts
 package require sorma::style
-package require sorma::table
 package require sorma::text
 package require sorma::world
 package provide sorma::browserOverview 1.0
 
 # ::sorma::browserOverview .w ?-command PREFIX? --
-#       PREFIX is called with a place, as the tree has it, when a daemon or an object is chosen.
+#       A press calls PREFIX with a place, as the tree has it. {errors DAEMON} stands for its errors.
 # Methods:
 #       text: what is shown, a line for each daemon and object; errors DAEMON: of the last hour, as far as they came since this was made
 snit::widget ::sorma::browserOverview {
@@ -27,7 +27,8 @@ snit::widget ::sorma::browserOverview {
     variable last 0
     variable timer {}
     variable columns 0
-    typevariable Rows 4         ;# objects in a card
+    typevariable Lists {most {4 "called most" "per second"} slow {3 slowest {}}}    ;# of objects in a card: how many, and the titles
+    typevariable Most 100       ;# objects that are asked for, of each daemon
     typevariable Hour 3600000
 
     constructor args {
@@ -55,7 +56,7 @@ snit::widget ::sorma::browserOverview {
     }
     method Seen can {
         if {$can && $load eq {}} {
-            set load [::sorma::load watch -count 20 -command [mymethod Loaded]]
+            set load [::sorma::load watch -count $Most -command [mymethod Loaded]]
         } elseif {!$can && $load ne {}} {
             ::sorma::load unwatch $load
             set load {}
@@ -119,26 +120,53 @@ snit::widget ::sorma::browserOverview {
         grid $card.address -row 1 -column 0 -columnspan 3 -sticky w -padx [list $gap 0] -pady [list 0 $gap]
         set column 0
         foreach {part text} {rate requests/s errors "errors this hour" objects objects} {
-            ttk::label $card.$part -font [::sorma::style font title]
+            if {$part eq "errors"} {
+                ttk::button $card.errors -style Strong.Toolbutton -command [mymethod Choose [list errors $daemon {}]]
+                ::sorma::style tip $card.errors [::msgcat::mc "show them in the log"]
+            } else {
+                ttk::label $card.$part -font [::sorma::style font title]
+            }
             ttk::label $card.${part}Unit -style Unit.TLabel -text [::msgcat::mc $text]
             grid $card.$part -row 2 -column $column -sticky [expr {$column ? "e" : "w"}] -padx $gap
             grid $card.${part}Unit -row 3 -column $column -sticky [expr {$column ? "e" : "w"}] -padx $gap -pady [list 0 $gap]
             incr column
         }
-        for {set i 0} {$i < $Rows} {incr i} {
-            ttk::button $card.object$i -style Toolbutton
-            ttk::label $card.calls$i
-            ttk::label $card.time$i
-            grid $card.object$i -row [expr {5 + $i}] -column 0 -sticky w
-            grid $card.calls$i -row [expr {5 + $i}] -column 1 -sticky e -padx $gap
-            grid $card.time$i -row [expr {5 + $i}] -column 2 -sticky e -padx $gap
+        set row 3
+        dict for {list titles} $Lists {
+            lassign $titles count title calls
+            $self Row $card $list [incr row] TLabel
+            $card.${list}Object configure -style Quiet.TLabel -text [::msgcat::mc $title]
+            $card.${list}Calls configure -text [::msgcat::mc $calls]
+            $card.${list}Time configure -text [::msgcat::mc "99 of 100 within"]
+            for {set i 0} {$i < $count} {incr i} {
+                $self Row $card $list$i [incr row] Toolbutton
+            }
         }
-        foreach {part text column sticky} {most "called most" 0 w perSecond "per second" 1 e slow "99 of 100 within" 2 e} {
-            ttk::label $card.$part -style Quiet.TLabel -font [::sorma::style font small] -text [::msgcat::mc $text]
-            grid $card.$part -row 4 -column $column -sticky $sticky -padx $gap
-        }
+        ttk::frame $card.end -style Card.TFrame
+        ttk::label $card.end.said -style Quiet.TLabel
+        ttk::button $card.end.stop -text [::msgcat::mc Stop] -command [mymethod AskStop $card $daemon]
+        ttk::button $card.end.keep -text [::msgcat::mc Keep] -command [mymethod Keep $card]
+        pack $card.end.stop -side right
+        pack $card.end.said -side left -fill x -expand 1
+        grid $card.end -row [incr row] -column 0 -columnspan 3 -sticky ew -padx $gap -pady [list $gap 0]
+        grid rowconfigure $card $row -weight 1
+        grid configure $card.end -sticky sew
         grid columnconfigure $card {0 1 2} -weight 1 -uniform parts
         ::sorma::style bindWheel $card $win.body.canvas
+    }
+    # The parts of a row of a list: NAMEObject, in that style of buttons or labels, NAMECalls and NAMETime.
+    method Row {card name row style} {
+        set gap [::sorma::style pixels 8]
+        if {$style eq "Toolbutton"} {
+            ttk::button $card.${name}Object -style $style
+        } else {
+            ttk::label $card.${name}Object
+        }
+        ttk::label $card.${name}Calls -style [expr {$style eq "Toolbutton" ? "TLabel" : "Quiet.TLabel"}]
+        ttk::label $card.${name}Time -style [$card.${name}Calls cget -style]
+        grid $card.${name}Object -row $row -column 0 -sticky w -padx [expr {$style eq "Toolbutton" ? 0 : $gap}]
+        grid $card.${name}Calls -row $row -column 1 -sticky e -padx $gap
+        grid $card.${name}Time -row $row -column 2 -sticky e -padx $gap
     }
     method Fill {card daemon} {
         set known [::sorma::world get $daemon]
@@ -147,36 +175,48 @@ snit::widget ::sorma::browserOverview {
         set why [lindex [split [dict get $known why] \n] 0]
         $card.state configure -text [string trim "[::sorma::style mark $look] $state"] -foreground [::sorma::style colour $look]
         $card.address configure -text [::sorma::text::clean [string range [string trim "[dict get $known address]  $why"] 0 60]]
-        set rows [expr {[dict exists $busiest $daemon] ? [dict get $busiest $daemon] : {}}]
+        set rows [$self Rows $daemon]
         set rates [lmap row $rows {if {[dict get $row rate] eq {}} continue; dict get $row rate}]
         $card.rate configure -text [if {$rates ne {}} {Number [tcl::mathop::+ {*}$rates]} else {string cat \u2013}]
         set errors [$self errors $daemon]
-        $card.errors configure -text $errors -foreground [if {$errors > 0} {::sorma::style colour refused}]
+        $card.errors configure -text [if {$errors > 0} {string cat "[::sorma::style mark refused] $errors"} else {set errors}] \
+            -style [expr {$errors > 0 ? "Error.Strong.Toolbutton" : "Strong.Toolbutton"}]
         $card.objects configure -text [llength [::sorma::world objects $daemon]]
-        for {set i 0} {$i < $Rows} {incr i} {
-            set row [lindex $rows $i]
-            set parts [list $card.object$i $card.calls$i $card.time$i]
-            if {$row eq {}} {
+        foreach list [dict keys $Lists] {
+            $self List $card $list $daemon [$self Chosen $list $daemon]
+        }
+        $self Stops $card $known
+    }
+    method Rows daemon {
+        return [if {[dict exists $busiest $daemon]} {dict get $busiest $daemon}]
+    }
+    # The objects of a list, in their order.
+    method Chosen {list daemon} {
+        set rows [$self Rows $daemon]
+        if {$list eq "slow"} {
+            set timed [lmap row $rows {if {[dict get $row p99] eq {}} continue; list [dict get $row p99] $row}]
+            set rows [lmap pair [lsort -real -decreasing -index 0 $timed] {lindex $pair 1}]
+        }
+        return [lrange $rows 0 [lindex [dict get $Lists $list] 0]-1]
+    }
+    # A list has its title as long as there are objects in it.
+    method List {card list daemon rows} {
+        for {set i -1} {$i < [lindex [dict get $Lists $list] 0]} {incr i} {
+            set name $list[if {$i >= 0} {set i}]
+            set parts [list $card.${name}Object $card.${name}Calls $card.${name}Time]
+            if {$i >= [llength $rows] || $rows eq {}} {
                 grid remove {*}$parts
                 continue
             }
             grid {*}$parts
-            set name [dict get $row name]
-            $card.object$i configure -text [::sorma::text::clean $name] -command [mymethod Choose [list object $daemon $name]]
-            $card.calls$i configure -text [if {[dict get $row rate] ne {}} {Number [dict get $row rate]}]
-            $card.time$i configure -text [$self Time $daemon $name]
+            if {$i >= 0} {
+                set row [lindex $rows $i]
+                set object [dict get $row name]
+                $card.${name}Object configure -text [::sorma::text::clean $object] -command [mymethod Choose [list object $daemon $object]]
+                $card.${name}Calls configure -text [if {$list eq "most" && [dict get $row rate] ne {}} {Number [dict get $row rate]}]
+                $card.${name}Time configure -text [if {[dict get $row p99] ne {}} {::sorma::listing microseconds [expr {1e6 * [dict get $row p99]}]}]
+            }
         }
-        if {$rows eq {}} {
-            grid remove $card.most $card.perSecond $card.slow
-        } else {
-            grid $card.most $card.perSecond $card.slow
-        }
-    }
-    # How long 99 of 100 calls take at most, as the object says.
-    method Time {daemon name} {
-        if {$load eq {}} return
-        if {[catch {::sorma::table text $daemon [list sorm DBX -look $name -stats]} text]} return      ;# it has gone meanwhile
-        return [if {[regexp {p99 <= ([\d.e+-]+) (\S+)} $text -> number unit]} {string cat "$number [string trimright $unit :,]"}]
     }
     proc Number rate {
         return [if {$rate >= 100} {format %.0f $rate} else {format %.1f $rate}]
@@ -200,6 +240,36 @@ snit::widget ::sorma::browserOverview {
             grid remove $inner.none
         }
     }
+    # ---- a daemon is stopped ----
+
+    # It is of this user and on this host when its socket lies in the user's folder: then it can be stopped, as from a shell.
+    method Stops {card known} {
+        set can [expr {[dict get $known how] eq "folder" && [dict get $known pid] ne {} && [dict get $known state] in {alive busy silent}}]
+        if {$can} {
+            grid $card.end
+        } else {
+            $self Keep $card
+            grid remove $card.end
+        }
+    }
+    method AskStop {card daemon} {
+        if {[winfo manager $card.end.keep] eq {}} {
+            $card.end.said configure -text [::msgcat::mc "Its objects end with it."]
+            $card.end.stop configure -style Accent.TButton -text [::msgcat::mc "Stop it"]
+            pack $card.end.keep -side right -padx [list 0 [::sorma::style pixels 8]]
+            return
+        }
+        $self Keep $card
+        set known [::sorma::world get $daemon]
+        if {$known ne {} && [dict get $known pid] ne {} && [catch {exec kill [dict get $known pid]} message]} {
+            $card.end.said configure -text [lindex [split $message \n] 0]
+        }
+    }
+    method Keep card {
+        $card.end.said configure -text {}
+        $card.end.stop configure -style TButton -text [::msgcat::mc Stop]
+        pack forget $card.end.keep
+    }
     method Choose place {
         if {$options(-command) ne {}} {
             uplevel #0 [list {*}$options(-command) $place]
@@ -208,8 +278,9 @@ snit::widget ::sorma::browserOverview {
     method text {} {
         return [join [concat {*}[lmap daemon [dict keys $cards] {
             set card $inner.card[dict get $cards $daemon]
-            list "$daemon  [$card.state cget -text]  [$card.rate cget -text] requests/s  [$card.errors cget -text] errors this hour  [$card.objects cget -text] objects" \
-                {*}[lmap row [lrange [if {[dict exists $busiest $daemon]} {dict get $busiest $daemon}] 0 $Rows-1] {string cat "    [dict get $row name]  [dict get $row calls] calls"}]
+            list "$daemon  [$card.state cget -text]  [$card.rate cget -text] requests/s  [$self errors $daemon] errors this hour  [$card.objects cget -text] objects" \
+                {*}[lmap row [$self Chosen most $daemon] {string cat "    [dict get $row name]  [dict get $row calls] calls"}] \
+                {*}[lmap row [$self Chosen slow $daemon] {string cat "    [dict get $row name]  99 of 100 within [::sorma::listing microseconds [expr {1e6 * [dict get $row p99]}]]"}]
         }]] \n]
     }
 }

@@ -15,8 +15,9 @@ namespace eval ::sorma::load {
 }
 
 # ::sorma::load::watch ?-count n? ?-every ms? -command PREFIX --
-#       PREFIX is called with DAEMON and a list of dicts name class calls underway rate [1/s], the most called first, each time that
-#       a daemon has answered (every: default 1000 ms). Rates are there from the second time on.
+#       PREFIX is called with DAEMON and a list of dicts name class calls underway rate [1/s] p99 [s], the most called first, each time
+#       that a daemon has answered (every: default 1000 ms). Rates are there from the second time on. 99 of 100 EXEC took at most p99; it
+#       is empty where none has been timed.
 # Results:
 #       A token, for unwatch.
 proc ::sorma::load::watch args {
@@ -59,7 +60,7 @@ proc ::sorma::load::Told {token daemon status value} {
     set before [dict get $Watches $token before]
     set rows {}
     foreach item $items {
-        lassign $item name class calls underway
+        lassign $item name class calls underway p99
         if {![string is wideinteger -strict $calls]} continue
         set key $name@$daemon
         set rate {}
@@ -68,7 +69,8 @@ proc ::sorma::load::Told {token daemon status value} {
             set rate [expr {$calls >= $old && $now > $then ? 1000.0 * ($calls - $old) / ($now - $then) : 0.0}]
         }
         dict set before $key [list $calls $now]
-        lappend rows [dict create name $name class $class calls $calls underway $underway rate $rate]
+        lappend rows [dict create name $name class $class calls $calls underway $underway rate $rate \
+            p99 [if {[string is wideinteger -strict $p99] && $p99 > 0} {expr {$p99 * 1e-9}}]]
     }
     dict set Watches $token before $before
     ::sorma::news::deliver [dict get $Watches $token command] [list $daemon $rows]

@@ -281,7 +281,7 @@ snit::widget ::sorma::panel {
             set facts [$subject option $option]
             ttk::label $inner.mark$n -width 2 -anchor center
             ttk::label $inner.label$n -text [string range $option 1 end][Danger [if {[dict exists $facts hints danger]} {dict get $facts hints danger}]]
-            ::sorma::parts::dragged $inner.label$n [$subject name] $option
+            ::sorma::parts::named $inner.label$n $subject $option
             ::sorma::field $inner.field$n $facts -name [$subject name] -option $option -apply $options(-apply) -state $options(-state) -seen 0
             bind $inner.field$n <<SormaBuilt>> [mymethod Tagged $inner.field$n]
             if {$wide > 0} {

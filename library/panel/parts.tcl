@@ -172,18 +172,38 @@ proc ::sorma::parts::fieldMenu {menu subject option can} {
     $menu add separator
     $menu add command -label [::msgcat::mc "Copy as a request"] -underline 0 -command [list ::sorma::parts::copy $menu $subject $option]
     $menu add command -label [::msgcat::mc "On a dashboard"] -underline 5 -command [list ::sorma::window offer [$subject name] $option]
+    set plot [Plot $subject $option]
+    if {$plot ne {}} {
+        plotEntry $menu {*}$plot
+    }
+}
+# The words of ::sorma::window chart for an option; empty: it has no number.
+proc ::sorma::parts::Plot {subject option} {
     switch -- [dict get [$subject option $option] type] {
-        int - double { plotEntry $menu [$subject name] $option }
+        int - double { return [list [$subject name] $option] }
         vector {
             set n [llength [regexp -all -inline {\S+} [dict get [$subject get $option] live]]]
-            plotEntry $menu [$subject name] $option -index [lrange {0 1 2 3 4 5 6 7} 0 $n-1]
+            return [list [$subject name] $option -index [lrange {0 1 2 3 4 5 6 7} 0 $n-1]]
         }
     }
 }
-# ::sorma::parts::dragged LABEL NAME OPTION -- the label of an option, which can be dropped onto a dashboard.
-proc ::sorma::parts::dragged {label name option} {
-    bind $label <B1-Motion> {%W configure -cursor hand2}
-    bind $label <ButtonRelease-1> "%W configure -cursor {}; [list ::sorma::window offer [string map {% %%} $name] $option] %X %Y"
+# ::sorma::parts::named LABEL SUBJECT OPTION -- the label of an option can be dropped onto a dashboard. A press on that of a number opens a chart.
+proc ::sorma::parts::named {label subject option} {
+    set plots [expr {[Plot $subject $option] ne {}}]
+    bind $label <B1-Motion> {%W configure -cursor fleur}
+    bind $label <ButtonRelease-1> [list ::sorma::parts::Released %W $subject $option %X %Y]
+    if {$plots} {
+        $label configure -cursor hand2
+    }
+}
+proc ::sorma::parts::Released {label subject option x y} {
+    set plot [Plot $subject $option]
+    $label configure -cursor [if {$plot ne {}} {string cat hand2}]
+    if {[winfo containing $x $y] ne $label} {
+        ::sorma::window offer [$subject name] $option $x $y
+    } elseif {$plot ne {}} {
+        ::sorma::window chart {*}$plot
+    }
 }
 # ::sorma::parts::plotEntry MENU NAME WHAT ?-option value ...? -- what sorma::window chart takes.
 proc ::sorma::parts::plotEntry {menu args} {

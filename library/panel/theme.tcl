@@ -7,7 +7,7 @@
 # Styles besides ttk's own. Other themes know nothing of them, and take the style behind the last dot:
 #   Page.TFrame, Page.TLabel, Page.TLabelframe, Page.TCheckbutton, Page.Toolbutton    on the window's ground, between cards
 #   Card.TFrame                 a card, on the ground
-#   Strong.Toolbutton           a title that can be pressed
+#   Strong.Toolbutton           a title that can be pressed; Error.Strong.Toolbutton: one that tells of errors
 #   Accent.TButton              the main action of a card
 #   Sorma.TEntry                a field of its natural height, as panels have them
 #   Quiet.TLabel, Unit.TLabel   what is read second: units, ages, help
@@ -336,6 +336,7 @@ proc ::sorma::theme::Buttons {} {
     ttk::style map Accent.TButton -foreground [list disabled $Colours(off)]
     ttk::style configure Toolbutton -padding [list [Px 8] [Px 4]] -anchor center
     ttk::style configure Strong.Toolbutton -font TkHeadingFont
+    ttk::style configure Error.Strong.Toolbutton -foreground $Colours(error)
     foreach style {TButton TMenubutton Toolbutton} {
         ttk::style map $style -background {}
         Filled $style {{} surface disabled surface pressed tint active hover}
