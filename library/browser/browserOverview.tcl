@@ -36,6 +36,7 @@ snit::widget ::sorma::browserOverview {
         pack [ttk::frame $win.body] -fill both -expand 1
         set inner [::sorma::parts::scroller $win.body]
         ttk::label $inner.none -style Page.TLabel -text [::msgcat::mc "No daemon is known yet."]
+        bind $inner <Configure> [mymethod Sized]
         bind $win <Map> [mymethod Seen 1]
         bind $win <Unmap> [mymethod Seen 0]
         bind $win <Destroy> +[list ::sorma::parts::ended $win [mymethod Ended %W]]
@@ -61,6 +62,9 @@ snit::widget ::sorma::browserOverview {
             ::sorma::load unwatch $load
             set load {}
         }
+    }
+    method Sized {} {
+        $win.body.canvas configure -scrollregion [$win.body.canvas bbox all]
     }
     method Told {event key told} {
         $self Soon
@@ -107,7 +111,6 @@ snit::widget ::sorma::browserOverview {
             $self Fill $inner.card[dict get $cards $daemon] $daemon
         }
         $self Lay $daemons
-        $win.body.canvas configure -scrollregion [$win.body.canvas bbox all]
     }
     method Make {card daemon} {
         set gap [::sorma::style pixels 8]
@@ -121,7 +124,7 @@ snit::widget ::sorma::browserOverview {
         set column 0
         foreach {part text} {rate requests/s errors "errors this hour" objects objects} {
             if {$part eq "errors"} {
-                ttk::button $card.errors -style Strong.Toolbutton -command [mymethod Choose [list errors $daemon {}]]
+                ttk::button $card.errors -style Value.Toolbutton -command [mymethod Choose [list errors $daemon {}]]
                 ::sorma::style tip $card.errors [::msgcat::mc "show them in the log"]
             } else {
                 ttk::label $card.$part -font [::sorma::style font title]
@@ -135,6 +138,7 @@ snit::widget ::sorma::browserOverview {
         dict for {list titles} $Lists {
             lassign $titles count title calls
             $self Row $card $list [incr row] TLabel
+            grid rowconfigure $card $row -minsize [::sorma::style pixels 32]
             $card.${list}Object configure -style Quiet.TLabel -text [::msgcat::mc $title]
             $card.${list}Calls configure -text [::msgcat::mc $calls]
             $card.${list}Time configure -text [::msgcat::mc "99 of 100 within"]
@@ -142,7 +146,7 @@ snit::widget ::sorma::browserOverview {
                 $self Row $card $list$i [incr row] Toolbutton
             }
         }
-        ttk::frame $card.end -style Card.TFrame
+        ttk::frame $card.end
         ttk::label $card.end.said -style Quiet.TLabel
         ttk::button $card.end.stop -text [::msgcat::mc Stop] -command [mymethod AskStop $card $daemon]
         ttk::button $card.end.keep -text [::msgcat::mc Keep] -command [mymethod Keep $card]
@@ -180,7 +184,7 @@ snit::widget ::sorma::browserOverview {
         $card.rate configure -text [if {$rates ne {}} {Number [tcl::mathop::+ {*}$rates]} else {string cat \u2013}]
         set errors [$self errors $daemon]
         $card.errors configure -text [if {$errors > 0} {string cat "[::sorma::style mark refused] $errors"} else {set errors}] \
-            -style [expr {$errors > 0 ? "Error.Strong.Toolbutton" : "Strong.Toolbutton"}]
+            -style [expr {$errors > 0 ? "Error.Value.Toolbutton" : "Value.Toolbutton"}]
         $card.objects configure -text [llength [::sorma::world objects $daemon]]
         foreach list [dict keys $Lists] {
             $self List $card $list $daemon [$self Chosen $list $daemon]

@@ -7,7 +7,9 @@
 # Styles besides ttk's own. Other themes know nothing of them, and take the style behind the last dot:
 #   Page.TFrame, Page.TLabel, Page.TLabelframe, Page.TCheckbutton, Page.Toolbutton    on the window's ground, between cards
 #   Card.TFrame                 a card, on the ground
-#   Strong.Toolbutton           a title that can be pressed; Error.Strong.Toolbutton: one that tells of errors
+#   Strong.Toolbutton           a title that can be pressed
+#   Heading.Toolbutton          the title of a group that folds
+#   Value.Toolbutton            a number that can be pressed; Error.Value.Toolbutton: of errors
 #   Accent.TButton              the main action of a card
 #   Sorma.TEntry                a field of its natural height, as panels have them
 #   Quiet.TLabel, Unit.TLabel   what is read second: units, ages, help
@@ -336,7 +338,9 @@ proc ::sorma::theme::Buttons {} {
     ttk::style map Accent.TButton -foreground [list disabled $Colours(off)]
     ttk::style configure Toolbutton -padding [list [Px 8] [Px 4]] -anchor center
     ttk::style configure Strong.Toolbutton -font TkHeadingFont
-    ttk::style configure Error.Strong.Toolbutton -foreground $Colours(error)
+    ttk::style configure Heading.Toolbutton -font TkHeadingFont -anchor w
+    ttk::style configure Value.Toolbutton -font [::sorma::style font title] -padding 0
+    ttk::style configure Error.Value.Toolbutton -foreground $Colours(error)
     foreach style {TButton TMenubutton Toolbutton} {
         ttk::style map $style -background {}
         Filled $style {{} surface disabled surface pressed tint active hover}
