@@ -62,7 +62,7 @@ private:
 void requests(Table& table, const std::string& file) {
     Interpreter seen, other;
     Writer writer(file, {.most = 64 << 20});
-    Recorder recorder(seen.sorm(), {.requests = "*", .events = {}, .source = "robot", .without = {}, .author = nullptr}, [&](Block& block) { writer.write(block); });
+    Recorder recorder(seen.sorm(), {.requests = "*", .events = {}, .source = "robot", .without = {}, .author = nullptr}, [&](Block& block, std::int64_t) { writer.write(block); });
     auto body = [](sorma::Reference nop) {
         return repeat([nop, m = sorma::Message()]() mutable {
             m.floats.assign(1, 1.5);

@@ -166,6 +166,7 @@ void Recorder::run() {
     for (std::unique_lock lock(mutex_);;) {
         work_.wait_for(lock, std::chrono::nanoseconds(kFlush), [this] { return stop_ || !waiting_.empty(); });
         const bool last = stop_;
+        const std::int64_t upTo = now();
         std::deque<Block> blocks = std::exchange(waiting_, {});
         if (!block_.empty() && (blocks.empty() || last)) {
             blocks.push_back(std::move(block_));
@@ -177,6 +178,8 @@ void Recorder::run() {
             give(block);
         }
         giveLosses();
+        Block none;
+        give(none, upTo);
         lock.lock();
         for (auto& block : blocks)
             if (spares_.size() < 2) spares_.push_back(std::move(block));
@@ -185,18 +188,18 @@ void Recorder::run() {
 }
 
 // The block is empty then.
-void Recorder::give(Block& block) {
+void Recorder::give(Block& block, std::int64_t upTo) {
     const Loss all{block.records(), block.first(), block.last()};
     std::string error;
     try {
-        sink_(block);
+        sink_(block, upTo);
     } catch (const std::exception& e) {
         error = e.what();
         block.clear();
     }
     std::lock_guard lock(mutex_);
     if (error.empty()) figures_.records += all.records;
-    else figures_.error = error, lose(refused, all);
+    else if (all.records > 0) figures_.error = error, lose(refused, all);
 }
 
 // A record for each reason. When the sink does not take these, they are told later.
@@ -211,7 +214,7 @@ void Recorder::giveLosses() {
         if (auto& loss = losses[why]; loss.records > 0)
             block.add({.kind = Kind::loss, .source = selection_.source, .word = kReasons[why], .time = loss.first, .number = loss.records, .span = loss.last - loss.first});
     try {
-        if (!block.empty()) sink_(block);
+        if (!block.empty()) sink_(block, kUnknown);
         return;
     } catch (const std::exception&) {
     }

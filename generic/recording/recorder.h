@@ -53,7 +53,10 @@ struct Selection {
 class Recorder : public Observer {
 public:
     // Takes a block, and empties it. Throws a FileError: then it is lost. Called on the thread of the recorder.
-    using Sink = std::function<void(Block& block)>;
+    // upTo: all records up to that time have been given [ns since 1970]; kUnknown: there are more. An empty block comes at least each
+    // kFlush, with a time.
+    using Sink = std::function<void(Block& block, std::int64_t upTo)>;
+    static constexpr std::int64_t kUnknown = INT64_MIN;
     static constexpr std::int64_t kFlush = 50'000'000;          // [ns]
     static constexpr std::size_t kWaiting = 64;                 // blocks
 
@@ -83,7 +86,7 @@ private:
     enum Why : std::uint8_t { slow, large, memory, refused, kWhys };
     void lose(Why why, const Loss& loss);
     void run();
-    void give(Block& block);
+    void give(Block& block, std::int64_t upTo = kUnknown);
     void giveLosses();
 
     Sorm& sorm_;

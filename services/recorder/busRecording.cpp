@@ -95,7 +95,7 @@ void RecordText::await(Key key, std::string request) {
 
 void RecordText::add(std::string& out, const rec::Record& r) {
     if (r.time < search_.from || r.time > search_.until) return;
-    const bool named = r.kind == rec::Kind::request || r.kind == rec::Kind::reply || r.kind == rec::Kind::event;
+    const bool named = r.kind == rec::Kind::request || r.kind == rec::Kind::reply || r.kind == rec::Kind::event || r.kind == rec::Kind::sample || r.kind == rec::Kind::shape;
     if (named && search_.name != "*" && !sorma::globMatch(search_.name, r.object)) return;
     if (named && search_.mayTell && !search_.mayTell(r.object)) return;
     if (!r.read(message_)) message_.text = "its parts cannot be read";

@@ -25,7 +25,7 @@ class BusRecording {
 public:
     // Fails with a sorma::recording::FileError.
     BusRecording(sorma::Sorm& sorm, sorma::recording::Selection selection, const std::string& file, sorma::recording::WriterOptions options)
-        : writer_(file, options), recorder_(sorm, std::move(selection), [this](sorma::recording::Block& block) { writer_.write(block); }) {}
+        : writer_(file, options), recorder_(sorm, std::move(selection), [this](sorma::recording::Block& block, std::int64_t) { writer_.write(block); }) {}
     ~BusRecording() { recorder_.stop(); }
     // Write what has come so far, and the index. Fails with a FileError.
     sorma::recording::Recorder::Figures stop() {

@@ -9,11 +9,16 @@ namespace rec = sorma::recording;
 
 // ---- the writer ----
 
-void LivePieces::take(rec::Block& block) {
+void LivePieces::take(rec::Block& block, std::int64_t upTo) {
     {
         std::lock_guard lock(mutex_);
-        if (blocks_.size() >= kMost) throw rec::FileError("the reader is too slow");
-        blocks_.push_back(block.finish(0, number_ + blocks_.size()));
+        if (block.empty() && !blocks_.empty()) {
+            blocks_.back().upTo = upTo;
+        } else {
+            if (blocks_.size() >= kMost) throw rec::FileError("the reader is too slow");
+            blocks_.push_back({block.finish(0, number_), upTo, number_});
+            ++number_;
+        }
     }
     block.clear();
     wake();
@@ -22,15 +27,15 @@ void LivePieces::take(rec::Block& block) {
 bool LivePieces::next(sorma::Message& piece, std::size_t) {
     // The first piece is empty: so the reader learns that it is recorded from now on.
     const bool first = !recorder_;
-    if (first) recorder_ = std::make_unique<rec::Recorder>(sorm_, selection_, [this](rec::Block& block) { take(block); });
+    if (first) recorder_ = std::make_unique<rec::Recorder>(sorm_, selection_, [this](rec::Block& block, std::int64_t upTo) { take(block, upTo); });
     const std::int64_t offset = recorder_->now() - sorma::monotonicNow();
-    if (first) return piece.ints = {0, offset}, true;
+    if (first) return piece.ints = {0, offset, rec::Recorder::kUnknown}, true;
     std::lock_guard lock(mutex_);
     if (blocks_.empty()) return false;
-    piece.any.assign(blocks_.front().begin(), blocks_.front().end());
-    piece.ints = {std::int64_t(number_), offset};
+    const Waiting& next = blocks_.front();
+    piece.any.assign(next.bytes.begin(), next.bytes.end());
+    piece.ints = {std::int64_t(next.number), offset, next.upTo};
     blocks_.pop_front();
-    ++number_;
     return true;
 }
 
@@ -57,7 +62,7 @@ void Merge::stop() {
 }
 
 std::size_t Merge::connected() const {
-    return std::size_t(std::count_if(sources_.begin(), sources_.end(), [](auto& s) { return s->heard && s->lost.empty(); }));
+    return std::size_t(std::count_if(sources_.begin(), sources_.end(), [](auto& s) { return s->heard; }));
 }
 
 void Merge::open(Source& source) {
@@ -97,6 +102,7 @@ void Merge::take(Source& source) {
 // The same reason again is no news.
 void Merge::lose(Source& source, const std::string& why) {
     source.reading.reset();
+    source.heard = false;
     if (source.lost != why) note(source, "lost", why);
     source.lost = why;
     source.retry = sorm_.loop().after(sorma::monotonicNow() + kRetry, [this, &source] { open(source); });
@@ -111,7 +117,7 @@ void Merge::note(const Source& source, std::string_view what, const std::string&
 // Its bytes may be anything.
 void Merge::absorb(Source& source, sorma::Message& piece) {
     constexpr std::size_t kMostHeld = 64 << 20;
-    if (piece.ints.size() != 2) throw std::runtime_error("what it sends is no piece of a recording");
+    if (piece.ints.size() != 3) throw std::runtime_error("what it sends is no piece of a recording");
     const std::int64_t shift = to_.now() - sorma::monotonicNow() - piece.ints[1];
     rec::BlockReader block(std::string(piece.any.begin(), piece.any.end()), 0, std::uint64_t(piece.ints[0]));
     for (rec::Record r; block.next(r);) {
@@ -122,6 +128,7 @@ void Merge::absorb(Source& source, sorma::Message& piece) {
         held_.emplace(held.facts.time, std::move(held));
     }
     if (!block.whole()) note(source, "broken", "a piece of its recording is broken behind its first records");
+    if (piece.ints[2] != rec::Recorder::kUnknown) source.upTo = std::int64_t(std::uint64_t(piece.ints[2]) + std::uint64_t(shift));
     if (heldBytes_ > kMostHeld) give(INT64_MAX);
 }
 
@@ -135,8 +142,24 @@ void Merge::give(std::int64_t until) {
     }
 }
 
+// Up to which time do we have all that there is?
+std::int64_t Merge::complete() const {
+    std::int64_t all = INT64_MAX;
+    for (auto& source : sources_)
+        if (source->heard) all = std::min(all, source->upTo);
+    return all;
+}
+
+void Merge::drain() {
+    const std::int64_t now = to_.now();
+    const auto deadline = sorma::Deadline::in(2000);
+    while (complete() < now && !deadline.passed()) sorm_.turn(sorma::Deadline::in(50));
+    stop();
+}
+
 void Merge::turn() {
-    give(to_.now() - kHold);
+    const std::int64_t now = to_.now();
+    give(std::max(now - kHold, std::min(now, complete())));
     turn_ = sorm_.loop().after(sorma::monotonicNow() + kTurn, [this] { turn(); });
 }
 

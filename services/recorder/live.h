@@ -1,7 +1,7 @@
 // live.h -- what passes on the bus of one process, sent in pieces to a recorder in another one, which merges several of them.
 //
 // A piece is a block of records as it stands in a file (doc/recording.md). Its bytes are `any`. The ints are the number of the block
-// and an offset: the clock of its records less the monotonic clock of the host. Processes of one host have the same monotonic clock.
+// and an offset: the clock of its records less the monotonic clock of the host. A third one is the time up to which all has been sent. Processes of one host have the same monotonic clock.
 // So their records can be put on one clock, also when the wall time steps between the beginnings of two recorders.
 //
 // Threads: the SORM's, but for LivePieces::take.
@@ -31,11 +31,16 @@ public:
 private:
     // Blocks that wait for the reader. More are refused: the recorder counts them as lost, and says so in the stream.
     static constexpr std::size_t kMost = 32;
-    void take(sorma::recording::Block& block);
+    void take(sorma::recording::Block& block, std::int64_t upTo);
     sorma::Sorm& sorm_;
     const sorma::recording::Selection selection_;
     std::mutex mutex_;
-    std::deque<std::string> blocks_;                        // with the lock
+    struct Waiting {
+        std::string bytes;
+        std::int64_t upTo;
+        std::uint64_t number;
+    };
+    std::deque<Waiting> blocks_;                            // with the lock
     std::uint64_t number_ = 0;
     std::unique_ptr<sorma::recording::Recorder> recorder_;  // last: its thread uses what is above
 };
@@ -52,6 +57,8 @@ public:
     ~Merge();
     // All that has come is given on, in order; then nothing more is taken.
     void stop();
+    // The same, when all that has happened so far has come. Runs the event loop, for 2 s at most.
+    void drain();
     std::size_t connected() const;          // recorders that have answered, and are not lost
 
 private:
@@ -59,7 +66,8 @@ private:
         std::string name;
         std::unique_ptr<sorma::Reading> reading;
         std::string lost;                   // why; empty: it is there
-        bool heard = false;
+        bool heard = false;                 // it has answered, and is not lost
+        std::int64_t upTo = INT64_MIN;
         sorma::Timer retry;
     };
     struct Held {
@@ -76,6 +84,7 @@ private:
     void note(const Source& source, std::string_view what, const std::string& text);
     void give(std::int64_t until);
     void turn();
+    std::int64_t complete() const;
 
     sorma::Sorm& sorm_;
     const std::vector<std::string> request_;

@@ -41,8 +41,9 @@ public:
                   {.help = "of the buffers' keys; a recording does not contain it, so it may be played with another one"})
             .text("-buffers", &Recorder::buffers_, {.help = "patterns of keys, without the prefix; what fits none is left out"})
             .text("-requests", &Recorder::requests_,
-                  {.help = "pattern of objects whose requests and replies are recorded; then no buffers are"})
-            .text("-events", &Recorder::events_, {.help = "pattern of objects whose events are recorded; then no buffers are"})
+                  {.help = "pattern of objects whose requests and replies are recorded, in place of buffers"})
+            .text("-events", &Recorder::events_, {.help = "pattern of objects whose events are recorded, in place of buffers"})
+            .flag("-together", &Recorder::together_, {.help = "requests, events: record buffers of this host, too"})
             .text("-from", &Recorder::from_, {.help = "names of recorders at other daemons: their requests and events are recorded, and not those of this process"})
             .integer("-max", &Recorder::max_,
                      {.unit = "byte", .low = 0, .high = 1e15, .help = "requests, events: of the file, which keeps the last ones then; 0: any"})
@@ -154,21 +155,30 @@ private:
     }
     std::string source() const { return sorm().daemonName.empty() ? sorma::Caller::self().program : sorm().daemonName; }
     void recordBus(const sorma::PrincipalPointer& by) {
-        if (busy()) fail(kBusy, name(), what_, file_.get(sorma::Permit::owner()));
+        Plan plan = begin("recording");
         const auto from = sorma::splitWords(from_);
         const auto authors = sorma::Principal::both(by, author("-file"));
         sorma::recording::Selection selection{requests_, events_, source(), name(), authors};
         if (!from.empty()) selection.requests.clear(), selection.events.clear();
         const sorma::recording::WriterOptions options{.most = std::uint64_t(max_), .keep = std::int64_t(seconds_ * 1e9)};
         bus_ = reading([&](const std::string& file) { return std::make_unique<recorder::BusRecording>(sorm(), selection, file, options); });
-        what_ = "recording";
+        if (together_) recordBuffers(plan);
         if (!from.empty())
             merge_ = std::make_unique<recorder::Merge>(sorm(), from, std::vector<std::string>{"stream", requests_, events_}, sorma::Principal::both(authors, author("-from")),
                                                        bus_->recorder());
     }
+    void recordBuffers(Plan& plan) {
+        plan.bus = &bus_->recorder();
+        auto recording = std::make_shared<recorder::Recording>(plan);
+        job_ = std::make_unique<Job>([recording](Job& job) { return recording->run(job); }, [](const Figures&, std::exception_ptr) {});
+    }
+    // While it drains, other requests find that nothing is under way.
     void stopBus(Message& m) {
-        merge_.reset();
+        const auto merge = std::move(merge_);
         const auto bus = std::move(bus_);
+        auto job = std::move(job_);
+        if (merge) merge->drain();
+        job.reset();
         const auto figures = reading([&](const std::string&) { return bus->stop(); });
         if (!figures.error.empty() && figures.records == 0) fail(kFile, name(), figures.error);
         m.text += std::to_string(figures.records) + " records, " + std::to_string(figures.lost) + " lost, in " + file_.get(sorma::Permit::owner());
@@ -273,6 +283,7 @@ private:
     std::string buffers_ = "*", clock_ = "arm.state";
     std::string requests_, events_, from_;
     std::int64_t max_ = 0;
+    bool together_ = false;
     double seconds_ = 0, speed_ = 1;
     bool partial_ = false;
     std::string what_;

@@ -67,7 +67,40 @@ bool Job::ended() const {
 
 // ---- recording ----
 
-Recording::Recording(Plan plan) : plan_(std::move(plan)), out_(plan_.file) { look(); }
+Recording::Recording(Plan plan) : plan_(std::move(plan)), out_(plan_.bus ? nullptr : std::make_unique<RecordingWriter>(plan_.file)) { look(); }
+
+// ---- into the recording of a bus ----
+
+void Recording::add(sorma::recording::Facts facts, std::uint32_t channel, const sorma::Message& m) {
+    facts.source = plan_.program, facts.object = channels_[channel];
+    plan_.bus->add(facts, m);
+}
+
+std::uint32_t Recording::announce(const Channel& channel) {
+    if (out_) return out_->announce(channel);
+    channels_.push_back(channel.key);
+    sorma::Message m;
+    m.ints = {std::int64_t(channel.shape.blocks), std::int64_t(channel.shape.floats), std::int64_t(channel.shape.any)};
+    const auto number = std::uint32_t(channels_.size() - 1);
+    add({.kind = sorma::recording::Kind::shape, .time = plan_.bus->now()}, number, m);
+    return number;
+}
+
+void Recording::write(const Record& r) {
+    if (out_) return out_->write(r);
+    message_.floats = r.floats;
+    message_.any = r.any;
+    const std::int64_t offset = plan_.bus->now() - shmem::nanoseconds();
+    add({.kind = sorma::recording::Kind::sample, .time = r.stamp.monotonic + offset, .number = r.stamp.counter}, r.channel, message_);
+}
+
+void Recording::lose(const Source& source, std::uint64_t records) {
+    figures_.lost += records;
+    if (!out_) add({.kind = sorma::recording::Kind::loss, .word = "overwritten before they were read", .time = plan_.bus->now(), .number = records}, source.channel, {});
+}
+
+// ---- both ----
+
 
 void Recording::look() {
     for (auto& entry : shmem::Segment::list()) {
@@ -77,7 +110,7 @@ void Recording::look() {
         try {
             shmem::Reader reader(entry.key);
             const std::uint64_t newest = std::max<std::uint64_t>(reader.count(), 1);       // how things are at the beginning
-            sources_.emplace(entry.key, Source{reader, out_.announce({key, reader.shape()}), newest});
+            sources_.emplace(entry.key, Source{reader, announce({key, reader.shape()}), newest});
             seen_.insert(key);
         } catch (const shmem::Failure&) {           // it was removed meanwhile, or we may not read it
         }
@@ -87,7 +120,7 @@ void Recording::look() {
 
 void Recording::take(Source& s) {
     const std::uint64_t last = s.reader.count(), oldest = s.reader.oldest(last);
-    if (s.next < oldest) figures_.lost += oldest - s.next, s.next = oldest;
+    if (s.next < oldest) lose(s, oldest - s.next), s.next = oldest;
     for (; s.next <= last; ++s.next) {
         if (used_ == batch_.size()) batch_.emplace_back();
         Record& r = batch_[used_];
@@ -95,7 +128,7 @@ void Recording::take(Source& s) {
         r.floats.resize(s.reader.shape().floats);
         r.any.resize(s.reader.shape().any);
         if (s.reader.read(s.next, r.floats.data(), r.any.data(), r.stamp)) ++used_;
-        else ++figures_.lost;
+        else lose(s, 1);
     }
 }
 
@@ -109,9 +142,9 @@ void Recording::takeAll() {
     }
     std::sort(batch_.begin(), batch_.begin() + std::ptrdiff_t(used_),
               [](auto& a, auto& b) { return a.stamp.monotonic < b.stamp.monotonic; });
-    for (std::size_t i = 0; i < used_; ++i) out_.write(batch_[i]);
+    for (std::size_t i = 0; i < used_; ++i) write(batch_[i]);
     figures_.records += used_;
-    if (used_ > 0) out_.flush();
+    if (used_ > 0 && out_) out_->flush();
 }
 
 Figures Recording::run(Job& job) {
@@ -120,7 +153,7 @@ Figures Recording::run(Job& job) {
         if (shmem::nanoseconds() >= nextLook_ || !on) look();
         takeAll();
     }
-    out_.close();
+    if (out_) out_->close();
     figures_.buffers = seen_.size();
     return figures_;
 }

@@ -5,11 +5,14 @@
 #include <condition_variable>
 #include <functional>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <set>
 #include <string>
 #include <thread>
 #include <vector>
+
+#include <recording/recorder.h>
 
 #include "recording.h"
 
@@ -23,6 +26,8 @@ struct Plan {
     bool partial = false;
     std::string folder;                     // of tables
     std::function<void(std::size_t bytes)> charge;      // play: so much shared memory is about to be used; fails when that is too much
+
+    sorma::recording::Recorder* bus = nullptr;          // record into this one, and not into the file
 
     bool wants(const std::string& key) const;
 };
@@ -69,9 +74,15 @@ private:
     void look();                            // for buffers that are not taken yet
     void take(Source& source);
     void takeAll();
+    std::uint32_t announce(const Channel& channel);
+    void write(const Record& record);
+    void lose(const Source& source, std::uint64_t records);
+    void add(sorma::recording::Facts facts, std::uint32_t channel, const sorma::Message& m);
 
     const Plan plan_;
-    RecordingWriter out_;
+    std::unique_ptr<RecordingWriter> out_;  // null: into plan_.bus
+    std::vector<std::string> channels_;     // their keys, for plan_.bus
+    sorma::Message message_;
     std::map<std::string, Source> sources_; // by their keys
     std::set<std::string> seen_;            // all keys that there were
     std::vector<Record> batch_;             // of one look at all buffers; the first used_ of them, the others are there to be used again

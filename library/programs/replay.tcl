@@ -1,0 +1,289 @@
+# replay.tcl -- the program sorma-replay: a recording of sorma-record: read, searched, exported, done again.
+
+package require sorma
+package require sorma::line
+package require sorma::mcap
+package require sorma::options
+package require sorma::recording
+package require sorma::text
+package require sorma::usage
+package provide sorma::replay 1.0
+
+namespace eval ::sorma::replay {
+    variable Options {-list flag -typed flag -about flag -play flag -csv {{word {the name of a folder}}} -mcap {{word {the name of a file}}}
+        -search any -name {any *} -failed flag -slower {{seconds 0 1000000000}} -from any -until any
+        -daemon any -rename words -speed {{seconds 0 1000} 1} -help flag --help flag -h flag}
+    variable Turn           ;# set when it has waited
+    variable Heads {
+        requests.csv {time source object method caller request code seconds reply}
+        events.csv {time source object event number content}
+        losses.csv {time source records seconds reason}
+        buffers.csv {time source key number content}
+        notes.csv {time source note text}
+    }
+}
+
+# ::sorma::replay::main WORDS -- run the program: the exit code.
+proc ::sorma::replay::main words {
+    ::sorma::options::suggest ::sorma::DidYouMean
+    variable Options
+    if {[lindex $words 0] eq "--complete"} {
+        puts [join [::sorma::recording::complete $Options -daemon [lrange $words 1 end]] \n]
+        return 0
+    }
+    try {
+        set files {}
+        set settings [::sorma::options::parse $Options $words files]
+        dict with settings {}
+        if {${-help} || ${--help} || ${-h}} {
+            puts [::sorma::usage::program sorma-replay]
+            return 0
+        }
+        if {[llength $files] != 1} {
+            error "expected the name of one recording, got [llength $files]"
+        }
+        if {[llength ${-rename}] % 2} {
+            error "-rename expects names in pairs, old and new, got [llength ${-rename}]"
+        }
+        set search [Search $settings]
+    } on error message {
+        puts stderr "sorma-replay: $message\n[::sorma::usage::program sorma-replay]"
+        return 2
+    }
+    try {
+        ::sorma::create recorder.replay -file [lindex $files 0]
+        set about [lindex [recorder.replay EXEC about] 3]
+        foreach damage [dict get $about damages] {
+            puts stderr "sorma-replay: [lindex $files 0]: $damage"
+        }
+        if {${-about}} {
+            About $about
+        } elseif {${-csv} ne {}} {
+            Export ${-csv} $search
+        } elseif {${-mcap} ne {}} {
+            set out [::sorma::mcap::begin ${-mcap}]
+            Each record $search {
+                ::sorma::mcap::add $out $record
+            }
+            ::sorma::mcap::finish $out
+        } elseif {${-play}} {
+            return [Play $settings $search]
+        } else {
+            Each record $search {
+                puts [if {${-typed}} {Typed $record} else {Line $record}]
+            }
+        }
+    } trap {POSIX EPIPE} {} {
+        return 0
+    } on error message {
+        puts stderr "sorma-replay: $message"
+        return 1
+    }
+    return 0
+}
+
+# The words of `records` for the options of a search.
+proc ::sorma::replay::Search settings {
+    dict with settings {}
+    set words [list -name ${-name}]
+    foreach {option value} [list -text ${-search} -slower ${-slower}] {
+        if {$value ne {}} {
+            lappend words $option $value
+        }
+    }
+    foreach option {-from -until} {
+        if {[dict get $settings $option] ne {}} {
+            lappend words $option [Time $option [dict get $settings $option]]
+        }
+    }
+    return [expr {${-failed} ? [list {*}$words -failed] : $words}]
+}
+
+# A time as people write it: seconds since 1970, or a day and a time of the day, of which the day may be missing, with fractions.
+proc ::sorma::replay::Time {option text} {
+    if {[string is double -strict $text]} {
+        return $text
+    }
+    if {![regexp {^(.*\d)(\.\d+)$} $text -> whole fraction]} {
+        set whole $text
+        set fraction {}
+    }
+    if {[catch {clock scan $whole} seconds]} {
+        return -code error "$option expects a time, as 12:03:04.125 or {2026-05-01 12:03:04}, got \"$text\""
+    }
+    return $seconds$fraction
+}
+
+# Run a script for each record that a search finds.
+proc ::sorma::replay::Each {recordVar search script} {
+    upvar 1 $recordVar record
+    set stream [::sorma::stream [list recorder.replay EXEC records {*}$search]]
+    try {
+        while {[$stream next piece]} {
+            foreach record [dict get $piece text] {
+                uplevel 1 $script
+            }
+        }
+    } finally {
+        $stream close
+    }
+}
+
+# ---- for people ----
+
+proc ::sorma::replay::Clock seconds {
+    regexp {^(-?\d+)\.(\d{3})} $seconds -> whole milliseconds
+    return "[clock format $whole -format {%Y-%m-%d %H:%M:%S}].$milliseconds"
+}
+proc ::sorma::replay::Took seconds {
+    return [format {%.3f ms} [expr {1000.0 * $seconds}]]
+}
+
+# A record in one line, without control characters.
+proc ::sorma::replay::Line record {
+    dict with record {}
+    switch $kind {
+        request { set what "$text  ($word)" }
+        reply { set what "$text  ([Took $span][expr {[dict exists $record request] ? {} : {, its request is not here}}])" }
+        sample { set what "$object record $number $text" }
+        event { set what "$object event $word $text" }
+        loss { set what "$number records are missing here, of [format %.3f $span] s: $word" }
+        default { set what "$word: $text" }
+    }
+    return [::sorma::text::clean "[Clock $time] $source $kind $what"]
+}
+
+# As it can be typed at a prompt. What is no request is a comment.
+proc ::sorma::replay::Typed record {
+    if {[dict get $record kind] eq "request"} {
+        return [::sorma::text::clean [dict get $record text]]
+    }
+    return "# [Line $record]"
+}
+
+proc ::sorma::replay::About about {
+    puts "began   [Clock [dict get $about began]]"
+    puts "records [dict get $about records], from [Clock [dict get $about first]] to [Clock [dict get $about last]]"
+    puts "bytes   [dict get $about bytes][expr {[dict get $about closed] ? {} : {; it was not closed}}]"
+    foreach name [dict get $about names] {
+        puts "name    [::sorma::text::clean $name]"
+    }
+}
+
+# ---- tables ----
+
+proc ::sorma::replay::Export {folder search} {
+    variable Heads
+    file mkdir $folder
+    set channels {}
+    try {
+        dict for {file head} $Heads {
+            set channel [open [file join $folder $file] w 0600]
+            fconfigure $channel -encoding utf-8
+            dict set channels $file $channel
+            puts $channel [Row $head]
+        }
+        Each record $search {
+            dict with record {}
+            switch $kind {
+                reply {
+                    set request [expr {[dict exists $record request] ? [dict get $record request] : {}}]
+                    puts [dict get $channels requests.csv] [Row [list $time $source $object $method $word $request $code $span $text]]
+                }
+                event { puts [dict get $channels events.csv] [Row [list $time $source $object $word $number $text]] }
+                sample { puts [dict get $channels buffers.csv] [Row [list $time $source $object $number $text]] }
+                loss { puts [dict get $channels losses.csv] [Row [list $time $source $number $span $word]] }
+                note { puts [dict get $channels notes.csv] [Row [list $time $source $word $text]] }
+            }
+        }
+    } finally {
+        foreach channel [dict values $channels] {
+            close $channel
+        }
+    }
+}
+# RFC 4180.
+proc ::sorma::replay::Row values {
+    return [join [lmap value $values {
+        if {![regexp {[",\r\n]} $value]} {
+            set value
+        } else {
+            string cat \" [string map {\" \"\"} $value] \"
+        }
+    }] ,]
+}
+
+# ---- again ----
+
+# Do again what came from outside, one request after the other, and say where the reply is another one. The exit code.
+proc ::sorma::replay::Play {settings search} {
+    set wanted {}
+    set begun {}
+    set different 0
+    set done 0
+    # What is expected of each request stands behind it in the file.
+    Each record $search {
+        set key [list [dict get $record source] [dict get $record number]]
+        if {[dict get $record kind] eq "request" && [dict get $record code] == 0} {
+            dict set wanted $key [dict get $record time]
+        } elseif {[dict get $record kind] eq "reply" && [dict exists $wanted $key]} {
+            set time [dict get $wanted $key]
+            dict unset wanted $key
+            Pace $time [dict get $settings -speed] begun
+            incr done
+            set request [dict get $record request]
+            set answer [Again $request [dict get $record source] $settings]
+            if {[Same $answer] ne [Same [dict get $record text]]} {
+                incr different
+                puts [::sorma::text::clean "different: $request"]
+                puts [::sorma::text::clean "    then: [dict get $record text]"]
+                puts [::sorma::text::clean "    now:  $answer"]
+            }
+        }
+    }
+    puts "$done requests, $different with another reply"
+    return [expr {$different > 0}]
+}
+
+# Wait until it is time for a request.
+proc ::sorma::replay::Pace {time speed begunVar} {
+    upvar 1 $begunVar begun
+    if {$speed == 0} {
+        return
+    }
+    set now [clock microseconds]
+    if {$begun eq {}} {
+        set begun [list $time $now]
+    }
+    lassign $begun first start
+    set wait [expr {round(1000 * ($time - $first) / $speed - ($now - $start) / 1000.0)}]
+    if {$wait > 0} {
+        after $wait {set ::sorma::replay::Turn 1}
+        vwait ::sorma::replay::Turn
+    }
+}
+
+# Send a recorded request to the object that stands for the one of then. The answer as text.
+proc ::sorma::replay::Again {request source settings} {
+    lassign [::sorma::line::head $request] object
+    set rest [string range $request [string length $object] end]
+    set daemon [expr {[dict get $settings -daemon] ne {} ? [dict get $settings -daemon] : $source}]
+    set names [dict get $settings -rename]
+    if {[dict exists $names $object]} {
+        set object [dict get $names $object]
+    }
+    if {[string first @ $object] < 0 && $daemon ne "here"} {
+        append object @$daemon
+    }
+    return [::sorma::dispatch $object$rest]
+}
+
+# The part of a reply that has to be the same: all but its name and its trail, which has times.
+proc ::sorma::replay::Same reply {
+    set words [lrange [::sorma::line::words $reply] 1 end]
+    set at [lsearch -exact $words TDBX]
+    if {$at < 0} {
+        return $words
+    }
+    return [lrange $words 0 $at-1]
+}
