@@ -5,7 +5,7 @@
 //
 // Sleep:   the reader says that it sleeps, and looks once more. The writer tells what it has written, and looks whether the reader
 //          sleeps. Both orders are sequentially consistent: so one of them sees the other. The same holds for a writer that waits
-//          for room. Whoever wakes the other end takes its mark away, so that a burst wakes once.
+//          for room. The end that wakes the other one takes its mark away, so a burst wakes once.
 // Threads: each end belongs to one thread at a time.
 #pragma once
 

@@ -174,7 +174,7 @@ struct Transport {
     // For a row whose bytes come without an event of the descriptor: are some there?   sleep: the caller is about to wait for the
     // descriptor, which has to have an event when bytes come. Is asked often, and must be quick.
     bool (*brought)(const Line& line, bool sleep) = nullptr;
-    // What a daemon writes before the stage `connected` is understood.
+    // A daemon may write before the stage `connected`: clients understand it.
     bool inClear = false;
 };
 
