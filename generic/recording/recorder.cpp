@@ -34,7 +34,11 @@ Message masked(const Sorm& sorm, const Message& m) {
     out.words = sorm.masked(std::move(out.words));
     out.text = sorm.masked(std::move(out.text));
     if (std::string any(out.any.begin(), out.any.end()), safe = sorm.masked(any); safe != any) out.any.assign(safe.begin(), safe.end());
-    for (auto& entry : out.trail.entries()) entry.request = sorm.masked(std::move(entry.request)), entry.text = sorm.masked(std::move(entry.text));
+    for (auto& entry : out.trail.entries()) {
+        entry.details = sorm.masked(std::move(entry.details));
+        entry.request = sorm.masked(std::move(entry.request));
+        entry.text = sorm.masked(std::move(entry.text));
+    }
     return out;
 }
 

@@ -27,11 +27,16 @@ public:
     BusRecording(sorma::Sorm& sorm, sorma::recording::Selection selection, const std::string& file, sorma::recording::WriterOptions options)
         : writer_(file, options), recorder_(sorm, std::move(selection), [this](sorma::recording::Block& block, std::int64_t) { writer_.write(block); }) {}
     ~BusRecording() { recorder_.stop(); }
-    // Write what has come so far, and the index. Fails with a FileError.
+    // Write what has come so far, and the index. The result says what was not possible; the file can be read all the same.
     sorma::recording::Recorder::Figures stop() {
         recorder_.stop();
-        writer_.close();
-        return recorder_.figures();
+        auto figures = recorder_.figures();
+        try {
+            writer_.close();
+        } catch (const sorma::recording::FileError& e) {
+            figures.error = e.what();
+        }
+        return figures;
     }
     sorma::recording::Recorder& recorder() { return recorder_; }
 

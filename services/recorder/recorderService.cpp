@@ -179,7 +179,7 @@ private:
         auto job = std::move(job_);
         if (merge) merge->drain();
         job.reset();
-        const auto figures = reading([&](const std::string&) { return bus->stop(); });
+        const auto figures = bus->stop();
         if (!figures.error.empty() && figures.records == 0) fail(kFile, name(), figures.error);
         m.text += std::to_string(figures.records) + " records, " + std::to_string(figures.lost) + " lost, in " + file_.get(sorma::Permit::owner());
         if (!figures.error.empty()) m.text += "; " + figures.error;
