@@ -3,8 +3,10 @@
 # Its parts are the widgets of field.tcl and execform.tcl and one subject. It asks nobody itself, so a silent daemon never makes
 # it stand still: its fields turn stale, and say why.
 
+package require sorma::actions
 package require sorma::execform
 package require sorma::field
+package require sorma::fold
 package require sorma::lamp
 package require sorma::layout
 package require sorma::notice
@@ -23,14 +25,10 @@ package provide sorma::panel 1.0
 #       -make   1: the panel makes the object when it is not there, now and after each restart of its daemon
 #       later   changes are kept until Apply is pressed; a switch in the panel changes that
 # Methods:
-#       subject, apply, revert; field OPTION: the widget of an option; search TEXT; execute; layout: as text; load FILE, save FILE: a layout;
-#       move OPTION STEP, hide OPTION, unhide: all
+#       subject, apply, revert; field OPTION: the widget of an option; search TEXT; execute.
+#       layout: as text; load FILE, save FILE: a layout; move OPTION STEP, hide OPTION, unhide: all; fold TITLE: fold that group, or open it
 snit::widget ::sorma::panel {
     hulltype ttk::frame
-    # The mark of a dangerous word, behind its name.
-    proc Danger kind {
-        return [expr {$kind in {move power fire} ? " \u26a0" : {}}]
-    }
     option -options -default {} -readonly 1
     option -groups -default {} -readonly 1
     option -layout -default {} -readonly 1
@@ -214,6 +212,13 @@ snit::widget ::sorma::panel {
     method unhide {} {
         $self Relay [dict replace $layout hidden {}]
     }
+    method fold title {
+        if {![dict exists [dict get $layout groups] $title]} {
+            return -code error -errorcode {SORMA REQUEST SYNTAX} "[$subject name]: the panel has no group \"$title\""
+        }
+        set given [set layout [::sorma::layout fold $layout $title]]
+        $self Arrange
+    }
     method Relay new {
         set given $new
         $self Laid
@@ -280,7 +285,7 @@ snit::widget ::sorma::panel {
             dict set marks $option {}
             set facts [$subject option $option]
             ttk::label $inner.mark$n -width 2 -anchor center
-            ttk::label $inner.label$n -text [string range $option 1 end][Danger [if {[dict exists $facts hints danger]} {dict get $facts hints danger}]]
+            ttk::label $inner.label$n -text [string range $option 1 end][::sorma::actions mark [if {[dict exists $facts hints danger]} {dict get $facts hints danger}]]
             ::sorma::parts::named $inner.label$n $subject $option
             ::sorma::field $inner.field$n $facts -name [$subject name] -option $option -apply $options(-apply) -state $options(-state) -seen 0
             bind $inner.field$n <<SormaBuilt>> [mymethod Tagged $inner.field$n]
@@ -333,39 +338,17 @@ snit::widget ::sorma::panel {
         ::sorma::style bindWheel [expr {$window eq $win ? $canvas : $window}] $canvas
     }
 
-    # A button for each action; what stops stands above, where it cannot be scrolled away.
     method Actions table {
-        destroy {*}[winfo children $win.actions] {*}[winfo children $win.head.stop]
-        set pad [::sorma::style pixels 4]
-        set n 0
-        foreach action [dict get $table actions] {
-            lassign $action word usage help least
-            set danger [if {[dict exists $table danger $word]} {dict get $table danger $word}]
-            if {$danger eq "stop" || $word in {-stop -halt -abort}} {
-                set button [::sorma::button $win.head.stop.b[incr n] -name [$subject name] -request [list CTRL $word]]
-                pack $button -side left
-            } else {
-                set button $win.actions.b[incr n]
-                if {$least > 0} {
-                    ttk::button $button -text "[::sorma::text::label $word][Danger $danger] \u2026" -command [mymethod Ask "$word $usage" {} [mymethod Act $word]]
-                } else {
-                    ::sorma::button $button -name [$subject name] -request [list CTRL $word] \
-                        -text [expr {$danger in {{} stop} ? {} : "[::sorma::text::label $word][Danger $danger]"}]
-                }
-                set at [llength [grid slaves $win.actions]]
-                grid $button -row [expr {$at / 4}] -column [expr {$at % 4}] -sticky ew -padx [list 0 $pad] -pady [list [expr {$at < 4 ? 0 : $pad}] 0]
-            }
-            if {$danger ni {{} stop}} {
-                append help "; " [dict get {move {moves something} power {switches power} fire {fires something}} $danger] ": needs the right operate"
-            }
-            ::sorma::style tip $button $help
-        }
+        ::sorma::actions fill $win.actions $win.head.stop [$subject name] $table [mymethod AskAct]
         if {[winfo children $win.actions] ne {}} {
             grid $win.actions
         } else {
             grid remove $win.actions
         }
         $self EnableActions
+    }
+    method AskAct {word usage} {
+        $self Ask "$word $usage" {} [mymethod Act $word]
     }
     method Act {word text} {
         if {[catch {llength $text}]} {
@@ -391,10 +374,30 @@ snit::widget ::sorma::panel {
         }
         set n 0
         foreach {title members} [dict get $layout groups] {
-            ttk::label $inner.group[incr n] -text $title -font [::sorma::style font strong]
-            ttk::frame $inner.card$n -style Card.TFrame
+            ttk::frame $inner.card[incr n] -style Card.TFrame
+            ::sorma::fold title $inner.group$n $title [if {[$self Folds]} {mymethod fold $title}]
+            $self Tagged $inner.group$n
         }
         $self Arrange
+    }
+    # Groups of a large form fold.
+    method Folds {} {
+        return [expr {[dict size $rows] > $searchable}]
+    }
+    method Folded title {
+        return [expr {$wanted eq {} && $title ne {} && [$self Folds] && $title in [dict get $layout folded]}]
+    }
+    method Heading {group title members} {
+        if {[$self Folds] && $title ne {}} {
+            set states [lmap option $members {lindex [dict get $marks $option] 0}]
+            ::sorma::fold show $inner.group$group $title [$self Folded $title] $states
+        }
+    }
+    method Headings {} {
+        set group 0
+        foreach {title members} [if {$layout ne {}} {dict get $layout groups}] {
+            $self Heading [incr group] $title $members
+        }
     }
     # Only what is searched for is shown.
     method Arrange {} {
@@ -411,10 +414,16 @@ snit::widget ::sorma::panel {
         foreach {title members} [dict get $layout groups] {
             incr group
             set from [incr row]
+            $self Heading $group $title $members
+            if {[$self Folded $title]} {
+                ::sorma::fold place $inner.group$group [incr row]
+                set first 1
+                set members {}
+            }
             foreach option $members {
                 if {$wanted ne {} && ![string match -nocase $pattern "$option [dict get [$subject option $option] help] $title"]} continue
                 if {$row == $from && $title ne {}} {
-                    grid $inner.group$group -row [incr row] -column 0 -columnspan 3 -sticky w -padx [expr {4 * $gap}] -pady $gap
+                    ::sorma::fold place $inner.group$group [incr row]
                 }
                 set n [dict get $rows $option]
                 set first 1
@@ -489,6 +498,9 @@ snit::widget ::sorma::panel {
                 dict set marks $option $mark
                 ::sorma::parts::mark $inner $n {*}$mark
             }
+        }
+        if {[$self Folds]} {
+            $self Headings
         }
         set edited [expr {[llength [$subject edited]] > 0 ? "!disabled" : "disabled"}]
         $win.apply.apply state [expr {$readOnly ? "disabled" : $edited}]
