@@ -166,6 +166,7 @@ const std::vector<Door>& Access::doors() {
         {"an event object.changed, trail.* or monitor.* of sorm", Right::inspect, "the object that it tells of"},
         {"sorm DBX -describe NAME, CTRL -references NAME", Right::inspect, "the object that is there"},
         {"sorm DBX -look NAME WORD", Right::inspect, "the object"},
+        {"GET /metrics from the port of a class metrics", Right::inspect, "the object"},
         {"sorm DBX -daemons", Right::reach, "*"},
         {"sorm CTRL, dict CTRL", Right::inspect, "sorm or dict, besides what the word asks for"},
         {"sorm CTRL -create, -remove", Right::make, "the object"},

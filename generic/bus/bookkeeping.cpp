@@ -7,6 +7,13 @@ namespace sorma {
 // The book of an object; null: it is none of this process.
 struct Bookkeeping {
     static Service::Record* of(const Passage& p) { return p.service && !p.service->isElsewhere() ? &p.service->record() : nullptr; }
+    static void add(Figures& sum, const Service& service) {
+        sum.execs += service.calls();
+        const Service::Record* book = service.record_.get();
+        if (!book) return;
+        sum.ctrls += book->ctrls, sum.dbxs += book->dbxs, sum.errors += book->errors;
+        sum.times.add(book->times);
+    }
     using Audit = Service::Record::Audit;
 };
 
@@ -55,6 +62,8 @@ private:
 };
 
 }  // namespace
+
+void addFigures(Figures& sum, const Service& service) { Bookkeeping::add(sum, service); }
 
 std::unique_ptr<Observer> makeStatistics() { return std::make_unique<Statistics>(); }
 std::unique_ptr<Observer> makeAudit(Sorm& sorm) { return std::make_unique<Audit>(sorm); }

@@ -12,8 +12,12 @@
 #include <memory>
 
 #include "bus/request.h"
+#include "bus/statistics.h"
 
 namespace sorma {
+
+// Adds what an object of this process has done.
+void addFigures(Figures& sum, const Service& service);
 
 std::unique_ptr<Observer> makeStatistics();
 std::unique_ptr<Observer> makeAudit(Sorm& sorm);

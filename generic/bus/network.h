@@ -3,6 +3,7 @@
 // Threads: the SORM's.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -22,6 +23,11 @@ enum class Probe { now, later };
 
 class Network {
 public:
+    // Of the daemons that this process is: what there is, and what was so far.
+    struct Figures {
+        std::uint64_t connections = 0, sessions = 0;
+        std::uint64_t served = 0, refused = 0, dropped = 0, eventsLost = 0;     // requests; connections; one-way requests
+    };
     virtual ~Network() = default;
     virtual const Class& proxyClass() const = 0;
     // Make the proxy of a remote object.   recipe: this client's recipe for the object; the proxy sends it to the daemon as
@@ -35,6 +41,7 @@ public:
     virtual std::vector<std::string> served() const = 0;                // names of the daemons that this process is
     virtual std::string connectionLines() const = 0;                    // for people: its connections,
     virtual std::string statisticsLines() const = 0;                    // the daemons that it is,
+    virtual Figures figures() const = 0;
     virtual std::string daemonLines() = 0;                              // and those of this user, which takes a while
     virtual std::string connectionRows() const = 0;                     // for programs: lists, each of words
     // The spans of a trace that no reply brings, as that author may see them: for comm/lateTrace.h.

@@ -339,6 +339,25 @@ void Sorm::drop(const std::string& key) {
     --service->names_;
 }
 
+std::map<std::string, Figures> Sorm::figures() const {
+    auto out = departed_;
+    const Class* type = nullptr;                        // of the last object: many are of the same class
+    Figures* sum = nullptr;
+    for (auto& [key, value] : repository_) {
+        const Service& service = *value->service;
+        if (service.names_ > 1 && key != service.name()) continue;         // the same object by a second name
+        if (&service.type() != type) {
+            if (service.isElsewhere()) continue;
+            type = &service.type();
+            sum = &out[type->name()];
+        }
+        ++sum->objects;
+        sum->underWay += service.underWay();
+        addFigures(*sum, service);
+    }
+    return out;
+}
+
 void Sorm::remove(std::string_view name, const Permit& permit) {
     if (onForeignThread()) fail(kThread, name);
     auto found = repository_.find(name);
@@ -351,6 +370,7 @@ void Sorm::remove(std::string_view name, const Permit& permit) {
     std::vector<std::string> leaving;
     if (own == name) {
         service->left();
+        if (!service->isElsewhere()) addFigures(departed_[service->type().name()], *service);
         if (service->names_ > 1) {
             for (auto& [key, value] : repository_)
                 if (value->service.get() == service.get()) leaving.push_back(key);

@@ -30,6 +30,7 @@
 #include "bus/network.h"
 #include "bus/request.h"
 #include "bus/service.h"
+#include "bus/statistics.h"
 
 namespace sorma {
 
@@ -123,6 +124,8 @@ public:
     void dismiss(const Reference& anonymous);                       // as remove: no more requests
     std::vector<std::string> names(std::string_view pattern = "*") const;
     std::size_t size() const { return repository_.size(); }
+    // What the objects of this process have done, by class.
+    std::map<std::string, Figures> figures() const;
 
     // ---- dispatch ----
     // Execute a request that is text; reply becomes its reply as text, also when it fails. Never throws. Blocks until the
@@ -264,6 +267,7 @@ private:
     std::set<std::string> untold_;                      // names of objects, see awaitSecrets
     Repository repository_;
     mutable std::array<Recent, 64> recent_{};
+    std::map<std::string, Figures> departed_;           // of objects that were removed
     Dictionary dictionary_;
     const std::unique_ptr<Remembered> remembered_;
     const std::unique_ptr<LateSpans> lateSpans_;

@@ -16,6 +16,20 @@ std::int64_t Histogram::quantile(double q) const {
     return max_;
 }
 
+std::uint64_t Histogram::below(int i) const {
+    std::uint64_t sum = 0;
+    for (int k = 0; k < std::min(i, kBuckets); ++k) sum += buckets_[k];
+    return sum;
+}
+
+void Histogram::add(const Histogram& other) {
+    if (other.count_ == 0) return;
+    for (int i = 0; i < kBuckets; ++i) buckets_[i] += other.buckets_[i];
+    count_ += other.count_;
+    sum_ += other.sum_;
+    max_ = std::max(max_, other.max_);
+}
+
 std::string Histogram::toText() const {
     std::string out;
     for (int i = 0; i < kBuckets; ++i) {

@@ -247,6 +247,12 @@ std::string Comm::statisticsLines() const {
     return out;
 }
 
+Network::Figures Comm::figures() const {
+    Figures sum;
+    for (auto& [name, server] : servers_) server->addFigures(sum);
+    return sum;
+}
+
 std::string Comm::daemonLines() {
     std::string out;
     for (auto& d : daemons()) {

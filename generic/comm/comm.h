@@ -84,6 +84,7 @@ private:
     std::vector<std::string> served() const override;
     std::string connectionLines() const override;
     std::string statisticsLines() const override;
+    Figures figures() const override;
     std::string daemonLines() override;
     std::string connectionRows() const override;
     std::string siblingRows() const override;

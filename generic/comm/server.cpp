@@ -251,6 +251,12 @@ std::string Server::statisticsText() const {
            clockText(started_) + (sorm_.access.isOpen() ? "; open (-open 1): whoever reaches it may call and inspect" : "");
 }
 
+void Server::addFigures(Network::Figures& sum) const {
+    ServerLock::Held held(lock_);
+    sum.connections += peers_.size(), sum.sessions += sessions_->size();
+    sum.served += served_, sum.refused += refused_, sum.dropped += dropped_, sum.eventsLost += eventsLost_;
+}
+
 // ---- replies that come later ----
 
 Server::Peer* Server::findPeer(const Later& later) {

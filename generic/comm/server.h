@@ -97,6 +97,7 @@ public:
     std::string connectionsText() const;                        // for people, a line for each peer
     void listConnections(std::string& out, std::size_t most) const;     // appends elements: see sorm DBX -inventory connections
     std::string statisticsText() const;                         // for people, one line
+    void addFigures(Network::Figures& sum) const;
     static void setLimits(Sorm& sorm, const Settings& settings);    // give the SORM's budget the limits of the settings
 
 private:
@@ -155,7 +156,7 @@ private:
     std::uint32_t program_ = 0;
     std::uint64_t boot_;                                        // random: identifies this start of the daemon
     std::int64_t started_;                                      // [us since 1970]
-    std::uint64_t served_ = 0, refused_ = 0, dropped_ = 0;      // requests; connections; one-way requests
+    std::uint64_t served_ = 0, refused_ = 0, dropped_ = 0, eventsLost_ = 0;     // requests; connections; one-way requests
     std::unique_ptr<Acceptor> acceptor_;
     std::unordered_map<Peer*, std::unique_ptr<Peer>> peers_;
     std::vector<std::unique_ptr<Peer>> closedPeers_;                // closed, but perhaps still on the stack

@@ -90,7 +90,7 @@ bool Server::Subscription::mayListen() {
 void Server::Subscription::push(std::shared_ptr<const Buffer> body, const TraceOrigin& origin) {
     ++number_;
     if (!session_.peer) {
-        ++lost_;
+        ++lost_, ++server_.eventsLost_;
         return;
     }
     Item item{std::move(body), number_, 0, origin};
@@ -98,7 +98,7 @@ void Server::Subscription::push(std::shared_ptr<const Buffer> body, const TraceO
     if (waiting_->items.size() >= keep_) dropOldest();
     while (!fits(size)) {
         if (waiting_->items.empty()) {
-            ++lost_;
+            ++lost_, ++server_.eventsLost_;
             return;
         }
         dropOldest();
@@ -120,6 +120,7 @@ bool Server::Subscription::fits(std::size_t more) const {
 void Server::Subscription::dropOldest() {
     waiting_.edit([&](Waiting& w) {
         lost_ += 1 + w.items.front().lost;
+        ++server_.eventsLost_;
         w.bytes -= sizeOf(w.items.front());
         w.items.pop_front();
         if (!w.items.empty()) w.items.front().lost += std::exchange(lost_, 0);
@@ -142,6 +143,7 @@ bool Server::Subscription::pump(Buffer& out) {
 void Server::Subscription::stopKeeping() {
     waiting_.edit([&](Waiting& w) {
         for (auto& item : w.items) lost_ += 1 + item.lost;
+        server_.eventsLost_ += w.items.size();
         w.items.clear();
         w.bytes = 0;
     });

@@ -12,7 +12,7 @@ namespace eval ::sorma::daemon {
     # The options in the manual of sormad; the last ones are those of sorma::serve, which checks them.
     variable Options {
         -name {{word {a name}}}  -dict words  -path words  -package words  -make words  -script word  -log word  -idle {{seconds 0 1e9} 0}  -grace {{seconds 0 86400} 5}
-        -selftest {{seconds 0 86400} 0}  -interactive flag  -until-eof flag  -inetd flag  -strict {boolean 0}  -help flag  --help flag
+        -selftest {{seconds 0 86400} 0}  -interactive flag  -until-eof flag  -inetd flag  -strict {boolean 0}  -metrics {{whole 0 65535}}  -help flag  --help flag
         -port any  -host any  -socket any  -rpcbind any  -program any  -allow collect  -policy any  -open any  -share any
     }
     variable End            ;# set once: how the daemon ended
@@ -207,6 +207,9 @@ proc ::sorma::daemon::Start {settings inherited} {
         catch {::sorma::KeepTrail [list ::sorma::so::sorm DBX -describe $class]}
     }
     set served [::sorma::serve [dict get $settings -name] {*}[dict get $settings -serve] {*}$inherited]
+    if {[dict get $settings -metrics] ne {}} {
+        MakeMetrics [dict get $settings -name] [dict get $settings -metrics]
+    }
     if {[dict get $settings -idle] > 0} {
         WatchIdle [expr {round(1000 * [dict get $settings -idle])}]
     }
@@ -220,6 +223,9 @@ proc ::sorma::daemon::Start {settings inherited} {
     if {[dict get $served program] ne {}} {
         append line " program=[dict get $served program]"
     }
+    if {[dict get $settings -metrics] ne {}} {
+        append line " metrics=[lindex [split [lindex [::sorma::so::metrics DBX -address] 3] :] end]"
+    }
     if {[dict exists $settings -open] && [dict get $settings -open]} {
         append line " open=1"
         puts stderr "sormad: [dict get $served name] is open (-open 1): whoever reaches it may call and inspect its objects"
@@ -228,6 +234,19 @@ proc ::sorma::daemon::Start {settings inherited} {
     flush stdout
     ::sorma::Notify "READY=1\nSTATUS=$line"
     StartWatchdog
+}
+
+# The object that answers Prometheus. When that is impossible, the daemon does not serve.
+proc ::sorma::daemon::MakeMetrics {name port} {
+    try {
+        ::sorma::create metrics -port $port
+    } on error {message options} {
+        StopServing $name
+        if {[lrange [dict get $options -errorcode] 0 2] eq {SORMA NAME UNKNOWN_CLASS}} {
+            set message "the class metrics is not there: install libmicrohttpd-dev, then configure and build again"
+        }
+        return -code error "-metrics $port: $message"
+    }
 }
 
 # Objects of the command line are there from the beginning, also after a restart.
