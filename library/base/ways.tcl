@@ -9,7 +9,8 @@ package provide sorma::ways 1.0
 namespace eval ::sorma::ways {
     variable Tries 14           ;# places of a step that are compared
     variable Far 400            ;# rows, as far as a free one is looked for
-    variable Most 4000          ;# wires; more of them go straight to their ends, through boxes, since a window must not wait
+    variable Many 600           ;# wires; more of them get simple ways only: a window must not wait
+    variable Most 4000          ;# wires; more of them go straight to their ends, through boxes
 }
 
 # ::sorma::ways::of BOXES WIRES ?KEPT? -- a list: x1 y1 x2 y2 ... of each wire.
@@ -28,6 +29,9 @@ proc ::sorma::ways::of {boxes wires {kept {}}} {
     set map [dict create rows [Blocked $boxes 1 3 0 2] columns [Blocked $boxes 0 2 1 3]]
     array set rows {}
     array set columns {}
+    if {[simple $wires]} {
+        return [lmap wire $wires {Way $map {*}$wire 1}]
+    }
     foreach item $kept {
         Take {*}$item
     }
@@ -45,6 +49,13 @@ proc ::sorma::ways::of {boxes wires {kept {}}} {
         lset out $number $way
     }
     return [lrange $out 0 [llength $wires]-1]
+}
+
+# ::sorma::ways::simple WIRES -- are these so many that `of` does not look for the best way of each? They may then go through boxes, and lie on
+# each other. Ask again for those few that somebody looks at.
+proc ::sorma::ways::simple wires {
+    variable Many
+    return [expr {[llength $wires] > $Many}]
 }
 
 # The stretches that boxes block, as a dict line -> {starts ends}, sorted, none touching another. ACROSS, SIZE, ALONG, LENGTH: indices into a
@@ -103,7 +114,8 @@ proc ::sorma::ways::Company {taken net from to} {
     return $sum
 }
 
-proc ::sorma::ways::Way {map net x1 y1 x2 y2} {
+# QUICK: no search for a free row.
+proc ::sorma::ways::Way {map net x1 y1 x2 y2 {quick 0}} {
     variable Tries
     upvar 1 rows rows columns columns
     if {$y1 == $y2 && $x2 > $x1 && ![Hits [dict get $map rows] $y1 [expr {$x1 + 1}] [expr {$x2 - 1}]]} {
@@ -122,7 +134,10 @@ proc ::sorma::ways::Way {map net x1 y1 x2 y2} {
             if {$cost == 0} break
         }
     }
-    return [if {$best ne {}} {set best} else {Detour $map $net $x1 $y1 $x2 $y2}]
+    if {$best ne {}} {
+        return $best
+    }
+    return [if {$quick} {Direct $x1 $y1 $x2 $y2} else {Detour $map $net $x1 $y1 $x2 $y2}]
 }
 
 # Two steps: to a free row, along it, and to the end. If all is full, straight through.

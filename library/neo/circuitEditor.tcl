@@ -26,6 +26,7 @@ package provide sorma::circuitEditor 1.0
 #       subject, scene, palette     its parts
 #       graph, places               as circuitText has them, with all pins and all boxes
 #       box KEY                     {x y width height}
+#       ways                        of the wires, in their order: x1 y1 x2 y2 ...
 #       said                        the line below the picture
 #       value NUMBER                the text on that wire
 #       connect SOURCE SINK, drop CLASS X Y, delete KEYS NUMBERS, move KEYS DX DY, replace NUMBER WIRE, tidy. These edit.
@@ -48,6 +49,8 @@ snit::widget ::sorma::circuitEditor {
     variable places {}          ;# dict: KEY -> {x y}
     variable boxes {}           ;# dict: KEY -> {x y width height}
     variable ways {}            ;# of the wires, in their order
+    variable rough {}           ;# dict: number of a wire -> 1, whose way is a simple one so far
+    variable finer {}           ;# the timer of Finer
     variable pins {}            ;# dict: name of a unit -> {ins dict outs dict}, each name -> {length unit}; own pins: under the name {}
     variable live {}            ;# dict: {NAME in|out} -> {length unit number ...}
     variable reply {}           ;# the text that live was read from
@@ -79,6 +82,7 @@ snit::widget ::sorma::circuitEditor {
         pack $win.head -fill x -padx $pad -pady $pad
         pack $win.hint -side bottom -fill x
         pack $win.panes -fill both -expand 1 -padx $pad
+        bind $scene <<ViewChanged>> [mymethod Looked]
         bind $win <Map> [mymethod Begin]
         bind $win <Unmap> [mymethod Rest]
         bind $win <Destroy> +[list ::sorma::parts::ended $win [mymethod Ended %W]]
@@ -122,6 +126,7 @@ snit::widget ::sorma::circuitEditor {
     method Ended window {
         if {$window eq $win && $subject ne {}} {
             after cancel $timer
+            after cancel $finer
             $self Rest
             $subject unlisten $listener
             $subject release
@@ -135,6 +140,7 @@ snit::widget ::sorma::circuitEditor {
     method graph {} { return $graph }
     method places {} { return $places }
     method box key { return [dict get $boxes $key] }
+    method ways {} { return $ways }
     method said {} { return $hint }
     method value number {
         return [$self Text [lindex [dict get $graph wires] $number]]
@@ -269,7 +275,42 @@ snit::widget ::sorma::circuitEditor {
         foreach number $numbers way [::sorma::ways::of [dict values $boxes] $asked $kept] {
             lset ways $number $way
         }
+        set rough [if {[::sorma::ways::simple $asked]} {concat {*}[lmap number $numbers {list $number 1}]}]
         $self Show
+        $self Looked
+    }
+    # Simple ways become good ones where somebody looks: those between two boxes in the window, few at a time, while nothing else is to be done.
+    method Looked {} {
+        after cancel $finer
+        set finer [if {[dict size $rough] > 0 && [$scene zoom] >= 0.2} {after 100 [mymethod Finer]}]
+    }
+    method Finer {} {
+        set numbers [lrange [lmap number [dict keys $rough] {
+            lassign [$self Ends [lindex [dict get $graph wires] $number]] - from to
+            if {![$self Seen $from] || ![$self Seen $to]} continue
+            set number
+        }] 0 39]
+        if {$numbers eq {}} return
+        set kept {}
+        set n -1
+        foreach wire [dict get $graph wires] way $ways {
+            if {![dict exists $rough [incr n]]} {
+                lappend kept [list [lindex [$self Ends $wire] 0] $way]
+            }
+        }
+        set asked [lmap number $numbers {$self Asked [lindex [dict get $graph wires] $number]}]
+        foreach number $numbers way [::sorma::ways::of [dict values $boxes] $asked $kept] {
+            lset ways $number $way
+            dict unset rough $number
+            $scene way $number $way
+        }
+        $self Looked
+    }
+    # Is that box in the window, at least a part of it? Constants have none.
+    method Seen key {
+        lassign [$scene view] left top right bottom
+        lassign [if {$key ne {}} {dict get $boxes $key} else {list $left $top 0 0}] x y width height
+        return [expr {$x <= $right && $x + $width >= $left && $y <= $bottom && $y + $height >= $top}]
     }
     # {NET FROM TO} of a wire; constants have a net of their own, and no box.
     method Ends wire {

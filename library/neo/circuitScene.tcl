@@ -13,6 +13,8 @@ package provide sorma::circuitScene 1.0
 #       show NODES WIRES    NODES: dict KEY -> {kind ins outs box state}, box: {x y width height}; state: live or one that sorma::style has.
 #                           WIRES: list of dicts: way (x1 y1 ...), ends {FROM TO} (KEYs), count of elements (empty: not known), state,
 #                           end (1: the value stands at the sink)
+#       way NUMBER WAY      another way of that wire, with the same ends
+#       view                {left top right bottom} of what is seen, in the grid; <<ViewChanged>> says that it is another
 #       values TEXTS        a text for each wire, in their order
 #       select KEYS NUMBERS of nodes and wires
 #       hit X Y             what is at a pixel: {node KEY}, {pin KEY ins|outs NAME}, {wire NUMBER}, or nothing
@@ -59,6 +61,14 @@ snit::widgetadaptor ::sorma::circuitScene {
         set nodes $given
         set wires $ways
         $self Sized
+    }
+    method way {number way} {
+        set step [$self Step]
+        lset wires $number [dict replace [lindex $wires $number] way $way]
+        $hull coords w$number&&wire [lmap c $way {expr {$c * $step}}]
+    }
+    method view {} {
+        return [concat [$self at 0 0] [$self at [winfo width $win] [winfo height $win]]]
     }
     method values given {
         set n -1
@@ -107,6 +117,7 @@ snit::widgetadaptor ::sorma::circuitScene {
         set fitted 0
         $hull scan mark 0 0
         $hull scan dragto $dx $dy 1
+        event generate $win <<ViewChanged>>
     }
     method at {x y} {
         set step [$self Step]
@@ -191,6 +202,7 @@ snit::widgetadaptor ::sorma::circuitScene {
         set step [$self Step]
         $hull scan mark 0 0
         $hull scan dragto [expr {round($x - ($column * $step - [$hull canvasx 0]))}] [expr {round($y - ($row * $step - [$hull canvasy 0]))}] 1
+        event generate $win <<ViewChanged>>
     }
     # {left top right bottom} of all, in the grid.
     method Extent {} {
@@ -213,7 +225,9 @@ snit::widgetadaptor ::sorma::circuitScene {
     }
     method Sized {} {
         if {!$fitted} {
-            return [$self Draw]
+            $self Draw
+            event generate $win <<ViewChanged>>
+            return
         }
         lassign [$self Extent] left top right bottom
         set step [expr {[$self Step] / $zoom}]
