@@ -9,21 +9,32 @@ package require Tcl 8.6-
 package require doctools
 
 namespace eval html {
+    # Colours are those of library/base/colours.tcl, COLOURS for the light and the dark ground.
     variable Style {
-body { max-width: 58em; margin: 2em auto; padding: 0 1em; font: 16px/1.5 sans-serif; color: #222; background: #fff }
-h1, h2, h3 { line-height: 1.2 } h1 { font-size: 1.6em } h2 { font-size: 1.2em; margin-top: 1.6em }
-pre { background: #f4f4f2; padding: .6em .8em; overflow-x: auto; font-size: 13px; line-height: 1.4 }
-code, pre, .cmd, .const, .option, .package { font-family: monospace }
-dt { margin-top: .8em } dd > p:first-child { margin-top: 0 } .doctools_requirements { display: none }
-table { border-collapse: collapse } td, th { padding: .2em .8em .2em 0; text-align: left; vertical-align: top }
-nav { font-size: 14px; margin-bottom: 1.5em } a[href] { color: #05a } a { color: inherit }
-.option, .opt, p code, li code, td code { white-space: nowrap }
-dd > p > img, .windows img { max-width: 100%; border: 1px solid #ccc }
-.index { columns: 3 14em } .index p { margin: 0 }
+:root { color-scheme: light dark; COLOURS light }
+@media (prefers-color-scheme: dark) { :root { COLOURS dark } }
+body { max-width: 46rem; margin: 0 auto; padding: 0 1rem 4rem; font: 16px/1.6 Inter, system-ui, sans-serif; color: var(--text); background: var(--ground) }
+h1, h2, h3 { line-height: 1.25; margin: 2em 0 .5em } h1 { font-size: 1.7rem; margin-top: 1em } h2 { font-size: 1.25rem } h3 { font-size: 1.05rem }
+nav { position: sticky; top: 0; z-index: 1; display: flex; gap: 1rem; align-items: baseline; padding: .6rem 0; background: var(--ground); border-bottom: 1px solid var(--line); font-size: 14px }
+nav input { flex: 1; padding: .3rem .6rem; font: inherit; color: var(--text); background: var(--surface); border: 1px solid var(--edge); border-radius: 5px }
+nav ul { position: absolute; top: 100%; right: 0; left: 0; max-height: 70vh; overflow: auto; margin: 0; padding: .6rem 1rem; list-style: none; background: var(--surface); border: 1px solid var(--edge); border-radius: 0 0 5px 5px }
+nav ul[hidden] { display: none } small, .about { color: var(--quiet) }
+.code { position: relative } .code button { position: absolute; top: .35rem; right: .35rem; padding: .1rem .5rem; font: 12px sans-serif; color: var(--quiet); background: var(--surface); border: 1px solid var(--edge); border-radius: 4px; opacity: 0; cursor: pointer }
+.code:hover button, .code button:focus { opacity: 1 }
+pre { background: var(--surface); border: 1px solid var(--line); border-radius: 5px; padding: .7rem .9rem; overflow-x: auto; font-size: 13.5px; line-height: 1.45 }
+code, pre, .cmd, .const, .option, .package { font-family: ui-monospace, monospace } code { font-size: .92em }
+dt { margin-top: 1em } dd { margin-left: 1.5rem } dd > p:first-child { margin-top: 0 } .doctools_requirements { display: none }
+table { border-collapse: collapse; display: block; overflow-x: auto } td, th { padding: .35em 1em .35em 0; text-align: left; vertical-align: top; border-bottom: 1px solid var(--line) }
+a[href] { color: var(--accent); text-decoration-thickness: 1px; text-underline-offset: 2px } a { color: inherit }
+:focus-visible { outline: 2px solid var(--accent); outline-offset: 1px }
+.opt, td code { white-space: nowrap } img, svg { max-width: 100%; height: auto } dd > p > img, .windows img { border: 1px solid var(--line) }
+.index { columns: 3 13em } .index p { margin: 0 }
 }
     variable Tutorials {first-tcl first-cpp first-panel two-hosts moving testing embedding tour}
     variable Demos {lab checkers tracker}
-    variable Formats {wire recording snapshot benchmark request debugging}
+    variable Howtos {add-device failed-call tune-loop move-service boot upgrade}
+    variable Formats {wire recording snapshot}
+    variable Insights {architecture request benchmark measured break comparison debugging}
     variable Pages {}       ;# dict: file.html -> {kind title about}, in the order of the contents
     variable Words {}       ;# list of {word file.html anchor}
 }
@@ -49,9 +60,9 @@ proc html::Escape text {
 
 proc html::frame {title body} {
     return "<!DOCTYPE html>
-<html lang=\"en\"><head><meta charset=\"utf-8\"><title>[Escape $title]</title><link rel=\"stylesheet\" href=\"style.css\"></head>
+<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\"><title>[Escape $title]</title><link rel=\"stylesheet\" href=\"style.css\"><script src=\"site.js\"></script></head>
 <body>
-<nav><a href=\"index.html\">Contents</a> &middot; <a href=\"keywords.html\">Index</a></nav>
+<nav><a href=\"index.html\">Contents</a> <a href=\"keywords.html\">Index</a> <input id=\"search\" type=\"search\" placeholder=\"search\" aria-label=\"search all pages\" autocomplete=\"off\"><ul id=\"found\" hidden></ul></nav>
 $body
 </body></html>"
 }
@@ -95,7 +106,10 @@ proc html::drawn html {
     }
     while {[regexp -indices {<pre><code class="language-dot">(.*?)</code></pre>} $html all code]} {
         set graph [string map {&amp; & &lt; < &gt; > &quot; \"} [string range $html {*}$code]]
-        set html [string replace $html {*}$all [regsub {^.*?(?=<svg)} [exec dot -Tsvg << $graph] {}]]
+        # Lines and text have the colour of the page's text, in both themes.
+        set drawing [string map {stroke="black" stroke="currentColor" fill="black" fill="currentColor" fill="white" fill="none" "<text " "<text fill=\"currentColor\" "} \
+            [exec dot -Tsvg -Gbgcolor=transparent -Gfontname=sans-serif -Nfontname=sans-serif -Efontname=sans-serif << $graph]]
+        set html [string replace $html {*}$all [regsub {^.*?(?=<svg)} $drawing {}]]
     }
     return $html
 }
@@ -131,7 +145,7 @@ proc html::manual {name text} {
     }
     # Commands, and sections of the page, are words of the index; so are its keywords.
     foreach {- anchor head} [regexp -all -inline {<dt><a name="([^"]+?)">(.*?)</a></dt>} $body] {
-        # Of a command its name, with the word of an ensemble, and not its arguments.
+        # The name of a command, with the word of an ensemble, without arguments.
         set command {}
         regexp {^<b class="cmd">([^<]*)</b>(.*)$} $head - command rest
         set head [string map {&quot; \" &gt; > &lt; < &amp; &} [regsub -all {<[^>]*>} $head {}]]
@@ -156,7 +170,7 @@ proc html::manual {name text} {
 
 # ---- pictures ----
 
-# What pictures pages have, behind the paragraph that has these words first.
+# The pictures of pages, behind the paragraph that has these words first.
 set html::Shown {
     first-panel.html {
         panel,console {<code>sorma::panel</code>}
@@ -211,34 +225,72 @@ proc html::Image {name {extension .png}} {
     return "<img src=\"$name$extension\" alt=\"$alt\">"
 }
 
+# ---- look and search ----
+
+source -encoding utf-8 [file join [file dirname [file dirname [file normalize [info script]]]] library base colours.tcl]
+proc html::coloured style {
+    return [string map [list {*}[concat {*}[lmap shade {light dark} {
+        list "COLOURS $shade" [join [lmap {token colour} [::sorma::colours::of $shade] {string cat -- $token : $colour}] {; }]
+    }]]] $style]
+}
+
+# For the search: for each heading of a page a line of JavaScript, [title, heading, address, text].
+proc html::searched {file title body} {
+    set found {}
+    set heading $title
+    set anchor {}
+    set from 0
+    # Marks: an expression with branches would take as much as it can.
+    set body [string map [list <h2 \1<h2 <h3 \1<h3 "<dt><a name" "\1<dt><a name" </h2> </h2>\2 </h3> </h3>\2 </dt> </dt>\2] $body]
+    foreach at [concat [regexp -all -inline -indices "\1\[^\2]*\2" $body] {{-1 -1}}] {
+        set end [expr {[lindex $at 0] < 0 ? [string length $body] : [lindex $at 0]}]
+        lappend found "\[[join [lmap text [list $title $heading $file$anchor [string tolower [Plain [string range $body $from $end-1]]]] {Quoted $text}] ,]\]"
+        set from $end
+        set head [string range $body {*}$at]
+        set heading [string range [Plain $head] 0 90]
+        set anchor [if {[regexp {name="([^"]+)"} $head - name]} {string cat # $name}]
+    }
+    return $found
+}
+proc html::Plain body {
+    return [string trim [regsub -all {\s+} [string map {&lt; < &gt; > &quot; \" &amp; &} [regsub -all "<\[^>]*>|\[\1\2]" $body { }]] { }]]
+}
+proc html::Quoted text {
+    return \"[string map {\\ \\\\ \" \\\" </ <\\/} $text]\"
+}
+
 # ---- all of it ----
 
 proc html::make {folder manual source {pictures {}}} {
     variable Style
     variable Tutorials
     variable Demos
+    variable Howtos
     variable Formats
+    variable Insights
     variable Pages
     variable Words
     variable Shown
     file delete -force $folder
     file mkdir $folder
-    write [file join $folder style.css] [string trim $Style]
+    write [file join $folder style.css] [coloured [string trim $Style]]
+    file copy [file join $source doc site.js] $folder
     set pictures [if {$pictures ne {}} {glob -nocomplain -directory $pictures *.png *.svg}]
     foreach picture $pictures {
         file copy $picture $folder
     }
 
-    # What there is, before the first page is made: pages link to each other.
+    # All pages are known before the first one is made, since they link to each other.
     dict set Pages README.html {readme SORMA {what it is, and a tour}}
     dict set Pages demos.html {demo {All demos} {what each of them shows, and how they measure}}
     set sources [dict create README.html [read_file [file join $source README.md]] demos.html [read_file [file join $source demos README.md]]]
     file copy [file join $source doc window.svg] $folder
-    foreach {kind names where} [list tutorial $Tutorials doc/tutorials/NAME.md demo $Demos demos/NAME/README.md format $Formats doc/NAME.md] {
+    foreach {kind names where} [list tutorial $Tutorials doc/tutorials/NAME.md howto $Howtos doc/howto/NAME.md \
+            demo $Demos demos/NAME/README.md format $Formats doc/NAME.md insight $Insights doc/NAME.md] {
         foreach name $names {
             set text [read_file [file join $source [string map [list NAME $name] $where]]]
             # A page of the manual may have the name of a format or of a demo.
-            set file $name[expr {$kind eq "tutorial" ? {} : "-$kind"}].html
+            set file $name[expr {$kind in {tutorial howto} ? {} : $kind eq "demo" ? "-demo" : "-format"}].html
             regexp -line {^# (.*)$} $text -> title
             dict set Pages $file [list $kind $title {}]
             dict set sources $file $text
@@ -260,14 +312,25 @@ proc html::make {folder manual source {pictures {}}} {
             set body [pictured $file $body $pictures]
         }
         write [file join $folder $file] [frame $title $body]
+        lappend places {*}[searched $file $title $body]
     }
+    write [file join $folder words.js] "sormaSearch.take(\[\n[join $places ,\n]\n\]);"
 
+    # Four doors, by what a reader wants.
     set contents "<h1>SORMA</h1>\n<p><a href=\"README.html\">What it is, and a tour</a></p>"
-    foreach {kind heading} {tutorial Tutorials demo Demos manual Manual format {Formats, figures, and how it works inside}} {
-        append contents "\n<h2>$heading</h2>\n<table>"
+    foreach {kind heading about} {
+        tutorial Learn {Tutorials, to be typed one after another. Tests type each line of them.}
+        howto {Do one thing} {One page for one task. Tests type these lines, too.}
+        demo {See it work} {Programs with a simulated robot.}
+        manual {Look up} {Commands, programs, classes and errors: the manual.}
+        format {} {Formats of the wire and of files.}
+        insight Understand {How it works inside, what it costs, and how it is tested.}
+    } {
+        append contents "[if {$heading ne {}} {string cat "\n<h2>" $heading </h2>}]\n<p class=\"about\">$about</p>\n<table>"
+        set number 0
         dict for {file facts} $Pages {
             if {[lindex $facts 0] eq $kind} {
-                append contents "\n<tr><td><a href=\"$file\">[Escape [lindex $facts 1]]</a></td><td>[Escape [lindex $facts 2]]</td></tr>"
+                append contents "\n<tr>[if {$kind eq "tutorial"} {string cat <td> [incr number] </td>}]<td><a href=\"$file\">[Escape [lindex $facts 1]]</a></td><td>[Escape [lindex $facts 2]]</td></tr>"
             }
         }
         append contents "\n</table>"

@@ -2,6 +2,7 @@
 #
 # [include fork.options], .actions, .exec, .table: from the table of that class, as doc/classPage.tcl writes it.
 # [include inspect.calls]: the heads of the commands of that page, as they are typed to scott.
+# [include errors.codes]: each error code, as doc/errorPage.tcl writes it.
 # [include Service.public]: the public part of that C++ class, from the installed headers, whose comments are the manual.
 #
 # doctools reads them, with the engine fmt.blocks. For each page FOLDER gets NAME.man, of which nroff and HTML are made, and NAME.lines: its text for a terminal, a list of {MARGIN
@@ -21,6 +22,7 @@
 package require sorma
 package require doctools
 source -encoding utf-8 [file join [file dirname [info script]] classPage.tcl]
+source -encoding utf-8 [file join [file dirname [info script]] errorPage.tcl]
 
 # Declarations that users of a class see: text of its header from "class NAME {" to "private:" or its end.
 proc public {headers name} {
@@ -64,6 +66,9 @@ proc expanded {headers text} {
             append out [public $headers $class]
         } elseif {$part eq "calls"} {
             append out [calls $class]
+        } elseif {$part eq "codes"} {
+            append out [::errorPage::codes [lmap page [lsearch -all -inline -not $::pages */errors.man] {read_file $page}] \
+                [file join [file dirname $headers] tests]]
         } else {
             append out [::classPage::fragment $class $part]
         }
@@ -134,6 +139,8 @@ proc enter {page blocks starts} {
         lassign [lindex $blocks $i] kind text
         switch -- $kind {
             section {
+                # An area is no section to ask for: the class of that name has one.
+                if {$page eq "errors"} continue
                 for {set end [expr {$i + 1}]} {$end < $count && [lindex $blocks $end 0] ne "section"} {incr end} {}
                 set words [list [string toupper $text]]
             }
@@ -144,6 +151,8 @@ proc enter {page blocks starts} {
             default continue
         }
         foreach word [lsort -unique $words] {
+            # A code has its place where a page explains it; the page of all codes comes last.
+            if {$page eq "errors" && [dict exists $places [list $kind $word]]} continue
             set at [list $page [lindex $starts $i] [lindex $starts $end]]
             # The first of several heads in a row tells of all behind it.
             set known [if {[dict exists $places [list $kind $word]]} {lindex [dict get $places [list $kind $word]] end}]
