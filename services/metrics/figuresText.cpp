@@ -59,7 +59,7 @@ void histogram(std::string& out, const std::string& label, const sorma::Histogra
     line(out, name + "_count", label, std::to_string(times.count()));
 }
 
-// What a cycle's DBX -stats says. False: it says nothing now.
+// A cycle's DBX -stats. False: it says nothing now.
 bool ask(sorma::Service& cycle, sorma::Message& m) {
     m.words = {"-stats"};
     try {

@@ -1,7 +1,7 @@
 // figuresText.h -- the figures of a process in the text format of Prometheus.
 //
-// The number of series has a limit, whatever names come: the first 64 classes and 32 cycles that are seen have series of their
-// own for ever, and all others together are "other".
+// The number of series has a limit. The first 64 classes and 32 cycles that are seen have series of their own for ever. All others
+// together are "other".
 #pragma once
 
 #include <set>

@@ -2,7 +2,7 @@
 //
 //     sormad -name robot -metrics 9101            curl http://127.0.0.1:9101/metrics
 //
-// An answer is used again for a tenth of a second: whoever asks more often takes no more time from others.
+// An answer is used again for a tenth of a second, so a client that asks more often takes no time from others.
 #include <memory>
 
 #include <sorma.h>
