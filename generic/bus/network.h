@@ -23,7 +23,7 @@ enum class Probe { now, later };
 
 class Network {
 public:
-    // Of the daemons that this process is: what there is, and what was so far.
+    // Counts of all daemons of this process: connections and sessions now, the others so far.
     struct Figures {
         std::uint64_t connections = 0, sessions = 0;
         std::uint64_t served = 0, refused = 0, dropped = 0, eventsLost = 0;     // requests; connections; one-way requests

@@ -124,7 +124,7 @@ public:
     void dismiss(const Reference& anonymous);                       // as remove: no more requests
     std::vector<std::string> names(std::string_view pattern = "*") const;
     std::size_t size() const { return repository_.size(); }
-    // What the objects of this process have done, by class.
+    // Counts of all objects of this process, by class.
     std::map<std::string, Figures> figures() const;
 
     // ---- dispatch ----

@@ -34,7 +34,7 @@ private:
     std::int64_t max_ = 0;
 };
 
-// What the objects of a class have done, those that were removed included.
+// Counts of all objects of a class, also of removed ones.
 struct Figures {
     std::uint64_t objects = 0, underWay = 0;                    // that there are; requests under way, or waiting
     std::uint64_t execs = 0, ctrls = 0, dbxs = 0, errors = 0;   // so far

@@ -38,7 +38,7 @@ proc furnish d {
 proc GetMetrics {} {
     lassign [http::get {*}[split $::metricsAt :] /metrics] status text
     if {$status == 403} {
-        return -code error -errorcode [list SORMA COMM DENIED metrics [lindex [regexp -inline {may not (\w+);} $text] 1]] $text
+        return -code error -errorcode [list SORMA COMM DENIED metrics [lindex [regexp -inline {may not (\w+)} $text] 1]] $text
     }
     return $status
 }
