@@ -90,8 +90,12 @@ Http::~Http() {
     MHD_stop_daemon(daemon_);
 }
 
+// At its limit libmicrohttpd listens no more, until it runs again after a connection has ended.
 void Http::turn() {
-    MHD_run(daemon_);
+    for (std::size_t before = SIZE_MAX; since_.size() < before;) {
+        before = since_.size();
+        MHD_run(daemon_);
+    }
     MHD_UNSIGNED_LONG_LONG wait = 0;
     const bool more = MHD_get_timeout(daemon_, &wait) == MHD_YES && wait == 0;
     if (!more && since_.empty()) return timer_.cancel();
