@@ -90,7 +90,7 @@ Http::~Http() {
     MHD_stop_daemon(daemon_);
 }
 
-// At its limit libmicrohttpd listens no more, until it runs again after a connection has ended.
+// At its limit libmicrohttpd stops listening. It listens again when it runs after the end of a connection.
 void Http::turn() {
     for (std::size_t before = SIZE_MAX; since_.size() < before;) {
         before = since_.size();

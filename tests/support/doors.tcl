@@ -2,7 +2,7 @@
 
 set hasMetrics [expr {![catch {package require sorma::service::metrics}]}]
 
-# Two classes that the box does not have: one that can be locked, one that publishes an event with each EXEC.
+# Two more classes: one can be locked, and one publishes an event with each EXEC.
 proc toolsFile {} {
     return [makeFile {
         oo::class create ::locked {
