@@ -69,7 +69,7 @@ void Server::Peer::closeSocket() {
     line_ = {};
 }
 
-inline bool Server::Peer::reading() const { return queued() <= kQueueLimit && !closing_; }
+bool Server::Peer::reading() const { return queued() <= kQueueLimit && !closing_; }
 
 void Server::Peer::took(std::int64_t nanoseconds) { dwelt_ = dwelt_ || nanoseconds > kLong; }
 
