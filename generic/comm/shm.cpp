@@ -37,11 +37,10 @@ constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL;       // so no
 
 struct Shared : Line::Extra {
     Shared(Rings* at, bool client)
-        : rings(at), agreed(!client), in(client ? at->toClient : at->toDaemon), out(client ? at->toDaemon : at->toClient) {}
+        : rings(at), in(client ? at->toClient : at->toDaemon), out(client ? at->toDaemon : at->toClient) {}
     ~Shared() override { munmap(rings, sizeof *rings); }
 
     Rings* const rings;
-    bool agreed;                        // the daemon has said yes
     RingReader in;
     RingWriter out;
     bool ended = false;                 // the other end has closed the socket
@@ -129,7 +128,7 @@ bool answerOffer(Line& line, Transport::Stage, const std::string&) {
 
 // Offer, and hear the answer. A daemon that says something else speaks to us in clear.
 bool offer(Line& line, Transport::Stage stage, const std::string& who) {
-    if (stage != Transport::Stage::connected || (line.extra && sharedOf(line).agreed)) return true;
+    if (stage != Transport::Stage::connected) return true;
     if (!line.extra) {
         const Descriptor memory = makeMemory();
         Rings* rings = memory ? map(memory.get()) : nullptr;
@@ -141,9 +140,9 @@ bool offer(Line& line, Transport::Stage stage, const std::string& who) {
     const ssize_t n = peekSocket(line, &answer, 1);
     if (n < 0 && errno == EAGAIN) return false;
     if (n == 1 && (answer == kYes || answer == kNo)) (void)recv(line.descriptor(), &answer, 1, 0);
-    if (n == 1 && answer == kYes) return sharedOf(line).agreed = true;
-    line.extra.reset();
-    line = Line(std::move(line), unixTransport);
+    const bool agreed = n == 1 && answer == kYes;
+    if (!agreed) line.extra.reset();
+    line = Line(std::move(line), agreed ? memoryTransport : unixTransport);
     return true;
 }
 
@@ -184,18 +183,24 @@ ssize_t peek(Line& line, char* room, std::size_t size) {
 }
 
 bool brought(const Line& line, bool sleep) {
-    if (!line.extra) return false;
     RingReader& in = sharedOf(line).in;
     return sleep ? !in.sleeps() : in.look() != 0;
 }
 
 // There is no room: a bell says when there is. The last one may have been taken for another reason.
 std::uint32_t wants(const Line& line, std::uint32_t events) {
-    if ((events & EPOLLOUT) && line.extra && sharedOf(line).out.full() && sharedOf(line).out.waits()) events = (events & ~std::uint32_t{EPOLLOUT}) | EPOLLIN;
+    if ((events & EPOLLOUT) && sharedOf(line).out.full() && sharedOf(line).out.waits()) events = (events & ~std::uint32_t{EPOLLOUT}) | EPOLLIN;
     return events;
 }
 
-Line begin(const Address& address, const std::string& who) { return {unixTransport.begin(address, who), memoryTransport}; }
+Line begin(const Address& address, const std::string& who) { return {unixTransport.begin(address, who), offeringTransport}; }
+
+Transport makeOffering() {
+    Transport row = unixTransport;
+    row.begin = begin;
+    row.upgrade = offer;
+    return row;
+}
 
 Transport makeOffered() {
     Transport row = unixTransport;
@@ -207,11 +212,9 @@ Transport makeOffered() {
 Transport makeRow() {
     Transport row = unixTransport;
     row.name = "shm";
-    row.begin = begin;
     row.read = read;
     row.write = write;
     row.peek = peek;
-    row.upgrade = offer;
     row.wants = wants;
     row.brought = brought;
     return row;
@@ -219,6 +222,6 @@ Transport makeRow() {
 
 }  // namespace
 
-const Transport memoryTransport = makeRow(), offeredTransport = makeOffered();
+const Transport memoryTransport = makeRow(), offeringTransport = makeOffering(), offeredTransport = makeOffered();
 
 }  // namespace sorma

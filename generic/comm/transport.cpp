@@ -59,7 +59,7 @@ const Transport& transportOf(const Address& address) {
     return **std::find_if(rows().begin(), rows().end(), [&](auto* row) { return row->mine(address); });
 }
 
-const Transport& sharing(const Transport& row) { return &row == &unixTransport ? memoryTransport : row; }
+const Transport& sharing(const Transport& row) { return &row == &unixTransport ? offeringTransport : row; }
 
 void addTransport(const Transport& row) { rows().insert(rows().begin(), &row); }
 

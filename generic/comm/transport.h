@@ -179,7 +179,8 @@ struct Transport {
 };
 
 extern const Transport tcpTransport, unixTransport, inheritedTransport, memoryTransport;
-extern const Transport offeredTransport;                // a connection that came by Unix-domain socket; it becomes unix, or shm
+// The ends of a Unix-domain socket before they agree: the client's that offers memory, and the daemon's. They become unix, or shm.
+extern const Transport offeringTransport, offeredTransport;
 
 // The row for an address; it must not be of this process (isHere).
 const Transport& transportOf(const Address& address);

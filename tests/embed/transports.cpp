@@ -27,7 +27,7 @@ ListeningSocket inherit(ListeningSocket from) {
 
 // The memory row for addresses of its own: elsewhere a setting of the client chooses it.
 const Transport sharedTransport = [] {
-    Transport row = memoryTransport;
+    Transport row = offeringTransport;
     row.mine = [](const Address& address) { return pathOf(address).ends_with(".shared"); };
     return row;
 }();
