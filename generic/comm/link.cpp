@@ -324,6 +324,7 @@ Error Link::unconnected(const std::string& whom) const {
 
 bool Link::receive(std::int64_t wait) {
     ssize_t n = read(wait);
+    if (watched_ && line_.row().brought) reactor_->stay(this);  // those who are told may run the event loop
     if (n > 0) takeRecords();
     else if (n == 0) lose("the daemon closed it");
     else if (errno == EAGAIN) return false;

@@ -78,7 +78,8 @@ public:
 
     State state() const { return state_; }
     bool live() const { return state_ == State::live; }
-    int descriptor() const { return live() ? line_.descriptor() : -1; }
+    // Can be read when something comes; -1: do not wait for it, something is there, or it is not live.
+    int descriptor() const { return live() && !line_.brought(true) ? line_.descriptor() : -1; }
 
     // Connect, unless it does already. Never blocks but for the name of a host.
     void begin();

@@ -170,6 +170,7 @@ void Server::Peer::receive() {
     }
     const std::int64_t now = monotonicNow();
     if (n > 0) arrived_ = now;              // what has waited here came earlier
+    if (line_.row().brought) server_.reactor_.stay(this);       // a service may run the event loop
     server_.reactor_.seen(now);
     const char* begin = inPeer ? in_.data() + taken_ : scratch.in;
     Frame frame{this, begin, begin + (inPeer ? unread() : static_cast<std::size_t>(n)), begin + (inPeer ? scanned_ : 0), inPeer, false,

@@ -75,24 +75,23 @@ void block(Interpreter& i, const std::vector<Future>& futures, bool all, Deadlin
     }
     while (!isOver(futures, all, deadline) && !i.closing()) {
         constexpr std::int64_t kLook = 20;      // [ms] no longer without a look at all of them
-        std::vector<pollfd> descriptors;
-        bool local = false;
+        std::vector<pollfd> descriptors;                // of each future; -1: not to be waited for
+        bool local = false, remote = false, now = false;
         for (auto& f : futures) {
             auto* carrier = f.pending()->carrier;
+            descriptors.push_back({carrier ? carrier->descriptor() : -1, POLLIN, 0});
             if (!carrier) local = true;
-            else if (int fd = carrier->descriptor(); fd >= 0) descriptors.push_back({fd, POLLIN, 0});
+            else if (descriptors.back().fd >= 0) remote = true;
+            else now = true;
         }
-        if (local) {
-            i.sorm.turn(Deadline::in(kLook).earlier(deadline));
-            if (descriptors.empty()) continue;
-        }
-        int patience = local ? 0 : int(std::min<std::int64_t>(deadline.left() / 1'000'000 + 1, kLook));
-        if (!descriptors.empty()) poll(descriptors.data(), nfds_t(descriptors.size()), patience);
-        for (auto& f : futures) {
-            auto& p = *f.pending();
+        if (local) i.sorm.turn(Deadline::in(now ? 0 : kLook).earlier(deadline));
+        const int patience = local || now ? 0 : int(std::min<std::int64_t>(deadline.left() / 1'000'000 + 1, kLook));
+        if (remote) poll(descriptors.data(), nfds_t(descriptors.size()), patience);
+        for (std::size_t k = 0; k < futures.size(); ++k) {
+            auto& p = *futures[k].pending();
             if (p.answered() || !p.carrier) continue;
-            int fd = p.carrier->descriptor();
-            bool ready = fd < 0 || std::any_of(descriptors.begin(), descriptors.end(), [fd](auto& d) { return d.fd == fd && d.revents; });
+            // One that reads a line takes the answers of all of its futures.
+            const bool ready = descriptors[k].fd < 0 || descriptors[k].revents;
             if (p.deadline.passed()) p.cancel(p.carrier->overdue(p));
             else if (ready) p.carrier->drive(p, Deadline::in(1).earlier(deadline));
         }
