@@ -3,8 +3,8 @@
 // rings alone BYTES SEED: one thread writes so many bytes in pieces of any size, the other one reads them. Both sleep when there is
 // nothing to do, until the other one wakes them. Prints "BYTES bytes"; or what is wrong.
 // rings offers SOCKET: offers a daemon memory that it must not take. Prints each answer, and "clear" when it serves the line all the same.
-// rings hostile SOCKET COUNT SEED: agrees on memory with a daemon. It changes that so many times, anywhere, and connects anew when the
-// daemon has had enough. Prints "COUNT changes", and how many lines it took.
+// rings hostile SOCKET LINES SEED: agrees on memory with a daemon, and changes it anywhere, until the daemon has ended so many lines.
+// Prints "LINES lines".
 #include <fcntl.h>
 #include <poll.h>
 #include <sys/eventfd.h>
@@ -212,15 +212,13 @@ private:
     std::unique_ptr<RingWriter> writer_;
 };
 
-void hostile(const char* path, long count, std::uint64_t seed) {
+void hostile(const char* path, long lines, std::uint64_t seed) {
     Dice dice(seed);
-    long lines = 0;
-    std::unique_ptr<Liar> liar;
-    for (long i = 0; i < count; ++i) {
-        if (!liar) liar = std::make_unique<Liar>(path), ++lines;
-        if (!liar->goOn(dice)) liar.reset();
+    for (long i = 0; i < lines; ++i) {
+        Liar liar(path);
+        while (liar.goOn(dice)) {}
     }
-    std::printf("%ld changes %ld lines\n", count, lines);
+    std::printf("%ld lines\n", lines);
 }
 
 }  // namespace
@@ -235,6 +233,6 @@ int main(int argc, char** argv) {
         std::printf("%s: %s\n", what.c_str(), e.what());
         return 1;
     }
-    std::fputs("usage: rings alone BYTES SEED | offers SOCKET | hostile SOCKET COUNT SEED\n", stderr);
+    std::fputs("usage: rings alone BYTES SEED | offers SOCKET | hostile SOCKET LINES SEED\n", stderr);
     return 2;
 }
