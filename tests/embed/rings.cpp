@@ -3,8 +3,9 @@
 // rings alone BYTES SEED: one thread writes so many bytes in pieces of any size, the other one reads them. Both sleep when there is
 // nothing to do, until the other one wakes them. Prints "BYTES bytes"; or what is wrong.
 // rings offers SOCKET: offers a daemon memory that it must not take. Prints each answer, and "clear" when it serves the line all the same.
-// rings hostile SOCKET LINES SEED: agrees on memory with a daemon, and changes it anywhere, until the daemon has ended so many lines.
-// Prints "LINES lines".
+//
+// rings hostile SOCKET LINES SEED: agrees on memory with a daemon, and changes it anywhere. It does so until the daemon has ended so
+// many lines. Prints "LINES lines".
 #include <fcntl.h>
 #include <poll.h>
 #include <sys/eventfd.h>
