@@ -16,4 +16,17 @@ template <class Texts> std::string listOf(const Texts& elements) {
 }
 inline std::string listOf(std::initializer_list<std::string> elements) { return listOf<>(elements); }
 
+// Keys and values of a Tcl dict, as text.
+class DictText {
+public:
+    void put(std::string_view key, std::string_view value) {
+        appendListElement(text_, key);
+        appendListElement(text_, value);
+    }
+    const std::string& text() const { return text_; }
+
+private:
+    std::string text_;
+};
+
 }  // namespace sorma

@@ -24,19 +24,6 @@ const Prototype kTrace{Severity::error, "REQUEST SYNTAX", 1, "sorm: {} is no W3C
 constexpr std::size_t kMostLines = 1000;
 constexpr int kMostDepth = 16;
 
-// Keys and values of a Tcl dict, as text.
-class DictText {
-public:
-    void put(std::string_view key, std::string_view value) {
-        appendListElement(text_, key);
-        appendListElement(text_, value);
-    }
-    const std::string& text() const { return text_; }
-
-private:
-    std::string text_;
-};
-
 std::string actionsText(const std::vector<Action>& actions) {
     std::string list;
     for (auto& a : actions)

@@ -87,10 +87,12 @@ std::int64_t Recorder::now() const { return monotonicNow() + offset_; }
 
 // ---- on the SORM's thread ----
 
+bool recordable(std::string_view object, const Sorm& sorm, const PrincipalPointer& author) {
+    return !author || (object != "sorm" && object != "dict" && tellable(std::string(object), sorm, author));
+}
+
 bool Recorder::mayTell(std::string_view object) const {
-    if (object == selection_.without) return false;
-    if (!selection_.author) return true;
-    return object != "sorm" && object != "dict" && tellable(std::string(object), sorm_, selection_.author);
+    return object != selection_.without && recordable(object, sorm_, selection_.author);
 }
 
 bool Recorder::wants(const Passage& p) const {
@@ -149,7 +151,7 @@ void Recorder::answered(const Passage& p, const Message& m, std::int64_t ran) {
 
 void Recorder::published(const Event& e) {
     if (!fits(selection_.events, e.object) || e.object == selection_.without || concealed(e, sorm_, selection_.author)) return;
-    if (selection_.author && e.object != "sorm" && !mayTell(e.object)) return;
+    if (e.object != "sorm" && !mayTell(e.object)) return;
     const Facts facts{Kind::event, {}, selection_.source, e.object, e.name, e.message.code, now(), e.serial};
     if (sorm_.hasSecrets()) add(facts, masked(sorm_, e.message));
     else add(facts, e.message);

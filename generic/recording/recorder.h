@@ -50,6 +50,9 @@ struct Selection {
     PrincipalPointer author;                    // who records; null: the owner
 };
 
+// May requests to that object, and their replies, be told to an author? null: the owner. sorm and dict may tell of any object.
+bool recordable(std::string_view object, const Sorm& sorm, const PrincipalPointer& author);
+
 class Recorder : public Observer {
 public:
     // Takes a block, and empties it. Throws a FileError: then it is lost. Called on the thread of the recorder.

@@ -1,5 +1,6 @@
 # replay.tcl -- the program sorma-replay: a recording of sorma-record: read, searched, exported, done again.
 
+package require csv
 package require sorma
 package require sorma::line
 package require sorma::mcap
@@ -181,19 +182,19 @@ proc ::sorma::replay::Export {folder search} {
             set channel [open [file join $folder $file] w 0600]
             fconfigure $channel -encoding utf-8
             dict set channels $file $channel
-            puts $channel [Row $head]
+            puts $channel [::csv::join $head]
         }
         Each record $search {
             dict with record {}
             switch $kind {
                 reply {
                     set request [expr {[dict exists $record request] ? [dict get $record request] : {}}]
-                    puts [dict get $channels requests.csv] [Row [list $time $source $object $method $word $request $code $span $text]]
+                    puts [dict get $channels requests.csv] [::csv::join [list $time $source $object $method $word $request $code $span $text]]
                 }
-                event { puts [dict get $channels events.csv] [Row [list $time $source $object $word $number $text]] }
-                sample { puts [dict get $channels buffers.csv] [Row [list $time $source $object $number $text]] }
-                loss { puts [dict get $channels losses.csv] [Row [list $time $source $number $span $word]] }
-                note { puts [dict get $channels notes.csv] [Row [list $time $source $word $text]] }
+                event { puts [dict get $channels events.csv] [::csv::join [list $time $source $object $word $number $text]] }
+                sample { puts [dict get $channels buffers.csv] [::csv::join [list $time $source $object $number $text]] }
+                loss { puts [dict get $channels losses.csv] [::csv::join [list $time $source $number $span $word]] }
+                note { puts [dict get $channels notes.csv] [::csv::join [list $time $source $word $text]] }
             }
         }
     } finally {
@@ -201,16 +202,6 @@ proc ::sorma::replay::Export {folder search} {
             close $channel
         }
     }
-}
-# RFC 4180.
-proc ::sorma::replay::Row values {
-    return [join [lmap value $values {
-        if {![regexp {[",\r\n]} $value]} {
-            set value
-        } else {
-            string cat \" [string map {\" \"\"} $value] \"
-        }
-    }] ,]
 }
 
 # ---- again ----

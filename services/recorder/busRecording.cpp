@@ -32,11 +32,6 @@ std::string seconds(std::int64_t ns) {
     return (ns < 0 ? "-" : "") + std::to_string(std::abs(ns / kBillion)) + "." + std::string(9 - digits.size(), '0') + digits;
 }
 
-void put(std::string& dict, std::string_view key, std::string_view value) {
-    sorma::appendListElement(dict, key);
-    sorma::appendListElement(dict, value);
-}
-
 }  // namespace
 
 std::string Search::read(const std::vector<std::string>& words, std::size_t at) {
@@ -120,19 +115,19 @@ void RecordText::add(std::string& out, const rec::Record& r) {
     if (search_.failed && r.code >= 0) return;
     if (r.span < search_.slower) return;
     if (!search_.text.empty() && text.find(search_.text) == text.npos && request.find(search_.text) == request.npos) return;
-    std::string dict;
-    put(dict, "kind", toText(r.kind));
-    put(dict, "time", seconds(r.time));
-    put(dict, "source", r.source);
-    put(dict, "number", std::to_string(r.number));
-    put(dict, "object", r.object);
-    put(dict, "word", r.word);
-    if (r.method) put(dict, "method", sorma::toText(*r.method));
-    put(dict, "code", std::to_string(r.code));
-    put(dict, "span", seconds(r.span));
-    put(dict, "text", text);
-    if (!request.empty()) put(dict, "request", request);
-    sorma::appendListElement(out, dict);
+    sorma::DictText dict;
+    dict.put("kind", toText(r.kind));
+    dict.put("time", seconds(r.time));
+    dict.put("source", r.source);
+    dict.put("number", std::to_string(r.number));
+    dict.put("object", r.object);
+    dict.put("word", r.word);
+    if (r.method) dict.put("method", sorma::toText(*r.method));
+    dict.put("code", std::to_string(r.code));
+    dict.put("span", seconds(r.span));
+    dict.put("text", text);
+    if (!request.empty()) dict.put("request", request);
+    sorma::appendListElement(out, dict.text());
 }
 
 std::string describe(const std::string& file, bool names) {
@@ -146,17 +141,18 @@ std::string describe(const std::string& file, bool names) {
         last = any ? std::max(last, s.last) : s.last;
         any = true;
     }
-    std::string dict, damages;
+    sorma::DictText dict;
+    std::string damages;
     for (auto& d : reader.damages()) sorma::appendListElement(damages, "byte " + std::to_string(d.at) + ": " + d.what);
-    put(dict, "began", seconds(reader.head().began));
-    put(dict, "closed", reader.closed() ? "1" : "0");
-    put(dict, "bytes", std::to_string(reader.bytes()));
-    put(dict, "records", std::to_string(records));
-    put(dict, "first", seconds(first));
-    put(dict, "last", seconds(last));
-    if (names) put(dict, "names", sorma::listOf(reader.names()));
-    put(dict, "damages", damages);
-    return dict;
+    dict.put("began", seconds(reader.head().began));
+    dict.put("closed", reader.closed() ? "1" : "0");
+    dict.put("bytes", std::to_string(reader.bytes()));
+    dict.put("records", std::to_string(records));
+    dict.put("first", seconds(first));
+    dict.put("last", seconds(last));
+    if (names) dict.put("names", sorma::listOf(reader.names()));
+    dict.put("damages", damages);
+    return dict.text();
 }
 
 }  // namespace recorder

@@ -7,8 +7,6 @@
 
 #include <sstream>
 
-#include <bus/monitor.h>
-
 #include "busRecording.h"
 #include "live.h"
 #include "tape.h"
@@ -139,9 +137,7 @@ private:
         recorder::Search search;
         if (auto wrong = search.read(m.words, 1); !wrong.empty()) fail(kRecords, name(), wrong);
         if (auto reader = sorma::Principal::both(m.author, author("-file")))
-            search.mayTell = [this, reader](std::string_view object) {
-                return object != "sorm" && object != "dict" && sorma::tellable(std::string(object), sorm(), reader);
-            };
+            search.mayTell = [this, reader](std::string_view object) { return sorma::recording::recordable(object, sorm(), reader); };
         return reading([&](const std::string& file) { return std::make_unique<recorder::RecordText>(file, search); });
     }
     void gather(recorder::RecordText& text, Message& m) {
