@@ -7,7 +7,7 @@
 //      |  nobody there   |                    |                  |                    |   broken        |
 //      +-----------------+--------------------+------------------+--------------------+-----------------+
 //
-// Transports of today have nothing to upgrade, and pass opening and joining at once.
+// The row that offers memory upgrades before HELLO (comm/shm.cpp). The others have nothing to upgrade, and pass opening and joining at once.
 // There is one way to connect. The reactor moves the machine with its events. A caller that blocks moves it with step(), until it
 // has what it wants; step() waits in any state. After a failed attempt the next one waits for 2 ms, and twice
 // as long each time, up to 100 ms. An attempt that gets no answer for 5 s ends, and another one begins.

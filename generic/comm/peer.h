@@ -5,7 +5,8 @@
 //     opening ---------> greeting -----------------> joining ---------> live
 //
 // From each of them it is closed (Server::closePeer). A peer whose request is being executed gets its reply first
-// (closeAfterReply). Transports of today have nothing to upgrade, and pass opening and joining at once.
+// (closeAfterReply). A peer that came by Unix-domain socket may make an offer of memory first (comm/shm.cpp). Other rows have nothing to
+// upgrade, and pass opening and joining at once.
 //
 // Threads:  everything here is used with the ServerLock held, by the SORM's thread; Peer::peek by the health responder's.
 // Re-entry: while a request is executed the lock is released, and the service may run the event loop. Afterwards the peer may

@@ -130,14 +130,11 @@ int Reactor::wait(int timeout, std::int64_t end) {
         // kernel timer set and taken back for each request, and costs 1.4 us where raw ping-pong takes 4.
         if (end != 0) armTimer(end);
         Batch batch;
-        if (awake_.empty() || !findBefore(batch, timeout == 0 ? kNoWait : end)) {
-            int n = epoll_wait(epoll_.get(), batch.events, kBatch, timeout);
-            if (n <= 0 && timeout == 0 && !batches_) doze();
-            if (n <= 0) return 0;
-            batch.count = n;
-        }
-        int called = callAll(batch);
+        if (awake_.empty() || !findBefore(batch, timeout == 0 ? kNoWait : end))
+            batch.count = std::max(0, epoll_wait(epoll_.get(), batch.events, kBatch, timeout));
+        const int n = batch.count, called = n > 0 ? callAll(batch) : 0;
         if (timeout == 0 && !batches_) doze();
+        if (n == 0) return 0;
         if (called > 0 || timeout == 0 || (end != 0 && monotonicNow() >= end)) return called;
     }
 }
@@ -175,19 +172,19 @@ bool Reactor::findBefore(Batch& batch, std::int64_t end) {
     if (end == kNoWait ? look() : spinner_.wait(look, end == 0 ? Spinner::kLongest : end - monotonicNow())) return found(watcher);
     if (end == kNoWait) return false;
     if ((watcher = findAwake(true))) return found(watcher);
-    for (Watcher* asleep : awake_) asleep->awake_ = false;
-    awake_.clear();
+    leaveAwake();
     return false;
 }
 
-void Reactor::doze() {
-    while (Watcher* watcher = findAwake(true)) {
-        std::erase(awake_, watcher);
-        watcher->awake_ = false;
-        again(watcher);
-    }
-    for (Watcher* asleep : awake_) asleep->awake_ = false;
+void Reactor::leaveAwake() {
+    for (Watcher* watcher : awake_) watcher->awake_ = false;
     awake_.clear();
+}
+
+void Reactor::doze() {
+    for (Watcher* watcher : awake_)
+        if (watcher->brought(true)) again(watcher);
+    leaveAwake();
 }
 
 int Reactor::callGathered() {

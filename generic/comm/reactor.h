@@ -133,6 +133,7 @@ private:
     Spinner spinner_;
     std::int64_t waited_ = 0;           // [ns] when descriptors were last asked for events
     Watcher* findAwake(bool sleep);
+    void leaveAwake();
     bool findBefore(Batch& batch, std::int64_t end);
 };
 

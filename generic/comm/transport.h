@@ -159,8 +159,8 @@ struct Transport {
     // ---- both, for a row whose bytes are not those of its socket; null: nothing to do ----
 
     enum class Stage {
-        connected,      // before the first byte: a probe and its answer, then encryption
-        greeted         // after the daemon's WELCOME: shared memory. The client's row speaks first
+        connected,      // before the first byte: a probe and its answer, then encryption; an offer of memory
+        greeted         // after the daemon's WELCOME. The client's row speaks first
     };
     // Become what the stage promises. Called again each time the line is ready, until it is true; nothing else is read or written
     // before. Fails with COMM REFUSED, COMM PROTOCOL; the line is then of no use.   who: as for begin.
@@ -184,7 +184,7 @@ extern const Transport offeringTransport, offeredTransport;
 
 // The row for an address; it must not be of this process (isHere).
 const Transport& transportOf(const Address& address);
-// The same with shared memory, where the row has it.
+// The row that offers shared memory in place of another one, where there is such a row; else the same.
 const Transport& sharing(const Transport& row);
 void addTransport(const Transport& row);                // before the first address is used; it goes before the others
 bool isHere(const Address& address);
