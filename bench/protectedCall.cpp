@@ -112,6 +112,24 @@ Body tail(std::function<void()> call) {
     };
 }
 
+// A loop of calls in a script.
+Body scripted(Interpreter& interpreter, const std::string& call) {
+    return [&interpreter, loop = interpreter.loop(call)](std::int64_t count) {
+        const std::int64_t start = now();
+        interpreter.run(loop, count);
+        return now() - start;
+    };
+}
+
+// As many calls by a C++ client.
+Body manyCalls(Remote& remote, int per) {
+    return [&remote, per](std::int64_t count) {
+        const std::int64_t start = now();
+        for (std::int64_t n = count * per; n > 0; --n) remote.call();
+        return now() - start;
+    };
+}
+
 void calls(Table& table, Bus& bus, const Daemon& daemon, const std::vector<Case>& cases) {
     for (auto& c : cases) {
         if (!table.wants(c.row)) continue;
@@ -164,33 +182,15 @@ void scripts(Table& table, Bus& bus, const Daemon& daemon) {
     auto measure = [&](const Case& c, const std::string& call, bool record) {
         if (!table.wants(c.row)) return;
         Remote remote(bus, daemon.name(), record);
-        std::string loop = interpreter.loop(call);
-        table.measure(c,
-                      [&](std::int64_t count) {
-                          std::int64_t start = now();
-                          interpreter.run(loop, count);
-                          return now() - start;
-                      },
-                      [&](std::int64_t count) {
-                          std::int64_t start = now();
-                          for (std::int64_t n = count * c.per; n > 0; --n) remote.call();
-                          return now() - start;
-                      });
+        table.measure(c, scripted(interpreter, call), manyCalls(remote, c.per));
     };
     measure(kScripts[0], "nop@" + daemon.name() + " EXEC", false);
     std::string ten = "echo@" + daemon.name() + " EXEC TMSG {sixteen letters!} FMSG 10";
     for (int i = 0; i < 10; ++i) ten += " [expr {1 / (" + std::to_string(i) + " + 3.0)}]";
     measure(kScripts[1], interpreter.eval("return [subst {" + ten + "}]"), true);
     if (!table.wants(kSteps.row)) return;
-    auto script = [&](const std::string& call) {
-        return [&, loop = interpreter.loop(call)](std::int64_t count) {
-            std::int64_t start = now();
-            interpreter.run(loop, count);
-            return now() - start;
-        };
-    };
     const std::string call = "nop@" + daemon.name() + " EXEC", step = " {" + call + "}";
-    table.measure(kSteps, script("sorma::pipe" + step + step + step), script(call));
+    table.measure(kSteps, scripted(interpreter, "sorma::pipe" + step + step + step), scripted(interpreter, call));
 }
 
 void bigOnes(Table& table, Bus& bus, const Daemon& daemon, const std::vector<Case>& cases) {
@@ -243,18 +243,7 @@ void byMemory(Table& table, const Daemon& daemon) {
         Interpreter interpreter;
         interpreter.eval("sorma::configure -transport shm");
         Remote remote(bus, daemon.unixAddress(), false);
-        const std::string loop = interpreter.loop("nop@" + daemon.name() + " EXEC");
-        table.measure(kSharedScript,
-                      [&](std::int64_t count) {
-                          const std::int64_t start = now();
-                          interpreter.run(loop, count);
-                          return now() - start;
-                      },
-                      [&](std::int64_t count) {
-                          const std::int64_t start = now();
-                          for (std::int64_t n = count * kSharedScript.per; n > 0; --n) remote.call();
-                          return now() - start;
-                      });
+        table.measure(kSharedScript, scripted(interpreter, "nop@" + daemon.name() + " EXEC"), manyCalls(remote, kSharedScript.per));
     }
     pin(daemon.process(), cpus().first);
 }
