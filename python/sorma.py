@@ -788,8 +788,9 @@ class _Connection:
                     elif state >= UNSENT:
                         slot.state = UNSENT
                         slot.request = slot.request[:52] + _U.pack(self.mark(slot.deadline, time.monotonic())) + slot.request[56:]
-                if state == UNWANTED:
-                    self.send(sock, slot.request, time.monotonic() + 1, True)
+                if state == UNWANTED:           # that it is given up may have been lost with the old connection
+                    cancel = _record(0, CANCEL, _UU.pack(slot.index, slot.sequence))
+                    self.send(sock, slot.request + cancel, time.monotonic() + 1, True)
                 elif state >= UNSENT:
                     self.transmit(slot, True)
 

@@ -566,12 +566,16 @@ void Calls::proceed() {
     if (link_.live()) sendWaiting();
 }
 
-// On a new connection: send again what the daemon may not have got. A daemon that still lives knows what it has.
+// On a new connection: send again what the daemon may not have got. A daemon that still lives knows what it has. That a call
+// was cancelled may have been lost with the old line.
 void Calls::resend() {
     unsent_.clear();
     batch_.clear();
-    for (std::uint32_t i = 0; i < slots_.size() && link_.live(); ++i)
-        if (slots_.toResend(i)) link_.send(i, slots_[i].request);
+    for (std::uint32_t i = 0; i < slots_.size() && link_.live(); ++i) {
+        if (!slots_.toResend(i)) continue;
+        link_.send(i, slots_[i].request);
+        if (slots_[i].state == Slot::State::unwanted && link_.live()) tellCancel(i);
+    }
 }
 
 }  // namespace sorma

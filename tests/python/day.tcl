@@ -31,14 +31,11 @@ oo::class create door {
         lappend waiting [info coroutine]
         sorma::atCancel [list [namespace which my] GivenUp [info coroutine]]
         yield
-        if {[sorma::cancelled]} {
-            incr cancelled
-            return {}
-        }
-        return $message
+        return [expr {[sorma::cancelled] ? {} : $message}]
     }
     method GivenUp coroutine {
         set waiting [lsearch -all -inline -not -exact $waiting $coroutine]
+        incr cancelled
         after 0 $coroutine
     }
 }
