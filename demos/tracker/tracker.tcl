@@ -34,7 +34,7 @@ proc tracker::minute {} {
     count {
         rest {lab rest 8 2}
         sine {lab sine 12 5}
-        jumps {lab jumps 4 1}
+        jumps {lab jumps 5 3}
         hidden {lab hidden 2 1}
         lost {lab lost 1 1}
         push {lab push 2 1}
