@@ -6,8 +6,12 @@
 // Sleep:   the reader says that it sleeps, and looks once more. The writer tells what it has written, and looks whether the reader
 //          sleeps. Both orders are sequentially consistent: so one of them sees the other. The same holds for a writer that waits
 //          for room. The end that wakes the other one takes its mark away, so a burst wakes once.
+// Pages:   a writer that is about to sleep gives back those whose bytes have been taken: nobody looks at them any more. So a silent
+//          line keeps two, that of the counts and that where its next byte goes.
 // Threads: each end belongs to one thread at a time.
 #pragma once
+
+#include <sys/mman.h>
 
 #include <algorithm>
 #include <atomic>
@@ -20,6 +24,7 @@ namespace sorma {
 // What both ends see. Counts are of bytes since the beginning, and each has one writer.
 struct RingMemory {
     static constexpr std::size_t kSize = 128 * 1024;            // [bytes] on their way, at most; a power of two
+    static constexpr std::size_t kPage = 4096;                  // where pages are larger, none is given back
     using Count = std::atomic<std::uint64_t>;
     using Mark = std::atomic<std::uint32_t>;
     static_assert(Count::is_always_lock_free && Mark::is_always_lock_free && (kSize & (kSize - 1)) == 0);
@@ -28,7 +33,7 @@ struct RingMemory {
     Mark readerSleeps;
     alignas(64) Count taken;            // the reader's
     Mark writerWaits;
-    alignas(64) char bytes[kSize];
+    alignas(kPage) char bytes[kSize];
 };
 
 class RingWriter {
@@ -54,6 +59,15 @@ public:
         memory_->writerWaits.store(0, std::memory_order_relaxed);       // a bell too many does no harm
         return false;
     }
+    // Its thread is about to sleep: give back what can be. A reader that has much to take still wakes us when it has taken some. A
+    // system call for each page that was filled.
+    void sleeps() {
+        if (written_ - given_ < RingMemory::kPage || !look()) return;
+        giveBack();
+        if (written_ - given_ < 2 * RingMemory::kPage) return;
+        memory_->writerWaits.store(1, std::memory_order_seq_cst);       // before taken is read
+        if (look()) giveBack();
+    }
     // Is the reader to be woken? Says so once.
     bool wakes() { return memory_->readerSleeps.load(std::memory_order_seq_cst) != 0 && memory_->readerSleeps.exchange(0) != 0; }
 
@@ -64,8 +78,19 @@ private:
         taken_ = now;
         return true;
     }
+    void giveBack() {
+        constexpr std::uint64_t kSize = RingMemory::kSize, kPage = RingMemory::kPage;
+        const std::uint64_t end = taken_ / kPage * kPage, next = (written_ + kPage - 1) / kPage * kPage;
+        if (given_ + kSize < next) given_ = next - kSize;               // written anew since
+        while (given_ < end) {
+            const std::uint64_t at = given_ % kSize, size = std::min(end - given_, kSize - at);
+            (void)madvise(memory_->bytes + at, size, MADV_REMOVE);      // fails where pages are larger, or the memory is no file
+            given_ += size;
+        }
+    }
     RingMemory* memory_;
     std::uint64_t written_ = 0, taken_ = 0;
+    std::uint64_t given_ = 0;           // at the beginning of a page
 };
 
 class RingReader {

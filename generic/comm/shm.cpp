@@ -159,6 +159,7 @@ ssize_t read(Line& line, char* room, std::size_t size, std::int64_t wait) {
         if (wait > 0 && waited) return errno = EAGAIN, -1;
         if (wait > 0 && s.spinner.wait([&] { return s.in.look() != 0; }, wait)) continue;
         if (wait > 0 && !s.in.sleeps()) continue;
+        if (wait > 0) s.out.sleeps();
         hear(line, wait);
         if (wait > 0) s.in.awake();
         waited = true;
@@ -183,8 +184,11 @@ ssize_t peek(Line& line, char* room, std::size_t size) {
 }
 
 bool brought(const Line& line, bool sleep) {
-    RingReader& in = sharedOf(line).in;
-    return sleep ? !in.sleeps() : in.look() != 0;
+    Shared& s = sharedOf(line);
+    if (!sleep) return s.in.look() != 0;
+    if (!s.in.sleeps()) return true;
+    s.out.sleeps();
+    return false;
 }
 
 // There is no room: a bell says when there is. The last one may have been taken for another reason.

@@ -1,20 +1,24 @@
 // rings.cpp -- comm/ring.h by itself, and ends of it that lie.
 //
 // rings alone BYTES SEED: one thread writes so many bytes in pieces of any size, the other one reads them. Both sleep when there is
-// nothing to do, until the other one wakes them. Prints "BYTES bytes"; or what is wrong.
+// nothing to do, until the other one wakes them, and pages are given back meanwhile. Prints "BYTES bytes"; or what is wrong.
 // rings offers SOCKET: offers a daemon memory that it must not take. Prints each answer, and "clear" when it serves the line all the same.
 //
-// rings hostile SOCKET LINES SEED: agrees on memory with a daemon, and changes it anywhere. It does so until the daemon has ended so
-// many lines. Prints "LINES lines".
+// rings hostile SOCKET LINES CHANGES SEED: agrees on memory with a daemon, and changes it anywhere. It does so until the daemon has ended so
+// many lines, and there were so many changes. Prints "CHANGES changes LINES lines", as many as there were.
+//
+// rings killed SOCKET COUNT SEED: so many processes call a daemon by memory, each is killed at any instant. Prints "COUNT killed".
 #include <fcntl.h>
 #include <poll.h>
 #include <sys/eventfd.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/un.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -35,6 +39,23 @@ using Dice = std::mt19937_64;
 
 void check(bool good, const char* what) {
     if (!good) throw std::runtime_error(what);
+}
+
+struct Rings {
+    RingMemory toDaemon, toClient;
+};
+constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL;
+
+Descriptor memoryOf(std::size_t size, int seals) {
+    Descriptor fd(memfd_create("rings", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+    check(fd && ftruncate(fd.get(), off_t(size)) == 0 && (seals == 0 || fcntl(fd.get(), F_ADD_SEALS, seals) == 0), "no memory");
+    return fd;
+}
+
+Rings* map(const Descriptor& memory) {
+    void* at = mmap(nullptr, sizeof(Rings), PROT_READ | PROT_WRITE, MAP_SHARED, memory.get(), 0);
+    check(at != MAP_FAILED, "no memory");
+    return static_cast<Rings*>(at);
 }
 
 // ---- alone ----
@@ -66,6 +87,7 @@ void writeAll(RingMemory& memory, Bell& mine, Bell& other, std::uint64_t bytes, 
             const auto n = ring.put(piece.data() + done, piece.size() - done);
             check(n >= 0, "the reader's count makes no sense");
             if (n > 0 && ring.wakes()) other.ring();
+            if (dice() % 16 == 0) ring.sleeps();
             if (n == 0 && ring.waits()) mine.wait();
             done += std::size_t(n);
         }
@@ -88,7 +110,8 @@ void readAll(RingMemory& memory, Bell& mine, Bell& other, std::uint64_t bytes, s
 }
 
 void alone(std::uint64_t bytes, std::uint64_t seed) {
-    const auto memory = std::make_unique<RingMemory>();
+    const Descriptor file = memoryOf(sizeof(Rings), kSeals);
+    RingMemory* const memory = &map(file)->toDaemon;
     Bell writer, reader;
     std::string wrong;
     std::thread writes([&] {
@@ -110,17 +133,6 @@ void alone(std::uint64_t bytes, std::uint64_t seed) {
 }
 
 // ---- against a daemon ----
-
-struct Rings {
-    RingMemory toDaemon, toClient;
-};
-constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL;
-
-Descriptor memoryOf(std::size_t size, int seals) {
-    Descriptor fd(memfd_create("rings", MFD_CLOEXEC | MFD_ALLOW_SEALING));
-    check(fd && ftruncate(fd.get(), off_t(size)) == 0 && (seals == 0 || fcntl(fd.get(), F_ADD_SEALS, seals) == 0), "no memory");
-    return fd;
-}
 
 Descriptor reach(const char* path) {
     Descriptor fd(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
@@ -175,8 +187,7 @@ class Liar {
 public:
     explicit Liar(const char* path) : line_(reach(path)) {
         const Descriptor memory = memoryOf(sizeof(Rings), kSeals);
-        rings_ = static_cast<Rings*>(mmap(nullptr, sizeof(Rings), PROT_READ | PROT_WRITE, MAP_SHARED, memory.get(), 0));
-        check(rings_ != MAP_FAILED, "no memory");
+        rings_ = map(memory);
         writer_ = std::make_unique<RingWriter>(rings_->toDaemon);
         check(offer(line_.get(), memory.get()) == 'Y', "the daemon takes no memory");
     }
@@ -213,13 +224,62 @@ private:
     std::unique_ptr<RingWriter> writer_;
 };
 
-void hostile(const char* path, long lines, std::uint64_t seed) {
+void hostile(const char* path, long lines, long changes, std::uint64_t seed) {
     Dice dice(seed);
-    for (long i = 0; i < lines; ++i) {
+    long ended = 0, changed = 0;
+    for (; ended < lines || changed < changes; ++ended) {
         Liar liar(path);
-        while (liar.goOn(dice)) {}
+        for (++changed; liar.goOn(dice); ++changed) {}
     }
-    std::printf("%ld lines\n", lines);
+    std::printf("%ld changes %ld lines\n", changed, ended);
+}
+
+// Calls by memory, in pieces of any size, until it is killed.
+[[noreturn]] void call(const char* path, std::uint64_t seed) {
+    Dice dice(seed);
+    const Descriptor line = reach(path), memory = memoryOf(sizeof(Rings), kSeals);
+    Rings* const rings = map(memory);
+    if (offer(line.get(), memory.get()) != 'Y') _exit(1);
+    RingWriter writer(rings->toDaemon);
+    RingReader reader(rings->toClient);
+    const auto bell = [&] { (void)send(line.get(), "!", 1, MSG_NOSIGNAL | MSG_DONTWAIT); };
+    Buffer out;
+    wire::writeHello(out, 1, wire::kProgram, {dice(), "u", "h", "p", 1, 1 << 20});
+    for (std::uint32_t xid = 2;; ++xid) {
+        for (std::size_t done = 0; done < out.size();) {
+            const auto n = writer.put(out.data() + done, std::min<std::size_t>(1 + dice() % 64, out.size() - done));
+            if (n < 0) _exit(2);
+            done += std::size_t(n);
+            if (writer.wakes()) bell();
+        }
+        char room[1000];
+        for (std::ptrdiff_t n = 0; n == 0;) {
+            n = reader.take(room, 1 + dice() % sizeof room);
+            if (n < 0) _exit(3);
+            if (reader.wakes()) bell();
+            if (n == 0 && reader.sleeps()) {
+                writer.sleeps();
+                if (recv(line.get(), room, sizeof room, 0) <= 0) _exit(4);
+                reader.awake();
+            }
+        }
+        out.release();
+        wire::writeNull(out, xid, wire::kProgram);
+    }
+}
+
+void killed(const char* path, long count, std::uint64_t seed) {
+    Dice dice(seed);
+    for (long i = 0; i < count; ++i) {
+        const pid_t child = fork();
+        check(child >= 0, "no process");
+        if (child == 0) call(path, seed + std::uint64_t(i));
+        usleep(useconds_t(dice() % 2000));
+        check(kill(child, SIGKILL) == 0, "it cannot be killed");
+        int status = 0;
+        check(waitpid(child, &status, 0) == child && WIFSIGNALED(status), "a caller has ended by itself");
+    }
+    std::printf("%ld killed\n", count);
 }
 
 }  // namespace
@@ -229,11 +289,12 @@ int main(int argc, char** argv) {
     try {
         if (what == "alone" && argc == 4) return alone(std::strtoull(argv[2], nullptr, 10), std::strtoull(argv[3], nullptr, 10)), 0;
         if (what == "offers" && argc == 3) return offers(argv[2]), 0;
-        if (what == "hostile" && argc == 5) return hostile(argv[2], std::strtol(argv[3], nullptr, 10), std::strtoull(argv[4], nullptr, 10)), 0;
+        if (what == "hostile" && argc == 6) return hostile(argv[2], std::atol(argv[3]), std::atol(argv[4]), std::strtoull(argv[5], nullptr, 10)), 0;
+        if (what == "killed" && argc == 5) return killed(argv[2], std::atol(argv[3]), std::strtoull(argv[4], nullptr, 10)), 0;
     } catch (const std::exception& e) {
         std::printf("%s: %s\n", what.c_str(), e.what());
         return 1;
     }
-    std::fputs("usage: rings alone BYTES SEED | offers SOCKET | hostile SOCKET LINES SEED\n", stderr);
+    std::fputs("usage: rings alone BYTES SEED | offers SOCKET | hostile SOCKET LINES CHANGES SEED | killed SOCKET COUNT SEED\n", stderr);
     return 2;
 }
