@@ -29,7 +29,7 @@ constexpr int kEvents = 200;                    // that one CTRL publishes
 constexpr int kFew = 100, kMany = 10'000;       // calls under way
 constexpr int kCancelled = 16;                  // in one operation
 constexpr double kMostBytes = 1000;             // of the caller's memory for a pending future
-constexpr double kDelivery = 1e9 / 150'000;     // [ns]
+constexpr double kDelivery = 1e9 / 150'000, kDeliveryByMemory = 120;        // [ns]
 
 constexpr std::int64_t kTimer = 5'000'000;      // [ns]
 constexpr int kInFlight = 64;
@@ -42,6 +42,7 @@ const Case kBusy = {"CTRL_busy", "CTRL of an object whose EXEC is under way", "C
 const Case kLate = {"TIMER_busy", "lateness of a 5 ms timer, p99; 64 calls in flight", "of an idle daemon; one CPU", 0, 0, 0, 1, 50'000'000, 3};
 const std::vector<Case> kStreams = {
     {"STREAM", "events to 100 subscribers, each; one CPU", kRaw, 0, kDelivery, 0, kEvents * kSubscribers, kLong, 5},
+    {"STREAM_shm", "the same by memory; one CPU", kRaw, 0, kDeliveryByMemory, 0, kEvents * kSubscribers, kLong, 5},
     {"STREAM_single", "the same, one event at a time; one CPU", kRaw, 0, kDelivery, 0, kSubscribers, kBatch, 20},
 };
 const Case kPublish = {"PUBLISH", "my publish, 100 subscribers; one CPU", "nobody listens", 0, 0, 0, kEvents, kLong, 5};
@@ -248,7 +249,7 @@ void streams(Table& table, Bus& bus, const Daemon& daemon) {
         if (!table.wants(c.row)) continue;
         int events = c.per / kSubscribers;
         Words publish = ticker("ticker.stream", events);
-        auto all = subscribers(Subscribers::Kind::reading, "ticker.stream", events);
+        auto all = subscribers(named(c, "shm") ? Subscribers::Kind::sharing : Subscribers::Kind::reading, "ticker.stream", events);
         std::vector<std::unique_ptr<RawServer>> raw;
         for (int i = 0; i < kProcesses; ++i)
             raw.push_back(std::make_unique<RawServer>(Kind::unixSocket, cpus().first, eventSize() * kEach * std::size_t(events), 1));

@@ -44,6 +44,7 @@ struct Case {
     std::int64_t batch = 200'000;   // [ns] that a batch should take
     int batches = 60;               // in a round
 };
+inline bool named(const Case& c, std::string_view part) { return std::string_view(c.row).find(part) != std::string_view::npos; }
 
 struct Result {
     Case of;

@@ -84,7 +84,6 @@ std::vector<Case> allCases() {
     return all;
 }
 
-bool contains(const Case& c, std::string_view part) { return std::string_view(c.row).find(part) != std::string_view::npos; }
 
 Body afterSilence(std::function<void()> call) {
     return [call](std::int64_t count) {
@@ -133,12 +132,12 @@ Body manyCalls(Remote& remote, int per) {
 void calls(Table& table, Bus& bus, const Daemon& daemon, const std::vector<Case>& cases) {
     for (auto& c : cases) {
         if (!table.wants(c.row)) continue;
-        bool tcp = contains(c, "tcp"), two = contains(c, "2cpu"), idle = contains(c, "idle");
+        bool tcp = named(c, "tcp"), two = named(c, "2cpu"), idle = named(c, "idle");
         int cpu = two ? cpus().second : cpus().first;
         pin(daemon.process(), cpu);
-        Remote remote(bus, tcp ? daemon.tcpAddress() : daemon.unixAddress(), contains(c, "P10"));
+        Remote remote(bus, tcp ? daemon.tcpAddress() : daemon.unixAddress(), named(c, "P10"));
         RawServer raw(tcp ? Kind::tcp : Kind::unixSocket, cpu, remote.requestSize(), remote.replySize());
-        if (contains(c, "P99"))
+        if (named(c, "P99"))
             table.measure(c, tail([&] { remote.call(); }), tail([&] { raw.call(); }));
         else if (idle)
             table.measure(c, afterSilence([&] { remote.call(); }), afterSilence([&] { raw.call(); }));
@@ -151,10 +150,10 @@ void calls(Table& table, Bus& bus, const Daemon& daemon, const std::vector<Case>
 void pipelines(Table& table, Bus& bus, const Daemon& daemon, const std::vector<Case>& cases) {
     for (auto& c : cases) {
         if (!table.wants(c.row)) continue;
-        const bool tcp = contains(c, "tcp");
-        const int cpu = contains(c, "shm") ? cpus().second : cpus().first;
+        const bool tcp = named(c, "tcp");
+        const int cpu = named(c, "shm") ? cpus().second : cpus().first;
         pin(daemon.process(), cpu);
-        Remote remote(bus, tcp ? daemon.tcpAddress() : daemon.unixAddress(), contains(c, "PIPE10"));
+        Remote remote(bus, tcp ? daemon.tcpAddress() : daemon.unixAddress(), named(c, "PIPE10"));
         RawServer raw(tcp ? Kind::tcp : Kind::unixSocket, cpu, remote.requestSize(), remote.replySize());
         // A batch is one stream of calls: the window fills once, and empties once.
         auto row = [&](std::int64_t count) {
@@ -196,7 +195,7 @@ void scripts(Table& table, Bus& bus, const Daemon& daemon) {
 void bigOnes(Table& table, Bus& bus, const Daemon& daemon, const std::vector<Case>& cases) {
     for (auto& c : cases) {
         if (!table.wants(c.row)) continue;
-        bool tcp = contains(c, "tcp");
+        bool tcp = named(c, "tcp");
         auto echo = bus.sorm.get("echo@" + (tcp ? daemon.tcpAddress() : daemon.unixAddress()));
         sorma::Message m;
         for (int i = 0; i < kBig; ++i) m.floats.push_back(i + 1 / 3.0);
@@ -210,7 +209,7 @@ void bigOnes(Table& table, Bus& bus, const Daemon& daemon, const std::vector<Cas
 void pieces(Table& table, Bus& bus, const Daemon& daemon) {
     for (auto& c : kPieces) {
         if (!table.wants(c.row)) continue;
-        const bool tcp = contains(c, "tcp");
+        const bool tcp = named(c, "tcp");
         auto echo = bus.sorm.get("echo.pieces@" + (tcp ? daemon.tcpAddress() : daemon.unixAddress()));
         sorma::Message options, request, piece;
         options.words = {"-times", "1000000000000"};

@@ -65,6 +65,7 @@ void Subscribers::listen(int tell, Kind kind, const std::string& object, int eac
     };
     try {
         Bus bus;
+        if (kind == Kind::sharing) bus.comm.settings.sharing = sorma::Sharing::always;
         sorma::Reference publisher = bus.sorm.get(object);
         std::vector<std::unique_ptr<sorma::Listening>> all;
         std::int64_t left = std::int64_t(each) * batch;

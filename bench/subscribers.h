@@ -15,6 +15,7 @@ class Subscribers {
 public:
     enum class Kind {
         reading,            // they count, and tell whenever a batch of events has come by all subscriptions of a process
+        sharing,            // the same, by memory
         deaf,               // they never read
     };
     // object: as clients write it, NAME@ADDRESS. batch: events; each subscription keeps as many.

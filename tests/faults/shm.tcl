@@ -1,7 +1,7 @@
-# shm.tcl ?KILLS? ?CHANGES? ?LINES? ?SEED? -- lines by shared memory: callers that are killed at any instant, daemons that are killed under
-# their callers, a client that changes the memory anywhere, and many lines that say nothing.
+# shm.tcl ?KILLS? ?CHANGES? ?LINES? ?SEED? -- kills, lies and silence on lines by shared memory.
 #
-# Of each 100 kills one is that of a daemon. What is left afterwards is judged: descriptors, memory, connections, names in /dev/shm.
+# Callers are killed at any instant. For 100 of them a daemon is killed under its callers, too. A client changes the memory anywhere.
+# Many lines say nothing. The script judges what is left: descriptors, memory, connections, names in /dev/shm.
 
 source [file join [file dirname [file normalize [info script]]] faults.tcl]
 
