@@ -1,5 +1,6 @@
 # browser.tcl -- sorma::browser: the bus in one window. Left what there is, and a search; right what was chosen, in tabs, and a log.
 
+package require sorma::browserCircuit
 package require sorma::browserDict
 package require sorma::browserEvents
 package require sorma::browserGraph
@@ -29,7 +30,7 @@ snit::widget ::sorma::browser {
     variable at {}              ;# option at which the panel is to be opened
     typevariable Help {apply {text {dict get [::sorma::table parse $text] help}}}
     typevariable Titles {overview Overview panel Panel help Help statistics Statistics audit Audit
-        dictionary Dictionary events Events graph Graph launch Launch log Log}
+        dictionary Dictionary events Events graph Graph launch Launch log Log circuit Circuit}
 
     constructor {} {
         set pad [::sorma::style pixels 6]
@@ -51,8 +52,9 @@ snit::widget ::sorma::browser {
         ::sorma::browserGraph $tabs.graph
         ::sorma::browserLaunch $tabs.launch
         ::sorma::browserLog $tabs.log
+        ::sorma::browserCircuit $tabs.circuit
         dict for {name title} $Titles {
-            $tabs add $tabs.$name -text [::msgcat::mc $title] -underline [expr {$name eq "launch" ? 2 : 0}]
+            $tabs add $tabs.$name -text [::msgcat::mc $title] -underline [expr {$name in {launch circuit} ? 2 : 0}]
         }
         ttk::label $tabs.panel.none -justify left -anchor nw -padding $pad -text [::msgcat::mc "Choose an object at the left, or search (Ctrl-F)."]
         pack $tabs.panel.none -fill both -expand 1
@@ -90,7 +92,9 @@ snit::widget ::sorma::browser {
             view Tree Ctrl+T t [list focus $tree.tree]]
         set number -1
         dict for {name title} $Titles {
-            lappend entries view $title Ctrl+[incr number] Key-$number [mymethod tab $name select]
+            # The digits first, then a letter.
+            set key [if {[incr number] < 10} {set number} else {string cat u}]
+            lappend entries view $title Ctrl+[string toupper $key] Key-$key [mymethod tab $name select]
         }
         foreach {menu label shown key script} $entries {
             $win.menu.$menu add command -label [::msgcat::mc $label] -accelerator $shown -command $script
@@ -196,6 +200,8 @@ snit::widget ::sorma::browser {
         }]
         $tabs.dictionary about $key
         $tabs.events about [if {$kind in {object flavor}} {$self Name $key $name} elseif {$kind eq "subscription"} {$self Name $key [lindex $name 0]}]
+        set object [if {$kind eq "object"} {::sorma::world get $name@$key}]
+        $tabs.circuit about [if {[dict exists $object class] && [dict get $object class] eq "circuit"} {$self Name $key $name}]
         $self Show[string totitle $kind] $key $name
     }
     method Name {key name} {

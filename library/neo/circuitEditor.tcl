@@ -3,6 +3,7 @@
 # The recipe (options -wires, -inputs, -outputs) is the only source of the picture; option -places has where its boxes stand. It is a view
 # of the model: it never waits, and makes no object until somebody edits. Edits are in circuitEdits.tcl.
 
+package require sorma::circuitClip
 package require sorma::circuitEdits
 package require sorma::circuitLayout
 package require sorma::circuitPalette
@@ -10,6 +11,7 @@ package require sorma::circuitScene
 package require sorma::circuitText
 package require sorma::lamp
 package require sorma::notice
+package require sorma::parts
 package require sorma::subject
 package require sorma::text
 package require sorma::ways
@@ -30,7 +32,9 @@ package provide sorma::circuitEditor 1.0
 #       said                        the line below the picture
 #       value NUMBER                the text on that wire
 #       connect SOURCE SINK, drop CLASS X Y, delete KEYS NUMBERS, move KEYS DX DY, replace NUMBER WIRE, tidy. These edit.
-#       undo, redo, revert
+#       copy, cut, paste, align SIDE   as circuitClip has them
+#       save FILE                   the picture: .svg, .pdf or .ps, all of it; .png, as it is in the window
+#       undo, redo, revert, return COUNT
 #       history                     names of the edits that can be undone
 snit::widget ::sorma::circuitEditor {
     hulltype ttk::frame
@@ -61,6 +65,7 @@ snit::widget ::sorma::circuitEditor {
     variable hint {}            ;# below the picture
 
     ::sorma::circuitEdits
+    ::sorma::circuitClip
 
     constructor {name args} {
         $self configurelist $args
@@ -114,6 +119,12 @@ snit::widget ::sorma::circuitEditor {
             if {[winfo exists $head.tools.$name]} {
                 ::sorma::style tip $head.tools.$name $text
             }
+        }
+        if {$options(-state) eq "normal"} {
+            ::ttk::menubutton $head.tools.history -style Toolbutton -text [::msgcat::mc History] -menu $head.tools.history.menu -takefocus 1
+            menu $head.tools.history.menu -tearoff 0 -postcommand [mymethod Listed $head.tools.history.menu]
+            ::sorma::style tip $head.tools.history "All edits; choose one to go back to it"
+            grid $head.tools.history -row 0 -column [incr column] -sticky ns
         }
         ::ttk::checkbutton $head.tools.values -style [::sorma::style own TCheckbutton] -text [::msgcat::mc values] -variable [myvar shown] -underline 0 \
             -command [mymethod Values]
@@ -451,6 +462,15 @@ snit::widget ::sorma::circuitEditor {
         }
         $view configure -state disabled
         set hint "[::sorma::style mark refused] $message"
+    }
+    method save file {
+        $scene save $file
+    }
+    method Print {} {
+        set file [tk_getSaveFile -parent $win -defaultextension .svg -filetypes {{Drawing .svg} {PDF .pdf} {Picture .png} {PostScript .ps}}]
+        if {$file ne {} && [catch {$self save $file} message]} {
+            set hint "[::sorma::style mark refused] $message"
+        }
     }
     method Zoom factor {
         if {$factor eq "fit"} {

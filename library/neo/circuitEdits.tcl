@@ -135,6 +135,23 @@ snit::macro ::sorma::circuitEdits {} {
     method history {} {
         return [lmap edit [lrange $edits 0 $done-1] {lindex $edit 0}]
     }
+    # return COUNT -- undo or redo, until so many edits are done; it ends early at one that is refused.
+    method return count {
+        set count [expr {max(0, min($count, [llength $edits]))}]
+        while {$done != $count} {
+            set before $done
+            $self [expr {$done > $count ? "undo" : "redo"}]
+            if {$done == $before} break
+        }
+    }
+    # All edits in a menu, the newest first; those that were undone have no mark.
+    method Listed menu {
+        $menu delete 0 end
+        for {set n [llength $edits]} {$n >= 0} {incr n -1} {
+            set name [if {$n == 0} {::msgcat::mc "as it was opened"} else {lindex $edits $n-1 0}]
+            $menu add command -label "[expr {$n == $done ? "\u2713" : "\u2007"}] [::sorma::text::clean $name]" -command [mymethod return $n]
+        }
+    }
 
     # connect SOURCE SINK -- a wire between two ends, as text.
     method connect {source sink} {
@@ -146,10 +163,7 @@ snit::macro ::sorma::circuitEdits {} {
     }
     # drop CLASS X Y -- a new unit, its corner at this place of the grid. Returns its name.
     method drop {class x y} {
-        set where [lindex [::sorma::table locate [$subject name]] 1]
-        set there [::sorma::table objects $where]
-        for {set n 1} {[dict exists $graph nodes [list unit $class.$n]] || "$class.$n" in $there} {incr n} {}
-        set name $class.$n
+        set name [$self FreeName $class {}]
         $self AskPins $name 1
         $self Edit "add $name" [dict create -places [::sorma::circuitText place [dict get $recipe -places] [list [list unit $name] [list [expr {round($x)}] [expr {round($y)}]]]]]
         return $name
@@ -286,6 +300,8 @@ snit::macro ::sorma::circuitEdits {} {
             <Button-4> {Wheel 0 120} <Button-5> {Wheel 0 -120} <Shift-Button-4> {Wheel 1 120} <Shift-Button-5> {Wheel 1 -120}
             <Control-Button-4> {WheelZoom 120 %x %y} <Control-Button-5> {WheelZoom -120 %x %y}
             <Delete> Remove <BackSpace> Remove <Control-z> undo <Control-y> redo <Control-l> tidy <Control-a> All <Escape> Escape
+            <Control-c> copy <Control-x> cut <Control-v> paste <Control-p> Print
+            <Control-Left> {align left} <Control-Right> {align right} <Control-Up> {align top} <Control-Down> {align bottom}
             <Left> {Arrow -1 0} <Right> {Arrow 1 0} <Up> {Arrow 0 -1} <Down> {Arrow 0 1}
             <plus> {Zoom 1.25} <minus> {Zoom 0.8} <Key-0> {Zoom fit} <Key-n> {Next 1} <Key-p> {Next -1} <Return> Line <Key-v> Flip
         } {

@@ -4,6 +4,7 @@
 package require Tk
 package require snit
 package require sorma::circuitLayout
+package require sorma::parts
 package require sorma::style
 package provide sorma::circuitScene 1.0
 
@@ -25,6 +26,7 @@ package provide sorma::circuitScene 1.0
 #       shift KEYS DX DY    these nodes, so many steps from where they are; until the next show. Wires follow without regard to boxes
 #       rubber ?X1 Y1 X2 Y2 WHY?    a wire that is drawn, in pixels; WHY it does not fit, or nothing
 #       band ?X1 Y1 X2 Y2?  a rectangle
+#       save FILE           the picture, as parts::picture takes names
 snit::widgetadaptor ::sorma::circuitScene {
     delegate method * to hull
     delegate option * to hull
@@ -66,6 +68,11 @@ snit::widgetadaptor ::sorma::circuitScene {
         set step [$self Step]
         lset wires $number [dict replace [lindex $wires $number] way $way]
         $hull coords w$number&&wire [lmap c $way {expr {$c * $step}}]
+    }
+    method save file {
+        set edge [::sorma::style pixels 8]
+        lassign [$hull bbox all] left top right bottom
+        ::sorma::parts::picture $win $file [if {$bottom ne {}} {list [expr {$left - $edge}] [expr {$top - $edge}] [expr {$right + $edge}] [expr {$bottom + $edge}]}]
     }
     method view {} {
         return [concat [$self at 0 0] [$self at [winfo width $win] [winfo height $win]]]

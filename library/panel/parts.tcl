@@ -5,6 +5,8 @@ package require snit
 package require sorma::options
 package require sorma::style
 package require sorma::subject
+package require sorma::svg
+package require sorma::text
 package provide sorma::parts 1.0
 
 # ::sorma::parts::answer METHOD WORD ... -- an answer for a method of a widget, as mymethod gives it, unless the widget is gone meanwhile.
@@ -214,9 +216,10 @@ proc ::sorma::parts::copy {window subject option} {
     clipboard append -displayof $window -- [list [$subject name] CTRL $option [dict get [$subject get $option] value]]
 }
 
-# ::sorma::parts::picture CANVAS FILE -- all of it, in FILE.png (as it is on the screen; package Img), FILE.pdf (ghostscript) or FILE.ps.
-proc ::sorma::parts::picture {canvas file} {
-    lassign [$canvas cget -scrollregion] x y right bottom
+# ::sorma::parts::picture CANVAS FILE ?REGION? -- all of it, in FILE.png (as it is on the screen; package Img), FILE.svg, FILE.pdf (ghostscript) or
+# FILE.ps. REGION: {left top right bottom} of it, default its scroll region.
+proc ::sorma::parts::picture {canvas file {region {}}} {
+    lassign [if {$region ne {}} {set region} else {$canvas cget -scrollregion}] x y right bottom
     set part [if {$bottom ne {}} {list -x $x -y $y -width [expr {$right - $x}] -height [expr {$bottom - $y}]}]
     switch -- [string tolower [file extension $file]] {
         .png {
@@ -227,6 +230,7 @@ proc ::sorma::parts::picture {canvas file} {
             $picture write $file -format png
             image delete $picture
         }
+        .svg { ::sorma::text::writeFile $file [::sorma::svg::of $canvas {*}[if {$bottom ne {}} {list [list $x $y $right $bottom]}]] }
         .ps { $canvas postscript -file $file -colormode color {*}$part }
         .pdf {
             if {[auto_execok gs] eq {}} {
@@ -235,7 +239,7 @@ proc ::sorma::parts::picture {canvas file} {
             exec gs -q -dNOPAUSE -dBATCH -dEPSCrop -sDEVICE=pdfwrite -sOutputFile=$file - << [$canvas postscript -colormode color {*}$part]
         }
         default {
-            return -code error -errorcode {SORMA REQUEST SYNTAX} "$file: the name of a picture or table ends in .csv, .pdf, .png or .ps"
+            return -code error -errorcode {SORMA REQUEST SYNTAX} "$file: the name of a picture or table ends in .csv, .pdf, .png, .ps or .svg"
         }
     }
 }
