@@ -1,0 +1,233 @@
+# instrument -- plays a supply, a multimeter or an oscilloscope, for tests without hardware: SCPI by TCP, with noise, and with faults on purpose.
+#
+#     instrument.sim CTRL -kind supply
+#     instrument.sim CTRL -on                 the reply is the port; it listens on this host alone
+#     instrument.sim EXEC TMSG MEAS:VOLT?     the same without a line
+#
+# A table has all that it understands. Patterns are as manuals have them: the short form in capitals, what may be left out in brackets. Each line
+# has an error queue of its own.
+
+package require sorma
+
+namespace eval ::sorma::service::instrument {
+    # kind -> pattern -> what: value NAME LOW HIGH can be set and asked for; ask METHOD is a question.
+    variable Trees {
+        supply {
+            {[SOURce:]VOLTage[:LEVel]} {value voltage 0 30}
+            {[SOURce:]CURRent[:LEVel]} {value current 0 3}
+            {OUTPut[:STATe]} {value output 0 1}
+            {MEASure[:SCALar]:VOLTage[:DC]} {ask Voltage}
+            {MEASure[:SCALar]:CURRent[:DC]} {ask Current}
+        }
+        multimeter {
+            {[SENSe:]VOLTage[:DC]:RANGe} {value range 0.1 1000}
+            {MEASure[:SCALar]:VOLTage[:DC]} {ask Signal}
+            {MEASure[:SCALar]:RESistance} {ask Load}
+            READ {ask Signal}
+        }
+        oscilloscope {
+            WAVeform:POINts {value points 1 16777216}
+            WAVeform:XINCrement {ask Increment}
+            WAVeform:DATA {ask Wave}
+        }
+    }
+    variable Defaults {voltage 0 current 1 output 0 range 10 points 1000}
+    variable Words {-100 {Command error} -104 {Data type error} -109 {Missing parameter} -113 {Undefined header} -222 {Data out of range} -350 {Queue overflow}}
+    # A regular expression for headers in capitals: [SOURce:]VOLTage -> ^:?(?:SOUR(?:CE)?:)?VOLT(?:AGE)?$
+    proc Expression pattern {
+        return ^:?[string toupper [regsub -all {[a-z]+} [string map {\[ (?: \] )?} $pattern] {(?:&)?}]]\$
+    }
+}
+
+oo::class create ::sorma::service::instrument {
+    superclass sorma::Service
+
+    sorma::purpose "plays an instrument that understands SCPI, for tests without hardware"
+    sorma::option -kind enum -choices {supply multimeter oscilloscope} -default supply -help "what it plays"
+    sorma::option -load double -unit ohm -range {0.1 1e6} -default 10 -help "what is connected to the supply, and what the multimeter measures"
+    sorma::option -signal double -unit V -range {-1000 1000} -default 5 -help "what multimeter and oscilloscope see"
+    sorma::option -noise double -range {0 1} -default 0.001 -help "of what is measured, as a share of it"
+    sorma::option -fault enum -choices {none silent half garbage hangup} -default none -help "what becomes of its answers"
+    sorma::action -on {} "switch it on: the reply is the port where it listens, on this host alone" {my On}
+    sorma::action -off {} "switch it off: lines end, and what was set is forgotten" {my Off}
+    sorma::inspection -port {} "where it listens; empty: it is off" {set Port}
+    sorma::inspection -lines {} "how many clients have a line" {dict size $Lines}
+    sorma::reads text 1.. "" "a message in SCPI"
+    sorma::writes text 0.. "" "its answer"
+    sorma::example "instrument.sim EXEC TMSG *IDN?"
+
+    variable Server Port        ;# the listener and its port; empty: it is off
+    variable Lines              ;# dict: channel -> what has come without its end
+    variable Errors             ;# dict: channel, or own -> numbers
+    variable Values             ;# dict: name -> number
+
+    method born {} {
+        set Server [set Port [set Lines {}]]
+        set Errors {own {}}
+        my Reset
+    }
+    destructor {
+        my Off
+    }
+    method dump {} {
+        return [join [lmap {name value} $Values {string cat "$name $value"}] \n]
+    }
+    method exec message {
+        return [dict create text [my Answer own [dict get $message text]]]
+    }
+
+    # ---- its lines ----
+
+    method On {} {
+        if {$Server eq {}} {
+            set Server [socket -server [namespace code {my Accept}] -myaddr 127.0.0.1 0]
+            set Port [lindex [chan configure $Server -sockname] 2]
+        }
+        return $Port
+    }
+    method Off {} {
+        foreach channel [concat $Server [dict keys $Lines]] {
+            catch {close $channel}
+        }
+        set Server [set Port [set Lines {}]]
+        set Errors {own {}}
+        my Reset
+    }
+    method Accept {channel args} {
+        if {[dict size $Lines] >= 16} {
+            return [close $channel]
+        }
+        chan configure $channel -blocking 0 -buffering none -translation binary
+        chan event $channel readable [namespace code [list my Hear $channel]]
+        dict set Lines $channel {}
+        dict set Errors $channel {}
+    }
+    method Hear channel {
+        if {[catch {read $channel 65536} piece] || [eof $channel] || [string length [dict get $Lines $channel]] > 65536} {
+            return [my HangUp $channel]
+        }
+        dict append Lines $channel $piece
+        while {[dict exists $Lines $channel] && [set end [string first \n [dict get $Lines $channel]]] >= 0} {
+            set text [string range [dict get $Lines $channel] 0 $end-1]
+            dict set Lines $channel [string range [dict get $Lines $channel] $end+1 end]
+            set answer [my Answer $channel [string trim $text]]
+            if {$answer ne {}} {
+                my Say $channel $answer\n
+            }
+        }
+    }
+    method Say {channel answer} {
+        switch -- [my cget -fault] {
+            silent { return }
+            half { set answer [string range $answer 0 [expr {[string length $answer] / 2 - 1}]] }
+            garbage { set answer "\xff\x00\x80garbage\n" }
+            hangup { return [my HangUp $channel] }
+        }
+        if {[catch {puts -nonewline $channel $answer}]} {
+            my HangUp $channel
+        }
+    }
+    method HangUp channel {
+        catch {close $channel}
+        dict unset Lines $channel
+        dict unset Errors $channel
+    }
+
+    # ---- what it understands ----
+
+    method Reset {} {
+        set Values $::sorma::service::instrument::Defaults
+    }
+    # The answers to all parts of a message; an error goes into the queue of who has asked.
+    method Answer {who text} {
+        set answers {}
+        foreach part [split $text \;] {
+            set part [string trim $part]
+            if {$part eq {}} continue
+            try {
+                set answer [my Part $who {*}[my Split $part]]
+                if {$answer ne {}} {
+                    lappend answers $answer
+                }
+            } trap SCPI {number} {
+                my Queue $who $number
+            }
+        }
+        return [join $answers \;]
+    }
+    method Split part {
+        regexp {^(\S+)\s*(.*)$} $part -> head argument
+        return [list [string toupper [string trimright $head ?]] [string match *\\? $head] $argument]
+    }
+    method Part {who head asks argument} {
+        switch -- $head?$asks {
+            *IDN?1 { return "SORMA,[my cget -kind],[my name],1.0" }
+            *RST?0 { my Reset; return }
+            *CLS?0 { dict set Errors $who {}; return }
+            *OPC?0 - *WAI?0 { return }
+            *OPC?1 { return 1 }
+            *TST?1 { return 0 }
+            *STB?1 { return [expr {[dict get $Errors $who] eq {} ? 0 : 4}] }
+            SYST:ERR?1 - SYSTEM:ERROR?1 - SYST:ERR:NEXT?1 - SYSTEM:ERROR:NEXT?1 { return [my NextError $who] }
+        }
+        dict for {pattern what} [dict get $::sorma::service::instrument::Trees [my cget -kind]] {
+            if {[regexp [::sorma::service::instrument::Expression $pattern] $head]} {
+                lassign $what how name low high
+                if {$how eq "ask"} {
+                    return [if {$asks} {my $name} else {throw SCPI -113}]
+                }
+                return [if {$asks} {dict get $Values $name} else {dict set Values $name [my Number $argument $low $high]; list}]
+            }
+        }
+        throw SCPI -113
+    }
+    method Number {argument low high} {
+        switch -nocase -- $argument {
+            {} { throw SCPI -109 }
+            MIN - OFF { return $low }
+            MAX - ON { return $high }
+        }
+        if {![regexp -nocase {^([-+]?(?:\d+\.?\d*|\.\d+)(?:E[-+]?\d+)?)\s*([UMK]?)(?:V|A|OHM)?$} $argument -> number scale]} {
+            throw SCPI -104
+        }
+        set number [expr {$number * [dict get {{} 1 U 1e-6 M 1e-3 K 1e3} [string toupper $scale]]}]
+        return [if {$number < $low || $number > $high} {throw SCPI -222} else {set number}]
+    }
+    method Queue {who number} {
+        set queue [dict get $Errors $who]
+        dict set Errors $who [if {[llength $queue] < 20} {concat $queue $number} else {lreplace $queue end end -350}]
+    }
+    method NextError who {
+        set queue [dict get $Errors $who]
+        if {$queue eq {}} {
+            return {0,"No error"}
+        }
+        dict set Errors $who [lassign $queue number]
+        return "$number,\"[dict get $::sorma::service::instrument::Words $number]\""
+    }
+
+    # ---- what it measures ----
+
+    method Noisy x { return [format %.6E [expr {$x * (1 + [my cget -noise] * (2 * rand() - 1))}]] }
+    # A supply limits its current.
+    method Volts {} {
+        return [expr {[dict get $Values output] * min([dict get $Values voltage], [dict get $Values current] * [my cget -load])}]
+    }
+    method Voltage {} { return [my Noisy [my Volts]] }
+    method Current {} { return [my Noisy [expr {[my Volts] / [my cget -load]}]] }
+    method Load {} { return [my Noisy [my cget -load]] }
+    method Signal {} {
+        return [if {[my cget -kind] eq "multimeter" && abs([my cget -signal]) > [dict get $Values range]} {string cat 9.9E37} else {my Noisy [my cget -signal]}]
+    }
+    method Increment {} { return 1.0E-6 }
+    # A sine of 1 kHz, a 1 MHz sample each, as a block of int16 in mV.
+    method Wave {} {
+        set peak [expr {1000 * [my cget -signal]}]
+        set period [binary format S* [lmap k [lrepeat 1000 x] {expr {max(-32768, min(32767, round($peak * sin(8 * atan(1) * [incr n] / 1000))))}}]]
+        set size [expr {2 * round([dict get $Values points])}]
+        set bytes [string range [string repeat $period [expr {$size / 2000 + 1}]] 0 $size-1]
+        return "#[string length $size]$size$bytes"
+    }
+}
+
+package provide sorma::service::instrument 1.0

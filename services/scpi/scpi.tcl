@@ -1,0 +1,298 @@
+# scpi -- speaks to an instrument that understands SCPI (IEEE 488.2), by TCP or by a serial line.
+#
+#     scpi.psu CTRL -to tcp:192.168.0.9:5025
+#     scpi.psu EXEC query MEAS:VOLT?
+#
+# One request has the line at a time, the others wait in their order: no answer goes to the wrong one. When an answer is missing the line is
+# closed, because the answer may still come. The next request opens the line again. So an instrument that was off is found.
+
+package require sorma
+
+oo::class create ::sorma::service::scpi {
+    superclass sorma::Service
+
+    sorma::purpose "speaks to an instrument that understands SCPI"
+    sorma::option -to string -kind file -help "where it is: tcp:HOST:PORT, or serial:PATH,BAUD,8n1"
+    sorma::option -terminator enum -choices {lf cr crlf} -default lf -help "what ends a message, both ways"
+    sorma::option -patience double -unit s -range {0.001 3600} -default 5 -help "how long the instrument may be silent: while it is reached, and within an answer"
+    sorma::option -check flag -default 1 -help "ask SYST:ERR? after each write, and when an answer is missing"
+    sorma::option -most int -unit B -range {64 2147483647} -default 67108864 -help "the longest answer that is taken"
+    sorma::option -format enum -group Blocks -choices {real32 real64 int8 uint8 int16 uint16 int32 uint32} -default real32 -help "of the numbers in a block"
+    sorma::option -order enum -group Blocks -choices {big little} -default big -help "which byte of a number in a block comes first"
+    sorma::action -close {} "close the line; the next request opens it again" {my Close}
+    sorma::inspection -line {} "is the line open, and to what" {my Line}
+    sorma::words "query TEXT | values TEXT | write TEXT"
+    sorma::danger power write
+    sorma::example "scpi.psu EXEC query *IDN?"
+
+    variable Channel Opened     ;# the line, empty: it is closed; what -to was then
+    variable Input Seen         ;# bytes that have come; so many of them have no terminator
+
+    method born {} {
+        set Channel [set Opened [set Input {}]]
+        set Seen 0
+    }
+    destructor {
+        my Close
+    }
+    method changed options {
+        if {"-to" in $options && [my cget -to] ne {}} {
+            my Parts [my cget -to]
+        }
+    }
+    method dump {} {
+        return "line [my Line]"
+    }
+    method selftest {} {
+        set said [my Query *TST?]
+        if {![string is integer -strict $said] || $said != 0} {
+            my Fault TEST "*TST? has answered \"$said\", 0 means that all is well" $said
+        }
+        return [my Query *IDN?]
+    }
+
+    method exec message {
+        set words [dict get $message words]
+        set text [string trim "[join [lrange $words 1 end]] [dict get $message text]"]
+        set verb [lindex $words 0]
+        switch -- $verb {
+            {} - query {
+                set answer [my Query $text]
+                return [if {[string index $answer 0] eq "#"} {dict create any [my Block $answer]} else {dict create text [my Text $answer]}]
+            }
+            values { return [dict create floats [my Numbers [my Query $text]]] }
+            write { return [my Write $text [dict get $message any]] }
+        }
+        my Fault VERB "expected query, values or write, got \"$verb\"" $verb
+    }
+
+    # ---- messages ----
+
+    # A message in which each part is a question, and its answer.
+    method Query text {
+        foreach part [my Heads $text] {
+            if {![string match *\\? $part]} {
+                my Fault QUESTION "\"$part\" is no question, and may change something: say write" $part
+            }
+        }
+        my Open
+        my Send $text
+        return [my Receive $text]
+    }
+    # Any message, with a block behind it if there are bytes. When it has a question, too, the answer is the result.
+    method Write {text bytes} {
+        set asks [expr {[lsearch -glob [my Heads $text] *\\?] >= 0}]
+        if {$bytes ne {}} {
+            set length [string length $bytes]
+            append text "#[string length $length]$length$bytes"
+        }
+        my Open
+        my Send $text
+        set result [if {$asks} {dict create text [my Text [my Receive $text]]}]
+        if {[my cget -check]} {
+            my Errors $text
+        }
+        return $result
+    }
+    # The instrument's errors, the oldest first, are those of this request.
+    method Errors text {
+        set errors {}
+        for {set n 0} {$n < 100} {incr n} {
+            my Send SYST:ERR?
+            set said [my Text [my Receive SYST:ERR?]]
+            if {![regexp {^\s*([-+]?\d+)\s*(?:,(.*))?$} $said -> number meaning]} {
+                my Fault ANSWER "SYST:ERR? has answered \"[string range $said 0 100]\", expected a number and a text" SYST:ERR?
+            }
+            if {$number == 0} break
+            lappend errors [list [expr {$number + 0}] [string trim $meaning " \""]]
+        }
+        foreach error [lrange $errors 1 end] {
+            sorma::warn [list SCPI DEVICE [lindex $error 0]] "[my name]: the instrument says [join $error {, }]"
+        }
+        if {$errors ne {}} {
+            my Fault DEVICE "the instrument says [join [lindex $errors 0] {, }] to \"[string range $text 0 100]\"" [lindex $errors 0 0]
+        }
+    }
+    # An answer is missing: the instrument may say why. The line is closed in any case.
+    method Silent {text what} {
+        try {
+            if {$what eq "late" && [my cget -check] && $text ne "SYST:ERR?"} {
+                my Errors $text
+            }
+        } trap {SORMA SCPI DEVICE} {why how} {
+            return -options $how $why
+        } trap {SORMA SCPI} {} {
+        } finally {
+            my Close
+        }
+        my Fault SILENT "no answer to \"[string range $text 0 100]\" within -patience [my cget -patience] s; the instrument may have executed it" $Opened
+    }
+    # The first words of the parts of a message. It must be one line.
+    method Heads text {
+        if {$text eq {} || [regexp {[^\x20-\x7e\t]} $text]} {
+            my Fault TEXT "expected one line of ASCII, got \"[string range $text 0 100]\"" $text
+        }
+        return [lmap part [split [regsub -all {"[^"]*"|'[^']*'} $text {""}] \;] {lindex [split [string trim $part]] 0}]
+    }
+    method Text answer {
+        return [string trim [encoding convertfrom iso8859-1 $answer]]
+    }
+
+    # ---- blocks and numbers ----
+
+    method Block answer {
+        set digits [string index $answer 1]
+        return [if {$digits == 0} {string range $answer 2 end} else {string range $answer 2+$digits end}]
+    }
+    method Numbers answer {
+        if {[string index $answer 0] ne "#"} {
+            return [lmap number [split [my Text $answer] ,\;] {
+                if {![string is double -strict [string trim $number]]} {
+                    my Fault ANSWER "expected numbers, got \"[string range $answer 0 100]\""
+                }
+                expr {double($number)}
+            }]
+        }
+        set bytes [my Block $answer]
+        lassign [dict get {real32 {R r 4} real64 {Q q 8} int8 {c c 1} uint8 {cu cu 1} int16 {S s 2} uint16 {Su su 2} int32 {I i 4} uint32 {Iu iu 4}} [my cget -format]] big little size
+        if {[string length $bytes] % $size != 0} {
+            my Fault ANSWER "a block of [string length $bytes] bytes has no whole number of [my cget -format]"
+        }
+        set kind [expr {[my cget -order] eq "big" ? $big : $little}]
+        binary scan $bytes [string index $kind 0][string range $kind 1 end]* numbers
+        return $numbers
+    }
+
+    # ---- the line ----
+
+    method Parts to {
+        if {[regexp {^tcp:(?:\[([^]\s]+)\]|([^:,\s]+)):(\d{1,5})$} $to -> six four port] && $port in [list [expr {max(1, min($port, 65535))}]]} {
+            return [list tcp $six$four $port]
+        }
+        if {[regexp {^serial:(/[^,]+),(\d+),([5-8])([noems])([12])$} $to -> path baud data parity stop]} {
+            return [list serial $path $baud,$parity,$data,$stop]
+        }
+        my Fault ADDRESS "-to expects tcp:HOST:PORT or serial:PATH,BAUD,8n1, got \"$to\"" $to
+    }
+    method Line {} {
+        return [if {$Channel eq {}} {string cat closed} else {string cat "open to $Opened"}]
+    }
+    method Close {} {
+        if {$Channel ne {}} {
+            catch {close $Channel}
+        }
+        set Channel [set Input {}]
+        set Seen 0
+    }
+    method Open {} {
+        set to [my cget -to]
+        if {$Channel ne {}} {
+            if {$to eq $Opened && [my Still]} return
+            my Close
+        }
+        if {$to eq {}} {
+            my Fault ADDRESS "no instrument: say \"[my name] CTRL -to tcp:HOST:PORT\""
+        }
+        lassign [my Parts $to] kind place more
+        try {
+            if {$kind eq "tcp"} {
+                set Channel [socket -async $place $more]
+            } else {
+                set Channel [open $place {RDWR NOCTTY NONBLOCK}]
+                chan configure $Channel -mode $more
+            }
+            chan configure $Channel -blocking 0 -buffering none -translation binary
+        } on error why {
+            my Close
+            my Fault UNREACHABLE "$to cannot be opened: $why" $to
+        }
+        set Opened $to
+        if {$kind eq "tcp"} {
+            set late [my Wait writable]
+            set why [expr {$late ne "ready" ? "nobody answers within -patience [my cget -patience] s" : [chan configure $Channel -error]}]
+            if {$why ne {}} {
+                my Close
+                my Fault UNREACHABLE "$to cannot be reached: $why; is the instrument switched on?" $to
+            }
+        }
+    }
+    # Is the line as it was? Bytes that nobody has asked for are dropped.
+    method Still {} {
+        return [expr {![catch {read $Channel} bytes] && ![eof $Channel] && [set Input {}] eq {} && [set Seen 0] == 0}]
+    }
+    method End {} {
+        return [dict get {lf \n cr \r crlf \r\n} [my cget -terminator]]
+    }
+    method Send text {
+        set Input {}
+        set Seen 0
+        if {[catch {puts -nonewline $Channel $text[my End]} why]} {
+            my Close
+            my Fault LOST "the line to $Opened broke before the message was sent: $why" $Opened
+        }
+    }
+    # The bytes of one answer, without its terminator.
+    method Receive text {
+        while {[set size [my Whole]] < 0} {
+            set what [my Wait readable]
+            if {$what ne "ready"} {
+                my Silent $text $what
+            }
+            if {[catch {read $Channel 262144} piece] || [eof $Channel] && $piece eq {}} {
+                my Close
+                my Fault LOST "the line to $Opened broke after \"[string range $text 0 100]\" was sent, [string length $Input] bytes of the answer had come" $Opened
+            }
+            append Input $piece
+        }
+        set answer [string range $Input 0 $size-1]
+        set Input {}
+        return $answer
+    }
+    # The size of the answer that is there; -1: it is not whole.
+    method Whole {} {
+        set have [string length $Input]
+        if {[string index $Input 0] eq "#" && [string index $Input 1] ne "0"} {
+            set digits [string index $Input 1]
+            if {$have < 2 || $have < 2 + $digits} {
+                set size [expr {$have >= 2 && ![string is digit -strict $digits] ? "?" : -1}]
+            } else {
+                set length [string range $Input 2 1+$digits]
+                set size [expr {[string is digit -strict $length] ? 2 + $digits + [scan $length %lld] : "?"}]
+            }
+            if {$size eq "?"} {
+                my Close
+                my Fault ANSWER "\"[string range $Input 0 20]\" does not begin like a block: # and a digit, which says how many digits tell the length" $Opened
+            }
+        } else {
+            set end [my End]
+            set at [string first $end $Input $Seen]
+            set Seen [expr {max(0, $have - [string length $end] + 1)}]
+            set size $at
+        }
+        set known [expr {$size < 0 ? $have : $size}]
+        if {$known > [my cget -most]} {
+            my Close
+            my Fault TOO_BIG "an answer of $known bytes or more, -most takes [my cget -most]" $Opened
+        }
+        return [expr {$size > $have ? -1 : $size}]
+    }
+    # Wait for the channel: ready, late, or cancelled.
+    method Wait event {
+        set me [info coroutine]
+        chan event $Channel $event [list $me ready]
+        set timer [after [expr {int(1000 * [my cget -patience])}] [list $me late]]
+        sorma::atCancel [list $me cancelled]
+        set what [yield]
+        sorma::atCancel {}
+        after cancel $timer
+        if {$Channel ne {}} {
+            chan event $Channel $event {}
+        }
+        return $what
+    }
+    method Fault {symbol text args} {
+        sorma::fail [list SCPI $symbol [my name] {*}$args] "[my name]: $text"
+    }
+}
+
+package provide sorma::service::scpi 1.0
