@@ -92,6 +92,7 @@ oo::class create ::sorma::service::instrument {
         set Server [set Port [set Lines {}]]
         set Errors {own {}}
         my Reset
+        return
     }
     method Accept {channel args} {
         if {[dict size $Lines] >= 16} {

@@ -183,6 +183,7 @@ oo::class create ::sorma::service::scpi {
         }
         set Channel [set Input {}]
         set Seen 0
+        return
     }
     method Open {} {
         set to [my cget -to]
