@@ -277,12 +277,11 @@ oo::class create ::sorma::service::scpi {
         }
         return [expr {$size > $have ? -1 : $size}]
     }
-    # Wait for the channel: ready, late, or cancelled.
+    # Wait for the channel: ready, late, or cancelled. An object that is removed meanwhile has no coroutine any more.
     method Wait event {
-        set me [info coroutine]
-        chan event $Channel $event [list $me ready]
-        set timer [after [expr {int(1000 * [my cget -patience])}] [list $me late]]
-        sorma::atCancel [list $me cancelled]
+        chan event $Channel $event [list catch [list [info coroutine] ready]]
+        set timer [after [expr {int(1000 * [my cget -patience])}] [list catch [list [info coroutine] late]]]
+        sorma::atCancel [list catch [list [info coroutine] cancelled]]
         set what [yield]
         sorma::atCancel {}
         after cancel $timer
