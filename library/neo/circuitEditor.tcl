@@ -7,6 +7,7 @@ package require sorma::circuitClip
 package require sorma::circuitEdits
 package require sorma::circuitLayout
 package require sorma::circuitPalette
+package require sorma::circuitProbes
 package require sorma::circuitScene
 package require sorma::circuitText
 package require sorma::lamp
@@ -33,6 +34,7 @@ package provide sorma::circuitEditor 1.0
 #       value NUMBER                the text on that wire
 #       connect SOURCE SINK, drop CLASS X Y, delete KEYS NUMBERS, move KEYS DX DY, replace NUMBER WIRE, tidy. These edit.
 #       copy, cut, paste, align SIDE   as circuitClip has them
+#       probe NUMBER ?KIND?         as circuitProbes has it
 #       save FILE                   the picture: .svg, .pdf or .ps, all of it; .png, as it is in the window
 #       undo, redo, revert, return COUNT
 #       history                     names of the edits that can be undone
@@ -66,6 +68,7 @@ snit::widget ::sorma::circuitEditor {
 
     ::sorma::circuitEdits
     ::sorma::circuitClip
+    ::sorma::circuitProbes
 
     constructor {name args} {
         $self configurelist $args
@@ -109,13 +112,13 @@ snit::widget ::sorma::circuitEditor {
         ::sorma::status $head.status -name [$subject name] -brief 1
         ::ttk::frame $head.tools
         set column 0
-        foreach {name text method changes} {undo Undo undo 1 redo Redo redo 1 revert Revert revert 1 tidy Tidy tidy 1 out \u2212 {Zoom 0.8} 0 in + {Zoom 1.25} 0 fit Fit {Zoom fit} 0} {
+        foreach {name text method changes} {undo Undo undo 1 redo Redo redo 1 revert Revert revert 1 tidy Tidy tidy 1 probe Probe Probe 0 out \u2212 {Zoom 0.8} 0 in + {Zoom 1.25} 0 fit Fit {Zoom fit} 0} {
             if {$changes && $options(-state) eq "readonly"} continue
             ::ttk::button $head.tools.$name -style Toolbutton -text [::msgcat::mc $text] -command [mymethod {*}$method] -takefocus 1
             grid $head.tools.$name -row 0 -column [incr column] -sticky ns
         }
         foreach {name text} {undo "Take the last change back (Ctrl-Z)" redo "Do it again (Ctrl-Y)" revert "Show the circuit as it runs, and forget what it has refused"
-                tidy "Lay all boxes out anew (Ctrl-L)" out "Smaller (minus)" in "Larger (plus)" fit "All of it (0)"} {
+                tidy "Lay all boxes out anew (Ctrl-L)" probe "A chart on the wire that is selected, then a lamp, then neither (w)" out "Smaller (minus)" in "Larger (plus)" fit "All of it (0)"} {
             if {[winfo exists $head.tools.$name]} {
                 ::sorma::style tip $head.tools.$name $text
             }
@@ -166,9 +169,11 @@ snit::widget ::sorma::circuitEditor {
         }
         if {$token eq {} && $subject ne {}} {
             set token [$subject value {DBX -live} $options(-every) [list ::sorma::parts::answer [mymethod Valued]]]
+            $self StartProbes
         }
     }
     method Rest {} {
+        $self StopProbes
         if {$token ne {}} {
             ::sorma::world unwatch $token
             set token {}
@@ -362,6 +367,7 @@ snit::widget ::sorma::circuitEditor {
             dict replace $node box [dict get $boxes $key] state [$self NodeState $key $wired]
         }] $wires
         $self Values
+        $self ShowProbes
         $self Selected
     }
     method NodeState {key wired} {
@@ -393,8 +399,8 @@ snit::widget ::sorma::circuitEditor {
 
     # ---- values ----
 
-    # The value of a wire as it stands there: three elements at most, the unit, and its age when it is old.
-    method Text wire {
+    # {UNIT NUMBERS} of a wire.
+    method Numbers wire {
         lassign $wire - source sink
         lassign $source object pin first last numbers
         set unit {}
@@ -404,10 +410,16 @@ snit::widget ::sorma::circuitEditor {
                 set numbers [lrange $numbers $first $last]
             }
         }
+        return [list $unit $numbers]
+    }
+    # The value of a wire as it stands there: three elements at most, the unit, and its age when it is old.
+    method Text wire {
+        lassign [$self Numbers $wire] unit numbers
+        set pin [lindex $wire 1 1]
         if {$numbers eq {}} {
             return
         }
-        set text [join [lmap number [lrange $numbers 0 2] {expr {[string is double -strict $number] ? [format %.4g $number] : $number}}]]
+        set text [join [lmap number [lrange $numbers 0 2] {if {[string is double -strict $number]} {format %.4g $number} else {set number}}]]
         append text [if {[llength $numbers] > 3} {string cat \u2026}] [if {$unit ne {}} {string cat " " $unit}]
         return [if {$pin ne {} && [dict get $told age] ne {}} {string cat "$text, [dict get $told age]"} else {set text}]
     }

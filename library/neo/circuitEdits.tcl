@@ -303,7 +303,7 @@ snit::macro ::sorma::circuitEdits {} {
             <Control-c> copy <Control-x> cut <Control-v> paste <Control-p> Print
             <Control-Left> {align left} <Control-Right> {align right} <Control-Up> {align top} <Control-Down> {align bottom}
             <Left> {Arrow -1 0} <Right> {Arrow 1 0} <Up> {Arrow 0 -1} <Down> {Arrow 0 1}
-            <plus> {Zoom 1.25} <minus> {Zoom 0.8} <Key-0> {Zoom fit} <Key-n> {Next 1} <Key-p> {Next -1} <Return> Line <Key-v> Flip
+            <plus> {Zoom 1.25} <minus> {Zoom 0.8} <Key-0> {Zoom fit} <Key-n> {Next 1} <Key-p> {Next -1} <Return> Line <Key-v> Flip <Key-w> Probe
         } {
             bind $scene $event [mymethod {*}$method]
         }

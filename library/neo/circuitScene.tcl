@@ -17,6 +17,7 @@ package provide sorma::circuitScene 1.0
 #       way NUMBER WAY      another way of that wire, with the same ends
 #       view                {left top right bottom} of what is seen, in the grid; <<ViewChanged>> says that it is another
 #       values TEXTS        a text for each wire, in their order
+#       probes DICT         number of a wire -> {kind samples}, as circuitProbes has them
 #       select KEYS NUMBERS of nodes and wires
 #       hit X Y             what is at a pixel: {node KEY}, {pin KEY ins|outs NAME}, {wire NUMBER}, or nothing
 #       at X Y, pixel X Y   the grid at a pixel of the window; where a place of the grid is
@@ -33,6 +34,7 @@ snit::widgetadaptor ::sorma::circuitScene {
     variable nodes {}
     variable wires {}
     variable texts {}
+    variable probes {}
     variable chosen {{} {}}     ;# keys, numbers
     variable zoom 1.0
     variable old 0
@@ -86,6 +88,10 @@ snit::widgetadaptor ::sorma::circuitScene {
             }
         }
         set texts $given
+    }
+    method probes given {
+        set probes $given
+        $self DrawProbes
     }
     method select {these numbers} {
         set chosen [list $these $numbers]
@@ -145,7 +151,7 @@ snit::widgetadaptor ::sorma::circuitScene {
             switch -- $kind {
                 pin { set found [list pin [dict get $keys $number] $side $name] }
                 node { if {[lindex $found 0] ne "pin"} {set found [list node [dict get $keys $number]]} }
-                wire { if {$found eq {} || [lindex $found 0] eq "wire"} {set found [list wire $number]} }
+                wire - probe { if {$found eq {} || [lindex $found 0] eq "wire"} {set found [list wire $number]} }
             }
         }
         return $found
@@ -172,6 +178,7 @@ snit::widgetadaptor ::sorma::circuitScene {
                 [expr {[lindex $way end-1] + $to * $dx}] [expr {[lindex $way end] + $to * $dy}]] x y a b
             $hull coords w$n&&wire [lmap c [list $x $y [expr {($x + $a) / 2.0}] $y [expr {($x + $a) / 2.0}] $b $a $b] {expr {$c * $step}}]
             $hull itemconfigure v$n -text {}
+            $hull delete p$n
         }
     }
     method rubber args {
@@ -366,5 +373,70 @@ snit::widgetadaptor ::sorma::circuitScene {
                 $hull raise w$n wire
             }
         }
+        $self DrawProbes
+    }
+
+    # ---- probes: each hangs below the longest level piece of its wire ----
+
+    method DrawProbes {} {
+        $hull delete probe
+        if {$zoom < 0.45} return
+        dict for {n probe} $probes {
+            if {$n < [llength $wires]} {
+                $self Draw[dict get {chart Chart lamp Lamp} [dict get $probe kind]] $n [dict get $probe samples] {*}[$self Hangs [dict get [lindex $wires $n] way]]
+            }
+        }
+    }
+    # {X Y WIDTH} in pixels; a chart on a short wire is narrow.
+    method Hangs way {
+        set most -1
+        set step [$self Step]
+        foreach {x y} [lrange $way 0 end-2] {X Y} [lrange $way 2 end] {
+            set length [expr {$y == $Y ? abs($X - $x) : 0}]
+            if {$length > $most} {
+                set most $length
+                set at [list [expr {($x + $X) / 2.0 * $step}] [expr {($y + 0.6) * $step}] [expr {max(5, min(10, $length - 2)) * $step}]]
+            }
+        }
+        return $at
+    }
+    method DrawChart {n samples x y width} {
+        set step [$self Step]
+        lassign [list [expr {$x - $width / 2}] [expr {$y + 4 * $step}] [expr {$width / 100.0}]] left bottom wide
+        $hull create rectangle $left $y [expr {$left + $width}] $bottom -fill [::sorma::style token surface] -outline [::sorma::style token edge] -tags [list probe $n p$n frame]
+        set all [lmap number [concat {*}$samples] {if {![Finite $number]} continue; set number}]
+        if {$all eq {}} return
+        set low [tcl::mathfunc::min {*}$all]
+        set range [expr {[tcl::mathfunc::max {*}$all] - $low}]
+        foreach element {0 1 2} colour {accent text quiet} {
+            # The newest sample is at the right edge.
+            set points {}
+            set at [expr {$left + (99 - [llength $samples]) * $wide}]
+            foreach sample $samples {
+                set at [expr {$at + $wide}]
+                set number [lindex $sample $element]
+                if {[Finite $number]} {
+                    lappend points $at [expr {$bottom - $step * (0.5 + ($range > 0 ? 3 * ($number - $low) / double($range) : 1.5))}]
+                }
+            }
+            if {[llength $points] >= 4} {
+                $hull create line $points -fill [$self Ink $colour] -width [::sorma::style pixels 1] -tags [list probe $n p$n]
+            }
+        }
+    }
+    # Filled: the first element is not 0.
+    method DrawLamp {n samples x y -} {
+        set r [$self Step]
+        set number [lindex $samples end 0]
+        set lit [expr {[Finite $number] && $number != 0}]
+        $hull create oval [expr {$x - $r}] $y [expr {$x + $r}] [expr {$y + 2 * $r}] -width [::sorma::style pixels 2] -outline [$self Ink accent] \
+            -fill [if {$lit} {$self Ink accent} else {::sorma::style token surface}] -tags [list probe $n p$n]
+    }
+    proc Finite number {
+        return [expr {[string is double -strict $number] && ![string match -nocase {*[in]*} $number]}]
+    }
+    # Old values are grey.
+    method Ink token {
+        return [::sorma::style token [expr {$old ? "off" : $token}]]
     }
 }
