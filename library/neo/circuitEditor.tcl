@@ -8,6 +8,7 @@ package require sorma::circuitEdits
 package require sorma::circuitLayout
 package require sorma::circuitPalette
 package require sorma::circuitProbes
+package require sorma::circuitRun
 package require sorma::circuitScene
 package require sorma::circuitText
 package require sorma::lamp
@@ -35,6 +36,7 @@ package provide sorma::circuitEditor 1.0
 #       connect SOURCE SINK, drop CLASS X Y, delete KEYS NUMBERS, move KEYS DX DY, replace NUMBER WIRE, tidy. These edit.
 #       copy, cut, paste, align SIDE   as circuitClip has them
 #       probe NUMBER ?KIND?         as circuitProbes has it
+#       cycle                       the cycle that executes the circuit, or nothing
 #       save FILE                   the picture: .svg, .pdf or .ps, all of it; .png, as it is in the window
 #       undo, redo, revert, return COUNT
 #       history                     names of the edits that can be undone
@@ -69,6 +71,7 @@ snit::widget ::sorma::circuitEditor {
     ::sorma::circuitEdits
     ::sorma::circuitClip
     ::sorma::circuitProbes
+    ::sorma::circuitRun
 
     constructor {name args} {
         $self configurelist $args
@@ -170,10 +173,12 @@ snit::widget ::sorma::circuitEditor {
         if {$token eq {} && $subject ne {}} {
             set token [$subject value {DBX -live} $options(-every) [list ::sorma::parts::answer [mymethod Valued]]]
             $self StartProbes
+            $self StartCycles
         }
     }
     method Rest {} {
         $self StopProbes
+        $self StopCycles
         if {$token ne {}} {
             ::sorma::world unwatch $token
             set token {}
