@@ -30,7 +30,7 @@ a[href] { color: var(--accent); text-decoration-thickness: 1px; text-underline-o
 .opt, td code { white-space: nowrap } img, svg { max-width: 100%; height: auto } dd > p > img, .windows img { border: 1px solid var(--line) }
 .index { columns: 3 13em } .index p { margin: 0 }
 }
-    variable Tutorials {first-tcl first-cpp first-panel two-hosts moving testing embedding tour}
+    variable Tutorials {first-tcl first-cpp first-panel first-circuit two-hosts moving testing embedding tour}
     variable Demos {lab checkers tracker}
     variable Howtos {add-device instrument failed-call record tune-loop move-service boot upgrade}
     variable Formats {wire recording snapshot}
@@ -174,6 +174,9 @@ proc html::manual {name text} {
 set html::Shown {
     first-panel.html {
         panel,console {<code>sorma::panel</code>}
+    }
+    first-circuit.html {
+        circuitEditor {At the left are the classes}
     }
     lab-demo.html {
         lab-scene,lab-panel,lab-reading {simulated laboratory with an arm}
