@@ -168,6 +168,22 @@ void refusedRecord(const Row& row) {
     check(!answer.empty() && XdrReader(answer).u32() == 3, "the request after it is not served");
 }
 
+// A probe of RFC 9289 is a NULL with the credentials AUTH_TLS. The verifier of the answer is empty: STARTTLS would promise TLS.
+void probe(const Row& row) {
+    Daemon daemon(row);
+    End end = daemon.connect();
+    constexpr std::size_t kFlavor = 31;             // the last byte of the flavor
+    Buffer out;
+    wire::writeNull(out, 9, wire::kProgram);
+    const_cast<char*>(out.data())[kFlavor] = 7;
+    end.say(out);
+    const std::string answer = daemon.answer(end);
+    XdrReader r(answer);
+    const bool accepted = r.u32() == 9 && r.u32() == 1 && r.skipZeros(16) && r.atEnd();
+    check(accepted && r.good(), "the answer to the probe is not an empty one");
+    check(!daemon.greet(end, 1).empty(), "the connection does not go on");
+}
+
 void identity(const Row& row) {
     ListeningSocket socket = row.listen();
     const Address address = addressOf(socket);
@@ -234,7 +250,7 @@ void slowPeer(const Row& row) {
 
 Cases daemonCases{
     {"cutRequests", cutRequests}, {"twoHellos", twoHellos}, {"refusedRecord", refusedRecord},
-    {"identity", identity}, {"manyConnections", manyConnections}, {"slowPeer", slowPeer},
+    {"identity", identity}, {"manyConnections", manyConnections}, {"probe", probe}, {"slowPeer", slowPeer},
 };
 
 }  // namespace
