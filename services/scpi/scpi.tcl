@@ -3,7 +3,8 @@
 #     scpi.psu CTRL -to tcp:192.168.0.9:5025
 #     scpi.psu EXEC query MEAS:VOLT?
 #
-# One request has the line at a time, the others wait in their order: no answer goes to the wrong one. When an answer is missing the line is
+# One request has the line at a time, the others wait in their order: no answer goes to the wrong one. The bus lets a self-test begin while
+# an EXEC waits, so the line has turns of its own. When an answer is missing the line is
 # closed, because the answer may still come. The next request opens the line again. So an instrument that was off is found.
 
 package require sorma
@@ -27,9 +28,10 @@ oo::class create ::sorma::service::scpi {
 
     variable Channel Opened     ;# the line, empty: it is closed; what -to was then
     variable Input Seen         ;# bytes that have come; so many of them have no terminator
+    variable Turns              ;# coroutines: the first one has the line, the others wait for it
 
     method born {} {
-        set Channel [set Opened [set Input {}]]
+        set Channel [set Opened [set Input [set Turns {}]]]
         set Seen 0
     }
     destructor {
@@ -44,11 +46,11 @@ oo::class create ::sorma::service::scpi {
         return "line [my Line]"
     }
     method selftest {} {
-        set said [my Query *TST?]
+        set said [my Text [my Query *TST?]]
         if {![string is integer -strict $said] || $said != 0} {
             my Fault TEST "*TST? has answered \"$said\", 0 means that all is well" $said
         }
-        return [my Query *IDN?]
+        return [my Text [my Query *IDN?]]
     }
 
     method exec message {
@@ -75,6 +77,9 @@ oo::class create ::sorma::service::scpi {
                 my Fault QUESTION "\"$part\" is no question, and may change something: say write" $part
             }
         }
+        return [my Turn Ask $text]
+    }
+    method Ask text {
         my Open
         my Send $text
         return [my Receive $text]
@@ -86,6 +91,9 @@ oo::class create ::sorma::service::scpi {
             set length [string length $bytes]
             append text "#[string length $length]$length$bytes"
         }
+        return [my Turn Tell $text $asks]
+    }
+    method Tell {text asks} {
         my Open
         my Send $text
         set result [if {$asks} {dict create text [my Text [my Receive $text]]}]
@@ -93,6 +101,38 @@ oo::class create ::sorma::service::scpi {
             my Errors $text
         }
         return $result
+    }
+    # Call a method when those before have ended. A coroutine that is deleted runs no `finally`.
+    method Turn args {
+        set me [info coroutine]
+        set gone [namespace code [list my Gone $me]]
+        trace add command $me delete $gone
+        lappend Turns $me
+        try {
+            while {[lindex $Turns 0] ne $me} {
+                yield
+            }
+            if {[sorma::cancelled]} {
+                my Fault CANCELLED "given up before \"[string range [lindex $args 1] 0 100]\" was sent"
+            }
+            return [my {*}$args]
+        } finally {
+            trace remove command $me delete $gone
+            my Next $me
+        }
+    }
+    method Next me {
+        set first [lindex $Turns 0]
+        set Turns [lsearch -all -inline -not -exact $Turns $me]
+        if {$first eq $me && $Turns ne {}} {
+            after 0 [list catch [list [lindex $Turns 0]]]
+        }
+    }
+    method Gone {me args} {
+        if {[lindex $Turns 0] eq $me} {
+            my Close
+        }
+        my Next $me
     }
     # The instrument's errors, the oldest first, are those of this request.
     method Errors text {
