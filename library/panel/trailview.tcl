@@ -16,6 +16,7 @@ package provide sorma::trailview 1.0
 #       clear; messages: those that are wanted, dicts as sorma::world tells them, also while it is paused; text: what is shown, in lines
 snit::widget ::sorma::trailview {
     hulltype ttk::frame
+    typevariable States {error refused warning warn verbose asking}     ;# a severity's colour and mark
     option -keys -default *@* -readonly 1
     option -severity -default {error warning} -configuremethod Choose
     option -daemon -default {} -configuremethod Choose
@@ -31,10 +32,10 @@ snit::widget ::sorma::trailview {
 
     constructor args {
         $self configurelist $args
-        install tree using ttk::treeview $win.tree -style [::sorma::style own Treeview] -columns {time object text} -show headings -height $options(-height) \
+        install tree using ttk::treeview $win.tree -style [::sorma::style own Treeview] -columns {mark time object text} -show headings -height $options(-height) \
             -selectmode extended -yscrollcommand [list $win.bar set]
         ttk::scrollbar $win.bar -style [::sorma::style own Vertical.TScrollbar] -command [list $tree yview]
-        foreach {column title width stretch} {time Time 100 0 object Object 130 0 text Message 360 1} {
+        foreach {column title width stretch} {mark {} 24 0 time Time 100 0 object Object 130 0 text Message 360 1} {
             $tree heading $column -text $title -anchor w
             $tree column $column -width [::sorma::style pixels $width] -stretch $stretch
         }
@@ -49,7 +50,7 @@ snit::widget ::sorma::trailview {
     }
     method Enable {} {
         if {$tree eq {}} return
-        foreach {severity state} {error refused warning warn verbose asking} {
+        dict for {severity state} $States {
             $tree tag configure $severity -foreground [$self Shade $state]
         }
         # Keys and mouse are bound to its class.
@@ -109,13 +110,15 @@ snit::widget ::sorma::trailview {
         lassign [lmap text [list [::sorma::world shown $key] [dict get $message text]] {::sorma::text::clean [string map {\n { }} $text]}] object text
         foreach item [lrange [$tree children {}] end-7 end] {
             set times [$tree item $item -text]
-            if {[lrange [$tree item $item -values] 1 end] eq [list $object [Often $text $times]]} {
-                $tree item $item -text [incr times] -values [list $time $object [Often $text $times]]
+            lassign [$tree item $item -values] mark
+            if {[lrange [$tree item $item -values] 2 end] eq [list $object [Often $text $times]]} {
+                $tree item $item -text [incr times] -values [list $mark $time $object [Often $text $times]]
                 $tree move $item {} end
                 return
             }
         }
-        $tree insert {} end -tags [list [dict get $message severity]] -text 1 -values [list $time $object $text]
+        set severity [dict get $message severity]
+        $tree insert {} end -tags [list $severity] -text 1 -values [list [::sorma::style mark [dict get $States $severity]] $time $object $text]
     }
     proc Often {text times} {
         return [expr {$times > 1 ? "$text ($times times)" : $text}]
@@ -137,7 +140,7 @@ snit::widget ::sorma::trailview {
         clipboard append -displayof $win -- [$self Lines [$tree selection]]
     }
     method Lines items {
-        return [join [lmap item $items {join [$tree item $item -values] "  "}] \n]
+        return [join [lmap item $items {join [lrange [$tree item $item -values] 1 end] "  "}] \n]
     }
     method text {} {
         return [$self Lines [$tree children {}]]
