@@ -4,7 +4,7 @@
 #
 # Its fair share is what it gets beside a client like itself. Both are measured in one run, by turns. Its requests
 # count for each second that the daemon has computed. So other work on this machine matters little. In less than 2 s it matters
-# more, and half of its share is enough.
+# more: half of its share is enough then, and a quarter beside fifty connections. Were connections served by turns, it would have a 25th.
 #
 # The owner calls each 2 ms meanwhile. His waiting time depends on the other work of this machine. A process that only computes
 # makes its caller wait, too: that time is printed. How long the daemon computes for others before it answers depends on the daemon
@@ -98,7 +98,7 @@ attack {
         puts [format "%s: the neighbour has %.2f of its share, beside fifty connections %.2f" $what $one $fifty]
         promise "$what: the neighbour has $bound of its share" [expr {$one >= $bound}]
         # Each of fifty connections has a turn only to find that it must wait: that costs all others.
-        set less [expr {min($bound, 0.75)}]
+        set less [expr {$seconds >= 2 ? 0.75 : 0.25}]
         promise "$what by fifty connections: the neighbour has $less of its share" [expr {$fifty >= $less}]
         if {$seconds >= 2 && $order eq "first"} {
             promise "$what: of 100 calls of the owner the daemon computes less than 5 ms before it answers 99" \
