@@ -143,8 +143,9 @@ oo::class create ::sorma::service::scpi {
             if {![regexp {^\s*([-+]?\d+)\s*(?:,(.*))?$} $said -> number meaning]} {
                 my Fault ANSWER "SYST:ERR? has answered \"[string range $said 0 100]\", expected a number and a text" SYST:ERR?
             }
+            scan $number %d number
             if {$number == 0} break
-            lappend errors [list [expr {$number + 0}] [string trim $meaning " \""]]
+            lappend errors [list $number [string trim $meaning " \""]]
         }
         foreach error [lrange $errors 1 end] {
             sorma::warn [list SCPI DEVICE [lindex $error 0]] "[my name]: the instrument says [join $error {, }]"
@@ -198,15 +199,14 @@ oo::class create ::sorma::service::scpi {
         if {[string length $bytes] % $size != 0} {
             my Fault ANSWER "a block of [string length $bytes] bytes has no whole number of [my cget -format]"
         }
-        set kind [expr {[my cget -order] eq "big" ? $big : $little}]
-        binary scan $bytes [string index $kind 0][string range $kind 1 end]* numbers
+        binary scan $bytes [if {[my cget -order] eq "big"} {set big} else {set little}]* numbers
         return $numbers
     }
 
     # ---- the line ----
 
     method Parts to {
-        if {[regexp {^tcp:(?:\[([^]\s]+)\]|([^:,\s]+)):(\d{1,5})$} $to -> six four port] && $port in [list [expr {max(1, min($port, 65535))}]]} {
+        if {[regexp {^tcp:(?:\[([^]\s]+)\]|([^:,\s]+)):([1-9]\d{0,4})$} $to -> six four port] && $port <= 65535} {
             return [list tcp $six$four $port]
         }
         if {[regexp {^serial:(/[^,]+),(\d+),([5-8])([noems])([12])$} $to -> path baud data parity stop]} {
@@ -244,22 +244,20 @@ oo::class create ::sorma::service::scpi {
             }
             chan configure $Channel -blocking 0 -buffering none -translation binary
         } on error why {
-            my Close
-            my Fault UNREACHABLE "$to cannot be opened: $why" $to
+            my GiveUp UNREACHABLE "$to cannot be opened: $why" $to
         }
         set Opened $to
         if {$kind eq "tcp"} {
             set late [my Wait writable]
             set why [expr {$late ne "ready" ? "nobody answers within -patience [my cget -patience] s" : [chan configure $Channel -error]}]
             if {$why ne {}} {
-                my Close
-                my Fault UNREACHABLE "$to cannot be reached: $why; is the instrument switched on?" $to
+                my GiveUp UNREACHABLE "$to cannot be reached: $why; is the instrument switched on?" $to
             }
         }
     }
     # Is the line as it was? Bytes that nobody has asked for are dropped.
     method Still {} {
-        return [expr {![catch {read $Channel} bytes] && ![eof $Channel] && [set Input {}] eq {} && [set Seen 0] == 0}]
+        return [expr {![catch {read $Channel}] && ![eof $Channel]}]
     }
     method End {} {
         return [dict get {lf \n cr \r crlf \r\n} [my cget -terminator]]
@@ -268,8 +266,7 @@ oo::class create ::sorma::service::scpi {
         set Input {}
         set Seen 0
         if {[catch {puts -nonewline $Channel $text[my End]} why]} {
-            my Close
-            my Fault LOST "the line to $Opened broke before the message was sent: $why" $Opened
+            my GiveUp LOST "the line to $Opened broke before the message was sent: $why" $Opened
         }
     }
     # The bytes of one answer, without its terminator.
@@ -280,8 +277,7 @@ oo::class create ::sorma::service::scpi {
                 my Silent $text $what
             }
             if {[catch {read $Channel 262144} piece] || [eof $Channel] && $piece eq {}} {
-                my Close
-                my Fault LOST "the line to $Opened broke after \"[string range $text 0 100]\" was sent, [string length $Input] bytes of the answer had come" $Opened
+                my GiveUp LOST "the line to $Opened broke after \"[string range $text 0 100]\" was sent, [string length $Input] bytes of the answer had come" $Opened
             }
             append Input $piece
         }
@@ -294,26 +290,19 @@ oo::class create ::sorma::service::scpi {
         set have [string length $Input]
         if {[string index $Input 0] eq "#" && [string index $Input 1] ne "0"} {
             set digits [string index $Input 1]
-            if {$have < 2 || $have < 2 + $digits} {
-                set size [expr {$have >= 2 && ![string is digit -strict $digits] ? "?" : -1}]
-            } else {
-                set length [string range $Input 2 1+$digits]
-                set size [expr {[string is digit -strict $length] ? 2 + $digits + [scan $length %lld] : "?"}]
+            set length [if {[string is digit -strict $digits]} {string range $Input 2 1+$digits}]
+            if {![string is digit $digits] || ![string is digit $length]} {
+                my GiveUp ANSWER "\"[string range $Input 0 20]\" does not begin like a block: # and a digit, which says how many digits tell the length" $Opened
             }
-            if {$size eq "?"} {
-                my Close
-                my Fault ANSWER "\"[string range $Input 0 20]\" does not begin like a block: # and a digit, which says how many digits tell the length" $Opened
-            }
+            set size [if {$digits eq {} || [string length $length] < $digits} {list -1} else {expr {2 + $digits + [scan $length %lld]}}]
         } else {
             set end [my End]
-            set at [string first $end $Input $Seen]
+            set size [string first $end $Input $Seen]
             set Seen [expr {max(0, $have - [string length $end] + 1)}]
-            set size $at
         }
         set known [expr {$size < 0 ? $have : $size}]
         if {$known > [my cget -most]} {
-            my Close
-            my Fault TOO_BIG "an answer of $known bytes or more, -most takes [my cget -most]" $Opened
+            my GiveUp TOO_BIG "an answer of $known bytes or more, -most takes [my cget -most]" $Opened
         }
         return [expr {$size > $have ? -1 : $size}]
     }
@@ -329,6 +318,11 @@ oo::class create ::sorma::service::scpi {
             chan event $Channel $event {}
         }
         return $what
+    }
+    # The line is of no use any more.
+    method GiveUp {symbol text args} {
+        my Close
+        my Fault $symbol $text {*}$args
     }
     method Fault {symbol text args} {
         sorma::fail [list SCPI $symbol [my name] {*}$args] "[my name]: $text"
