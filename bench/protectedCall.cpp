@@ -84,7 +84,6 @@ std::vector<Case> allCases() {
     return all;
 }
 
-
 Body afterSilence(std::function<void()> call) {
     return [call](std::int64_t count) {
         std::int64_t spent = 0;

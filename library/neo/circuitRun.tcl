@@ -1,6 +1,6 @@
 # circuitRun.tcl -- ::sorma::circuitRun: buttons of the circuit editor that run, pause and step the cycle that executes the circuit.
 #
-# The model tells which cycles there are where the circuit is. The first one with the circuit among its steps has the buttons.
+# The model tells of cycles at the circuit's daemon. The first one with the circuit among its steps has the buttons.
 
 package require snit
 package require sorma::actions

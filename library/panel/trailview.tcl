@@ -110,9 +110,9 @@ snit::widget ::sorma::trailview {
         lassign [lmap text [list [::sorma::world shown $key] [dict get $message text]] {::sorma::text::clean [string map {\n { }} $text]}] object text
         foreach item [lrange [$tree children {}] end-7 end] {
             set times [$tree item $item -text]
-            lassign [$tree item $item -values] mark
-            if {[lrange [$tree item $item -values] 2 end] eq [list $object [Often $text $times]]} {
-                $tree item $item -text [incr times] -values [list $mark $time $object [Often $text $times]]
+            set values [$tree item $item -values]
+            if {[lrange $values 2 end] eq [list $object [Often $text $times]]} {
+                $tree item $item -text [incr times] -values [list [lindex $values 0] $time $object [Often $text $times]]
                 $tree move $item {} end
                 return
             }

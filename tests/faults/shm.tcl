@@ -4,19 +4,10 @@
 # Many lines say nothing. The script judges what is left: descriptors, memory, connections, names in /dev/shm.
 
 source [file join [file dirname [file normalize [info script]]] faults.tcl]
+source [file join $supportFolder smaps.tcl]
 
 proc descriptors d { return [llength [glob -nocomplain -directory /proc/[daemon info $d pid]/fd *]] }
 proc names {} { return [lsort [glob -nocomplain -directory /dev/shm *]] }
-# Memory that the daemon shares with its clients [kB].
-proc shared d {
-    set f [open /proc/[daemon info $d pid]/smaps]
-    set kilobytes 0
-    foreach {- one} [regexp -all -inline {memfd:sorma [^\n]*\n(?:[A-Z][^\n]*\n)*?Rss: +(\d+)} [read $f]] {
-        incr kilobytes $one
-    }
-    close $f
-    return $kilobytes
-}
 # A process that calls by memory without an end. It says ready first, and how many calls ended with an error that was none of COMM.
 proc caller {where} {
     set pipe [open [list | [info nameofexecutable] << [string map [list WHERE [list $where]] {
@@ -52,7 +43,7 @@ attack {
     puts [exec $rings killed [daemon info $d socket] $kills $seed]
     waitFor {[dict get [sorma::health $d] connections] <= 1}
     promise "callers that are killed leave no descriptor" [expr {[descriptors $d] <= $descriptors}]
-    promise "nor memory ([expr {([memoryOf $d] - $memory) / 1024}] kB more)" [expr {[memoryOf $d] < $memory + 4 * 1024 * 1024 && [shared $d] <= 16}]
+    promise "nor memory ([expr {([memoryOf $d] - $memory) / 1024}] kB more)" [expr {[memoryOf $d] < $memory + 4 * 1024 * 1024 && [shared [daemon info $d pid]] <= 16}]
 
     puts [exec $rings hostile [daemon info $d socket] 1 $changes $seed]
     promise "whoever changes the memory anywhere ends its own line alone" [expr {[nop@$d EXEC] eq {RET 0}}]
@@ -91,7 +82,7 @@ attack {
         lappend clients $client
     }
     promise "$lines lines by memory" [expr {[dict get [sorma::health $d] connections] >= $lines}]
-    promise "each keeps [expr {double([shared $d]) / $lines}] kB of it" [expr {[shared $d] <= 16 * $lines}]
+    promise "each keeps [expr {double([shared [daemon info $d pid]]) / $lines}] kB of it" [expr {[shared [daemon info $d pid]] <= 16 * $lines}]
     puts "and [expr {([memoryOf $d] - $began) / $lines}] bytes of the daemon's own"
     foreach client $clients {
         interp delete $client
