@@ -144,6 +144,7 @@ public:
     std::int64_t callTime = 0;          // [ns] when the blocking call under way was made: saves reading the clock; 0: there is none
 
     bool brought(bool sleep) override { return line_.brought(sleep); }
+    void rest() override { line_.rest(); }
     // Connect again, by memory. Nothing may be under way. Where that cannot be, by the socket; then mayShare() is false from now on.
     bool mayShare() const;
     void share();

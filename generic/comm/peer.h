@@ -66,6 +66,7 @@ public:
     ~Peer() override { closeSocket(); }
 
     bool brought(bool sleep) override { return open() && reading() && line_.brought(sleep); }
+    void rest() override { line_.rest(); }
     void ready(std::uint32_t events) override;          // one turn: sends, reads and serves. May run services and the event loop
     void push(const char* data, std::size_t size);      // send now, or queue what the socket does not take. May close the peer
     void flush(Scratch& scratch);       // send the answers of this turn

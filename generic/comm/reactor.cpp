@@ -83,7 +83,8 @@ void Reactor::remove(int fd, Watcher* watcher) {
     gathered_->forget(watcher);
     if (watcher->pending_) std::erase(pending_, watcher);
     if (watcher->awake_) std::erase(awake_, watcher);
-    watcher->pending_ = watcher->awake_ = false;
+    if (watcher->rests_) std::erase(resting_, watcher);
+    watcher->pending_ = watcher->awake_ = watcher->rests_ = false;
 }
 
 // Any thread. It cannot fail: the counter is read before it can overflow.
@@ -177,8 +178,22 @@ bool Reactor::findBefore(Batch& batch, std::int64_t end) {
 }
 
 void Reactor::leaveAwake() {
-    for (Watcher* watcher : awake_) watcher->awake_ = false;
+    constexpr std::int64_t kMoment = 10'000'000;        // [ns]
+    for (Watcher* watcher : awake_) {
+        watcher->awake_ = false;
+        if (std::exchange(watcher->rests_, true)) continue;
+        if (resting_.empty()) start(monotonicNow() + kMoment, [this] { restAll(); });
+        resting_.push_back(watcher);
+    }
     awake_.clear();
+}
+
+void Reactor::restAll() {
+    for (Watcher* watcher : resting_) {
+        watcher->rests_ = false;
+        watcher->rest();
+    }
+    resting_.clear();
 }
 
 void Reactor::doze() {

@@ -36,10 +36,12 @@ public:
         virtual void ready(std::uint32_t events) = 0;
         // After stay(): has its line brought something? As Transport::brought.
         virtual bool brought(bool /*sleep*/) { return false; }
+        // Some time after its line has slept: as Transport::rest.
+        virtual void rest() {}
 
     private:
         friend class Reactor;
-        bool pending_ = false, awake_ = false;
+        bool pending_ = false, awake_ = false, rests_ = false;
     };
 
     // mailbox: its functions are called in the reactor's turns. Throws std::system_error when the kernel has run out of
@@ -81,7 +83,7 @@ public:
     void again(Watcher* watcher);
 
     // Its descriptor has no event although bytes come: ask watcher->brought() instead, until the reactor sleeps. It asks for a while before
-    // it does (comm/spinner.h), and then calls watcher->ready(EPOLLIN).
+    // it does (comm/spinner.h), and then calls watcher->ready(EPOLLIN). When it has slept watcher->rest() is called once, a moment later.
     void stay(Watcher* watcher) {
         if (!std::exchange(watcher->awake_, true)) awake_.push_back(watcher);
     }
@@ -130,10 +132,12 @@ private:
     Batch* batches_ = nullptr;          // of the polls on the stack, the innermost first
     std::unique_ptr<Batch> gathered_;   // what gather() has found
     std::vector<Watcher*> awake_;       // from stay()
+    std::vector<Watcher*> resting_;     // have slept; there is a timer for them
     Spinner spinner_;
     std::int64_t waited_ = 0;           // [ns] when descriptors were last asked for events
     Watcher* findAwake(bool sleep);
     void leaveAwake();
+    void restAll();
     bool findBefore(Batch& batch, std::int64_t end);
 };
 

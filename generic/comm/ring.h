@@ -5,13 +5,17 @@
 //
 // Sleep:   the reader says that it sleeps, and looks once more. The writer tells what it has written, and looks whether the reader
 //          sleeps. Both orders are sequentially consistent: so one of them sees the other. The same holds for a writer that waits
-//          for room. The end that wakes the other one takes its mark away, so a burst wakes once.
-// Pages:   a writer that is about to sleep gives back those whose bytes have been taken: nobody looks at them any more. So a silent
-//          line keeps two, that of the counts and that where its next byte goes.
+//          for room. The end that wakes the other one takes its mark away, so a burst wakes once. A reader that
+//          waits for nothing else dozes: at a futex, which costs both ends less than a bell.
+// Pages:   a writer that rests gives back those whose bytes have been taken: nobody looks at them any more. So a silent line keeps
+//          two, that of the counts and that where its next byte goes.
 // Threads: each end belongs to one thread at a time.
 #pragma once
 
+#include <linux/futex.h>
 #include <sys/mman.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
@@ -27,12 +31,13 @@ struct RingMemory {
     static constexpr std::size_t kPage = 4096;                  // where pages are larger, none is given back
     using Count = std::atomic<std::uint64_t>;
     using Mark = std::atomic<std::uint32_t>;
-    static_assert(Count::is_always_lock_free && Mark::is_always_lock_free && (kSize & (kSize - 1)) == 0);
+    static_assert(Count::is_always_lock_free && Mark::is_always_lock_free && sizeof(Mark) == 4 && (kSize & (kSize - 1)) == 0);
+    static constexpr std::uint32_t kAwake = 0, kSleeps = 1, kDozes = 2;     // what a mark says
 
     alignas(64) Count written;          // the writer's
-    Mark readerSleeps;
+    Mark reader;                        // does it sleep?
     alignas(64) Count taken;            // the reader's
-    Mark writerWaits;
+    Mark writer;                        // does it wait for room?
     alignas(kPage) char bytes[kSize];
 };
 
@@ -48,28 +53,33 @@ public:
         std::memcpy(memory_->bytes + at, data, first);
         std::memcpy(memory_->bytes, data + first, size - first);
         written_ += size;
-        memory_->written.store(written_, std::memory_order_seq_cst);    // after the bytes; before readerSleeps is read
+        memory_->written.store(written_, std::memory_order_seq_cst);    // after the bytes; before the reader's mark is read
         return std::ptrdiff_t(size);
     }
     bool full() const { return written_ - taken_ == RingMemory::kSize; }        // as last seen
     // The reader is to wake us. False: there is room already.
     bool waits() {
-        memory_->writerWaits.store(1, std::memory_order_seq_cst);       // before taken is read
+        memory_->writer.store(1, std::memory_order_seq_cst);       // before taken is read
         if (look() && full()) return true;
-        memory_->writerWaits.store(0, std::memory_order_relaxed);       // a bell too many does no harm
+        memory_->writer.store(0, std::memory_order_relaxed);       // a bell too many does no harm
         return false;
     }
-    // Its thread is about to sleep: give back what can be. A reader that has much to take still wakes us when it has taken some. A
-    // system call for each page that was filled.
-    void sleeps() {
+    // The line is silent: give back what can be. A reader that has much to take still wakes us when it has taken some. A system call
+    // for each page that was filled.
+    void rest() {
         if (written_ - given_ < RingMemory::kPage || !look()) return;
         giveBack();
         if (written_ - given_ < 2 * RingMemory::kPage) return;
-        memory_->writerWaits.store(1, std::memory_order_seq_cst);       // before taken is read
+        memory_->writer.store(1, std::memory_order_seq_cst);       // before taken is read
         if (look()) giveBack();
     }
-    // Is the reader to be woken? Says so once.
-    bool wakes() { return memory_->readerSleeps.load(std::memory_order_seq_cst) != 0 && memory_->readerSleeps.exchange(0) != 0; }
+    // Is the reader to be woken by a bell? Says so once. One that dozes has been woken here.
+    bool wakes() {
+        if (memory_->reader.load(std::memory_order_seq_cst) == RingMemory::kAwake) return false;
+        const std::uint32_t mark = memory_->reader.exchange(RingMemory::kAwake);
+        if (mark == RingMemory::kDozes) syscall(SYS_futex, &memory_->reader, FUTEX_WAKE, 1, nullptr, nullptr, 0);
+        return mark != RingMemory::kAwake && mark != RingMemory::kDozes;
+    }
 
 private:
     bool look() {
@@ -111,21 +121,28 @@ public:
         std::memcpy(room + first, memory_->bytes, size - first);
         if (keep) return std::ptrdiff_t(size);
         taken_ += size;
-        memory_->taken.store(taken_, std::memory_order_seq_cst);        // after the copy; before writerWaits is read
+        memory_->taken.store(taken_, std::memory_order_seq_cst);        // after the copy; before the writer's mark is read
         return std::ptrdiff_t(size);
     }
-    // The writer is to wake us. False: something is there already.
-    bool sleeps() {
-        memory_->readerSleeps.store(1, std::memory_order_seq_cst);      // before written is read
+    // The writer is to wake us by a bell. False: something is there already.
+    bool sleeps() { return say(RingMemory::kSleeps); }
+    // Wait for the writer, or until somebody takes the mark away (see lookout.h), or a signal comes.   called: has he?
+    template <class Called> void doze(Called called) {
+        if (say(RingMemory::kDozes) && !called()) syscall(SYS_futex, &memory_->reader, FUTEX_WAIT, RingMemory::kDozes, nullptr, nullptr, 0);
+        awake();
+    }
+    std::atomic<std::uint32_t>& mark() { return memory_->reader; }
+    void awake() { memory_->reader.store(RingMemory::kAwake, std::memory_order_relaxed); }      // woken once too often does no harm
+    // Is the writer to be woken? Says so once.
+    bool wakes() { return memory_->writer.load(std::memory_order_seq_cst) != 0 && memory_->writer.exchange(0) != 0; }
+
+private:
+    bool say(std::uint32_t how) {
+        memory_->reader.store(how, std::memory_order_seq_cst);          // before written is read
         if (memory_->written.load(std::memory_order_seq_cst) == taken_) return true;
         awake();
         return false;
     }
-    void awake() { memory_->readerSleeps.store(0, std::memory_order_relaxed); }         // a bell too many does no harm
-    // Is the writer to be woken? Says so once.
-    bool wakes() { return memory_->writerWaits.load(std::memory_order_seq_cst) != 0 && memory_->writerWaits.exchange(0) != 0; }
-
-private:
     RingMemory* memory_;
     std::uint64_t taken_ = 0;
 };

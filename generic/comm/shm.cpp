@@ -13,9 +13,11 @@
 
 #include <cerrno>
 #include <cstring>
+#include <optional>
 
 #include "bus/deadline.h"
 #include "comm/errors.h"
+#include "comm/lookout.h"
 #include "comm/ring.h"
 #include "comm/spinner.h"
 #include "comm/transport.h"
@@ -33,6 +35,8 @@ struct Rings {
     RingMemory toDaemon, toClient;
 };
 
+constexpr std::int64_t kForever = INT64_MAX / 2;        // [ns]
+
 constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL;       // so nobody can take pages away from under the other one
 
 struct Shared : Line::Extra {
@@ -45,6 +49,7 @@ struct Shared : Line::Extra {
     RingWriter out;
     bool ended = false;                 // the other end has closed the socket
     Spinner spinner;                    // a client's, where it waits in read()
+    std::optional<Dozer> dozer;
 };
 
 Shared& sharedOf(const Line& line) { return static_cast<Shared&>(*line.extra); }
@@ -62,11 +67,22 @@ Descriptor makeMemory() {
 
 void ring(Line& line) { (void)send(line.descriptor(), &kBell, 1, MSG_NOSIGNAL | MSG_DONTWAIT); }       // full: there are bells enough
 
-// Take the bells. wait [ns]: block for one.
-void hear(Line& line, std::int64_t wait) {
+// Take the bells.
+void hear(Line& line) {
     char bells[kBells];
-    const ssize_t n = readSocket(line, bells, sizeof bells, wait);
+    const ssize_t n = readSocket(line, bells, sizeof bells, 0);
     if (n == 0 || (n < 0 && errno != EAGAIN)) sharedOf(line).ended = true;
+}
+
+// Wait until something comes, for so many nanoseconds at most.
+void wait(Line& line, std::int64_t most) {
+    Shared& s = sharedOf(line);
+    if (s.spinner.wait([&] { return s.in.look() != 0; }, most)) return;
+    if (!s.dozer) s.dozer.emplace(line.descriptor(), s.in.mark());
+    s.out.rest();
+    s.dozer->begin(most < kForever ? monotonicNow() + most : kForever);
+    s.in.doze([&] { return s.dozer->called(); });
+    s.dozer->end();
 }
 
 // ---- the offer ----
@@ -148,22 +164,17 @@ bool offer(Line& line, Transport::Stage stage, const std::string& who) {
 
 // ---- bytes ----
 
-ssize_t read(Line& line, char* room, std::size_t size, std::int64_t wait) {
+ssize_t read(Line& line, char* room, std::size_t size, std::int64_t most) {
     Shared& s = sharedOf(line);
-    for (bool waited = false;;) {
+    for (bool waited = false;; waited = true) {
         const std::ptrdiff_t n = s.in.take(room, size);
         if (n > 0 && s.in.wakes()) ring(line);
         if (n > 0) return n;
         if (n < 0) return errno = EPROTO, -1;
         if (s.ended) return 0;
-        if (wait > 0 && waited) return errno = EAGAIN, -1;
-        if (wait > 0 && s.spinner.wait([&] { return s.in.look() != 0; }, wait)) continue;
-        if (wait > 0 && !s.in.sleeps()) continue;
-        if (wait > 0) s.out.sleeps();
-        hear(line, wait);
-        if (wait > 0) s.in.awake();
-        waited = true;
-        if (s.in.look() == 0 && !s.ended) return errno = EAGAIN, -1;
+        if (waited) return errno = EAGAIN, -1;
+        if (most > 0) wait(line, most);
+        if (most == 0 || s.in.look() == 0) hear(line);
     }
 }
 
@@ -174,7 +185,7 @@ ssize_t write(Line& line, const char* data, std::size_t size) {
     if (n < 0) return errno = EPROTO, -1;
     if (n > 0 && s.out.wakes()) ring(line);
     if (n > 0 || size == 0) return n;
-    hear(line, 0);                      // perhaps nobody reads now. wants() and brought() look again
+    hear(line);                         // perhaps nobody reads now. wants() and brought() look again
     return errno = s.ended ? EPIPE : EAGAIN, -1;
 }
 
@@ -186,10 +197,10 @@ ssize_t peek(Line& line, char* room, std::size_t size) {
 bool brought(const Line& line, bool sleep) {
     Shared& s = sharedOf(line);
     if (!sleep) return s.in.look() != 0;
-    if (!s.in.sleeps()) return true;
-    s.out.sleeps();
-    return false;
+    return !s.in.sleeps();
 }
+
+void rest(const Line& line) { sharedOf(line).out.rest(); }
 
 // There is no room: a bell says when there is. The last one may have been taken for another reason.
 std::uint32_t wants(const Line& line, std::uint32_t events) {
@@ -221,6 +232,7 @@ Transport makeRow() {
     row.peek = peek;
     row.wants = wants;
     row.brought = brought;
+    row.rest = rest;
     return row;
 }
 

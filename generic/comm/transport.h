@@ -66,6 +66,7 @@ public:
     // Says what may be done (EPOLLIN, EPOLLOUT ...) when the descriptor has these events; 0: bytes were pending.
     std::uint32_t means(std::uint32_t events) const;
     bool brought(bool sleep) const;
+    void rest() const;
     // Block until something of events (EPOLLIN, EPOLLOUT) may be done, for so many milliseconds at most. Returns what may be.
     std::uint32_t wait(std::uint32_t events, int milliseconds) const;
 
@@ -174,6 +175,8 @@ struct Transport {
     // For a row whose bytes come without an event of the descriptor: are some there?   sleep: the caller is about to wait for the
     // descriptor, which has to have an event when bytes come. Is asked often, and must be quick.
     bool (*brought)(const Line& line, bool sleep) = nullptr;
+    // The line has been silent for a moment: give back what it keeps for traffic. Must be quick.
+    void (*rest)(const Line& line) = nullptr;
     // A daemon may write before the stage `connected`: clients understand it.
     bool inClear = false;
 };
@@ -225,6 +228,9 @@ inline bool Line::writeMost(const char*& data, std::size_t& left) {
     return true;
 }
 inline bool Line::brought(bool sleep) const { return row_->brought && row_->brought(*this, sleep); }
+inline void Line::rest() const {
+    if (row_->rest) row_->rest(*this);
+}
 inline bool Line::pending() const { return row_->pending && row_->pending(*this); }
 inline std::uint32_t Line::wants(std::uint32_t events) const { return row_->wants ? row_->wants(*this, events) : events; }
 

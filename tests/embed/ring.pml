@@ -2,7 +2,8 @@
  *
  * Each end writes N bytes to the other one and reads N from it, by rings of SIZE bytes. Every access to shared memory is a step of its
  * own, and steps of both ends mix in any order. All those in ring.h that the argument rests on are sequentially consistent. A bell is a
- * byte on the socket: an end takes all bells at once, then looks at both of its rings.
+ * byte on the socket: an end takes all bells at once, then looks at both of its rings. A reader that waits for nothing else may doze
+ * instead: the kernel lets it sleep while its mark says so, and whoever takes the mark away wakes it (futex).
  *
  * spin finds out that nobody sleeps for ever (no end state but that of both programs), that bytes come once and in order, and that counts
  * make sense. -DHASTY leaves out the second look before a sleep, of the reader; -DDEAF that of the writer: both must be found.
@@ -14,11 +15,15 @@
 #define N 4
 #endif
 
+#define AWAKE 0
+#define SLEEPS 1
+#define DOZES 2
+
 typedef Ring {
     byte written;           /* counts since the beginning; each has one writer */
     byte taken;
-    bit readerSleeps;
-    bit writerWaits;
+    byte reader;            /* AWAKE, SLEEPS or DOZES */
+    bit writer;             /* it waits for room */
     byte bytes[SIZE]
 };
 Ring rings[2];              /* rings[i] leads to end i */
@@ -30,9 +35,9 @@ inline ring(to) {
 /* The end that wakes the other one takes its mark away. */
 inline wake(mark, to) {
     if
-    :: mark -> atomic { was = mark; mark = 0 }
+    :: mark != AWAKE -> atomic { was = mark; mark = AWAKE }
         if
-        :: was -> ring(to)
+        :: was == SLEEPS -> ring(to)
         :: else
         fi
     :: else
@@ -43,7 +48,8 @@ proctype End(byte me) {
     byte other = 1 - me;
     byte written = 0, seenTaken = 0;    /* as a writer to the other end */
     byte taken = 0, here;               /* as a reader */
-    bit was, idle, noRoom;
+    byte was;
+    bit idle, noRoom, dozes;
 
     do
     :: written == N && taken == N -> break
@@ -62,7 +68,7 @@ proctype End(byte me) {
                 rings[other].bytes[written % SIZE] = written;
                 written++;
                 rings[other].written = written;
-                wake(rings[other].readerSleeps, other);
+                wake(rings[other].reader, other);
                 idle = 0
             :: else ->
                 noRoom = 1
@@ -77,7 +83,7 @@ proctype End(byte me) {
             assert(rings[me].bytes[taken % SIZE] == taken);
             taken++;
             rings[me].taken = taken;
-            wake(rings[me].writerWaits, other);
+            wake(rings[me].writer, other);
             idle = 0
         :: else
         fi;
@@ -86,36 +92,42 @@ proctype End(byte me) {
         :: idle ->
             if
             :: noRoom ->
-                rings[other].writerWaits = 1;
+                rings[other].writer = 1;
 #ifndef DEAF
                 seenTaken = rings[other].taken;
                 if
-                :: written - seenTaken < SIZE -> rings[other].writerWaits = 0; idle = 0
+                :: written - seenTaken < SIZE -> rings[other].writer = 0; idle = 0
                 :: else
                 fi
 #endif
             :: else ->                  /* pages could be given back when the other one has taken more */
                 if
-                :: written != seenTaken -> rings[other].writerWaits = 1
+                :: written != seenTaken -> rings[other].writer = 1
                 :: true
                 fi
             fi;
             if
             :: idle ->
-                rings[me].readerSleeps = 1;
+                if
+                :: !noRoom -> dozes = 1
+                :: dozes = 0
+                fi;
+                rings[me].reader = (dozes -> DOZES : SLEEPS);
 #ifndef HASTY
                 if
-                :: rings[me].written != taken -> rings[me].readerSleeps = 0; idle = 0
+                :: rings[me].written != taken -> rings[me].reader = AWAKE; idle = 0
                 :: else
                 fi
 #endif
             :: else
             fi;
             if
-            :: idle ->
+            :: idle && dozes ->
+                rings[me].reader != DOZES       /* blocks */
+            :: idle && !dozes ->
                 bells[me] > 0;          /* blocks */
                 bells[me] = 0;
-                rings[me].readerSleeps = 0
+                rings[me].reader = AWAKE
             :: else
             fi
         :: else

@@ -1,7 +1,8 @@
 // rings.cpp -- comm/ring.h by itself, and ends of it that lie.
 //
 // rings alone BYTES SEED: one thread writes so many bytes in pieces of any size, the other one reads them. Both sleep when there is
-// nothing to do, until the other one wakes them, and pages are given back meanwhile. Prints "BYTES bytes"; or what is wrong.
+// nothing to do, by a bell or at a futex, until the other one wakes them. Pages are given back meanwhile. Prints "BYTES bytes"; or what
+// is wrong.
 // rings offers SOCKET: offers a daemon memory that it must not take. Prints each answer, and "clear" when it serves the line all the same.
 //
 // rings hostile SOCKET LINES CHANGES SEED: agrees on memory with a daemon, and changes it anywhere. It does so until the daemon has ended so
@@ -87,7 +88,7 @@ void writeAll(RingMemory& memory, Bell& mine, Bell& other, std::uint64_t bytes, 
             const auto n = ring.put(piece.data() + done, piece.size() - done);
             check(n >= 0, "the reader's count makes no sense");
             if (n > 0 && ring.wakes()) other.ring();
-            if (dice() % 16 == 0) ring.sleeps();
+            if (dice() % 16 == 0) ring.rest();
             if (n == 0 && ring.waits()) mine.wait();
             done += std::size_t(n);
         }
@@ -105,7 +106,9 @@ void readAll(RingMemory& memory, Bell& mine, Bell& other, std::uint64_t bytes, s
         for (std::size_t i = 0; i < std::size_t(n); ++i) check(room[i] == byteAt(at + i), "a byte is another one");
         at += std::uint64_t(n);
         if (n > 0 && ring.wakes()) other.ring();
-        if (n == 0 && ring.sleeps()) mine.wait();
+        if (n > 0) continue;
+        if (dice() % 2 == 0) ring.doze([] { return false; });
+        else if (ring.sleeps()) mine.wait();
     }
 }
 
@@ -214,8 +217,8 @@ private:
         switch (dice() % 5) {
             case 0: r.written = values[dice() % 6]; break;
             case 1: r.taken = values[dice() % 6]; break;
-            case 2: r.readerSleeps = std::uint32_t(values[dice() % 6]); break;
-            case 3: r.writerWaits = std::uint32_t(values[dice() % 6]); break;
+            case 2: r.reader = std::uint32_t(values[dice() % 6]); break;
+            case 3: r.writer = std::uint32_t(values[dice() % 6]); break;
             default: r.bytes[dice() % RingMemory::kSize] = char(dice());
         }
     }
@@ -257,8 +260,11 @@ void hostile(const char* path, long lines, long changes, std::uint64_t seed) {
             n = reader.take(room, 1 + dice() % sizeof room);
             if (n < 0) _exit(3);
             if (reader.wakes()) bell();
-            if (n == 0 && reader.sleeps()) {
-                writer.sleeps();
+            if (n != 0) continue;
+            writer.rest();
+            if (dice() % 2 == 0) {
+                reader.doze([] { return false; });
+            } else if (reader.sleeps()) {
                 if (recv(line.get(), room, sizeof room, 0) <= 0) _exit(4);
                 reader.awake();
             }
