@@ -9,8 +9,9 @@
 
 namespace bench {
 
-// A C++ program that embeds the bus, without Tcl.
+// A C++ program that embeds the bus, without Tcl. Its lines go as the name of a row says: by the socket, or by memory.
 struct Bus {
+    Bus() { comm.settings.sharing = sorma::Sharing::never; }
     sorma::Sorm sorm;
     sorma::Comm comm{sorm};
 };

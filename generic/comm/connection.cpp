@@ -1,7 +1,5 @@
 #include "comm/connection.h"
 
-#include <sched.h>
-
 #include <utility>
 
 #include "bus/listText.h"
@@ -63,8 +61,6 @@ void Connection::hurry() {
     const std::int64_t now = monotonicNow();
     quick_ = 0;
     if (now - std::exchange(quickSince_, now) > kWithin || !link_.mayShare() || inEvents() || wanted() || calls_.taken() > 0) return;
-    cpu_set_t processors;
-    if (sched_getaffinity(0, sizeof processors, &processors) == 0 && CPU_COUNT(&processors) < 2) return;       // nobody can look while the other one works
     link_.share();
 }
 

@@ -109,7 +109,7 @@ void Dozer::begin(std::int64_t until) {
     lookout_.keep(until);
 }
 
-// Whoever dozes looks at called_ after he has set the mark: either he sees it, or the mark is taken away here.
+// A dozer looks at called_ after it has set its mark. So it sees it, or the mark is taken away here.
 void Dozer::call() {
     called_.store(true, std::memory_order_seq_cst);
     mark_.exchange(0);

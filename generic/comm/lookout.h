@@ -4,7 +4,7 @@
 // A kernel timer that is set for each wait, and taken back, costs a third of a call by memory. So one thread of this process keeps the
 // time of all. It sets its timer again only when that has expired. It also waits for the end of their sockets.
 //
-// Threads: a Dozer belongs to one thread at a time. That thread and the lookout are told apart by what the functions say.
+// Threads: a Dozer belongs to one thread at a time. The lookout's own thread sets the marks.
 #pragma once
 
 #include <atomic>

@@ -15,7 +15,7 @@ enum class Sharing : std::uint8_t {
 };
 
 struct Settings {
-    Sharing sharing = Sharing::never;
+    Sharing sharing = Sharing::automatic;
     std::int64_t timeout = 25'000;              // [ms] time for a call, 0: no limit
     std::int64_t maxMessage = 64 << 20;         // [bytes] longest record that is received or sent
     std::int64_t maxConnections = 10'000;       // of a daemon
