@@ -44,6 +44,7 @@ const std::vector<Case> kSharedPipes = {
     {"PIPE_shm", "64 calls by memory in flight, empty; two CPUs", kRawMany, 0, 250, 0, kInFlight * kRounds, kBatch},
     {"PIPE10_shm", "64 by memory in flight, text and 10 floats; two CPUs", kRawMany, 0, 400, 0, kInFlight * kRounds, kBatch},
 };
+constexpr int kLearning = 2000;                 // calls after the daemon has another processor
 const Case kSharedScript = {"PT_shm", "Tcl script by memory: nop@robot EXEC; two CPUs", "P_shm_2cpu", 0, 2500, 0, Interpreter::kUnrolled, kBatch};
 const Case kSharedBig = {"BIG_shm", "200 000 floats there and back by memory; two CPUs", kRawBig, 0, 0, 0, 1, kBatch, 20};
 const Case kIdle = {"P_unix_idle", "call, empty, after 5 ms of silence; one CPU", kRaw, 0, 0, 0, 1, kBatch, 20};
@@ -136,6 +137,8 @@ void calls(Table& table, Bus& bus, const Daemon& daemon, const std::vector<Case>
         pin(daemon.process(), cpu);
         Remote remote(bus, tcp ? daemon.tcpAddress() : daemon.unixAddress(), named(c, "P10"));
         RawServer raw(tcp ? Kind::tcp : Kind::unixSocket, cpu, remote.requestSize(), remote.replySize());
+        // Both ends learn anew whether it pays to look before they sleep (comm/spinner.h).
+        for (int n = 0; n < kLearning; ++n) remote.call();
         if (named(c, "P99"))
             table.measure(c, tail([&] { remote.call(); }), tail([&] { raw.call(); }));
         else if (idle)

@@ -1,6 +1,7 @@
 #include "comm/lookout.h"
 
 #include <linux/futex.h>
+#include <pthread.h>
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
 #include <sys/syscall.h>
@@ -8,6 +9,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <memory>
 #include <mutex>
 #include <system_error>
 #include <thread>
@@ -20,16 +22,30 @@
 
 namespace sorma {
 
-// One a process, for ever. Its epoll set forgets a socket when that is closed. The numbers of dozers are never used again, so a late
-// event finds nobody.
+// One a process, for ever; a process that was forked makes its own. Its epoll set forgets a socket when that is closed. The numbers of
+// dozers are never used again, so a late event finds nobody.
 class Lookout {
 public:
     static Lookout& get() {
-        static Lookout* one = new Lookout;              // its thread lives until the process ends
-        return *one;
+        static std::atomic<Lookout*> one{nullptr};
+        static const int known = pthread_atfork(nullptr, nullptr, [] { one = nullptr; });      // its thread is not in the child
+        (void)known;
+        Lookout* found = one;
+        if (found) return *found;
+        auto made = std::make_unique<Lookout>();
+        return one.compare_exchange_strong(found, made.get()) ? *made.release() : *found;
+    }
+    Lookout() : epoll_(epoll_create1(EPOLL_CLOEXEC)), bell_(raiseDescriptor(Descriptor(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)))) {
+        if (!epoll_ || !bell_) throw std::system_error(errno, std::generic_category(), "cannot wait for the end of lines");
+        watch(bell_.get(), EPOLLIN, 0);
     }
     std::uint64_t add(Dozer& dozer, int socket) {
         std::lock_guard guard(mutex_);
+        if (!running_) {
+            SignalsBlocked blocked;
+            std::thread([this] { run(); }).detach();
+            running_ = true;
+        }
         const std::uint64_t number = ++last_;
         watch(socket, EPOLLRDHUP | EPOLLET, number);
         dozers_.emplace(number, &dozer);
@@ -50,12 +66,6 @@ public:
 private:
     static constexpr std::int64_t kNever = INT64_MAX;
 
-    Lookout() : epoll_(epoll_create1(EPOLL_CLOEXEC)), bell_(raiseDescriptor(Descriptor(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)))) {
-        if (!epoll_ || !bell_) throw std::system_error(errno, std::generic_category(), "cannot wait for the end of lines");
-        watch(bell_.get(), EPOLLIN, 0);
-        SignalsBlocked blocked;
-        std::thread([this] { run(); }).detach();
-    }
     void watch(int fd, std::uint32_t events, std::uint64_t number) {
         epoll_event e{};
         e.events = events;
@@ -96,6 +106,7 @@ private:
     std::mutex mutex_;
     std::unordered_map<std::uint64_t, Dozer*> dozers_;
     std::uint64_t last_ = 0;            // 0 is the bell
+    bool running_ = false;
     std::atomic<std::int64_t> armed_{kNever};
 };
 

@@ -28,6 +28,7 @@ namespace sorma {
 // What both ends see. Counts are of bytes since the beginning, and each has one writer.
 struct RingMemory {
     static constexpr std::size_t kSize = 128 * 1024;            // [bytes] on their way, at most; a power of two
+    static constexpr std::size_t kPiece = 16 * 1024;            // is moved at a time: so both ends work on what is long
     static constexpr std::size_t kPage = 4096;                  // where pages are larger, none is given back
     using Count = std::atomic<std::uint64_t>;
     using Mark = std::atomic<std::uint32_t>;
@@ -44,10 +45,10 @@ struct RingMemory {
 class RingWriter {
 public:
     explicit RingWriter(RingMemory& memory) : memory_(&memory) {}
-    // Write as much as there is room for. Returns how much; -1: the other end's count makes no sense.
+    // Write as much as there is room for, a piece at most. Returns how much; -1: the other end's count makes no sense.
     std::ptrdiff_t put(const char* data, std::size_t size) {
         if (RingMemory::kSize - (written_ - taken_) < size && !look()) return -1;
-        size = std::min<std::size_t>(size, RingMemory::kSize - (written_ - taken_));
+        size = std::min<std::size_t>({size, RingMemory::kSize - (written_ - taken_), RingMemory::kPiece});
         if (size == 0) return 0;
         const std::size_t at = written_ % RingMemory::kSize, first = std::min(size, RingMemory::kSize - at);
         std::memcpy(memory_->bytes + at, data, first);
@@ -111,11 +112,11 @@ public:
         const std::uint64_t here = memory_->written.load(std::memory_order_acquire) - taken_;      // the bytes are there before their count
         return here > RingMemory::kSize ? -1 : std::ptrdiff_t(here);
     }
-    // Copy at most size bytes. keep: leave them there. Returns how many; -1: as look().
+    // Copy at most size bytes, or a piece. keep: leave them there. Returns how many; -1: as look().
     std::ptrdiff_t take(char* room, std::size_t size, bool keep = false) {
         const std::ptrdiff_t here = look();
         if (here <= 0) return here;
-        size = std::min(size, std::size_t(here));
+        size = std::min({size, std::size_t(here), RingMemory::kPiece});
         const std::size_t at = taken_ % RingMemory::kSize, first = std::min(size, RingMemory::kSize - at);
         std::memcpy(room, memory_->bytes + at, first);
         std::memcpy(room + first, memory_->bytes, size - first);

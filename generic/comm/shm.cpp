@@ -14,6 +14,7 @@
 #include <cerrno>
 #include <cstring>
 #include <optional>
+#include <system_error>
 
 #include "bus/deadline.h"
 #include "comm/errors.h"
@@ -67,19 +68,30 @@ Descriptor makeMemory() {
 
 void ring(Line& line) { (void)send(line.descriptor(), &kBell, 1, MSG_NOSIGNAL | MSG_DONTWAIT); }       // full: there are bells enough
 
-// Take the bells.
-void hear(Line& line) {
+// Take the bells. wait [ns]: block for one.
+void hear(Line& line, std::int64_t wait = 0) {
     char bells[kBells];
-    const ssize_t n = readSocket(line, bells, sizeof bells, 0);
+    const ssize_t n = readSocket(line, bells, sizeof bells, wait);
     if (n == 0 || (n < 0 && errno != EAGAIN)) sharedOf(line).ended = true;
+}
+
+// Wait for a bell, where there can be no lookout.
+void sleep(Line& line, std::int64_t most) {
+    Shared& s = sharedOf(line);
+    if (s.in.sleeps()) hear(line, most);
+    s.in.awake();
 }
 
 // Wait until something comes, for so many nanoseconds at most.
 void wait(Line& line, std::int64_t most) {
     Shared& s = sharedOf(line);
     if (s.spinner.wait([&] { return s.in.look() != 0; }, most)) return;
-    if (!s.dozer) s.dozer.emplace(line.descriptor(), s.in.mark());
     s.out.rest();
+    try {
+        if (!s.dozer) s.dozer.emplace(line.descriptor(), s.in.mark());
+    } catch (const std::system_error&) {
+        return sleep(line, most);
+    }
     s.dozer->begin(most < kForever ? monotonicNow() + most : kForever);
     s.in.doze([&] { return s.dozer->called(); });
     s.dozer->end();
@@ -180,11 +192,14 @@ ssize_t read(Line& line, char* room, std::size_t size, std::int64_t most) {
 
 ssize_t write(Line& line, const char* data, std::size_t size) {
     Shared& s = sharedOf(line);
-    std::ptrdiff_t n = s.out.put(data, size);
-    if (n == 0 && size > 0 && !s.out.waits()) n = s.out.put(data, size);
-    if (n < 0) return errno = EPROTO, -1;
-    if (n > 0 && s.out.wakes()) ring(line);
-    if (n > 0 || size == 0) return n;
+    std::size_t done = 0;
+    for (std::ptrdiff_t n = 1; n > 0 && done < size; done += std::size_t(n)) {
+        n = s.out.put(data + done, size - done);
+        if (n == 0 && done == 0 && !s.out.waits()) n = s.out.put(data, size);
+        if (n < 0) return errno = EPROTO, -1;
+        if (n > 0 && s.out.wakes()) ring(line);
+    }
+    if (done > 0 || size == 0) return ssize_t(done);
     hear(line);                         // perhaps nobody reads now. wants() and brought() look again
     return errno = s.ended ? EPIPE : EAGAIN, -1;
 }

@@ -1,6 +1,6 @@
 // spinner.h -- looks again and again for a while, before a thread sleeps, where that has paid lately.
 //
-// Where the other end runs on the same processor it never pays. After each try in vain twice as many waits go by without one, 1 023 at
+// Where the other end runs on the same processor it never pays. After each try in vain twice as many waits go by without one, 255 at
 // most; after one that has paid every wait tries.
 //
 // Threads: one object belongs to one thread.
@@ -39,7 +39,7 @@ public:
 
 private:
     static constexpr int kLooks = 16;                           // between two looks at the clock
-    static constexpr unsigned kMostVain = 1023;
+    static constexpr unsigned kMostVain = 255;
     static void pause() {
 #if defined(__x86_64__) || defined(__i386__)
         __builtin_ia32_pause();

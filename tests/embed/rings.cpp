@@ -3,6 +3,9 @@
 // rings alone BYTES SEED: one thread writes so many bytes in pieces of any size, the other one reads them. Both sleep when there is
 // nothing to do, by a bell or at a futex, until the other one wakes them. Pages are given back meanwhile. Prints "BYTES bytes"; or what
 // is wrong.
+// rings dozes: a reader dozes until its time is over, and until its line has ended; so does one in a process that was forked then.
+// Prints "the parent late ended", and the same of the child.
+//
 // rings offers SOCKET: offers a daemon memory that it must not take. Prints each answer, and "clear" when it serves the line all the same.
 //
 // rings hostile SOCKET LINES CHANGES SEED: agrees on memory with a daemon, and changes it anywhere. It does so until the daemon has ended so
@@ -29,7 +32,9 @@
 #include <thread>
 #include <vector>
 
+#include "bus/deadline.h"
 #include "bus/descriptor.h"
+#include "comm/lookout.h"
 #include "comm/ring.h"
 #include "comm/wire.h"
 
@@ -133,6 +138,45 @@ void alone(std::uint64_t bytes, std::uint64_t seed) {
     writes.join();
     if (!wrong.empty()) throw std::runtime_error(wrong);
     std::printf("%llu bytes\n", static_cast<unsigned long long>(bytes));
+}
+
+// ---- dozing ----
+
+std::string dozes() {
+    const Descriptor file = memoryOf(sizeof(Rings), kSeals);
+    RingReader reader(map(file)->toClient);
+    int line[2];
+    check(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, line) == 0, "no line");
+    const Descriptor mine(line[0]);
+    Descriptor other(line[1]);
+    Dozer dozer(mine.get(), reader.mark());
+    std::string said;
+    const auto doze = [&](std::int64_t until) {
+        dozer.begin(until);
+        reader.doze([&] { return dozer.called(); });
+        check(dozer.called(), "it was woken by nobody");
+        dozer.end();
+        said += dozer.ended() ? " ended" : monotonicNow() >= until ? " late" : " early";
+    };
+    doze(monotonicNow() + 20'000'000);
+    std::thread closes([&] { other.close(); });
+    doze(monotonicNow() + 60'000'000'000);
+    closes.join();
+    return said;
+}
+
+void forked() {
+    std::printf("the parent%s\n", dozes().c_str());
+    std::fflush(stdout);
+    const pid_t child = fork();
+    check(child >= 0, "no process");
+    if (child == 0) {
+        std::printf("the child%s\n", dozes().c_str());
+        std::fflush(stdout);
+        _exit(0);
+    }
+    int status = 0;
+    check(waitpid(child, &status, 0) == child && status == 0, "the child has failed");
 }
 
 // ---- against a daemon ----
@@ -294,6 +338,7 @@ int main(int argc, char** argv) {
     const std::string what = argc > 1 ? argv[1] : "";
     try {
         if (what == "alone" && argc == 4) return alone(std::strtoull(argv[2], nullptr, 10), std::strtoull(argv[3], nullptr, 10)), 0;
+        if (what == "dozes" && argc == 2) return forked(), 0;
         if (what == "offers" && argc == 3) return offers(argv[2]), 0;
         if (what == "hostile" && argc == 6) return hostile(argv[2], std::atol(argv[3]), std::atol(argv[4]), std::strtoull(argv[5], nullptr, 10)), 0;
         if (what == "killed" && argc == 5) return killed(argv[2], std::atol(argv[3]), std::strtoull(argv[4], nullptr, 10)), 0;
@@ -301,6 +346,6 @@ int main(int argc, char** argv) {
         std::printf("%s: %s\n", what.c_str(), e.what());
         return 1;
     }
-    std::fputs("usage: rings alone BYTES SEED | offers SOCKET | hostile SOCKET LINES CHANGES SEED | killed SOCKET COUNT SEED\n", stderr);
+    std::fputs("usage: rings alone BYTES SEED | dozes | offers SOCKET | hostile SOCKET LINES CHANGES SEED | killed SOCKET COUNT SEED\n", stderr);
     return 2;
 }
