@@ -3,8 +3,8 @@
 // rings alone BYTES SEED: one thread writes so many bytes in pieces of any size, the other one reads them. Both sleep when there is
 // nothing to do, by a bell or at a futex, until the other one wakes them. Pages are given back meanwhile. Prints "BYTES bytes"; or what
 // is wrong.
-// rings dozes: a reader dozes until its time is over, and until its line has ended; so does one in a process that was forked then.
-// Prints "the parent late ended", and the same of the child.
+// rings dozes: a reader dozes until its time is over, then until its line has ended. Then a process that was forked does. Prints
+// "the parent late ended", and the same of the child.
 //
 // rings offers SOCKET: offers a daemon memory that it must not take. Prints each answer, and "clear" when it serves the line all the same.
 //
