@@ -202,6 +202,11 @@ def _runtime_folder():
     return folder
 
 
+def _has_keys():
+    folder = os.environ.get("SORMA_KEYS") or os.path.join(os.environ.get("XDG_CONFIG_HOME") or os.path.expanduser("~/.config"), "sorma/keys")
+    return any(os.path.exists(os.path.join(folder, name)) for name in ("own", "authority.pem"))
+
+
 def _dictionary():
     """Entries @NAME of the files in SORMA_DICT and of variables SORMA_ENTRY_@NAME: lists of words. They need no quotes."""
     lines = []
@@ -222,7 +227,7 @@ def _dictionary():
 
 def _resolve(address):
     """(what connect() takes, -wait) for what stands after @ in a name: a path, or host and port."""
-    entries, chain, wait, where = _dictionary(), [], False, address
+    entries, chain, wait, where, clear = _dictionary(), [], False, address, False
     while True:
         where = where[1:] if where[:1] == "@" else where
         where = where[5:] if where.startswith("unix:") else where
@@ -243,10 +248,12 @@ def _resolve(address):
             raise _error("ADDRESS UNRESOLVED", address, f"the dictionary's entry {key} holds no address")
         if "-tls" in words and words[words.index("-tls"):][1:2] != ["no"]:
             raise _error("TLS MISSING", address, f"the dictionary's entry {key} asks for TLS, which this client does not have yet")
-        where, wait = words[0], wait or "-wait" in words
+        where, wait, clear = words[0], wait or "-wait" in words, clear or "-tls" in words
     host, _, port = where.rpartition(":")
     if not port.isdecimal() or not 0 < int(port) < 65536:
         raise _error("NAME SYNTAX", address, f"no port: {port!r}; numbers of rpcbind are not looked up, rpcinfo -p {host} shows the port")
+    if not clear and _has_keys():
+        raise _error("TLS MISSING", address, "you have keys (sorma-keys), so TCP needs TLS, which this client does not have yet; write -tls no after the address in the dictionary")
     return (host[1:-1] if host[:1] == "[" else host, int(port)), wait
 
 

@@ -23,7 +23,7 @@ namespace sorma {
 namespace {
 
 const Prototype kDenied{Severity::error, "COMM DENIED", 2, "{0}: {2} may not {3}; {4}"};
-const Prototype kSyntax{Severity::error, "POLICY SYNTAX", 1, "{0}: {1}; a line is: allow|deny SUBJECT RIGHT ... ?on PATTERN ...?"};
+const Prototype kSyntax{Severity::error, "POLICY SYNTAX", 1, "{0}: {1}; a line is: allow|deny SUBJECT RIGHT ... ?on PATTERN ...?, or revoke CERTIFICATE ..."};
 const Prototype kPermit{Severity::error, "POLICY PERMIT", 2, "{}: the right to {} was not asked for: an error of the program"};
 const Prototype kLine{Severity::error, "POLICY LINE", 1, "-disallow expects the number of a line that was added at run time{1}, got {0}"};
 const Prototype kFile{Severity::error, "POLICY FILE", 1, "cannot take the policy file \"{0}\": {1}"};
@@ -55,7 +55,7 @@ constexpr Word kWords[] = {
     {"tune", kTune, nullptr},
     {"everything", kEverything, nullptr},
 };
-const std::vector<std::string> kSubjects{"user", "group", "local", "host", "anyone"};       // as Access::Line::Subject has them
+const std::vector<std::string> kSubjects{"user", "group", "local", "host", "cert", "anyone"};       // as Access::Line::Subject has them
 
 // The words that a line may have for rights.
 const std::vector<std::string>& rightNames() {
@@ -117,7 +117,7 @@ std::string whoText(const PrincipalPointer& author) {
     auto* context = CallContext::current();
     if (context && context->client && context->client->principal == author) {
         auto& claim = context->client->caller;
-        if (author->byNetwork() && !claim.user.empty()) who += " (claims " + claim.user + "@" + claim.host + ")";
+        if (author->byNetwork() && author->kind() != Principal::Kind::cert && !claim.user.empty()) who += " (claims " + claim.user + "@" + claim.host + ")";
     }
     return who;
 }
@@ -184,6 +184,22 @@ const std::vector<Door>& Access::doors() {
 
 // ---- lines ----
 
+// A pattern NAME@ORGANISATION, or NAME, which is of any organisation.
+static bool matches(const std::string& pattern, std::string_view certificate) {
+    const bool any = pattern.find('@') == pattern.npos;
+    return globMatch(pattern, any ? certificate.substr(0, certificate.find('@')) : certificate);
+}
+
+bool Access::revokes(std::string_view name, std::string_view organisation) const {
+    const std::string certificate = std::string(name) + "@" + std::string(organisation);
+    bool found = false;
+    eachLine([&](const Line& line) {
+        found = line.rights == 0 && std::any_of(line.certificates.begin(), line.certificates.end(), [&](auto& p) { return matches(p, certificate); });
+        return !found;
+    });
+    return found;
+}
+
 bool Access::Line::fits(const Principal* who) const {
     switch (subject) {
         case Subject::owner: return !who;
@@ -196,6 +212,8 @@ bool Access::Line::fits(const Principal* who) const {
             // After the other end has closed, the kernel names no user: it may be anybody, so each deny holds.
             if (!allow && who && who->kind() == Principal::Kind::anyone && who->byNetwork()) return true;
             return who && who->kind() == Principal::Kind::local && who->uid() == number;
+        case Subject::cert: return who && who->kind() == Principal::Kind::cert && matches(certificates[0], who->certificate());
+        case Subject::ownAuthority: return who && who->kind() == Principal::Kind::cert && who->ofOwnAuthority();
         case Subject::host: break;
     }
     if (!who || !who->byNetwork()) return false;
@@ -243,13 +261,18 @@ Access::Line Access::parse(std::string_view text, std::string source) {
         if (i >= words.size()) wrong(what + " is missing");
         return words[i];
     };
-    line.allow = word(0, "allow or deny") == "allow";
-    if (!line.allow && words[0] != "deny") wrong(quoted(words[0], {"allow", "deny"}) + " must be allow or deny");
+    line.allow = word(0, "allow, deny or revoke") == "allow";
+    if (words[0] == "revoke") {
+        word(1, "the name of a certificate");
+        line.certificates.assign(words.begin() + 1, words.end());
+        return line;
+    }
+    if (!line.allow && words[0] != "deny") wrong(quoted(words[0], {"allow", "deny", "revoke"}) + " must be allow, deny or revoke");
     const std::string& subject = word(1, "the subject: " + oneOf(kSubjects));
     const auto known = std::find(kSubjects.begin(), kSubjects.end(), subject);
     if (known == kSubjects.end()) {
         auto near = kSubjects;                          // and what `sormad -allow` may begin with
-        near.insert(near.end(), {"allow", "deny"});
+        near.insert(near.end(), {"allow", "deny", "revoke"});
         wrong(quoted(subject, near) + " is no subject: must be " + oneOf(kSubjects));
     }
     line.subject = Line::Subject(known - kSubjects.begin());
@@ -257,6 +280,7 @@ Access::Line Access::parse(std::string_view text, std::string source) {
     const bool host = line.subject == Line::Subject::host, group = line.subject == Line::Subject::group;
     const std::string& who = word(2, host ? "the address of the host" : "the name");
     if (host) parseHost(line, who);
+    else if (line.subject == Line::Subject::cert) line.certificates = {who};
     else if (!(group ? groupNumber(who, line.number) : userNumber(who, line.number)))
         wrong("this host knows no " + std::string(group ? "group" : "user") + " \"" + who + "\"");
     parseRights(line, words, 3);
@@ -272,7 +296,13 @@ const std::vector<Access::Line>& Access::builtIn() const {
         self.rights = Rights(kTune | Rights(Right::operate));
         self.text = "allow local " + userName(geteuid()) + " tune operate";
         self.source = "built in";
-        return std::vector<Line>{self};
+        Line own;
+        own.subject = Line::Subject::ownAuthority;
+        own.allow = true;
+        own.rights = kTune;
+        own.text = "allow cert * tune";
+        own.source = "built in, for certificates of the own authority";
+        return std::vector<Line>{self, own};
     }();
     static const std::vector<Line> open = [] {
         auto lines = closed;
@@ -357,8 +387,13 @@ void Access::refuse(const PrincipalPointer& author, Right right, std::string_vie
     std::string doing = wordOf(right).doing;
     if (auto at = doing.find("{}"); at != doing.npos) doing.replace(at, 2, subject);
     std::string who = author ? whoText(author) : std::string("this interpreter is safe and");
+    note(author, who + ": " + doing);
+    fail(kDenied, named, toText(right), who, doing, remedy(author, right, subject));
+}
+
+void Access::note(const PrincipalPointer& author, const std::string& what) {
     ++denials_;
-    std::string text = cutText(who + ": " + doing, kKeptText);
+    std::string text = cutText(what, kKeptText);
     std::replace(text.begin(), text.end(), '\n', '?');
     auto known = std::find_if(denied_.begin(), denied_.end(), [&](auto& d) { return d->text == text; });
     Denial denial{wallNow(), text, 1};
@@ -369,7 +404,6 @@ void Access::refuse(const PrincipalPointer& author, Right right, std::string_vie
         denied_.pop_front();
     }
     denied_.push_back(Charged<Denial>::forced(budget && author ? budget->of(author) : nullptr, Account::Use::records, std::move(denial)));
-    fail(kDenied, named, toText(right), who, doing, remedy(author, right, subject));
 }
 
 std::string Access::deniedText() const {
@@ -385,7 +419,7 @@ std::string Access::deniedText() const {
 Access::Line Access::parseGiven(std::string_view text, std::string source) {
     std::string whole(text);
     auto words = wordsOf(text);
-    if (!words.empty() && words[0] != "allow" && words[0] != "deny") whole = "allow " + whole;
+    if (!words.empty() && words[0] != "allow" && words[0] != "deny" && words[0] != "revoke") whole = "allow " + whole;
     return parse(whole, std::move(source));
 }
 
@@ -486,6 +520,7 @@ std::string Access::explain(std::string_view subject, std::string_view right, st
             break;
         }
         case Line::Subject::host: who = Principal::host(parsed.address); break;
+        case Line::Subject::cert: who = Principal::cert(parsed.certificates[0], {}, {}, true, {}); break;
         case Line::Subject::group: fail(kSyntax, "-may", "a group cannot be asked for: name a user of it");
         default: who = Principal::anyone();
     }

@@ -11,8 +11,9 @@
 //
 // A policy is text; each line is a rule. For each right the first line decides that names the right and fits:
 //
-//     LINE    := allow|deny SUBJECT RIGHT... ?on PATTERN...?
-//     SUBJECT := user NAME | group NAME | local NAME | host ADDRESS?/BITS? | anyone
+//     LINE    := allow|deny SUBJECT RIGHT... ?on PATTERN...?  |  revoke CERTIFICATE...
+//     SUBJECT := user NAME | group NAME | local NAME | host ADDRESS?/BITS? | cert CERTIFICATE | anyone
+//     CERTIFICATE := NAME | NAME@ORGANISATION, each of them a pattern; without @ of any organisation
 //     RIGHT   := call inspect configure make dictionary files program reach operate relay
 //                use = call inspect;  tune = use configure make dictionary;  everything
 //     PATTERN := as Tcl's string match (bus/glob.h), on the object's own name; dictionary: the entry; files: the real path; reach: the
@@ -133,6 +134,7 @@ public:
     std::string explain(std::string_view subject, std::string_view right, std::string_view on) const;
 
     // ---- what was refused ----
+    void note(const PrincipalPointer& author, const std::string& what);      // count a refusal that was made elsewhere, and remember it
     std::uint64_t denials() const { return denials_; }
     std::string deniedText() const;                     // the count, then the latest refusals, a line each
 
@@ -154,17 +156,21 @@ public:
     }
     bool isOpen() const { return open_; }
 
+    // A line revokes this certificate.
+    bool revokes(std::string_view name, std::string_view organisation) const;
+
 private:
     friend class Service;                               // it keeps the rights that it has asked for
     static Permit known(Rights rights, std::string_view subject) { return Permit(rights, subject); }
     struct Line {
-        enum class Subject : std::uint8_t { user, group, local, host, anyone, owner } subject = Subject::anyone;
+        enum class Subject : std::uint8_t { user, group, local, host, cert, anyone, owner, ownAuthority } subject = Subject::anyone;
         bool allow = false;
         std::uint32_t number = 0;                       // uid or gid
         Principal::Address address{};
         int bits = 128;
         Rights rights = 0;
         std::vector<std::string> patterns;              // empty: everything
+        std::vector<std::string> certificates;          // cert: one; revoke: all of them, and no rights
         std::string text, source;
         int line = 0;                                   // its number, if it was added at run time
 

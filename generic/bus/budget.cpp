@@ -1,6 +1,7 @@
 #include "bus/budget.h"
 
 #include <algorithm>
+#include <cstring>
 
 #include "bus/call.h"
 #include "bus/catalogue.h"
@@ -31,6 +32,13 @@ Budget::Key Budget::keyOf(const Principal& p) {
         case Principal::Kind::local: return {p.kind(), p.uid(), {}};
         case Principal::Kind::anyone: return {p.kind(), 0, {}};
         case Principal::Kind::several: return p.members().empty() ? Key{Principal::Kind::anyone, 0, {}} : keyOf(*p.members()[0]);
+        case Principal::Kind::cert: {                   // from whatever address
+            Key key{p.kind(), 0, {}};
+            const std::size_t parts[] = {std::hash<std::string>{}(p.certificate()), std::hash<std::string>{}(p.authority())};
+            static_assert(sizeof parts <= sizeof key.address);
+            std::memcpy(key.address.data(), parts, sizeof parts);
+            return key;
+        }
         case Principal::Kind::host: break;
     }
     Key key{p.kind(), 0, p.address()};

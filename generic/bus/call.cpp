@@ -18,7 +18,7 @@ thread_local CallContext* theContext = nullptr;
 }  // namespace
 
 std::string Caller::toText() const {
-    std::string claim = user.empty() && program.empty() ? std::string() : user + '@' + host + ' ' + program + '[' + std::to_string(process) + ']';
+    std::string claim = user.empty() && program.empty() ? std::string() : user + (host.empty() ? std::string() : '@' + host) + ' ' + program + '[' + std::to_string(process) + ']';
     if (known.empty()) return claim;
     return claim.empty() ? known : known + " (claims " + claim + ")";
 }

@@ -84,6 +84,7 @@ Problem checkNumber(std::string_view text, std::size_t at, Address& out) {
     if (!program && (!fits || value < 1 || value > 65535)) return missing(at, "the port must be 1 to 65535");
     out.kind = program ? Address::Kind::program : Address::Kind::tcp;
     out.number = value;
+    out.as = out.host;
     return {};
 }
 
@@ -249,10 +250,19 @@ std::string whereOf(const Name& name, const Dictionary& dictionary) {
     return words.empty() ? std::string() : std::string(withoutAt(words[0].text));
 }
 
+// Reads the word after -tls in an entry.
+static Address::Tls tlsOf(std::string_view word, const std::string& whole, const std::string& entry) {
+    if (word == "yes") return Address::Tls::yes;
+    if (word == "no") return Address::Tls::no;
+    if (word == "try") return Address::Tls::tries;
+    fail(kBadEntry, whole, entry, "-tls expects yes, no or try, got \"" + std::string(word) + "\"");
+}
+
 Address resolve(const Name& name, const Dictionary& dictionary, std::string* rule) {
     const std::string whole = name.toText();
     std::vector<std::string> chain;         // entries that were looked at
     bool wait = false;
+    auto tls = Address::Tls::unsaid;
     // The address in an entry, whose word is in the chain already.
     auto follow = [&](std::string key) {
         bool again = std::find(chain.begin(), chain.end(), key) != chain.end();
@@ -265,6 +275,8 @@ Address resolve(const Name& name, const Dictionary& dictionary, std::string* rul
         auto words = dictionary.expand(chain.back());
         if (words.empty()) fail(kNoAddress, whole, chain.back());
         wait = wait || std::any_of(words.begin() + 1, words.end(), [](auto& word) { return word.text == "-wait"; });
+        for (std::size_t i = 1; i < words.size(); ++i)
+            if (words[i].text == "-tls") tls = tlsOf(i + 1 < words.size() ? words[i + 1].text : std::string(), whole, chain.back());
         try {
             return Address::parse(withoutAt(words[0].text));
         } catch (const Error& e) {
@@ -282,6 +294,8 @@ Address resolve(const Name& name, const Dictionary& dictionary, std::string* rul
     while (address.kind == Address::Kind::alias && dictionary.has('@' + address.host)) address = follow('@' + address.host);
     if (rule) *rule = address.kind == Address::Kind::alias ? '@' + address.host : chain.empty() ? name.location() : chain.back();
     address.wait = wait;
+    address.tls = tls;
+    if (!chain.empty() && chain.back().starts_with('@')) address.as = chain.back().substr(1);
     return address;
 }
 

@@ -27,6 +27,9 @@ struct Address {
     std::string host;           // tcp, program: host name;  path: of a Unix-domain socket;  alias: the alias
     std::uint32_t number = 0;   // tcp: port;  program: offset from 0x20000000
     bool wait = false;          // calls wait for the daemon when nothing listens there: `@robot localhost:7014 -wait`
+    // In clear, or with TLS: `@robot cell:7014 -tls yes`. unsaid: with TLS, if this user has keys or the daemon has spoken it before.
+    enum class Tls : std::uint8_t { unsaid, yes, no, tries } tls = Tls::unsaid;
+    std::string as = {};        // tcp, program: the name in its certificate: the last alias that led here, else the host
 
     std::string toText() const;                         // as written after @; "self" for self
     static Address parse(std::string_view text);        // what stands after @; fails with NAME SYNTAX

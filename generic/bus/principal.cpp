@@ -44,13 +44,13 @@ std::vector<gid_t> groupsOf(uid_t uid) {
 
 // The table holds who is in use somewhere; it is swept when it has doubled, so it stays in proportion to that.
 PrincipalPointer Principal::intern(Principal wanted) {
-    using Key = std::tuple<Kind, uid_t, std::vector<gid_t>, std::vector<PrincipalPointer>, Address>;
+    using Key = std::tuple<Kind, uid_t, std::vector<gid_t>, std::vector<PrincipalPointer>, Address, std::string, std::string, bool>;
     static std::mutex mutex;
     static auto& table = *new std::map<Key, std::weak_ptr<const Principal>>;    // outlives every thread
     static std::size_t sweepAt = 64;
     static std::uint64_t last = 0;
     std::lock_guard lock(mutex);
-    auto& entry = table[{wanted.kind_, wanted.uid_, wanted.groups_, wanted.members_, wanted.address_}];
+    auto& entry = table[{wanted.kind_, wanted.uid_, wanted.groups_, wanted.members_, wanted.address_, wanted.certificate_, wanted.authority_, wanted.own_}];
     if (auto known = entry.lock()) return known;
     wanted.serial_ = ++last;
     PrincipalPointer fresh(new Principal(std::move(wanted)));
@@ -94,11 +94,23 @@ PrincipalPointer Principal::anyone(const Address& address) {
     return intern(std::move(p));
 }
 
+PrincipalPointer Principal::cert(std::string_view name, std::string_view organisation, std::string authority, bool own, const Address& address) {
+    Principal p;
+    p.kind_ = Kind::cert;
+    p.certificate_ = name;
+    if (!organisation.empty()) p.certificate_ += '@' + std::string(organisation);
+    p.authority_ = std::move(authority);
+    p.own_ = own;
+    p.address_ = address;
+    return intern(std::move(p));
+}
+
 std::string Principal::toText() const {
     switch (kind_) {
         case Kind::user: return "user " + userName(uid_);
         case Kind::local: return "local " + userName(uid_);
         case Kind::host: return "host " + toText(address_);
+        case Kind::cert: return "cert " + certificate_;
         case Kind::several: {
             std::string out;
             for (auto& member : members_) out += std::string(out.empty() ? std::string_view() : kAnd) + member->toText();
@@ -125,6 +137,7 @@ PrincipalPointer Principal::parse(std::string_view text) {
         fromText("127.0.0.1", address);
         return local(uid, address);
     }
+    if (kind == "cert" && !rest.empty()) return cert(rest, {}, {}, false, {});
     if (kind == "user" && userNumber(rest, uid)) return user(uid, groupsOf(uid));
     return anyone();
 }

@@ -6,6 +6,7 @@
 //     user anna              by Unix socket; the kernel knows the user and the groups
 //     local anna             by TCP from this host; the kernel knows whose socket it is
 //     host 192.168.7.21      by TCP; only the address is known
+//     cert desk@lab          by TCP with TLS, from whatever address: the name and organisation in a certificate that was verified
 //     anyone                 not known; also the author of words that a neighbour without the right `relay` passes on
 //     A + B                  words that several have written together: whatever they ask for, each of them needs the right to
 //
@@ -31,7 +32,7 @@ using PrincipalPointer = std::shared_ptr<const Principal>;      // null: the own
 
 class Principal {
 public:
-    enum class Kind : std::uint8_t { user, local, host, anyone, several };
+    enum class Kind : std::uint8_t { user, local, host, anyone, several, cert };
     // IPv6, or IPv4 as ::ffff:a.b.c.d. All zero: not by TCP.
     using Address = std::array<unsigned char, 16>;
 
@@ -40,6 +41,8 @@ public:
     static PrincipalPointer local(uid_t uid, const Address& address);
     static PrincipalPointer host(const Address& address);
     static PrincipalPointer anyone(const Address& address = {});
+    // authority: names the one that has signed the certificate; empty: a neighbour says it.   own: it is that of this user's own keys.
+    static PrincipalPointer cert(std::string_view name, std::string_view organisation, std::string authority, bool own, const Address& address);
     static const PrincipalPointer& nobody();                    // anyone, without an address
 
     // From toText(). A user has the groups that this host knows. A user that it does not know, and all text that cannot be
@@ -57,6 +60,9 @@ public:
     const std::vector<gid_t>& groups() const { return groups_; }    // user
     const std::vector<PrincipalPointer>& members() const { return members_; }       // several; empty: too many of them
     const Address& address() const { return address_; }
+    const std::string& certificate() const { return certificate_; }     // cert: NAME@ORGANISATION, or NAME
+    const std::string& authority() const { return authority_; }         // cert: as given
+    bool ofOwnAuthority() const { return own_; }                // cert
     bool byNetwork() const { return address_ != Address{}; }
     std::uint64_t serial() const { return serial_; }
 
@@ -74,6 +80,8 @@ private:
     std::vector<gid_t> groups_;         // sorted
     std::vector<PrincipalPointer> members_;     // by serial
     Address address_{};
+    std::string certificate_, authority_;
+    bool own_ = false;
     std::uint64_t serial_ = 0;
 };
 

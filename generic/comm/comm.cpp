@@ -68,7 +68,7 @@ std::shared_ptr<Connection> Comm::lineTo(const Name& name) {
         std::erase_if(connections_, [](auto& item) { return item.second.expired(); });
         sweepAt_ = std::max<std::size_t>(64, 2 * connections_.size());
     }
-    auto& known = connections_[rule + ' ' + address.toText()];
+    auto& known = connections_[rule + ' ' + address.toText() + ' ' + std::to_string(int(address.tls))];
     if (auto connection = known.lock()) return connection;
     // Each reconnect looks the address up again, by the rule that is the same for all proxies of this connection.
     Name ruler = name;

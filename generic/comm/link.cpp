@@ -13,6 +13,7 @@
 #include "comm/clock.h"
 #include "comm/errors.h"
 #include "comm/random.h"
+#include "comm/tls.h"
 
 namespace sorma {
 
@@ -32,6 +33,9 @@ std::string printable(const char* bytes, std::size_t size) {
     for (char c : std::string_view(bytes, std::min<std::size_t>(size, 40))) out += c >= 0x20 && c < 0x7f ? c : '.';
     return out;
 }
+
+// Another attempt would be of no use.
+bool isTls(const Error& e) { return e.trail.cause() && e.trail.cause()->symbol.starts_with("TLS "); }
 
 int milliseconds(std::int64_t nanoseconds, int most) { return int(std::min<std::int64_t>(nanoseconds / 1'000'000 + 1, most)); }
 
@@ -116,7 +120,7 @@ void Link::start() {
         program_ = programOf(address) != 0 ? wire::kProgramBase + programOf(address) : wire::kProgram;
         address_ = describe(address);
         wait_ = address.wait;
-        const Transport& row = transportOf(address);
+        const Transport& row = tls::rowFor(transportOf(address), address, user_.whom());
         shares_ = !declined_ && (shares_ || settings_.sharing == Sharing::always) && &sharing(row) != &row;
         line_ = (shares_ ? sharing(row) : row).begin(address, user_.whom());
         state_ = State::connecting;
@@ -164,11 +168,22 @@ void Link::sayHello() {
     if (hungUp_) sorma::fail(errors::kRefused, user_.whom(), address_, std::strerror(errno), "it may be ending, or full");
 }
 
+// Why the line has failed, live.
+std::string Link::whyBroken(int error) {
+    try {
+        line_.explain(user_.whom());
+    } catch (const Error& e) {
+        return e.what();
+    }
+    return std::strerror(error);
+}
+
 // True: it has come.
 bool Link::readWelcome() {
     ssize_t n = read(0);
     const int error = n < 0 ? errno : 0;
     if (error == EAGAIN) return false;
+    if (n < 0) line_.explain(user_.whom());
     const std::string said = "\"" + printable(in_.data(), in_.size()) + "\"";
     hungUp_ = n == 0 || error == ECONNRESET;     // also in the middle of its welcome
     if (hungUp_)
@@ -298,6 +313,7 @@ bool Link::absent(const Error& e) const { return (e.is("COMM REFUSED") || e.is("
 // A daemon that was there before may come back, unless it has said GOODBYE. One that was never there is reported at once,
 // unless the address says -wait.
 bool Link::mayCome(const Error& e) const {
+    if (isTls(e)) return false;
     if (absent(e)) return wait_ || (daemon_.boot != 0 && lastWords_.empty());
     return daemon_.boot != 0 && (hungUp_ || e.is("COMM LIMIT") || e.is("COMM TIMEOUT"));
 }
@@ -305,6 +321,7 @@ bool Link::mayCome(const Error& e) const {
 // The connection cannot be made again: what becomes of calls that were sent? If nothing listens for a moment, the daemon may
 // still be there, behind a tunnel for instance. It has certainly ended when it said GOODBYE, or when its process has ended.
 void Link::conclude(const Error& e) {
+    if (isTls(e)) return user_.unanswered({"TLS with it cannot be made again", e.what(), false});
     if (e.is("COMM PROTOCOL")) return user_.unanswered({"something else answers there now", e.what(), false});
     if (!absent(e)) return;
     std::int64_t now = monotonicNow();
@@ -328,7 +345,7 @@ bool Link::receive(std::int64_t wait) {
     if (n > 0) takeRecords();
     else if (n == 0) lose("the daemon closed it");
     else if (errno == EAGAIN) return false;
-    else lose(std::strerror(errno));
+    else lose(whyBroken(errno));
     return true;
 }
 

@@ -174,6 +174,7 @@ private:
     void welcome();
     bool upgrade(Transport::Stage stage);
     void fail(const Error& e);
+    std::string whyBroken(int error);
     void disconnect();
     void retry();
     bool absent(const Error& e) const;

@@ -97,13 +97,34 @@ void Server::Peer::ready(std::uint32_t events) {
 bool Server::Peer::upgrade() {
     try {
         const auto stage = state_ == State::opening ? Transport::Stage::connected : Transport::Stage::greeted;
-        if (open() && queued() == 0 && line_.row().upgrade(line_, stage, requests.client->caller.toText()))
+        if (open() && queued() == 0 && line_.row().upgrade(line_, stage, requests.client->caller.toText())) {
             state_ = state_ == State::opening ? State::greeting : State::live;
+            halfSince_ = 0;
+            if (secure()) identify();
+        } else if (state_ == State::opening && halfSince_ == 0) {       // as half a request
+            halfSince_ = monotonicNow();
+            server_.watchSlow(this);
+        }
         interest();
-    } catch (const Error&) {
-        server_.closePeer(this, {}, false);
+    } catch (const Error& e) {
+        server_.refuseLine(e);
+        server_.closePeer(this, e.what(), true);
     }
     return open() && !upgrading();
+}
+
+void Server::Peer::identify() {
+    Identity who = line_.row().identify(line_);
+    if (who.gone) return server_.closePeer(this, {}, false);
+    const std::int64_t user = server_.userOf(line_, who.principal);
+    server_.sorm_.mailbox()->post([before = requests.client] { before->end(); });
+    --requests.account->connections;
+    requests.become(std::make_shared<Client>(std::move(who.caller), std::move(who.principal)), user);
+    ++requests.account->connections;
+    request_ = Charge(requests.account, Account::Use::requests);
+    queue_ = Charge(requests.account, Account::Use::queues);
+    share_ = server_.shares_.of(requests.account);
+    if (!server_.judgeTimer_) server_.judgeLines();
 }
 
 void Server::Peer::spill(Frame& frame) {
@@ -470,6 +491,7 @@ void Server::Peer::peek() {
     std::string_view record;
     for (record::Reader records(seen.data() + at, seen.size() - at, SIZE_MAX); records.next(record) && requests.answerBusy(record, out);) {}
     // Queue what the socket does not take now: these requests are not answered again.
+    if (line_.pending()) later([](Peer& peer) { peer.server_.reactor_.again(&peer); });
     const char* data = out.data();
     std::size_t left = out.size();
     if (queued() == 0) (void)line_.writeMost(data, left);

@@ -74,6 +74,9 @@ public:
     bool onStack() const;               // is one of its requests being executed?
     void closeAfterReply(const std::string& reason) { closing_ = reason, interest(); }    // close it after the reply to that request
     bool open() const { return line_.open(); }
+    bool secure() const { return tls::secure(line_); }
+    bool tooWeak() const { return server_.tls_ == Wanted::Tls::only && &line_.row() == &tcpTransport; }     // it has to speak TLS, and does not
+    std::string distrusted() const { return tls::ended(line_); }
     bool mayBeTold() const { return open() && (!upgrading() || line_.row().inClear) && queued() == 0; }      // may a GOODBYE be sent?
     std::size_t queued() const { return out_.size() - sent_; }      // [bytes] that the socket has not taken
     void spill(Frame& frame);           // see Frame
@@ -109,6 +112,7 @@ private:
     bool upgrading() const { return state_ >= State::opening; }
     bool upgrade();                     // false: its transport has not done it yet
     bool upgradeInClear();
+    void identify();                    // it has shown who it is
     void later(void (*what)(Peer&));
     bool reading() const;               // are its requests read?
     void receive();                     // read once, and serve what is complete

@@ -39,13 +39,21 @@ std::uint32_t microseconds(std::int64_t nanoseconds) { return static_cast<std::u
 Server::Requests::Requests(Server& server, Peer& peer, ClientPointer who, std::int64_t user)
     : principal(who->principal), account(server.sorm_.budget.of(principal)), user(user), client(std::move(who)), server_(server), peer_(peer) {}
 
+void Server::Requests::become(ClientPointer who, std::int64_t as) {
+    principal = who->principal;
+    account = server_.sorm_.budget.of(principal);
+    user = as;
+    client = std::move(who);
+}
+
 PrincipalPointer Server::Requests::relayed(const wire::Behalf& behalf, std::string_view object) const {
     Sorm& sorm = server_.sorm_;
     PrincipalPointer author = Principal::nobody();
     const bool may = !principal || (sorm.access.rights(principal, sorm.canonical(object)) & Rights(Right::relay));
     // Users of another host are not ours.
     const bool ofHere = !principal || principal->kind() == Principal::Kind::user || principal->kind() == Principal::Kind::local;
-    if (may && (ofHere || behalf.author.starts_with("host "))) author = Principal::parse(behalf.author);
+    const bool certified = principal && principal->kind() == Principal::Kind::cert && behalf.author.starts_with("cert ");
+    if (may && (ofHere || certified || behalf.author.starts_with("host "))) author = Principal::parse(behalf.author);
     return Principal::both(principal, author);
 }
 
@@ -102,6 +110,7 @@ void Server::Requests::handle(std::string_view record, Scratch& scratch, Frame& 
     auto header = wire::readCallHeader(r, envelope.xid);
     if (!r.good()) return wire::writeRefusal(scratch.out, envelope.xid, wire::Refusal::garbage);
     if (header.rpcVersion != 2) return wire::writeRpcMismatch(scratch.out, header.xid);
+    if (wrongCredentials(header, scratch.out)) [[unlikely]] return;
     bool ours = header.program == wire::kProgram ||
                 (server_.program_ != 0 && header.program == wire::kProgramBase + server_.program_);
     if (!ours) return wire::writeRefusal(scratch.out, header.xid, wire::Refusal::programUnavailable);
@@ -114,12 +123,19 @@ void Server::Requests::handle(std::string_view record, Scratch& scratch, Frame& 
     }
 }
 
+// RFC 9289: the probe belongs to NULL, and before TLS. Answers it when it does not, or when TLS is missing.
+bool Server::Requests::wrongCredentials(const wire::CallHeader& header, Buffer& out) const {
+    if (header.probe && (header.procedure != wire::kNull || peer_.secure())) return wire::writeAuthError(out, header.xid, wire::kBadCredentials), true;
+    if (header.procedure == wire::kNull || !peer_.tooWeak()) return false;
+    return wire::writeAuthError(out, header.xid, wire::kTooWeak), true;
+}
+
 bool Server::Requests::answerBusy(std::string_view record, Buffer& out) {
     XdrReader r(record);
     auto envelope = wire::readEnvelope(r);
     if (!r.good() || envelope.kind != 0) return false;
     auto header = wire::readCallHeader(r, envelope.xid);
-    if (!r.good() || header.rpcVersion != 2 || header.version != wire::kVersion) return false;
+    if (!r.good() || header.rpcVersion != 2 || header.version != wire::kVersion || header.probe || peer_.tooWeak()) return false;
     if (std::find(answered_.begin(), answered_.end(), header.xid) != answered_.end()) return true;
     const std::size_t before = out.size();
     wire::Cancel wanted;

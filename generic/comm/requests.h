@@ -37,9 +37,12 @@ public:
     bool idle() const;                  // is nothing under way?
     Error overBudget(std::string_view object, std::size_t bytes) const;
 
-    const PrincipalPointer principal;   // who is at the other end; null: the owner
-    const AccountPointer account;       // the principal's budget
-    const std::int64_t user;            // SessionKey::user
+    // Only before the first request: it has become known who is at the other end.
+    void become(ClientPointer who, std::int64_t as);
+
+    PrincipalPointer principal;         // who is at the other end; null: the owner
+    AccountPointer account;             // the principal's budget
+    std::int64_t user;                  // SessionKey::user
     ClientPointer client;
     Session* session = nullptr;         // null before HELLO; only Sessions::link changes it
     std::uint64_t calls = 0;
@@ -72,6 +75,7 @@ private:
     void needShort(const char* what, std::size_t size) const;
     void needRoom(std::string_view name, std::size_t bytes, bool slot);
     bool crowded();
+    bool wrongCredentials(const wire::CallHeader& header, Buffer& out) const;
     void writeTraced(std::uint32_t xid, const wire::Times& times, const Message& m, const Span& span, Buffer& out, std::size_t start);
 
     Server& server_;

@@ -123,6 +123,7 @@ Resolution Resolver::followed(const Address& given) {
             return out;
         }
         found = {State::known, *answer.target};
+        found.target.wait = given.wait, found.target.tls = given.tls, found.target.as = given.as;      // another name may lead to the same place
     }
     out.target = found.target;
     if (serves_(out.target)) out.state = Resolution::State::here;

@@ -10,6 +10,7 @@
 #include "bus/statistics.h"
 #include "comm/acceptor.h"
 #include "comm/errors.h"
+#include "comm/keys.h"
 #include "comm/peer.h"
 #include "comm/random.h"
 #include "comm/rpcbind.h"
@@ -23,6 +24,7 @@ namespace sorma {
 namespace {
 
 constexpr std::int64_t kSweep = 250'000'000;            // [ns]
+constexpr std::int64_t kJudge = 400'000'000;            // [ns] between looks at whose certificate is revoked
 constexpr std::size_t kReserved = 32;                   // places for the owner, where nobody can be told to leave
 constexpr rlim_t kDescriptors = 256;                    // that connections do not take
 
@@ -57,9 +59,11 @@ static void giveBackMemory() {
 Server::Server(Sorm& sorm, Reactor& reactor, ServerLock& lock, const Settings& settings, const Wanted& wanted)
     : sorm_(sorm), reactor_(reactor), lock_(lock), settings_(settings), name_(wanted.name), boot_(randomNumber()), started_(wallNow()),
       acceptor_(std::make_unique<Acceptor>(reactor, lock, [this](Line line, bool scarce) { adopt(std::move(line), scarce); })),
-      sessions_(std::make_unique<Sessions>(*this)) {
+      sessions_(std::make_unique<Sessions>(*this)),
+      offer_{wanted.name, [&sorm](const std::string& name, const std::string& organisation) { return sorm.access.revokes(name, organisation); }}, tls_(wanted.tls) {
     setLimits(sorm_, settings_);
     giveBackMemory();
+    if (tls_ > Wanted::Tls::no || (tls_ == Wanted::Tls::unsaid && (wanted.port >= 0 || wanted.rpcbind) && keys::present())) tls::check(name_);
     ServerLock::Held held(lock_);
     try {
         for (int fd : wanted.listen) add(inheritedTransport.listen({}, fd, false));
@@ -69,7 +73,10 @@ Server::Server(Sorm& sorm, Reactor& reactor, ServerLock& lock, const Settings& s
         stop({});
         throw;
     }
-    sorm_.access.watch(this, [this] { sessions_->judge(); });
+    sorm_.access.watch(this, [this] {
+        sessions_->judge();
+        judgeLines();
+    });
     if (port_ > 0) sibling_ = std::make_unique<SiblingFile>(socket_, wanted.host, port_);
     for (int fd : wanted.listen) close(fd);
     if (wanted.connection >= 0) close(wanted.connection);
@@ -130,17 +137,47 @@ void Server::stop(const std::string& reason) {
     }
     for (Peer* peer : leaving) closePeer(peer, reason, true);
     sweepTimer_.cancel();
+    judgeTimer_.cancel();
     if (depth_ == 0) closedPeers_.clear();
 }
 
 void Server::adopt(Line line, bool scarce) {
+    if (tls_ > Wanted::Tls::no || (tls_ == Wanted::Tls::unsaid && keys::present())) line = tls::offered(std::move(line), offer_);
     Identity who = line.row().identify(line);
     if (who.gone) return;
     if ((scarce || peers_.size() >= places()) && !makeRoom(*sorm_.budget.of(who.principal))) return sayFull(std::move(line));
-    std::int64_t user = SessionKey::kByNumber;
-    if (line.row().vouched) user = !who.principal ? std::int64_t(geteuid()) : std::int64_t(who.principal->uid());
+    const std::int64_t user = userOf(line, who.principal);
     auto peer = std::make_unique<Peer>(*this, std::move(line), std::make_shared<Client>(std::move(who.caller), std::move(who.principal)), user);
     peers_.emplace(peer.get(), std::move(peer));
+}
+
+std::int64_t Server::userOf(const Line& line, const PrincipalPointer& principal) {
+    if (line.row().vouched) return !principal ? std::int64_t(geteuid()) : std::int64_t(principal->uid());
+    if (principal && principal->kind() == Principal::Kind::cert) return sessions_->numberOf(*principal);
+    return SessionKey::kByNumber;
+}
+
+void Server::refuseLine(const Error& why) {
+    ++refused_;
+    sorm_.mailbox()->post([&sorm = sorm_, why] {
+        sorm.access.note(nullptr, why.what());
+        sorm.announce(why.trail);
+    });
+}
+
+// Also when a file of keys has changed, which nobody tells us.
+void Server::judgeLines() {
+    ServerLock::Held held(lock_);
+    std::vector<std::pair<Peer*, std::string>> leaving;
+    bool any = false;
+    for (auto& [peer, owned] : peers_) {
+        if (!peer->secure()) continue;
+        any = true;
+        if (auto why = peer->distrusted(); !why.empty()) leaving.emplace_back(peer, why);
+    }
+    for (auto& [peer, why] : leaving) closePeer(peer, why, true);
+    judgeTimer_.cancel();
+    if (any && !stopping_) judgeTimer_ = reactor_.after(monotonicNow() + kJudge, [this] { judgeLines(); });
 }
 
 // Connections that may be open at a time. Some descriptors stay for what services open.

@@ -40,6 +40,7 @@
 #include "comm/reactor.h"
 #include "comm/settings.h"
 #include "comm/shares.h"
+#include "comm/tls.h"
 #include "comm/wire.h"
 
 namespace sorma {
@@ -58,6 +59,8 @@ public:
         std::string host = "127.0.0.1"; // interface to listen on
         int port = -1;                  // -1: no TCP; 0: a free one
         bool rpcbind = false;           // register with rpcbind; this implies TCP
+        // By TCP: offer TLS if there are keys (unsaid); offer none; offer it, and have keys; take nothing else.
+        enum class Tls : std::uint8_t { unsaid, no, yes, only } tls = Tls::unsaid;
         bool share = false;             // other users of this host may connect to the socket; see the policy
         std::uint32_t program = 0;      // for rpcbind: offset from 0x20000000; 0: the first free one
         // Descriptors of sockets that listen already (socket activation): a Unix-domain one replaces the socket at `socket`,
@@ -131,6 +134,9 @@ private:
     std::size_t places() const;
     bool makeRoom(const Account& newcomer);
     void sayFull(Line line);
+    std::int64_t userOf(const Line& line, const PrincipalPointer& principal);     // SessionKey::user
+    void refuseLine(const Error& why);          // TLS with somebody has failed: tell it
+    void judgeLines();                          // close those whose certificate does not hold any more
     // Close the connection and send the reason before, if tell. The session stays. The peer is deleted later, since it may
     // be on the stack.
     void closePeer(Peer* peer, const std::string& reason, bool tell);
@@ -162,7 +168,7 @@ private:
     std::vector<std::unique_ptr<Peer>> closedPeers_;                // closed, but perhaps still on the stack
     std::unique_ptr<Sessions> sessions_;
     std::set<Peer*> slow_;                                      // sent half a request, or did not read all replies
-    Timer sweepTimer_;
+    Timer sweepTimer_, judgeTimer_;
     Frame* frames_ = nullptr;                                   // turns of peers on the stack, the innermost first
     std::vector<std::unique_ptr<Scratch>> scratch_;             // one for each depth
     std::size_t depth_ = 0;                                     // of turns on the stack
@@ -177,6 +183,8 @@ private:
     std::uint64_t encoded_ = 0;
     std::shared_ptr<const Buffer> encodedBody_;
     Shares shares_;                                             // of the time for requests
+    tls::Offer offer_;
+    Wanted::Tls tls_;
 };
 
 }  // namespace sorma

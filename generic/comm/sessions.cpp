@@ -26,6 +26,11 @@ const Prototype kSlots{Severity::error, "COMM LIMIT", 0,
 Server::Sessions::Sessions(Server& server) : server_(server) {}
 Server::Sessions::~Sessions() = default;
 
+std::int64_t Server::Sessions::numberOf(const Principal& certificate) {
+    const std::string key = certificate.authority() + ' ' + certificate.certificate();
+    return certificates_.emplace(key, SessionKey::kByNumber - 1 - std::int64_t(certificates_.size())).first->second;
+}
+
 // The only place where a session gets a peer, or loses it (null).
 void Server::Sessions::link(Session& s, Peer* peer) {
     Peer* old = std::exchange(s.peer, peer);
@@ -39,8 +44,8 @@ Server::Session& Server::Sessions::greet(Peer& peer, const wire::Hello& hello, b
     if (requests.user == SessionKey::kByNumber) {
         who.user = hello.user;
         who.host = hello.host;
-        who.process = hello.process;
     }
+    if (requests.user < 0) who.process = hello.process;         // nobody vouches for it
     who.program = hello.program;
     const SessionKey key{requests.user, hello.client};
     auto& mine = all_[key];
@@ -62,7 +67,7 @@ Server::Session& Server::Sessions::greet(Peer& peer, const wire::Hello& hello, b
     if (requests.client != s.client)                    // what the client held before its HELLO
         server_.sorm_.mailbox()->post([before = requests.client] { before->end(); });
     requests.client = s.client;
-    s.direct = requests.user != SessionKey::kByNumber && s.client->caller.process == hello.process;
+    s.direct = requests.user >= 0 && s.client->caller.process == hello.process;
     s.lastSeen = monotonicNow();
     server_.sorm_.mailbox()->post([&sorm = server_.sorm_, who = s.client->caller.toText()] { sorm.announce("connection.opened", who); });
     if (!server_.watched_) {

@@ -50,12 +50,13 @@ struct Server::ReplySlot {
     PendingPointer pending;     // of a running call that the service answers later
 };
 
-// Identifies a session: its user and the number that the client has chosen. By Unix socket the user counts; by TCP the
-// number is a secret. So a client of one kind cannot take over a session of the other kind.
+// Identifies a session: its user and the number that the client has chosen. By Unix socket the user counts; with TLS the
+// certificate, by its authority's key and its name; by TCP the number is a secret. So a client of one kind cannot take over a session of
+// another kind, and nobody that of another certificate.
 struct Server::SessionKey {
     std::int64_t user = kByNumber;
     std::uint64_t number = 0;
-    static constexpr std::int64_t kByNumber = -1;
+    static constexpr std::int64_t kByNumber = -1;          // less: the number of a certificate, as Sessions::numberOf
     bool operator==(const SessionKey&) const = default;
 };
 
@@ -98,6 +99,7 @@ public:
 
     // A client has said HELLO: make its session, or link the one that it has.
     Session& greet(Peer& peer, const wire::Hello& hello, bool& known);
+    std::int64_t numberOf(const Principal& certificate);        // SessionKey::user
     bool knows(const SessionKey& key) const { return all_.contains(key); }
     // Its connection is closed. It may come back; what it holds, and its calls, stay for a while.
     void suspend(Session& session);
@@ -135,6 +137,7 @@ private:
     Server& server_;
     std::unordered_map<SessionKey, std::unique_ptr<Session>, Hash> all_;
     std::size_t underway_ = 0;
+    std::map<std::string, std::int64_t> certificates_;
 };
 
 }  // namespace sorma

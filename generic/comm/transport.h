@@ -4,6 +4,7 @@
 //     unix        a socket in the file system                                       unix.cpp
 //     inherited   a socket that another program has opened for us                   inherited.cpp
 //     shm         memory that both ends share, agreed on by a socket of unix        shm.cpp
+//     tls         a connection of tcp, encrypted                                    tls.cpp
 //
 // No other code knows the kind of a socket. A new transport is a file and a line in rows(), and a line in the checks. The
 // example tests/embed/sealed.cpp needs every function.
@@ -67,6 +68,7 @@ public:
     std::uint32_t means(std::uint32_t events) const;
     bool brought(bool sleep) const;
     void rest() const;
+    void explain(const std::string& who) const;
     // Block until something of events (EPOLLIN, EPOLLOUT) may be done, for so many milliseconds at most. Returns what may be.
     std::uint32_t wait(std::uint32_t events, int milliseconds) const;
 
@@ -177,6 +179,8 @@ struct Transport {
     bool (*brought)(const Line& line, bool sleep) = nullptr;
     // The line has been silent for a moment: give back what it keeps for traffic. Must be quick.
     void (*rest)(const Line& line) = nullptr;
+    // After read or write has failed: throws the row's own error, when it knows more than errno says.   who: as for begin. null: it never does.
+    void (*explain)(const Line& line, const std::string& who) = nullptr;
     // A daemon may write before the stage `connected`: clients understand it.
     bool inClear = false;
 };
@@ -230,6 +234,9 @@ inline bool Line::writeMost(const char*& data, std::size_t& left) {
 inline bool Line::brought(bool sleep) const { return row_->brought && row_->brought(*this, sleep); }
 inline void Line::rest() const {
     if (row_->rest) row_->rest(*this);
+}
+inline void Line::explain(const std::string& who) const {
+    if (row_->explain) row_->explain(*this, who);
 }
 inline bool Line::pending() const { return row_->pending && row_->pending(*this); }
 inline std::uint32_t Line::wants(std::uint32_t events) const { return row_->wants ? row_->wants(*this, events) : events; }

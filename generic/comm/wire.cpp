@@ -338,6 +338,11 @@ void writeRpcMismatch(Buffer& out, std::uint32_t xid) {
     w.words(xid, kReplyKind, 1, 0, 2, 2);       // denied, RPC_MISMATCH, 2 .. 2
 }
 
+void writeAuthError(Buffer& out, std::uint32_t xid, std::uint32_t why) {
+    Record w(out);
+    w.words(xid, kReplyKind, 1, 1, why);        // denied, AUTH_ERROR
+}
+
 Envelope readEnvelope(XdrReader& r) {
     std::uint32_t xid, kind;
     r.words(xid, kind);
@@ -356,6 +361,7 @@ CallHeader readCallHeader(XdrReader& r, std::uint32_t xid) {
     r.u32();
     if (credentials.size() > kMaxCredential || r.text().size() > kMaxCredential) r.spoil();
     if (flavor == kBehalfFlavor) [[unlikely]] h.behalf = credentials;
+    h.probe = flavor == kTlsFlavor;
     return h;
 }
 

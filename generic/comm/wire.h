@@ -43,11 +43,14 @@ struct Behalf {
 Behalf behalfOf(const PrincipalPointer& relayFor, std::uint64_t request, std::string callers);
 Behalf behalfOf(const PrincipalPointer& relayFor);
 inline constexpr std::uint32_t kBehalfFlavor = kProgram;        // flavor of these credentials
+inline constexpr std::uint32_t kTlsFlavor = 7;                 // AUTH_TLS
+inline constexpr std::uint32_t kBadCredentials = 1, kTooWeak = 5;     // AUTH_BADCRED, AUTH_TOOWEAK
 inline constexpr std::size_t kMostCallers = 248, kMostAuthor = 120;     // [bytes]; RFC 5531 allows 400 for all of it
 
 struct CallHeader {             // RPC header of a call
     std::uint32_t xid = 0, rpcVersion = 2, program = kProgram, version = kVersion, procedure = 0;
     std::string_view behalf = {};   // for readBehalf; empty: there is none
+    bool probe = false;             // its credentials are AUTH_TLS (RFC 9289)
 };
 
 struct Request {                // sorma_call without the message
@@ -143,6 +146,7 @@ void writeGoodbye(Buffer& out, std::string_view reason);
 void writeOutdated(Buffer& out);
 enum class Refusal : std::uint32_t { programUnavailable = 1, programMismatch = 2, procedureUnavailable = 3, garbage = 4 };
 void writeRefusal(Buffer& out, std::uint32_t xid, Refusal refusal);     // accepted, but not done
+void writeAuthError(Buffer& out, std::uint32_t xid, std::uint32_t why);
 void writeRpcMismatch(Buffer& out, std::uint32_t xid);                  // not ONC RPC version 2
 
 // ---- reading: from a record without its mark ----

@@ -20,7 +20,7 @@ namespace {
 constexpr std::string_view kSharing[] = {"auto", "shm", "unix"};      // in the order of Sharing
 const Prototype kBadSharing{Severity::error, "OPTION VALUE", 1, "-transport expects auto, shm or unix, got \"{}\""};
 const Prototype kServeOption{Severity::error, "REQUEST SYNTAX", 0,
-    "bad option \"{}\": must be -allow, -connection, -host, -listen, -open, -policy, -port, -program, -rpcbind, -share, -socket, or -wait"};
+    "bad option \"{}\": must be -allow, -connection, -host, -listen, -open, -policy, -port, -program, -rpcbind, -share, -socket, -tls, or -wait"};
 const Prototype kServeValue{Severity::error, "REQUEST SYNTAX", 0, "{} expects {}, got \"{}\""};
 const Prototype kServeConnection{Severity::error, "REQUEST SYNTAX", 0, "{} does not go with -connection: that is served, and nothing listened to"};
 const Prototype kServeMissing{Severity::error, "REQUEST SYNTAX", 0, "{} needs a value"};
@@ -89,14 +89,23 @@ std::vector<int> descriptors(const std::string& option, Tcl_Obj* list) {
     return out;
 }
 
+Server::Wanted::Tls tlsOf(const std::string& value) {
+    using Tls = Server::Wanted::Tls;
+    if (value == "no") return Tls::no;
+    if (value == "yes") return Tls::yes;
+    if (value != "only") fail(kServeValue, "-tls", "no, yes or only", value);
+    return Tls::only;
+}
+
 // sorma::serve name ?-port P? ?-host H? ?-socket PATH? ?-rpcbind bool? ?-program N? ?-listen FDS? ?-connection FD?
-// ?-allow LINE ...? ?-policy FILE? ?-open bool? ?-share bool? ?-wait?
+//
+// ?-allow LINE ...? ?-policy FILE? ?-open bool? ?-share bool? ?-tls no|yes|only? ?-wait?
 int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     return guarded(i, objc, objv, [&] {
         if (objc < 2) {
             Tcl_WrongNumArgs(interp, 1, objv, "name ?-port number? ?-host name? ?-socket path? ?-rpcbind boolean? ?-program number? "
-                                              "?-listen descriptors? ?-connection descriptor? ?-allow line? ?-policy file? ?-open boolean? ?-share boolean? ?-wait?");
+                                              "?-listen descriptors? ?-connection descriptor? ?-allow line? ?-policy file? ?-open boolean? ?-share boolean? ?-tls no|yes|only? ?-wait?");
             return TCL_ERROR;
         }
         Server::Wanted wanted;
@@ -115,7 +124,7 @@ int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
             }
             bool known = option == "-port" || option == "-host" || option == "-socket" || option == "-rpcbind" ||
                          option == "-program" || option == "-listen" || option == "-connection" || option == "-allow" ||
-                         option == "-policy" || option == "-open" || option == "-share";
+                         option == "-policy" || option == "-open" || option == "-share" || option == "-tls";
             if (!known) fail(kServeOption, option);
             if (at + 1 == objc) fail(kServeMissing, option);
             std::string value = toUtf8(objv[at + 1]);
@@ -125,6 +134,7 @@ int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
             else if (option == "-policy") policy = value;
             else if (option == "-open") open = toBoolean(objv[at + 1]);
             else if (option == "-share") wanted.share = toBoolean(objv[at + 1]);
+            else if (option == "-tls") wanted.tls = tlsOf(value);
             else if (option == "-port") wanted.port = value.empty() ? -1 : int(wholeNumber(option, value, 0, 65535));
             else if (option == "-host") wanted.host = value;
             else if (option == "-socket") wanted.socket = value;

@@ -13,7 +13,7 @@ namespace eval ::sorma::daemon {
     variable Options {
         -name {{word {a name}}}  -dict words  -path words  -package words  -make words  -script word  -log word  -idle {{seconds 0 1e9} 0}  -grace {{seconds 0 86400} 5}
         -selftest {{seconds 0 86400} 0}  -interactive flag  -until-eof flag  -inetd flag  -strict {boolean 0}  -metrics {{whole 0 65535}}  -help flag  --help flag
-        -port any  -host any  -socket any  -rpcbind any  -program any  -allow collect  -policy any  -open any  -share any
+        -port any  -host any  -socket any  -rpcbind any  -program any  -allow collect  -policy any  -open any  -share any  -tls any
     }
     variable End            ;# set once: how the daemon ended
     variable Grace 5        ;# s for requests to end when the daemon has been told to
@@ -102,7 +102,7 @@ proc ::sorma::daemon::EndBySignal {} {
 # Read the command line into a dict: option -> value; -serve: those for sorma::serve.
 proc ::sorma::daemon::Parse words {
     variable Options
-    set forServe {-port -host -socket -rpcbind -program -allow -policy -open -share}
+    set forServe {-port -host -socket -rpcbind -program -allow -policy -open -share -tls}
     set settings [dict remove [::sorma::options::defaults $Options] {*}$forServe]
     set settings [::sorma::options::take $Options $settings $words]
     if {[dict get $settings -name] eq {}} {

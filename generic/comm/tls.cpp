@@ -1,0 +1,599 @@
+#include "comm/tls.h"
+
+#include <openssl/err.h>
+#include <openssl/pem.h>
+#include <openssl/ssl.h>
+#include <openssl/x509v3.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <cstring>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "bus/catalogue.h"
+#include "comm/certificate.h"
+#include "comm/errors.h"
+#include "comm/keys.h"
+#include "comm/tlsProbe.h"
+
+
+namespace sorma::tls {
+
+namespace {
+
+const Prototype kRefused{Severity::error, "TLS REFUSED", 1, "{}: no TLS with {}: {}; nothing was sent in clear"};
+}  // namespace
+
+
+namespace {
+
+const Prototype kMissing{Severity::error, "TLS MISSING", 1, "{}: {}"};
+const Prototype kKey{Severity::error, "TLS KEY", 1, "{}: the key file {} cannot be used: {}"};
+const Prototype kPlain{Severity::error, "TLS PLAIN", 1,
+    "{}: {} speaks in clear alone; nothing was sent to it; let it have keys (sorma-keys give), or write -tls no after its address in the dictionary"};
+const Prototype kStripped{Severity::error, "TLS STRIPPED", 1,
+    "{}: {} has spoken TLS since {}, and now its answer says that it cannot: somebody between may have changed it; nothing was sent in clear; if it is "
+    "meant: sorma-keys forget {}"};
+
+using Session = std::unique_ptr<SSL_SESSION, Freed<SSL_SESSION_free>>;
+using Context = std::unique_ptr<SSL_CTX, Freed<SSL_CTX_free>>;
+using Handle = std::unique_ptr<SSL, Freed<SSL_free>>;
+
+constexpr unsigned char kAlpn[] = {6, 's', 'u', 'n', 'r', 'p', 'c'};
+constexpr long kResumeTime = 3600;                      // [s] in which a client may resume
+constexpr std::size_t kMostSessions = 256;              // that a client keeps
+constexpr std::size_t kMostCertificates = 16 * 1024;    // [bytes] of the other end's chain
+
+// ---- keys, loaded ----
+
+// Connections keep theirs when the files change.
+struct Keys {
+    Context context;
+    std::string own, stamp, authority;  // the name, keys::stamp(), fingerprint of our own authority
+    Certificate certificate;
+    Revocations revoked;
+    std::mutex mutex;
+    std::map<std::string, Session> sessions;    // a client's, by the daemon's name and address
+
+    std::string file() const { return keys::file(own + ".pem"); }
+};
+using KeysPointer = std::shared_ptr<Keys>;
+
+std::string errorText() {
+    const unsigned long code = ERR_peek_error();
+    const char* text = code ? ERR_reason_error_string(code) : nullptr;
+    return text ? text : "no reason is known";
+}
+
+int noPassword(char*, int, int, void*) { return -1; }
+
+int verified(int good, X509_STORE_CTX* chain);
+int chooseAlpn(SSL*, const unsigned char** out, unsigned char* size, const unsigned char* in, unsigned length, void*) {
+    return SSL_select_next_proto(const_cast<unsigned char**>(out), size, kAlpn, sizeof kAlpn, in, length) == OPENSSL_NPN_NEGOTIATED ? SSL_TLSEXT_ERR_OK
+                                                                                                                       : SSL_TLSEXT_ERR_ALERT_FATAL;
+}
+int keepSession(SSL* ssl, SSL_SESSION* session);
+int writeTicket(SSL* ssl, void*);
+SSL_TICKET_RETURN readTicket(SSL* ssl, SSL_SESSION* session, const unsigned char*, std::size_t, SSL_TICKET_STATUS status, void*);
+
+KeysPointer load(const std::string& own, const std::string& who) {
+    auto keys = std::make_shared<Keys>();
+    keys->own = own;
+    keys->stamp = keys::stamp(own);
+    if (own.empty())
+        fail(kMissing, who, "TLS needs a certificate, and there is none in " + keys::folder() + "; where the authority is: sorma-keys give NAME FILE; here: sorma-keys take FILE");
+    const std::string file = keys->file();
+    auto chain = readCertificates(file);
+    if (chain.empty()) fail(kMissing, who, "there is no certificate in " + file + "; where the authority is: sorma-keys give " + own + " FILE; here: sorma-keys take FILE");
+    if (auto why = keys::exposed(file); !why.empty()) fail(kKey, who, file, why);
+    checkDates(chain[0].get(), file, who);
+    keys->context.reset(SSL_CTX_new(TLS_method()));
+    SSL_CTX* c = keys->context.get();
+    if (!c) fail(kKey, who, file, errorText());
+    SSL_CTX_set_min_proto_version(c, TLS1_3_VERSION), SSL_CTX_set_max_proto_version(c, TLS1_3_VERSION);
+    SSL_CTX_set_ciphersuites(c, "TLS_AES_128_GCM_SHA256:TLS_AES_256_GCM_SHA384:TLS_CHACHA20_POLY1305_SHA256");
+    SSL_CTX_set1_groups_list(c, "X25519:P-256");
+    SSL_CTX_set_mode(c, SSL_MODE_ENABLE_PARTIAL_WRITE | SSL_MODE_ACCEPT_MOVING_WRITE_BUFFER | SSL_MODE_RELEASE_BUFFERS);
+    SSL_CTX_set_read_ahead(c, 1);
+    SSL_CTX_set_verify(c, SSL_VERIFY_PEER | SSL_VERIFY_FAIL_IF_NO_PEER_CERT, verified);
+    SSL_CTX_set_verify_depth(c, 3), SSL_CTX_set_max_cert_list(c, kMostCertificates);
+    SSL_CTX_set_alpn_protos(c, kAlpn, sizeof kAlpn);
+    SSL_CTX_set_alpn_select_cb(c, chooseAlpn, nullptr);
+    SSL_CTX_set_session_cache_mode(c, SSL_SESS_CACHE_CLIENT | SSL_SESS_CACHE_NO_INTERNAL_STORE);
+    SSL_CTX_sess_set_new_cb(c, keepSession);
+    SSL_CTX_set_session_id_context(c, kAlpn, sizeof kAlpn);
+    SSL_CTX_set_session_ticket_cb(c, writeTicket, readTicket, nullptr);
+    SSL_CTX_set_timeout(c, kResumeTime), SSL_CTX_set_num_tickets(c, 1);
+    SSL_CTX_set_default_passwd_cb(c, noPassword);
+    ERR_clear_error();
+    if (SSL_CTX_use_certificate_chain_file(c, file.c_str()) != 1) fail(kKey, who, file, errorText());
+    if (SSL_CTX_use_PrivateKey_file(c, file.c_str(), SSL_FILETYPE_PEM) != 1 || SSL_CTX_check_private_key(c) != 1)
+        fail(kKey, who, file, errorText() + "; it must be the key of the first certificate there");
+    // An empty list trusts nobody.
+    X509_STORE* trusted = SSL_CTX_get_cert_store(c);
+    for (auto& one : readCertificates(keys::file("authority.pem"))) {
+        if (keys->authority.empty()) keys->authority = fingerprint(one.get());
+        X509_STORE_add_cert(trusted, one.get());
+    }
+    for (auto& one : readCertificates(keys::file("trusted.pem"))) X509_STORE_add_cert(trusted, one.get());
+    keys->certificate = std::move(chain[0]);
+    return keys;
+}
+
+// Those of the files as they are now. Fails as load.
+KeysPointer keysOf(const std::string& daemon, const std::string& who) {
+    static std::mutex mutex;
+    static auto& known = *new std::map<std::string, KeysPointer>;
+    const std::string own = keys::ownName(daemon);
+    std::lock_guard lock(mutex);
+    KeysPointer& mine = known[own];
+    if (!mine || mine->stamp != keys::stamp(own)) mine = load(own, who);
+    return mine;
+}
+
+// ---- a line ----
+
+struct Secure : Line::Extra {
+    enum class Phase : std::uint8_t { asking, answer, handshake, done } phase = Phase::asking;
+    bool client = false, tries = false; // tries: it may be in clear
+    std::string name;                   // a client's: of the daemon
+    std::string where;                  // a client's: the address, for messages and for resuming
+    const Offer* offer = nullptr;       // a daemon's
+    std::unique_ptr<Extra> under;       // of TCP, while it connects
+    std::string out;                    // in clear, and not yet taken
+    KeysPointer keys;
+    Handle ssl;
+    // For the function that runs now:
+    Line* line = nullptr;
+    std::int64_t wait = 0;              // [ns]
+    bool dry = false;                   // the socket has no more
+    bool more = false;                  // perhaps bytes are here for which the socket has no event
+    bool stuck = false;                 // it has something to write, and the socket does not take it
+    bool closed = false;                // the other end has closed
+    Fault fault = Fault::none;          // what is wrong with the certificate at the other end
+    std::string faulty;                 // that certificate, and what we found
+    std::optional<Error> broken;        // why the line is of no use any more
+    std::string who;                    // in messages
+    std::string authority;              // fingerprint of the one that has signed the other end's certificate
+};
+
+Secure& secureOf(const Line& line) { return static_cast<Secure&>(*line.extra); }
+Secure& secureOf(const SSL* ssl) { return *static_cast<Secure*>(SSL_get_app_data(ssl)); }
+
+// Our BIO: the socket, so that nothing raises SIGPIPE, and a client may wait in it.
+int bioWrite(BIO* bio, const char* data, int size) {
+    Secure& s = *static_cast<Secure*>(BIO_get_data(bio));
+    BIO_clear_retry_flags(bio);
+    const ssize_t n = writeSocket(*s.line, data, std::size_t(size));
+    s.stuck = n < 0 && errno == EAGAIN;
+    if (s.stuck) BIO_set_retry_write(bio);
+    return int(n);
+}
+
+int bioRead(BIO* bio, char* room, int size) {
+    Secure& s = *static_cast<Secure*>(BIO_get_data(bio));
+    BIO_clear_retry_flags(bio);
+    const ssize_t n = s.dry ? (errno = EAGAIN, -1) : readSocket(*s.line, room, std::size_t(size), std::exchange(s.wait, 0));
+    if (n < size) s.dry = true;
+    if (n == 0) s.closed = true;
+    if (n < 0 && errno == EAGAIN) BIO_set_retry_read(bio);
+    return int(n);
+}
+
+long bioControl(BIO*, int command, long, void*) { return command == BIO_CTRL_FLUSH ? 1 : 0; }
+
+BIO_METHOD* bioMethod() {
+    static BIO_METHOD* const method = [] {
+        BIO_METHOD* m = BIO_meth_new(BIO_get_new_index() | BIO_TYPE_SOURCE_SINK, "sorma");
+        BIO_meth_set_write(m, bioWrite);
+        BIO_meth_set_read(m, bioRead);
+        BIO_meth_set_ctrl(m, bioControl);
+        return m;
+    }();
+    return method;
+}
+
+void startHandshake(Secure& s) {
+    s.ssl.reset(SSL_new(s.keys->context.get()));
+    if (!s.ssl) throw std::bad_alloc();
+    BIO* bio = BIO_new(bioMethod());
+    if (!bio) throw std::bad_alloc();
+    BIO_set_data(bio, &s);
+    BIO_set_init(bio, 1);
+    SSL_set_bio(s.ssl.get(), bio, bio);
+    SSL_set_app_data(s.ssl.get(), &s);
+    if (s.client) {
+        SSL_set_connect_state(s.ssl.get());
+        std::lock_guard lock(s.keys->mutex);
+        auto found = s.keys->sessions.find(s.name + ' ' + s.where);
+        if (found != s.keys->sessions.end()) {          // a ticket is used once, so that nobody sees that two connections are of one client
+            SSL_set_session(s.ssl.get(), found->second.get());
+            s.keys->sessions.erase(found);
+        }
+    } else {
+        SSL_set_accept_state(s.ssl.get());
+    }
+    s.phase = Secure::Phase::handshake;
+}
+
+// ---- is the certificate at the other end good? ----
+
+Fault judge(Secure& s, X509* one) {
+    const std::string name = nameOf(one);
+    if (X509_cmp_current_time(X509_get0_notAfter(one)) < 0) return Fault::expired;
+    if (s.keys->revoked.has(one)) return Fault::revoked;
+    if (s.offer && s.offer->revoked && s.offer->revoked(name, part(one, NID_organizationName))) return Fault::revoked;
+    if (name.empty()) return Fault::name;
+    if (s.client && (s.name.empty() || X509_check_host(one, s.name.data(), s.name.size(), X509_CHECK_FLAG_NO_WILDCARDS, nullptr) != 1)) return Fault::name;
+    return Fault::none;
+}
+
+void note(Secure& s, Fault fault, const X509* one, const std::string& detail = {}) {
+    if (s.fault != Fault::none) return;
+    s.fault = fault;
+    s.faulty = complaint(fault, one, s.client, s.name, detail);
+}
+
+int verified(int good, X509_STORE_CTX* chain) {
+    Secure& s = secureOf(static_cast<SSL*>(X509_STORE_CTX_get_ex_data(chain, SSL_get_ex_data_X509_STORE_CTX_idx())));
+    X509* one = X509_STORE_CTX_get_current_cert(chain);
+    if (!good) {
+        const int error = X509_STORE_CTX_get_error(chain);
+        if (error == X509_V_ERR_CERT_NOT_YET_VALID && !tooEarly(one)) {
+            X509_STORE_CTX_set_error(chain, X509_V_OK);
+            return 1;
+        }
+        note(s, error == X509_V_ERR_CERT_HAS_EXPIRED ? Fault::expired : error == X509_V_ERR_CERT_NOT_YET_VALID ? Fault::notYet : Fault::authority, one,
+             X509_verify_cert_error_string(error));
+        return 0;
+    }
+    if (X509_STORE_CTX_get_error_depth(chain) > 0) return 1;
+    const Fault fault = judge(s, one);
+    if (fault != Fault::none) {
+        note(s, fault, one);
+        X509_STORE_CTX_set_error(chain, fault == Fault::revoked ? X509_V_ERR_CERT_REVOKED : fault == Fault::expired ? X509_V_ERR_CERT_HAS_EXPIRED : X509_V_ERR_HOSTNAME_MISMATCH);
+        return 0;
+    }
+    auto* all = X509_STORE_CTX_get0_chain(chain);
+    s.authority = fingerprint(sk_X509_value(all, sk_X509_num(all) - 1));
+    return 1;
+}
+
+// ---- resuming ----
+
+int keepSession(SSL* ssl, SSL_SESSION* session) {
+    Secure& s = secureOf(ssl);
+    if (!s.client) return 0;
+    std::lock_guard lock(s.keys->mutex);
+    if (s.keys->sessions.size() >= kMostSessions) s.keys->sessions.clear();
+    s.keys->sessions[s.name + ' ' + s.where].reset(session);
+    return 1;
+}
+
+// A ticket says by which authority its client is known: the chain is not in it.
+int writeTicket(SSL* ssl, void*) {
+    const std::string& authority = secureOf(ssl).authority;
+    return SSL_SESSION_set1_ticket_appdata(SSL_get_session(ssl), authority.data(), authority.size());
+}
+
+// When a ticket does not hold, a full handshake says why.
+SSL_TICKET_RETURN readTicket(SSL* ssl, SSL_SESSION* session, const unsigned char*, std::size_t, SSL_TICKET_STATUS status, void*) {
+    if (status != SSL_TICKET_SUCCESS && status != SSL_TICKET_SUCCESS_RENEW) return SSL_TICKET_RETURN_IGNORE_RENEW;
+    Secure& s = secureOf(ssl);
+    X509* one = SSL_SESSION_get0_peer(session);
+    void* data = nullptr;
+    std::size_t size = 0;
+    if (!one || judge(s, one) != Fault::none || SSL_SESSION_get0_ticket_appdata(session, &data, &size) != 1 || size == 0) return SSL_TICKET_RETURN_IGNORE_RENEW;
+    s.authority.assign(static_cast<const char*>(data), size);
+    return SSL_TICKET_RETURN_USE_RENEW;
+}
+
+// ---- what has failed ----
+
+constexpr int kAlert = 1000;                            // in OpenSSL's reasons: an alert of the other end
+
+// The other end has complained.
+[[noreturn]] void failAlert(const Secure& s, int alert, const std::string& who) {
+    X509* one = s.keys->certificate.get();
+    const std::string other = s.client ? "the daemon" : "the client", own = "our certificate " + s.keys->file() + " (" + subjectOf(one) + ")";
+    const std::string again = "; where the authority is: sorma-keys new " + nameOf(one);
+    switch (alert) {
+        case SSL_AD_CERTIFICATE_EXPIRED:
+            failFault(Fault::expired, who, other + " says that " + own + ", which holds until " + timeText(X509_get0_notAfter(one)) + ", has expired: is its clock right?" + clockHint() + again);
+        case SSL_AD_CERTIFICATE_REVOKED: failFault(Fault::revoked, who, other + " says that " + own + " is revoked" + again);
+        case SSL_AD_UNKNOWN_CA: failFault(Fault::authority, who, other + " does not know the authority of " + own + "; both ends need keys of one authority: sorma-keys give NAME FILE, there: sorma-keys take FILE");
+        case SSL_AD_CERTIFICATE_REQUIRED: fail(kMissing, who, other + " wants a certificate, and was shown none");
+        case SSL_AD_BAD_CERTIFICATE:
+            if (s.client) failFault(Fault::notYet, who, other + " does not take " + own + ", which holds from " + timeText(X509_get0_notBefore(one)) + ": is its clock right?" + clockHint());
+            failFault(Fault::name, who, other + " does not take " + own + ": it calls this daemon by another name, or its clock is wrong");
+        default: break;
+    }
+    fail(kRefused, who, other, std::string(SSL_alert_desc_string_long(alert)) + ", it says");
+}
+
+// The last function of OpenSSL has failed. Throws for what it has found.
+void explain(Secure& s, const std::string& who) {
+    const unsigned long code = ERR_peek_error();
+    const int reason = code && ERR_GET_LIB(code) == ERR_LIB_SSL ? ERR_GET_REASON(code) : 0;
+    const std::string text = errorText();
+    ERR_clear_error();
+    if (s.fault != Fault::none) failFault(s.fault, who, s.faulty + (s.client ? "; nothing was sent" : ""));
+    if (reason > kAlert) failAlert(s, reason - kAlert, who);
+    if (reason == SSL_R_PEER_DID_NOT_RETURN_A_CERTIFICATE) fail(kMissing, who, "the client showed no certificate; there: sorma-keys take FILE");
+    const std::string other = s.client ? s.where : "the client";
+    if (s.closed || code == 0 || reason == SSL_R_UNEXPECTED_EOF_WHILE_READING)
+        fail(errors::kRefused, who, other, "it closed the connection in the handshake of TLS", "it may be ending, or full");
+    fail(kRefused, who, other, text);
+}
+
+// ---- the probe, in clear ----
+
+// Write what waits in clear. False: not all is taken.
+bool pushClear(Line& line, Secure& s, const std::string& who) {
+    while (!s.out.empty()) {
+        const ssize_t n = writeSocket(line, s.out.data(), s.out.size());
+        if (n < 0 && errno == EAGAIN) return s.stuck = true, false;
+        if (n < 0) fail(errors::kRefused, who, s.client ? s.where : "the client", std::strerror(errno), "it may be ending, or full");
+        s.out.erase(0, std::size_t(n));
+    }
+    s.stuck = false;
+    return true;
+}
+
+// ---- rows ----
+
+ssize_t read(Line& line, char* room, std::size_t size, std::int64_t wait) {
+    Secure& s = secureOf(line);
+    s.line = &line, s.wait = wait, s.dry = false, s.more = false;
+    std::size_t have = 0;
+    while (have < size) {
+        std::size_t n = 0;
+        ERR_clear_error();
+        if (SSL_read_ex(s.ssl.get(), room + have, size - have, &n) == 1) {
+            have += n;
+            s.wait = 0;
+            continue;
+        }
+        const int error = SSL_get_error(s.ssl.get(), 0);
+        if (error == SSL_ERROR_WANT_READ || error == SSL_ERROR_WANT_WRITE) break;
+        if (have > 0) {                                 // the next read says it again
+            s.more = true;
+            break;
+        }
+        if (error == SSL_ERROR_ZERO_RETURN || s.closed) return 0;
+        if (!s.broken) try {
+            explain(s, s.who);
+        } catch (const Error& e) {
+            s.broken = e;
+        }
+        return errno = EPROTO, -1;
+    }
+    if (have == size && SSL_has_pending(s.ssl.get())) s.more = true;
+    return have > 0 || size == 0 ? ssize_t(have) : (errno = EAGAIN, -1);
+}
+
+ssize_t write(Line& line, const char* data, std::size_t size) {
+    Secure& s = secureOf(line);
+    s.line = &line, s.wait = 0, s.dry = false;
+    std::size_t written = 0;
+    while (written < size) {
+        std::size_t n = 0;
+        ERR_clear_error();
+        if (SSL_write_ex(s.ssl.get(), data + written, size - written, &n) == 1) {
+            written += n;
+            continue;
+        }
+        const int error = SSL_get_error(s.ssl.get(), 0);
+        if (error == SSL_ERROR_WANT_WRITE || error == SSL_ERROR_WANT_READ) break;
+        ERR_clear_error();
+        if (written > 0) break;
+        return errno = EPIPE, -1;
+    }
+    return written > 0 || size == 0 ? ssize_t(written) : (errno = EAGAIN, -1);
+}
+
+// Takes bytes from the socket, but none from what read() will give.
+ssize_t peek(Line& line, char* room, std::size_t size) {
+    Secure& s = secureOf(line);
+    s.line = &line, s.wait = 0, s.dry = false;
+    std::size_t n = 0;
+    ERR_clear_error();
+    const bool some = SSL_peek_ex(s.ssl.get(), room, size, &n) == 1;
+    ERR_clear_error();
+    s.more = true;
+    return some ? ssize_t(n) : (errno = EAGAIN, -1);
+}
+
+bool pending(const Line& line) { return line.extra && secureOf(line).more; }
+
+std::uint32_t wants(const Line& line, std::uint32_t events) { return line.extra && secureOf(line).stuck ? events | EPOLLOUT : events; }
+
+Identity identify(const Line& line) {
+    Identity out = tcpTransport.identify(line);
+    const Secure& s = secureOf(line);
+    X509* one = s.ssl ? SSL_get0_peer_certificate(s.ssl.get()) : nullptr;
+    if (!one || s.phase != Secure::Phase::done) return out;
+    const std::string name = nameOf(one), organisation = part(one, NID_organizationName);
+    Principal::Address from{};
+    if (out.principal) from = out.principal->address();
+    out.principal = Principal::cert(name, organisation, s.authority, !s.authority.empty() && s.authority == s.keys->authority, from);
+    out.caller.user = out.principal->toText();
+    out.caller.known.clear();
+    return out;
+}
+
+extern const Transport clientRow, daemonRow, row;
+
+// False: it waits for the socket.
+bool shakeHands(Line& line, Secure& s, const std::string& who) {
+    s.line = &line, s.wait = 0, s.dry = false;
+    ERR_clear_error();
+    const int result = SSL_do_handshake(s.ssl.get());
+    if (result != 1) {
+        const int error = SSL_get_error(s.ssl.get(), result);
+        if (error == SSL_ERROR_WANT_READ || error == SSL_ERROR_WANT_WRITE) return false;
+        explain(s, who);
+    }
+    X509* one = SSL_get0_peer_certificate(s.ssl.get());
+    const unsigned char* protocol = nullptr;
+    unsigned size = 0;
+    SSL_get0_alpn_selected(s.ssl.get(), &protocol, &size);
+    const std::string other = s.client ? s.where : "the client";
+    if (size != sizeof kAlpn - 1 || std::memcmp(protocol, kAlpn + 1, size) != 0) fail(kRefused, who, other, "it does not speak sunrpc (ALPN)");
+    if (!one || SSL_get_verify_result(s.ssl.get()) != X509_V_OK) fail(kMissing, who, other + " has shown no certificate");
+    if (const Fault fault = judge(s, one); fault != Fault::none) {      // also of a session that was resumed
+        note(s, fault, one);
+        failFault(s.fault, who, s.faulty + (s.client ? "; nothing was sent" : ""));
+    }
+    if (!s.client && s.authority.empty()) fail(kRefused, who, other, "its authority is not known");
+    s.phase = Secure::Phase::done;
+    s.who = who;
+    s.more = SSL_has_pending(s.ssl.get());
+    if (s.client) keys::pin(s.name);
+    line = Line(std::move(line), row);
+    return true;
+}
+
+bool speakClear(Line& line) {
+    line.extra.reset();
+    line = Line(std::move(line), tcpTransport);
+    return true;
+}
+
+bool upgradeClient(Line& line, Transport::Stage, const std::string& who) {
+    Secure& s = secureOf(line);
+    if (s.phase == Secure::Phase::asking) {
+        s.out = probe::ask();
+        s.phase = Secure::Phase::answer;
+    }
+    if (!pushClear(line, s, who)) return false;
+    if (s.phase == Secure::Phase::answer) {
+        const auto answer = probe::read(line, s.where, who);
+        if (answer == probe::Answer::notYet) return false;
+        const std::string since = keys::pinned(s.name);
+        if (answer == probe::Answer::plain && !since.empty()) fail(kStripped, who, s.where, since, s.name);
+        if (answer == probe::Answer::plain && !s.tries) fail(kPlain, who, s.where);
+        if (answer == probe::Answer::plain) return speakClear(line);
+        startHandshake(s);
+    }
+    return shakeHands(line, s, who);
+}
+
+bool upgradeDaemon(Line& line, Transport::Stage, const std::string& who) {
+    Secure& s = secureOf(line);
+    if (s.phase == Secure::Phase::asking) {
+        char first[probe::kSize];
+        std::uint32_t xid = 0;
+        const bool last = probe::closing(line);
+        const ssize_t n = peekSocket(line, first, sizeof first);
+        if (n < 0 && errno == EAGAIN) return false;
+        const bool half = n > 0 && n < ssize_t(sizeof first) && probe::isLike(first, std::size_t(n), xid) && !last;
+        probe::wakeAt(line, half ? sizeof first : 1);
+        if (half) return false;
+        if (n < ssize_t(sizeof first) || !probe::isLike(first, std::size_t(n), xid)) return speakClear(line);
+        s.keys = keysOf(s.offer->daemon, who);
+        (void)recv(line.descriptor(), first, sizeof first, 0);
+        s.out = probe::answer(xid);
+        s.phase = Secure::Phase::answer;
+    }
+    if (!pushClear(line, s, who)) return false;
+    if (s.phase == Secure::Phase::answer) startHandshake(s);
+    return shakeHands(line, s, who);
+}
+
+Line begin(const Address& address, const std::string& who) {
+    auto s = std::make_unique<Secure>();
+    s->client = true;
+    s->tries = address.tls == Address::Tls::tries;
+    s->name = address.as;
+    s->where = describe(address);
+    s->keys = keysOf({}, who);
+    Line line(tcpTransport.begin(address, who), clientRow);
+    s->under = std::move(line.extra);
+    line.extra = std::move(s);
+    return line;
+}
+
+bool finish(Line& line, const std::string& who) {
+    auto mine = std::move(line.extra);
+    Secure& s = static_cast<Secure&>(*mine);
+    line.extra = std::move(s.under);
+    const bool connected = tcpTransport.finish(line, who);
+    s.under = std::move(line.extra);
+    line.extra = std::move(mine);
+    return connected;
+}
+
+void explainLine(const Line& line, const std::string&) {
+    if (line.extra && secureOf(line).broken) throw *secureOf(line).broken;
+}
+
+Transport makeRow() {
+    Transport made = tcpTransport;
+    made.name = "tls";
+    made.begin = begin;
+    made.finish = finish;
+    made.read = read;
+    made.write = write;
+    made.peek = peek;
+    made.identify = identify;
+    made.pending = pending;
+    made.wants = wants;
+    made.explain = explainLine;
+    return made;
+}
+
+Transport makeClient() {
+    Transport made = makeRow();
+    made.upgrade = upgradeClient;
+    return made;
+}
+
+Transport makeDaemon() {
+    Transport made = makeRow();
+    made.upgrade = upgradeDaemon;
+    made.peek = nullptr;                // before the handshake is over nothing is answered
+    made.identify = tcpTransport.identify;
+    return made;
+}
+
+const Transport clientRow = makeClient(), daemonRow = makeDaemon(), row = makeRow();
+
+}  // namespace
+
+const Transport& rowFor(const Transport& under, const Address& address, const std::string& who) {
+    return &under == &tcpTransport && wanted(address, who) ? clientRow : under;
+}
+
+void check(const std::string& daemon) { (void)keysOf(daemon, daemon); }
+
+Line offered(Line line, const Offer& offer) {
+    if (!line.open() || &line.row() != &tcpTransport) return line;
+    auto s = std::make_unique<Secure>();
+    s->offer = &offer;
+    Line out(std::move(line), daemonRow);
+    out.extra = std::move(s);
+    return out;
+}
+
+bool secure(const Line& line) { return &line.row() == &row; }
+
+std::string ended(const Line& line) {
+    if (!secure(line)) return {};
+    Secure& s = secureOf(line);
+    KeysPointer now = s.keys;
+    try {
+        now = keysOf(s.keys->own, "");
+    } catch (const Error&) {
+        // with those of before
+    }
+    X509* one = SSL_get0_peer_certificate(s.ssl.get());
+    if (!one || now->revoked.has(one) || (s.offer && s.offer->revoked && s.offer->revoked(nameOf(one), part(one, NID_organizationName)))) return "the certificate is revoked";
+    return {};
+}
+
+}  // namespace sorma::tls

@@ -1,0 +1,22 @@
+// In place of tls.cpp, where there is no OpenSSL: what wants TLS fails.
+#include "bus/catalogue.h"
+#include "comm/keys.h"
+#include "comm/tls.h"
+#include "comm/tlsProbe.h"
+
+namespace sorma::tls {
+
+namespace {
+const Prototype kWithout{Severity::error, "TLS REFUSED", 1, "{}: no TLS: this SORMA was built without OpenSSL; nothing was sent; install libssl-dev, and build it again"};
+}
+
+const Transport& rowFor(const Transport& row, const Address& address, const std::string& who) {
+    if (&row == &tcpTransport && wanted(address, who)) fail(kWithout, who);
+    return row;
+}
+void check(const std::string& daemon) { fail(kWithout, daemon); }
+Line offered(Line line, const Offer&) { return line; }
+bool secure(const Line&) { return false; }
+std::string ended(const Line&) { return {}; }
+
+}  // namespace sorma::tls
