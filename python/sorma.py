@@ -9,7 +9,8 @@
     for event in robot["carry.slow"].events("moved*", keep=100): print(event.name, event.content)
 
 A call is executed at most once, whatever happens to the connection: doc/wire.md says how. Every failure is a sorma.Error.
-This file needs Python 3.9 and its standard library, and may be copied. TLS is not there yet, see _open_socket().
+This file needs Python 3.9 and its standard library, and may be copied. By TCP it speaks TLS as other clients do: with the keys of
+sorma-keys, or never in clear where the dictionary says -tls yes.
 """
 import array
 import collections
@@ -21,11 +22,13 @@ import os
 import secrets
 import select
 import socket
+import ssl
 import stat
 import struct
 import sys
 import threading
 import time
+import types
 import weakref
 
 PROGRAM, PROGRAM_BASE = 0x20534f52, 0x20000000
@@ -202,11 +205,6 @@ def _runtime_folder():
     return folder
 
 
-def _has_keys():
-    folder = os.environ.get("SORMA_KEYS") or os.path.join(os.environ.get("XDG_CONFIG_HOME") or os.path.expanduser("~/.config"), "sorma/keys")
-    return any(os.path.exists(os.path.join(folder, name)) for name in ("own", "authority.pem"))
-
-
 def _dictionary():
     """Entries @NAME of the files in SORMA_DICT and of variables SORMA_ENTRY_@NAME: lists of words. They need no quotes."""
     lines = []
@@ -226,51 +224,242 @@ def _dictionary():
 
 
 def _resolve(address):
-    """(what connect() takes, -wait) for what stands after @ in a name: a path, or host and port."""
-    entries, chain, wait, where, clear = _dictionary(), [], False, address, False
+    """Where what stands after @ in a name leads: .target for connect(), a path or (host, port); .wait; .tls, what the dictionary says of
+    it; .name, which the daemon's certificate must have."""
+    entries, chain, wait, tls, where = _dictionary(), [], False, "", address
     while True:
         where = where[1:] if where[:1] == "@" else where
         where = where[5:] if where.startswith("unix:") else where
         if where[:1] == "/":
-            return where, wait
+            return types.SimpleNamespace(target=where, wait=wait, tls="no", name="")
         if ":" in where:
             break
         if not where or where == "self" or "/" in where:
             raise _error("NAME SYNTAX", address, "an address of a daemon is HOST:PORT, /PATH or a name")
         key = "@" + where
         if key not in entries:
-            return f"{_runtime_folder()}/{where}.sock", wait
+            return types.SimpleNamespace(target=f"{_runtime_folder()}/{where}.sock", wait=wait, tls="no", name="")
         chain.append(key)
         if key in chain[:-1]:
             raise _error("DICT LOOP", address, "addresses in the dictionary lead in a circle: " + " -> ".join(chain))
         words = entries[key]
         if not words or words[0] == "-SUBST":
             raise _error("ADDRESS UNRESOLVED", address, f"the dictionary's entry {key} holds no address")
-        if "-tls" in words and words[words.index("-tls"):][1:2] != ["no"]:
-            raise _error("TLS MISSING", address, f"the dictionary's entry {key} asks for TLS, which this client does not have yet")
-        where, wait, clear = words[0], wait or "-wait" in words, clear or "-tls" in words
+        if "-tls" in words:
+            tls = (words + [""])[words.index("-tls") + 1]
+            if tls not in ("yes", "no", "try"):
+                raise _error("DICT SYNTAX", address, f"the dictionary's entry {key}: -tls expects yes, no or try, got {tls!r}")
+        where, wait = words[0], wait or "-wait" in words
     host, _, port = where.rpartition(":")
     if not port.isdecimal() or not 0 < int(port) < 65536:
         raise _error("NAME SYNTAX", address, f"no port: {port!r}; numbers of rpcbind are not looked up, rpcinfo -p {host} shows the port")
-    if not clear and _has_keys():
-        raise _error("TLS MISSING", address, "you have keys (sorma-keys), so TCP needs TLS, which this client does not have yet; write -tls no after the address in the dictionary")
-    return (host[1:-1] if host[:1] == "[" else host, int(port)), wait
+    host = host[1:-1] if host[:1] == "[" else host
+    return types.SimpleNamespace(target=(host, int(port)), wait=wait, tls=tls, name=chain[-1][1:] if chain else host)
 
 
-def _open_socket(target, left):
-    """A connected socket. The place for TLS (RFC 9289): NULL with the flavor AUTH_TLS, then ssl.SSLContext.wrap_socket()."""
-    if isinstance(target, tuple):
-        s = socket.create_connection(target, left)
-        s.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        return s
-    s = socket.socket(socket.AF_UNIX)
+def _open_socket(place, who, deadline):
+    """A connected socket."""
+    left = _left(deadline)
+    tcp = isinstance(place.target, tuple)
+    context = _context(who) if tcp and _wants_tls(place, who) else None
+    s = socket.create_connection(place.target, left) if tcp else socket.socket(socket.AF_UNIX)
     try:
-        s.settimeout(left)
-        s.connect(target)
+        if not tcp:
+            s.settimeout(left)
+            s.connect(place.target)
+            return s
+        s.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return _secured(s, context, place, who, deadline) if context else s
     except BaseException:
         s.close()
         raise
-    return s
+
+
+def _left(deadline):
+    return max(min(deadline - time.monotonic(), 1e6), 0.001)
+
+
+# ---- TLS: RFC 9289, with the keys that sorma-keys keeps ----
+
+def _key_file(name):
+    folder = os.environ.get("SORMA_KEYS") or (os.environ.get("XDG_CONFIG_HOME") or os.path.expanduser("~/.config")) + "/sorma/keys"
+    return os.path.join(folder, name)
+
+
+def _lines(name):
+    try:
+        with open(_key_file(name), errors="replace") as file:
+            return [line.split() for line in file if line.strip()]
+    except OSError:
+        return []
+
+
+def _pinned(name):
+    """The date since when a daemon is known to speak TLS."""
+    return next((line[1] for line in _lines("pins") if line[0] == name and len(line) > 1), "")
+
+
+def _pin(name):
+    if not _pinned(name):
+        with contextlib.suppress(OSError):
+            file = os.open(_key_file("pins"), os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            os.write(file, f"{name} {time.strftime('%Y-%m-%d', time.gmtime())}\n".encode())
+            os.close(file)
+
+
+def _wants_tls(place, who):
+    since = _pinned(place.name)
+    if since and place.tls == "no":
+        raise _error("TLS PINNED", who, f"{place.name} has spoken TLS since {since}, and the dictionary says -tls no; nothing was sent in clear; remove "
+                     f"-tls no there, or: sorma-keys forget {place.name}")
+    return bool(place.tls == "yes" or since or (place.tls != "no" and any(os.path.exists(_key_file(f)) for f in ("own", "authority.pem"))))
+
+
+def _context(who):
+    own = (_lines("own") or [[""]])[0][0]
+    file = _key_file(own + ".pem")
+    if not own or not os.path.exists(file):
+        raise _error("TLS MISSING", who, f"TLS needs a certificate, and there is none in {_key_file('')}; where the authority is: sorma-keys give NAME FILE; "
+                     "here: sorma-keys take FILE")
+    facts = os.stat(file)
+    if facts.st_uid not in (0, os.geteuid()) or facts.st_mode & 0o077:
+        raise _error("TLS KEY", who, f"the key file {file} cannot be used: others than its owner may read it: chmod 600 {file}")
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    try:
+        context.minimum_version = context.maximum_version = ssl.TLSVersion.TLSv1_3
+        context.set_alpn_protocols(["sunrpc"])
+        context.load_cert_chain(file, password=lambda: "")
+        for name in filter(os.path.exists, map(_key_file, ("authority.pem", "trusted.pem"))):       # an empty list trusts nobody
+            context.load_verify_locations(name)
+        if os.path.exists(_key_file("crl.pem")):
+            context.load_verify_locations(_key_file("crl.pem"))
+            context.verify_flags |= ssl.VERIFY_CRL_CHECK_LEAF
+    except (OSError, ValueError) as e:
+        raise _error("TLS KEY", who, f"the key file {file} cannot be used, or another one beside it: {e}") from None
+    return context
+
+
+def _secured(sock, context, place, who, deadline):
+    """This socket with TLS; itself where the daemon cannot, and -tls try allows that."""
+    sock.settimeout(_left(deadline))
+    sock.sendall(_UU.pack(0x80000028, 0x544c5331) + struct.pack(">9I", 0, 2, PROGRAM, 1, 0, 7, 0, 0, 0))
+    data = b""
+    while len(data) < 4 or len(data) < 4 + (_U.unpack_from(data)[0] & 0x7fffffff):          # nothing but the answer
+        want = 4 if len(data) < 4 else 4 + (_U.unpack_from(data)[0] & 0x7fffffff)
+        if want > 1024:
+            raise _error("COMM PROTOCOL", who, "it does not answer the probe of TLS as ONC RPC does; is the address right?")
+        sock.settimeout(_left(deadline))
+        got = sock.recv(want - len(data))
+        if not got:
+            raise ConnectionError("it closed the connection after the probe")
+        data += got
+    if data[4:] != _UUUU.pack(0x544c5331, 1, 0, 0) + _text("STARTTLS") + bytes(4):
+        since = _pinned(place.name)
+        if since:
+            raise _error("TLS STRIPPED", who, f"{place.name} has spoken TLS since {since}, and now its answer says that it cannot: somebody between may have "
+                         f"changed it; nothing was sent in clear; if it is meant: sorma-keys forget {place.name}")
+        if place.tls == "try":
+            return sock
+        raise _error("TLS PLAIN", who, f"{place.name} speaks in clear alone; nothing was sent to it; let it have keys (sorma-keys give), or write -tls no "
+                     "after its address in the dictionary")
+    tls = _Tls(sock, context, place.name)
+    try:
+        tls.handshake(deadline)
+    except ssl.SSLError as e:
+        raise _tls_error(e, who) from None
+    names = [value for kind, value in tls.tls.getpeercert().get("subjectAltName", ()) if kind == "DNS"] + [tls.tls.getpeercert().get("serialNumber")]
+    if any(line[0] in names for line in _lines("revoked")):
+        raise _error("TLS REVOKED", who, f"the daemon's certificate ({names[0]}) is revoked ({_key_file('revoked')}); nothing was sent; where the authority is: "
+                     f"sorma-keys new {names[0]}")
+    _pin(place.name)
+    return tls
+
+
+def _tls_error(e, who):
+    """What the ssl module says, as one of SORMA's errors."""
+    clock, again = f"; the clock here says {time.strftime('%Y-%m-%d %H:%M UTC', time.gmtime())}", "; where the authority is: sorma-keys new NAME"
+    check, reason = getattr(e, "verify_code", 0), getattr(e, "reason", "") or ""
+    kinds = {10: ("EXPIRED", again), 9: ("NOTYET", "; set the clock that is wrong"), 23: ("REVOKED", again),
+             62: ("NAME", "; a daemon is called by the name in its certificate: write @NAME and its address into the dictionary")}
+    if check:
+        kind, mend = kinds.get(check, ("AUTHORITY", "; keys of one authority are given by: sorma-keys give NAME FILE"))
+        return _error("TLS " + kind, who, f"the daemon's certificate: {e.verify_message}{clock}{mend}; nothing was sent")
+    for word, kind in (("CERTIFICATE_EXPIRED", "EXPIRED"), ("CERTIFICATE_REVOKED", "REVOKED"), ("UNKNOWN_CA", "AUTHORITY"), ("CERTIFICATE_REQUIRED", "MISSING"),
+                       ("BAD_CERTIFICATE", "NOTYET")):
+        if word in reason:
+            return _error("TLS " + kind, who, f"the daemon does not take our certificate: {reason}{clock}{again}")
+    return _error("TLS REFUSED", who, f"no TLS with the daemon: {reason or e}; nothing was sent in clear")
+
+
+class _Tls:
+    """A socket whose bytes are encrypted. It has those methods of a socket that this file calls, and the rest is the socket's own.
+    Threads: one sends while another one receives."""
+    def __init__(self, sock, context, name):
+        self.sock, self.lock = sock, threading.Lock()
+        self.incoming, self.outgoing = ssl.MemoryBIO(), ssl.MemoryBIO()
+        self.tls = context.wrap_bio(self.incoming, self.outgoing, server_hostname=name)
+        self.plain, self.waiting, self.owed = bytearray(), b"", 0      # read, not asked for; encrypted, not sent; of how much
+
+    def __getattr__(self, name):
+        return getattr(self.sock, name)
+
+    def handshake(self, deadline):
+        while True:
+            try:
+                self.tls.do_handshake()
+                break
+            except ssl.SSLWantReadError:
+                self.sock.sendall(self.outgoing.read())
+                self.sock.settimeout(_left(deadline))
+                got = self.sock.recv(65536)
+                if not got:
+                    raise ConnectionError("it closed the connection in the handshake of TLS") from None
+                self.incoming.write(got)
+            except ssl.SSLError:
+                with contextlib.suppress(OSError):
+                    self.sock.sendall(self.outgoing.read())        # the alert: the daemon's log says what was wrong, too
+                raise
+        self.sock.sendall(self.outgoing.read())
+        if self.tls.selected_alpn_protocol() != "sunrpc":
+            raise ssl.SSLError("it does not speak sunrpc (ALPN)")
+
+    def recv(self, size, flags=0):
+        while True:
+            with self.lock:
+                try:
+                    self.plain += b"" if self.plain else self.tls.read(65536)
+                except ssl.SSLWantReadError:
+                    pass
+                except (ssl.SSLZeroReturnError, ssl.SSLEOFError):
+                    return b""
+                if self.plain:
+                    data = bytes(self.plain[:size])
+                    if not flags & socket.MSG_PEEK:
+                        del self.plain[:size]
+                    return data
+            got = self.sock.recv(65536, flags & ~socket.MSG_PEEK)
+            if not got:
+                return b""
+            with self.lock:
+                self.incoming.write(got)
+
+    def send(self, data, flags=0):
+        """As a socket's; after a BlockingIOError the caller comes again with the same."""
+        with self.lock:
+            if not self.owed:
+                self.owed = self.tls.write(data[:16384])
+            self.waiting += self.outgoing.read()
+        self.waiting = self.waiting[self.sock.send(self.waiting, flags):]
+        if self.waiting:
+            raise BlockingIOError
+        owed, self.owed = self.owed, 0
+        return owed
+
+    def sendall(self, data):
+        at = 0
+        while at < len(data):
+            with contextlib.suppress(BlockingIOError):
+                at += self.send(memoryview(data)[at:])
 
 
 def _seen(link):
@@ -716,11 +905,11 @@ class _Connection:
     def open(self, deadline):
         """Connect, and say HELLO. Fails with COMM REFUSED, TIMEOUT, LIMIT, PROTOCOL or with an address that leads nowhere."""
         self.hung_up = False
-        target, self.wait = _resolve(self.address)
-        self.where = target if isinstance(target, str) else f"{target[0]}:{target[1]}"
-        left = max(min(deadline - time.monotonic(), 1e6), 0.001)
+        place = _resolve(self.address)
+        self.wait = place.wait
+        self.where = place.target if isinstance(place.target, str) else f"{place.target[0]}:{place.target[1]}"
         try:
-            sock = _open_socket(target, left)
+            sock = _open_socket(place, self.address, deadline)
         except (TimeoutError, socket.timeout):          # one and the same from Python 3.10 on
             raise _error("COMM TIMEOUT", self.address, f"no connection to {self.where} within the deadline; never sent") from None
         except OSError as e:
@@ -739,6 +928,8 @@ class _Connection:
                 sock.close()
             if isinstance(e, (TimeoutError, socket.timeout)):
                 raise _error("COMM TIMEOUT", self.address, f"{self.where} is connected, but does not answer; never sent") from None
+            if isinstance(e, ssl.SSLError):
+                raise _tls_error(e, self.address) from None
             if isinstance(e, OSError):
                 self.hung_up = True
                 raise _error("COMM REFUSED", self.address, f"{self.where} broke off: {e}; it may be ending, or full; never sent") from None
