@@ -20,6 +20,7 @@ const Prototype kOption{Severity::error, "REQUEST SYNTAX", 0, "bad option \"{}\"
 const Prototype kValue{Severity::error, "REQUEST SYNTAX", 0, "{} needs a value"};
 const Prototype kMilliseconds{Severity::error, "REQUEST SYNTAX", 0, "-timeout expects a number of ms, 0 for none, got \"{}\""};
 const Prototype kQueue{Severity::error, "REQUEST SYNTAX", 0, "-queue expects a whole number from 1 to 1000000, got \"{}\""};
+const Prototype kOnewayAs{Severity::error, "REQUEST SYNTAX", 0, "-oneway and -as cannot be combined"};
 const Prototype kCommand{Severity::error, "REQUEST SYNTAX", 0, "-command is missing: it must name the command that gets each event"};
 const Prototype kBadMethod{Severity::error, "REQUEST SYNTAX", 0, "bad method \"{}\": must be cancel, destroy, done, request, result, take, or wait"};
 const Prototype kNoFuture{Severity::error, "REQUEST SYNTAX", 0, "\"{}\" is no future of this interpreter"};
@@ -122,7 +123,7 @@ struct Async {
     std::map<std::string, Subscription> subscriptions;
 };
 
-// sorma::async ?-timeout ms? ?-command prefix? ?-oneway? name method ?word ...?
+// sorma::async ?-timeout ms? ?-command prefix? ?-as who? ?-oneway? name method ?word ...?
 int AsyncObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& a = *static_cast<Async*>(data);
     Interpreter& i = a.interpreter;
@@ -130,6 +131,7 @@ int AsyncObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
         Deadline deadline;
         Obj prefix;
         bool oneway = false;
+        PrincipalPointer author;
         int at = 1;
         for (; at < objc && view(objv[at]).starts_with('-'); ++at) {
             std::string_view option = view(objv[at]);
@@ -137,14 +139,17 @@ int AsyncObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
                 oneway = true;
                 continue;
             }
-            if (option != "-timeout" && option != "-command") fail(kOption, option, didYouMean(option, {"-command", "-oneway", "-timeout"}), "-command, -oneway, or -timeout");
+            if (option != "-timeout" && option != "-command" && option != "-as")
+                fail(kOption, option, didYouMean(option, {"-as", "-command", "-oneway", "-timeout"}), "-as, -command, -oneway, or -timeout");
             if (at + 1 >= objc) fail(kValue, std::string(option));
             ++at;
             if (option == "-timeout") deadline = deadlineOf(objv[at]);
+            else if (option == "-as") author = Principal::parse(toUtf8(objv[at]));
             else prefix = Obj(objv[at]);
         }
+        if (oneway && author) fail(kOnewayAs);
         if (objc - at < 2)
-            return Tcl_WrongNumArgs(interp, 1, objv, "?-timeout ms? ?-command prefix? ?-oneway? name method ?word ...?"), TCL_ERROR;
+            return Tcl_WrongNumArgs(interp, 1, objv, "?-timeout ms? ?-command prefix? ?-as who? ?-oneway? name method ?word ...?"), TCL_ERROR;
         std::string name = toUtf8(objv[at]);
         Obj coroutine = coroutineName(i);
         if (oneway) {
@@ -153,7 +158,7 @@ int AsyncObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
         }
         auto pending = [&] {
             InCoroutine context(i, coroutine);
-            return beginCommand(i, name, objc - at, objv + at, deadline);
+            return beginCommand(i, name, objc - at, objv + at, deadline, author);
         }();
         if (!pending) return TCL_ERROR;
         auto* f = new FutureCommand(i, std::move(pending));

@@ -34,8 +34,9 @@ private:
 };
 
 // Begin NAME METHOD word ... and return without waiting. objv: the words, beginning with NAME. Null: wrong # args, with the
-// message in the interpreter's result. Throws Error when the request is malformed or the object cannot be made.
-std::shared_ptr<PendingCommand> beginCommand(Interpreter& i, std::string_view name, int objc, Tcl_Obj* const objv[], Deadline deadline);
+// message in the interpreter's result. author: whose rights it needs; null: the owner's. Throws Error when the request is malformed or the object cannot be made.
+std::shared_ptr<PendingCommand> beginCommand(Interpreter& i, std::string_view name, int objc, Tcl_Obj* const objv[], Deadline deadline,
+                                             const PrincipalPointer& author = nullptr);
 // Send the same as a one-way request, which has no answer. False: wrong # args. Blocks and throws as Connection::oneway.
 bool sendOneway(Interpreter& i, std::string_view name, int objc, Tcl_Obj* const objv[]);
 

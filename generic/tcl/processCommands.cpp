@@ -23,6 +23,7 @@
 #include "bus/descriptor.h"
 #include "bus/requestText.h"
 #include "bus/signalsBlocked.h"
+#include "comm/transport.h"
 
 namespace sorma {
 
@@ -274,6 +275,24 @@ int TakeSocketObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* con
     });
 }
 
+// sorma::WhoIs channel: who is at the other end of a TCP connection, as sorma::async -as takes it. Nobody is the owner by TCP.
+int WhoIsObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        if (objc != 2) return Tcl_WrongNumArgs(interp, 1, objv, "channel"), TCL_ERROR;
+        Tcl_Channel channel = Tcl_GetChannel(interp, Tcl_GetString(objv[1]), nullptr);
+        if (!channel) return TCL_ERROR;
+        ClientData handle = nullptr;
+        PrincipalPointer who;
+        if (Tcl_GetChannelHandle(channel, TCL_READABLE, &handle) == TCL_OK) {
+            Descriptor copy(fcntl(int(reinterpret_cast<std::intptr_t>(handle)), F_DUPFD_CLOEXEC, 0));
+            if (copy) who = tcpTransport.identify(Line(std::move(copy), tcpTransport)).principal;
+        }
+        if (!who) who = Principal::nobody();
+        return Tcl_SetObjResult(interp, newText(who->toText())), TCL_OK;
+    });
+}
+
 int SplitWordsObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     return guarded(i, objc, objv, [&] {
@@ -299,7 +318,7 @@ void initProcessCommands(Interpreter& i) {
     struct { const char* name; Tcl_ObjCmdProc* proc; } commands[] = {
         {"atSignal", AtSignalObjCmd}, {"AtEnd", AtEndObjCmd}, {"Signal", SignalObjCmd}, {"UntilEof", UntilEofObjCmd},
         {"Notify", NotifyObjCmd}, {"CloseAtExec", CloseAtExecObjCmd}, {"SplitWords", SplitWordsObjCmd},
-        {"TakeSocket", TakeSocketObjCmd}};
+        {"TakeSocket", TakeSocketObjCmd}, {"WhoIs", WhoIsObjCmd}};
     for (auto& c : commands)
         Tcl_CreateObjCommand(i.interp, (std::string("::sorma::") + c.name).c_str(), c.proc, &i, nullptr);
     Tcl_Export(i.interp, Tcl_FindNamespace(i.interp, "::sorma", nullptr, 0), "atSignal", 0);

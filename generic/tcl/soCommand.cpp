@@ -592,7 +592,8 @@ int PendingCommand::finish() const {
     }
 }
 
-std::shared_ptr<PendingCommand> beginCommand(Interpreter& i, std::string_view name, int objc, Tcl_Obj* const objv[], Deadline deadline) {
+std::shared_ptr<PendingCommand> beginCommand(Interpreter& i, std::string_view name, int objc, Tcl_Obj* const objv[], Deadline deadline, const PrincipalPointer& author) {
+    if (author && !Name::isElsewhere(name)) i.sorm.get(name, author);       // it may be nobody's to make
     SoBinding& b = bindingFor(i, name, Probe::later);
     if (objc < 2) return Tcl_WrongNumArgs(i.interp, 1, objv, "method ?word ...?"), nullptr;
     Message m;
@@ -600,6 +601,7 @@ std::shared_ptr<PendingCommand> beginCommand(Interpreter& i, std::string_view na
     int code = readRequest(b, methodOf(objv[1]), objc, objv, request, m);
     if (code == TCL_CONTINUE) failNotAsync(objv[1]);
     if (code != TCL_OK) return nullptr;
+    m.author = author;
     return std::make_shared<PendingCommand>(i, b.name, request, b.so->async(request.method, std::move(m), deadline), objc, objv);
 }
 

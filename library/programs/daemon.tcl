@@ -12,7 +12,8 @@ namespace eval ::sorma::daemon {
     # The options in the manual of sormad; the last ones are those of sorma::serve, which checks them.
     variable Options {
         -name {{word {a name}}}  -dict words  -path words  -package words  -make words  -script word  -log word  -idle {{seconds 0 1e9} 0}  -grace {{seconds 0 86400} 5}
-        -selftest {{seconds 0 86400} 0}  -interactive flag  -until-eof flag  -inetd flag  -strict {boolean 0}  -metrics {{whole 0 65535}}  -help flag  --help flag
+        -selftest {{seconds 0 86400} 0}  -interactive flag  -until-eof flag  -inetd flag  -strict {boolean 0}  -metrics {{whole 0 65535}}  -scpi {{whole 0 65535}}
+        -help flag  --help flag
         -port any  -host any  -socket any  -rpcbind any  -program any  -allow collect  -policy any  -open any  -share any  -tls any
     }
     variable End            ;# set once: how the daemon ended
@@ -210,6 +211,9 @@ proc ::sorma::daemon::Start {settings inherited} {
     if {[dict get $settings -metrics] ne {}} {
         MakeMetrics [dict get $settings -name] [dict get $settings -metrics]
     }
+    if {[dict get $settings -scpi] ne {}} {
+        set scpi [ListenScpi [dict get $settings -name] [dict get $settings -scpi]]
+    }
     if {[dict get $settings -idle] > 0} {
         WatchIdle [expr {round(1000 * [dict get $settings -idle])}]
     }
@@ -225,6 +229,9 @@ proc ::sorma::daemon::Start {settings inherited} {
     }
     if {[dict get $settings -metrics] ne {}} {
         append line " metrics=[lindex [split [lindex [::sorma::so::metrics DBX -address] 3] :] end]"
+    }
+    if {[info exists scpi]} {
+        append line " scpi=$scpi"
     }
     if {[dict exists $settings -open] && [dict get $settings -open]} {
         append line " open=1"
@@ -246,6 +253,17 @@ proc ::sorma::daemon::MakeMetrics {name port} {
             set message "the class metrics is not there: install libmicrohttpd-dev, then configure and build again"
         }
         return -code error "-metrics $port: $message"
+    }
+}
+
+# The port of SCPI. When there is none, the daemon does not serve.
+proc ::sorma::daemon::ListenScpi {name port} {
+    try {
+        package require sorma::scpiPort
+        return [::sorma::scpiPort::listen $port]
+    } on error message {
+        StopServing $name
+        return -code error "-scpi $port: $message"
     }
 }
 
