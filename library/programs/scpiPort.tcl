@@ -321,7 +321,7 @@ proc ::sorma::scpiPort::Given {word type unit range default} {
     set suffix [string toupper $suffix]
     set own [string toupper $unit]
     set scale [string range $suffix 0 end-[string length $own]]
-    if {$own eq {} || $scale$own ne $suffix || ![dict exists $Scales $scale]} {
+    if {$own eq {} || "$scale$own" ne $suffix || ![dict exists $Scales $scale]} {
         Fail -131 $word
     }
     # MHZ and MOHM are mega in SCPI.
