@@ -217,6 +217,19 @@ proc ::sorma::daemon::Start {settings inherited} {
     if {[dict get $settings -idle] > 0} {
         WatchIdle [expr {round(1000 * [dict get $settings -idle])}]
     }
+    set line [ReadyLine $served [dict get $settings -metrics] [expr {[info exists scpi] ? $scpi : {}}]]
+    if {[dict exists $settings -open] && [dict get $settings -open]} {
+        append line " open=1"
+        puts stderr "sormad: [dict get $served name] is open (-open 1): whoever reaches it may call and inspect its objects"
+    }
+    puts $line
+    flush stdout
+    ::sorma::Notify "READY=1\nSTATUS=$line"
+    StartWatchdog
+}
+
+# The line of a daemon that can be called. scpi: its port, or empty.
+proc ::sorma::daemon::ReadyLine {served metrics scpi} {
     set line "ready [dict get $served name]"
     if {[dict get $served port] ne {}} {
         append line " tcp=[dict get $served port]"
@@ -227,20 +240,13 @@ proc ::sorma::daemon::Start {settings inherited} {
     if {[dict get $served program] ne {}} {
         append line " program=[dict get $served program]"
     }
-    if {[dict get $settings -metrics] ne {}} {
+    if {$metrics ne {}} {
         append line " metrics=[lindex [split [lindex [::sorma::so::metrics DBX -address] 3] :] end]"
     }
-    if {[info exists scpi]} {
+    if {$scpi ne {}} {
         append line " scpi=$scpi"
     }
-    if {[dict exists $settings -open] && [dict get $settings -open]} {
-        append line " open=1"
-        puts stderr "sormad: [dict get $served name] is open (-open 1): whoever reaches it may call and inspect its objects"
-    }
-    puts $line
-    flush stdout
-    ::sorma::Notify "READY=1\nSTATUS=$line"
-    StartWatchdog
+    return $line
 }
 
 # The object that answers Prometheus. When that is impossible, the daemon does not serve.

@@ -67,7 +67,7 @@ proc ::sorma::scpiPort::Hear channel {
     if {[string first \n $input] >= 0} {
         dict set Links $channel busy 1
         chan event $channel readable {}
-        coroutine ::sorma::scpiPort::Link$channel ::sorma::scpiPort::Work $channel
+        coroutine ::sorma::scpiPort::link$channel ::sorma::scpiPort::Work $channel
     } elseif {[string length $input] > $MostInput} {
         Say $channel {-363,"Input buffer overrun"}
         HangUp $channel
