@@ -34,7 +34,7 @@ a[href] { color: var(--accent); text-decoration-thickness: 1px; text-underline-o
     variable Demos {lab checkers tracker}
     variable Howtos {add-device instrument failed-call record tune-loop move-service boot upgrade}
     variable Formats {wire recording snapshot}
-    variable Insights {architecture request benchmark measured break comparison debugging}
+    variable Insights {architecture request benchmark measured break comparison debugging stability}
     variable Pages {}       ;# dict: file.html -> {kind title about}, in the order of the contents
     variable Words {}       ;# list of {word file.html anchor}
 }

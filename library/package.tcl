@@ -48,7 +48,17 @@ apply {{} {
             namespace eval ::sorma::[namespace qualifiers $command] {}
             # What was read before is kept.
             if {[package provide sorma::$package] eq {}} {
-                proc ::sorma::$command args "package require sorma::$package\ntailcall ::sorma::$command {*}\$args"
+                proc ::sorma::$command args [string map [list @P@ $package @C@ $command] {
+                    try {
+                        package require sorma::@P@
+                    } trap {TCL PACKAGE UNFOUND} message {
+                        if {[package versions sorma::@P@] eq {}} {
+                            append message "; Debian has windows in the package sorma-tk"
+                        }
+                        return -code error -errorcode {TCL PACKAGE UNFOUND} $message
+                    }
+                    tailcall ::sorma::@C@ {*}$args
+                }]
             }
             namespace eval ::sorma::[namespace qualifiers $command] [list namespace export [namespace tail $command]]
         }
