@@ -12,6 +12,7 @@
 
 package require sorma::entries
 package require sorma::field
+package require sorma::fold
 package require sorma::lamp
 package require sorma::notice
 package require sorma::options
@@ -23,7 +24,7 @@ package provide sorma::form 1.0
 #       A grid of the widgets that fit. The objects need not be there; -make 1: those that are not are made, now and each time their daemon has
 #       come back.
 # Methods:
-#       apply, revert; entries: as text; add LINE, remove N, move N STEP; load FILE, save FILE; item N: the widget of an entry, counted from 0
+#       apply, revert; fold TITLE: fold the groups of that title, or open them; entries: as text; add LINE, remove N, move N STEP; load FILE, save FILE; item N: the widget of an entry, counted from 0
 #       as they stand
 snit::widget ::sorma::form {
     hulltype ttk::frame
@@ -35,6 +36,7 @@ snit::widget ::sorma::form {
     ::sorma::checkedOption -state normal SetShared
     variable entries {}         ;# list of dicts: name, what, settings; of a group its title is the name, and what is empty
     variable subjects {}        ;# dict: NAME -> {subject listener}
+    variable folded {}          ;# titles of groups
     variable marks {}           ;# dict: n -> {mark why} that are shown
     variable asked {}           ;# in the line that asks for an entry
     variable timer {}
@@ -136,6 +138,11 @@ snit::widget ::sorma::form {
         if {$to >= 0 && $to < [llength $entries]} {
             $self Take [linsert [lreplace $entries $n $n] $to [lindex $entries $n]]
         }
+    }
+    method fold title {
+        set others [lsearch -all -inline -exact -not $folded $title]
+        set folded [expr {[llength $others] < [llength $folded] ? $others : [concat $folded [list $title]]}]
+        $self Soon
     }
     method item n {
         return $inner.field[$self Number $n]
@@ -254,9 +261,9 @@ snit::widget ::sorma::form {
     }
     method Build {} {
         if {![winfo exists $win]} return
+        set at [focus -displayof $win]
         destroy {*}[winfo children $inner]
         set marks {}
-        set edge [::sorma::style pixels 16]
         for {set i [lindex [grid size $inner] 1]} {$i > 0} {} {
             grid rowconfigure $inner [incr i -1] -minsize 0
         }
@@ -264,6 +271,7 @@ snit::widget ::sorma::form {
         set from 1
         set n 0
         set cards 0
+        set shut 0
         foreach entry $entries {
             dict with entry {
                 if {$what eq {} && $row > $from} {
@@ -274,12 +282,15 @@ snit::widget ::sorma::form {
                     set row $from
                 }
                 if {$what eq {}} {
-                    ttk::label $inner.field$n -text $name -font [::sorma::style font strong]
-                    grid $inner.field$n -row [incr row] -column 0 -columnspan 3 -sticky w -padx $edge -pady [expr {$edge / 4}]
+                    ::sorma::fold title $inner.field$n $name [mymethod fold $name]
+                    ::sorma::fold place $inner.field$n [incr row]
+                    set shut [expr {$name in $folded}]
                 } else {
                     $self Row $n $name $what $settings
-                    ::sorma::parts::row $inner $n [incr row]
-                    incr row
+                    if {!$shut} {
+                        ::sorma::parts::row $inner $n [incr row]
+                        incr row
+                    }
                     ::sorma::style tip $inner.label$n "$name $what"
                 }
             }
@@ -294,6 +305,10 @@ snit::widget ::sorma::form {
                 -wraplength [::sorma::style pixels 360]]
         }
         $self Tagged $win
+        if {[string match $inner.* $at] && [winfo exists $at]} {
+            focus $at
+        }
+        $self Titles
         foreach name [dict keys $subjects] {
             $self Shown $name
         }
@@ -366,6 +381,7 @@ snit::widget ::sorma::form {
                 ::sorma::parts::mark $inner $n {*}$shown
             }
         }
+        $self Titles
         $self Head
         set edited "disabled"
         foreach other [dict keys $subjects] {
@@ -382,6 +398,22 @@ snit::widget ::sorma::form {
         }
     }
 
+    # A folded group tells how many entries it has, and the worst of their states.
+    method Titles {} {
+        set states {}
+        for {set n [llength $entries]} {$n > 0} {} {
+            set entry [lindex $entries [incr n -1]]
+            if {[dict get $entry what] ne {}} {
+                lappend states [if {[dict exists $marks $n]} {lindex [dict get $marks $n] 0}]
+                continue
+            }
+            if {[winfo exists $inner.field$n]} {
+                set title [dict get $entry name]
+                ::sorma::fold show $inner.field$n $title [expr {$title in $folded}] $states
+            }
+            set states {}
+        }
+    }
     # The top says what holds for all values of an object, of the first object with such a message.
     method Head {} {
         set say {live {}}
