@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <map>
 #include <memory>
+#include <optional>
 
+#include "bus/client.h"
 #include "bus/requestText.h"
 #include "comm/proxy.h"
 #include "tcl/pendingCommand.h"
@@ -123,6 +125,13 @@ struct Async {
     std::map<std::string, Subscription> subscriptions;
 };
 
+// A client for one request: it holds nothing beyond that.
+ClientPointer clientOf(const PrincipalPointer& author) {
+    Caller caller;
+    caller.known = author->toText();
+    return std::make_shared<Client>(std::move(caller), author);
+}
+
 // sorma::async ?-timeout ms? ?-command prefix? ?-as who? ?-oneway? name method ?word ...?
 int AsyncObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& a = *static_cast<Async*>(data);
@@ -157,6 +166,8 @@ int AsyncObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
             return sendOneway(i, name, objc - at, objv + at) ? TCL_OK : TCL_ERROR;
         }
         auto pending = [&] {
+            std::optional<CallContext> as;              // its audit, account and leases are those of whoever asks
+            if (author) as.emplace(std::make_shared<KeptCall>(clientOf(author), deadline, CallContext::newRequest(), std::string()));
             InCoroutine context(i, coroutine);
             return beginCommand(i, name, objc - at, objv + at, deadline, author);
         }();
