@@ -56,9 +56,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             Name parsed = Name::parse(name);
             demand(Name::parse(parsed.toText()).toText() == parsed.toText(), "a name changes", name);
             Address address = resolve(parsed, d);
-            Address again = Address::parse(address.toText());
-            again.wait = address.wait;                  // said beside it, in the entry
-            demand(again == address, "an address changes", address.toText());
+            // What stands beside it in the entry is no part of the text.
+            const Address again = Address::parse(address.toText());
+            demand(again.kind == address.kind && again.host == address.host && again.number == address.number, "an address changes", address.toText());
         } catch (const Error& e) {
             demand(e.is("ADDRESS UNRESOLVED") || e.is("DICT LOOP") || e.is("DICT SYNTAX"), "another error", e.what());
         }
