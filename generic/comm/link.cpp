@@ -120,9 +120,10 @@ void Link::start() {
         program_ = programOf(address) != 0 ? wire::kProgramBase + programOf(address) : wire::kProgram;
         address_ = describe(address);
         wait_ = address.wait;
-        const Transport& row = tls::rowFor(transportOf(address), address, user_.whom());
+        const std::string who = user_.whom();
+        const Transport& row = tls::rowFor(transportOf(address), address, who);
         shares_ = !declined_ && (shares_ || settings_.sharing == Sharing::always) && &sharing(row) != &row;
-        line_ = (shares_ ? sharing(row) : row).begin(address, user_.whom());
+        line_ = (shares_ ? sharing(row) : row).begin(address, who);
         state_ = State::connecting;
         until_ = Deadline::at(monotonicNow() + kOpenTime);
         timer_ = reactor_->after(until_.when(), [this] { fail(errors::errorOf(kNotGreeted, who_, address_)); });
