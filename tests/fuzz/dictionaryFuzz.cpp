@@ -56,7 +56,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             Name parsed = Name::parse(name);
             demand(Name::parse(parsed.toText()).toText() == parsed.toText(), "a name changes", name);
             Address address = resolve(parsed, d);
-            // What stands beside it in the entry is no part of the text.
+            // The text does not say what stands beside it in the entry.
             const Address again = Address::parse(address.toText());
             demand(again.kind == address.kind && again.host == address.host && again.number == address.number, "an address changes", address.toText());
         } catch (const Error& e) {
