@@ -76,7 +76,7 @@ public:
     bool open() const { return line_.open(); }
     bool secure() const { return tls::secure(line_); }
     bool tooWeak() const { return server_.tls_ == Wanted::Tls::only && &line_.row() == &tcpTransport; }     // it has to speak TLS, and does not
-    std::string distrusted() const { return tls::ended(line_); }
+    std::string distrusted(const tls::Judge& judge) const { return judge(line_); }
     bool mayBeTold() const { return open() && (!upgrading() || line_.row().inClear) && queued() == 0; }      // may a GOODBYE be sent?
     std::size_t queued() const { return out_.size() - sent_; }      // [bytes] that the socket has not taken
     void spill(Frame& frame);           // see Frame

@@ -168,12 +168,13 @@ void Server::refuseLine(const Error& why) {
 // Also when a file of keys has changed, which nobody tells us.
 void Server::judgeLines() {
     ServerLock::Held held(lock_);
+    const tls::Judge judge = tls::judge(offer_);
     std::vector<std::pair<Peer*, std::string>> leaving;
     bool any = false;
     for (auto& [peer, owned] : peers_) {
         if (!peer->secure()) continue;
         any = true;
-        if (auto why = peer->distrusted(); !why.empty()) leaving.emplace_back(peer, why);
+        if (auto why = peer->distrusted(judge); !why.empty()) leaving.emplace_back(peer, why);
     }
     for (auto& [peer, why] : leaving) closePeer(peer, why, true);
     judgeTimer_.cancel();

@@ -142,6 +142,7 @@ struct Secure : Line::Extra {
     bool client = false, tries = false; // tries: it may be in clear
     std::string name;                   // a client's: of the daemon
     std::string where;                  // a client's: the address, for messages and for resuming
+    std::string other() const { return client ? where : "the client"; }      // in messages
     const Offer* offer = nullptr;       // a daemon's
     std::unique_ptr<Extra> under;       // of TCP, while it connects
     std::string out;                    // in clear, and not yet taken
@@ -162,6 +163,13 @@ struct Secure : Line::Extra {
 };
 
 Secure& secureOf(const Line& line) { return static_cast<Secure&>(*line.extra); }
+// Before OpenSSL is called. wait [ns]: its first read of the socket may block for so long.
+Secure& ready(Line& line, std::int64_t wait = 0) {
+    Secure& s = secureOf(line);
+    s.line = &line, s.wait = wait, s.dry = false;
+    ERR_clear_error();
+    return s;
+}
 Secure& secureOf(const SSL* ssl) { return *static_cast<Secure*>(SSL_get_app_data(ssl)); }
 
 // Our BIO: the socket, so that nothing raises SIGPIPE, and a client may wait in it.
@@ -324,10 +332,9 @@ void explain(Secure& s, const std::string& who) {
     if (s.fault != Fault::none) failFault(s.fault, who, s.faulty + (s.client ? "; nothing was sent" : ""));
     if (reason > kAlert) failAlert(s, reason - kAlert, who);
     if (reason == SSL_R_PEER_DID_NOT_RETURN_A_CERTIFICATE) fail(kMissing, who, "the client showed no certificate; there: sorma-keys take FILE");
-    const std::string other = s.client ? s.where : "the client";
     if (s.closed || code == 0 || reason == SSL_R_UNEXPECTED_EOF_WHILE_READING)
-        fail(errors::kRefused, who, other, "it closed the connection in the handshake of TLS", "it may be ending, or full");
-    fail(kRefused, who, other, text);
+        fail(errors::kRefused, who, s.other(), "it closed the connection in the handshake of TLS", "it may be ending, or full");
+    fail(kRefused, who, s.other(), text);
 }
 
 // ---- the probe, in clear ----
@@ -337,7 +344,7 @@ bool pushClear(Line& line, Secure& s, const std::string& who) {
     while (!s.out.empty()) {
         const ssize_t n = writeSocket(line, s.out.data(), s.out.size());
         if (n < 0 && errno == EAGAIN) return s.stuck = true, false;
-        if (n < 0) fail(errors::kRefused, who, s.client ? s.where : "the client", std::strerror(errno), "it may be ending, or full");
+        if (n < 0) fail(errors::kRefused, who, s.other(), std::strerror(errno), "it may be ending, or full");
         s.out.erase(0, std::size_t(n));
     }
     s.stuck = false;
@@ -347,8 +354,8 @@ bool pushClear(Line& line, Secure& s, const std::string& who) {
 // ---- rows ----
 
 ssize_t read(Line& line, char* room, std::size_t size, std::int64_t wait) {
-    Secure& s = secureOf(line);
-    s.line = &line, s.wait = wait, s.dry = false, s.more = false;
+    Secure& s = ready(line, wait);
+    s.more = false;
     std::size_t have = 0;
     while (have < size) {
         std::size_t n = 0;
@@ -377,8 +384,7 @@ ssize_t read(Line& line, char* room, std::size_t size, std::int64_t wait) {
 }
 
 ssize_t write(Line& line, const char* data, std::size_t size) {
-    Secure& s = secureOf(line);
-    s.line = &line, s.wait = 0, s.dry = false;
+    Secure& s = ready(line);
     std::size_t written = 0;
     while (written < size) {
         std::size_t n = 0;
@@ -398,10 +404,8 @@ ssize_t write(Line& line, const char* data, std::size_t size) {
 
 // Takes bytes from the socket, but none from what read() will give.
 ssize_t peek(Line& line, char* room, std::size_t size) {
-    Secure& s = secureOf(line);
-    s.line = &line, s.wait = 0, s.dry = false;
+    Secure& s = ready(line);
     std::size_t n = 0;
-    ERR_clear_error();
     const bool some = SSL_peek_ex(s.ssl.get(), room, size, &n) == 1;
     ERR_clear_error();
     s.more = true;
@@ -430,8 +434,7 @@ extern const Transport clientRow, daemonRow, row;
 
 // False: it waits for the socket.
 bool shakeHands(Line& line, Secure& s, const std::string& who) {
-    s.line = &line, s.wait = 0, s.dry = false;
-    ERR_clear_error();
+    ready(line);
     const int result = SSL_do_handshake(s.ssl.get());
     if (result != 1) {
         const int error = SSL_get_error(s.ssl.get(), result);
@@ -442,14 +445,13 @@ bool shakeHands(Line& line, Secure& s, const std::string& who) {
     const unsigned char* protocol = nullptr;
     unsigned size = 0;
     SSL_get0_alpn_selected(s.ssl.get(), &protocol, &size);
-    const std::string other = s.client ? s.where : "the client";
-    if (size != sizeof kAlpn - 1 || std::memcmp(protocol, kAlpn + 1, size) != 0) fail(kRefused, who, other, "it does not speak sunrpc (ALPN)");
-    if (!one || SSL_get_verify_result(s.ssl.get()) != X509_V_OK) fail(kMissing, who, other + " has shown no certificate");
+    if (size != sizeof kAlpn - 1 || std::memcmp(protocol, kAlpn + 1, size) != 0) fail(kRefused, who, s.other(), "it does not speak sunrpc (ALPN)");
+    if (!one || SSL_get_verify_result(s.ssl.get()) != X509_V_OK) fail(kMissing, who, s.other() + " has shown no certificate");
     if (const Fault fault = judge(s, one); fault != Fault::none) {      // also of a session that was resumed
         note(s, fault, one);
         failFault(s.fault, who, s.faulty + (s.client ? "; nothing was sent" : ""));
     }
-    if (!s.client && s.authority.empty()) fail(kRefused, who, other, "its authority is not known");
+    if (!s.client && s.authority.empty()) fail(kRefused, who, s.other(), "its authority is not known");
     s.phase = Secure::Phase::done;
     s.who = who;
     s.more = SSL_has_pending(s.ssl.get());
@@ -582,18 +584,17 @@ Line offered(Line line, const Offer& offer) {
 
 bool secure(const Line& line) { return &line.row() == &row; }
 
-std::string ended(const Line& line) {
-    if (!secure(line)) return {};
-    Secure& s = secureOf(line);
-    KeysPointer now = s.keys;
+Judge judge(const Offer& offer) {
+    KeysPointer now;
     try {
-        now = keysOf(s.keys->own, "");
-    } catch (const Error&) {
-        // with those of before
-    }
-    X509* one = SSL_get0_peer_certificate(s.ssl.get());
-    if (!one || now->revoked.has(one) || (s.offer && s.offer->revoked && s.offer->revoked(nameOf(one), part(one, NID_organizationName)))) return "the certificate is revoked";
-    return {};
+        now = keysOf(offer.daemon, "");
+    } catch (const Error&) {}           // with those of before
+    return [now, &offer](const Line& line) -> std::string {
+        const Secure& s = secureOf(line);
+        X509* one = SSL_get0_peer_certificate(s.ssl.get());
+        const bool holds = one && !(now ? now : s.keys)->revoked.has(one) && !(offer.revoked && offer.revoked(nameOf(one), part(one, NID_organizationName)));
+        return holds ? "" : "the certificate is revoked";
+    };
 }
 
 }  // namespace sorma::tls

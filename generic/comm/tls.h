@@ -47,7 +47,9 @@ void check(const std::string& daemon);
 // A line by TCP on which the other end may ask for TLS before anything else. offer: must outlive the line.
 Line offered(Line line, const Offer& offer);
 bool secure(const Line& line);          // is it encrypted?
-// Why the certificate at the other end does not hold any more; empty: it does.
-std::string ended(const Line& line);
+// Says why the certificate at the other end of a secure line does not hold any more; empty: it does.
+using Judge = std::function<std::string(const Line& line)>;
+// Looks at the files of keys, once for all lines of a daemon.
+Judge judge(const Offer& offer);
 
 }  // namespace sorma::tls
