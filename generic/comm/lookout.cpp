@@ -110,7 +110,7 @@ private:
     std::atomic<std::int64_t> armed_{kNever};
 };
 
-Dozer::Dozer(int socket, Mark& mark) : lookout_(Lookout::get()), mark_(mark) { number_ = lookout_.add(*this, socket); }
+Dozer::Dozer(int socket, Mark& mark) : lookout_(Lookout::get()), mark_(mark), number_(lookout_.add(*this, socket)) {}
 
 Dozer::~Dozer() { lookout_.remove(number_); }
 
@@ -120,7 +120,8 @@ void Dozer::begin(std::int64_t until) {
     lookout_.keep(until);
 }
 
-// A dozer looks at called_ after it has set its mark. So it sees it, or the mark is taken away here.
+// A dozer looks at called_ after it has set its mark. So it sees it, or the mark is taken away here. The mark is not asked: the other process
+// may have written there.
 void Dozer::call() {
     called_.store(true, std::memory_order_seq_cst);
     mark_.exchange(0);

@@ -38,7 +38,7 @@ private:
     Mark& mark_;
     std::atomic<std::int64_t> until_{0};                // 0: it does not wait
     std::atomic<bool> called_{false}, ended_{false};
-    std::uint64_t number_ = 0;
+    const std::uint64_t number_;
 };
 
 }  // namespace sorma

@@ -211,8 +211,7 @@ ssize_t peek(Line& line, char* room, std::size_t size) {
 
 bool brought(const Line& line, bool sleep) {
     Shared& s = sharedOf(line);
-    if (!sleep) return s.in.look() != 0;
-    return !s.in.sleeps();
+    return sleep ? !s.in.sleeps() : s.in.look() != 0;
 }
 
 void rest(const Line& line) { sharedOf(line).out.rest(); }
