@@ -343,16 +343,17 @@ def _secured(sock, context, place, who, deadline):
     """This socket with TLS; itself where the daemon cannot, and -tls try allows that."""
     sock.settimeout(_left(deadline))
     sock.sendall(_UU.pack(0x80000028, 0x544c5331) + struct.pack(">9I", 0, 2, PROGRAM, 1, 0, 7, 0, 0, 0))
-    data = b""
-    while len(data) < 4 or len(data) < 4 + (_U.unpack_from(data)[0] & 0x7fffffff):          # nothing but the answer
-        want = 4 if len(data) < 4 else 4 + (_U.unpack_from(data)[0] & 0x7fffffff)
-        if want > 1024:
-            raise _error("COMM PROTOCOL", who, "it does not answer the probe of TLS as ONC RPC does; is the address right?")
+    data, size = b"", 4
+    while len(data) < size:             # nothing but the answer
         sock.settimeout(_left(deadline))
-        got = sock.recv(want - len(data))
+        got = sock.recv(size - len(data))
         if not got:
             raise ConnectionError("it closed the connection after the probe")
         data += got
+        if len(data) == 4:
+            size += _U.unpack(data)[0] & 0x7fffffff
+            if size > 1024:
+                raise _error("COMM PROTOCOL", who, "it does not answer the probe of TLS as ONC RPC does; is the address right?")
     if data[4:] != _UUUU.pack(0x544c5331, 1, 0, 0) + _text("STARTTLS") + bytes(4):
         since = _pinned(place.name)
         if since:

@@ -141,7 +141,7 @@ proc ::sorma::keys::Openssl {words {input {}} args} {
 
 # Read a certificate: dict with name, organisation, serial, from, until (s since 1970).
 proc ::sorma::keys::About certificate {
-    set said [exec openssl x509 -noout -subject -serial -startdate -enddate -nameopt RFC2253 << $certificate]
+    set said [Openssl {x509 -noout -subject -serial -startdate -enddate -nameopt RFC2253} $certificate]
     foreach {key pattern} {name {CN=([^,\n]*)} organisation {O=([^,\n]*)} serial {serial=(\S+)} from {notBefore=([^\n]*)} until {notAfter=([^\n]*)}} {
         set value {}
         regexp $pattern $said -> value
