@@ -4,6 +4,7 @@
 #     judge EXEC begin            counts from zero. Answers a number: this count
 #     judge EXEC FMSG 1 N counts  what has been counted since
 #     judge EXEC look             where the tokens lie otherwise than was said last
+#     judge EXEC TMSG 1 TOLD look otherwise than the robot told (text of event plot)
 #
 # The robot says what lies where (event plot of class checkers) when it has read the person's move, has carried a token, and at the end.
 # A word is compared with the tokens as long as nobody may have moved one since. A difference is counted once, as long as it
@@ -22,6 +23,7 @@ oo::class create ::sorma::service::judge {
     sorma::option -person service -default {} -help "who sets out the tokens of a laboratory that is new (class human); none: nobody"
     sorma::words "begin|counts|look"
     sorma::reads floats 0..1 "" "counts: which count"
+    sorma::reads text * "" "look: what the robot told (event plot of class checkers), default: what was heard last"
     sorma::writes floats 0..1 "" "begin: which count this is"
     sorma::writes ints 0..1 "" "look: how much differs"
     sorma::writes text * "" "counts: dict of wrong, lost, judged, unjudged, setOut; look: what differs, in words"
@@ -60,10 +62,7 @@ oo::class create ::sorma::service::judge {
             begin { return [my Begin] }
             counts { return [my Result [dict get $message floats]] }
             look {
-                if {$Last eq {}} {
-                    sorma::fail [list CHECKERS JUDGE [my name]] "[my name]: the robot has not said yet what lies where"
-                }
-                set differs [my Differences $Last [my Truth]]
+                set differs [my Differences [my ToldOf [dict get $message text]] [my Truth]]
                 return [dict create ints [dict size $differs] text [join [dict values $differs] "; "]]
             }
         }
@@ -71,6 +70,21 @@ oo::class create ::sorma::service::judge {
     }
     method dump {} {
         return [join [lmap {name value} $Counts {string cat $name { } $value}] \n]
+    }
+    # Width and lies of what the caller has heard, or else of what the judge has heard last.
+    method ToldOf told {
+        if {$told eq {} && $Last eq {}} {
+            sorma::fail [list CHECKERS JUDGE [my name]] "[my name]: the robot has not said yet what lies where"
+        }
+        return [expr {$told eq {} ? $Last : [my Lies $told]}]
+    }
+    method Lies told {
+        foreach key {pdn lies} {
+            if {[catch {dict exists $told $key} is] || !$is} {
+                sorma::fail [list CHECKERS JUDGE [my name]] "[my name]: what the robot told has no \"$key\": expected the text of event plot, got \"$told\""
+            }
+        }
+        return [dict create width [::checkers::tokens width [dict get $told pdn]] lies [dict get $told lies]]
     }
     method Begin {} {
         if {$Hears eq {}} {
@@ -141,7 +155,7 @@ oo::class create ::sorma::service::judge {
             incr Moves
         }
         if {$state in {answer carried played person over}} {
-            set Last [dict create moves $Moves state $state width [::checkers::tokens width [dict get $told pdn]] lies [dict get $told lies]]
+            set Last [dict merge [dict create moves $Moves state $state] [my Lies $told]]
         }
         # A move that goes on has perhaps been carried in part.
         if {$state ni {answer carried over} || ($state eq "answer" && [dict get $told again])} {
