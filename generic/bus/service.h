@@ -67,6 +67,10 @@ public:
     // called for the recipe.
     virtual void changed(std::span<const Option* const> options) { (void)options; }
 
+    // A request has set these options. Make what they stand for follow, which may take long: an instrument, another program. Runs as an
+    // action of that request, before its other ones. Throw, or answer with an error: the request fails, but the options keep the values.
+    virtual void settle(std::span<const Option* const> options, Message& m) { (void)options, (void)m; }
+
     // Test yourself. Throw what is wrong, or return the result as text.
     virtual std::string selftest() { return "ok"; }
     // The same for a test that takes long: appends a line to m.text, or takes the request over with later(m).
@@ -203,6 +207,7 @@ private:
     void configure(const std::vector<DictionaryWord>& words, bool birth, Message* reply);
     struct Applying;
     void apply(Applying& a);
+    std::vector<const Option*> optionsOf(const Applying& a) const;
     [[noreturn]] void failGone() const;
     void admit(Method method, Message& m);
     void checkArguments(const Message& m);

@@ -15,6 +15,7 @@ const Prototype kNoService{Severity::error, "SERVICE FAILED", 0,
                            "{} is no service object yet: its constructor has not returned; do this in method born"};
 const Prototype kNotRunning{Severity::error, "SERVICE FAILED", 0, "{} works only in a method of a service class"};
 const Prototype kSymbol{Severity::error, "REQUEST SYNTAX", 0, "bad code \"{}\": must be AREA SYMBOL ?detail ...?"};
+const Prototype kNoStore{Severity::error, "OPTION VALUE", 2, "{}: {} names an object, only a request may set it"};
 const Prototype kNoOption{Severity::error, "OPTION UNKNOWN", 2, "{}: unknown option \"{}\"{}: must be {}"};
 
 // sorma::fail {AREA SYMBOL ?detail ...?} text, and sorma::warn: the entry names this line of Tcl.
@@ -106,24 +107,28 @@ int UnknownOfObject(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext conte
     return guarded(i, objc, objv, [&] { return callByName(i, self(context, i).name(), objc - skip + 1, objv + skip - 1); });
 }
 
+// Fails when it has no such option.
+std::size_t optionAt(TclService& s, Tcl_Obj* name) {
+    const std::string word = toUtf8(name);
+    int index = s.type().findOption(word);
+    if (index >= 0) return std::size_t(index);
+    std::string known;
+    std::vector<std::string> names;
+    for (auto& o : s.type().options()) known += (known.empty() ? "" : ", ") + o.name, names.push_back(o.name);
+    fail(kNoOption, s.name(), word, didYouMean(word, names), known.empty() ? "(this class has no options)" : known);
+}
+
 int CgetMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     return guarded(i, objc, objv, [&] {
         int skip = int(Tcl_ObjectContextSkippedArgs(context));
         if (objc != skip + 1) return Tcl_WrongNumArgs(interp, skip, objv, "-option"), TCL_ERROR;
         TclService& s = self(context, i);
-        int index = s.type().findOption(view(objv[skip]));
-        if (index < 0) {
-            std::string known;
-            std::vector<std::string> names;
-            for (auto& o : s.type().options()) known += (known.empty() ? "" : ", ") + o.name, names.push_back(o.name);
-            const std::string word = toUtf8(objv[skip]);
-            fail(kNoOption, s.name(), word, didYouMean(word, names), known.empty() ? "(this class has no options)" : known);
-        }
-        Value value = s.value(std::size_t(index));
-        if (s.type().options()[std::size_t(index)].type == Type::service) {
+        const std::size_t index = optionAt(s, objv[skip]);
+        Value value = s.value(index);
+        if (s.type().options()[index].type == Type::service) {
             auto& name = std::get<std::string>(value);
-            if (!name.empty()) i.sorm.needUse(s.author(s.type().options()[std::size_t(index)].name), name, s.name());
+            if (!name.empty()) i.sorm.needUse(s.author(s.type().options()[index].name), name, s.name());
             Tcl_SetObjResult(interp, newText(name.empty() ? name : commandOf(i, name)));
         } else {
             Tcl_SetObjResult(interp, newValue(value));
@@ -141,6 +146,24 @@ int ConfigureMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext conte
         Message m;
         for (int k = skip; k < objc; ++k) m.words.push_back(toUtf8(objv[k]));
         s->invoke(Method::ctrl, m);
+        return TCL_OK;
+    });
+}
+
+int StoreMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, int objc, Tcl_Obj* const objv[]) {
+    auto& i = *static_cast<Interpreter*>(data);
+    return guarded(i, objc, objv, [&] {
+        int skip = int(Tcl_ObjectContextSkippedArgs(context));
+        if ((objc - skip) % 2) return Tcl_WrongNumArgs(interp, skip, objv, "?-option value ...?"), TCL_ERROR;
+        TclService& s = self(context, i);
+        std::vector<std::pair<std::size_t, Value>> values;
+        for (int k = skip; k < objc; k += 2) {
+            const std::size_t index = optionAt(s, objv[k]);
+            auto& o = s.type().options()[index];
+            if (o.type == Type::service) fail(kNoStore, s.name(), o.name);
+            values.emplace_back(index, o.parse(s.name(), toUtf8(objv[k + 1])));
+        }
+        s.store(values);
         return TCL_OK;
     });
 }
@@ -185,6 +208,7 @@ constexpr Tcl_MethodType kCget = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::cget", 
 constexpr Tcl_MethodType kConfigure = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::configure", ConfigureMethod, nullptr, nullptr};
 constexpr Tcl_MethodType kName = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::name", NameMethod, nullptr, nullptr};
 constexpr Tcl_MethodType kPublish = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::publish", PublishMethod, nullptr, nullptr};
+constexpr Tcl_MethodType kStore = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::store", StoreMethod, nullptr, nullptr};
 constexpr Tcl_MethodType kUnknownOfObject = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::unknown", UnknownOfObject, nullptr, nullptr};
 constexpr Tcl_MethodType kUnknownOfClass = {TCL_OO_METHOD_VERSION_CURRENT, "sorma::unknown", UnknownOfClass, nullptr, nullptr};
 
@@ -214,6 +238,7 @@ bool tcloo::initMethods(Interpreter& i) {
     addMethod("configure", true, &kConfigure);
     addMethod("name", true, &kName);
     addMethod("publish", false, &kPublish);
+    addMethod("store", false, &kStore);
     addMethod("unknown", false, &kUnknownOfObject);
     i.define("fail", FailObjCmd);
     i.define("warn", WarnObjCmd);

@@ -129,11 +129,42 @@ void TclService::born() {
     call("born", {}, nullptr);
 }
 
-void TclService::changed(std::span<const Option* const> options) {
+static Obj namesOf(std::span<const Option* const> options) {
     Obj list(Tcl_NewListObj(0, nullptr));
     for (auto* o : options) Tcl_ListObjAppendElement(nullptr, list, str(o->name));
+    return list;
+}
+
+void TclService::changed(std::span<const Option* const> options) {
+    Obj list = namesOf(options);
     Tcl_Obj* args[] = {list};
     call("changed", args, nullptr);
+}
+
+bool TclService::settles() {
+    if (!settles_ && object_) {
+        KeepState keep(interpreter_.interp);
+        settles_ = false;
+        if (eval(interpreter_, {str("::info"), str("object"), str("methods"), str(command()), str("-all")}))
+            for (auto& method : listStrings(Tcl_GetObjResult(interpreter_.interp))) settles_ = *settles_ || method == "settle";
+    }
+    return settles_.value_or(false);
+}
+
+void TclService::settle(std::span<const Option* const> options, Message& m) {
+    if (!settles()) return;
+    const std::vector<std::string> names{toUtf8(namesOf(options))};
+    act("settle", names, m);
+}
+
+void TclService::store(std::span<const std::pair<std::size_t, Value>> values) {
+    std::vector<const Option*> fresh;
+    for (auto& [option, value] : values) {
+        if (values_[option] == value) continue;
+        values_[option] = value;
+        fresh.push_back(&type().options()[option]);
+    }
+    if (!fresh.empty() && sorm().announces()) sorm().announceChange(*this, fresh);
 }
 
 void TclService::answerSelftest(Message& m) { act("selftest", {}, m); }

@@ -49,6 +49,7 @@ public:
     std::unique_ptr<Pieces> inPieces(Message& m) override;
     void born() override;
     void changed(std::span<const Option* const> options) override;
+    void settle(std::span<const Option* const> options, Message& m) override;
     void answerSelftest(Message& m) override;
     void dumpState(std::string& out) const override;
 
@@ -64,6 +65,8 @@ public:
     void objectDeleted();       // the TclOO object was deleted: remove the service object
 
     void removing() override;    // it is being removed: requests that wait fail with SERVICE GONE
+    // The object itself has found these values out: -why, -undo and -remember know nothing of them. Watchers are told of those that are new.
+    void store(std::span<const std::pair<std::size_t, Value>> values);
     void tell(std::string_view event, const Message& m) { publishState(event, m); }
     void answer(TclRun& run, Message& m) const;     // put the result of a run that is done into m, or throw its error
     // Options. option: its index in the class's table. setService fails with COMM DENIED for an object elsewhere that the
@@ -75,6 +78,7 @@ public:
     std::string command() const;            // of its TclOO object, with all its namespaces; empty: it was deleted
 
 private:
+    bool settles();                     // has its class a method settle?
     // Evaluate the command in a coroutine. When it waits there, m is answered later.
     void begin(const std::shared_ptr<TclRun>& run, std::span<const Obj> command, Message& m);
     friend class TclPieces;
@@ -83,6 +87,7 @@ private:
 
     Interpreter& interpreter_;
     Tcl_Object object_ = nullptr;       // null when it has been deleted
+    std::optional<bool> settles_;       // empty: not known yet
     bool anonymous_ = false;            // a script has made object_
     Obj my_;                            // the object's `my` command, which also calls private methods
     std::vector<Value> values_;         // one for each option
