@@ -32,7 +32,7 @@ a[href] { color: var(--accent); text-decoration-thickness: 1px; text-underline-o
 }
     variable Tutorials {first-tcl first-cpp first-panel first-circuit two-hosts moving testing embedding tour}
     variable Demos {lab checkers tracker}
-    variable Howtos {add-device instrument failed-call record tune-loop move-service boot upgrade}
+    variable Howtos {add-device instrument driver failed-call record tune-loop move-service boot upgrade}
     variable Formats {wire recording snapshot}
     variable Insights {architecture request benchmark measured break comparison debugging stability}
     variable Pages {}       ;# dict: file.html -> {kind title about}, in the order of the contents

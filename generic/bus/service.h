@@ -207,6 +207,7 @@ private:
     void configure(const std::vector<DictionaryWord>& words, bool birth, Message* reply);
     struct Applying;
     void apply(Applying& a);
+    void settleFirst(const Applying& a, Message* reply, bool last);
     std::vector<const Option*> optionsOf(const Applying& a) const;
     [[noreturn]] void failGone() const;
     void admit(Method method, Message& m);

@@ -216,10 +216,7 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, M
         apply(a);
         if (!birth) {
             r.keepUndo(std::move(a.before));
-            Message none;
-            Message& into = reply ? *reply : none;
-            settle(optionsOf(a), into);
-            if (into.later && (!reply || !steps.empty())) [[unlikely]] awaitLater(into);
+            settleFirst(a, reply, steps.empty());
         }
     }
     for (auto& step : steps) {
@@ -232,6 +229,14 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, M
         // The last one may answer later; the others are waited for here.
         if (into.later && (!reply || &step != &steps.back())) [[unlikely]] awaitLater(into);
     }
+}
+
+// Before the actions of the request; the last of all may answer later.
+void Service::settleFirst(const Applying& a, Message* reply, bool last) {
+    Message none;
+    Message& into = reply ? *reply : none;
+    settle(optionsOf(a), into);
+    if (into.later && (!reply || !last)) awaitLater(into);
 }
 
 // Each once.

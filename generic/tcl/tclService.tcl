@@ -9,7 +9,7 @@ namespace eval ::sorma::co {}
 #                       text floats ints any code; what is missing is empty
 #       born            the recipe has been applied and the name is known
 #       changed options these options have new values; an error refuses them all
-#       settle options  not there at first: these options have been set by a request; make the world follow. It may wait, as an action
+#       settle options  A request has set these options: make the world follow. May wait as an action does. There is none at first
 #       selftest        an error, or a verdict in clear text
 #       dump            further state, a line for each: name value
 ::oo::class create ::sorma::Service {

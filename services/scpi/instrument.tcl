@@ -10,29 +10,43 @@
 package require sorma
 
 namespace eval ::sorma::service::instrument {
-    # kind -> pattern -> what: value NAME LOW HIGH can be set and asked for; ask METHOD is a question.
+    # kind -> pattern -> what: value NAME LOW HIGH and word NAME CHOICES can be set and asked for; set NAME NUMBER has no argument; ask METHOD is
+    # a question.
     variable Trees {
         supply {
             {[SOURce:]VOLTage[:LEVel]} {value voltage 0 30}
             {[SOURce:]CURRent[:LEVel]} {value current 0 3}
+            {[SOURce:]VOLTage:PROTection[:LEVel]} {value protection 1 33}
             {OUTPut[:STATe]} {value output 0 1}
             {MEASure[:SCALar]:VOLTage[:DC]} {ask Voltage}
             {MEASure[:SCALar]:CURRent[:DC]} {ask Current}
         }
         multimeter {
+            {[SENSe:]FUNCtion[:ON]} {word function {VOLT CURR RES}}
             {[SENSe:]VOLTage[:DC]:RANGe} {value range 0.1 1000}
+            {[SENSe:]VOLTage[:DC]:NPLCycles} {value cycles 0.02 100}
             {MEASure[:SCALar]:VOLTage[:DC]} {ask Signal}
             {MEASure[:SCALar]:RESistance} {ask Load}
-            READ {ask Signal}
+            READ {ask Reading}
         }
         oscilloscope {
+            {TIMebase[:MAIN]:SCALe} {value timebase 1e-9 50}
+            CHANnel1:SCALe {value scale 0.001 10}
+            RUN {set running 1}
+            STOP {set running 0}
+            SINGle {set running 0}
+            WAVeform:SOURce {word source CHAN1}
+            WAVeform:FORMat {word format {WORD BYTE}}
             WAVeform:POINts {value points 1 16777216}
+            WAVeform:PREamble {ask Preamble}
             WAVeform:XINCrement {ask Increment}
             WAVeform:DATA {ask Wave}
+            DISPlay:DATA {ask Screen}
         }
     }
-    variable Defaults {voltage 0 current 1 output 0 range 10 points 1000}
-    variable Words {-100 {Command error} -104 {Data type error} -109 {Missing parameter} -113 {Undefined header} -222 {Data out of range} -350 {Queue overflow}}
+    variable Defaults {voltage 0 current 1 output 0 protection 33 function VOLT range 10 cycles 10
+        timebase 1e-4 scale 1 running 1 source CHAN1 format WORD points 1000}
+    variable Words {-100 {Command error} -104 {Data type error} -109 {Missing parameter} -113 {Undefined header} -222 {Data out of range} -224 {Illegal parameter value} -350 {Queue overflow}}
     # A regular expression for headers in capitals: [SOURce:]VOLTage -> ^:?(?:SOUR(?:CE)?:)?VOLT(?:AGE)?$
     proc Expression pattern {
         return ^:?[string toupper [regsub -all {[a-z]+} [string map {\[ (?: \] )?} $pattern] {(?:&)?}]]\$
@@ -174,13 +188,20 @@ oo::class create ::sorma::service::instrument {
         dict for {pattern what} [dict get $::sorma::service::instrument::Trees [my cget -kind]] {
             if {[regexp [::sorma::service::instrument::Expression $pattern] $head]} {
                 lassign $what how name low high
-                if {$how eq "ask"} {
-                    return [if {$asks} {my $name} else {throw SCPI -113}]
+                if {$how eq "ask" || $how eq "set" && $asks} {
+                    return [if {$how eq "ask" && $asks} {my $name} else {throw SCPI -113}]
                 }
-                return [if {$asks} {dict get $Values $name} else {dict set Values $name [my Number $argument $low $high]; list}]
+                return [if {$asks} {dict get $Values $name} else {
+                    dict set Values $name [switch -- $how {set {set low} word {my Word $argument $low} default {my Number $argument $low $high}}]
+                    list
+                }]
             }
         }
         throw SCPI -113
+    }
+    method Word {argument choices} {
+        set word [string toupper [string trim $argument "\"'"]]
+        return [if {$word in $choices} {set word} else {throw SCPI -224}]
     }
     method Number {argument low high} {
         switch -nocase -- $argument {
@@ -220,14 +241,45 @@ oo::class create ::sorma::service::instrument {
     method Signal {} {
         return [if {[my cget -kind] eq "multimeter" && abs([my cget -signal]) > [dict get $Values range]} {string cat 9.9E37} else {my Noisy [my cget -signal]}]
     }
+    method Reading {} {
+        return [switch -- [dict get $Values function] {RES {my Load} CURR {my Noisy [expr {[my cget -signal] / [my cget -load]}]} default {my Signal}}]
+    }
     method Increment {} { return 1.0E-6 }
-    # A sine of 1 kHz, a 1 MHz sample each, as a block of int16 in mV.
+    # A sine of 1 kHz, a 1 MHz sample each, as a block: WORD is int16 in mV, BYTE is uint8 around 128, of which 100 are the peak.
     method Wave {} {
         set peak [expr {1000 * [my cget -signal]}]
-        set period [binary format S* [lmap k [lrepeat 1000 x] {expr {max(-32768, min(32767, round($peak * sin(8 * atan(1) * [incr n] / 1000))))}}]]
-        set size [expr {2 * round([dict get $Values points])}]
-        set bytes [string range [string repeat $period [expr {$size / 2000 + 1}]] 0 $size-1]
+        set byte [expr {[dict get $Values format] eq "BYTE"}]
+        set period [binary format [expr {$byte ? "c*" : "S*"}] [lmap k [lrepeat 1000 x] {
+            set y [expr {sin(8 * atan(1) * [incr n] / 1000)}]
+            expr {$byte ? 128 + round(100 * $y) : max(-32768, min(32767, round($peak * $y)))}
+        }]]
+        set size [expr {($byte ? 1 : 2) * round([dict get $Values points])}]
+        return [my Block [string range [string repeat $period [expr {$size / [string length $period] + 1}]] 0 $size-1]]
+    }
+    method Block bytes {
+        set size [string length $bytes]
         return "#[string length $size]$size$bytes"
+    }
+    # The numbers are format, type, points and count; increment, origin and reference of x; the same of y.
+    method Preamble {} {
+        set byte [expr {[dict get $Values format] eq "BYTE"}]
+        return "[expr {!$byte}],0,[expr {round([dict get $Values points])}],1,1.0E-6,1.0E-6,0,[expr {$byte ? [my cget -signal] / 100.0 : 1e-3}],0,[expr {$byte ? 128 : 0}]"
+    }
+    # Its screen as a picture (PNG): a period, 200 pixels wide, 100 high.
+    method Screen {args} {
+        set rows {}
+        for {set y 0} {$y < 100} {incr y} {
+            append rows \0 [string repeat \0 200]
+        }
+        for {set x 0} {$x < 200} {incr x} {
+            set at [expr {201 * round(50 - 45 * sin(8 * atan(1) * $x / 200)) + 1 + $x}]
+            set rows [string replace $rows $at $at \xff]
+        }
+        set png \x89PNG\r\n\x1a\n
+        foreach {type bytes} [list IHDR [binary format IIccccc 200 100 8 0 0 0 0] IDAT [zlib compress $rows] IEND {}] {
+            append png [binary format I [string length $bytes]] $type $bytes [binary format I [zlib crc32 $type$bytes]]
+        }
+        return [my Block $png]
     }
 }
 

@@ -9,6 +9,36 @@
 
 package require sorma
 
+namespace eval ::sorma::scpi {}
+
+# ::sorma::scpi::option --
+#       In a class derived from scpi: declare an option of the instrument.
+# Arguments:
+#       name type args  as of sorma::option, and -set FORMAT: the message that sets it; -get QUESTION: the one that asks for it. Without -set it is a reading
+proc ::sorma::scpi::option {name type args} {
+    set row [dict create type $type set {} get {} choices {}]
+    set words {}
+    foreach {word value} $args {
+        if {$word in {-set -get -choices}} {
+            dict set row [string range $word 1 end] $value
+        }
+        if {$word ni {-set -get}} {
+            lappend words $word $value
+        }
+    }
+    if {[dict get $row set] eq {}} {
+        set words [linsert $words 0 -fixed 1 -group Readings]
+    }
+    uplevel 1 [list ::sorma::option $name $type {*}$words]
+    uplevel 1 [list ::oo::define::method Scpi$name {} [list return $row]]
+}
+
+# A poll has ended: the next one, if the object is still there.
+proc ::sorma::scpi::Polled {next future} {
+    catch {$future take}
+    catch $next
+}
+
 oo::class create ::sorma::service::scpi {
     superclass sorma::Service
 
@@ -20,9 +50,12 @@ oo::class create ::sorma::service::scpi {
     sorma::option -most int -unit B -range {64 2147483647} -default 67108864 -help "the longest answer that is taken"
     sorma::option -format enum -group Blocks -choices {real32 real64 int8 uint8 int16 uint16 int32 uint32} -default real32 -help "of the numbers in a block"
     sorma::option -order enum -group Blocks -choices {big little} -default big -help "which byte of a number in a block comes first"
+    sorma::option -poll double -unit s -range {0 86400} -default 0 -help "a driver asks for its readings each so many seconds; 0: only when somebody says read"
+    sorma::action -fetch {} "ask the instrument for all settings and readings of its driver" {my Fetch [dict keys [my Table]]} -right call
+    sorma::action -send {} "send all settings of its driver to the instrument" {my Give [dict keys [my Table]]} -danger power
     sorma::action -close {} "close the line; the next request opens it again" {my Close}
     sorma::inspection -line {} "is the line open, and to what" {my Line}
-    sorma::words "query TEXT | values TEXT | write TEXT"
+    sorma::words "query TEXT | values TEXT | write TEXT | read ?-OPTION ...?"
     sorma::danger power write
     sorma::example "scpi.psu EXEC query *IDN?"
 
@@ -30,17 +63,30 @@ oo::class create ::sorma::service::scpi {
     variable Input Seen         ;# bytes that have come; so many of them have no terminator
     variable Turns              ;# coroutines: the first one has the line, the others wait for it
 
+    variable Table              ;# dict: option -> dict type set get choices; of a driver
+    variable Known              ;# dict: option -> the value that the instrument has, as far as we know
+    variable Timer              ;# of -poll
+
     method born {} {
-        set Channel [set Opened [set Input [set Turns {}]]]
+        set Channel [set Opened [set Input [set Turns [set Timer {}]]]]
         set Seen 0
+        set Known {}
+        my Poll
     }
     destructor {
+        after cancel $Timer
         my Close
     }
     method changed options {
         if {"-to" in $options && [my cget -to] ne {}} {
             my Parts [my cget -to]
         }
+        if {"-poll" in $options} {
+            my Poll
+        }
+    }
+    method settle options {
+        my Give $options
     }
     method dump {} {
         return "line [my Line]"
@@ -64,8 +110,142 @@ oo::class create ::sorma::service::scpi {
             }
             values { return [dict create floats [my Numbers [my Query $text]]] }
             write { return [my Write $text [dict get $message any]] }
+            read { return [my Read [lrange $words 1 end]] }
         }
-        my Fault VERB "expected query, values or write, got \"$verb\"" $verb
+        my Fault VERB "expected query, values, write or read, got \"$verb\"" $verb
+    }
+
+    # ---- a driver: options of the instrument, each with its SCPI ----
+
+    method Table {} {
+        if {![info exists Table]} {
+            set Table {}
+            foreach method [lsort [info object methods [self] -all -private]] {
+                if {[string match Scpi-* $method]} {
+                    dict set Table [string range $method 4 end] [my $method]
+                }
+            }
+        }
+        return $Table
+    }
+    # Those that have a message of this kind: set or get.
+    method With {kind options} {
+        return [lmap option $options {
+            if {![dict exists [my Table] $option] || [dict get [my Table] $option $kind] eq {}} continue
+            set option
+        }]
+    }
+    # The instrument takes the values of these options. When it does not, they are again what it has.
+    method Give options {
+        set given {}
+        foreach option [my With set $options] {
+            dict set given $option [my cget $option]
+        }
+        if {$given eq {}} return
+        try {
+            set parts {}
+            dict for {option value} $given {
+                lappend parts [my Setting $option $value]
+            }
+            my Turn Tell [join $parts \;] 0
+        } trap {SORMA SCPI DEVICE} {why how} {
+            try {
+                my Fetch [dict keys $given]
+            } trap {SORMA SCPI} {} {
+                my Recall $given
+            }
+            return -options $how $why
+        } trap {SORMA SCPI} {why how} {
+            my Recall $given
+            return -options $how $why
+        }
+        my Learn $given
+    }
+    # The message that sets it. A text must not get out of its place there.
+    method Setting {option value} {
+        set row [dict get [my Table] $option]
+        if {[dict get $row type] eq "string" && [regexp {[^\x20-\x7e]|["';]} $value]} {
+            my Fault TEXT "$option goes to the instrument: expected ASCII without quotes and semicolons, got \"[string range $value 0 100]\"" $value
+        }
+        set part [format [dict get $row set] {*}[if {[dict get $row type] eq "vector"} {set value} else {list $value}]]
+        return [if {[string match {[:*]*} $part]} {set part} else {string cat : $part}]
+    }
+    method Learn values {
+        my store {*}$values
+        set Known [dict merge $Known $values]
+        return
+    }
+    method Recall options {
+        my store {*}[dict filter $Known script {option value} {dict exists $options $option}]
+    }
+    # Ask for the values of these options.
+    method Fetch options {
+        set options [my With get $options]
+        if {$options eq {}} return
+        set values {}
+        foreach option $options answer [my Turn AskAll [lmap option $options {dict get [my Table] $option get}]] {
+            lappend values $option [my Value $option [my Text $answer]]
+        }
+        my Learn $values
+    }
+    method AskAll questions {
+        my Open
+        return [lmap question $questions {
+            my Send $question
+            my Receive $question
+        }]
+    }
+    # An answer as a value of the option.
+    method Value {option answer} {
+        set row [dict get [my Table] $option]
+        set number {^[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?}
+        switch -- [dict get $row type] {
+            string { return [string trim $answer "\"'"] }
+            vector { return [lmap part [split $answer ,] {string trim $part}] }
+            flag { set value [string map -nocase {ON 1 OFF 0} $answer]; if {[string is double -strict $value]} {return [expr {$value != 0}]} }
+            int { if {[regexp $number $answer value]} {return [expr {round($value)}]} }
+            double { if {[regexp $number $answer value]} {return $value} }
+            enum {
+                set word [string trim $answer "\"'"]
+                foreach choice [dict get $row choices] {
+                    if {[string match -nocase $word* $choice]} {return $choice}
+                }
+            }
+        }
+        my Fault ANSWER "[dict get $row get] has answered \"[string range $answer 0 100]\", expected a value of $option" $option
+    }
+    # Fresh values: numbers are the floats, others lines of the text. Without names: all readings.
+    method Read names {
+        set options [lmap name $names {string cat - [string trimleft $name -]}]
+        if {$options eq {}} {
+            set options [my Readings]
+        }
+        if {$options eq {} || [my With get $options] ne $options} {
+            my Fault OPTION "expected options with a question: [join [my With get [dict keys [my Table]]] {, }], got \"[join $names]\"" {*}$names
+        }
+        my Fetch $options
+        set numbers [set lines {}]
+        foreach option $options {
+            if {[dict get [my Table] $option type] in {string enum}} {
+                lappend lines "$option [my cget $option]"
+            } else {
+                lappend numbers {*}[my cget $option]
+            }
+        }
+        return [dict create floats $numbers text [join $lines \n]]
+    }
+    method Readings {} {
+        return [lmap option [my With get [dict keys [my Table]]] {if {$option in [my With set $option]} continue; set option}]
+    }
+    method Poll {} {
+        after cancel $Timer
+        if {[my cget -poll] > 0 && [my Readings] ne {}} {
+            set Timer [after [expr {max(10, round(1000 * [my cget -poll]))}] [namespace code {my PollNow}]]
+        }
+    }
+    # A request of its own: it takes its turn, and failures stand in the trail.
+    method PollNow {} {
+        sorma::async -command [list ::sorma::scpi::Polled [namespace code {my Poll}]] [my name] EXEC read
     }
 
     # ---- messages ----
