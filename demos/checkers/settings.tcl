@@ -50,7 +50,7 @@ proc checkers::window::Actions {} {
     } {
         ttk::button .actions.$name -text $text -command $command {*}[if {$name eq "new"} {list -style Accent.TButton}]
         pack .actions.$name [Key .actions.k$name $key Page.TLabel] -side left -padx [list 0 $gap]
-        pack configure .actions.k$name -padx [list 0 [expr {4 * $gap}]]
+        pack configure .actions.k$name -padx [list 0 [expr {2 * $gap}]]
         bind . <Control-$key> [list .actions.$name invoke]
     }
 }

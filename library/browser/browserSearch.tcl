@@ -25,8 +25,9 @@ snit::widget ::sorma::browserSearch {
 
     constructor args {
         $self configurelist $args
-        ttk::frame $win.bar
-        ttk::label $win.bar.label -text [::msgcat::mc "Search"] -underline 2
+        $hull configure -style Page.TFrame
+        ttk::frame $win.bar -style Page.TFrame
+        ttk::label $win.bar.label -style Page.TLabel -text [::msgcat::mc "Search"] -underline 2
         ttk::entry $win.bar.entry -textvariable [myvar wanted]
         pack $win.bar.label -side left -padx [list 0 [::sorma::style pixels 6]]
         pack $win.bar.entry -side left -fill x -expand 1

@@ -7,6 +7,7 @@
 
 package require Tk
 package require snit
+package require sorma::classMark
 package require sorma::parts
 package require sorma::style
 package require sorma::text
@@ -51,9 +52,8 @@ snit::widget ::sorma::browserTree {
         ttk::scrollbar $win.bar -style [::sorma::style own Vertical.TScrollbar] -command [list $tree yview]
         ttk::scrollbar $win.below -style [::sorma::style own Horizontal.TScrollbar] -orient horizontal -command [list $tree xview]
         $tree column #0 -width [::sorma::style pixels 260]
-        foreach state {good asking stale} {
-            $tree tag configure $state -foreground [::sorma::style colour $state]
-        }
+        bind $win <<ThemeChanged>> [mymethod Looks]
+        $self Looks
         grid $tree $win.bar -sticky nsew
         grid $win.below -sticky ew
         grid columnconfigure $win 0 -weight 1
@@ -66,6 +66,11 @@ snit::widget ::sorma::browserTree {
         lappend tokens [::sorma::world watch * -events daemon.* -command [mymethod Daemon]]
         lappend tokens [::sorma::world watch *@* -events {object.made object.removed} -command [mymethod Object]]
         ::sorma::news::hook daemon.process [mymethod Process]
+    }
+    method Looks {} {
+        foreach state {good asking stale} {
+            $tree tag configure $state -foreground [::sorma::style colour $state]
+        }
     }
     method Ended window {
         if {$window eq $win} {
@@ -274,7 +279,7 @@ snit::widget ::sorma::browserTree {
         return [::sorma::text::cut [string map {\n \\n} [::sorma::text::clean $text]] 200]
     }
     method Add {above place text tag} {
-        set item [$tree insert [expr {$above eq {} ? {} : $items($above)}] end -text $text -tags [list {*}$tag]]
+        set item [$tree insert [expr {$above eq {} ? {} : $items($above)}] end -text $text -tags [list {*}$tag] -image [$self Mark $above $place]]
         set items($place) $item
         set places($item) $place
         # The longest text can be scrolled to. Names of objects are not measured: there may be very many.
@@ -282,6 +287,14 @@ snit::widget ::sorma::browserTree {
             set width [expr {[font measure TkDefaultFont $text] + [::sorma::style pixels 80]}]
             if {$width > [$tree column #0 -minwidth]} {
                 $tree column #0 -minwidth $width
+            }
+        }
+    }
+    # A class and what is below it have the mark of the class.
+    method Mark {above place} {
+        foreach row [list $place $above] {
+            if {[lindex $row 0] eq "class"} {
+                return [::sorma::classMark of [lindex $row 2]]
             }
         }
     }

@@ -2,10 +2,11 @@
 
 package require Tk
 package require sorma::style
+package require sorma::window
 package provide sorma::fold 1.0
 
 namespace eval ::sorma::fold {
-    namespace export title place show
+    namespace export title place show remember recall
     namespace ensemble create
     variable Urgent {alarm refused warn theirs mine}        ;# states of options that a folded group tells, the worst first
 }
@@ -43,4 +44,14 @@ proc ::sorma::fold::show {window title folded states} {
     if {[$window cget -text] ne $text} {
         $window configure -text $text
     }
+}
+
+# ::sorma::fold remember WINDOW TITLES -- which groups are folded there, for the next time. WINDOW: what arrangement.tcl has for it. recall WINDOW ?OTHERWISE?:
+# their titles; one that is damaged is as none.
+proc ::sorma::fold::remember {window titles} {
+    ::sorma::window remember [list folds {*}$window] $titles
+}
+proc ::sorma::fold::recall {window {otherwise {}}} {
+    set titles [::sorma::window recall [list folds {*}$window] $otherwise]
+    return [expr {[string is list $titles] ? $titles : $otherwise}]
 }

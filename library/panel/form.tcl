@@ -69,6 +69,7 @@ snit::widget ::sorma::form {
         foreach {part sticky} {say ew body nsew ask ew said ew apply ew} {
             grid $win.$part -sticky $sticky -padx $edge -pady [list $pad 0]
         }
+        grid configure $win.body -padx [::sorma::parts::margin $win.body $edge]
         grid configure $win.apply -pady [list 0 $edge]
         grid remove $win.ask $win.said
         grid columnconfigure $win 0 -weight 1
@@ -83,6 +84,7 @@ snit::widget ::sorma::form {
         $self configurelist $args
         if {$options(-file) ne {}} {
             $self load $options(-file)
+            set folded [::sorma::fold recall [$self Key]]
         }
         $self Soon
     }
@@ -142,7 +144,13 @@ snit::widget ::sorma::form {
     method fold title {
         set others [lsearch -all -inline -exact -not $folded $title]
         set folded [expr {[llength $others] < [llength $folded] ? $others : [concat $folded [list $title]]}]
+        if {$options(-file) ne {}} {
+            ::sorma::fold remember [$self Key] $folded
+        }
         $self Soon
+    }
+    method Key {} {
+        return [list form -file [file normalize $options(-file)]]
     }
     method item n {
         return $inner.field[$self Number $n]

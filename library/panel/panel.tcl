@@ -71,9 +71,9 @@ snit::widget ::sorma::panel {
             -command [mymethod Switched] -underline 5
         ttk::frame $win.head.stop
         grid $win.head.name $win.head.state $win.head.readonly $win.head.stop -sticky ew -padx [list 0 $pad]
+        grid configure $win.head.stop -padx 0
         grid $win.head.say -row 1 -columnspan 4 -sticky ew -pady [list [::sorma::style pixels 4] 0]
         grid columnconfigure $win.head 1 -weight 1
-        # What can be set.
         ttk::frame $win.find -style Card.TFrame -padding $inside
         ttk::label $win.find.label -text [::msgcat::mc "Search"] -underline 0
         ttk::entry $win.find.entry -textvariable [myvar wanted]
@@ -104,7 +104,6 @@ snit::widget ::sorma::panel {
         bind $win.ask.entry <Escape> [list grid remove $win.ask]
         ttk::label $win.said -wraplength [::sorma::style pixels 420] -justify left -padding $inside
         bind $win.said <ButtonPress-1> [mymethod Say {}]
-        # What it does.
         ttk::frame $win.actions -style Card.TFrame -padding $inside
         ttk::frame $win.what -style Card.TFrame -padding $inside
         pack [ttk::label $win.what.title -text EXEC -font [::sorma::style font strong]] -anchor w -pady [list 0 $pad]
@@ -115,7 +114,8 @@ snit::widget ::sorma::panel {
         $self Head
         set row -1
         foreach part {head find body apply ask said actions what} {
-            grid $win.$part -row [incr row] -sticky [expr {$part eq "body" ? "nsew" : "ew"}] -padx $edge -pady [list [expr {$row == 0 ? $edge : 0}] [expr {$part eq "body" ? 0 : $pad}]]
+            grid $win.$part -row [incr row] -sticky [expr {$part eq "body" ? "nsew" : "ew"}] -pady [list [expr {$row == 0 ? $edge : 0}] [expr {$part eq "body" ? 0 : $pad}]] \
+                -padx [expr {$part eq "body" ? [::sorma::parts::margin $win.body $edge] : $edge}]
         }
         grid remove $win.find $win.apply $win.ask $win.said $win.actions $win.what
         # The trail of an error: folded until the user opens it.
@@ -198,8 +198,7 @@ snit::widget ::sorma::panel {
         ::sorma::layout write $file $layout
     }
     method load file {
-        set given [::sorma::layout read $file]
-        $self Laid
+        $self Relay [::sorma::layout read $file]
     }
     method move {option step} {
         $self Row $option
@@ -218,6 +217,8 @@ snit::widget ::sorma::panel {
         }
         set given [set layout [::sorma::layout fold $layout $title]]
         $self Arrange
+        if {$options(-layout) ne {}} return
+        ::sorma::fold remember [list panel -name [$subject name]] [dict get $layout folded]
     }
     method Relay new {
         set given $new
@@ -361,10 +362,12 @@ snit::widget ::sorma::panel {
 
     method Laid {} {
         if {$rows eq {}} return
-        set hints [dict get [$subject table] hints]
-        set known [if {$given ne {}} {set given} else {::sorma::layout byGroup [dict keys $rows] $hints}]
-        if {$given eq {} && $options(-options) ne {}} {
-            dict set known hidden {}      ;# asked for by name: shown, for experts or not
+        set known [if {$given ne {}} {set given} else {::sorma::layout byGroup [dict keys $rows] [dict get [$subject table] hints]}]
+        if {$given eq {}} {
+            if {$options(-options) ne {}} {
+                dict set known hidden {}      ;# asked for by name: shown, for experts or not
+            }
+            dict set known folded [::sorma::fold recall [list panel -name [$subject name]] [dict get $known folded]]
         }
         set layout [::sorma::layout complete $known [dict keys $rows]]
         foreach child [winfo children $inner] {
@@ -380,7 +383,6 @@ snit::widget ::sorma::panel {
         }
         $self Arrange
     }
-    # Groups of a large form fold.
     method Folds {} {
         return [expr {[dict size $rows] > $searchable}]
     }

@@ -135,6 +135,10 @@ proc ::sorma::parts::scroller {frame {prefix list}} {
     withBar $frame $view $frame.bar
     return $inner
 }
+# ::sorma::parts::margin FRAME EDGE -- the -padx of such a frame between cards: its bar stands in the margin, and its cards end where others do.
+proc ::sorma::parts::margin {frame edge} {
+    return [list $edge [expr {max(0, $edge - [winfo reqwidth $frame.bar])}]]
+}
 proc ::sorma::parts::Scrolled {bar prefix first last} {
     scrolled $bar $first $last
     {*}$prefix $first $last
@@ -236,7 +240,7 @@ proc ::sorma::parts::picture {canvas file {region {}}} {
             if {[auto_execok gs] eq {}} {
                 return -code error -errorcode {SORMA REQUEST SYNTAX} "$file: ghostscript is not installed; it makes PDF of PostScript (apt-get install ghostscript)"
             }
-            exec gs -q -dNOPAUSE -dBATCH -dEPSCrop -sDEVICE=pdfwrite -sOutputFile=$file - << [$canvas postscript -colormode color {*}$part]
+            exec gs -q -dNOPAUSE -dBATCH -dEPSCrop -sDEVICE=pdfwrite -sOutputFile=$file - << [$canvas postscript -colormode color {*}$part] 2>@1         ;# it also says what is no error, as of a font that is large
         }
         default {
             return -code error -errorcode {SORMA REQUEST SYNTAX} "$file: the name of a picture or table ends in .csv, .pdf, .png, .ps or .svg"

@@ -6,7 +6,7 @@ package require sorma::style
 package provide sorma::window 1.0
 
 namespace eval ::sorma::window {
-    namespace export panel chart form dashboard offer open place geometry all file
+    namespace export panel chart form dashboard offer open place geometry all file remember recall
     namespace ensemble create
     variable Geometries         ;# dict: toplevel -> {KEY geometry}, as it was last
     variable Last
@@ -205,7 +205,16 @@ proc ::sorma::window::Area top {
     }
     return [list [expr {$x}] [expr {$y}] [expr {$x + $width}] [expr {$y + $height}]]
 }
-# ::sorma::window file -- where that is remembered: lines of a key and a geometry. Empty: nowhere.
+# ::sorma::window remember KEY VALUE -- for the next time, in the same file; recall KEY ?OTHERWISE?
+proc ::sorma::window::remember {key value} {
+    Write [dict replace [Read] $key $value]
+}
+proc ::sorma::window::recall {key {otherwise {}}} {
+    set known [Read]
+    return [if {[dict exists $known $key]} {dict get $known $key} else {set otherwise}]
+}
+
+# ::sorma::window file -- where that is remembered: lines of a key, and a geometry or another value. Empty: nowhere.
 proc ::sorma::window::file {} {
     global env
     if {[info exists env(XDG_STATE_HOME)] && $env(XDG_STATE_HOME) ne {}} {
