@@ -182,7 +182,7 @@ proc ::tracker::window::build {} {
         pack [sorma::stripchart .charts.$name -span 20 -low 0 -width 340 -height 96] -fill both -expand 1
         .charts.$name trace $name -text $text -unit $unit
     }
-    sorma::trailview .trail -height 4
+    sorma::trailview .trail -height 3
 
     ttk::labelframe .run -style Page.TLabelframe -padding $gap
     button .run.stop -text "EMERGENCY STOP (F12)" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
@@ -236,11 +236,11 @@ proc ::tracker::window::build {} {
     grid .seen -in .f -row 0 -column 0 -sticky nsew -padx $half -pady [list 0 $gap]
     grid .places -in .f -row 1 -column 0 -sticky nsew -padx $half -pady [list 0 $gap]
     grid .charts -in .f -row 0 -column 1 -rowspan 2 -sticky nsew -padx $half -pady [list 0 $gap]
-    grid [ttk::frame .side -style Page.TFrame] -in .f -row 0 -column 2 -rowspan 3 -sticky new -padx $half
+    grid [ttk::frame .side -style Page.TFrame] -in .f -row 0 -column 2 -rowspan 2 -sticky new -padx $half
     raise .camera .seen
     lower .side
     pack .run .inputs .tease -in .side -fill x -pady [list 0 $gap]
-    grid .said -in .f -row 2 -column 0 -columnspan 2 -sticky w -padx $half
+    grid .said -in .f -row 2 -column 0 -columnspan 3 -sticky w -padx $half
     grid .trail -in .f -row 3 -column 0 -columnspan 3 -sticky nsew -padx $half
     grid columnconfigure .f {0 1} -weight 1
     grid rowconfigure .f {0 1} -weight 1

@@ -7,7 +7,7 @@ package provide sorma::image 1.0
 # ::sorma::image .w ?-name SO -request WORDS -every ms? ?-size WxH? ?-zoom n? ?-brief 0|1? --
 #       Options: -request: whose reply has the picture in its part any, default EXEC; -every: how often it is asked for, 0 (default): when
 #       refresh is called; one request is under way at a time. -size: of a raw picture, of bytes of grey or of red, green and blue.
-#       -zoom: 1, 1.5, 2, 3 ..., 0.75, 0.66, 0.5, 0.33 ..., or what is next; fit: the largest of these for which there is room, in the middle; -width and -height: of the window; -state disabled: keys and mouse do nothing.
+#       -zoom: 1, 1.5, 2, 3 ..., 0.75, 0.66, 0.6, 0.5, 0.4, 0.33 ..., or what is next; fit: the largest of these for which there is room, in the middle; -width and -height: of the window; -state disabled: keys and mouse do nothing.
 #       -brief 1: when there is no new picture it says only that, because a notice of the window says why
 # Methods:
 #       show BYTES                      a picture: PPM, PGM, PNG or raw; error IMAGE FORMAT
@@ -230,10 +230,10 @@ snit::widget ::sorma::image {
                 return {1 1}
             }
             set zoom [expr {min(32, double([winfo width $canvas]) / [::image width $photo], double([winfo height $canvas]) / [::image height $photo])}]
-            # Less than two thirds: rather smaller than larger.
-            set zoom [expr {$zoom < 0.66 ? 1.0 / min(32, ceil(1 / $zoom)) : $zoom}]
+            # Less than two fifths: rather smaller than larger.
+            set zoom [expr {$zoom < 0.4 ? 1.0 / min(32, ceil(1 / $zoom)) : $zoom}]
         }
-        foreach {least up down} [list 2 [expr {int($zoom)}] 1 1.5 3 2 1 1 1 0.75 3 4 0.66 2 3] {
+        foreach {least up down} [list 2 [expr {int($zoom)}] 1 1.5 3 2 1 1 1 0.75 3 4 0.66 2 3 0.6 3 5 0.5 1 2 0.4 2 5] {
             if {$zoom >= $least} {
                 return [list $up $down]
             }
