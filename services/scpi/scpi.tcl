@@ -208,7 +208,7 @@ oo::class create ::sorma::service::scpi {
             enum {
                 set word [string trim $answer "\"'"]
                 foreach choice [dict get $row choices] {
-                    if {[string match -nocase $word* $choice]} {return $choice}
+                    if {$word ne {} && [string equal -nocase -length [string length $word] $word $choice]} {return $choice}
                 }
             }
         }
