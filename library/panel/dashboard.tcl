@@ -260,6 +260,9 @@ snit::widget ::sorma::dashboard {
             ttk::label $card.w -text "[::sorma::style mark refused] $message" -foreground [::sorma::style colour refused] -wraplength [::sorma::style pixels 200]
         }
         pack $card.w -fill both -expand 1 -padx $pad -pady [expr {$kind eq "button" ? $pad : [list 0 $pad]}]
+        if {[winfo class $card.w] eq "SormaButton"} {
+            pack configure $card.w -padx [list [winfo reqwidth $card.w.lamp] 0]            ;# which is at its right
+        }
         $self Held $n
     }
     method Content {kind settings window} {

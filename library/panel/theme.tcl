@@ -303,7 +303,7 @@ proc ::sorma::theme::Root {} {
     foreach style {Page.TFrame Page.TLabel Page.TCheckbutton Page.Toolbutton} {
         ttk::style configure $style -background $Colours(ground)
     }
-    ttk::style configure Card.TFrame -background $Colours(surface)
+    ttk::style configure Card.TFrame -background $Colours(ground)       ;# seen outside its round corners
     ttk::style configure TSeparator -background $Colours(line)
 }
 
