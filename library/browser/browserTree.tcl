@@ -44,12 +44,13 @@ snit::widget ::sorma::browserTree {
 
     constructor args {
         $self configurelist $args
+        $hull configure -style Page.TFrame
         foreach name {members classOf keyOf items places recipes ears unasked} {
             array set $name {}
         }
         install tree using ttk::treeview $win.tree -style [::sorma::style own Treeview] -show tree -selectmode browse \
             -yscrollcommand [list $win.bar set] -xscrollcommand [list ::sorma::parts::scrolled $win.below]
-        ttk::scrollbar $win.bar -style [::sorma::style own Vertical.TScrollbar] -command [list $tree yview]
+        ttk::scrollbar $win.bar -style Page.[::sorma::style own Vertical.TScrollbar] -command [list $tree yview]
         ttk::scrollbar $win.below -style [::sorma::style own Horizontal.TScrollbar] -orient horizontal -command [list $tree xview]
         $tree column #0 -width [::sorma::style pixels 260]
         bind $win <<ThemeChanged>> [mymethod Looks]

@@ -133,6 +133,7 @@ proc ::sorma::parts::scroller {frame {prefix list}} {
     bind $view <Configure> "[list $view] itemconfigure inner -width %w"
     bind $view <<ThemeChanged>> "[list $view] configure -background \[ttk::style lookup Page.TFrame -background\]"
     withBar $frame $view $frame.bar
+    $frame.bar configure -style Page.[::sorma::style own Vertical.TScrollbar]
     return $inner
 }
 # ::sorma::parts::margin FRAME EDGE -- the -padx of such a frame between cards: its bar stands in the margin, and its cards end where others do.

@@ -300,7 +300,7 @@ proc ::sorma::theme::Root {} {
     foreach {style colour} {Quiet.TLabel quiet Unit.TLabel quiet} {
         ttk::style configure $style -foreground $Colours($colour)
     }
-    foreach style {Page.TFrame Page.TLabel Page.TCheckbutton Page.Toolbutton} {
+    foreach style {Page.TFrame Page.TLabel Page.TCheckbutton Page.Toolbutton Page.Sorma.Vertical.TScrollbar} {
         ttk::style configure $style -background $Colours(ground)
     }
     ttk::style configure Card.TFrame -background $Colours(ground)       ;# seen outside its round corners
