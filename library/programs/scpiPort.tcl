@@ -2,14 +2,15 @@
 #
 #     ::sorma::scpiPort::listen 5025      then FOO:A:TEMPo presto, FOO:A:TEMPo?, FOO:A:EXEC
 #
-# Each link is a dict of its own, with its error queue and registers. A link has one request under way: it is not read meanwhile. Requests are
-# asynchronous, and the author is who the kernel says is at the other end.
+# Each link is a dict of its own, with its error queue and registers. A link has one request under way, which is cancelled when the client hangs up.
+# Requests are asynchronous, and the author is who the kernel says is at the other end. Answers are bytes.
 
 package require sorma
 package provide sorma::scpiPort 1.0
 
 namespace eval ::sorma::scpiPort {
-    variable Links {}           ;# dict: channel -> dict: who input busy path errors esr ese sre
+    variable Links {}           ;# dict: channel -> dict: who input work future blocks path errors esr ese sre
+    variable Works 0            ;# coroutines so far. A name of a channel may come again while one still ends
     variable MostLinks 64
     variable MostInput 65536    ;# bytes of a line
     variable MostOutput 1048576 ;# bytes that a client has not read
@@ -46,12 +47,15 @@ proc ::sorma::scpiPort::Accept {channel args} {
         return [close $channel]
     }
     chan configure $channel -blocking 0 -translation binary
-    dict set Links $channel [dict create who [::sorma::WhoIs $channel] input {} busy 0 path {} errors {} esr 128 ese 0 sre 0]
+    dict set Links $channel [dict create who [::sorma::WhoIs $channel] input {} work {} future {} blocks {} path {} errors {} esr 128 ese 0 sre 0]
     chan event $channel readable [list ::sorma::scpiPort::Hear $channel]
 }
 
 proc ::sorma::scpiPort::HangUp channel {
     variable Links
+    if {[dict exists $Links $channel] && [dict get $Links $channel future] ne {}} {
+        catch {[dict get $Links $channel future] cancel}
+    }
     dict unset Links $channel
     catch {close $channel}
 }
@@ -59,35 +63,73 @@ proc ::sorma::scpiPort::HangUp channel {
 proc ::sorma::scpiPort::Hear channel {
     variable Links
     variable MostInput
+    variable Works
     if {[catch {read $channel 16384} piece] || [eof $channel]} {
         return [HangUp $channel]
     }
     set input [dict get $Links $channel input]$piece
     dict set Links $channel input $input
-    if {[string first \n $input] >= 0} {
-        dict set Links $channel busy 1
-        chan event $channel readable {}
-        coroutine ::sorma::scpiPort::link$channel ::sorma::scpiPort::Work $channel
+    if {[dict get $Links $channel work] ne {}} {
+        # One that only sends waits.
+        if {[string length $input] > $MostInput} {
+            chan event $channel readable {}
+        }
+    } elseif {[lindex [Take $input] 0] >= 0} {
+        dict set Links $channel work ::sorma::scpiPort::work[incr Works]
+        coroutine ::sorma::scpiPort::work$Works ::sorma::scpiPort::Work $channel
     } elseif {[string length $input] > $MostInput} {
         Say $channel {-363,"Input buffer overrun"}
         HangUp $channel
     }
 }
 
+# The first line: where it ends (-1: it is not whole), the line, and the blocks of bytes (#15hello) in it. In the line each is #B:N.
+proc ::sorma::scpiPort::Take input {
+    set line {}
+    set blocks {}
+    set at 0
+    while {[regexp -indices -start $at {\n|"[^"\n]*"|'[^'\n]*'|[ \t,]#[1-9]} $input hit]} {
+        lassign $hit first last
+        append line [string range $input $at $last]
+        set at [expr {$last + 1}]
+        if {[string index $input $first] eq "\n"} {
+            return [list $first [string range $line 0 end-1] $blocks]
+        }
+        if {[string index $input $last-1] ne "#"} continue
+        set digits [string index $input $last]
+        set size [string range $input $at [expr {$at + $digits - 1}]]
+        if {![string is digit $size]} continue
+        if {[string length $size] < $digits || [string length $input] < $at + $digits + [scan $size %lld]} break
+        set at [expr {$at + $digits}]
+        set line [string range $line 0 end-1]B:[llength $blocks]
+        lappend blocks [string range $input $at [expr {$at + [scan $size %lld] - 1}]]
+        incr at [scan $size %lld]
+    }
+    return {-1 {} {}}
+}
+
 # Execute the lines that are there, one after another; then read on.
 proc ::sorma::scpiPort::Work channel {
     variable Links
-    while {[dict exists $Links $channel] && [set end [string first \n [dict get $Links $channel input]]] >= 0} {
-        set input [dict get $Links $channel input]
-        dict set Links $channel input [string range $input $end+1 end]
-        Message $channel [string trim [string range $input 0 $end-1]]
+    while {[Mine $channel] && [lindex [set taken [Take [dict get $Links $channel input]]] 0] >= 0} {
+        lassign $taken end line blocks
+        dict set Links $channel input [string range [dict get $Links $channel input] $end+1 end]
+        dict set Links $channel blocks $blocks
+        Message $channel [string trim $line]
         # Others come first.
         after 0 [list [info coroutine]]
         yield
     }
-    if {[dict exists $Links $channel]} {
+    if {[Mine $channel]} {
+        dict set Links $channel work {}
         chan event $channel readable [list ::sorma::scpiPort::Hear $channel]
     }
+}
+
+# Has the link of this coroutine not ended?
+proc ::sorma::scpiPort::Mine channel {
+    variable Links
+    return [expr {[dict exists $Links $channel] && [dict get $Links $channel work] eq [info coroutine]}]
 }
 
 proc ::sorma::scpiPort::Say {channel text} {
@@ -113,14 +155,18 @@ proc ::sorma::scpiPort::Message {channel text} {
                 lappend answers $answer
             }
         } trap SCPI why {
-            Queue $channel {*}$why
+            set error $why
         } on error {why how} {
-            Queue $channel [NumberOf [dict get $how -errorcode]] $why
+            set error [list [NumberOf [dict get $how -errorcode]] $why]
         }
-        if {![dict exists $Links $channel]} return
+        if {![Mine $channel]} return
+        if {[info exists error]} {
+            Queue $channel {*}$error
+            unset error
+        }
     }
     if {$answers ne {}} {
-        Say $channel [encoding convertto utf-8 [join $answers \;]]
+        Say $channel [join $answers \;]
     }
 }
 
@@ -210,7 +256,7 @@ proc ::sorma::scpiPort::Part {channel head asks words} {
         }
         {^:?SYST(EM)?:ERR(OR)?:COUN(T)?\?$} { return [llength [dict get $Links $channel errors]] }
         {^:?SYST(EM)?:VERS(ION)?\?$} { return 1999.0 }
-        {^:?SYST(EM)?:HELP:HEAD(ERS)?\?$} { return [Headers [dict get $Links $channel who]] }
+        {^:?SYST(EM)?:HELP:HEAD(ERS)?\?$} { return [Headers $channel] }
         {^\*} { Fail -113 $head }
     }
     # After FOO:A:TEMP, a header without a colon begins with FOO:A, too.
@@ -220,7 +266,7 @@ proc ::sorma::scpiPort::Part {channel head asks words} {
         set nodes [concat $path $nodes]
     }
     dict set Links $channel path [lrange $nodes 0 end-1]
-    return [Object [dict get $Links $channel who] [join [lrange $nodes 0 end-1] .] [lindex $nodes end] $asks $words]
+    return [Object $channel [join [lrange $nodes 0 end-1] .] [lindex $nodes end] $asks $words]
 }
 
 proc ::sorma::scpiPort::Mask words {
@@ -234,9 +280,17 @@ proc ::sorma::scpiPort::Mask words {
 }
 
 # A request in the name of who asks. Only this coroutine waits.
-proc ::sorma::scpiPort::Ask {who args} {
-    set future [::sorma::async -as $who -command [info coroutine] {*}$args]
+proc ::sorma::scpiPort::Ask {channel args} {
+    variable Links
+    if {![Mine $channel]} {
+        Fail -200
+    }
+    set future [::sorma::async -as [dict get $Links $channel who] -command [info coroutine] {*}$args]
+    dict set Links $channel future $future
     yield
+    if {[Mine $channel]} {
+        dict set Links $channel future {}
+    }
     return [$future take]
 }
 
@@ -245,13 +299,13 @@ proc ::sorma::scpiPort::Short word {
     return [string range $word 0 [expr {[string length $word] > 4 && [string index $word 3] in {A E I O U} ? 2 : 3}]]
 }
 
-proc ::sorma::scpiPort::Object {who name node asks words} {
+proc ::sorma::scpiPort::Object {channel name node asks words} {
     set found [lsearch -exact -inline -nocase [::sorma::names] $name]
     if {$found eq {}} {
         Fail -113 $name:$node
     }
     if {$node eq "EXEC"} {
-        return [Execute $who $found $asks $words]
+        return [Execute $channel $found $asks $words]
     }
     set table [::sorma::so::$found configure]
     set fits [lsearch -all -inline -nocase -index 0 -exact $table -$node]
@@ -264,7 +318,7 @@ proc ::sorma::scpiPort::Object {who name node asks words} {
     lassign [lindex $fits 0] option type unit range default
     if {$asks} {
         # The right to inspect is asked for limits, too.
-        set value [Ask $who $found cget $option]
+        set value [Ask $channel $found cget $option]
         if {[llength $words] > 1} {
             Fail -108
         }
@@ -276,7 +330,7 @@ proc ::sorma::scpiPort::Object {who name node asks words} {
     if {$type ne "vector" && [llength $words] > 1} {
         Fail -108 $option
     }
-    Ask $who $found CTRL $option [join [lmap word $words {Given $word $type $unit $range $default}]]
+    Ask $channel $found CTRL $option [join [lmap word $words {Given $word $type $unit $range $default}]]
     return
 }
 
@@ -334,14 +388,21 @@ proc ::sorma::scpiPort::Shown {type value} {
         enum { return [string toupper $value] }
         vector { return [join $value ,] }
     }
-    return [Quoted $value]
+    return [encoding convertto utf-8 [Quoted $value]]
 }
 
-# Numbers become floats, quoted parameters the text, others words.
-proc ::sorma::scpiPort::Execute {who name asks words} {
-    set floats [set rest [set text {}]]
+proc ::sorma::scpiPort::Block bytes {
+    return "#[string length [string length $bytes]][string length $bytes]$bytes"
+}
+
+# Numbers become floats, quoted parameters the text, blocks the bytes, others words.
+proc ::sorma::scpiPort::Execute {channel name asks words} {
+    variable Links
+    set floats [set rest [set text [set any {}]]]
     foreach word $words {
-        if {[string is double -strict $word]} {
+        if {[regexp {^#B:(\d+)$} $word -> n]} {
+            append any [lindex [dict get $Links $channel blocks] $n]
+        } elseif {[string is double -strict $word]} {
             lappend floats $word
         } elseif {[regexp {^["']} $word]} {
             append text [Given $word string {} {} {}]
@@ -349,12 +410,13 @@ proc ::sorma::scpiPort::Execute {who name asks words} {
             lappend rest $word
         }
     }
-    set reply [Ask $who $name exec -text $text -floats $floats {*}$rest]
+    set reply [Ask $channel $name exec -text $text -floats $floats -any $any {*}$rest]
     if {!$asks} return
     set answer {}
     dict for {key value} $reply {
         switch -- $key {
-            text { lappend answer [Quoted $value] }
+            text { if {$value ne {}} {lappend answer [encoding convertto utf-8 [Quoted $value]]} }
+            any { if {$value ne {}} {lappend answer [Block $value]} }
             floats - ints { lappend answer {*}$value }
         }
     }
@@ -362,10 +424,10 @@ proc ::sorma::scpiPort::Execute {who name asks words} {
 }
 
 # All headers of objects that one may inspect.
-proc ::sorma::scpiPort::Headers who {
+proc ::sorma::scpiPort::Headers channel {
     set all {*IDN? *RST *TST? *OPC *CLS *ESR? *ESE *STB? *SRE *WAI SYSTem:ERRor? SYSTem:ERRor:COUNt? SYSTem:VERSion? SYSTem:HELP:HEADers?}
     foreach name [lsort [::sorma::names]] {
-        if {[string match *@* $name] || [catch {Ask $who $name cget -nothing} why how] && [lrange [dict get $how -errorcode] 0 2] eq {SORMA COMM DENIED}} continue
+        if {[string match *@* $name] || [catch {Ask $channel $name cget -nothing} why how] && [lrange [dict get $how -errorcode] 0 2] eq {SORMA COMM DENIED}} continue
         set path [string map {. :} [string toupper $name]]
         foreach row [::sorma::so::$name configure] {
             set word [string range [lindex $row 0] 1 end]
@@ -374,6 +436,5 @@ proc ::sorma::scpiPort::Headers who {
         }
         lappend all $path:EXEC
     }
-    set text [join $all \n]
-    return "#[string length [string length $text]][string length $text]$text"
+    return [Block [encoding convertto utf-8 [join $all \n]]]
 }
