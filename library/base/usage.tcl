@@ -11,14 +11,18 @@ namespace eval ::sorma::usage {
     variable Tables {}          ;# dict: name of a file there -> its content, as far as it has been read
 }
 
-# ::sorma::usage::table NAME -- a table that the build has made of the manual; doc/pages.tcl says what is in it.
+# ::sorma::usage::table NAME -- a table that the build has made of the manual; doc/pages.tcl says what is in it. Packages have
+# them in the form of gzip.
 proc ::sorma::usage::table name {
     variable Folder
     variable Tables
     if {![dict exists $Tables $name]} {
         set content {}
-        if {[file exists [file join $Folder $name]]} {          ;# not yet while the manual is made
-            set file [open [file join $Folder $name]]
+        foreach path [glob -nocomplain -directory $Folder $name $name.gz] {      ;# none while the manual is made
+            set file [open $path rb]
+            if {[file extension $path] eq ".gz"} {
+                zlib push gunzip $file
+            }
             fconfigure $file -encoding utf-8
             try {
                 set content [read $file]
