@@ -8,8 +8,9 @@ if {![info exists env(SORMA_RUNTIME_DIR)]} {
     set env(SORMA_RUNTIME_DIR) [exec mktemp -d /tmp/sorma-run-XXXXXX]
     set ownRuntimeFolder $env(SORMA_RUNTIME_DIR)
 }
-# No policy but what a test writes there.
+# No policy but what a test writes there, and nothing that a window or a prompt of the user has kept.
 set env(XDG_CONFIG_HOME) [file join $env(SORMA_RUNTIME_DIR) config]
+set env(XDG_STATE_HOME) [file join $env(SORMA_RUNTIME_DIR) state]
 configure -verbose {body error} {*}$argv
 package require sorma
 source [file join $supportFolder wait.tcl]
@@ -22,6 +23,7 @@ proc ::cleanupTests {} {
     daemon stopAll
     set ::suiteFailed $::tcltest::numTests(Failed)
     ::tcltest::cleanupTests
+    file delete -force [file join $::env(SORMA_RUNTIME_DIR) state]
     if {[info exists ::ownRuntimeFolder]} {
         file delete -force $::ownRuntimeFolder
     }
