@@ -20,6 +20,8 @@ constexpr time_t kSkew = 300;                           // [s] by which clocks m
 const Prototype kExpired{Severity::error, "TLS EXPIRED", 1, "{}: {}"};
 const Prototype kNotYet{Severity::error, "TLS NOTYET", 1, "{}: {}"};
 const Prototype kRevoked{Severity::error, "TLS REVOKED", 1, "{}: {}"};
+const Prototype kList{Severity::error, "TLS KEY", 1,
+    "{}: {} cannot be used: {}; nobody can say now who is revoked; put a list of your authority there, or remove the file"};
 const Prototype kName{Severity::error, "TLS NAME", 1, "{}: {}"};
 const Prototype kAuthority{Severity::error, "TLS AUTHORITY", 1, "{}: {}"};
 
@@ -131,18 +133,32 @@ void checkDates(const X509* one, const std::string& file, const std::string& who
                                "; set the clock, or where the authority is: sorma-keys new " + name);
 }
 
-Revocations::Revocations() : named_(keys::revoked()) {
-    Stream in(BIO_new_file(keys::file("crl.pem").c_str(), "r"));
-    while (X509_CRL* one = in ? PEM_read_bio_X509_CRL(in.get(), nullptr, nullptr, nullptr) : nullptr) lists_.emplace_back(one);
+Revocations::Revocations(const std::string& who) : named_(keys::revoked()) {
+    const std::string file = keys::file("crl.pem");
+    Stream in(BIO_new_file(file.c_str(), "r"));
+    while (X509_CRL* one = in ? PEM_read_bio_X509_CRL(in.get(), nullptr, nullptr, nullptr) : nullptr) {
+        List list{{one, {}}, {}};
+        for (auto& known : {"authority.pem", "trusted.pem"})
+            for (auto& authority : readCertificates(keys::file(known)))
+                if (X509_NAME_cmp(X509_CRL_get_issuer(one), X509_get_subject_name(authority.get())) == 0 && X509_CRL_verify(one, X509_get0_pubkey(authority.get())) == 1)
+                    list.authority = std::move(authority);
+        ERR_clear_error();
+        if (!list.authority) fail(kList, who, file, "list " + std::to_string(lists_.size() + 1) + " in it is signed by no authority that this host knows");
+        lists_.push_back(std::move(list));
+    }
     ERR_clear_error();
+    if (in && lists_.empty()) fail(kList, who, file, "there is no list in it that can be read");
 }
 
 bool Revocations::has(X509* one) const {
     if (named_.contains(nameOf(one)) || named_.contains(serialOf(one))) return true;
-    return std::any_of(lists_.begin(), lists_.end(), [&](auto& list) {
+    const bool listed = std::any_of(lists_.begin(), lists_.end(), [&](auto& of) {
         X509_REVOKED* entry = nullptr;
-        return X509_NAME_cmp(X509_CRL_get_issuer(list.get()), X509_get_issuer_name(one)) == 0 && X509_CRL_get0_by_cert(list.get(), &entry, one) == 1;
+        return X509_NAME_cmp(X509_CRL_get_issuer(of.list.get()), X509_get_issuer_name(one)) == 0 && X509_CRL_get0_by_cert(of.list.get(), &entry, one) == 1 &&
+               X509_verify(one, X509_get0_pubkey(of.authority.get())) == 1;
     });
+    ERR_clear_error();
+    return listed;
 }
 
 std::string complaint(Fault fault, const X509* one, bool client, const std::string& wanted, const std::string& detail) {

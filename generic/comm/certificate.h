@@ -33,15 +33,21 @@ bool tooEarly(const X509* one);                         // does it hold from a t
 // Fails with TLS EXPIRED, NOTYET for our own certificate.
 void checkDates(const X509* one, const std::string& file, const std::string& who);
 
-// Which certificates are revoked, by the files of keys.h as they were when this was made.
+// Which certificates are revoked, by the files of keys.h as they were when this was made. A list counts for the authority that has
+// signed it, and for no other.
 class Revocations {
 public:
-    Revocations();
+    // Fails with TLS KEY when crl.pem holds no list, or one that no authority has signed which this host knows.
+    explicit Revocations(const std::string& who);
     bool has(X509* one) const;
 
 private:
+    struct List {
+        std::unique_ptr<X509_CRL, Freed<X509_CRL_free>> list;
+        Certificate authority;
+    };
     std::set<std::string> named_;       // by name, or serial number
-    std::vector<std::unique_ptr<X509_CRL, Freed<X509_CRL_free>>> lists_;
+    std::vector<List> lists_;
 };
 
 enum class Fault : std::uint8_t { none, expired, notYet, revoked, name, authority };

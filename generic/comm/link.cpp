@@ -28,6 +28,9 @@ constexpr std::int64_t kLook = 20'000'000;              // [ns] a request that w
 
 const Prototype kNotGreeted{Severity::error, "COMM TIMEOUT", 1, "{}: {} is connected, but does not answer; never sent"};
 
+const Prototype kClear{Severity::error, "TLS MISSING", 1,
+    "{}: {} speaks TLS alone, and this line is in clear; there: sorma-keys give NAME; here: sorma-keys take FILE, and no -tls no after its address"};
+
 std::string printable(const char* bytes, std::size_t size) {
     std::string out;
     for (char c : std::string_view(bytes, std::min<std::size_t>(size, 40))) out += c >= 0x20 && c < 0x7f ? c : '.';
@@ -209,6 +212,7 @@ bool Link::readWelcome() {
     }
     std::string objection = r.good() ? wire::readReplyHeader(r) : "its answer is not a message of ONC RPC";
     if (objection.empty() && !wire::readWelcome(r, offered_)) objection = "its welcome could not be decoded";
+    if (objection == wire::kWantsTls) sorma::fail(kClear, user_.whom(), address_);
     if (!objection.empty()) sorma::fail(errors::kProtocol, user_.whom(), address_, objection, "is the address right?");
     return true;
 }

@@ -55,7 +55,7 @@ struct Keys {
     Context context;
     std::string own, stamp, authority;  // the name, keys::stamp(), fingerprint of our own authority
     Certificate certificate;
-    Revocations revoked;
+    std::optional<Revocations> revoked;
     std::mutex mutex;
     std::map<std::string, Session> sessions;    // a client's, by the daemon's name and address
 
@@ -120,6 +120,7 @@ KeysPointer load(const std::string& own, const std::string& who) {
         X509_STORE_add_cert(trusted, one.get());
     }
     for (auto& one : readCertificates(keys::file("trusted.pem"))) X509_STORE_add_cert(trusted, one.get());
+    keys->revoked.emplace(who);
     keys->certificate = std::move(chain[0]);
     return keys;
 }
@@ -233,7 +234,7 @@ void startHandshake(Secure& s) {
 Fault judge(Secure& s, X509* one) {
     const std::string name = nameOf(one);
     if (X509_cmp_current_time(X509_get0_notAfter(one)) < 0) return Fault::expired;
-    if (s.keys->revoked.has(one)) return Fault::revoked;
+    if (s.keys->revoked->has(one)) return Fault::revoked;
     if (s.offer && s.offer->revoked && s.offer->revoked(name, part(one, NID_organizationName))) return Fault::revoked;
     if (name.empty()) return Fault::name;
     if (s.client && (s.name.empty() || X509_check_host(one, s.name.data(), s.name.size(), X509_CHECK_FLAG_NO_WILDCARDS, nullptr) != 1)) return Fault::name;
@@ -592,7 +593,7 @@ Judge judge(const Offer& offer) {
     return [now, &offer](const Line& line) -> std::string {
         const Secure& s = secureOf(line);
         X509* one = SSL_get0_peer_certificate(s.ssl.get());
-        const bool holds = one && !(now ? now : s.keys)->revoked.has(one) && !(offer.revoked && offer.revoked(nameOf(one), part(one, NID_organizationName)));
+        const bool holds = one && !(now ? now : s.keys)->revoked->has(one) && !(offer.revoked && offer.revoked(nameOf(one), part(one, NID_organizationName)));
         return holds ? "" : "the certificate is revoked";
     };
 }

@@ -372,7 +372,7 @@ std::string readReplyHeader(XdrReader& r) {
     if (denied == 1) {
         std::uint32_t why = r.u32(), low = r.u32(), high = r.u32();
         if (why == 0) return "it serves ONC RPC version " + std::to_string(low) + " to " + std::to_string(high) + ", not 2";
-        return "it wants authentication";
+        return why == 1 && low == kTooWeak ? kWantsTls : "it wants authentication";
     }
     r.u32();
     if (r.text().size() > kMaxCredential) r.spoil();

@@ -45,6 +45,7 @@ Behalf behalfOf(const PrincipalPointer& relayFor);
 inline constexpr std::uint32_t kBehalfFlavor = kProgram;        // flavor of these credentials
 inline constexpr std::uint32_t kTlsFlavor = 7;                 // AUTH_TLS
 inline constexpr std::uint32_t kBadCredentials = 1, kTooWeak = 5;     // AUTH_BADCRED, AUTH_TOOWEAK
+inline constexpr const char* kWantsTls = "it wants TLS";       // what readReplyHeader() says of AUTH_TOOWEAK
 inline constexpr std::size_t kMostCallers = 248, kMostAuthor = 120;     // [bytes]; RFC 5531 allows 400 for all of it
 
 struct CallHeader {             // RPC header of a call

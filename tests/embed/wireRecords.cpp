@@ -438,7 +438,8 @@ void testRefusals() {
     EQUAL(refused(Refusal::procedureUnavailable), "it does not know the procedure");
     EQUAL(refused(Refusal::garbage), "it could not decode the request");
     EQUAL(answer(written([](Buffer& out) { writeRpcMismatch(out, 1); })), "it serves ONC RPC version 2 to 2, not 2");
-    EQUAL(words({1, 1, 5}), "it wants authentication");
+    EQUAL(words({1, 1, 1}), "it wants authentication");
+    EQUAL(words({1, 1, 5}), "it wants TLS");
     EQUAL(words({0, 0, 0, 5}), "a system error at the daemon");
     EQUAL(words({0, 1, 4, 0, 0}), "");          // a verifier, which is skipped
     EQUAL(words({0, 1, 4, 0, 3}), "it does not know the procedure");
