@@ -26,11 +26,6 @@ namespace sorma::tls {
 namespace {
 
 const Prototype kRefused{Severity::error, "TLS REFUSED", 1, "{}: no TLS with {}: {}; nothing was sent in clear"};
-}  // namespace
-
-
-namespace {
-
 const Prototype kMissing{Severity::error, "TLS MISSING", 1, "{}: {}"};
 const Prototype kKey{Severity::error, "TLS KEY", 1, "{}: the key file {} cannot be used: {}"};
 const Prototype kPlain{Severity::error, "TLS PLAIN", 1,
