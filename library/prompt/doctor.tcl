@@ -12,7 +12,7 @@ namespace eval ::sorma::inspect {
 namespace eval ::sorma::inspect::doctor {
     variable Findings       ;# list of dicts: what state text mend
     # The checks, in this order.
-    variable Checks {Package Folder Sockets Daemons Dictionary Policy SharedMemory Limits Rpcbind}
+    variable Checks {Package Folder Sockets Daemons Dictionary Policy Keys SharedMemory Limits Rpcbind}
 }
 
 # ::sorma::inspect::doctor ?-selftest? ?-data? --
@@ -239,6 +239,44 @@ proc ::sorma::inspect::doctor::CheckPolicy {} {
         interp delete $child
         file delete -force $temporary
     }
+}
+
+# Keys for TLS: see sorma-keys.
+proc ::sorma::inspect::doctor::CheckKeys {} {
+    global env
+    set folder {}
+    foreach {variable ending} {SORMA_KEYS {} XDG_CONFIG_HOME sorma/keys HOME .config/sorma/keys} {
+        if {$folder eq {} && [info exists env($variable)] && $env($variable) ne {}} {
+            set folder [file join $env($variable) {*}[file split $ending]]
+        }
+    }
+    set own [file join $folder own]
+    if {![file exists $own] && ![file exists [file join $folder authority.pem]]} {
+        return [Note keys ok "none in $folder: TCP is in clear"]
+    }
+    if {![file exists $own]} {
+        return [Note keys wrong "there is an authority in $folder, and no certificate of this host: TCP fails" "sorma-keys new NAME, or sorma-keys take FILE"]
+    }
+    set in [open $own]
+    set name [string trim [read $in]]
+    close $in
+    set file [file join $folder $name.pem]
+    if {![file exists $file]} {
+        return [Note keys wrong "own names $name, and there is no $file" "sorma-keys new $name, or sorma-keys take FILE"]
+    }
+    file stat $file found
+    if {$found(mode) & 0o077} {
+        return [Note keys wrong "others may read $file; it is not used" "chmod 600 $file; if somebody has: sorma-keys revoke $name"]
+    }
+    if {[catch {exec openssl x509 -noout -enddate -in $file} said] || ![regexp {notAfter=(.*) GMT} $said -> until]} {
+        return [Note keys wrong "$file cannot be read: [lindex [split $said \n] 0]" "sorma-keys new $name"]
+    }
+    set left [expr {([clock scan $until -format {%b %d %H:%M:%S %Y} -timezone :UTC] - [clock seconds]) / 86400.0}]
+    set mend "where the authority is: sorma-keys new $name, or sorma-keys give $name"
+    if {$left < 0} {
+        return [Note keys wrong "$file has expired on $until UTC" $mend]
+    }
+    Note keys [expr {$left < 30 ? "note" : "ok"}] "$file, until $until UTC" [expr {$left < 30 ? $mend : {}}]
 }
 
 # ---- the machine ----
