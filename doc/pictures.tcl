@@ -156,6 +156,11 @@ proc pictures::draw {folder shade dpi} {
     }
 }
 
+# The window is so large, in pixels at 96 dots per inch.
+proc pictures::Sized {width height} {
+    wm geometry . [::sorma::style pixels $width]x[::sorma::style pixels $height]
+}
+
 # Wait until a window shows what it has to.
 proc pictures::Ready name {
     switch -- $name {
@@ -185,7 +190,7 @@ proc pictures::Ready name {
             until {[string match "*-speed 0.5*" [.w text]]}
         }
         circuitEditor {
-            wm geometry . 1000x560
+            Sized 1000 560
             circuit.level@pictures CTRL -inputs {target 1 m} -period 0.1 -wires {
                 target              -> sum.error.in1
                 integrator.tank.out -> sum.error.in2
@@ -196,7 +201,7 @@ proc pictures::Ready name {
             circuit.level@pictures EXEC FMSG 1 1.5
             until {[.w value 0] eq "1.5 m" && "sum" in [.w palette classes]}
         }
-        notice { wm geometry . 460x64; .w say gone "arm.left is not there any more. A request makes it again, from its recipe." {apply {{} {}}} }
+        notice { Sized 460 64; .w say gone "arm.left is not there any more. A request makes it again, from its recipe." {apply {{} {}}} }
         status { until {[.w shows] eq "alive"} }
         image { until {[.w answer] eq "ok"} }
         stripchart {
@@ -207,7 +212,7 @@ proc pictures::Ready name {
             }
         }
         display {
-            wm geometry . 260x120
+            Sized 260 120
             until {[lindex [.w shows] 1] eq "33"}
         }
         dashboard {
