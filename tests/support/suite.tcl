@@ -17,13 +17,15 @@ source [file join $supportFolder wait.tcl]
 source [file join $supportFolder daemon.tcl]
 set suiteFailed 0
 
-# tcltest's own, which also ends the daemons that a failed test has left.
+# tcltest's own, which also ends the daemons that a failed test has left. Windows keep their places when they end. tcltest would end the process
+# if Tk were still there.
 rename ::cleanupTests ::tcltestCleanup
 proc ::cleanupTests {} {
     daemon stopAll
+    catch {destroy .}
+    file delete -force [file join $::env(SORMA_RUNTIME_DIR) state]
     set ::suiteFailed $::tcltest::numTests(Failed)
     ::tcltest::cleanupTests
-    file delete -force [file join $::env(SORMA_RUNTIME_DIR) state]
     if {[info exists ::ownRuntimeFolder]} {
         file delete -force $::ownRuntimeFolder
     }
