@@ -24,8 +24,11 @@ const char* const kUsage =
     "usage: bench ?--json? ?--rounds N? ?--rows GLOB?\n"
     "       bench --client ADDRESS nop|rec\n";
 
-void (*const kGroups[])(Table&) = {byReference, tclCommand, textDispatch, protectedCall, asynchronous, snapshot,
-                                    recording, cycle, circuit,
+void (*const kGroups[])(Table&) = {byReference, tclCommand, textDispatch, protectedCall,
+#ifdef HAVE_OPENSSL
+                                    secureCall,
+#endif
+                                    asynchronous, snapshot, recording, cycle, circuit,
 #ifdef HAVE_EIGEN
                                     laboratory,
 #endif

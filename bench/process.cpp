@@ -149,6 +149,7 @@ Folder::Folder() {
     must(mkdtemp(name.data()) != nullptr, name);
     path_ = name;
     setenv("SORMA_RUNTIME_DIR", path_.c_str(), 1);
+    setenv("SORMA_KEYS", path("keys").c_str(), 1);
 }
 
 Folder::~Folder() {

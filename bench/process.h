@@ -11,7 +11,8 @@
 
 namespace bench {
 
-// A folder of our own, which is the runtime folder (SORMA_RUNTIME_DIR) of all that is started meanwhile.
+// A folder of our own, which is the runtime folder (SORMA_RUNTIME_DIR) of all that is started meanwhile. Its folder of keys
+// (SORMA_KEYS) is empty: this user's own would encrypt rows that are in clear.
 class Folder {
 public:
     Folder();

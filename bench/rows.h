@@ -9,6 +9,7 @@ void byReference(Table& table);         // F TO
 void tclCommand(Table& table);          // T
 void textDispatch(Table& table);        // S
 void protectedCall(Table& table);       // P PT PIPE BIG PIECES
+void secureCall(Table& table);          // P_tls BIG_tls HANDSHAKE; where there is OpenSSL
 void asynchronous(Table& table);        // FUTURE CTRL_busy TIMER_busy STREAM PUBLISH FUTURES
 void snapshot(Table& table);            // M
 void recording(Table& table);           // RECORD
