@@ -4,7 +4,11 @@
 // `transports` alone prints the rows and the cases. No case waits for a time, but for what must happen.
 #include <atomic>
 #include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <optional>
 
+#include "comm/tls.h"
 #include "transports.h"
 #include "sorma.h"
 
@@ -32,12 +36,51 @@ const Transport sharedTransport = [] {
     return row;
 }();
 
+// TLS over TCP, in both ends of this process: one authority and one key, as sorma-keys makes them.
+const tls::Offer offer{"", nullptr};
+const Transport secureTransport = [] {
+    Transport row = tcpTransport;
+    row.name = "tls";
+    row.begin = [](const Address& address, const std::string& who) {
+        Address to = address;
+        to.as = "transports", to.tls = Address::Tls::yes;
+        return tls::rowFor(tcpTransport, to, who).begin(to, who);
+    };
+    row.listen = [](const std::string& at, int port, bool share) {
+        ListeningSocket socket = tcpTransport.listen(at, port, share);
+        socket.row = &secureTransport;
+        return socket;
+    };
+    row.accept = [](int fd) { return tls::offered(tcpTransport.accept(fd), offer); };
+    return row;
+}();
+
+struct Keys {
+    Keys() {
+        setenv("SORMA_KEYS", path.c_str(), 1);
+        check(std::system("{ sorma-keys new-authority transports && sorma-keys new transports; } >/dev/null") == 0, "sorma-keys has made no keys");
+    }
+    ~Keys() { std::filesystem::remove_all(path); }
+    const std::string path = newPath() + ".keys";
+};
+
+// Without OpenSSL there is no such row.
+bool haveTls() {
+    try {
+        tls::check("");
+        return true;
+    } catch (const Error& e) {
+        return !e.is("TLS REFUSED");
+    }
+}
+
 // One line for each row.
 const std::map<std::string, Row> rows{
     {"tcp", {tcpTransport, [] { return tcpTransport.listen("127.0.0.1", 0, false); }}},
     {"unix", {unixTransport, [] { return unixTransport.listen(newPath(), 0, false); }}},
     {"inherited", {inheritedTransport, [] { return inherit(unixTransport.listen(newPath(), 0, false)); }}},
     {"shm", {sharedTransport, [] { return sharedTransport.listen(newPath() + ".shared", 0, false); }, true}},
+    {"tls", {secureTransport, [] { return secureTransport.listen("127.0.0.1", 0, false); }}},
     {"sealed", {sealedTransport, [] { return sealedTransport.listen(newPath() + ".sealed", 0, false); }, true}},
 };
 
@@ -168,7 +211,8 @@ void refusedRecord(const Row& row) {
     check(!answer.empty() && XdrReader(answer).u32() == 3, "the request after it is not served");
 }
 
-// A probe of RFC 9289 is a NULL with the credentials AUTH_TLS. The verifier of the answer is empty: STARTTLS would promise TLS.
+// A probe of RFC 9289 is a NULL with the credentials AUTH_TLS. The verifier of the answer is empty: STARTTLS would promise TLS. Inside TLS
+// the probe is denied: AUTH_ERROR, AUTH_BADCRED.
 void probe(const Row& row) {
     Daemon daemon(row);
     End end = daemon.connect();
@@ -179,8 +223,9 @@ void probe(const Row& row) {
     end.say(out);
     const std::string answer = daemon.answer(end);
     XdrReader r(answer);
-    const bool accepted = r.u32() == 9 && r.u32() == 1 && r.skipZeros(16) && r.atEnd();
-    check(accepted && r.good(), "the answer to the probe is not an empty one");
+    const bool inside = row.transport.name == secureTransport.name;
+    const bool accepted = r.u32() == 9 && r.u32() == 1 && (inside ? r.u32() == 1 && r.u32() == 1 && r.u32() == 1 : r.skipZeros(16)) && r.atEnd();
+    check(accepted && r.good(), inside ? "the probe is not denied" : "the answer to the probe is not an empty one");
     check(!daemon.greet(end, 1).empty(), "the connection does not go on");
 }
 
@@ -259,7 +304,8 @@ int main(int argc, char** argv) {
     Cases cases = clientCases;
     cases.merge(daemonCases);
     if (argc == 1) {
-        for (auto& [name, row] : rows) std::printf("row %s\n", name.c_str());
+        for (auto& [name, row] : rows)
+            if (name != "tls" || haveTls()) std::printf("row %s\n", name.c_str());
         for (auto& [name, function] : cases) std::printf("case %s\n", name.c_str());
         return 0;
     }
@@ -269,6 +315,8 @@ int main(int argc, char** argv) {
     addTransport(sealedTransport);
     addTransport(sharedTransport);
     try {
+        std::optional<Keys> keys;
+        if (argv[1] == secureTransport.name) addTransport(secureTransport), keys.emplace();
         cases.at(argv[2])(rows.at(argv[1]));
         return 0;
     } catch (const std::exception& e) {

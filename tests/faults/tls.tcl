@@ -1,0 +1,244 @@
+# tls.tcl ?HOSTILE? ?STRIPPED? ?SEED? -- hostile handshakes with a daemon, and a proxy that strips or spoils the handshake of a client.
+#
+# So many hostile handshakes: cut after each byte, garbage, hellos said twice, chains of many certificates, another version, keys that are
+# changed without an end, and some that stay half open. Then so many calls through the proxy, which does its worst at each byte in turn.
+
+source [file join [file dirname [file normalize [info script]]] faults.tcl]
+set folder [file join $env(SORMA_RUNTIME_DIR) tls]
+proc testConstraint args {}
+source [file join $supportFolder keys.tcl]
+
+proc descriptors d { return [llength [glob -nocomplain -directory /proc/[daemon info $d pid]/fd *]] }
+proc random below { return [expr {int($below * rand())}] }
+proc bytes count {
+    set out {}
+    while {[string length $out] < $count} {
+        append out [binary format I [random 0x100000000]]
+    }
+    return [string range $out 0 $count-1]
+}
+set probe [binary format I11 {0x80000028 7 0 2 0x20534f52 1 0 7 0 0 0}]
+set asked [string replace $probe 4 7 TLS1]                ;# that of our own clients
+set plain [binary format I7 {0x80000018 0x544c5331 1 0 0 0 0}]
+
+# ---- a proxy: what it does, it does once ----
+
+# how: ok; strip, cut, flip, or clear (the answer of a daemon without TLS) at a byte of the daemon (far) or of the client (near). probe: it
+# says the probe itself. ::heard(PORT): what the client said.
+proc proxy {how {side far} {at 0}} {
+    set server [socket -server [list accepted $how $side $at] -myaddr 127.0.0.1 0]
+    set port [lindex [fconfigure $server -sockname] 2]
+    set ::heard($port) {}
+    return [list $server $port]
+}
+proc accepted {how side at near host port} {
+    set mine [lindex [fconfigure $near -sockname] 2]
+    set far [socket 127.0.0.1 [daemon info $::d port]]
+    foreach channel [list $near $far] {
+        fconfigure $channel -translation binary -buffering none
+    }
+    if {$how eq "probe"} {
+        puts -nonewline $far $::probe
+        read $far 36
+    }
+    foreach {name from to} [list near $near $far far $far $near] {
+        fconfigure $from -blocking 0
+        fileevent $from readable [list carried $name $from $to $mine [expr {$name eq $side ? $how : "ok"}] $at]
+        set ::came($from) 0
+    }
+}
+proc closeBoth {one other} {
+    catch {close $one}
+    catch {close $other}
+    unset -nocomplain ::came($one) ::came($other)
+}
+proc carried {name from to port how at} {
+    if {[catch {read $from} some] || ($some eq {} && [eof $from])} {
+        return [closeBoth $from $to]
+    }
+    set before $::came($from)
+    incr ::came($from) [string length $some]
+    if {$name eq "near"} {
+        append ::heard($port) $some
+    }
+    set here [expr {$at - $before}]
+    set end 0
+    if {$here >= 0 && $here < [string length $some]} {
+        switch -- $how {
+            cut { set some [string range $some 0 $here-1]; set end 1 }
+            flip { binary scan $some @${here}cu value; set some [string replace $some $here $here [binary format c [expr {$value ^ (1 << [random 8])}]]] }
+            strip { set some [string range $some 0 $here-1]$::plain }
+            clear { set some $::plain[string range $some $here end] }
+        }
+    }
+    if {[catch {puts -nonewline $to $some}] || $end} {
+        closeBoth $from $to
+    }
+}
+
+# ---- hostile clients ----
+
+# What a client of that host says to a daemon, byte by byte, and how often the daemon has greeted it.
+proc recorded host {
+    lassign [proxy ok] server port
+    set answer [called $host $port]
+    close $server
+    set said $::heard($port)
+    unset ::heard($port)
+    return [list $said $answer]
+}
+# A call by TLS in a client of its own, which does not wait for long: its reply, or the error.
+proc called {host port {patience 30000}} {
+    set client [interp create]
+    $client eval {package require sorma}
+    $client eval [list sorma::so::dict CTRL -add @cell 127.0.0.1:$port -tls yes]
+    at $host {
+        set future [$client eval [list sorma::async -timeout $patience echo@cell EXEC TMSG NobodyHearsThis]]
+        waitFor {[$client eval [list $future done]]} [expr {$patience + 30000}]
+    }
+    catch {$client eval [list $future wait]} answer
+    interp delete $client
+    return $answer
+}
+
+# Says bytes, and closes when the daemon does, or at once; open: never.
+proc say {bytes {open 0}} {
+    set channel [socket 127.0.0.1 [daemon info $::d port]]
+    fconfigure $channel -translation binary -buffering none -blocking 0
+    catch {puts -nonewline $channel $bytes}
+    if {$open} {
+        return $channel
+    }
+    incr ::talking
+    fileevent $channel readable [list heardOf $channel]
+    catch {close $channel write}
+}
+proc heardOf channel {
+    if {[catch {read $channel}] || [eof $channel]} {
+        catch {close $channel}
+        incr ::talking -1
+    }
+}
+
+# openssl s_client behind a proxy that says the probe; input: what it is told.
+proc client {words {input {}}} {
+    global folder
+    lassign [proxy probe] server port
+    set pipe [open [list | timeout 60 openssl s_client -connect 127.0.0.1:$port -alpn sunrpc -key $folder/desk/desk.pem {*}$words << $input 2>@1] r]
+    fconfigure $pipe -blocking 0
+    incr ::talking
+    fileevent $pipe readable [list heardOf $pipe]
+    waitFor {$::talking == 0} 90000
+    close $server
+    unset ::heard($port)
+}
+
+# A chain that begins with our certificate, and has many more.
+proc longChain count {
+    global folder
+    set name $folder/chain$count.pem
+    set out [open $name w]
+    set in [open $folder/desk/authority.pem]
+    puts $out [string repeat [read $in] $count]
+    close $in
+    close $out
+    return [list -cert $folder/desk/desk.pem -cert_chain $name]
+}
+
+attack {
+    lassign [concat $argv [lrange {10000 10000 4711} [llength $argv] end]] hostile stripped seed
+    expr {srand($seed)}
+    file mkdir $folder
+    at cell {keys new-authority lab; keys new cell; keys give desk $folder/desk.keys}
+    at desk {keys take $folder/desk.keys}
+    at cell {set d [serve "sorma::configure -requesttime 2000"]}
+    set talking 0
+    lassign [recorded desk] said answer
+    promise "a client is served: $answer" [expr {$answer eq {RET 0 TMSG NobodyHearsThis}}]
+    set long [string length $said]
+    set hello [string range $said 44 end]
+    binary scan $hello @3Su size
+    set hello [string range $hello 0 [expr {$size + 4}]]
+
+    set quiet [caller [daemon info $d socket] [daemon info $d pid] nop]
+    after 1000 {set rested 1}
+    vwait rested
+    endCaller $quiet alone
+
+    # The heap of the daemon has its size after some of each kind.
+    proc round i {
+        global probe hello said long
+        switch -- [expr {$i % 4}] {
+            0 { say [string range $said 0 [expr {$i / 4 % $long}]] }
+            1 { say $probe[bytes [random 20000]] }
+            2 { say $probe\x16\x03[binary format cS [random 4] [random 0x10000]][bytes [random 20000]] }
+            3 { say $probe$hello[expr {$i % 8 == 3 ? $hello : [string replace $hello [set k [random [string length $hello]]] $k [bytes 1]]}] }
+        }
+        waitFor {$::talking < 20}
+    }
+    proc byOpenssl i {
+        switch -- [expr {$i % 4}] {
+            0 { client [longChain [expr {3 + [random 200]}]] }
+            1 { client [list -tls1_2 -cert $::folder/desk/desk.pem] R\n }
+            2 { client [list -cert $::folder/desk/desk.pem] [string repeat K\n 50]Q\n }
+            3 { client [list -cert $::folder/desk/desk.pem -no_tls1_3 -cipher ALL] }
+        }
+    }
+    for {set i 0} {$i < max(40, min(2000, $hostile / 2))} {incr i} { round $i }
+    for {set i 0} {$i < 4} {incr i} { byOpenssl $i }
+    waitFor {$talking == 0}
+    waitFor {[dict get [sorma::health $d] connections] <= 1}
+    set descriptors [descriptors $d]
+    set memory [memoryOf $d]
+
+    set other [caller [daemon info $d socket] [daemon info $d pid] nop]
+    set open {}
+    for {set i 0} {$i < $hostile} {incr i} {
+        round $i
+        if {$i % 100 == 0} { byOpenssl [expr {$i / 100}] }
+        if {$i % 50 == 0} { lappend open [say [string range $said 0 [random $long]] 1] }
+    }
+    endCaller $other beside
+    puts "$hostile hostile handshakes, [llength $open] lines that stay open; $long bytes of a client"
+    puts "another client's calls: [llength $beside(all)]; quantiles 0.5 0.9 0.99 0.999 1 \[ms\]: [quantiles $beside(all)]; with nobody else: [quantiles $alone(all)]"
+    promise "another client's calls go on" [expr {[llength $beside(all)] > 0}]
+    foreach channel $open {
+        fileevent $channel readable [list heardOf $channel]
+        incr talking
+    }
+    waitFor {$talking == 0}
+    waitFor {[dict get [sorma::health $d] connections] <= 1}
+    promise "half a handshake is ended by the daemon" 1
+    promise "no descriptor is left" [expr {[descriptors $d] <= $descriptors}]
+    puts "[expr {([memoryOf $d] - $memory) / 1024}] kB more"
+    promise "nor memory" [expr {[memoryOf $d] < $memory + 4 * 1024 * 1024}]
+    promise "a client is served as before" [expr {[called desk [daemon info $d port]] eq {RET 0 TMSG NobodyHearsThis}}]
+
+    # Each byte of both sides, until the answer to the call has begun.
+    set kinds {{strip far} {cut far} {flip far} {clear far} {cut near} {flip near}}
+    set answered 0
+    set wrong {}
+    array set counted {}
+    for {set i 0} {$i < $stripped} {incr i} {
+        lassign [lindex $kinds [expr {$i % [llength $kinds]}]] how side
+        set at [expr {$stripped < 1000 ? [random 1200] : $i / [llength $kinds] % 1700}]
+        lassign [proxy $how $side $at] server port
+        set answer [called desk $port 300]
+        close $server
+        set sent $::heard($port)
+        unset ::heard($port)
+        set good [expr {$answer eq {RET 0 TMSG NobodyHearsThis}}]
+        incr counted([expr {$good ? "answered" : "refused"}])
+        # The number of the program is in the probe, and nowhere else.
+        if {[string first NobodyHearsThis $sent] >= 0 || [regexp {\x20SOR\x00\x00\x00\x01} [string map [list $asked {}] $sent]]
+            || (!$good && [string match RET* $answer])} {
+            lappend wrong "$how $side $at: $answer"
+        }
+    }
+    puts "$stripped calls through a proxy that strips, cuts and flips: [array get counted]"
+    promise "nothing of a request is sent in clear $wrong" [expr {$wrong eq {}}]
+    waitFor {[dict get [sorma::health $d] connections] <= 1}
+    promise "and no descriptor is left" [expr {[descriptors $d] <= $descriptors}]
+    daemon stop $d
+    promise "the daemon ends in good order" 1
+}
