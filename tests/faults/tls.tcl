@@ -1,7 +1,7 @@
 # tls.tcl ?HOSTILE? ?STRIPPED? ?SEED? -- hostile handshakes with a daemon, and a proxy that strips or spoils the handshake of a client.
 #
-# So many hostile handshakes: cut after each byte, garbage, hellos said twice, chains of many certificates, another version, keys that are
-# changed without an end, and some that stay half open. Then so many calls through the proxy, which does its worst at each byte in turn.
+# Hostile handshakes are cut after each byte, or they are garbage. Hellos come twice, chains have many certificates, versions are old. Keys are
+# changed without an end. Some lines stay half open. Then a client calls through the proxy, which does its worst at each byte in turn.
 
 source [file join [file dirname [file normalize [info script]]] faults.tcl]
 set folder [file join $env(SORMA_RUNTIME_DIR) tls]
@@ -23,8 +23,8 @@ set plain [binary format I7 {0x80000018 0x544c5331 1 0 0 0 0}]
 
 # ---- a proxy: what it does, it does once ----
 
-# how: ok; strip, cut, flip, or clear (the answer of a daemon without TLS) at a byte of the daemon (far) or of the client (near). probe: it
-# says the probe itself. ::heard(PORT): what the client said.
+# how: strip, cut, flip or clear at a byte of the daemon (far) or of the client (near); ok: none of them. Strip and clear put the answer of a
+# daemon without TLS there. probe: the proxy says the probe itself. ::heard(PORT) is what the client said.
 proc proxy {how {side far} {at 0}} {
     set server [socket -server [list accepted $how $side $at] -myaddr 127.0.0.1 0]
     set port [lindex [fconfigure $server -sockname] 2]
@@ -78,7 +78,7 @@ proc carried {name from to port how at} {
 
 # ---- hostile clients ----
 
-# What a client of that host says to a daemon, byte by byte, and how often the daemon has greeted it.
+# A client of that host calls: all the bytes that it says, and the reply.
 proc recorded host {
     lassign [proxy ok] server port
     set answer [called $host $port]
