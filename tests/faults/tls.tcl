@@ -240,5 +240,6 @@ attack {
     waitFor {[dict get [sorma::health $d] connections] <= 1}
     promise "and no descriptor is left" [expr {[descriptors $d] <= $descriptors}]
     daemon stop $d
+    file delete -force $folder
     promise "the daemon ends in good order" 1
 }
