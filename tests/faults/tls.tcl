@@ -221,7 +221,7 @@ attack {
     array set counted {}
     for {set i 0} {$i < $stripped} {incr i} {
         lassign [lindex $kinds [expr {$i % [llength $kinds]}]] how side
-        set at [expr {$stripped < 1000 ? [random 1200] : $i / [llength $kinds] % 1700}]
+        set at [expr {$i < [llength $kinds] ? 0 : $stripped < 1000 ? [random 1200] : $i / [llength $kinds] % 1700}]
         lassign [proxy $how $side $at] server port
         set answer [called desk $port 300]
         close $server
