@@ -36,7 +36,9 @@ const Prototype kStripped{Severity::error, "TLS STRIPPED", 1,
 
 using Session = std::unique_ptr<SSL_SESSION, Freed<SSL_SESSION_free>>;
 using Context = std::unique_ptr<SSL_CTX, Freed<SSL_CTX_free>>;
-using Handle = std::unique_ptr<SSL, Freed<SSL_free>>;
+// A line may just end: its ticket stays good. OpenSSL would forget it for want of a last word; RFC 8446 asks for none.
+inline void end(SSL* ssl) { SSL_set_shutdown(ssl, SSL_SENT_SHUTDOWN), SSL_free(ssl); }
+using Handle = std::unique_ptr<SSL, Freed<end>>;
 
 constexpr unsigned char kAlpn[] = {6, 's', 'u', 'n', 'r', 'p', 'c'};
 constexpr long kResumeTime = 3600;                      // [s] in which a client may resume

@@ -4,8 +4,9 @@
 #     strip   answers the probe as a daemon without TLS does, and carries the rest
 #     cut     ends each connection after BYTES bytes of the daemon, in the middle of whatever they are
 #     flip    changes byte number BYTES of what the daemon sends
+#     answers changes nothing
 #
-# For each line on its input it prints, in hex, what clients have sent since the last one.
+# For each line on its input it prints, in hex, what clients have sent since the last one; with answers, what the daemon has.
 
 lassign $argv target how bytes
 set heard {}
@@ -38,7 +39,7 @@ proc carry {from to client} {
         catch {close $to}
         return
     }
-    if {$client} {
+    if {$client == ($how ne "answers")} {
         append heard $some
     }
     set before $came($from)
