@@ -168,7 +168,10 @@ void Link::sayHello() {
     Buffer out;
     wire::writeHello(out, 0, program_, {client_, self.user, self.host, self.program, self.process, static_cast<std::uint32_t>(settings_.maxMessage),
                                         clockSeen(), monotonicNow()});
-    hungUp_ = line_.write(out.data(), out.size()) != static_cast<ssize_t>(out.size());
+    const ssize_t n = line_.write(out.data(), out.size());
+    // A daemon that has hung up has perhaps said why: the reader of its welcome finds that.
+    if (n < 0 && (errno == EPIPE || errno == ECONNRESET)) return;
+    hungUp_ = n != static_cast<ssize_t>(out.size());
     if (hungUp_) sorma::fail(errors::kRefused, user_.whom(), address_, std::strerror(errno), "it may be ending, or full");
 }
 
@@ -189,7 +192,7 @@ bool Link::readWelcome() {
     if (error == EAGAIN) return false;
     if (n < 0) line_.explain(user_.whom());
     const std::string said = "\"" + printable(in_.data(), in_.size()) + "\"";
-    hungUp_ = n == 0 || error == ECONNRESET;     // also in the middle of its welcome
+    hungUp_ = n == 0 || error == ECONNRESET || error == EPIPE;  // also in the middle of its welcome
     if (hungUp_)
         sorma::fail(errors::kRefused, user_.whom(), address_,
                     in_.empty() ? "it closed the connection without a word" : "it closed the connection after " + said, "it may be ending, or full");
