@@ -920,8 +920,10 @@ class _Connection:
         try:
             self.absent = 0
             texts = [_text(t[:80]) for t in (_user(), socket.gethostname())]
-            sock.sendall(_record(0, HELLO, struct.pack(">Q", self.client) + b"".join(texts) + struct.pack(">q", os.getpid()) + _text("python3") +
-                                 _U.pack(self.maxmessage) + _text(self.clock) + struct.pack(">q", time.monotonic_ns())))
+            hello = _record(0, HELLO, struct.pack(">Q", self.client) + b"".join(texts) + struct.pack(">q", os.getpid()) + _text("python3") +
+                            _U.pack(self.maxmessage) + _text(self.clock) + struct.pack(">q", time.monotonic_ns()))
+            with contextlib.suppress(BrokenPipeError, ConnectionResetError):    # a daemon that has hung up has perhaps said why
+                sock.sendall(hello)
             record, rest = self.first_record(sock, deadline)
             self.welcome(sock, record, rest)
         except BaseException as e:
