@@ -61,8 +61,8 @@ private:
 
     sorma::Line connect() {
         const sorma::Transport& under = sorma::transportOf(address_);
-        const sorma::Transport& row = address_.tls == sorma::Address::Tls::no ? under : sorma::tls::rowFor(under, address_, kWho);
-        sorma::Line line = row.begin(address_, kWho);
+        const sorma::Transport* row = address_.tls == sorma::Address::Tls::no ? &under : &sorma::tls::rowFor(under, address_, kWho);
+        sorma::Line line = row->begin(address_, kWho);
         while (!line.row().finish(line, kWho)) wait(line, EPOLLOUT);
         return line;
     }
