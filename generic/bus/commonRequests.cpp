@@ -152,7 +152,7 @@ void CommonRequests::undo(Service& s, Args, Message& reply) {
         appendWord(line, s.shown(s.type().options()[std::size_t(v.option)], Permit::owner()));
     }
     addLine(reply, line);
-    s.settle(s.optionsOf(a), reply);
+    s.settle(a.options, reply);
 }
 
 // The recipe that makes an object as this one is. From the present recipe stay its splices, and all but its options. The options

@@ -208,7 +208,6 @@ private:
     struct Applying;
     void apply(Applying& a);
     void settleFirst(const Applying& a, Message* reply, bool last);
-    std::vector<const Option*> optionsOf(const Applying& a) const;
     [[noreturn]] void failGone() const;
     void admit(Method method, Message& m);
     void checkArguments(const Message& m);

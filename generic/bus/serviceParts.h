@@ -105,6 +105,7 @@ struct Service::Record {
 struct Service::Applying {
     Change::Values values;
     std::vector<Record::KeptSource> sources;    // of each value
+    std::vector<const Option*> options;     // of the values, each once; apply() finds them
     bool birth = false;                     // the recipe: there were no values before
     std::vector<Record::Undo> before;       // the values so far
     Commit commit = nullptr;

@@ -235,30 +235,21 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, M
 void Service::settleFirst(const Applying& a, Message* reply, bool last) {
     Message none;
     Message& into = reply ? *reply : none;
-    settle(optionsOf(a), into);
+    settle(a.options, into);
     if (into.later && (!reply || !last)) awaitLater(into);
-}
-
-// Each once.
-std::vector<const Option*> Service::optionsOf(const Applying& a) const {
-    std::vector<const Option*> options;
-    for (auto& v : a.values) {
-        const Option& o = class_->options()[v.option];
-        if (std::find(options.begin(), options.end(), &o) == options.end()) options.push_back(&o);
-    }
-    return options;
 }
 
 // All or nothing. Slow work comes first, while ticks go on. Then all is set between two of them.
 void Service::apply(Applying& a) {
     Record& r = record();
-    const std::vector<const Option*> options = optionsOf(a);
+    auto& options = a.options;
     std::vector<Reference> planted;         // so that setting a name only finds it
     RealtimeOwner* owner = RealtimeOwner::current() == realtimeOwner_ ? nullptr : realtimeOwner_;
     bool committed = false, told = false;
     try {
         for (auto& v : a.values) {
             const Option& o = class_->options()[v.option];
+            if (std::find(options.begin(), options.end(), &o) == options.end()) options.push_back(&o);
             if (a.birth || o.type != Type::service) continue;
             planted.push_back(subService(*this, std::get<std::string>(v.value), v.author));
             if (owner && o.spec.part && planted.back()) owner->adopt(*planted.back());
