@@ -97,17 +97,18 @@ proc lab::panel::build {} {
     variable Arm
     variable Watched
     variable Place "where is the arm?"
-    set gap [sorma::style pixels 6]
+    set gap [sorma::style pixels 8]
+    set half [expr {$gap / 2}]
     wm title . "Laboratory"
     sorma::theme program
-    sorma::notice .notice -lines 1 -daemons [lmap name [list $Hardware $Arm] {lindex [split $name @] 1}]
-    pack .notice -fill x -padx $gap
-    pack [ttk::frame .f -padding $gap] -fill both -expand 1
+    sorma::notice .notice -lines 1 -daemons [lmap name [list $Hardware $Arm] {lindex [split $name @] 1}] -style Page.TFrame
+    .notice.text configure -style Page.TLabel
+    pack .notice -fill x -padx $gap -pady [list $half 0]
+    pack [ttk::frame .f -style Page.TFrame -padding $half] -fill both -expand 1
     grid columnconfigure .f 0 -weight 1
     grid rowconfigure .f 0 -weight 1
 
-    sorma::image .picture -name $Hardware -request {EXEC view} -every 200 -brief 1 -width 640 -height 480 \
-        -zoom [expr {max(1, [sorma::style pixels 100] / 100)}]
+    sorma::image .picture -name $Hardware -request {EXEC view} -every 200 -brief 1 -zoom fit -width [sorma::style pixels 640] -height [sorma::style pixels 480]
     sorma::stripchart .chart -span 20 -low -15 -high 15 -width 480 -height 140
     # Seen on light and on dark backgrounds.
     foreach {axis colour} {x #e0443c y #2fa04a z #4a86f0} {
@@ -115,28 +116,28 @@ proc lab::panel::build {} {
     }
     sorma::trailview .trail -height 4
 
-    ttk::frame .side
+    ttk::frame .side -style Page.TFrame
     # Never hidden: it stands above all else, and the window is as tall as it at least.
     button .side.stop -text "EMERGENCY STOP" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
-        -font TkHeadingFont -pady 10 -command [list lab::panel::send $Hardware CTRL -emergencyStop] -takefocus 1
+        -font TkHeadingFont -relief flat -borderwidth 0 -pady [sorma::style pixels 10] -command [list lab::panel::send $Hardware CTRL -emergencyStop] -takefocus 1
     pack .side.stop -fill x
-    ttk::frame .side.power
+    ttk::frame .side.power -style Page.TFrame
     set column 0
     foreach {text name request} [list Reset $Hardware {CTRL -reset} "Power on" $Arm {EXEC power on} "Power off" $Arm {EXEC power off} \
             Park $Arm {EXEC park} Stop $Arm {CTRL -stop}] {
         set w .side.power.b[incr column]
         grid [ttk::button $w -text $text -command [list lab::panel::send $name {*}$request]] -row [expr {($column - 1) / 3}] -column [expr {($column - 1) % 3}] \
-            -sticky ew -padx 1 -pady 1
+            -sticky ew -padx 2 -pady 2
     }
-    grid columnconfigure .side.power {0 1 2} -weight 1
+    grid columnconfigure .side.power {0 1 2} -weight 1 -uniform third
     pack .side.power -fill x -pady $gap
 
-    ttk::labelframe .side.jog -text "Jog: as long as you hold it"
+    ttk::labelframe .side.jog -style Page.TLabelframe -padding $half -text "Jog: as long as you hold it"
     set row 0
     foreach {text place} {x {1 0 0} y {0 1 0} z {0 0 1}} {
         foreach {sign column} {- 1 + 2} {
             set to [lmap c $place {expr {$sign eq "+" ? 0.1 * $c : -0.1 * $c}}]
-            grid [hold .side.jog.t$text$column $sign mvpos.jog@robot FMSG 7 {*}$to 1 0 0 0] -row $row -column $column -padx 1 -pady 1
+            grid [hold .side.jog.t$text$column $sign mvpos.jog@robot FMSG 7 {*}$to 1 0 0 0] -row $row -column $column -padx 2 -pady 2
         }
         grid [ttk::label .side.jog.t$text -text "tool $text"] -row $row -column 0 -sticky w -padx $gap
         incr row
@@ -146,23 +147,23 @@ proc lab::panel::build {} {
         foreach {sign column} {- 4 + 5} {
             set to [lrepeat 6 0]
             lset to $joint-1 ${sign}0.3
-            grid [hold .side.jog.j$joint$column $sign mvpos.jogJoint@robot FMSG 6 {*}$to] -row $row -column $column -padx 1 -pady 1
+            grid [hold .side.jog.j$joint$column $sign mvpos.jogJoint@robot FMSG 6 {*}$to] -row $row -column $column -padx 2 -pady 2
         }
         grid [ttk::label .side.jog.j$joint -text "joint $joint"] -row $row -column 3 -sticky w -padx $gap
         incr row
     }
     pack .side.jog -fill x
 
-    ttk::labelframe .side.poses -text "Poses"
+    ttk::labelframe .side.poses -style Page.TLabelframe -padding $half -text "Poses"
     ttk::entry .side.poses.name
     .side.poses.name insert 0 home
     ttk::button .side.poses.teach -text Teach -command {lab::panel::send mvpos@robot CTRL -teach [.side.poses.name get]}
     ttk::button .side.poses.go -text "Go there" -command {lab::panel::send mvpos.[.side.poses.name get]@robot EXEC}
-    grid .side.poses.name .side.poses.teach .side.poses.go -sticky ew -padx 1 -pady 1
+    grid .side.poses.name .side.poses.teach .side.poses.go -sticky ew -padx 2 -pady 2
     grid columnconfigure .side.poses 0 -weight 1
     pack .side.poses -fill x -pady $gap
 
-    ttk::labelframe .side.guards -text "Guards: does each one hold now?"
+    ttk::labelframe .side.guards -style Page.TLabelframe -padding $half -text "Guards: does each one hold now?"
     foreach guard {room noTable} {
         set lamp .side.guards.l$guard
         pack [ttk::label $lamp] -anchor w -padx $gap
@@ -170,13 +171,20 @@ proc lab::panel::build {} {
         lappend Watched [sorma::world value wspc.$guard@robot EXEC -every 500 -command [list ::lab::panel::Guarded $lamp $guard]]
     }
     pack .side.guards -fill x
-    pack [ttk::label .side.place -textvariable ::lab::panel::Place] -anchor w -pady $gap
+    pack [ttk::label .side.place -style Page.TLabel -textvariable ::lab::panel::Place] -anchor w -pady $gap
 
-    grid .picture -in .f -row 0 -column 0 -sticky nsew
-    grid .chart -in .f -row 1 -column 0 -sticky ew -pady $gap
-    grid .trail -in .f -row 2 -column 0 -sticky ew
-    grid .side -in .f -row 0 -column 1 -rowspan 3 -sticky ns -padx $gap
-    grid [ttk::label .said -textvariable ::lab::panel::Said -wraplength 760] -in .f -row 3 -column 0 -columnspan 2 -sticky w
+    foreach {w text} {seen "The scene" felt "What the hand feels"} {
+        ttk::labelframe .$w -style Page.TLabelframe -text $text -padding $gap
+    }
+    pack .picture -in .seen -fill both -expand 1
+    pack .chart -in .felt -fill both -expand 1
+    raise .picture .seen
+    raise .chart .felt
+    grid .seen -in .f -row 0 -column 0 -sticky nsew -padx $half -pady [list 0 $gap]
+    grid .felt -in .f -row 1 -column 0 -sticky ew -padx $half -pady [list 0 $gap]
+    grid .trail -in .f -row 2 -column 0 -sticky ew -padx $half
+    grid .side -in .f -row 0 -column 1 -rowspan 3 -sticky ns -padx $half
+    grid [ttk::label .said -style Page.TLabel -textvariable ::lab::panel::Said -wraplength [sorma::style pixels 760]] -in .f -row 3 -column 0 -columnspan 2 -sticky w
     lappend Watched [sorma::world value $Arm {EXEC status} -every 50 -command ::lab::panel::Felt]
     bind .side <Destroy> {foreach token $::lab::panel::Watched {sorma::world unwatch $token}}
     # Looking makes nothing: the guards are made here.

@@ -199,10 +199,10 @@ proc ::tracker::window::build {} {
     ttk::labelframe .inputs -style Page.TLabelframe -padding $gap -text "What moves the arm (hand: arrow keys)"
     foreach {input name option} {sight track.ball@robot -index force squash.force@robot -gain hand squash.hand@robot -gain} {
         grid [ttk::label .inputs.l$input] [ttk::label .inputs.n$input -text $option] [sorma::entry .inputs.g$input -name $name -option $option] \
-            -sticky ew -padx $gap
+            -sticky ew -padx $gap -pady 2
         Lamp $input gone
     }
-    grid [ttk::label .inputs.lspeed -text "at most"] [ttk::label .inputs.nspeed -text -speed] [sorma::entry .inputs.speed -name follow.ball@robot -option -speed] -sticky ew -padx $gap
+    grid [ttk::label .inputs.lspeed -text "at most"] [ttk::label .inputs.nspeed -text -speed] [sorma::entry .inputs.speed -name follow.ball@robot -option -speed] -sticky ew -padx $gap -pady 2
     grid columnconfigure .inputs 2 -weight 1
     grid [ttk::frame .inputs.presets] -columnspan 3 -sticky ew
     grid [ttk::button .inputs.presets.pursuit -text Pursuit -command {::tracker::window::send track.ball@robot CTRL -index 0.3}] \
