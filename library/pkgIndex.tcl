@@ -11,6 +11,7 @@ apply {dir {
         uplevel #0 [list source -encoding utf-8 [file join $dir package.tcl]]
     }} $dir [file join $dir ${prefix}sorma1.0$end]]
     package ifneeded sorma::edit 1.0 [list load [file join $dir ${prefix}sormaedit1.0$end] Sormaedit]
+    package ifneeded sorma::webServer 1.0 [list load [file join $dir ${prefix}sormaweb1.0$end] Sormaweb]
     foreach file [glob -nocomplain -directory $dir *.tcl] {
         set name [file rootname [file tail $file]]
         if {$name in {package pkgIndex}} continue

@@ -1,4 +1,4 @@
-# scott.bash -- completion of the command lines of scott, scottwish, sorma-browser, sorma-keys, sorma-neo, sorma-record and sorma-replay in bash. What there is they say themselves:
+# scott.bash -- completion of the command lines of scott, scottwish, sorma-browser, sorma-keys, sorma-neo, sorma-record, sorma-replay and sorma-web in bash. What there is they say themselves:
 # commands, and what is at all daemons.
 
 _scott() {
@@ -13,4 +13,4 @@ _scott() {
     local before="${word%"$current"}"
     COMPREPLY=("${COMPREPLY[@]#"$before"}")
 }
-complete -o bashdefault -o default -F _scott scott scottwish sorma-browser sorma-keys sorma-neo sorma-record sorma-replay
+complete -o bashdefault -o default -F _scott scott scottwish sorma-browser sorma-keys sorma-neo sorma-record sorma-replay sorma-web

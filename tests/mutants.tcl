@@ -292,7 +292,7 @@ proc mutants::build {folder target outputVar} {
 proc mutants::targetOf file {
     switch -glob -- $file {
         generic/comm/*.cpp { return libsorma.la }
-        generic/tcl/*.cpp - generic/edit/*.cpp { return build-modules }
+        generic/tcl/*.cpp - generic/edit/*.cpp - generic/web/*.cpp { return build-modules }
     }
     return build-code
 }

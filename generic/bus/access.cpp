@@ -55,7 +55,7 @@ constexpr Word kWords[] = {
     {"tune", kTune, nullptr},
     {"everything", kEverything, nullptr},
 };
-const std::vector<std::string> kSubjects{"user", "group", "local", "host", "cert", "anyone"};       // as Access::Line::Subject has them
+const std::vector<std::string> kSubjects{"user", "group", "local", "host", "cert", "web", "anyone"};       // as Access::Line::Subject has them
 
 // The words that a line may have for rights.
 const std::vector<std::string>& rightNames() {
@@ -213,6 +213,7 @@ bool Access::Line::fits(const Principal* who) const {
             if (!allow && who && who->kind() == Principal::Kind::anyone && who->byNetwork()) return true;
             return who && who->kind() == Principal::Kind::local && who->uid() == number;
         case Subject::cert: return who && who->kind() == Principal::Kind::cert && matches(certificates[0], who->certificate());
+        case Subject::web: return who && who->kind() == Principal::Kind::web && globMatch(certificates[0], who->certificate());
         case Subject::ownAuthority: return who && who->kind() == Principal::Kind::cert && who->ofOwnAuthority();
         case Subject::host: break;
     }
@@ -280,7 +281,7 @@ Access::Line Access::parse(std::string_view text, std::string source) {
     const bool host = line.subject == Line::Subject::host, group = line.subject == Line::Subject::group;
     const std::string& who = word(2, host ? "the address of the host" : "the name");
     if (host) parseHost(line, who);
-    else if (line.subject == Line::Subject::cert) line.certificates = {who};
+    else if (line.subject == Line::Subject::cert || line.subject == Line::Subject::web) line.certificates = {who};
     else if (!(group ? groupNumber(who, line.number) : userNumber(who, line.number)))
         wrong("this host knows no " + std::string(group ? "group" : "user") + " \"" + who + "\"");
     parseRights(line, words, 3);
@@ -302,7 +303,14 @@ const std::vector<Access::Line>& Access::builtIn() const {
         own.rights = kTune;
         own.text = "allow cert * tune";
         own.source = "built in, for certificates of the own authority";
-        return std::vector<Line>{self, own};
+        Line web;                                       // a browser is no place for what moves something: that needs a line
+        web.subject = Line::Subject::web;
+        web.allow = true;
+        web.rights = kTune;
+        web.certificates = {userName(geteuid())};
+        web.text = "allow web " + userName(geteuid()) + " tune";
+        web.source = "built in";
+        return std::vector<Line>{self, own, web};
     }();
     static const std::vector<Line> open = [] {
         auto lines = closed;
@@ -521,6 +529,7 @@ std::string Access::explain(std::string_view subject, std::string_view right, st
         }
         case Line::Subject::host: who = Principal::host(parsed.address); break;
         case Line::Subject::cert: who = Principal::cert(parsed.certificates[0], {}, {}, true, {}); break;
+        case Line::Subject::web: who = Principal::web(parsed.certificates[0]); break;
         case Line::Subject::group: fail(kSyntax, "-may", "a group cannot be asked for: name a user of it");
         default: who = Principal::anyone();
     }

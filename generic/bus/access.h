@@ -12,7 +12,7 @@
 // A policy is text; each line is a rule. For each right the first line decides that names the right and fits:
 //
 //     LINE    := allow|deny SUBJECT RIGHT... ?on PATTERN...?  |  revoke CERTIFICATE...
-//     SUBJECT := user NAME | group NAME | local NAME | host ADDRESS?/BITS? | cert CERTIFICATE | anyone
+//     SUBJECT := user NAME | group NAME | local NAME | host ADDRESS?/BITS? | cert CERTIFICATE | web LOGIN | anyone
 //     CERTIFICATE := NAME | NAME@ORGANISATION, each of them a pattern; without @ of any organisation
 //     RIGHT   := call inspect configure make dictionary files program reach operate relay
 //                use = call inspect;  tune = use configure make dictionary;  everything
@@ -20,7 +20,7 @@
 //                text after @. Default *
 //
 // Their order: lines that were added at run time, the newest first; those of the command line, as they stand there; those of
-// the file; and last, built in: allow local SELF tune operate; of a daemon that is open, allow anyone use. So others may do
+// the file; and last, built in: allow local SELF tune operate, allow web SELF tune; of a daemon that is open, allow anyone use. So others may do
 // nothing until a line says more.
 //
 // Threads: the SORM's.
@@ -163,14 +163,14 @@ private:
     friend class Service;                               // it keeps the rights that it has asked for
     static Permit known(Rights rights, std::string_view subject) { return Permit(rights, subject); }
     struct Line {
-        enum class Subject : std::uint8_t { user, group, local, host, cert, anyone, owner, ownAuthority } subject = Subject::anyone;
+        enum class Subject : std::uint8_t { user, group, local, host, cert, web, anyone, owner, ownAuthority } subject = Subject::anyone;
         bool allow = false;
         std::uint32_t number = 0;                       // uid or gid
         Principal::Address address{};
         int bits = 128;
         Rights rights = 0;
         std::vector<std::string> patterns;              // empty: everything
-        std::vector<std::string> certificates;          // cert: one; revoke: all of them, and no rights
+        std::vector<std::string> certificates;          // cert, web: one; revoke: all of them, and no rights
         std::string text, source;
         int line = 0;                                   // its number, if it was added at run time
 

@@ -32,6 +32,7 @@ Budget::Key Budget::keyOf(const Principal& p) {
         case Principal::Kind::local: return {p.kind(), p.uid(), {}};
         case Principal::Kind::anyone: return {p.kind(), 0, {}};
         case Principal::Kind::several: return p.members().empty() ? Key{Principal::Kind::anyone, 0, {}} : keyOf(*p.members()[0]);
+        case Principal::Kind::web:
         case Principal::Kind::cert: {                   // from whatever address
             Key key{p.kind(), 0, {}};
             const std::size_t parts[] = {std::hash<std::string>{}(p.certificate()), std::hash<std::string>{}(p.authority())};

@@ -46,6 +46,8 @@ public:
     virtual std::string connectionRows() const = 0;                     // for programs: lists, each of words
     // The spans of a trace that no reply brings, as that author may see them: for comm/lateTrace.h.
     virtual std::vector<unsigned char> lateSpans(TraceNumber number, const PrincipalPointer& author) const = 0;
+    virtual std::vector<std::string> directoryNames() = 0;             // names in the directory of many hosts, as far as it has told them
+    virtual std::string whereLines(const std::string& name) = 0;        // for people: how a name is resolved; waits for 2 s at most
     virtual std::string siblingRows() const = 0;                        // daemons of this user that listen to TCP: {name host port} ...
 };
 

@@ -105,12 +105,20 @@ PrincipalPointer Principal::cert(std::string_view name, std::string_view organis
     return intern(std::move(p));
 }
 
+PrincipalPointer Principal::web(std::string_view login) {
+    Principal p;
+    p.kind_ = Kind::web;
+    p.certificate_ = login;
+    return intern(std::move(p));
+}
+
 std::string Principal::toText() const {
     switch (kind_) {
         case Kind::user: return "user " + userName(uid_);
         case Kind::local: return "local " + userName(uid_);
         case Kind::host: return "host " + toText(address_);
         case Kind::cert: return "cert " + certificate_;
+        case Kind::web: return "web " + certificate_;
         case Kind::several: {
             std::string out;
             for (auto& member : members_) out += std::string(out.empty() ? std::string_view() : kAnd) + member->toText();
@@ -138,6 +146,7 @@ PrincipalPointer Principal::parse(std::string_view text) {
         return local(uid, address);
     }
     if (kind == "cert" && !rest.empty()) return cert(rest, {}, {}, false, {});
+    if (kind == "web" && !rest.empty()) return web(rest);
     if (kind == "user" && userNumber(rest, uid)) return user(uid, groupsOf(uid));
     return anyone();
 }

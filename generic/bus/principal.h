@@ -7,6 +7,7 @@
 //     local anna             by TCP from this host; the kernel knows whose socket it is
 //     host 192.168.7.21      by TCP; only the address is known
 //     cert desk@lab          by TCP with TLS, from whatever address: the name and organisation in a certificate that was verified
+//     web anna               logged in at a web server of the daemon's user (sorma-web), which passes the words on
 //     anyone                 not known; also the author of words that a neighbour without the right `relay` passes on
 //     A + B                  words that several have written together: whatever they ask for, each of them needs the right to
 //
@@ -32,7 +33,7 @@ using PrincipalPointer = std::shared_ptr<const Principal>;      // null: the own
 
 class Principal {
 public:
-    enum class Kind : std::uint8_t { user, local, host, anyone, several, cert };
+    enum class Kind : std::uint8_t { user, local, host, anyone, several, cert, web };
     // IPv6, or IPv4 as ::ffff:a.b.c.d. All zero: not by TCP.
     using Address = std::array<unsigned char, 16>;
 
@@ -43,6 +44,7 @@ public:
     static PrincipalPointer anyone(const Address& address = {});
     // authority: names the one that has signed the certificate; empty: a neighbour says it.   own: it is that of this user's own keys.
     static PrincipalPointer cert(std::string_view name, std::string_view organisation, std::string authority, bool own, const Address& address);
+    static PrincipalPointer web(std::string_view login);
     static const PrincipalPointer& nobody();                    // anyone, without an address
 
     // From toText(). A user has the groups that this host knows. A user that it does not know, and all text that cannot be
@@ -60,7 +62,7 @@ public:
     const std::vector<gid_t>& groups() const { return groups_; }    // user
     const std::vector<PrincipalPointer>& members() const { return members_; }       // several; empty: too many of them
     const Address& address() const { return address_; }
-    const std::string& certificate() const { return certificate_; }     // cert: NAME@ORGANISATION, or NAME
+    const std::string& certificate() const { return certificate_; }     // cert: NAME@ORGANISATION, or NAME; web: the login
     const std::string& authority() const { return authority_; }         // cert: as given
     bool ofOwnAuthority() const { return own_; }                // cert
     bool byNetwork() const { return address_ != Address{}; }

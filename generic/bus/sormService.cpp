@@ -114,6 +114,11 @@ public:
 
     void alias(Args args, Message& reply) { sorm().alias(args[0], args[1], reply.author); }
 
+    void where(Args args, Message& reply) {
+        sorm().access.need(reply.author, Right::reach, args[0], name());
+        if (sorm().network) addLine(reply, sorm().network->whereLines(args[0]));
+    }
+
     void spans(Args args, Message& reply) {
         const TraceNumber number = TraceNumber::parse(args[0]);
         if (!number) fail(kTrace, args[0]);
@@ -146,9 +151,12 @@ public:
             } else if (what == "addresses") {
                 for (auto& word : sorm().dictionary().words("[@A-Z]*")) {
                     if (!Name::isLocation(word)) continue;
+                    if (word == "@directory") continue;             // no daemon: it says who knows them
                     auto* expansion = sorm().dictionary().get(word);
                     if (expansion && !expansion->empty()) appendListElement(list, listOf({word, expansion->front()}));
                 }
+            } else if (what == "directory") {
+                if (sorm().network) list = listOf(sorm().network->directoryNames());
             } else if (what == "siblings") {
                 if (sorm().network) list = sorm().network->siblingRows();
             } else if (what == "connections") {
@@ -364,8 +372,10 @@ Class describeSorm() {
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).denied(a, m); }})
         .inspection({"-budgets", "", "what each client makes this daemon keep, in bytes, and how much it may", 0, 0,
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).budgets(a, m); }})
-        .inspection({"-inventory", "?what ...?", "dict of classes, names, objects (name class calls underway), words, addresses, serves; or siblings, connections, subscriptions, busiest N",
+        .inspection({"-inventory", "?what ...?", "dict of classes, names, objects (name class calls underway), words, addresses, serves; or directory, siblings, connections, subscriptions, busiest N",
                      0, Action::kRest, [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).inventory(a, m); }})
+        .inspection({"-where", "name", "each step from a name to the daemon that serves it, with its time; of an object, or @DAEMON", 1, 1,
+                     [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).where(a, m); }})
         .inspection({"-spans", "traceparent", "what one-way requests and events of a trace have caused here, for sorma::trace", 1, 1,
                      [](Service& s, Args a, Message& m) { static_cast<SormService&>(s).spans(a, m); }})
         .inspection({"-describe", "name", "dict of the table of an object's class, without making the object", 1, 1,

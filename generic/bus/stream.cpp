@@ -156,10 +156,12 @@ void Inbox::tell(const Listener& listener, Received& event) {
 }
 
 void Inbox::deliver() {
-    constexpr int kTurn = 64;           // then others have their turn
+    constexpr int kLook = 64;           // events; then we look whether our turn is over
+    constexpr std::int64_t kTurn = 1'000'000;       // [ns]; then others have theirs
     auto keep = shared_from_this();
     const auto listener = listener_;    // it may end the subscription
-    for (int i = 0; i < kTurn && !waiting_.empty() && listener_; ++i) {
+    const std::int64_t end = waiting_.size() > kLook ? monotonicNow() + kTurn : 0;
+    for (int i = 0; !waiting_.empty() && listener_ && (i == 0 || i % kLook != 0 || monotonicNow() < end); ++i) {
         Item event = std::move(waiting_.front());
         waiting_.pop_front();
         if (event->origin) [[unlikely]] tell(listener, *event);

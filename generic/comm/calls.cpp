@@ -89,8 +89,9 @@ void Calls::call(std::string_view name, Method method, Message& m, Deadline dead
     if (!batch_.empty()) flush(deadline);
     if (link_.queued()) [[unlikely]] link_.drainAll(deadline);
     slot.into = &m;
-    if (CallContext::current() || relayFor) [[unlikely]] {
+    if (CallContext::current() || relayFor || link_.epoch() != 0) [[unlikely]] {
         wire::Behalf behalf = wire::behalfOf(relayFor);
+        behalf.epoch = link_.epoch();
         if (behalf.trace.number) trace(slot, CallContext::current()->span);
         slots_.write(index, method, m, now, &behalf);
     } else {
@@ -288,9 +289,10 @@ void Calls::sendWaiting() {
             std::uint32_t index = slots_.take(call.name, call.pending->deadline);
             try {
                 auto& asker = call.pending->asker;
-                const bool tell = asker || call.pending->relayFor || Listening::any();       // for the numbers in events
+                const bool tell = asker || call.pending->relayFor || link_.epoch() != 0 || Listening::any();       // for the numbers in events
                 wire::Behalf behalf;
                 if (tell) behalf = wire::behalfOf(call.pending->relayFor, call.pending->number(), asker ? asker->callers() : std::string());
+                behalf.epoch = link_.epoch();
                 if (auto& span = call.pending->span) {
                     trace(slots_[index], span);
                     behalf.trace.number = span->share->number;
@@ -526,8 +528,9 @@ bool Calls::sendRestoring() {
         restoringUntil_ = settings_.timeout > 0 ? Deadline::in(settings_.timeout) : Deadline();
         restoringSlot_ = acquire(next.name, restoringUntil_);
         const std::uint32_t index = restoringSlot_;
-        const wire::Behalf behalf = wire::behalfOf(next.relayFor, 0, {});
-        slots_.write(index, next.method, next.request, monotonicNow(), next.relayFor ? &behalf : nullptr);
+        wire::Behalf behalf = wire::behalfOf(next.relayFor, 0, {});
+        behalf.epoch = link_.epoch();
+        slots_.write(index, next.method, next.request, monotonicNow(), next.relayFor || behalf.epoch != 0 ? &behalf : nullptr);
         if (!restoringUntil_.none()) restoringTimer_ = reactor_->after(restoringUntil_.when(), [this] { restoringOverdue(); });
         link_.send(index, slots_[index].request);
     } catch (const Error& e) {

@@ -6,10 +6,13 @@
 
 #include <algorithm>
 #include <ctime>
+#include <map>
+#include <mutex>
 
 #include "bus/catalogue.h"
 #include "bus/kept.h"
 #include "comm/keys.h"
+#include "comm/tlsErrors.h"
 
 namespace sorma::tls {
 
@@ -17,13 +20,8 @@ namespace {
 
 constexpr time_t kSkew = 300;                           // [s] by which clocks may differ when a certificate is new
 
-const Prototype kExpired{Severity::error, "TLS EXPIRED", 1, "{}: {}"};
-const Prototype kNotYet{Severity::error, "TLS NOTYET", 1, "{}: {}"};
-const Prototype kRevoked{Severity::error, "TLS REVOKED", 1, "{}: {}"};
 const Prototype kList{Severity::error, "TLS KEY", 1,
     "{}: {} cannot be used: {}; nobody can say now who is revoked; put a list of your authority there, or remove the file"};
-const Prototype kName{Severity::error, "TLS NAME", 1, "{}: {}"};
-const Prototype kAuthority{Severity::error, "TLS AUTHORITY", 1, "{}: {}"};
 
 using Stream = std::unique_ptr<BIO, Freed<BIO_free>>;
 
@@ -133,9 +131,47 @@ void checkDates(const X509* one, const std::string& file, const std::string& who
                                "; set the clock, or where the authority is: sorma-keys new " + name);
 }
 
-Revocations::Revocations(const std::string& who) : named_(keys::revoked()) {
-    const std::string file = keys::file("crl.pem");
-    Stream in(BIO_new_file(file.c_str(), "r"));
+std::string trust(X509_STORE* store) {
+    std::string own;
+    for (auto& one : readCertificates(keys::file("authority.pem"))) {
+        if (own.empty()) own = fingerprint(one.get());
+        X509_STORE_add_cert(store, one.get());
+    }
+    for (auto& one : readCertificates(keys::file("trusted.pem"))) X509_STORE_add_cert(store, one.get());
+    return own;
+}
+
+std::shared_ptr<const Revocations> Revocations::now(const std::string& who) {
+    static std::mutex mutex;
+    static auto& known = *new std::map<std::string, std::shared_ptr<const Revocations>>;   // by folder
+    std::lock_guard lock(mutex);
+    auto& mine = known[keys::folder()];
+    std::string stamp = keys::stamp({"revoked", "crl.pem", "authority.pem", "trusted.pem"});
+    if (!mine || mine->stamp_ != stamp) mine.reset(new Revocations(who, mine.get(), std::move(stamp)));
+    return mine;
+}
+
+Revocations::Revocations(const std::string& who, const Revocations* before, std::string stamp)
+    : stamp_(std::move(stamp)), lists_(std::make_shared<std::vector<List>>()) {
+    const auto keep = [&](const char* name, const std::string& wrong, auto member) {
+        if (wrong.empty()) return;
+        if (!before) fail(kList, who, keys::file(name), wrong);
+        this->*member = before->*member;
+        trouble_ += (trouble_.empty() ? "" : "; ") + keys::file(name) + " cannot be used: " + wrong + "; what it said before holds until it is mended";
+    };
+    keep("revoked", readNames(), &Revocations::named_);
+    keep("crl.pem", readLists(), &Revocations::lists_);
+}
+
+std::string Revocations::readNames() {
+    named_ = keys::revoked();
+    return keys::unreadable("revoked");
+}
+
+std::string Revocations::readLists() {
+    if (auto why = keys::unreadable("crl.pem"); !why.empty()) return why;
+    std::vector<List> lists;
+    Stream in(BIO_new_file(keys::file("crl.pem").c_str(), "r"));
     while (X509_CRL* one = in ? PEM_read_bio_X509_CRL(in.get(), nullptr, nullptr, nullptr) : nullptr) {
         List list{{one, {}}, {}};
         for (auto& known : {"authority.pem", "trusted.pem"})
@@ -143,52 +179,24 @@ Revocations::Revocations(const std::string& who) : named_(keys::revoked()) {
                 if (X509_NAME_cmp(X509_CRL_get_issuer(one), X509_get_subject_name(authority.get())) == 0 && X509_CRL_verify(one, X509_get0_pubkey(authority.get())) == 1)
                     list.authority = std::move(authority);
         ERR_clear_error();
-        if (!list.authority) fail(kList, who, file, "list " + std::to_string(lists_.size() + 1) + " in it is signed by no authority that this host knows");
-        lists_.push_back(std::move(list));
+        if (!list.authority) return "list " + std::to_string(lists.size() + 1) + " in it is signed by no authority that this host knows";
+        lists.push_back(std::move(list));
     }
     ERR_clear_error();
-    if (in && lists_.empty()) fail(kList, who, file, "there is no list in it that can be read");
+    if (in && lists.empty()) return "there is no list in it that can be read";
+    lists_ = std::make_shared<const std::vector<List>>(std::move(lists));
+    return {};
 }
 
 bool Revocations::has(X509* one) const {
     if (named_.contains(nameOf(one)) || named_.contains(serialOf(one))) return true;
-    const bool listed = std::any_of(lists_.begin(), lists_.end(), [&](auto& of) {
+    const bool listed = std::any_of(lists_->begin(), lists_->end(), [&](auto& of) {
         X509_REVOKED* entry = nullptr;
         return X509_NAME_cmp(X509_CRL_get_issuer(of.list.get()), X509_get_issuer_name(one)) == 0 && X509_CRL_get0_by_cert(of.list.get(), &entry, one) == 1 &&
                X509_verify(one, X509_get0_pubkey(of.authority.get())) == 1;
     });
     ERR_clear_error();
     return listed;
-}
-
-std::string complaint(Fault fault, const X509* one, bool client, const std::string& wanted, const std::string& detail) {
-    const std::string subject = one ? subjectOf(one) : "?", name = one ? nameOf(one) : "";
-    const std::string issuer = one ? std::string(" of serial number ") + serialOf(one) : "";
-    const std::string there = client ? "the daemon's certificate (" + subject + issuer + ")" : "the client's certificate (" + subject + issuer + ")";
-    switch (fault) {
-        case Fault::expired:
-            return there + " has expired on " + timeText(one ? X509_get0_notAfter(one) : nullptr) + clockHint() + "; where the authority is: sorma-keys new " + name;
-        case Fault::notYet:
-            return there + " holds from " + timeText(one ? X509_get0_notBefore(one) : nullptr) + clockHint() + "; set the clock that is wrong";
-        case Fault::revoked:
-            return there + " is revoked (a line revoke of the policy, or " + keys::file("revoked") + ", crl.pem); where the authority is: sorma-keys new " + name;
-        case Fault::name:
-            return there + " is not made for the name \"" + wanted + "\"; is the address right? A daemon is called by the name in its certificate: write @" +
-                       (name.empty() ? "NAME" : name) + " and its address into the dictionary";
-        default:
-            return there + " is signed by no authority that this host knows (" + detail + "), " + keys::file("authority.pem") +
-                       "; keys of one authority are given by: sorma-keys give NAME FILE";
-    }
-}
-
-void failFault(Fault fault, const std::string& who, const std::string& text) {
-    switch (fault) {
-        case Fault::expired: fail(kExpired, who, text);
-        case Fault::notYet: fail(kNotYet, who, text);
-        case Fault::revoked: fail(kRevoked, who, text);
-        case Fault::name: fail(kName, who, text);
-        default: fail(kAuthority, who, text);
-    }
 }
 
 }  // namespace sorma::tls

@@ -1,4 +1,4 @@
-// certificate.h -- certificates as people read them, and what may be wrong with one. Only tls.cpp includes it.
+// certificate.h -- certificates as people read them, and which are revoked. Only the files of tls include it, and what tries and measures them.
 //
 // Threads: any.
 #pragma once
@@ -33,28 +33,29 @@ bool tooEarly(const X509* one);                         // does it hold from a t
 // Fails with TLS EXPIRED, NOTYET for our own certificate.
 void checkDates(const X509* one, const std::string& file, const std::string& who);
 
-// Which certificates are revoked, by the files of keys.h as they were when this was made. A list counts for the authority that has
-// signed it, and for no other.
+// Puts the authorities of keys.h there. Returns the fingerprint of our own; empty: there is none.
+std::string trust(X509_STORE* store);
+
+// Which certificates are revoked, by the files of keys.h. A list counts for the authority that has signed it, and for no other.
 class Revocations {
 public:
-    // Fails with TLS KEY when crl.pem holds no list, or one that no authority has signed which this host knows.
-    explicit Revocations(const std::string& who);
+    // By the files as they are now. A file that cannot be used leaves what it said before, see trouble(). Fails with TLS KEY when
+    // nothing is known from before: crl.pem holds no list, or one that no authority has signed which this host knows.
+    static std::shared_ptr<const Revocations> now(const std::string& who);
     bool has(X509* one) const;
+    const std::string& trouble() const { return trouble_; }     // what is wrong with the files; empty: nothing
 
 private:
+    Revocations(const std::string& who, const Revocations* before, std::string stamp);
+    std::string readNames();            // what is wrong; empty: nothing
+    std::string readLists();
     struct List {
         std::unique_ptr<X509_CRL, Freed<X509_CRL_free>> list;
         Certificate authority;
     };
+    std::string stamp_, trouble_;       // stamp_: keys::stamp()
     std::set<std::string> named_;       // by name, or serial number
-    std::vector<List> lists_;
+    std::shared_ptr<const std::vector<List>> lists_;
 };
-
-enum class Fault : std::uint8_t { none, expired, notYet, revoked, name, authority };
-// Says what is wrong with the certificate at the other end.   client: we are the client; wanted: then the name of the daemon.   detail: of
-// an authority, what OpenSSL says.
-std::string complaint(Fault fault, const X509* one, bool client, const std::string& wanted, const std::string& detail);
-// With the code of the fault.
-[[noreturn]] void failFault(Fault fault, const std::string& who, const std::string& text);
 
 }  // namespace sorma::tls

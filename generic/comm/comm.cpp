@@ -6,6 +6,7 @@
 #include "bus/listText.h"
 #include "bus/monitor.h"
 #include "comm/errors.h"
+#include "comm/random.h"
 #include "comm/runtimeFolder.h"
 #include "comm/siblings.h"
 #include "comm/wireSpan.h"
@@ -20,6 +21,13 @@ const Prototype kName{Severity::error, "NAME SYNTAX", 1, "bad daemon name \"{}\"
 
 const Prototype kUnresolved{Severity::error, "ADDRESS UNRESOLVED", 1, "{}: {}"};
 
+const Prototype kSilent{Severity::error, "DIRECTORY SILENT", 1, "{}: {} has not granted the name: {}; look after it, or start without -directory"};
+
+const Prototype kEnded{Severity::error, "SERVICE GONE", 1, "{}: the standby daemon was told to end before it owned the name"};
+const Prototype kFree{Severity::error, "COMM REFUSED", 1, "{}: the name is free, but this standby daemon cannot serve it: {}"};
+
+constexpr std::int64_t kAgain = 500'000'000;    // [ns] between attempts of a standby daemon, at most
+constexpr std::int64_t kGrant = 5000;   // [ms] for the directory to grant a name
 constexpr std::int64_t kProbe = 500;    // [ms] for a daemon to say who it is
 constexpr std::size_t kMostRows = 1000;  // connections that are listed for programs
 
@@ -34,14 +42,17 @@ bool goodName(const std::string& name) {
 Comm::Comm(Sorm& sorm) : Comm(sorm, std::make_shared<Settings>()) {}
 
 Comm::Comm(Sorm& sorm, std::shared_ptr<Settings> own) : settings(*own), sorm_(sorm), proxyClass_(std::make_shared<Class>(Proxy::describe())), shared_(std::move(own)), reactor_(std::make_shared<Reactor>(sorm.mailbox())),
-      resolver_(sorm.dictionary(), [this](const Address& a) { return servesAt(a); }, sorm.mailbox()) {
+      directory_(sorm, *reactor_), resolver_(sorm.dictionary(), directory_, [this](const Address& a) { return servesAt(a); }, sorm.mailbox()) {
     sorm_.setLoop(reactor_.get());
     sorm_.network = this;
+    directory_.changed = [this] { directoryChanged(); };
 }
 
 Comm::~Comm() {
     healthResponder_.reset();
     folder_.reset();
+    for (auto& [name, directory] : claims_) directory->release(name);
+    claims_.clear();
     servers_.clear();
     stopped_.clear();
     finish();
@@ -76,17 +87,45 @@ std::shared_ptr<Connection> Comm::lineTo(const Name& name) {
         ruler.where = rule.substr(1);
         ruler.byDefault = false;
     }
-    auto locate = [&sorm = sorm_, ruler, address] {
+    const auto made = std::make_shared<std::weak_ptr<Connection>>();
+    auto locate = [self = std::weak_ptr(self_), &sorm = sorm_, ruler, address, made] {
         Address now = resolve(ruler, sorm.dictionary());
-        return isHere(now) ? address : now;     // the name is local now: keep the old address
+        const auto comm = self.lock();
+        if (isHere(now)) return address;                // the name is local now: keep the old address
+        if (!comm) return now;
+        if (const auto own = made->lock()) own->follow((*comm)->epochOf(now));
+        return (*comm)->placed(now);
     };
     std::string who = !name.where.empty() ? name.where : rule[0] == '@' ? rule.substr(1) : address.toText();
     auto connection = std::make_shared<Connection>(std::move(who), locate, shared_, reactor_, sorm_.mailbox());
     connection->whenDropped = [&sorm = sorm_](Trail trail) {
         sorm.mailbox()->post([&sorm, trail = std::move(trail)] { sorm.announce(trail); });
     };
+    *made = connection;
     known = connection;
     return connection;
+}
+
+std::shared_ptr<std::int64_t> Comm::epochOf(const Address& address) {
+    if (address.kind != Address::Kind::alias) return std::make_shared<std::int64_t>(0);
+    auto& known = epochs_[address.host];
+    auto epoch = known.lock();
+    if (!epoch) known = epoch = std::make_shared<std::int64_t>(0);
+    return epoch;
+}
+
+// Connections tell the epochs that the directory tells now.
+void Comm::heedEpochs() {
+    const auto directory = heardDirectory(0);
+    std::erase_if(epochs_, [](auto& item) { return item.second.expired(); });
+    for (auto& [alias, weak] : epochs_) {
+        const auto found = directory ? directory->find(alias) : Directory::Found();
+        const auto epoch = weak.lock();
+        if (!directory) *epoch = 0;
+        else if (found.state == Directory::Found::State::known) *epoch = found.entry.epoch;
+    }
+    for (auto& [place, weak] : std::map(connections_))
+        if (const auto connection = weak.lock()) connection->heedOwner();
 }
 
 std::shared_ptr<Connection> Comm::privateLine(const std::string& where) {
@@ -100,6 +139,52 @@ std::shared_ptr<Connection> Comm::privateLine(const std::string& where) {
     auto line = std::make_shared<Connection>(where, locate, shared_, reactor_, sorm_.mailbox());
     line->inBackground();
     return line;
+}
+
+Address Comm::placed(const Address& address) {
+    if (address.kind != Address::Kind::alias) return address;
+    const auto epoch = epochOf(address);
+    if (!directory_.remote()) return *epoch = 0, address;
+    const auto found = directory_.place(address);
+    if (found.state == Transport::Found::State::known) *epoch = found.epoch;
+    if (found.state == Transport::Found::State::asks) fail(errors::kAsked, address.host, found.why);
+    if (found.state == Transport::Found::State::absent) fail(kUnresolved, address.host, found.why);
+    return found.target;
+}
+
+void Comm::directoryChanged() {
+    if (std::exchange(tells_, true)) return;
+    sorm_.mailbox()->post([self = std::weak_ptr(self_)] {
+        const auto comm = self.lock();
+        if (!comm) return;
+        (*comm)->tells_ = false;
+        (*comm)->heedEpochs();
+        if ((*comm)->resolver_.changed) (*comm)->resolver_.changed();
+        (*comm)->sorm_.announce("directory.changed", "");
+    });
+}
+
+// The name is ours, or the daemon is not there.
+void Comm::claim(Server& server, const Server::Wanted& wanted) {
+    Directory::Entry entry{server.name(), Caller::self().toText(), thisMachine()};
+    if (!server.socket().empty()) entry.addresses.push_back(server.socket());
+    if (server.port() > 0) {
+        const bool any = wanted.host.empty() || wanted.host == "0.0.0.0" || wanted.host == "::";
+        entry.addresses.push_back(addressOf(any ? Caller::self().host : wanted.host, server.port()).toText());
+    }
+    const auto directory = directory_.get();
+    directory->claim(entry);
+    const Deadline deadline = Deadline::in(kGrant);
+    Directory::Claim got;
+    while ((got = directory->claimed(entry.name)).state == Directory::Claim::State::asking && !deadline.passed()) directory->wait(deadline.when());
+    if (got.state == Directory::Claim::State::owned) {
+        claims_[entry.name] = directory;
+        if (!wanted.owned.empty()) server.setOwnership(std::make_unique<Ownership>(directory, entry, wanted.owned));
+        return;
+    }
+    directory->release(entry.name);
+    if (got.state == Directory::Claim::State::taken) failTaken("the name " + entry.name + " of " + directory->describe(), got.why);
+    fail(kSilent, entry.name, directory->describe(), got.why);
 }
 
 bool Comm::servesAt(const Address& a) const {
@@ -136,12 +221,52 @@ std::unique_ptr<Service> Comm::makeProxy(const Name& name, std::vector<std::stri
     return proxy;
 }
 
+void Comm::checkServable(const std::string& name) {
+    sorm_.access.need(nullptr, Right::reach, name, name);
+    if (!goodName(name)) fail(kName, name);
+    if (servers_.contains(name)) fail(kServed, name);
+}
+
+void Comm::await(const Server::Wanted& wanted) {
+    checkServable(wanted.name);
+    directory_.get();                           // tell now what is wrong with its line
+    if (!standbys_.try_emplace(wanted.name).second) fail(kServed, wanted.name);
+}
+
+bool Comm::taken(const std::string& name) {
+    const Directory::Found found = directory_.get()->find(name);
+    // The local directory knows sockets without owners, too: a dead daemon may have left it.
+    return found.state != Directory::Found::State::absent && (directory_.remote() || !found.entry.identity.empty());
+}
+
+Server* Comm::serveIfFree(const Server::Wanted& wanted) {
+    auto found = standbys_.find(wanted.name);
+    if (found == standbys_.end()) fail(kEnded, wanted.name);
+    if (monotonicNow() < found->second.next || taken(wanted.name)) return nullptr;
+    try {
+        Server& server = serve(wanted);
+        standbys_.erase(wanted.name);
+        return &server;
+    } catch (const Error& e) {
+        if (!e.is("COMM REFUSED") && !e.is("DIRECTORY SILENT")) throw;
+        // Another one may have been faster. The same reason twice is told: somebody has to do something about it.
+        Standby& own = standbys_[wanted.name];
+        own.next = monotonicNow() + kAgain / 2 + std::int64_t(randomNumber() % std::uint64_t(kAgain / 2));
+        const std::string why = e.what();
+        if (why != std::exchange(own.why, why)) own.told = false;
+        else if (!std::exchange(own.told, true) && !taken(wanted.name) && trouble) trouble(errors::trailOf(kFree, wanted.name, why).entries().front());
+        return nullptr;
+    }
+}
+
 Server& Comm::serve(const Server::Wanted& wanted) {
     stopped_.erase(std::remove_if(stopped_.begin(), stopped_.end(), [](auto& s) { return !s->serving(); }), stopped_.end());
-    sorm_.access.need(nullptr, Right::reach, wanted.name, wanted.name);
-    if (!goodName(wanted.name)) fail(kName, wanted.name);
-    if (servers_.contains(wanted.name)) fail(kServed, wanted.name);
+    checkServable(wanted.name);
     auto server = std::make_unique<Server>(sorm_, *reactor_, lock_, settings, wanted);
+    server->trouble = [this](const Entry& what) {
+        if (trouble) trouble(what);
+    };
+    if (wanted.directory) claim(*server, wanted);
     if (sorm_.daemonName.empty()) sorm_.access.daemon = sorm_.daemonName = wanted.name;
     if (!healthResponder_)
         healthResponder_ = std::make_unique<HealthResponder>(*reactor_, lock_, [this](const std::vector<void*>& waiting) {
@@ -158,8 +283,10 @@ Server& Comm::serve(const Server::Wanted& wanted) {
 
 // name by value: it may be the very key that goes.
 void Comm::unserve(std::string name, const std::string& reason) {
+    if (standbys_.erase(name) > 0) return;
     auto found = servers_.find(name);
     if (found == servers_.end()) fail(kNotServed, name);
+    if (const auto claimed = claims_.extract(name)) claimed.mapped()->release(name);
     std::unique_ptr<Server> server;
     {
         ServerLock::Held held(lock_);
@@ -205,6 +332,36 @@ std::vector<Comm::Found> Comm::daemons() {
             if (d.state == "dead") sweepSocket(d.socket);       // told once
         }
     }
+    if (const auto directory = heardDirectory(kProbe))
+        for (auto& entry : directory->entries()) {
+            if (std::any_of(out.begin(), out.end(), [&](auto& d) { return d.name == entry.name; })) continue;
+            out.push_back({entry.name, entry.addresses.empty() ? std::string() : entry.addresses.front(), "listed", entry.identity, 0, {}});
+        }
+    return out;
+}
+
+// Null: the dictionary names none, or it cannot be used.
+std::shared_ptr<Directory> Comm::heardDirectory(std::int64_t milliseconds) {
+    if (!directory_.remote()) return nullptr;
+    try {
+        const auto directory = directory_.get();
+        for (const Deadline deadline = Deadline::at(monotonicNow() + milliseconds * 1'000'000); !directory->told() && !deadline.passed();) directory->wait(deadline.when());
+        return directory;
+    } catch (const Error&) {
+        return nullptr;
+    }
+}
+
+std::string Comm::whereLines(const std::string& name) {
+    Directory::load(sorm_);
+    if (!Directory::steps) fail(kUnresolved, name, "the module sorma::service::directory, which tells the steps, is not installed");
+    return Directory::steps.load()(*this, sorm_, name);
+}
+
+std::vector<std::string> Comm::directoryNames() {
+    std::vector<std::string> out;
+    if (const auto directory = heardDirectory(0))
+        for (auto& entry : directory->entries()) out.push_back(entry.name);
     return out;
 }
 

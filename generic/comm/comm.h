@@ -17,6 +17,7 @@
 
 #include "bus/sorm.h"
 #include "comm/connection.h"
+#include "comm/directory.h"
 #include "comm/serverLock.h"
 #include "comm/proxy.h"
 #include "comm/reactor.h"
@@ -41,9 +42,13 @@ public:
     const std::shared_ptr<Reactor>& sharedReactor() { return reactor_; }
 
     // Make this process a daemon of that name. Fails with NAME SYNTAX, COMM REFUSED when the name is served already or an
-    // address is taken, COMM DENIED without permission. The server stays until unserve() or the end of Comm, which owns it.
+    // address is taken, COMM DENIED without permission. DIRECTORY SILENT: the directory has not granted the name in 5 s. The server stays until unserve() or the end of Comm, which owns it.
     Server& serve(const Server::Wanted& wanted);
-    // Stop serving the name, as Server::stop(reason). Fails with SERVICE GONE when it is not served.
+    // For a standby daemon: await() once, then serveIfFree() whenever something has happened, and each half second. Null: another
+    // daemon has the name, or nobody can say whose it is. Otherwise both fail as serve(); SERVICE GONE: unserve() was called before.
+    void await(const Server::Wanted& wanted);
+    Server* serveIfFree(const Server::Wanted& wanted);
+    // Stop serving the name, as Server::stop(reason), or awaiting it. Fails with SERVICE GONE when it is not served.
     void unserve(std::string name, const std::string& reason);
     Server* findServer(const std::string& name);        // null: there is none
     const std::map<std::string, std::unique_ptr<Server>>& servers() const { return servers_; }
@@ -52,24 +57,30 @@ public:
         for (auto& [name, server] : servers_) server->handBack();
     }
 
+    // Called from the loop with what is wrong with a daemon of this process, and is nobody's request. May be empty.
+    std::function<void(const Entry& what)> trouble;
+
     // At the end of the program: send the one-way requests that wait. Blocks for at most Settings::onewayWait (1 s) for each
     // connection, and writes to stderr what could not be sent.
     void finish();
 
-    // A daemon found in the runtime folder.
+    // A daemon found in the runtime folder, or in the directory of many hosts.
     struct Found {
-        std::string name, socket, state;        // state: "alive", "busy", "dead" (it left its socket), or what is wrong
+        std::string name, socket, state;        // state: "alive", "busy", "dead" (it left its socket), "listed", or what is wrong
         std::string identity;                   // user@host program[process] of a live one
         std::int64_t process = 0;               // its number; 0: it did not answer
         std::string what;                       // what a busy one is doing
     };
-    // Asks each of them, for at most 0.5 s; blocks. Removes the socket of a dead one. Fails with COMM DENIED without
+    // Asks each of them in the runtime folder, for at most 0.5 s; blocks. Those of the directory are not asked: their state is "listed", and
+    // socket is their best address. Removes the socket of a dead one. Fails with COMM DENIED without
     // permission.
     std::vector<Found> daemons();
 
     // The names of the daemons with which this process has a connection, and of those in the runtime folder. Asks nobody.
     std::vector<std::string> known() const;
 
+    // The directory of names, as the dictionary says.
+    ChosenDirectory& directory() { return directory_; }
     // Says where a name leads; never waits.
     Resolver& resolver() { return resolver_; }
     // A connection to one daemon for observers. It is shared with no proxy, and begin() on it never blocks
@@ -87,8 +98,19 @@ private:
     Figures figures() const override;
     std::string daemonLines() override;
     std::string connectionRows() const override;
+    std::vector<std::string> directoryNames() override;
+    std::string whereLines(const std::string& name) override;
     std::string siblingRows() const override;
     std::vector<unsigned char> lateSpans(TraceNumber number, const PrincipalPointer& author) const override;
+    std::shared_ptr<Directory> heardDirectory(std::int64_t milliseconds);
+    void claim(Server& server, const Server::Wanted& wanted);
+    bool taken(const std::string& name);        // by another daemon, or nobody knows
+    void checkServable(const std::string& name);
+    void directoryChanged();
+    // The address of an alias, as the directory says. Fails with DIRECTORY ASKED while it has not answered, ADDRESS UNRESOLVED.
+    Address placed(const Address& address);
+    void heedEpochs();
+    std::shared_ptr<std::int64_t> epochOf(const Address& address);       // shared by the connections to an alias
     // The connection for a name, as the dictionary says now; null when the object is in this process.
     std::shared_ptr<Connection> lineTo(const Name& name);
     bool servesAt(const Address& address) const;            // is that address one of our servers?
@@ -102,6 +124,16 @@ private:
     std::vector<std::unique_ptr<Server>> stopped_;        // unserved while one of their own requests was on the stack
     std::size_t sweepAt_ = 64;              // connections_ has so many: forget those that are no more
     std::map<std::string, std::weak_ptr<Connection>> connections_;      // by "RULE ADDRESS", see resolve in bus/name.h
+    ChosenDirectory directory_;
+    std::map<std::string, std::shared_ptr<Directory>> claims_;  // by name: where our daemons own theirs
+    struct Standby {
+        std::int64_t next = 0;              // [ns] when to try again, after it was in vain
+        std::string why = {};               // it was in vain
+        bool told = false;                  // that reason
+    };
+    std::map<std::string, Standby> standbys_;                   // by name
+    std::map<std::string, std::weak_ptr<std::int64_t>> epochs_; // by alias: of its owner, as the directory has told it
+    bool tells_ = false;                                        // that the directory has changed, in the next turn
     Resolver resolver_;
     std::unique_ptr<FolderWatch> folder_;                       // of .tcp files, once a server listens to TCP
     std::unique_ptr<HealthResponder> healthResponder_;                        // since there is a server

@@ -9,7 +9,7 @@ namespace sorma {
 
 Connection::Connection(std::string who, std::function<Address()> locate, std::shared_ptr<const Settings> settings, std::shared_ptr<Reactor> reactor,
                        std::shared_ptr<Mailbox> mailbox)
-    : locate_(std::move(locate)), settings_(std::move(settings)), mailbox_(std::move(mailbox)), link_(*this, std::move(who), *settings_, reactor),
+    : locate_(std::move(locate)), settings_(std::move(settings)), mailbox_(std::move(mailbox)), reactor_(reactor), link_(*this, std::move(who), *settings_, reactor),
       calls_(link_, *this, *settings_, reactor, mailbox_, [this] { update(); }, [this](bool fresh) { resumed(fresh); }),
       oneways_(link_, calls_, *settings_), events_(link_, calls_, *this, mailbox_) {}
 
@@ -64,9 +64,23 @@ void Connection::hurry() {
     link_.share();
 }
 
+void Connection::heedOwner() {
+    if (!connected() || std::exchange(owner_, link_.epoch()) == link_.epoch()) return;
+    askHealth([weak = weak_from_this()](const wire::Health&) {
+        if (const auto self = weak.lock()) self->owed_.cancel();
+    });
+    owed_ = reactor_->after(monotonicNow() + kOwed, [this] {
+        const auto keep = weak_from_this().lock();
+        owed_.cancel();
+        link_.lose("the directory names another owner, and this one does not answer");
+        calls_.tellLater();
+    });
+}
+
 // ---- what the link tells ----
 
 void Connection::welcomed(bool other) {
+    owner_ = link_.epoch();
     calls_.connected(other);
     tellChange();
     if (other && boots() > 1)
@@ -91,6 +105,7 @@ void Connection::wrote(Link::Tag tag) {
 
 void Connection::ended() {
     ++doubts_;
+    owed_.cancel();
     calls_.ended();
     events_.ended();
     tellChange();

@@ -92,9 +92,10 @@ public:
     // Ask for the state. told is called from the loop; never, when there is no connection or it breaks.
     void askHealth(std::function<void(const wire::Health&)> told) { events_.askHealth(std::move(told)); }
     // As listen, without waiting. Call it while connected; it subscribes again on each later connection. The listener gets a
-    // refusal as the event sorma.refused. existing: do not make the object if the daemon does not have it.
-    std::unique_ptr<Listening> listenLater(std::string name, std::string pattern, std::size_t keep, Listener listener, bool existing) {
-        return events_.listenLater(std::move(name), std::move(pattern), keep, std::move(listener), existing);
+    // refusal as the event sorma.refused. existing: do not make the object if the daemon does not have it.   relayFor: as of a call.
+    std::unique_ptr<Listening> listenLater(std::string name, std::string pattern, std::size_t keep, Listener listener, bool existing,
+                                           const PrincipalPointer& relayFor = nullptr) {
+        return events_.listenLater(std::move(name), std::move(pattern), keep, std::move(listener), existing, relayFor);
     }
     // Is this inside the reactor's turn for this connection? Then nothing may block.
     bool inEvents() const { return link_.inEvents(); }
@@ -125,6 +126,7 @@ public:
     void cancelRestore(const void* owner) { calls_.cancelRestore(owner); }
 
     const std::string& who() const { return link_.who(); }
+    Trail& remarks() { return link_.remarks; }          // warnings about the line; for who answers next to add, and to clear
     bool connected() const { return link_.live(); }
     // Counts what makes facts about objects doubtful (bus/ahead.h): the daemon has said so, or the connection was lost. Facts hold
     // while there is a connection and this is as before they were asked for.
@@ -137,6 +139,10 @@ public:
     void look() { calls_.lookNow(); }                   // take what has come by now; never blocks. May find that the connection is lost
     const wire::Welcome& daemon() const { return link_.daemon(); }     // who answered last; boot 0: nobody yet
     std::uint64_t boots() const { return link_.boots(); }      // daemons seen so far: changes when another one answers
+    void follow(std::shared_ptr<const std::int64_t> epoch) { link_.follow(std::move(epoch)); }      // as the link's
+    // The directory has told of a change. When the name has another owner than the line was made to, the former one, which may serve other
+    // objects, has a second to say that it lives. Otherwise the line is lost: nobody waits for a host that is cut off.
+    void heedOwner();
     std::string facts() const;                          // for people, a line for each fact
     std::string row() const;                            // a list, see sorm DBX -inventory connections
     const wire::Times& lastTimes() const { return calls_.lastTimes(); }     // of the last reply
@@ -144,6 +150,7 @@ public:
 private:
     static constexpr int kQuick = 1024;                 // calls
     static constexpr std::int64_t kWithin = 1'000'000'000;      // [ns]
+    static constexpr std::int64_t kOwed = 1'000'000'000;        // [ns] for a former owner to answer
 
     // ---- Link::User ----
     std::shared_ptr<void> keep() override { return weak_from_this().lock(); }
@@ -175,6 +182,7 @@ private:
     const std::function<Address()> locate_;
     const std::shared_ptr<const Settings> settings_;
     const std::shared_ptr<Mailbox> mailbox_;
+    const std::shared_ptr<Reactor> reactor_;
     Link link_;
     Calls calls_;
     Oneways oneways_;
@@ -183,6 +191,8 @@ private:
     std::map<std::uint64_t, std::function<void()>> restarted_;      // as onRestart
     std::uint64_t nextRestart_ = 1;
     std::uint64_t doubts_ = 0;
+    std::int64_t owner_ = 0;                // epoch of the name when the line was made, or the daemon was asked
+    Timer owed_;                            // it owes an answer until then
     int quick_ = 0;                         // calls since quickSince_
     std::int64_t quickSince_ = 0;           // [ns]
 };

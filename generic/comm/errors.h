@@ -4,6 +4,7 @@
 // was sent and may have run. The error codes tell a caller what it may do:
 //
 //     ADDRESS UNRESOLVED   correct the name or the dictionary
+//     DIRECTORY ASKED      the directory of names has not answered yet; the link tries again by itself
 //     COMM REFUSED         start the daemon; never sent, so it may be sent again
 //     COMM TIMEOUT         the message says whether the request may have run
 //     COMM LOST            the connection broke after the request was sent: it may have run
@@ -18,6 +19,7 @@
 namespace sorma::errors {
 
 inline const Prototype kUnresolved{Severity::error, "ADDRESS UNRESOLVED", 1, "{}: {}"};
+inline const Prototype kAsked{Severity::error, "DIRECTORY ASKED", 1, "{}: {}; never sent"};
 inline const Prototype kRefused{Severity::error, "COMM REFUSED", 1, "{}: cannot connect to {}: {}; never sent; {}"};
 inline const Prototype kConnectTimeout{Severity::error, "COMM TIMEOUT", 1, "{}: no connection to {} within the deadline; never sent"};
 inline const Prototype kTimeoutSent{Severity::error, "COMM TIMEOUT", 1,

@@ -8,6 +8,13 @@
 
 namespace sorma {
 
+namespace {
+
+// A view compares sizes first.
+bool isLast(std::string_view event) { return event == "sorma.gone" || event == "sorma.refused"; }
+
+}  // namespace
+
 class Events::Remote : public Listening {
 public:
     Remote(Events& e, wire::Subscription w, std::shared_ptr<Inbox> i, PrincipalPointer by)
@@ -175,8 +182,9 @@ std::unique_ptr<Listening> Events::listen(std::string name, std::string pattern,
     return remote;
 }
 
-std::unique_ptr<Listening> Events::listenLater(std::string name, std::string pattern, std::size_t keep, Listener listener, bool existing) {
-    auto remote = make(std::move(name), std::move(pattern), keep, std::move(listener), nullptr, existing);
+std::unique_ptr<Listening> Events::listenLater(std::string name, std::string pattern, std::size_t keep, Listener listener, bool existing,
+                                               const PrincipalPointer& relayFor) {
+    auto remote = make(std::move(name), std::move(pattern), keep, std::move(listener), relayFor, existing);
     remote->boot = link_.daemon().boot;
     if (link_.live()) remote->askLater(&Remote::begun, true);
     link_.watch();
@@ -201,7 +209,7 @@ void Events::event(XdrReader& r) {
     if (found == subscriptions_.end()) return;          // it has just ended
     Remote& remote = *found->second;
     remote.last = header.number;
-    if (body.name == "sorma.gone" || body.name == "sorma.refused") remote.boot = 0;     // it has ended: not to be resumed
+    if (isLast(body.name)) remote.boot = 0;             // it has ended: not to be resumed
     event->object = remote.object;
     event->name = std::move(body.name);
     event->number = header.number;

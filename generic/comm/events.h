@@ -25,7 +25,8 @@ public:
     // As Connection has them.
     std::unique_ptr<Listening> listen(std::string name, std::string pattern, std::size_t keep, Listener listener, Deadline deadline,
                                       const PrincipalPointer& relayFor);
-    std::unique_ptr<Listening> listenLater(std::string name, std::string pattern, std::size_t keep, Listener listener, bool existing);
+    std::unique_ptr<Listening> listenLater(std::string name, std::string pattern, std::size_t keep, Listener listener, bool existing,
+                                           const PrincipalPointer& relayFor);
     wire::Health health(Deadline deadline);
     void askHealth(std::function<void(const wire::Health&)> told);
     bool askFacts(std::string_view name, const PrincipalPointer& relayFor, std::function<void(Message& answer)> told);

@@ -4,6 +4,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstdlib>
 #include <cstring>
 #include <ctime>
@@ -47,14 +48,22 @@ std::string ownName(const std::string& daemon) {
     return firstWord(file("own"));
 }
 
-std::string stamp(const std::string& own) {
+std::string stamp(std::initializer_list<std::string> names) {
     std::string out = folder();
-    for (auto& name : {std::string("authority.pem"), std::string("trusted.pem"), std::string("revoked"), std::string("crl.pem"), own + ".pem"}) {
+    for (auto& name : names) {
         struct stat s;
         if (stat(file(name).c_str(), &s) == 0)
             out += ' ' + std::to_string(s.st_ino) + ':' + std::to_string(s.st_mtim.tv_sec) + '.' + std::to_string(s.st_mtim.tv_nsec);
     }
     return out;
+}
+
+std::string unreadable(const std::string& name) {
+    struct stat s;
+    if (lstat(file(name).c_str(), &s) != 0) return errno == ENOENT ? "" : std::strerror(errno);
+    const Descriptor in(open(file(name).c_str(), O_RDONLY | O_CLOEXEC));
+    char first;
+    return in && read(in.get(), &first, 1) >= 0 ? "" : std::strerror(errno);
 }
 
 std::string pinned(const std::string& name) {
@@ -66,15 +75,16 @@ std::string pinned(const std::string& name) {
 }
 
 // One write, so that processes that pin at the same time do not mix their lines.
-void pin(const std::string& name) {
-    if (!pinned(name).empty()) return;
+std::string pin(const std::string& name) {
+    if (!pinned(name).empty()) return {};
     char date[16] = "";
     const time_t now = time(nullptr);
     struct tm parts;
     strftime(date, sizeof date, "%Y-%m-%d", gmtime_r(&now, &parts));
     const std::string line = name + ' ' + date + '\n';
     const Descriptor out(open(file("pins").c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0600));
-    if (out) (void)!write(out.get(), line.data(), line.size());
+    if (out && write(out.get(), line.data(), line.size()) == ssize_t(line.size())) return {};
+    return file("pins") + ": " + std::strerror(errno);
 }
 
 std::set<std::string> revoked() {

@@ -13,6 +13,7 @@
 // Threads: any.
 #pragma once
 
+#include <initializer_list>
 #include <set>
 #include <string>
 
@@ -24,11 +25,14 @@ std::string file(const std::string& name);              // of the folder
 bool present();
 // The name whose certificate a daemon shows, or a client (daemon empty); empty: there is none.
 std::string ownName(const std::string& daemon);
-// Changes when the keys do that somebody with this name of his own uses.
-std::string stamp(const std::string& own);
+// Changes when one of these files does.
+std::string stamp(std::initializer_list<std::string> names);
+// Why a file cannot be read that is there; empty: it can, or there is none.
+std::string unreadable(const std::string& name);
 // The date since when a daemon is known to speak TLS; empty: it is not.
 std::string pinned(const std::string& name);
-void pin(const std::string& name);
+// Write it down. Returns why that cannot be, with the file; empty: it is.
+std::string pin(const std::string& name);
 std::set<std::string> revoked();
 // Why a private key must not be used: who else may read it. Empty: it may be.
 std::string exposed(const std::string& path);

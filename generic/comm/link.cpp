@@ -158,6 +158,7 @@ bool Link::upgrade(Transport::Stage stage) {
     hungUp_ = true;                                     // in case that it throws
     const bool done = line_.row().upgrade(line_, stage, user_.whom());
     hungUp_ = false;
+    if (done && stage == Transport::Stage::connected) remarks.append(tls::remarks(line_, user_.whom()));
     declined_ = declined_ || (shares_ && done && &line_.row() != &memoryTransport);
     return done;
 }
@@ -322,6 +323,7 @@ bool Link::absent(const Error& e) const { return (e.is("COMM REFUSED") || e.is("
 // unless the address says -wait.
 bool Link::mayCome(const Error& e) const {
     if (isTls(e)) return false;
+    if (e.is("DIRECTORY ASKED")) return true;
     if (absent(e)) return wait_ || (daemon_.boot != 0 && lastWords_.empty());
     return daemon_.boot != 0 && (hungUp_ || e.is("COMM LIMIT") || e.is("COMM TIMEOUT"));
 }

@@ -137,10 +137,14 @@ public:
     std::int64_t since() const { return since_; }               // [ns] when it became live
     std::string age() const;
     const std::string& who() const { return who_; }             // its name in messages, what stands after @
+    // The epoch of the name, as the directory has told it; 0: it has not.
+    std::int64_t epoch() const { return *epoch_; }
+    void follow(std::shared_ptr<const std::int64_t> epoch) { epoch_ = std::move(epoch); }
     std::string fullName(std::string_view object) const { return std::string(object) + "@" + who_; }
     Error unconnected(const std::string& whom) const;   // why there is no connection yet, when the deadline comes
     bool inEvents() const { return inEvents_; }         // is the reactor's turn for this link on the stack?
 
+    Trail remarks;                      // warnings about the line, for who comes next
     std::int64_t callTime = 0;          // [ns] when the blocking call under way was made: saves reading the clock; 0: there is none
 
     bool brought(bool sleep) override { return line_.brought(sleep); }
@@ -209,6 +213,7 @@ private:
     std::string lastWords_;             // reason of a GOODBYE
     std::string unread_;                // beginning of what came and is no record, for the error message
     std::uint64_t client_;
+    std::shared_ptr<const std::int64_t> epoch_ = std::make_shared<std::int64_t>(0);
     wire::Welcome daemon_, offered_;    // offered_: by the WELCOME of the attempt
     std::uint64_t boots_ = 0, losses_ = 0;
     std::uint32_t program_ = wire::kProgram;

@@ -35,9 +35,10 @@ void Oneways::send(const std::string& name, Method method, const Message& m, con
     }
     Buffer bytes;
     wire::Behalf behalf = wire::behalfOf(relayFor);
+    behalf.epoch = link_.epoch();
     behalf.trace = span ? span->origin() : TraceOrigin();
     wire::writeCall(bytes, 0, link_.program(), {wire::kNoSlot, 0, 0, method, name}, m, wire::kOneway,
-                    relayFor || CallContext::current() ? &behalf : nullptr);
+                    relayFor || behalf.epoch != 0 || CallContext::current() ? &behalf : nullptr);
     calls_.proceed();
     if (!calls_.ready()) keep(bytes.data(), bytes.size());
     else if (!link_.append(kTag, bytes)) link_.send(std::move(bytes), kTag);     // those that wait are one piece of bytes

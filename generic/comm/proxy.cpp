@@ -128,11 +128,12 @@ void Proxy::forward(Method method, Message& m) {
     } else {
         connection.call(target_, method, m, deadline, relayFor_, start);
     }
-    if (!notice_.empty()) [[unlikely]] sayNotice(m);
+    if (noticed()) [[unlikely]] sayNotice(m);
 }
 
 void Proxy::sayNotice(Message& m) {
-    m.trail.add(makeEntry(kForgotten, {MessageArg::of(name()), MessageArg::of(std::exchange(notice_, {}))}));
+    if (!notice_.empty()) m.trail.add(makeEntry(kForgotten, {MessageArg::of(name()), MessageArg::of(std::exchange(notice_, {}))}));
+    m.trail.append(std::exchange(connection_->remarks(), {}));
 }
 
 bool Proxy::answers(Method method, Message& m) {
@@ -159,7 +160,7 @@ void Proxy::carry(const PendingPointer& pending, Method method) {
     pending->whenAnswered([self = Reference(this), this, p = pending.get(), words = method == Method::ctrl ? pending->message.words : Words()] {
         if (p->failed()) return;
         if (!words.empty()) remember(words);
-        if (!notice_.empty()) sayNotice(p->message), review(p->message);
+        if (noticed()) sayNotice(p->message), review(p->message);
     });
     connection.begin(pending, target_, method);
 }

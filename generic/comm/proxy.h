@@ -90,7 +90,8 @@ private:
     // A request that goes before all others. A failure is said with the next answer of this proxy, after the word what.
     void send(Method method, std::vector<std::string> words, std::string what, std::function<void(const Message&)> then = nullptr);
     void notice(const std::string& text);           // for the next answer
-    void sayNotice(Message& m);                     // add notice_ to the reply, as a warning
+    bool noticed() const { return !notice_.empty() || !connection_->remarks().empty(); }
+    void sayNotice(Message& m);                     // add notice_ to the reply, as a warning, and what the connection remarks
     void listenForRestart();                        // have restore() called
     // The connection to use. Looks first whether the dictionary's locations have changed, and what it has to be told.
     Connection& line() {

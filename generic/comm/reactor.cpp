@@ -92,6 +92,7 @@ void Reactor::ring() {
     std::uint64_t one = 1;
     ssize_t ignored = write(bell_.get(), &one, sizeof one);
     (void)ignored;
+    rung_.store(true, std::memory_order_release);       // after the bell: who sees it finds the bell
 }
 
 void Reactor::again(Watcher* watcher) {
@@ -103,6 +104,7 @@ void Reactor::again(Watcher* watcher) {
 
 int Reactor::runPending() {
     std::uint64_t rung;
+    rung_.store(false, std::memory_order_relaxed);
     if (read(bell_.get(), &rung, sizeof rung) < 0) return 0;
     mailbox_->run();
     // Watchers that are added while these run wait for the next poll, so that descriptors get their turn.
@@ -178,22 +180,29 @@ bool Reactor::findBefore(Batch& batch, std::int64_t end) {
 }
 
 void Reactor::leaveAwake() {
-    constexpr std::int64_t kMoment = 10'000'000;        // [ns]
     for (Watcher* watcher : awake_) {
         watcher->awake_ = false;
         if (std::exchange(watcher->rests_, true)) continue;
-        if (resting_.empty()) start(monotonicNow() + kMoment, [this] { restAll(); });
+        if (resting_.empty()) restLater();
         resting_.push_back(watcher);
     }
     awake_.clear();
 }
 
+void Reactor::restLater() {
+    constexpr std::int64_t kMoment = 10'000'000;        // [ns]
+    start(monotonicNow() + kMoment, [this] { restAll(); });
+}
+
+// All that have been silent for the whole moment.
 void Reactor::restAll() {
-    for (Watcher* watcher : resting_) {
+    std::erase_if(resting_, [](Watcher* watcher) {
+        if (std::exchange(watcher->moved_, false)) return false;
         watcher->rests_ = false;
         watcher->rest();
-    }
-    resting_.clear();
+        return true;
+    });
+    if (!resting_.empty()) restLater();
 }
 
 void Reactor::doze() {
@@ -235,6 +244,8 @@ int Reactor::callAll(Batch& batch) {
             ++called;
         }
     }
+    // Do now what these have left to do: its memory is at hand, and lines that are awake may not wait for descriptors for long.
+    if (rung_.load(std::memory_order_acquire)) called += runPending();
     return called;
 }
 

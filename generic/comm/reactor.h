@@ -36,12 +36,12 @@ public:
         virtual void ready(std::uint32_t events) = 0;
         // After stay(): has its line brought something? As Transport::brought.
         virtual bool brought(bool /*sleep*/) { return false; }
-        // Some time after its line has slept: as Transport::rest.
+        // Its line has been silent for a moment: as Transport::rest.
         virtual void rest() {}
 
     private:
         friend class Reactor;
-        bool pending_ = false, awake_ = false, rests_ = false;
+        bool pending_ = false, awake_ = false, rests_ = false, moved_ = false;
     };
 
     // mailbox: its functions are called in the reactor's turns. Throws std::system_error when the kernel has run out of
@@ -83,8 +83,9 @@ public:
     void again(Watcher* watcher);
 
     // Its descriptor has no event although bytes come: ask watcher->brought() instead, until the reactor sleeps. It asks for a while before
-    // it does (comm/spinner.h), and then calls watcher->ready(EPOLLIN). When it has slept watcher->rest() is called once, a moment later.
+    // it does (comm/spinner.h), and then calls watcher->ready(EPOLLIN). When it has slept for a moment watcher->rest() is called once.
     void stay(Watcher* watcher) {
+        watcher->moved_ = true;
         if (!std::exchange(watcher->awake_, true)) awake_.push_back(watcher);
     }
     // Another event loop is about to wait for descriptor().
@@ -125,6 +126,7 @@ private:
     struct Watched;
     std::unordered_map<int, std::unique_ptr<Watched>> watched_;         // by descriptor
     std::vector<std::unique_ptr<Watched>> unwatched_;                   // deleted later: one may be on the stack
+    std::atomic<bool> rung_{false};     // the bell is, perhaps
     std::shared_ptr<Mailbox> mailbox_;
     std::atomic<std::uint64_t> turns_{0};
     std::atomic<int> sleeper_{-1};
@@ -137,6 +139,7 @@ private:
     std::int64_t waited_ = 0;           // [ns] when descriptors were last asked for events
     Watcher* findAwake(bool sleep);
     void leaveAwake();
+    void restLater();
     void restAll();
     bool findBefore(Batch& batch, std::int64_t end);
 };

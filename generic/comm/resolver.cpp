@@ -10,6 +10,7 @@
 #include "bus/deadline.h"
 #include "bus/dictionary.h"
 #include "bus/signalsBlocked.h"
+#include "comm/directory.h"
 #include "comm/transport.h"
 
 namespace sorma {
@@ -72,8 +73,8 @@ Resolver::Shared::Answer Resolver::Shared::look(const std::string& key, const Ad
     return known;
 }
 
-Resolver::Resolver(const Dictionary& dictionary, std::function<bool(const Address&)> serves, std::shared_ptr<Mailbox> mailbox)
-    : dictionary_(dictionary), serves_(std::move(serves)), shared_(std::make_shared<Shared>()) {
+Resolver::Resolver(const Dictionary& dictionary, ChosenDirectory& directory, std::function<bool(const Address&)> serves, std::shared_ptr<Mailbox> mailbox)
+    : dictionary_(dictionary), directory_(directory), serves_(std::move(serves)), shared_(std::make_shared<Shared>()) {
     shared_->mailbox = std::move(mailbox);
     shared_->owner = this;
 }
@@ -114,7 +115,12 @@ Resolution Resolver::followed(const Address& given) {
         out.state = Resolution::State::here;
         return out;
     }
-    auto found = transportOf(given).place(given);
+    auto found = given.kind == Address::Kind::alias ? directory_.place(given) : transportOf(given).place(given);
+    if (found.state == State::asks && given.kind == Address::Kind::alias) {
+        out.state = Resolution::State::asking;
+        out.why = found.why;
+        return out;
+    }
     if (found.state == State::asks) {
         auto answer = shared_->look(given.toText(), given);
         if (!answer.target) {

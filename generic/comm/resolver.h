@@ -17,6 +17,7 @@
 
 namespace sorma {
 
+class ChosenDirectory;
 class Dictionary;
 
 struct Resolution {
@@ -33,7 +34,8 @@ class Resolver {
 public:
     // dictionary: must outlive this.   serves: does this process serve that socket, or that port of its own host?
     // mailbox: look-up threads post to it.
-    Resolver(const Dictionary& dictionary, std::function<bool(const Address& target)> serves, std::shared_ptr<Mailbox> mailbox);
+    // directory: must outlive this.
+    Resolver(const Dictionary& dictionary, ChosenDirectory& directory, std::function<bool(const Address& target)> serves, std::shared_ptr<Mailbox> mailbox);
     ~Resolver();
 
     // name: of an object, or @WHERE alone. Fails with NAME SYNTAX; every other failure is a state.
@@ -46,6 +48,7 @@ private:
     Resolution followed(const Address& address);
 
     const Dictionary& dictionary_;
+    ChosenDirectory& directory_;
     std::function<bool(const Address&)> serves_;
     std::shared_ptr<Shared> shared_;
 };

@@ -5,8 +5,9 @@
 //
 // Sleep:   the reader says that it sleeps, and looks once more. The writer tells what it has written, and looks whether the reader
 //          sleeps. Both orders are sequentially consistent: so one of them sees the other. The same holds for a writer that waits
-//          for room. The end that wakes the other one takes its mark away, so a burst wakes once. A reader that
-//          waits for nothing else dozes: at a futex, which costs both ends less than a bell.
+//          for room. It is woken when half of the ring is free. A reader takes all that is there before it sleeps. The end that wakes
+//          the other one takes its mark away, so a burst wakes once. A reader that waits for nothing else dozes: at a futex, which
+//          costs both ends less than a bell.
 // Pages:   a writer that rests gives back those whose bytes have been taken: nobody looks at them any more. So a silent line keeps
 //          two, that of the counts and that where its next byte goes.
 // Threads: each end belongs to one thread at a time.
@@ -122,6 +123,7 @@ public:
         std::memcpy(room + first, memory_->bytes, size - first);
         if (keep) return std::ptrdiff_t(size);
         taken_ += size;
+        left_ = std::size_t(here) - size;
         memory_->taken.store(taken_, std::memory_order_seq_cst);        // after the copy; before the writer's mark is read
         return std::ptrdiff_t(size);
     }
@@ -134,8 +136,8 @@ public:
     }
     std::atomic<std::uint32_t>& mark() { return memory_->reader; }
     void awake() { memory_->reader.store(RingMemory::kAwake, std::memory_order_relaxed); }      // woken once too often does no harm
-    // Is the writer to be woken? Says so once.
-    bool wakes() { return memory_->writer.load(std::memory_order_seq_cst) != 0 && memory_->writer.exchange(0) != 0; }
+    // Is the writer to be woken? Says so once, when half of the ring is free at the latest: so it is not woken for each piece.
+    bool wakes() { return left_ <= RingMemory::kSize / 2 && memory_->writer.load(std::memory_order_seq_cst) != 0 && memory_->writer.exchange(0) != 0; }
 
 private:
     bool say(std::uint32_t how) {
@@ -146,6 +148,7 @@ private:
     }
     RingMemory* memory_;
     std::uint64_t taken_ = 0;
+    std::size_t left_ = 0;              // what we have seen of it and not taken
 };
 
 }  // namespace sorma

@@ -28,6 +28,7 @@ constexpr std::int64_t kJudge = 400'000'000;            // [ns] between looks at
 constexpr std::size_t kReserved = 32;                   // places for the owner, where nobody can be told to leave
 constexpr rlim_t kDescriptors = 256;                    // that connections do not take
 
+const Prototype kKeys{Severity::warning, "TLS KEY", 1, "{}: {}"};
 const Prototype kPassedOn{Severity::error, "COMM PASSED", 1, "{}: a call that it made has failed; {} here, of which {} waiting for others"};
 
 }  // namespace
@@ -168,6 +169,7 @@ void Server::refuseLine(const Error& why) {
 // Also when a file of keys has changed, which nobody tells us.
 void Server::judgeLines() {
     ServerLock::Held held(lock_);
+    lookAtKeys();
     const tls::Judge judge = tls::judge(offer_);
     std::vector<std::pair<Peer*, std::string>> leaving;
     bool any = false;
@@ -179,6 +181,17 @@ void Server::judgeLines() {
     for (auto& [peer, why] : leaving) closePeer(peer, why, true);
     judgeTimer_.cancel();
     if (any && !stopping_) judgeTimer_ = reactor_.after(monotonicNow() + kJudge, [this] { judgeLines(); });
+}
+
+// With the lock held.
+void Server::lookAtKeys() {
+    if (port_ == 0 || tls_ == Wanted::Tls::no || (tls_ == Wanted::Tls::unsaid && !keys::present())) return;
+    std::string now = tls::trouble(offer_);
+    if (std::swap(now, keyTrouble_); keyTrouble_.empty() || now == keyTrouble_) return;
+    sorm_.mailbox()->post([self = std::weak_ptr(self_), &sorm = sorm_, said = errors::trailOf(kKeys, name_, keyTrouble_)] {
+        sorm.announce(said);
+        if (auto server = self.lock(); server && (*server)->trouble) (*server)->trouble(said.entries().front());
+    });
 }
 
 // Connections that may be open at a time. Some descriptors stay for what services open.
@@ -383,7 +396,7 @@ void Server::outdated() {
 
 // ---- health ----
 
-wire::Health Server::health(bool busy, const Requests& asker) const {
+wire::Health Server::health(bool busy, const Requests& asker) {
     auto& who = asker.principal;
     const bool all = !who || (who->kind() == Principal::Kind::local && who->uid() == geteuid());
     wire::Health h;
@@ -401,6 +414,9 @@ wire::Health Server::health(bool busy, const Requests& asker) const {
     } else if (busy) {
         h.what = "the program itself, outside of any request";
         h.since = static_cast<std::uint64_t>(std::max<std::int64_t>(monotonicNow() - reactor_.seen(), 0) / 1000);
+    } else if (all) {
+        lookAtKeys();
+        h.what = keyTrouble_;
     }
     return h;
 }

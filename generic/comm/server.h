@@ -36,6 +36,7 @@
 #include "bus/client.h"
 #include "bus/call.h"
 #include "bus/sorm.h"
+#include "comm/ownership.h"
 #include "comm/serverLock.h"
 #include "comm/reactor.h"
 #include "comm/settings.h"
@@ -61,6 +62,8 @@ public:
         bool rpcbind = false;           // register with rpcbind; this implies TCP
         // By TCP: offer TLS if there are keys (unsaid); offer none; offer it, and have keys; take nothing else.
         enum class Tls : std::uint8_t { unsaid, no, yes, only } tls = Tls::unsaid;
+        bool directory = false;         // own the name in the directory, which the dictionary chooses: comm/directory.h
+        std::vector<std::string> owned = {};    // patterns of objects that obey the owner of the name alone: comm/ownership.h
         bool share = false;             // other users of this host may connect to the socket; see the policy
         std::uint32_t program = 0;      // for rpcbind: offset from 0x20000000; 0: the first free one
         // Descriptors of sockets that listen already (socket activation): a Unix-domain one replaces the socket at `socket`,
@@ -102,6 +105,8 @@ public:
     std::string statisticsText() const;                         // for people, one line
     void addFigures(Network::Figures& sum) const;
     static void setLimits(Sorm& sorm, const Settings& settings);    // give the SORM's budget the limits of the settings
+    void setOwnership(std::unique_ptr<Ownership> ownership) { ownership_ = std::move(ownership); }
+    std::function<void(const Entry& what)> trouble;             // as Comm::trouble
 
 private:
     class Peer;
@@ -115,7 +120,7 @@ private:
     struct Scratch;
     class Subscription;
     // With the lock held. Others than this user get nothing of other clients' requests.   busy: asked by the health responder.
-    wire::Health health(bool busy, const Requests& asker) const;
+    wire::Health health(bool busy, const Requests& asker);
     // A request that is being executed, for health(). On the stack, the innermost first.
     struct Activity {
         Activity(Server& server, std::string_view name, Method method, const Caller& caller, std::int64_t since);
@@ -137,6 +142,7 @@ private:
     std::int64_t userOf(const Line& line, const PrincipalPointer& principal);     // SessionKey::user
     void refuseLine(const Error& why);          // TLS with somebody has failed: tell it
     void judgeLines();                          // close those whose certificate does not hold any more
+    void lookAtKeys();                          // tell what is wrong with their files
     // Close the connection and send the reason before, if tell. The session stays. The peer is deleted later, since it may
     // be on the stack.
     void closePeer(Peer* peer, const std::string& reason, bool tell);
@@ -160,6 +166,7 @@ private:
     bool ownSocket_ = false;                                    // we made the socket file, and remove it at the end
     int port_ = 0;
     std::uint32_t program_ = 0;
+    std::unique_ptr<Ownership> ownership_;                      // null: no object is declared owned
     std::uint64_t boot_;                                        // random: identifies this start of the daemon
     std::int64_t started_;                                      // [us since 1970]
     std::uint64_t served_ = 0, refused_ = 0, dropped_ = 0, eventsLost_ = 0;     // requests; connections; one-way requests
@@ -184,6 +191,7 @@ private:
     std::shared_ptr<const Buffer> encodedBody_;
     Shares shares_;                                             // of the time for requests
     tls::Offer offer_;
+    std::string keyTrouble_;                                    // tls::trouble() at the last look
     Wanted::Tls tls_;
 };
 

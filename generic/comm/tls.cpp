@@ -12,27 +12,20 @@
 #include <map>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "bus/catalogue.h"
 #include "comm/certificate.h"
 #include "comm/errors.h"
 #include "comm/keys.h"
+#include "comm/tlsErrors.h"
 #include "comm/tlsProbe.h"
 
 
 namespace sorma::tls {
 
 namespace {
-
-const Prototype kRefused{Severity::error, "TLS REFUSED", 1, "{}: no TLS with {}: {}; nothing was sent in clear"};
-const Prototype kMissing{Severity::error, "TLS MISSING", 1, "{}: {}"};
-const Prototype kKey{Severity::error, "TLS KEY", 1, "{}: the key file {} cannot be used: {}"};
-const Prototype kPlain{Severity::error, "TLS PLAIN", 1,
-    "{}: {} speaks in clear alone; nothing was sent to it; let it have keys (sorma-keys give), or write -tls no after its address in the dictionary"};
-const Prototype kStripped{Severity::error, "TLS STRIPPED", 1,
-    "{}: {} has spoken TLS since {}, and now its answer says that it cannot: somebody between may have changed it; nothing was sent in clear; if it is "
-    "meant: sorma-keys forget {}"};
 
 using Session = std::unique_ptr<SSL_SESSION, Freed<SSL_SESSION_free>>;
 using Context = std::unique_ptr<SSL_CTX, Freed<SSL_CTX_free>>;
@@ -50,15 +43,17 @@ constexpr std::size_t kMostCertificates = 16 * 1024;    // [bytes] of the other 
 // Connections keep theirs when the files change.
 struct Keys {
     Context context;
-    std::string own, stamp, authority;  // the name, keys::stamp(), fingerprint of our own authority
+    std::string own, stamp, authority;  // the name, stampOf(), fingerprint of our own authority
     Certificate certificate;
-    std::optional<Revocations> revoked;
     std::mutex mutex;
     std::map<std::string, Session> sessions;    // a client's, by the daemon's name and address
 
     std::string file() const { return keys::file(own + ".pem"); }
 };
 using KeysPointer = std::shared_ptr<Keys>;
+using RevocationsPointer = std::shared_ptr<const Revocations>;
+
+std::string stampOf(const std::string& own) { return keys::stamp({"authority.pem", "trusted.pem", own + ".pem"}); }
 
 std::string errorText() {
     const unsigned long code = ERR_peek_error();
@@ -80,7 +75,7 @@ SSL_TICKET_RETURN readTicket(SSL* ssl, SSL_SESSION* session, const unsigned char
 KeysPointer load(const std::string& own, const std::string& who) {
     auto keys = std::make_shared<Keys>();
     keys->own = own;
-    keys->stamp = keys::stamp(own);
+    keys->stamp = stampOf(own);
     if (own.empty())
         fail(kMissing, who, "TLS needs a certificate, and there is none in " + keys::folder() + "; where the authority is: sorma-keys give NAME FILE; here: sorma-keys take FILE");
     const std::string file = keys->file();
@@ -94,7 +89,7 @@ KeysPointer load(const std::string& own, const std::string& who) {
     SSL_CTX_set_min_proto_version(c, TLS1_3_VERSION), SSL_CTX_set_max_proto_version(c, TLS1_3_VERSION);
     SSL_CTX_set_ciphersuites(c, "TLS_AES_128_GCM_SHA256:TLS_AES_256_GCM_SHA384:TLS_CHACHA20_POLY1305_SHA256");
     SSL_CTX_set1_groups_list(c, "X25519:P-256");
-    SSL_CTX_set_mode(c, SSL_MODE_ENABLE_PARTIAL_WRITE | SSL_MODE_ACCEPT_MOVING_WRITE_BUFFER | SSL_MODE_RELEASE_BUFFERS);
+    SSL_CTX_set_mode(c, SSL_MODE_ENABLE_PARTIAL_WRITE | SSL_MODE_ACCEPT_MOVING_WRITE_BUFFER | SSL_MODE_RELEASE_BUFFERS | SSL_MODE_NO_AUTO_CHAIN);
     SSL_CTX_set_read_ahead(c, 1);
     SSL_CTX_set_verify(c, SSL_VERIFY_PEER | SSL_VERIFY_FAIL_IF_NO_PEER_CERT, verified);
     SSL_CTX_set_verify_depth(c, 3), SSL_CTX_set_max_cert_list(c, kMostCertificates);
@@ -110,14 +105,10 @@ KeysPointer load(const std::string& own, const std::string& who) {
     if (SSL_CTX_use_certificate_chain_file(c, file.c_str()) != 1) fail(kKey, who, file, errorText());
     if (SSL_CTX_use_PrivateKey_file(c, file.c_str(), SSL_FILETYPE_PEM) != 1 || SSL_CTX_check_private_key(c) != 1)
         fail(kKey, who, file, errorText() + "; it must be the key of the first certificate there");
-    // An empty list trusts nobody.
-    X509_STORE* trusted = SSL_CTX_get_cert_store(c);
-    for (auto& one : readCertificates(keys::file("authority.pem"))) {
-        if (keys->authority.empty()) keys->authority = fingerprint(one.get());
-        X509_STORE_add_cert(trusted, one.get());
-    }
-    for (auto& one : readCertificates(keys::file("trusted.pem"))) X509_STORE_add_cert(trusted, one.get());
-    keys->revoked.emplace(who);
+    keys->authority = trust(SSL_CTX_get_cert_store(c));     // an empty list trusts nobody
+    // The chain that we show is built once, not for each handshake. The other end knows the root.
+    SSL_CTX_build_cert_chain(c, SSL_BUILD_CHAIN_FLAG_NO_ROOT | SSL_BUILD_CHAIN_FLAG_IGNORE_ERROR | SSL_BUILD_CHAIN_FLAG_CLEAR_ERROR);
+    ERR_clear_error();
     keys->certificate = std::move(chain[0]);
     return keys;
 }
@@ -129,7 +120,7 @@ KeysPointer keysOf(const std::string& daemon, const std::string& who) {
     const std::string own = keys::ownName(daemon);
     std::lock_guard lock(mutex);
     KeysPointer& mine = known[own];
-    if (!mine || mine->stamp != keys::stamp(own)) mine = load(own, who);
+    if (!mine || mine->stamp != stampOf(own)) mine = load(own, who);
     return mine;
 }
 
@@ -145,7 +136,11 @@ struct Secure : Line::Extra {
     std::unique_ptr<Extra> under;       // of TCP, while it connects
     std::string out;                    // in clear, and not yet taken
     KeysPointer keys;
+    RevocationsPointer revoked;
+    std::string unpinned;               // a warning: the name could not be written to the pins
     Handle ssl;
+    // The files of keys as they are now.
+    void take(const std::string& daemon, const std::string& who) { keys = keysOf(daemon, who), revoked = Revocations::now(who); }
     // For the function that runs now:
     Line* line = nullptr;
     std::int64_t wait = 0;              // [ns]
@@ -231,7 +226,7 @@ void startHandshake(Secure& s) {
 Fault judge(Secure& s, X509* one) {
     const std::string name = nameOf(one);
     if (X509_cmp_current_time(X509_get0_notAfter(one)) < 0) return Fault::expired;
-    if (s.keys->revoked->has(one)) return Fault::revoked;
+    if (s.revoked->has(one)) return Fault::revoked;
     if (s.offer && s.offer->revoked && s.offer->revoked(name, part(one, NID_organizationName))) return Fault::revoked;
     if (name.empty()) return Fault::name;
     if (s.client && (s.name.empty() || X509_check_host(one, s.name.data(), s.name.size(), X509_CHECK_FLAG_NO_WILDCARDS, nullptr) != 1)) return Fault::name;
@@ -302,25 +297,6 @@ SSL_TICKET_RETURN readTicket(SSL* ssl, SSL_SESSION* session, const unsigned char
 
 constexpr int kAlert = 1000;                            // in OpenSSL's reasons: an alert of the other end
 
-// The other end has complained.
-[[noreturn]] void failAlert(const Secure& s, int alert, const std::string& who) {
-    X509* one = s.keys->certificate.get();
-    const std::string other = s.client ? "the daemon" : "the client", own = "our certificate " + s.keys->file() + " (" + subjectOf(one) + ")";
-    const std::string again = "; where the authority is: sorma-keys new " + nameOf(one);
-    switch (alert) {
-        case SSL_AD_CERTIFICATE_EXPIRED:
-            failFault(Fault::expired, who, other + " says that " + own + ", which holds until " + timeText(X509_get0_notAfter(one)) + ", has expired: is its clock right?" + clockHint() + again);
-        case SSL_AD_CERTIFICATE_REVOKED: failFault(Fault::revoked, who, other + " says that " + own + " is revoked" + again);
-        case SSL_AD_UNKNOWN_CA: failFault(Fault::authority, who, other + " does not know the authority of " + own + "; both ends need keys of one authority: sorma-keys give NAME FILE, there: sorma-keys take FILE");
-        case SSL_AD_CERTIFICATE_REQUIRED: fail(kMissing, who, other + " wants a certificate, and was shown none");
-        case SSL_AD_BAD_CERTIFICATE:
-            if (s.client) failFault(Fault::notYet, who, other + " does not take " + own + ", which holds from " + timeText(X509_get0_notBefore(one)) + ": is its clock right?" + clockHint());
-            failFault(Fault::name, who, other + " does not take " + own + ": it calls this daemon by another name, or its clock is wrong");
-        default: break;
-    }
-    fail(kRefused, who, other, std::string(SSL_alert_desc_string_long(alert)) + ", it says");
-}
-
 // The last function of OpenSSL has failed. Throws for what it has found.
 void explain(Secure& s, const std::string& who) {
     const unsigned long code = ERR_peek_error();
@@ -328,7 +304,7 @@ void explain(Secure& s, const std::string& who) {
     const std::string text = errorText();
     ERR_clear_error();
     if (s.fault != Fault::none) failFault(s.fault, who, s.faulty + (s.client ? "; nothing was sent" : ""));
-    if (reason > kAlert) failAlert(s, reason - kAlert, who);
+    if (reason > kAlert) failAlert({s.client, s.keys->certificate.get(), s.keys->file()}, reason - kAlert, who);
     if (reason == SSL_R_PEER_DID_NOT_RETURN_A_CERTIFICATE) fail(kMissing, who, "the client showed no certificate; there: sorma-keys take FILE");
     if (s.closed || code == 0 || reason == SSL_R_UNEXPECTED_EOF_WHILE_READING)
         fail(errors::kRefused, who, s.other(), "it closed the connection in the handshake of TLS", "it may be ending, or full");
@@ -453,7 +429,7 @@ bool shakeHands(Line& line, Secure& s, const std::string& who) {
     s.phase = Secure::Phase::done;
     s.who = who;
     s.more = SSL_has_pending(s.ssl.get());
-    if (s.client) keys::pin(s.name);
+    if (s.client) s.unpinned = unpinned(keys::pin(s.name));
     line = Line(std::move(line), row);
     return true;
 }
@@ -495,7 +471,7 @@ bool upgradeDaemon(Line& line, Transport::Stage, const std::string& who) {
         probe::wakeAt(line, half ? sizeof first : 1);
         if (half) return false;
         if (n < ssize_t(sizeof first) || !probe::isLike(first, std::size_t(n), xid)) return speakClear(line);
-        s.keys = keysOf(s.offer->daemon, who);
+        s.take(s.offer->daemon, who);
         (void)recv(line.descriptor(), first, sizeof first, 0);
         s.out = probe::answer(xid);
         s.phase = Secure::Phase::answer;
@@ -511,7 +487,7 @@ Line begin(const Address& address, const std::string& who) {
     s->tries = address.tls == Address::Tls::tries;
     s->name = address.as;
     s->where = describe(address);
-    s->keys = keysOf({}, who);
+    s->take({}, who);
     Line line(tcpTransport.begin(address, who), clientRow);
     s->under = std::move(line.extra);
     line.extra = std::move(s);
@@ -569,7 +545,7 @@ const Transport& rowFor(const Transport& under, const Address& address, const st
     return &under == &tcpTransport && wanted(address, who) ? clientRow : under;
 }
 
-void check(const std::string& daemon) { (void)keysOf(daemon, daemon); }
+void check(const std::string& daemon) { (void)keysOf(daemon, daemon), (void)Revocations::now(daemon); }
 
 Line offered(Line line, const Offer& offer) {
     if (!line.open() || &line.row() != &tcpTransport) return line;
@@ -583,16 +559,36 @@ Line offered(Line line, const Offer& offer) {
 bool secure(const Line& line) { return &line.row() == &row; }
 
 Judge judge(const Offer& offer) {
-    KeysPointer now;
+    RevocationsPointer now;
     try {
-        now = keysOf(offer.daemon, "");
+        now = Revocations::now(offer.daemon);
     } catch (const Error&) {}           // with those of before
     return [now, &offer](const Line& line) -> std::string {
         const Secure& s = secureOf(line);
         X509* one = SSL_get0_peer_certificate(s.ssl.get());
-        const bool holds = one && !(now ? now : s.keys)->revoked->has(one) && !(offer.revoked && offer.revoked(nameOf(one), part(one, NID_organizationName)));
+        const bool holds = one && !(now ? now : s.revoked)->has(one) && !(offer.revoked && offer.revoked(nameOf(one), part(one, NID_organizationName)));
         return holds ? "" : "the certificate is revoked";
     };
+}
+
+std::string trouble(const Offer& offer) {
+    try {
+        return Revocations::now(offer.daemon)->trouble();
+    } catch (const Error& e) {
+        return e.what();
+    }
+}
+
+Trail remarks(const Line& line, const std::string& who) {
+    static std::mutex mutex;
+    static auto& said = *new std::set<std::string>;
+    Trail out;
+    if (!secure(line)) return out;
+    const Secure& s = secureOf(line);
+    std::lock_guard lock(mutex);
+    for (auto& text : {s.unpinned, s.revoked->trouble()})
+        if (!text.empty() && said.insert(text).second) out.add(makeEntry(kFiles, {MessageArg::of(who), MessageArg::of(text)}));
+    return out;
 }
 
 }  // namespace sorma::tls

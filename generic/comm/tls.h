@@ -28,6 +28,7 @@
 #include <string>
 
 #include "bus/name.h"
+#include "bus/trail.h"
 #include "comm/transport.h"
 
 namespace sorma::tls {
@@ -51,5 +52,9 @@ bool secure(const Line& line);          // is it encrypted?
 using Judge = std::function<std::string(const Line& line)>;
 // Looks at the files of keys, once for all lines of a daemon.
 Judge judge(const Offer& offer);
+// The trouble with the files of revoked certificates, while a daemon goes on with what they said before. Empty: there is none.
+std::string trouble(const Offer& offer);
+// Warnings of a client whose line is up, each once in a process: TLS KEY.   who: the name that they begin with.
+Trail remarks(const Line& line, const std::string& who);
 
 }  // namespace sorma::tls

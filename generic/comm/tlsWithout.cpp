@@ -20,5 +20,7 @@ bool secure(const Line&) { return false; }
 Judge judge(const Offer&) {
     return [](const Line&) { return std::string(); };
 }
+std::string trouble(const Offer&) { return {}; }
+Trail remarks(const Line&, const std::string&) { return {}; }
 
 }  // namespace sorma::tls

@@ -116,6 +116,7 @@ struct Transport {
         enum class State { known, asks, absent } state = State::known;      // asks: lookUp has to say it
         Address target = {};            // known: a path, or a numeric host and a port. absent: perhaps where it would be
         std::string why = {};           // absent: the reason
+        std::int64_t epoch = 0;         // known: of the owner of the name, as a directory tells it; 0: it does not
     };
     // Says what can be said at once. Never throws.
     Found (*place)(const Address& address);

@@ -1,5 +1,7 @@
 #include "comm/wire.h"
 
+#include <algorithm>
+
 #include "bus/call.h"
 #include "bus/kept.h"
 #include "bus/requestText.h"
@@ -143,24 +145,27 @@ Behalf behalfOf(const PrincipalPointer& relayFor) {
     return behalf;
 }
 
-constexpr std::size_t kTraceBytes = 16, kCauseBytes = 8;
+// The length tells what stands behind the author: trace; trace, cause; epoch; or all of them.
+constexpr std::size_t kTraceBytes = 16, kCauseBytes = 8, kEpochBytes = 8;
 
 void writeCallHeader(XdrWriter& w, const CallHeader& h, const Behalf* behalf) {
     w.words(h.xid, kCallKind, h.rpcVersion, h.program, h.version, h.procedure);
     if (behalf) [[unlikely]] {
-        const bool traced(behalf->trace.number), caused(behalf->trace);
-        std::string_view callers = std::string_view(behalf->callers).substr(0, kMostCallers - (traced ? kTraceBytes : 0));
+        const bool traced(behalf->trace.number), dated = behalf->epoch != 0, caused = behalf->trace || (traced && dated);
+        const std::size_t more = (traced ? kTraceBytes : 0) + (caused ? kCauseBytes : 0) + (dated ? kEpochBytes : 0);
+        std::string_view callers = std::string_view(behalf->callers).substr(0, kMostCallers - (traced ? kTraceBytes : 0) - (dated ? kEpochBytes : 0));
         while (!callers.empty() && !isUtf8(callers)) callers.remove_suffix(1);
         w.u32(kBehalfFlavor);
         std::string_view author = behalf->author.size() <= kMostAuthor ? std::string_view(behalf->author) : kTooLong;
-        const bool named = traced || (behalf->relayed && !author.empty());
-        w.u32(static_cast<std::uint32_t>(16 + XdrWriter::padded(callers.size()) + (named ? 4 + XdrWriter::padded(author.size()) : 0) + (traced ? kTraceBytes : 0) + (caused ? kCauseBytes : 0)));
+        const bool named = more > 0 || (behalf->relayed && !author.empty());
+        w.u32(static_cast<std::uint32_t>(16 + XdrWriter::padded(callers.size()) + (named ? 4 + XdrWriter::padded(author.size()) : 0) + more));
         w.u32(behalf->relayed);
         w.u64(behalf->request);
         w.text(callers);
         if (named) w.text(author);
         if (traced) w.u64(behalf->trace.number.high), w.u64(behalf->trace.number.low);
         if (caused) w.u64(behalf->trace.cause);
+        if (dated) w.u64(std::uint64_t(behalf->epoch));
         w.words(0, 0);
     } else {
         w.words(0, 0, 0, 0);
@@ -180,10 +185,12 @@ bool readBehalf(std::string_view body, Behalf& behalf) {
         if (!r.good() || author.size() > kMostAuthor || !isUtf8(author)) return false;
         behalf.author = author;
     }
-    const bool caused = r.left() == kTraceBytes + kCauseBytes;
-    if (!r.good() || (r.left() != kTraceBytes && !caused)) return true;
-    behalf.trace.number = {r.u64(), r.u64()};
+    const std::size_t more = r.left();
+    const bool dated = more == kEpochBytes || more == kTraceBytes + kCauseBytes + kEpochBytes, caused = more >= kTraceBytes + kCauseBytes;
+    if (!r.good() || (more != kTraceBytes && more != kTraceBytes + kCauseBytes && !dated)) return true;
+    if (more >= kTraceBytes) behalf.trace.number = {r.u64(), r.u64()};
     if (caused) behalf.trace.cause = r.u64();
+    if (dated) behalf.epoch = std::max<std::int64_t>(std::int64_t(r.u64()), 0);
     return true;
 }
 

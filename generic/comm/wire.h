@@ -37,6 +37,7 @@ struct Behalf {
     std::string callers;            // for people: who called the caller, nearest first
     std::string author = {};        // relayed: for whom, as Principal::toText() says it; empty: anyone
     TraceOrigin trace = {};         // of the trace that wants the spans of this call; its cause only of a one-way request
+    std::int64_t epoch = 0;         // of the daemon's name, as the directory has told the caller; 0: it has not. comm/ownership.h
 };
 // relayFor: who has named the object, when it was not the owner of this process. Without request and callers: of the present
 // context.

@@ -123,13 +123,28 @@ struct Async {
         std::unique_ptr<Listening> listening;
     };
     std::map<std::string, Subscription> subscriptions;
+    // The author of the last request that had one. To look up a user reads files, and a line of SCPI has the same one each time.
+    struct Author {
+        std::string text, known;
+        PrincipalPointer principal;
+    } author;
 };
 
+const Async::Author& authorOf(Async& a, std::string text) {
+    // The groups of a user may change.
+    if (a.author.text != text || !a.author.principal || a.author.principal->kind() == Principal::Kind::user) {
+        a.author.principal = Principal::parse(text);
+        a.author.known = a.author.principal ? a.author.principal->toText() : std::string();
+        a.author.text = std::move(text);
+    }
+    return a.author;
+}
+
 // A client for one request: it holds nothing beyond that.
-ClientPointer clientOf(const PrincipalPointer& author) {
+ClientPointer clientOf(const Async::Author& author) {
     Caller caller;
-    caller.known = author->toText();
-    return std::make_shared<Client>(std::move(caller), author);
+    caller.known = author.known;
+    return std::make_shared<Client>(std::move(caller), author.principal);
 }
 
 // sorma::async ?-timeout ms? ?-command prefix? ?-as who? ?-oneway? name method ?word ...?
@@ -140,7 +155,7 @@ int AsyncObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
         Deadline deadline;
         Obj prefix;
         bool oneway = false;
-        PrincipalPointer author;
+        Async::Author by;
         int at = 1;
         for (; at < objc && view(objv[at]).starts_with('-'); ++at) {
             std::string_view option = view(objv[at]);
@@ -153,9 +168,10 @@ int AsyncObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
             if (at + 1 >= objc) fail(kValue, std::string(option));
             ++at;
             if (option == "-timeout") deadline = deadlineOf(objv[at]);
-            else if (option == "-as") author = Principal::parse(toUtf8(objv[at]));
+            else if (option == "-as") by = authorOf(a, toUtf8(objv[at]));
             else prefix = Obj(objv[at]);
         }
+        const PrincipalPointer& author = by.principal;
         if (oneway && author) fail(kOnewayAs);
         if (objc - at < 2)
             return Tcl_WrongNumArgs(interp, 1, objv, "?-timeout ms? ?-command prefix? ?-as who? ?-oneway? name method ?word ...?"), TCL_ERROR;
@@ -167,7 +183,7 @@ int AsyncObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
         }
         auto pending = [&] {
             std::optional<CallContext> as;              // its audit, account and leases are those of whoever asks
-            if (author) as.emplace(std::make_shared<KeptCall>(clientOf(author), deadline, CallContext::newRequest(), std::string()));
+            if (author) as.emplace(std::make_shared<KeptCall>(clientOf(by), deadline, CallContext::newRequest(), std::string()));
             InCoroutine context(i, coroutine);
             return beginCommand(i, name, objc - at, objv + at, deadline, author);
         }();

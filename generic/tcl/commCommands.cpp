@@ -20,9 +20,11 @@ namespace {
 constexpr std::string_view kSharing[] = {"auto", "shm", "unix"};      // in the order of Sharing
 const Prototype kBadSharing{Severity::error, "OPTION VALUE", 1, "-transport expects auto, shm or unix, got \"{}\""};
 const Prototype kServeOption{Severity::error, "REQUEST SYNTAX", 0,
-    "bad option \"{}\": must be -allow, -connection, -host, -listen, -open, -policy, -port, -program, -rpcbind, -share, -socket, -tls, or -wait"};
+    "bad option \"{}\": must be -allow, -connection, -directory, -host, -listen, -open, -owned, -policy, -port, -program, -rpcbind, -share, -socket, -standby, -tls, or -wait"};
 const Prototype kServeValue{Severity::error, "REQUEST SYNTAX", 0, "{} expects {}, got \"{}\""};
 const Prototype kServeConnection{Severity::error, "REQUEST SYNTAX", 0, "{} does not go with -connection: that is served, and nothing listened to"};
+const Prototype kServeStandby{Severity::error, "REQUEST SYNTAX", 0, "-standby does not go with {}: a standby daemon listens nowhere until it owns its name"};
+const Prototype kServeOwned{Severity::error, "REQUEST SYNTAX", 0, "-owned needs -directory or -standby: without a claim there is no owner"};
 const Prototype kServeMissing{Severity::error, "REQUEST SYNTAX", 0, "{} needs a value"};
 
 constexpr char kKey[] = "sorma::comm";
@@ -97,15 +99,42 @@ Server::Wanted::Tls tlsOf(const std::string& value) {
     return Tls::only;
 }
 
+// A turn of the event loop. False: the interpreter is deleted, and COMM with it; or its script was cancelled.
+bool turn(Interpreter& i, std::int64_t until) {
+    Tcl_Interp* const interp = i.interp;
+    i.turn(until);
+    return !Tcl_InterpDeleted(interp) && Tcl_Canceled(interp, TCL_LEAVE_ERR_MSG) == TCL_OK;
+}
+
+// Run the event loop until the daemon owns its name. Null: as turn.
+Server* serveLater(Interpreter& i, Comm& comm, const Server::Wanted& wanted) {
+    constexpr std::int64_t kLongest = 500'000'000;      // [ns] until it looks again
+    Tcl_Interp* const interp = i.interp;
+    comm.await(wanted);
+    for (;;) {
+        if (Server* server = comm.serveIfFree(wanted)) return server;
+        if (turn(i, monotonicNow() + kLongest)) continue;
+        if (!Tcl_InterpDeleted(interp)) comm.unserve(wanted.name, {});
+        return nullptr;
+    }
+}
+
+// Run the event loop until unserve: at tclsh's own prompt none runs. False: as turn.
+bool waitForEnd(Interpreter& i, Comm& comm, const std::string& name) {
+    while (comm.findServer(name))
+        if (!turn(i, INT64_MAX)) return false;
+    return true;
+}
+
 // sorma::serve name ?-port P? ?-host H? ?-socket PATH? ?-rpcbind bool? ?-program N? ?-listen FDS? ?-connection FD?
 //
-// ?-allow LINE ...? ?-policy FILE? ?-open bool? ?-share bool? ?-tls no|yes|only? ?-wait?
+// ?-allow LINE ...? ?-policy FILE? ?-open bool? ?-share bool? ?-tls no|yes|only? ?-directory bool? ?-standby bool? ?-owned PATTERN ...? ?-wait?
 int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     return guarded(i, objc, objv, [&] {
         if (objc < 2) {
             Tcl_WrongNumArgs(interp, 1, objv, "name ?-port number? ?-host name? ?-socket path? ?-rpcbind boolean? ?-program number? "
-                                              "?-listen descriptors? ?-connection descriptor? ?-allow line? ?-policy file? ?-open boolean? ?-share boolean? ?-tls no|yes|only? ?-wait?");
+                                              "?-listen descriptors? ?-connection descriptor? ?-allow line? ?-policy file? ?-open boolean? ?-share boolean? ?-tls no|yes|only? ?-directory boolean? ?-standby boolean? ?-owned pattern? ?-wait?");
             return TCL_ERROR;
         }
         Server::Wanted wanted;
@@ -114,7 +143,7 @@ int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
         std::string address;                            // an option that says where to listen
         std::vector<std::string> lines;                 // of the policy
         std::string policy;
-        bool open = false;
+        bool open = false, host = false, standby = false;
         for (int at = 2; at < objc; at += 2) {
             std::string option = toUtf8(objv[at]);
             if (option == "-wait") {
@@ -124,7 +153,7 @@ int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
             }
             bool known = option == "-port" || option == "-host" || option == "-socket" || option == "-rpcbind" ||
                          option == "-program" || option == "-listen" || option == "-connection" || option == "-allow" ||
-                         option == "-policy" || option == "-open" || option == "-share" || option == "-tls";
+                         option == "-policy" || option == "-open" || option == "-share" || option == "-tls" || option == "-directory" || option == "-standby" || option == "-owned";
             if (!known) fail(kServeOption, option);
             if (at + 1 == objc) fail(kServeMissing, option);
             std::string value = toUtf8(objv[at + 1]);
@@ -134,9 +163,12 @@ int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
             else if (option == "-policy") policy = value;
             else if (option == "-open") open = toBoolean(objv[at + 1]);
             else if (option == "-share") wanted.share = toBoolean(objv[at + 1]);
+            else if (option == "-directory") wanted.directory = toBoolean(objv[at + 1]);
+            else if (option == "-owned") wanted.owned.push_back(value);
+            else if (option == "-standby") standby = toBoolean(objv[at + 1]);
             else if (option == "-tls") wanted.tls = tlsOf(value);
             else if (option == "-port") wanted.port = value.empty() ? -1 : int(wholeNumber(option, value, 0, 65535));
-            else if (option == "-host") wanted.host = value;
+            else if (option == "-host") wanted.host = value, host = true;
             else if (option == "-socket") wanted.socket = value;
             else if (option == "-listen") wanted.listen = descriptors(option, objv[at + 1]);
             else if (option == "-connection") wanted.connection = int(wholeNumber(option, value, 0, INT_MAX));
@@ -144,6 +176,9 @@ int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
             else wanted.program = std::uint32_t(wholeNumber(option, value, 1, 0x1fffffff));
         }
         if (wanted.connection >= 0 && !address.empty()) fail(kServeConnection, address);
+        if (standby && (wanted.connection >= 0 || !wanted.listen.empty())) fail(kServeStandby, wanted.connection >= 0 ? "-connection" : "-listen");
+        wanted.directory = wanted.directory || standby;
+        if (!wanted.owned.empty() && !wanted.directory) fail(kServeOwned);
         // The policy is the interpreter's: what one daemon of it is told holds for all.
         auto& access = i.sorm.access;
         if (policy.empty()) access.loadDefault();
@@ -151,13 +186,15 @@ int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
         for (auto& line : lines) access.add(line, "-allow");
         if (open) access.setOpen(true);
         auto& comm = commOf(i);
-        Obj served(describe(comm.serve(wanted)));
-        // -wait: run the event loop here until unserve, or the end of the interpreter; at tclsh's own prompt none runs.
-        while (wait && comm.findServer(wanted.name)) {
-            Tcl_DoOneEvent(TCL_ALL_EVENTS);
-            if (Tcl_InterpDeleted(interp)) return TCL_ERROR;        // and COMM with it
-            if (Tcl_Canceled(interp, TCL_LEAVE_ERR_MSG) != TCL_OK) return TCL_ERROR;
+        // Other hosts are to find it there, so it listens for them.
+        if (wanted.directory && comm.directory().remote()) {
+            if (wanted.port < 0) wanted.port = 0;
+            if (!host) wanted.host = "0.0.0.0";
         }
+        Server* const server = standby ? serveLater(i, comm, wanted) : &comm.serve(wanted);
+        if (!server) return TCL_ERROR;
+        Obj served(describe(*server));
+        if (wait && !waitForEnd(i, comm, wanted.name)) return TCL_ERROR;
         Tcl_SetObjResult(interp, served);
         return TCL_OK;
     });

@@ -10,9 +10,18 @@ EventSource::EventSource(Interpreter& interpreter, Comm& comm)
       shared_(notifier::install(interpreter.interp, comm.sharedReactor(), [this] { serve(); })) {
     if (!shared_) Tcl_CreateFileHandler(epoll_, TCL_READABLE, readable, this);
     Tcl_CreateEventSource(enteringLoop, nullptr, this);
+    comm_.trouble = [&i = interpreter_](const Entry& what) {
+        if (i.closing()) return;
+        KeepState keep(i.interp);
+        Tcl_ResetResult(i.interp);
+        Tcl_SetObjResult(i.interp, newText(what.text));
+        Tcl_SetObjErrorCode(i.interp, errorCode(what));
+        Tcl_BackgroundException(i.interp, TCL_ERROR);
+    };
 }
 
 EventSource::~EventSource() {
+    comm_.trouble = nullptr;
     Tcl_DeleteEventSource(enteringLoop, nullptr, this);
     if (shared_) notifier::release(comm_.reactor());
     else Tcl_DeleteFileHandler(epoll_);

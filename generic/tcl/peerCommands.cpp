@@ -100,10 +100,13 @@ std::int64_t number(const char* option, Tcl_Obj* given, std::int64_t otherwise, 
     return n;
 }
 
-// $peer ask ?-timeout ms? ?-command prefix? NAME EXEC|CTRL|DBX ?word ...?: its number; calls prefix STATUS VALUE
+// The author that -as names; null: nobody but the owner.
+PrincipalPointer authorOf(Tcl_Obj* who) { return who && !view(who).empty() ? Principal::parse(toUtf8(who)) : nullptr; }
+
+// $peer ask ?-timeout ms? ?-command prefix? ?-as who? NAME EXEC|CTRL|DBX ?word ...?: its number; calls prefix STATUS VALUE
 void PeerCommand::ask(int objc, Tcl_Obj* const objv[]) {
-    Obj timeout, prefix(Tcl_NewObj());
-    int at = takeOptions(objc, objv, 2, {{"-timeout", &timeout}, {"-command", &prefix}});
+    Obj timeout, who, prefix(Tcl_NewObj());
+    int at = takeOptions(objc, objv, 2, {{"-timeout", &timeout}, {"-command", &prefix}, {"-as", &who}});
     std::int64_t ms = number("-timeout", timeout, 5000, 0);
     std::string method = at + 1 < objc ? toUtf8(objv[at + 1]) : std::string();
     if (method != "EXEC" && method != "CTRL" && method != "DBX") fail(kRequest, method);
@@ -112,9 +115,10 @@ void PeerCommand::ask(int objc, Tcl_Obj* const objv[]) {
     if (method == "EXEC") readParts(toUtf8(objv[at]), words, pending->message);
     else
         for (auto* w : words) pending->message.words.push_back(toUtf8(w));
+    pending->relayFor = authorOf(who);
     Future future(pending);
     const std::uint64_t itsNumber = pending->number();
-    future.then([weak = weak_from_this(), itsNumber](Future f) {
+    future.then([weak = weak_from_this(), itsNumber, forSomebody = bool(pending->relayFor)](Future f) {
         auto self = weak.lock();
         if (!self || self->interpreter.closing()) return;
         auto request = self->asked.extract(itsNumber);
@@ -126,8 +130,8 @@ void PeerCommand::ask(int objc, Tcl_Obj* const objv[]) {
             callBack(i, prefix, {newText("ok"), dictReply(i.constants, m)});
         } catch (const Error& e) {
             const Entry* cause = e.trail.cause();
-            Tcl_Obj* words[] = {newText(cause ? cause->text : std::string(e.what())), cause ? errorCode(*cause) : Tcl_NewObj()};
-            callBack(i, prefix, {newText("error"), Tcl_NewListObj(2, words)});
+            Tcl_Obj* words[] = {newText(cause ? cause->text : std::string(e.what())), cause ? errorCode(*cause) : Tcl_NewObj(), forSomebody ? trailList(e.trail) : nullptr};
+            callBack(i, prefix, {newText("error"), Tcl_NewListObj(forSomebody ? 3 : 2, words)});
         }
     });
     asked.emplace(itsNumber, Asked{future, toUtf8(objv[at]), prefix});
@@ -157,10 +161,10 @@ void PeerCommand::giveUp() {
         });
 }
 
-// $peer subscribe ?-event pattern? ?-queue n? ?-command prefix? NAME: a token; while it is connected. Only if there is such an object
+// $peer subscribe ?-event pattern? ?-queue n? ?-command prefix? ?-as who? NAME: a token; while it is connected. Only if there is such an object
 void PeerCommand::subscribe(int objc, Tcl_Obj* const objv[]) {
-    Obj pattern(newText("*")), queue, prefix(Tcl_NewObj());
-    int at = takeOptions(objc, objv, 2, {{"-event", &pattern}, {"-queue", &queue}, {"-command", &prefix}});
+    Obj pattern(newText("*")), queue, who, prefix(Tcl_NewObj());
+    int at = takeOptions(objc, objv, 2, {{"-event", &pattern}, {"-queue", &queue}, {"-command", &prefix}, {"-as", &who}});
     std::int64_t keep = number("-queue", queue, 10'000, 1);
     if (at + 1 != objc) fail(kRequest, "subscribe");
     std::string name = "s" + std::to_string(++last), so = toUtf8(objv[at]);
@@ -169,7 +173,7 @@ void PeerCommand::subscribe(int objc, Tcl_Obj* const objv[]) {
         if (self && !self->interpreter.closing()) callBack(self->interpreter, prefix, {eventDict(self->interpreter.constants, e)});
     };
     if (connection) {
-        subscriptions[name] = connection->listenLater(so, toUtf8(pattern), std::size_t(keep), listener, true);
+        subscriptions[name] = connection->listenLater(so, toUtf8(pattern), std::size_t(keep), listener, true, authorOf(who));
     } else {
         auto* here = interpreter.sorm.find(so);
         if (!here) fail(errors::kNoObject, so);

@@ -6,49 +6,55 @@ package provide sorma::json 1.0
 
 namespace eval ::sorma::json {}
 
+# An object of keys and JSON, one after the other; an array of a list of JSON; one of texts.
+proc ::sorma::json::object members {
+    return "\{[join [lmap {key json} $members {string cat [text $key] : $json}] ,]\}"
+}
+proc ::sorma::json::array items {
+    return "\[[join $items ,]\]"
+}
+proc ::sorma::json::texts texts {
+    return [array [lmap text $texts {text $text}]]
+}
+
 proc ::sorma::json::reply reply {
-    set members [list "\"code\":[number [dict get $reply code]]"]
+    set members [list code [number [dict get $reply code]]]
     if {[dict exists $reply text]} {
-        lappend members "\"text\":[text [dict get $reply text]]"
+        lappend members text [text [dict get $reply text]]
     }
     foreach field {floats ints} {
         if {[dict exists $reply $field]} {
-            lappend members "\"$field\":\[[join [lmap x [dict get $reply $field] {number $x}] ,]\]"
+            lappend members $field [array [lmap x [dict get $reply $field] {number $x}]]
         }
     }
     if {[dict exists $reply any]} {
-        lappend members "\"any\":\"[binary encode base64 [dict get $reply any]]\""
+        lappend members any \"[binary encode base64 [dict get $reply any]]\"
     }
     if {[dict exists $reply trail]} {
-        lappend members "\"trail\":[trail [dict get $reply trail]]"
+        lappend members trail [trail [dict get $reply trail]]
     }
-    return "\{[join $members ,]\}"
+    return [object $members]
 }
 
 proc ::sorma::json::error {message code trail} {
     set words [if {[catch {llength $code}]} {list $code} else {set code}]
-    set text "\{\"error\":\{\"message\":[text $message],\"code\":\[[join [lmap word $words {text $word}] ,]\]"
+    set members [list message [text $message] code [texts $words]]
     if {[llength $trail] > 0} {
-        append text ",\"trail\":[trail $trail]"
+        lappend members trail [trail $trail]
     }
-    return $text\}\}
+    return [object [list error [object $members]]]
 }
 
 proc ::sorma::json::trail trail {
-    set items {}
-    foreach entry $trail {
-        set members {}
-        foreach {key value} $entry {
-            switch -- $key {
-                code { set value "\[[join [lmap word $value {text $word}] ,]\]" }
-                line - time { set value [number $value] }
-                default { set value [text $value] }
-            }
-            lappend members "[text $key]:$value"
-        }
-        lappend items "\{[join $members ,]\}"
-    }
-    return "\[[join $items ,]\]"
+    return [array [lmap entry $trail {
+        object [concat {*}[lmap {key value} $entry {
+            list $key [switch -- $key {
+                code { texts $value }
+                line - time { number $value }
+                default { text $value }
+            }]
+        }]]
+    }]]
 }
 
 # A plain value: a number is a number, all else a string.
@@ -60,7 +66,7 @@ proc ::sorma::json::value value {
 proc ::sorma::json::typed {type value} {
     switch -- $type {
         flag - int - double { return [number $value] }
-        vector { return "\[[join [lmap x $value {number $x}] ,]\]" }
+        vector { return [array [lmap x $value {number $x}]] }
         default { return [text $value] }
     }
 }

@@ -178,7 +178,7 @@ proc ::sorma::discovery::here what {
     return [dict get [lindex [::sorma::KeepTrail [list ::sorma::so::sorm DBX -inventory $what]] 3] $what]
 }
 
-# Places that nobody has to hold or name, a dict: WHERE -> folder, dictionary or proxy.
+# Places that nobody has to hold or name, a dict: WHERE -> folder, dictionary, directory or proxy.
 proc ::sorma::discovery::Ways {} {
     set how {}
     catch {                             ;# a folder that others may write to is as good as none
@@ -191,6 +191,11 @@ proc ::sorma::discovery::Ways {} {
         set where [if {[string match @* $word]} {string range $word 1 end} else {string trimleft $address @}]
         if {![dict exists $how $where]} {
             dict set how $where dictionary
+        }
+    }
+    foreach name [here directory] {
+        if {![dict exists $how $name]} {
+            dict set how $name directory
         }
     }
     foreach name [::sorma::names *@*] {

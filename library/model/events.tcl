@@ -17,10 +17,10 @@ namespace eval ::sorma::events {
     }
 }
 
-# ::sorma::events::new TOKEN NAME PATTERN QUEUE COMMAND -- begin; for sorma::world listen. COMMAND is called with each event, a dict as
+# ::sorma::events::new TOKEN NAME PATTERN QUEUE COMMAND ?WHO? -- begin; for sorma::world listen. COMMAND is called with each event, a dict as
 # of sorma::subscribe.
-proc ::sorma::events::new {token name pattern queue command} {
-    dict set ::sorma::events::Tokens $token [ear new $name $pattern $queue $command]
+proc ::sorma::events::new {token name pattern queue command {who {}}} {
+    dict set ::sorma::events::Tokens $token [ear new $name $pattern $queue $command $who]
     return $token
 }
 
@@ -35,13 +35,14 @@ proc ::sorma::events::forget token {
 
 if {![info object isa object ::sorma::events::ear]} {oo::class create ::sorma::events::ear}
 oo::define ::sorma::events::ear {
-    variable service daemon pattern queue command peer subscription
+    variable service daemon pattern queue command who peer subscription
 
-    constructor {name events most prefix} {
+    constructor {name events most prefix author} {
         lassign [::sorma::line::place $name] service daemon
         set pattern $events
         set queue $most
         set command $prefix
+        set who $author
         set peer [set subscription {}]
         ::sorma::worldDaemon::attach $service@$daemon [self]
         my Begin
@@ -56,7 +57,7 @@ oo::define ::sorma::events::ear {
         set line [$there line]
         if {$line ne {} && $line ne $peer && ($daemon ne "self" || [::sorma::exists $service])} {
             set peer $line
-            set subscription [$line subscribe -event $pattern -queue $queue -command [list [self] Heard] $service]
+            set subscription [$line subscribe -event $pattern -queue $queue -command [list [self] Heard] {*}[if {$who ne {}} {list -as $who}] $service]
         }
     }
     method End {} {

@@ -88,12 +88,12 @@ proc ::sorma::world::value {name what args} {
     return $token
 }
 
-# ::sorma::world::listen NAME ?-event pattern? ?-queue n? -command PREFIX -- see events.tcl.
+# ::sorma::world::listen NAME ?-event pattern? ?-queue n? ?-as WHO? -command PREFIX -- see events.tcl.
 proc ::sorma::world::listen {name args} {
-    set options [Read {-event {any *} -queue {{whole 1 1000000} 10000}} event $args]
+    set options [Read {-event {any *} -queue {{whole 1 1000000} 10000} -as any} event $args]
     Start
     set before [::sorma::worldDaemon::inUse]
-    set token [::sorma::events new [NewToken events] $name [dict get $options -event] [dict get $options -queue] [dict get $options -command]]
+    set token [::sorma::events new [NewToken events] $name [dict get $options -event] [dict get $options -queue] [dict get $options -command] [dict get $options -as]]
     CountUnknown $before
     return $token
 }
@@ -240,22 +240,23 @@ proc ::sorma::world::forget address {
 
 # ---- requests ----
 
-# ::sorma::world::ask DAEMON REQUEST ?-timeout ms? -command PREFIX --
+# ::sorma::world::ask DAEMON REQUEST ?-timeout ms? ?-as WHO? -command PREFIX --
 #       Send a request, NAME EXEC|CTRL|DBX word ..., to a daemon that is known. PREFIX is called with ok and the reply (a dict), or
-#       with error and the list of message and error code.
+#       with error and the list of message and error code. For WHO, the list has the trail, too.
 # Arguments:
 #       ms      default 5000; 0: however long it takes
+#       WHO     the author, as of sorma::async; default: you
 # Results:
 #       Its number, for cancel; what its service publishes meanwhile carries it. Empty when it cannot be sent: PREFIX is told why.
 proc ::sorma::world::ask {daemon request args} {
-    set options [::sorma::options::parse {-timeout {{whole 0 {}} 5000} -command any} $args]
+    set options [::sorma::options::parse {-timeout {{whole 0 {}} 5000} -as any -command any} $args]
     set object [::sorma::worldDaemon::of $daemon]
     if {$object eq {}} {
         after 0 [list ::sorma::news::deliver [dict get $options -command] \
             [list error [list "$daemon: no daemon of that name is known" [list SORMA COMM REFUSED $daemon]]]]
         return
     }
-    return [$object ask $request [dict get $options -timeout] [dict get $options -command]]
+    return [$object ask $request [dict get $options -timeout] [dict get $options -command] [dict get $options -as]]
 }
 
 # ::sorma::world::cancel DAEMON NUMBER -- give a request up: its PREFIX is called with error, COMM CANCELLED, and its service is told. Was it

@@ -75,12 +75,12 @@ oo::define ::sorma::worldLine::daemon {
     method line {} {
         return $peer
     }
-    # ask REQUEST MS PREFIX, cancel NUMBER -- as those of sorma::world.
-    method ask {request ms prefix} {
+    # ask REQUEST MS PREFIX WHO, cancel NUMBER -- as those of sorma::world.
+    method ask {request ms prefix {who {}}} {
         if {$peer ne {}} {
-            return [$peer ask -timeout $ms -command $prefix {*}$request]
+            return [$peer ask -timeout $ms -command $prefix -as $who {*}$request]
         }
-        lappend waiting [list $request $ms $prefix]
+        lappend waiting [list $request $ms $prefix $who]
         if {[dict get $facts state] ne "asking"} {
             my Refuse
         }
@@ -88,7 +88,7 @@ oo::define ::sorma::worldLine::daemon {
     }
     method Refuse {} {
         foreach item $waiting {
-            after 0 [list ::sorma::news::deliver [lindex $item end] [list error [list "$key: [dict get $facts why]" [list SORMA COMM REFUSED $key]]]]
+            after 0 [list ::sorma::news::deliver [lindex $item 2] [list error [list "$key: [dict get $facts why]" [list SORMA COMM REFUSED $key]]]]
         }
         set waiting {}
     }

@@ -61,8 +61,8 @@ oo::define ::sorma::worldSelf::daemon {
         }
         my Take $event
     }
-    method ask {request ms prefix} {
-        if {[catch {::sorma::async -timeout $ms -command [list ::sorma::worldSelf::Answer $prefix] {*}$request} future failure]} {
+    method ask {request ms prefix {who {}}} {
+        if {[catch {::sorma::async {*}[if {$who ne {}} {list -as $who}] -timeout $ms -command [list ::sorma::worldSelf::Answer $prefix] {*}$request} future failure]} {
             after 0 [list ::sorma::news::deliver $prefix [list error [list $future [dict get $failure -errorcode]]]]
             return
         }

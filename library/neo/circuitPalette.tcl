@@ -2,6 +2,7 @@
 
 package require Tk
 package require snit
+package require sorma::classMark
 package require sorma::parts
 package require sorma::style
 package require sorma::table
@@ -81,7 +82,7 @@ snit::widget ::sorma::circuitPalette {
         $tree delete [$tree children {}]
         foreach class [lsort [dict keys $known]] {
             if {$wanted eq {} || [string first [string tolower $wanted] [string tolower "$class [dict get $known $class]"]] >= 0} {
-                $tree insert {} end -id $class -text $class
+                $tree insert {} end -id $class -text $class -image [::sorma::classMark of $class]
             }
         }
         if {[$tree exists $before]} {

@@ -12,12 +12,13 @@ namespace eval ::sorma::daemon {
     # The options in the manual of sormad; the last ones are those of sorma::serve, which checks them.
     variable Options {
         -name {{word {a name}}}  -dict words  -path words  -package words  -make words  -script word  -log word  -idle {{seconds 0 1e9} 0}  -grace {{seconds 0 86400} 5}
-        -selftest {{seconds 0 86400} 0}  -interactive flag  -until-eof flag  -inetd flag  -strict {boolean 0}  -metrics {{whole 0 65535}}  -scpi {{whole 0 65535}}
+        -selftest {{seconds 0 86400} 0}  -interactive flag  -until-eof flag  -inetd flag  -strict {boolean 0}  -metrics {{whole 0 65535}}  -scpi {{a place}}  -vxi11 {{a place}}
         -help flag  --help flag
-        -port any  -host any  -socket any  -rpcbind any  -program any  -allow collect  -policy any  -open any  -share any  -tls any
+        -port any  -host any  -socket any  -rpcbind any  -program any  -allow collect  -policy any  -open any  -share any  -tls any  -directory any  -standby any  -owned collect
     }
     variable End            ;# set once: how the daemon ended
     variable Grace 5        ;# s for requests to end when the daemon has been told to
+    variable Waits          ;# set while this daemon stands by: its name
 }
 
 # ::sorma::daemon::main --
@@ -30,6 +31,7 @@ proc ::sorma::daemon::main words {
     ::sorma::options::suggest ::sorma::DidYouMean
     variable End
     variable Grace
+    variable Waits
     if {"-help" in $words || "--help" in $words} {
         puts [::sorma::usage::program sormad]
         return 0
@@ -49,6 +51,9 @@ proc ::sorma::daemon::main words {
         }
         Start $settings [InheritedSockets [dict get $settings -inetd]]
     } on error message {
+        if {[info exists End] && [info exists Waits]} {
+            return 0
+        }
         puts stderr "sormad: $message"
         return 1
     }
@@ -63,6 +68,9 @@ proc ::sorma::daemon::main words {
 }
 
 proc ::sorma::daemon::StopServing name {
+    if {[namespace exists ::sorma::vxi11Port]} {
+        ::sorma::vxi11Port::close
+    }
     try {
         ::sorma::unserve $name "daemon $name was told to end"
     } trap {SORMA SERVICE GONE} {} {
@@ -89,11 +97,15 @@ proc ::sorma::daemon::Prompt name {
 proc ::sorma::daemon::EndBySignal {} {
     variable End
     variable Grace
+    variable Waits
     if {[info exists End]} {
         return
     }
     set End signal
     ::sorma::Notify "STOPPING=1\nSTATUS=told to end"
+    if {[info exists Waits]} {
+        StopServing $Waits          ;# or sorma::serve would wait for the name
+    }
     after [expr {round(1000 * $Grace)}] {
         puts stderr "sormad: told to end, but a request did not end in $::sorma::daemon::Grace s"
         exit 1
@@ -103,7 +115,7 @@ proc ::sorma::daemon::EndBySignal {} {
 # Read the command line into a dict: option -> value; -serve: those for sorma::serve.
 proc ::sorma::daemon::Parse words {
     variable Options
-    set forServe {-port -host -socket -rpcbind -program -allow -policy -open -share -tls}
+    set forServe {-port -host -socket -rpcbind -program -allow -policy -open -share -tls -directory -standby -owned}
     set settings [dict remove [::sorma::options::defaults $Options] {*}$forServe]
     set settings [::sorma::options::take $Options $settings $words]
     if {[dict get $settings -name] eq {}} {
@@ -122,7 +134,7 @@ proc ::sorma::daemon::Parse words {
     dict set settings -serve {}
     foreach option $forServe {
         if {[dict exists $settings $option]} {
-            foreach value [if {$option eq "-allow"} {dict get $settings $option} else {list [dict get $settings $option]}] {
+            foreach value [if {$option in {-allow -owned}} {dict get $settings $option} else {list [dict get $settings $option]}] {
                 dict lappend settings -serve $option $value
             }
         }
@@ -207,17 +219,25 @@ proc ::sorma::daemon::Start {settings inherited} {
     foreach class [::sorma::classes] {
         catch {::sorma::KeepTrail [list ::sorma::so::sorm DBX -describe $class]}
     }
+    set standby [expr {[dict exists $settings -standby] && [string is true -strict [dict get $settings -standby]]}]
+    if {$standby} {
+        StandBy [dict get $settings -name]
+    }
     set served [::sorma::serve [dict get $settings -name] {*}[dict get $settings -serve] {*}$inherited]
+    unset -nocomplain ::sorma::daemon::Waits
     if {[dict get $settings -metrics] ne {}} {
         MakeMetrics [dict get $settings -name] [dict get $settings -metrics]
     }
-    if {[dict get $settings -scpi] ne {}} {
-        set scpi [ListenScpi [dict get $settings -name] [dict get $settings -scpi]]
+    set doors {}
+    foreach door {scpi vxi11} {
+        if {[dict get $settings -$door] ne {}} {
+            append doors " $door=[Listen [dict get $settings -name] $door [dict get $settings -$door]]"
+        }
     }
     if {[dict get $settings -idle] > 0} {
         WatchIdle [expr {round(1000 * [dict get $settings -idle])}]
     }
-    set line [ReadyLine $served [dict get $settings -metrics] [expr {[info exists scpi] ? $scpi : {}}]]
+    set line [ReadyLine $served [dict get $settings -metrics] $doors]
     if {[dict exists $settings -open] && [dict get $settings -open]} {
         append line " open=1"
         puts stderr "sormad: [dict get $served name] is open (-open 1): whoever reaches it may call and inspect its objects"
@@ -225,11 +245,22 @@ proc ::sorma::daemon::Start {settings inherited} {
     puts $line
     flush stdout
     ::sorma::Notify "READY=1\nSTATUS=$line"
+    if {!$standby} {
+        StartWatchdog
+    }
+}
+
+# A standby daemon is all that it should be before it waits: who starts it goes on.
+proc ::sorma::daemon::StandBy name {
+    variable Waits $name
+    puts "standby $name"
+    flush stdout
+    ::sorma::Notify "READY=1\nSTATUS=standby $name"
     StartWatchdog
 }
 
-# The line of a daemon that can be called. scpi: its port, or empty.
-proc ::sorma::daemon::ReadyLine {served metrics scpi} {
+# The line of a daemon that can be called. doors: what it says of those for instruments.
+proc ::sorma::daemon::ReadyLine {served metrics doors} {
     set line "ready [dict get $served name]"
     if {[dict get $served port] ne {}} {
         append line " tcp=[dict get $served port]"
@@ -243,10 +274,7 @@ proc ::sorma::daemon::ReadyLine {served metrics scpi} {
     if {$metrics ne {}} {
         append line " metrics=[lindex [split [lindex [::sorma::so::metrics DBX -address] 3] :] end]"
     }
-    if {$scpi ne {}} {
-        append line " scpi=$scpi"
-    }
-    return $line
+    return $line$doors
 }
 
 # The object that answers Prometheus. When that is impossible, the daemon does not serve.
@@ -262,15 +290,22 @@ proc ::sorma::daemon::MakeMetrics {name port} {
     }
 }
 
-# The port of SCPI. When there is none, the daemon does not serve.
-proc ::sorma::daemon::ListenScpi {name port} {
+# The port of a door for instruments, scpi or vxi11. place: a port, or an address and a port. When there is none, the daemon does not serve.
+proc ::sorma::daemon::Listen {name door place} {
     try {
-        package require sorma::scpiPort
-        return [::sorma::scpiPort::listen $port]
+        package require sorma::${door}Port
+        return [::sorma::${door}Port::listen {*}[Place $place]]
     } on error message {
         StopServing $name
-        return -code error "-scpi $port: $message"
+        return -code error "-$door $place: $message"
     }
+}
+
+proc ::sorma::daemon::Place place {
+    if {![regexp {^(?:(?:\[([0-9a-fA-F:.]+)\]|([\w.-]+)):)?(\d{1,5})$} $place -> six four port] || $port > 65535} {
+        return -code error "expected a port, or ADDRESS:PORT"
+    }
+    return [list $port {*}[if {"$six$four" ne {}} {list $six$four}]]
 }
 
 # Objects of the command line are there from the beginning, also after a restart.

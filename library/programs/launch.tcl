@@ -5,6 +5,7 @@
 # hands that end on. Processes that are left in the session of an ended daemon are killed.
 
 package require sorma
+package require sorma::keys
 package require sorma::launchDaemon
 package require sorma::launchFile
 package require sorma::options
@@ -51,7 +52,7 @@ proc ::sorma::launch::main words {
     variable Times
     try {
         set settings [::sorma::options::leading {
-            --times flag  --only {{collect {the name of a daemon}}}  --until-eof flag  --ready flag  --check flag  --list flag  --options flag  --help flag  -help flag  -h flag
+            --times flag  --only {{collect {the name of a daemon}}}  --until-eof flag  --ready flag  --check flag  --list flag  --keys flag  --options flag  --help flag  -help flag  -h flag
         } words]
     } trap {SORMA REQUEST SYNTAX} message {
         return [Misused $message]
@@ -94,6 +95,8 @@ proc ::sorma::launch::main words {
             return [Check $file $daemons]
         } elseif {${--list}} {
             return [List $daemons]
+        } elseif {${--keys}} {
+            return [BringKeys $file $daemons]
         }
         if {${--until-eof}} {
             fconfigure stdin -blocking 0
@@ -442,6 +445,38 @@ proc ::sorma::launch::Terminal channel {
     return [expr {![catch {exec test -t 1 >@$channel}]}]
 }
 
+# ---- --keys ----
+
+# Make a key for each daemon on another host, and bring it there by ssh, on its standard input.
+proc ::sorma::launch::BringKeys {file daemons} {
+    set daemons [dict filter $daemons script {name settings} {expr {[dict get $settings -on] ne {}}}]
+    if {[dict size $daemons] == 0} {
+        puts stderr "sorma-launch: no daemon of $file runs on another host (-on HOST); on this one: sorma-keys new NAME"
+        return 2
+    }
+    set status 0
+    dict for {name settings} $daemons {
+        set command [lmap word [dict get $settings -sormad] {expr {[file tail $word] eq "sormad" ? [file join [file dirname $word] sorma-keys] : $word}}]
+        if {[dict get $settings -sormad] eq "sormad"} {
+            set command sorma-keys
+        }
+        try {
+            set pipe [open [list | sh -c [Placed $settings [list {*}$command take -]] 2>@1] r+]
+            fconfigure $pipe -encoding utf-8
+            puts -nonewline $pipe [::sorma::keys::stream $name]
+            close $pipe write
+            set said [string trim [read $pipe]]
+            close $pipe
+            puts "[dict get $settings -on]: $said"
+        } on error message {
+            puts stderr "sorma-launch: the key of $name is not on [dict get $settings -on]: [expr {[info exists said] && $said ne {} ? $said : $message}]"
+            set status 1
+        }
+        unset -nocomplain said
+    }
+    return $status
+}
+
 # ---- commands ----
 
 # One word that a shell reads as it stands.
@@ -452,8 +487,8 @@ proc ::sorma::launch::Quoted word {
     return '[string map {' '\\''} $word]'
 }
 
-# The command of a daemon for a shell: here, or on its own host.
-proc ::sorma::launch::commandText {name settings} {
+# A command for a shell, in the environment of a daemon: here, or on its own host.
+proc ::sorma::launch::Placed {settings command} {
     set words {}
     if {[dict get $settings -directory] ne {} || [llength [dict get $settings -env]] > 0} {
         lappend words env
@@ -468,11 +503,23 @@ proc ::sorma::launch::commandText {name settings} {
             set word
         }]
     }
+    set text "exec [join [lmap word [list {*}$words {*}$command] {Quoted $word}]]"
+    if {[dict get $settings -on] eq {}} {
+        return $text
+    }
+    # Do not ask for a password; both sides notice a dead connection.
+    set words [list {*}[dict get $settings -ssh] -T -o BatchMode=yes -o ServerAliveInterval=5 \
+        -o ServerAliveCountMax=3 -- [dict get $settings -on] $text]
+    return "exec [join [lmap word $words {Quoted $word}]]"
+}
+
+# The command of a daemon.
+proc ::sorma::launch::commandText {name settings} {
     set program [dict get $settings -sormad]
     if {$program eq "sormad" && [dict get $settings -on] eq {}} {
         set program [list [Beside sormad]]
     }
-    lappend words {*}$program -name $name -until-eof
+    set words [list {*}$program -name $name -until-eof]
     foreach line [dict get $settings -allow] {
         lappend words -allow $line
     }
@@ -490,14 +537,7 @@ proc ::sorma::launch::commandText {name settings} {
             lappend words $option {*}[dict get $settings $option]
         }
     }
-    set text "exec [join [lmap word $words {Quoted $word}]]"
-    if {[dict get $settings -on] eq {}} {
-        return $text
-    }
-    # Do not ask for a password; both sides notice a dead connection.
-    set words [list {*}[dict get $settings -ssh] -T -o BatchMode=yes -o ServerAliveInterval=5 \
-        -o ServerAliveCountMax=3 -- [dict get $settings -on] $text]
-    return "exec [join [lmap word $words {Quoted $word}]]"
+    return [Placed $settings $words]
 }
 
 # A program of ours: the one that lies where this one does, else one along PATH.

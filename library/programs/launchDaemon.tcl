@@ -100,7 +100,7 @@ oo::class create ::sorma::launch::Daemon {
     # Show a line, or a piece of one that goes on.
     method Line {line whole} {
         set longest $::sorma::launch::Longest
-        if {$State eq "starting" && $Marks eq "|" && [regexp "^ready [string map {. \\.} $Name]( |\$)" $line]} {
+        if {$State eq "starting" && $Marks eq "|" && [regexp "^(?:ready|standby) [string map {. \\.} $Name]( |\$)" $line]} {
             my Ready $line
         }
         for {set at 0} {$at == 0 || $at < [string length $line]} {incr at $longest} {

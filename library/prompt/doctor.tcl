@@ -5,6 +5,7 @@
 
 package provide sorma::doctor 1.0         ;# before what needs it in turn
 package require sorma::inspect
+package require sorma::keyFolder
 
 namespace eval ::sorma::inspect {
     dict set Topics doctor {what is wrong on this machine, and how to mend it}
@@ -132,6 +133,9 @@ proc ::sorma::inspect::doctor::CheckDaemons {} {
             Note daemon [expr {[string match busy* $trouble] ? "note" : "wrong"}] "$name at [dict get $daemon address]: $trouble" \
                 [switch -glob -- $trouble {
                     busy* { string cat "wait, or see what it does: sorma::health $name" }
+                    "*is not made for the name*" { string cat "call it by the name in its certificate; or where the authority is: sorma-keys new $name, or sorma-keys give $name" }
+                    "*has spoken TLS since*" { string cat "find out why it is in clear now; if it is meant: sorma-keys forget $name" }
+                    "*TLS*" - "*certificate*" { string cat "see TLS in sorma::manual security" }
                     "no answer*" { string cat "see whether it is stopped (kill -CONT), or end it" }
                     default { string cat "start it, or take its address out of the dictionary" }
                 }]
@@ -243,40 +247,98 @@ proc ::sorma::inspect::doctor::CheckPolicy {} {
 
 # Keys for TLS: see sorma-keys.
 proc ::sorma::inspect::doctor::CheckKeys {} {
-    global env
-    set folder {}
-    foreach {variable ending} {SORMA_KEYS {} XDG_CONFIG_HOME sorma/keys HOME .config/sorma/keys} {
-        if {$folder eq {} && [info exists env($variable)] && $env($variable) ne {}} {
-            set folder [file join $env($variable) {*}[file split $ending]]
-        }
-    }
-    set own [file join $folder own]
-    if {![file exists $own] && ![file exists [file join $folder authority.pem]]} {
+    set folder [::sorma::keyFolder::folder]
+    set own [::sorma::keyFolder::own]
+    if {$own eq {} && ![file exists [::sorma::keyFolder::path authority.pem]]} {
         return [Note keys ok "none in $folder: TCP is in clear"]
     }
-    if {![file exists $own]} {
-        return [Note keys wrong "there is an authority in $folder, and no certificate of this host: TCP fails" "sorma-keys new NAME, or sorma-keys take FILE"]
+    if {$own eq {}} {
+        Note keys wrong "there is an authority in $folder, and no certificate of this host: TCP fails" "sorma-keys new NAME, or sorma-keys take FILE"
+    } elseif {![file exists [::sorma::keyFolder::path $own.pem]]} {
+        Note keys wrong "own names $own, and there is no [::sorma::keyFolder::path $own.pem]" "sorma-keys new $own, or sorma-keys take FILE"
     }
-    set in [open $own]
-    set name [string trim [read $in]]
-    close $in
-    set file [file join $folder $name.pem]
-    if {![file exists $file]} {
-        return [Note keys wrong "own names $name, and there is no $file" "sorma-keys new $name, or sorma-keys take FILE"]
+    foreach name [::sorma::keyFolder::names] {
+        CheckKey $name
     }
-    file stat $file found
-    if {$found(mode) & 0o077} {
+    CheckRevoked
+    CheckPins
+    CheckShown $own
+}
+
+proc ::sorma::inspect::doctor::CheckKey name {
+    set file [::sorma::keyFolder::path $name.pem]
+    if {[::sorma::keyFolder::exposed $file]} {
         return [Note keys wrong "others may read $file; it is not used" "chmod 600 $file; if somebody has: sorma-keys revoke $name"]
     }
-    if {[catch {exec openssl x509 -noout -enddate -in $file} said] || ![regexp {notAfter=(.*) GMT} $said -> until]} {
-        return [Note keys wrong "$file cannot be read: [lindex [split $said \n] 0]" "sorma-keys new $name"]
-    }
-    set left [expr {([clock scan $until -format {%b %d %H:%M:%S %Y} -timezone :UTC] - [clock seconds]) / 86400.0}]
     set mend "where the authority is: sorma-keys new $name, or sorma-keys give $name"
-    if {$left < 0} {
-        return [Note keys wrong "$file has expired on $until UTC" $mend]
+    if {[catch {::sorma::keyFolder::about [::sorma::keyFolder::text $file]} about]} {
+        return [Note keys wrong "$file cannot be read: $about" $mend]
     }
-    Note keys [expr {$left < 30 ? "note" : "ok"}] "$file, until $until UTC" [expr {$left < 30 ? $mend : {}}]
+    set now [clock seconds]
+    set left [expr {([dict get $about until] - $now) / 86400.0}]
+    set until [::sorma::keyFolder::date [dict get $about until]]
+    if {[dict get $about name] ne $name} {
+        Note keys wrong "$file is made for the name [dict get $about name]: who calls the daemon $name refuses it" $mend
+    } elseif {[dict get $about from] > $now + 300} {
+        Note keys wrong "$file holds from [::sorma::keyFolder::date [dict get $about from]]; here it is [::sorma::keyFolder::date $now]" "set the clock, or $mend"
+    } elseif {$left < 0} {
+        Note keys wrong "$file has expired on $until" $mend
+    } else {
+        Note keys [expr {$left < 30 ? "note" : "ok"}] "$file, until $until" [expr {$left < 30 ? $mend : {}}]
+    }
+}
+
+# With such a file no daemon starts. One that runs goes on with the file of before.
+proc ::sorma::inspect::doctor::CheckRevoked {} {
+    foreach {name mend} {revoked "chmod 600 it, or remove it" crl.pem "put a list of your authority there, or remove the file"} {
+        set file [::sorma::keyFolder::path $name]
+        if {[catch {file lstat $file found}]} continue
+        if {[catch {::sorma::keyFolder::text $file} text]} {
+            Note keys wrong "$file cannot be read" $mend
+        } elseif {$name eq "crl.pem" && [set why [WhyNotSigned [::sorma::keyFolder::parts {X509 CRL} $text]]] ne {}} {
+            Note keys wrong "$file: $why" $mend
+        }
+    }
+}
+
+proc ::sorma::inspect::doctor::WhyNotSigned lists {
+    set authorities {}
+    foreach known {authority.pem trusted.pem} {
+        if {[file exists [::sorma::keyFolder::path $known]]} {
+            lappend authorities {*}[::sorma::keyFolder::parts CERTIFICATE [::sorma::keyFolder::text [::sorma::keyFolder::path $known]]]
+        }
+    }
+    foreach list $lists {
+        if {![::sorma::keyFolder::signed $list $authorities]} {
+            return "no authority that this host knows has signed a list in it"
+        }
+    }
+    return [expr {$lists eq {} ? "there is no list in it" : {}}]
+}
+
+# Names that are never spoken to in clear. One that is in clear now is a daemon that is not reached.
+proc ::sorma::inspect::doctor::CheckPins {} {
+    set file [::sorma::keyFolder::path pins]
+    if {[catch {::sorma::keyFolder::pins} pins]} {
+        return [Note pins wrong "$file cannot be read: daemons that have spoken TLS are not known" "chmod 600 $file"]
+    }
+    if {![file writable [expr {[file exists $file] ? $file : [file dirname $file]}]]} {
+        Note pins wrong "$file cannot be written to: a daemon that speaks TLS is not pinned" "chmod u+w it, and its folder"
+    }
+    if {[dict size $pins] > 0} {
+        Note pins ok "never in clear: [join [lmap {name date} $pins {string cat "$name since $date"}] {, }]"
+    }
+}
+
+# Which certificate do the daemons here show? Clients refuse one with another name.
+proc ::sorma::inspect::doctor::CheckShown own {
+    foreach item [dict get [lindex [::sorma::KeepTrail {::sorma::so::sorm DBX -inventory siblings}] 3] siblings] {
+        lassign $item name host port
+        if {$own ni [list {} $name] && $name ni [::sorma::keyFolder::names]} {
+            Note keys note "the daemon $name, on TCP at $host:$port, shows the certificate of $own" \
+                "call it @$own from other hosts; or where the authority is: sorma-keys new $name, or sorma-keys give $name"
+        }
+    }
 }
 
 # ---- the machine ----

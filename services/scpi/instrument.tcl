@@ -1,13 +1,18 @@
-# instrument -- plays a supply, a multimeter or an oscilloscope, for tests without hardware: SCPI by TCP, with noise, and with faults on purpose.
+# instrument -- plays a supply, a multimeter or an oscilloscope, for tests without hardware: SCPI by TCP, VXI-11 or a serial line, with noise, and with
+# faults on purpose.
 #
 #     instrument.sim CTRL -kind supply
 #     instrument.sim CTRL -on                 the reply is the port; it listens on this host alone
+#     instrument.sim CTRL -vxi11              the reply is another port, of VXI-11; its device is inst0
+#     instrument.sim CTRL -serial             the reply is a pseudo terminal, as it were /dev/ttyUSB0
 #     instrument.sim EXEC TMSG MEAS:VOLT?     the same without a line
 #
 # A table has all that it understands. Patterns are as manuals have them: the short form in capitals, what may be left out in brackets. Each line
 # has an error queue of its own.
 
 package require sorma
+package require sorma::vxi11
+package require sorma::vxi11Rpcbind
 
 namespace eval ::sorma::service::instrument {
     # kind -> pattern -> what: value NAME LOW HIGH and word NAME CHOICES can be set and asked for; set NAME NUMBER has no argument; ask METHOD is
@@ -37,7 +42,7 @@ namespace eval ::sorma::service::instrument {
             SINGle {set running 0}
             WAVeform:SOURce {word source CHAN1}
             WAVeform:FORMat {word format {WORD BYTE}}
-            WAVeform:POINts {value points 1 16777216}
+            WAVeform:POINts {value points 1 33554432}
             WAVeform:PREamble {ask Preamble}
             WAVeform:XINCrement {ask Increment}
             WAVeform:DATA {ask Wave}
@@ -46,7 +51,8 @@ namespace eval ::sorma::service::instrument {
     }
     variable Defaults {voltage 0 current 1 output 0 protection 33 function VOLT range 10 cycles 10
         timebase 1e-4 scale 1 running 1 source CHAN1 format WORD points 1000}
-    variable Words {-100 {Command error} -104 {Data type error} -109 {Missing parameter} -113 {Undefined header} -222 {Data out of range} -224 {Illegal parameter value} -350 {Queue overflow}}
+    variable Words {-100 {Command error} -104 {Data type error} -109 {Missing parameter} -113 {Undefined header} -222 {Data out of range} -224 {Illegal parameter value} -350 {Queue overflow}
+        -363 {Input buffer overrun} -410 {Query INTERRUPTED} -420 {Query UNTERMINATED}}
     # A regular expression for headers in capitals: [SOURce:]VOLTage -> ^:?(?:SOUR(?:CE)?:)?VOLT(?:AGE)?$
     proc Expression pattern {
         return ^:?[string toupper [regsub -all {[a-z]+} [string map {\[ (?: \] )?} $pattern] {(?:&)?}]]\$
@@ -62,26 +68,43 @@ oo::class create ::sorma::service::instrument {
     sorma::option -signal double -unit V -range {-1000 1000} -default 5 -help "what multimeter and oscilloscope see"
     sorma::option -noise double -range {0 1} -default 0.001 -help "of what is measured, as a share of it"
     sorma::option -fault enum -choices {none silent half garbage hangup} -default none -help "what becomes of its answers"
+    sorma::option -terminator enum -choices {lf cr crlf} -default lf -help "what ends its answers, by TCP and by a serial line; each of them ends a message"
+    sorma::option -link string -kind file -help "a name for the pseudo terminal of -serial, which stays the same when it is plugged in again"
+    sorma::option -identity string -help "what *IDN? says, so that other programs take it for an instrument that they know; empty: SORMA, kind, name and 1.0"
+    sorma::option -rpcbind flag -default 0 -help "rpcbind of this host tells clients the port of -vxi11, as lxi-tools and PyVISA ask for it"
     sorma::action -on {} "switch it on: the reply is the port where it listens, on this host alone" {my On}
+    sorma::action -vxi11 {} "switch it on for VXI-11: the reply is the port, which rpcbind tells with -rpcbind alone; it listens on this host alone" {my OnVxi}
+    sorma::action -serial {} "plug in its serial line: the reply is the path of a pseudo terminal" {my OnSerial}
     sorma::action -off {} "switch it off: lines end, and what was set is forgotten" {my Off}
     sorma::inspection -port {} "where it listens; empty: it is off" {set Port}
-    sorma::inspection -lines {} "how many clients have a line" {dict size $Lines}
+    sorma::inspection -heard {} "the last message that it has got" {set Heard}
+    sorma::inspection -lines {} "how many clients have a line" {my Clients}
     sorma::reads text 1.. "" "a message in SCPI"
     sorma::writes text 0.. "" "its answer"
     sorma::example "instrument.sim EXEC TMSG *IDN?"
 
     variable Server Port        ;# the listener and its port; empty: it is off
     variable Lines              ;# dict: channel -> what has come without its end
-    variable Errors             ;# dict: channel, or own -> numbers
+    variable Serial             ;# the serial line: channel, path, link, and the end that keeps the terminal while no client has it; empty: none
+    variable Vxi Told Links     ;# the listener of VXI-11, empty: it is off; rpcbind tells its port; links so far
+    variable Errors             ;# dict: channel, number of a link, or own -> numbers
+    variable Heard              ;# the last message
     variable Values             ;# dict: name -> number
 
     method born {} {
-        set Server [set Port [set Lines {}]]
+        set Server [set Port [set Lines [set Vxi [set Serial {}]]]]
+        set Links [set Told 0]
         set Errors {own {}}
         my Reset
     }
     destructor {
         my Off
+    }
+    # It is one line of ASCII, without what separates answers.
+    method changed options {
+        if {"-identity" in $options && [regexp {[^\x20-\x7e]|;} [my cget -identity]]} {
+            sorma::fail [list INSTRUMENT IDENTITY [my cget -identity]] "[my name]: -identity expects a line of ASCII without semicolons, got \"[string range [my cget -identity] 0 100]\""
+        }
     }
     method dump {} {
         return [join [lmap {name value} $Values {string cat "$name $value"}] \n]
@@ -100,13 +123,26 @@ oo::class create ::sorma::service::instrument {
         return $Port
     }
     method Off {} {
-        foreach channel [concat $Server [dict keys $Lines]] {
-            catch {close $channel}
+        foreach channel [dict keys $Lines] {
+            my HangUp $channel
         }
-        set Server [set Port [set Lines {}]]
+        if {$Server ne {}} {
+            close $Server
+        }
+        if {$Vxi ne {}} {
+            $Vxi destroy
+        }
+        if {$Told} {
+            ::sorma::vxi11Rpcbind::forget
+        }
+        set Told 0
+        set Server [set Port [set Lines [set Vxi {}]]]
         set Errors {own {}}
         my Reset
         return
+    }
+    method Clients {} {
+        return [expr {[dict size $Lines] + ($Vxi eq {} ? 0 : [$Vxi lines])}]
     }
     method Accept {channel args} {
         if {[dict size $Lines] >= 16} {
@@ -122,12 +158,11 @@ oo::class create ::sorma::service::instrument {
             return [my HangUp $channel]
         }
         dict append Lines $channel $piece
-        while {[dict exists $Lines $channel] && [set end [string first \n [dict get $Lines $channel]]] >= 0} {
-            set text [string range [dict get $Lines $channel] 0 $end-1]
-            dict set Lines $channel [string range [dict get $Lines $channel] $end+1 end]
+        while {[dict exists $Lines $channel] && [regexp {^([^\r\n]*)[\r\n](.*)$} [dict get $Lines $channel] -> text rest]} {
+            dict set Lines $channel $rest
             set answer [my Answer $channel [string trim $text]]
             if {$answer ne {}} {
-                my Say $channel $answer\n
+                my Say $channel $answer[dict get {lf \n cr \r crlf \r\n} [my cget -terminator]]
             }
         }
     }
@@ -143,18 +178,117 @@ oo::class create ::sorma::service::instrument {
         }
     }
     method HangUp channel {
+        if {$channel eq [lindex $Serial 0]} {
+            my Unplug
+        }
         catch {close $channel}
         dict unset Lines $channel
         dict unset Errors $channel
+    }
+
+    # socat has the terminal, and its own input and output are our channel.
+    method OnSerial {} {
+        if {$Serial ne {}} {
+            return [lindex $Serial 1]
+        }
+        if {[auto_execok socat] eq {}} {
+            sorma::fail {INSTRUMENT SERIAL} "[my name]: socat is not installed; it makes pseudo terminals (apt-get install socat)"
+        }
+        set link [my cget -link]
+        if {$link ne {} && ![catch {file type $link} type] && !($type eq "link" && [string match /dev/pts/* [file readlink $link]])} {
+            sorma::fail [list INSTRUMENT SERIAL $link] "[my name]: -link expected a new name, got \"$link\": a $type has it"
+        }
+        lassign [chan pipe] said saying
+        set channel [open |[list socat -d -d pty,raw,echo=0 - 2>@$saying] {RDWR}]
+        close $saying
+        while {[gets $said text] >= 0 && ![regexp {PTY is (/\S+)} $text -> path]} {
+        }
+        try {
+            if {![info exists path]} {
+                sorma::fail {INSTRUMENT SERIAL} "[my name]: socat makes no pseudo terminal; it says \"$text\""
+            }
+            set kept [open $path {RDWR NOCTTY NONBLOCK}]
+            if {$link ne {}} {
+                file delete $link
+                file link -symbolic $link $path
+            }
+        } on error {why how} {
+            catch {close $said}
+            catch {close $channel}
+            return -options $how $why
+        }
+        set Serial [list $channel [if {$link eq {}} {set path} else {set link}] $link $kept $said]
+        my Accept $channel
+        return [lindex $Serial 1]
+    }
+    method Unplug {} {
+        lassign $Serial channel path link kept said
+        set Serial {}
+        if {$link ne {}} {
+            catch {file delete $link}
+        }
+        catch {exec kill [pid $channel]}
+        foreach end [list $kept $said] {
+            catch {close $end}
+        }
+    }
+
+    method OnVxi {} {
+        set server [if {$Vxi ne {}} {set Vxi} else {::sorma::vxi11::server new [namespace code {my Vxi}] 127.0.0.1 0}]
+        if {[my cget -rpcbind] && !$Told} {
+            if {[catch {::sorma::vxi11Rpcbind::tell [$server port] "set -rpcbind 0"} why]} {
+                if {$Vxi eq {}} {
+                    $server destroy
+                }
+                sorma::fail {INSTRUMENT RPCBIND} "[my name]: -rpcbind 1: $why"
+            }
+            set Told 1
+        }
+        set Vxi $server
+        return [$Vxi port]
+    }
+    # The commands that sorma::vxi11 wants of an instrument.
+    method Vxi {verb args} {
+        lassign $args id
+        switch -- $verb {
+            open {
+                if {[lindex $args 1] ne "inst0"} return
+                dict set Errors [incr Links] {}
+                return $Links
+            }
+            owns { return 1 }
+            device { return inst0 }
+            whole { return [expr {[string last \n $id] + 1}] }
+            message { my Message {*}$args }
+            status { return [expr {([dict get $Errors $id] eq {} ? 0 : 4) | ([lindex $args 1] ? 16 : 0)}] }
+            wrong { my Queue {*}$args }
+            close { dict unset Errors $id }
+        }
+    }
+    method Message {id bytes done} {
+        set answers [lmap text [split $bytes \n] {
+            if {[set answer [my Answer $id [string trim $text]]] eq {}} continue
+            string cat $answer \n
+        }]
+        set answer [join $answers {}]
+        switch -- [if {$answer eq {}} {string cat none} else {my cget -fault}] {
+            silent { set answer {} }
+            half { return [{*}$done [string range $answer 0 [expr {[string length $answer] / 2 - 1}]] 0] }
+            garbage { set answer "\xff\x00\x80garbage\n" }
+            hangup { throw {VXI11 HANGUP} "a fault on purpose" }
+        }
+        {*}$done $answer
     }
 
     # ---- what it understands ----
 
     method Reset {} {
         set Values $::sorma::service::instrument::Defaults
+        set Heard {}
     }
     # The answers to all parts of a message; an error goes into the queue of who has asked.
     method Answer {who text} {
+        set Heard $text
         set answers {}
         foreach part [split $text \;] {
             set part [string trim $part]
@@ -176,7 +310,7 @@ oo::class create ::sorma::service::instrument {
     }
     method Part {who head asks argument} {
         switch -- $head?$asks {
-            *IDN?1 { return "SORMA,[my cget -kind],[my name],1.0" }
+            *IDN?1 { return [if {[my cget -identity] eq {}} {string cat "SORMA,[my cget -kind],[my name],1.0"} else {my cget -identity}] }
             *RST?0 { my Reset; return }
             *CLS?0 { dict set Errors $who {}; return }
             *OPC?0 - *WAI?0 { return }

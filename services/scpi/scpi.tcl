@@ -1,4 +1,4 @@
-# scpi -- speaks to an instrument that understands SCPI (IEEE 488.2), by TCP or by a serial line.
+# scpi -- speaks to an instrument that understands SCPI (IEEE 488.2): by TCP, by VXI-11, or by a serial line.
 #
 #     scpi.psu CTRL -to tcp:192.168.0.9:5025
 #     scpi.psu EXEC query MEAS:VOLT?
@@ -8,6 +8,8 @@
 # closed, because the answer may still come. The next request opens the line again. So an instrument that was off is found.
 
 package require sorma
+package require sorma::vxi11Client
+package require sorma::serial
 
 namespace eval ::sorma::scpi {}
 
@@ -43,7 +45,7 @@ oo::class create ::sorma::service::scpi {
     superclass sorma::Service
 
     sorma::purpose "speaks to an instrument that understands SCPI"
-    sorma::option -to string -kind file -help "where it is: tcp:HOST:PORT, or serial:PATH,BAUD,8n1"
+    sorma::option -to string -kind file -help "where it is: tcp:HOST:PORT, vxi11:HOST/inst0, vxi11:HOST:PORT/inst0, or serial:PATH,BAUD,8n1 with ,rtscts or ,xonxoff"
     sorma::option -terminator enum -choices {lf cr crlf} -default lf -help "what ends a message, both ways"
     sorma::option -patience double -unit s -range {0.001 3600} -default 5 -help "how long the instrument may be silent: while it is reached, and within an answer"
     sorma::option -check flag -default 1 -help "ask SYST:ERR? after each write, and when an answer is missing"
@@ -60,7 +62,10 @@ oo::class create ::sorma::service::scpi {
     sorma::example "scpi.psu EXEC query *IDN?"
 
     variable Channel Opened     ;# the line, empty: it is closed; what -to was then
+    variable Vxi                ;# object of a link of VXI-11, made when it is needed
     variable Input Seen         ;# bytes that have come; so many of them have no terminator
+    variable Rest               ;# characters that may still come of the answer before
+    variable Lag                ;# ms that a serial line needs for our message: that long the instrument cannot answer
     variable Turns              ;# coroutines: the first one has the line, the others wait for it
 
     variable Table              ;# dict: option -> dict type set get choices; of a driver
@@ -68,14 +73,17 @@ oo::class create ::sorma::service::scpi {
     variable Timer              ;# of -poll
 
     method born {} {
-        set Channel [set Opened [set Input [set Turns [set Timer {}]]]]
-        set Seen 0
+        set Channel [set Vxi [set Opened [set Input [set Rest [set Turns [set Timer {}]]]]]]
+        set Seen [set Lag 0]
         set Known {}
         my Poll
     }
     destructor {
         after cancel $Timer
         my Close
+        if {$Vxi ne {}} {
+            $Vxi destroy
+        }
     }
     method changed options {
         if {"-to" in $options && [my cget -to] ne {}} {
@@ -389,19 +397,29 @@ oo::class create ::sorma::service::scpi {
         if {[regexp {^tcp:(?:\[([^]\s]+)\]|([^:,\s]+)):([1-9]\d{0,4})$} $to -> six four port] && $port <= 65535} {
             return [list tcp $six$four $port]
         }
-        if {[regexp {^serial:(/[^,]+),(\d+),([5-8])([noems])([12])$} $to -> path baud data parity stop]} {
-            return [list serial $path $baud,$parity,$data,$stop]
+        if {[string match serial:* $to]} {
+            try {
+                return [list serial [::sorma::serial::parse [string range $to 7 end]]]
+            } trap SERIAL why {
+                my Fault ADDRESS "-to serial: $why" $to
+            }
         }
-        my Fault ADDRESS "-to expects tcp:HOST:PORT or serial:PATH,BAUD,8n1, got \"$to\"" $to
+        if {[regexp {^vxi11:(?:\[([^]\s]+)\]|([^:/,\s]+))(?::([1-9]\d{0,4}))?/([^/\s]+)$} $to -> six four port device] && ($port eq {} || $port <= 65535)} {
+            return [list vxi11 $six$four [expr {$port eq {} ? 0 : $port}] $device]
+        }
+        my Fault ADDRESS "-to expects tcp:HOST:PORT, vxi11:HOST/DEVICE, vxi11:HOST:PORT/DEVICE or serial:PATH,BAUD,8n1, got \"$to\"" $to
     }
     method Line {} {
         return [if {$Channel eq {}} {string cat closed} else {string cat "open to $Opened"}]
     }
     method Close {} {
         if {$Channel ne {}} {
-            catch {close $Channel}
+            ::sorma::serial::close $Channel
         }
-        set Channel [set Input {}]
+        if {$Vxi ne {}} {
+            $Vxi shut
+        }
+        set Channel [set Input [set Rest {}]]
         set Seen 0
         return
     }
@@ -414,15 +432,17 @@ oo::class create ::sorma::service::scpi {
         if {$to eq {}} {
             my Fault ADDRESS "no instrument: say \"[my name] CTRL -to tcp:HOST:PORT\""
         }
-        lassign [my Parts $to] kind place more
+        lassign [my Parts $to] kind place more device
+        if {$kind eq "vxi11"} {
+            return [my OpenVxi $to $place $more $device]
+        }
         try {
             if {$kind eq "tcp"} {
                 set Channel [socket -async $place $more]
+                chan configure $Channel -blocking 0 -buffering none -translation binary
             } else {
-                set Channel [open $place {RDWR NOCTTY NONBLOCK}]
-                chan configure $Channel -mode $more
+                set Channel [::sorma::serial::open $place]
             }
-            chan configure $Channel -blocking 0 -buffering none -translation binary
         } on error why {
             my GiveUp UNREACHABLE "$to cannot be opened: $why" $to
         }
@@ -445,12 +465,19 @@ oo::class create ::sorma::service::scpi {
     method Send text {
         set Input {}
         set Seen 0
+        if {[my Vxi]} {
+            return [my TryVxi $text write $text[my End] [my Milliseconds]]
+        }
+        set Lag [::sorma::serial::time $Channel [string length $text]]
         if {[catch {puts -nonewline $Channel $text[my End]} why]} {
             my GiveUp LOST "the line to $Opened broke before the message was sent: $why" $Opened
         }
     }
     # The bytes of one answer, without its terminator.
     method Receive text {
+        if {[my Vxi]} {
+            return [my ReceiveVxi $text]
+        }
         while {[set size [my Whole]] < 0} {
             set what [my Wait readable]
             if {$what ne "ready"} {
@@ -460,8 +487,14 @@ oo::class create ::sorma::service::scpi {
                 my GiveUp LOST "the line to $Opened broke after \"[string range $text 0 100]\" was sent, [string length $Input] bytes of the answer had come" $Opened
             }
             append Input $piece
+            if {$Rest ne {}} {
+                set Input [string trimleft $Input $Rest]
+                set Rest [if {$Input eq {}} {set Rest}]
+            }
         }
         set answer [string range $Input 0 $size-1]
+        # A block's terminator may come after it, and some that are told CR answer CR LF.
+        set Rest [if {[my cget -terminator] eq "cr"} {string cat \n}][if {[string length $Input] == $size} {string cat \r\n}]
         set Input {}
         return $answer
     }
@@ -487,17 +520,69 @@ oo::class create ::sorma::service::scpi {
         return [expr {$size > $have ? -1 : $size}]
     }
     # Wait for the channel: ready, late, or cancelled. An object that is removed meanwhile has no coroutine any more.
-    method Wait event {
-        chan event $Channel $event [list catch [list [info coroutine] ready]]
-        set timer [after [expr {int(1000 * [my cget -patience])}] [list catch [list [info coroutine] late]]]
+    method Wait {event {channel {}}} {
+        if {$channel eq {}} {
+            set channel $Channel
+        }
+        chan event $channel $event [list catch [list [info coroutine] ready]]
+        set timer [after [expr {[my Milliseconds] + $Lag}] [list catch [list [info coroutine] late]]]
         sorma::atCancel [list catch [list [info coroutine] cancelled]]
         set what [yield]
         sorma::atCancel {}
         after cancel $timer
-        if {$Channel ne {}} {
-            chan event $Channel $event {}
-        }
+        catch {chan event $channel $event {}}
         return $what
+    }
+    method Milliseconds {} {
+        return [expr {int(1000 * [my cget -patience])}]
+    }
+    # ---- by VXI-11 ----
+
+    method Vxi {} {
+        return [expr {$Vxi ne {} && [$Vxi channel] ne {}}]
+    }
+    method OpenVxi {to host port device} {
+        if {$Vxi eq {}} {
+            set Vxi [::sorma::vxi11Client::line new [namespace code {my Wait}]]
+        }
+        set Opened $to
+        try {
+            $Vxi open $host $port $device [my Milliseconds]
+        } trap {VXI11 WAIT} {} {
+            my GiveUp UNREACHABLE "$to cannot be reached: nobody answers within -patience [my cget -patience] s; is the instrument switched on?" $to
+        } trap VXI11 why {
+            my GiveUp UNREACHABLE "$to cannot be reached: $why; is the instrument switched on?" $to
+        }
+        set Channel [$Vxi channel]
+    }
+    # A call of the link for this message.
+    method TryVxi {text args} {
+        try {
+            return [$Vxi {*}$args]
+        } trap {VXI11 WAIT} {- how} {
+            my Silent $text [lindex [dict get $how -errorcode] 2]
+        } trap {VXI11 LATE} {} {
+            my Silent $text late
+        } trap {VXI11 LOCKED} {} {
+            my GiveUp LOCKED "another client has locked the instrument, longer than -patience [my cget -patience] s" $Opened
+        } trap {VXI11 BIG} why {
+            my GiveUp TOO_BIG "an answer of $why, -most takes [my cget -most]" $Opened
+        } trap {VXI11 LOST} why {
+            my GiveUp LOST "the line to $Opened broke after \"[string range $text 0 100]\" was sent: $why" $Opened
+        } trap VXI11 why {
+            my GiveUp ANSWER "$Opened: $why" $Opened
+        }
+    }
+    # The instrument says where the answer ends. Its time is over a little before ours.
+    method ReceiveVxi text {
+        set Input [my TryVxi $text read [my cget -most] [expr {[my Milliseconds] * 9 / 10}]]
+        set size [my Whole]
+        if {$size < 0 && [string match {#[1-9]*} $Input]} {
+            my GiveUp ANSWER "a block that ends after [string length $Input] bytes, sooner than it says" $Opened
+        }
+        set answer [string range $Input 0 [expr {$size < 0 ? [string length $Input] : $size}]-1]
+        set Input {}
+        return $answer
     }
     # The line is of no use any more.
     method GiveUp {symbol text args} {

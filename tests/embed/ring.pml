@@ -6,13 +6,20 @@
  * instead: the kernel lets it sleep while its mark says so, and whoever takes the mark away wakes it (futex).
  *
  * spin finds out that nobody sleeps for ever (no end state but that of both programs), that bytes come once and in order, and that counts
- * make sense. -DHASTY leaves out the second look before a sleep, of the reader; -DDEAF that of the writer: both must be found.
+ * make sense. -DHASTY leaves out the second look before a sleep, of the reader; -DDEAF that of the writer; with -DLATE a reader wakes no
+ * writer. All three must be found.
  */
 #ifndef SIZE
-#define SIZE 2
+#define SIZE 3
 #endif
 #ifndef N
 #define N 4
+#endif
+
+#define LOW (SIZE / 2)          /* so many bytes are left when a writer is woken */
+#ifdef LATE
+#undef LOW
+#define LOW (-1)
 #endif
 
 #define AWAKE 0
@@ -83,7 +90,10 @@ proctype End(byte me) {
             assert(rings[me].bytes[taken % SIZE] == taken);
             taken++;
             rings[me].taken = taken;
-            wake(rings[me].writer, other);
+            if
+            :: here - 1 <= LOW -> wake(rings[me].writer, other)
+            :: else
+            fi;
             idle = 0
         :: else
         fi;

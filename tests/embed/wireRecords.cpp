@@ -284,6 +284,24 @@ void testBehalf() {
     CHECK(read(true, "", std::string(kMostAuthor + 1, 'a'), b) && b.author == "too many authors");
 }
 
+// An epoch goes with and without a trace, and calls of neither are as before.
+void testEpoch() {
+    for (const bool traced : {false, true})
+        for (const std::uint64_t cause : {std::uint64_t{0}, std::uint64_t{9}})
+            for (const std::int64_t epoch : {std::int64_t{0}, std::int64_t{1} << 40}) {
+                if (cause != 0 && !traced) continue;
+                Behalf sent{true, 7, std::string(300, 'x'), std::string(kMostAuthor, 'a'), {{traced ? 3u : 0u, traced ? 4u : 0u}, cause}, epoch};
+                const std::string record = written([&](Buffer& out) { writeCall(out, 5, kProgram, {}, Message(), kCall, &sent); });
+                CHECK(isCall(record, kCall, [&](XdrReader& r, const CallHeader& h) {
+                    Request q;
+                    Message m;
+                    Behalf got;
+                    return h.behalf.size() <= 400 && readBehalf(h.behalf, got) && readRequest(r, q, m) && got.epoch == epoch && bool(got.trace.number) == traced &&
+                           got.trace.cause == cause && got.author == sent.author;
+                }));
+            }
+}
+
 // As a peer would write it, who keeps no rule.
 std::string credentials(bool relayed, std::string_view callers, std::string_view author) {
     Buffer out;
@@ -472,7 +490,7 @@ void testExtent() {
 
 constexpr Group kGroups[] = {
     {"calls", testCalls}, {"replies", testReplies}, {"trails", testTrails}, {"greetings", testGreetings}, {"claims", testClaims}, {"others", testOthers},
-    {"utf8", testUtf8}, {"behalf", testBehalf}, {"credentials", testCredentials}, {"refusals", testRefusals}, {"extent", testExtent}, {"spans", testSpans}, {"late", testLateSpans}, {"traced", testTraced}, {"own", testOwnSpans}, {"numbers", testTraceNumbers},
+    {"utf8", testUtf8}, {"behalf", testBehalf}, {"epoch", testEpoch}, {"credentials", testCredentials}, {"refusals", testRefusals}, {"extent", testExtent}, {"spans", testSpans}, {"late", testLateSpans}, {"traced", testTraced}, {"own", testOwnSpans}, {"numbers", testTraceNumbers},
 };
 
 }  // namespace

@@ -91,14 +91,20 @@ attack {
         foreach kind {twin one fifty} {
             unset -nocomplain waits$kind
         }
-        lassign [beside [list one $records 1 fifty $records 50] [expr {$seconds >= 2 ? 5 : 3}] $seconds] one fifty
+        # Each of fifty connections has a turn only to find that it must wait: that costs all others.
+        set less [expr {$seconds >= 2 ? 0.75 : 0.25}]
+        # Noise of a short time can look unfair. Then a longer time is measured before it is judged.
+        for {set time $seconds} 1 {set time [expr {3 * $time}]} {
+            lassign [beside [list one $records 1 fifty $records 50] [expr {$seconds >= 2 ? 5 : 3}] $time] one fifty
+            if {$time >= 1 || ($one >= $bound && $fifty >= $less)} {
+                break
+            }
+        }
         foreach {kind title} [list twin "beside a twin" one "beside $what" fifty "... by 50 connections"] {
             puts [format "%-38s %-28s %s" $title [quantiles [set waits${kind}(all)]] [quantiles [set waits${kind}(computed)]]]
         }
         puts [format "%s: the neighbour has %.2f of its share, beside fifty connections %.2f" $what $one $fifty]
         promise "$what: the neighbour has $bound of its share" [expr {$one >= $bound}]
-        # Each of fifty connections has a turn only to find that it must wait: that costs all others.
-        set less [expr {$seconds >= 2 ? 0.75 : 0.25}]
         promise "$what by fifty connections: the neighbour has $less of its share" [expr {$fifty >= $less}]
         if {$seconds >= 2 && $order eq "first"} {
             promise "$what: of 100 calls of the owner the daemon computes less than 5 ms before it answers 99" \

@@ -7,6 +7,7 @@ source [file join [file dirname [file normalize [info script]]] faults.tcl]
 set folder [file join $env(SORMA_RUNTIME_DIR) tls]
 proc testConstraint args {}
 source [file join $supportFolder keys.tcl]
+source [file join $supportFolder tlsProxy.tcl]
 
 proc descriptors d { return [llength [glob -nocomplain -directory /proc/[daemon info $d pid]/fd *]] }
 proc random below { return [expr {int($below * rand())}] }
@@ -19,72 +20,19 @@ proc bytes count {
 }
 set probe [binary format I11 {0x80000028 7 0 2 0x20534f52 1 0 7 0 0 0}]
 set asked [string replace $probe 4 7 TLS1]                ;# that of our own clients
-set plain [binary format I7 {0x80000018 0x544c5331 1 0 0 0 0}]
 
-# ---- a proxy: what it does, it does once ----
-
-# how: strip, cut, flip or clear at a byte of the daemon (far) or of the client (near); ok: none of them. Strip and clear put the answer of a
-# daemon without TLS there. probe: the proxy says the probe itself. ::heard(PORT) is what the client said.
+# A proxy before the daemon; see support/tlsProxy.tcl.
 proc proxy {how {side far} {at 0}} {
-    set server [socket -server [list accepted $how $side $at] -myaddr 127.0.0.1 0]
-    set port [lindex [fconfigure $server -sockname] 2]
-    set ::heard($port) {}
-    return [list $server $port]
+    return [tlsProxy::begin [daemon info $::d port] $how $side $at]
 }
-proc accepted {how side at near host port} {
-    set mine [lindex [fconfigure $near -sockname] 2]
-    set far [socket 127.0.0.1 [daemon info $::d port]]
-    foreach channel [list $near $far] {
-        fconfigure $channel -translation binary -buffering none
-    }
-    if {$how eq "probe"} {
-        puts -nonewline $far $::probe
-        read $far 36
-    }
-    foreach {name from to} [list near $near $far far $far $near] {
-        fconfigure $from -blocking 0
-        fileevent $from readable [list carried $name $from $to $mine [expr {$name eq $side ? $how : "ok"}] $at]
-        set ::came($from) 0
-    }
-}
-proc closeBoth {one other} {
-    catch {close $one}
-    catch {close $other}
-    unset -nocomplain ::came($one) ::came($other)
-}
-proc carried {name from to port how at} {
-    if {[catch {read $from} some] || ($some eq {} && [eof $from])} {
-        return [closeBoth $from $to]
-    }
-    set before $::came($from)
-    incr ::came($from) [string length $some]
-    if {$name eq "near"} {
-        append ::heard($port) $some
-    }
-    set here [expr {$at - $before}]
-    set end 0
-    if {$here >= 0 && $here < [string length $some]} {
-        switch -- $how {
-            cut { set some [string range $some 0 $here-1]; set end 1 }
-            flip { binary scan $some @${here}cu value; set some [string replace $some $here $here [binary format c [expr {$value ^ (1 << [random 8])}]]] }
-            strip { set some [string range $some 0 $here-1]$::plain }
-            clear { set some $::plain[string range $some $here end] }
-        }
-    }
-    if {[catch {puts -nonewline $to $some}] || $end} {
-        closeBoth $from $to
-    }
-}
-
 # ---- hostile clients ----
 
 # A client of that host calls: all the bytes that it says, and the reply.
 proc recorded host {
     lassign [proxy ok] server port
     set answer [called $host $port]
-    close $server
-    set said $::heard($port)
-    unset ::heard($port)
+    set said [tlsProxy::heard $port near]
+    tlsProxy::end $server $port
     return [list $said $answer]
 }
 # A call by TLS in a client of its own, which does not wait for long: its reply, or the error.
@@ -119,18 +67,21 @@ proc heardOf channel {
         incr ::talking -1
     }
 }
+# Has the daemon refused somebody for this reason?
+proc reached reason {
+    return [expr {![catch {waitFor {[string match *$reason* [sorm@$::d DBX -denied]]} 30000}]}]
+}
 
-# openssl s_client behind a proxy that says the probe; input: what it is told.
-proc client {words {input {}}} {
+# openssl s_client behind a proxy that says the probe.
+proc client words {
     global folder
     lassign [proxy probe] server port
-    set pipe [open [list | timeout 60 openssl s_client -connect 127.0.0.1:$port -alpn sunrpc -key $folder/desk/desk.pem {*}$words << $input 2>@1] r]
+    set pipe [open [list | timeout 60 openssl s_client -connect 127.0.0.1:$port -alpn sunrpc -key $folder/desk/desk.pem {*}$words << {} 2>@1] r]
     fconfigure $pipe -blocking 0
     incr ::talking
     fileevent $pipe readable [list heardOf $pipe]
     waitFor {$::talking == 0} 90000
-    close $server
-    unset ::heard($port)
+    tlsProxy::end $server $port
 }
 
 # A chain that begins with our certificate, and has many more.
@@ -179,13 +130,19 @@ attack {
     proc byOpenssl i {
         switch -- [expr {$i % 4}] {
             0 { client [longChain [expr {3 + [random 200]}]] }
-            1 { client [list -tls1_2 -cert $::folder/desk/desk.pem] R\n }
-            2 { client [list -cert $::folder/desk/desk.pem] [string repeat K\n 50]Q\n }
+            1 { client [list -tls1_2 -cert $::folder/desk/desk.pem] }
+            2 { return [exec -ignorestderr [file join $::env(SORMA_BUILD) tlsFlood] [daemon info $::d port] $::folder/desk/desk.pem 2000] }
             3 { client [list -cert $::folder/desk/desk.pem -no_tls1_3 -cipher ALL] }
         }
     }
     for {set i 0} {$i < max(40, min(2000, $hostile / 2))} {incr i} { round $i }
-    for {set i 0} {$i < 4} {incr i} { byOpenssl $i }
+    byOpenssl 0
+    promise "a huge chain reaches the daemon, and is refused" [reached "excessive message size"]
+    byOpenssl 1
+    promise "an old version does so, too" [reached "unsupported protocol"]
+    set updates [byOpenssl 2]
+    promise "$updates changes of keys reach the daemon, which answers then" [expr {$updates == 2000}]
+    byOpenssl 3
     waitFor {$talking == 0}
     waitFor {[dict get [sorma::health $d] connections] <= 1}
     set descriptors [descriptors $d]
@@ -224,9 +181,8 @@ attack {
         set at [expr {$i < [llength $kinds] ? 0 : $stripped < 1000 ? [random 1200] : $i / [llength $kinds] % 1700}]
         lassign [proxy $how $side $at] server port
         set answer [called desk $port 300]
-        close $server
-        set sent $::heard($port)
-        unset ::heard($port)
+        set sent [tlsProxy::heard $port near]
+        tlsProxy::end $server $port
         set good [expr {$answer eq {RET 0 TMSG NobodyHearsThis}}]
         incr counted([expr {$good ? "answered" : "refused"}])
         # The number of the program is in the probe, and nowhere else.

@@ -35,10 +35,10 @@ proc daemon::start args {
         file delete $log
         return -code error "sormad $words said \"$line\" instead of ready: $said"
     }
-    set facts [dict create pipe $pipe pid [pid $pipe] port {} program {} metrics {} scpi {} log $log]
+    set facts [dict create pipe $pipe pid [pid $pipe] port {} program {} metrics {} scpi {} vxi11 {} log $log]
     foreach word [lrange $line 2 end] {
-        regexp {^(tcp|unix|program|metrics|scpi)=(.*)$} $word -> key value
-        dict set facts [dict get {tcp port unix socket program program metrics metrics scpi scpi} $key] $value
+        regexp {^(tcp|unix|program|metrics|scpi|vxi11)=(.*)$} $word -> key value
+        dict set facts [dict get {tcp port unix socket program program metrics metrics scpi scpi vxi11 vxi11} $key] $value
     }
     dict set Running $name $facts
     return $name

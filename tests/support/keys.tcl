@@ -17,3 +17,18 @@ proc at {host {script {}}} {
 proc keys args {
     return [string trim [exec sorma-keys {*}$args]]
 }
+
+# A list of what the authority of a host has revoked, as openssl makes it: of one certificate.
+proc revocations {host certificate} {
+    global folder
+    set work [file join $folder lists]
+    file mkdir $work
+    set out [open $work/config w]
+    puts $out "\[ca\]\ndefault_ca=all\n\[all\]\ndatabase=$work/index\ndefault_md=sha256\ndefault_crl_days=30\nnew_certs_dir=$work"
+    close $out
+    close [open $work/index w]
+    set words [list -config $work/config -cert $folder/$host/authority.pem -keyfile $folder/$host/authority.key]
+    exec openssl ca {*}$words -revoke $certificate 2>@1
+    exec openssl ca {*}$words -gencrl -out $work/crl.pem 2>@1
+    return $work/crl.pem
+}

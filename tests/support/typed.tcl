@@ -8,7 +8,7 @@
 # program, with a command of the package, or with an object and EXEC, CTRL or DBX.
 
 namespace eval typed {
-    variable Programs {./bootstrap sormad scott scottwish sorma-launch sorma-keys sorma-browser sorma-neo sorma-record sorma-replay sorma-draughts draughts-train make autoreconf ./configure
+    variable Programs {./bootstrap sormad scott scottwish sorma-launch sorma-keys sorma-browser sorma-neo sorma-record sorma-replay sorma-web sorma-draughts draughts-train make autoreconf ./configure
         configure tclsh tclsh8.6 pkg-config ldconfig export bench gdb valgrind tcpdump ssh for}
     variable Bound 300000       ;# ms for one command
     variable Jobs 4             ;# at a time

@@ -1,0 +1,65 @@
+// app.js -- which page is shown, whether its values are old, and what stands on every page.
+
+import {make, setText} from './dom.js';
+import {post, View} from './bus.js';
+import {overview} from './overview.js';
+import {object} from './object.js';
+import {log} from './log.js';
+
+const main = document.getElementById('main');
+const state = document.getElementById('state');
+const said = document.getElementById('said');
+let view = null, shown = null;
+
+const states = {live: '● live', away: '? no connection', out: '✕ logged out: open a new link'};
+function connected(how) {
+    document.body.classList.toggle('away', how !== 'live');
+    setText(state, states[how]);
+}
+
+// What a page has under way ends with it.
+function leave() {
+    if (view) view.close();
+    shown?.close?.();
+    main.replaceChildren();
+}
+
+function show() {
+    leave();
+    const words = location.hash.replace(/^#\/?/, '').split('/');
+    const name = words[0] === 'object' ? decodeURIComponent(words.slice(1).join('/')) : '';
+    const page = words[0] === 'object' ? object(name) : words[0] === 'log' ? log() : overview();
+    shown = page;
+    document.title = page.title + ' – SORMA';
+    main.append(make('h1', {}, page.title), page.element);
+    for (const link of document.querySelectorAll('nav a')) {
+        if (link.getAttribute('href') === (location.hash || '#/')) link.setAttribute('aria-current', 'page');
+        else link.removeAttribute('aria-current');
+    }
+    view = new View(page.path, page.changed, connected);
+}
+
+async function tell(work) {
+    try {
+        setText(said, await work());
+    } catch (failure) {
+        setText(said, failure.message);
+    }
+}
+
+document.getElementById('stop').addEventListener('click', () => tell(async () => {
+    const reply = await post('/stop');
+    return `Stopped: ${reply.stopped.join(', ') || 'nothing'}` + (reply.failed.length ? `; failed: ${reply.failed.join('; ')}` : '');
+}));
+document.getElementById('link').addEventListener('click', () => tell(async () => (await post('/link')).link));
+document.getElementById('logout').addEventListener('click', () => tell(async () => {
+    leave();
+    await post('/logout');
+    return 'You are logged out.';
+}));
+window.addEventListener('hashchange', () => {
+    if (location.hash === '#main') return;
+    show();
+    main.focus();
+});
+show();

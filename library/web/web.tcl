@@ -1,0 +1,350 @@
+# web.tcl -- the server of sorma-web: who may come in, by which address, and where a request goes.
+#
+# The link opens one browser: its key is exchanged once for a cookie. Programs show a key of their own, as Authorization: Bearer. Each
+# request is made in the name of who is logged in (web NAME), never in that of this process: the daemons judge it.
+#
+# A route leads from METHOD and path (a pattern of regexp) to a command. The command is called with NUMBER, a dict (login session by method path
+# query headers body) and two parts that the pattern has found. It answers by answer, json or stream. Nothing here waits.
+
+package require sorma
+package require sorma::json
+package require sorma::timer
+package require sorma::webServer
+package provide sorma::web 1.0
+
+namespace eval ::sorma::web {
+    variable Port 0
+    variable Login {}           ;# NAME of web NAME: who has started this
+    variable Routes {}          ;# list of {METHOD pattern command}
+    variable Open {}            ;# the same, for those that need no login
+    variable Keys {}            ;# dict: key of a link -> {when it ends, ms; 0: never, and NAME}
+    variable RestKey {}
+    variable Sessions {}        ;# dict: what its cookie has -> {login since seen}
+    variable Ends {}            ;# dict: NUMBER -> command, for a client that goes before it has its answer
+    variable Drains {}          ;# dict: NUMBER of a stream -> command, called when its client has taken all
+    variable Owners {}          ;# dict: NUMBER of a stream -> session
+    variable Tries 10           ;# wrong keys that may still come
+    variable Settings {}        ;# as of start
+    # Headers of every answer: nothing is loaded from elsewhere, nothing inline, nothing framed, nothing kept.
+    variable Always {
+        Content-Security-Policy {default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'}
+        X-Content-Type-Options nosniff
+        Referrer-Policy no-referrer
+        Cross-Origin-Resource-Policy same-origin
+        Cross-Origin-Opener-Policy same-origin
+        Cache-Control no-store
+    }
+}
+
+# ::sorma::web::start SETTINGS -- listen, with the settings of sorma-web. Returns a dict: port link rest.
+proc ::sorma::web::start settings {
+    variable Settings $settings
+    variable Port
+    variable Login [file attributes /proc/self -owner]
+    variable RestKey [secret]
+    set Port [::sorma::WebServer open -port [dict get $settings -port] -command ::sorma::web::Heard -connections [dict get $settings -connections] \
+        -body [dict get $settings -body] -rate [dict get $settings -rate]]
+    Each
+    return [dict create port $Port link [link 0] rest $RestKey]
+}
+
+# ::sorma::web::stop -- end: all connections are closed.
+proc ::sorma::web::stop {} {
+    ::sorma::timer::cancel web.*
+    ::sorma::WebServer close
+}
+
+# ::sorma::web::route METHOD PATTERN COMMAND -- from now on; for any METHOD: *.
+proc ::sorma::web::route {method pattern command} {
+    variable Routes
+    lappend Routes [list $method $pattern $command]
+}
+
+# ::sorma::web::open METHOD PATTERN COMMAND -- the same for whoever is not logged in.
+proc ::sorma::web::open {method pattern command} {
+    variable Open
+    lappend Open [list $method $pattern $command]
+}
+
+# ::sorma::web::link SECONDS ?NAME? -- a new link, which holds so long and for one exchange, and logs NAME in; 0: until it is used. Default: who
+# has started this.
+proc ::sorma::web::link {seconds {name {}}} {
+    variable Keys
+    variable Port
+    set key [secret]
+    dict set Keys $key [list [expr {$seconds == 0 ? 0 : [clock milliseconds] + 1000 * $seconds}] [expr {$name eq {} ? $::sorma::web::Login : $name}]]
+    return "http://127.0.0.1:$Port/?key=$key"
+}
+
+# ::sorma::web::secret -- 32 bytes that nobody can guess, in hexadecimal digits.
+proc ::sorma::web::secret {} {
+    set source [::open /dev/urandom rb]
+    try {
+        return [binary encode hex [read $source 32]]
+    } finally {
+        close $source
+    }
+}
+
+# ---- answers ----
+
+# ::sorma::web::answer NUMBER STATUS TYPE BODY ?HEADERS? -- the body is text.
+proc ::sorma::web::answer {number status type body {headers {}}} {
+    variable Always
+    variable Ends
+    dict unset Ends $number
+    return [::sorma::WebServer answer $number $status [concat $Always [list Content-Type "$type; charset=utf-8"] $headers] [encoding convertto utf-8 $body]]
+}
+# ::sorma::web::bytes NUMBER TYPE BODY -- the same for bytes, with status 200.
+proc ::sorma::web::bytes {number type body} {
+    variable Always
+    variable Ends
+    dict unset Ends $number
+    return [::sorma::WebServer answer $number 200 [concat $Always [list Content-Type $type]] $body]
+}
+# ::sorma::web::json NUMBER STATUS TEXT ?HEADERS?
+proc ::sorma::web::json {number status text {headers {}}} {
+    answer $number $status application/json $text\n $headers
+}
+# ::sorma::web::fail NUMBER STATUS MESSAGE ?CODE? ?TRAIL? -- an error as JSON.
+proc ::sorma::web::fail {number status message {code {SORMA WEB REFUSED}} {trail {}}} {
+    json $number $status [::sorma::json::error $message $code $trail]
+}
+
+# ::sorma::web::onEnd NUMBER COMMAND -- call it, once, if the client goes before it has its answer.
+proc ::sorma::web::onEnd {number command} {
+    variable Ends
+    dict set Ends $number $command
+}
+
+# ::sorma::web::stream NUMBER REQUEST DRAINED ENDED -- answer with events, by send. DRAINED is called each time the client has taken all, ENDED
+# once, after the last one.
+proc ::sorma::web::stream {number request drained ended} {
+    variable Always
+    variable Drains
+    variable Owners
+    dict set Drains $number $drained
+    dict set Owners $number [dict get $request session]
+    onEnd $number $ended
+    ::sorma::WebServer stream $number 200 [concat $Always {Content-Type text/event-stream X-Accel-Buffering no}]
+}
+# ::sorma::web::send NUMBER EVENT JSON -- one event. waiting NUMBER -- bytes that the client has not taken.
+proc ::sorma::web::send {number event json} {
+    ::sorma::WebServer write $number "event: $event\ndata: $json\n\n"
+}
+proc ::sorma::web::waiting number {
+    return [::sorma::WebServer waiting $number]
+}
+
+# ---- requests ----
+
+proc ::sorma::web::Heard {what number {request {}}} {
+    variable Drains
+    variable Ends
+    switch -- $what {
+        request { Take $number $request }
+        drained { if {[dict exists $Drains $number]} {uplevel #0 [dict get $Drains $number]} }
+        ended { Forget $number }
+    }
+}
+proc ::sorma::web::Forget number {
+    variable Drains
+    variable Ends
+    variable Owners
+    dict unset Drains $number
+    dict unset Owners $number
+    if {[dict exists $Ends $number]} {
+        set command [dict get $Ends $number]
+        dict unset Ends $number
+        uplevel #0 $command
+    }
+}
+
+# A request is refused as early as can be.
+proc ::sorma::web::Take {number request} {
+    variable Routes
+    variable Open
+    set headers [dict get $request headers]
+    set wrong [Strange $headers]
+    if {$wrong ne {}} {
+        return [fail $number {*}$wrong]
+    }
+    try {
+        foreach part {path body} {
+            dict set request $part [encoding convertfrom utf-8 [dict get $request $part]]
+        }
+        dict set request query [dict map {name value} [dict get $request query] {encoding convertfrom utf-8 $value}]
+    } on error {} {
+        return [fail $number 400 "the request is not UTF-8" {SORMA WEB SYNTAX}]
+    }
+    set method [dict get $request method]
+    if {$method eq "GET" && [dict get $request path] eq "/" && [dict exists $request query key]} {
+        return [Exchange $number [dict get $request query key] $headers]
+    }
+    set request [dict merge $request [Who $headers]]
+    if {[dict get $request by] eq "cookie" && $method ne "GET" && [nowhere $number $request]} return
+    set others {}
+    foreach route [if {[dict get $request login] eq {}} {concat $Open $Routes} else {set Routes}] {
+        lassign $route itsMethod pattern command
+        if {![regexp $pattern [dict get $request path] -> {*}[lmap n {a b c} {string cat part$n}]]} continue
+        if {$itsMethod ni [list $method *]} {
+            lappend others $itsMethod
+            continue
+        }
+        if {[dict get $request login] eq {} && $route ni $Open} {
+            return [Closed $number [dict get $request path]]
+        }
+        return [{*}$command $number $request $parta $partb]
+    }
+    if {[dict get $request login] eq {}} {
+        Closed $number [dict get $request path]
+    } elseif {$others ne {}} {
+        json $number 405 [::sorma::json::error "$method is not answered there: only [join [lsort -unique $others] { or }] is" {SORMA WEB METHOD} {}] \
+            [list Allow [join [lsort -unique $others] {, }]]
+    } else {
+        fail $number 404 "nothing is at [string range [dict get $request path] 0 200]" {SORMA WEB PATH}
+    }
+}
+
+# An error, as fail takes it, for a request from another place; empty: it is from here. A page of another site may reach this port by a name of its own;
+# the browser tells that name, and the site of the page.
+proc ::sorma::web::Strange headers {
+    variable Port
+    if {[llength [lsearch -all -exact [lmap {name value} $headers {set name}] host]] != 1} {
+        return [list 400 "one header Host is expected" {SORMA WEB HOST}]
+    }
+    set host [dict get $headers host]
+    if {$host ni [list 127.0.0.1:$Port localhost:$Port]} {
+        return [list 421 "ask for 127.0.0.1:$Port or localhost:$Port: this is not the host that the request names" {SORMA WEB HOST}]
+    }
+    if {[dict exists $headers origin] && [dict get $headers origin] ne "http://$host"} {
+        return [list 403 "a page of another origin may not ask" {SORMA WEB ORIGIN}]
+    }
+}
+
+# ::sorma::web::nowhere NUMBER REQUEST -- does it not say from which origin it comes? Then it is refused here.
+proc ::sorma::web::nowhere {number request} {
+    if {[dict exists $request headers origin]} {
+        return 0
+    }
+    return [fail $number 403 "a page says where it comes from: the header Origin is missing" {SORMA WEB ORIGIN}]
+}
+
+# The one who asks: login (empty: nobody), session, and by: cookie, key or nothing.
+proc ::sorma::web::Who headers {
+    variable Login
+    variable RestKey
+    variable Sessions
+    if {[dict exists $headers authorization]} {
+        set known [expr {[dict get $headers authorization] eq "Bearer $RestKey"}]
+        return [dict create login [expr {$known ? $Login : {}}] session {} by key]
+    }
+    if {[dict exists $headers cookie] && [regexp "(?:^|; ?)[Cookie]=(\[0-9a-f\]{64})(?:;|$)" [dict get $headers cookie] -> session]} {
+        if {[dict exists $Sessions $session]} {
+            dict set Sessions $session seen [clock milliseconds]
+            return [dict create login [dict get $Sessions $session login] session $session by cookie]
+        }
+    }
+    return {login {} session {} by nothing}
+}
+# Cookies belong to a host, whatever the port: another server of this host has another name for its own.
+proc ::sorma::web::Cookie {} {
+    variable Port
+    return sorma$Port
+}
+
+proc ::sorma::web::Closed {number path} {
+    if {[string match /api* $path]} {
+        return [json $number 401 [::sorma::json::error "the key is missing or wrong: send the header Authorization: Bearer KEY; sorma-web prints the key" {SORMA WEB KEY} {}] \
+            {WWW-Authenticate Bearer}]
+    }
+    answer $number 401 text/plain "You are not logged in, or no longer. Open the link that sorma-web prints, or one that a page of yours makes.\n"
+}
+
+# ---- logins ----
+
+# The key of a link for a cookie. A page or a file elsewhere may have led here. Then a browser does not send the cookie after a redirection,
+# and a page of ours makes the next request.
+proc ::sorma::web::Exchange {number key headers} {
+    variable Keys
+    if {![mayTry]} {
+        return [answer $number 429 text/plain "Too many wrong keys have come: wait some seconds.\n" {Retry-After 10}]
+    }
+    lassign [if {[dict exists $Keys $key]} {dict get $Keys $key}] end name
+    if {$end eq {} || $end != 0 && $end < [clock milliseconds]} {
+        failedTry
+        return [answer $number 403 text/plain "This link is used, too old, or was never made. Each link opens one browser; a page of yours makes another one.\n"]
+    }
+    dict unset Keys $key
+    if {[dict exists $headers sec-fetch-site] && [dict get $headers sec-fetch-site] ni {none same-origin}} {
+        return [answer $number 200 text/html "<!DOCTYPE html><title>SORMA</title><a href=\"/\">To the pages of SORMA</a>\n" [concat {Refresh 0;url=/} [logIn $name]]]
+    }
+    answer $number 303 text/plain "\n" [concat {Location /} [logIn $name]]
+}
+
+# ::sorma::web::mayTry -- may a key or a password be tried now? failedTry -- it was wrong.
+proc ::sorma::web::mayTry {} {
+    variable Tries
+    return [expr {$Tries >= 1}]
+}
+proc ::sorma::web::failedTry {} {
+    variable Tries
+    incr Tries -1
+}
+
+# ::sorma::web::logIn NAME -- a session of that login. Returns the header that gives its cookie to the browser.
+proc ::sorma::web::logIn name {
+    variable Sessions
+    set session [secret]
+    set now [clock milliseconds]
+    # The one that was seen longest ago makes room.
+    while {[dict size $Sessions] >= [dict get $::sorma::web::Settings -sessions]} {
+        logOut [lindex [lsort -stride 2 -integer -index 1 [concat {*}[lmap {id facts} $Sessions {list $id [dict get $facts seen]}]]] 0]
+    }
+    dict set Sessions $session [dict create login $name since $now seen $now]
+    return [list Set-Cookie "[Cookie]=$session; Path=/; HttpOnly; SameSite=Strict"]
+}
+
+# ::sorma::web::logOut SESSION -- its cookie opens nothing any more, and its streams end.
+proc ::sorma::web::logOut session {
+    variable Sessions
+    variable Owners
+    dict unset Sessions $session
+    dict for {number owner} $Owners {
+        if {$owner eq $session} {
+            ::sorma::WebServer end $number
+            Forget $number
+        }
+    }
+}
+
+# Once a second: a wrong key more may come, and old sessions and links end.
+proc ::sorma::web::Each {} {
+    variable Tries
+    variable Sessions
+    variable Settings
+    variable Keys
+    ::sorma::timer::once web.each 1000 ::sorma::web::Each
+    set Tries [expr {min($Tries + 1, 10)}]
+    set now [clock milliseconds]
+    dict for {session facts} $Sessions {
+        if {$now - [dict get $facts seen] > 1000 * [dict get $Settings -idle] && $session ni [dict values $::sorma::web::Owners] \
+            || $now - [dict get $facts since] > 1000 * [dict get $Settings -longest]} {
+            logOut $session
+        }
+    }
+    set Keys [dict filter $Keys script {key facts} {expr {[lindex $facts 0] == 0 || [lindex $facts 0] >= $now}}]
+}
+
+# ---- the session of a browser ----
+
+proc ::sorma::web::LogOut {number request args} {
+    variable Port
+    logOut [dict get $request session]
+    json $number 200 {{}} [list Set-Cookie "[Cookie]=; Path=/; HttpOnly; SameSite=Strict; Max-Age=0"]
+}
+proc ::sorma::web::NewLink {number request args} {
+    json $number 200 "{\"link\":[::sorma::json::text [link 300 [dict get $request login]]]}"
+}
+::sorma::web::route POST {^/logout$} ::sorma::web::LogOut
+::sorma::web::route POST {^/link$} ::sorma::web::NewLink

@@ -1,0 +1,367 @@
+# webLive.tcl -- what the pages of sorma-web show, as it changes: streams of server-sent events.
+#
+#     GET /live/overview              daemons, and the objects of each
+#     GET /live/object?name=NAME      one object: its table, its values; &page=ID: see webGuard.tcl
+#     GET /live/log                   trails, as they come
+#
+# A view has items: a key and its JSON; null: it has gone. Streams of one login that show the same share one view. It asks the
+# daemons in the name of that login, once a second, and at once after a change. A client that is slow gets the newest of each item when it
+# has taken what came before, and nothing in between.
+#
+# Events    items {KEY: JSON, ...}; the first has all.   tick: nothing was new for 2 s. A page that hears nothing marks its values as old.
+
+package require sorma::json
+package require sorma::text
+package require sorma::timer
+package require sorma::web
+package require sorma::webGuard
+package require sorma::webRest
+package require sorma::world
+package provide sorma::webLive 1.0
+
+namespace eval ::sorma::webLive {
+    variable Views {}           ;# dict: {login kind name} -> object
+    variable Gather 20          ;# ms for which changes are gathered
+    variable Pulse 1000         ;# ms between two questions
+    variable Quiet 2000         ;# ms after which a tick is sent
+    variable Patience 3000      ;# ms until what was refused is asked for again
+    variable Most 32            ;# streams of one login
+}
+
+# ::sorma::webLive::begin -- serve its routes.
+proc ::sorma::webLive::begin {} {
+    ::sorma::web::route GET {^/live/(overview|object|log)$} ::sorma::webLive::Open
+}
+
+proc ::sorma::webLive::Open {number request kind args} {
+    variable Views
+    variable Most
+    set login [dict get $request login]
+    set name [set page {}]
+    if {$kind eq "object"} {
+        set name [if {[dict exists $request query name]} {dict get $request query name}]
+        if {[catch {::sorma::webRest::place $name} message]} {
+            return [::sorma::web::fail $number 404 $message [list SORMA WEB PLACE $name]]
+        }
+        if {[catch {::sorma::webGuard::page $request $name} page how]} {
+            return [::sorma::webRest::failed $number [dict get $how -errorcode] $page]
+        }
+    }
+    set streams 0
+    dict for {key view} $Views {
+        if {[lindex $key 0] eq $login} {
+            incr streams [$view streams]
+        }
+    }
+    if {$streams >= $Most} {
+        return [::sorma::web::fail $number 429 "$login has $Most streams already: close a page" {SORMA WEB LIMIT}]
+    }
+    set key [list $login $kind $name]
+    if {![dict exists $Views $key]} {
+        dict set Views $key [::sorma::webLive::$kind new $login $name]
+    }
+    set view [dict get $Views $key]
+    ::sorma::web::stream $number $request [list ::sorma::webLive::Call $view drained $number] [list ::sorma::webLive::Left $key $page $number]
+    if {$page ne {}} {
+        ::sorma::webGuard::opened $page $number [list $view dangers]
+    }
+    $view take $number
+}
+
+proc ::sorma::webLive::Left {key page number} {
+    variable Views
+    ::sorma::webGuard::closed $page $number
+    if {[dict exists $Views $key]} {
+        set view [dict get $Views $key]
+        $view leave $number
+        if {[$view streams] == 0} {
+            dict unset Views $key
+            $view destroy
+        }
+    }
+}
+
+# Call a method, unless nobody looks any more.
+proc ::sorma::webLive::Call {view args} {
+    if {[info object isa object $view]} {
+        $view {*}$args
+    }
+}
+
+# A dict of keys and texts as an object.
+proc ::sorma::webLive::Texts members {
+    return [::sorma::json::object [dict map {key text} $members {::sorma::json::text $text}]]
+}
+
+# ---- all views ----
+
+oo::class create ::sorma::webLive::View {
+    variable login name
+    variable items              ;# dict: key -> JSON
+    variable late               ;# dict: number of a stream -> dict whose keys are those that it has not got
+    variable told               ;# dict: number of a stream -> ms, when something was sent last
+
+    constructor {who what} {
+        set login $who
+        set name $what
+        set items [set late [set told {}]]
+        my Begin
+        my Pulse
+    }
+    destructor {
+        ::sorma::timer::cancel [self]*
+        my End
+    }
+    method Begin {} {}
+    method End {} {}
+    method Look {} {}
+
+    method streams {} {
+        return [dict size $late]
+    }
+    method take number {
+        dict set late $number $items
+        dict set told $number 0
+        my Soon
+    }
+    method leave number {
+        dict unset late $number
+        dict unset told $number
+    }
+    method drained number {
+        if {[dict exists $late $number] && [dict size [dict get $late $number]] > 0} {
+            my Soon
+        }
+    }
+
+    # An item is so from now on.
+    method Put {key json} {
+        if {[dict exists $items $key] && [dict get $items $key] eq $json} return
+        dict set items $key $json
+        dict for {number keys} $late {
+            dict set late $number $key 1
+        }
+        my Soon
+    }
+    method Drop key {
+        if {[dict exists $items $key]} {
+            my Put $key null
+            dict unset items $key
+        }
+    }
+    method Soon {} {
+        ::sorma::timer::once [self].tell $::sorma::webLive::Gather [self] Tell
+    }
+    method Tell {} {
+        dict for {number keys} $late {
+            if {[dict size $keys] == 0 || [::sorma::web::waiting $number] > 0} continue
+            set names [dict keys $keys]
+            if {![info exists texts($names)]} {                 ;# most streams miss the same
+                set texts($names) [::sorma::json::object [concat {*}[lmap key $names {
+                    list $key [expr {[dict exists $items $key] ? [dict get $items $key] : "null"}]
+                }]]]
+            }
+            dict set late $number {}
+            dict set told $number [clock milliseconds]
+            ::sorma::web::send $number items $texts($names)
+        }
+    }
+    method Pulse {} {
+        ::sorma::timer::once [self].pulse $::sorma::webLive::Pulse [self] Pulse
+        my Look
+        set now [clock milliseconds]
+        dict for {number ms} $told {
+            if {$now - $ms >= $::sorma::webLive::Quiet && [::sorma::web::waiting $number] == 0} {
+                dict set told $number $now
+                ::sorma::web::send $number tick {{}}
+            }
+        }
+    }
+    method Ask {daemon request method args} {
+        ::sorma::world ask $daemon $request -as "web $login" -command [list ::sorma::webLive::Call [self] $method {*}$args]
+    }
+    export Tell Pulse
+}
+
+# ---- one object ----
+
+oo::class create ::sorma::webLive::object {
+    superclass ::sorma::webLive::View
+    variable login name items late told
+    variable object daemon token asking since again refused help
+    variable dangers            ;# dict: word -> danger
+
+    method Begin {} {
+        lassign [::sorma::webRest::place $name] object daemon
+        set asking [set again [set refused 0]]
+        set help [set dangers {}]
+        set since [clock milliseconds]
+        set token [::sorma::world watch [::sorma::text::escape $name] -events {object.*} -command [list ::sorma::webLive::Call [self] Changed]]
+    }
+    method End {} {
+        ::sorma::world unwatch $token
+    }
+    # An error while the table is not known, or may not be known.
+    method dangers {} {
+        if {![dict exists $items about]} {
+            return -code error -errorcode [list SORMA WEB PAGE $name] "$name: its table is not known yet: wait until the stream has the item \"about\""
+        }
+        return $dangers
+    }
+    method Changed args {
+        ::sorma::timer::once [self].look $::sorma::webLive::Gather [self] Look
+    }
+    # A change while a question is under way is asked for again.
+    method Look {} {
+        if {$refused && [clock milliseconds] - $since < $::sorma::webLive::Patience} return
+        if {$asking} {
+            set again 1
+            if {[clock milliseconds] - $since > 2000} {
+                my State stale [my Why]
+            }
+            return
+        }
+        set asking 1
+        set again 0
+        set since [clock milliseconds]
+        my Ask $daemon [list sorm DBX -describe $object] Answered
+    }
+    method Why {} {
+        set facts [::sorma::world get $daemon]
+        if {$facts eq {}} {
+            return "daemon $daemon is gone"
+        }
+        return [if {[dict get $facts why] ne {}} {dict get $facts why} else {string cat "daemon $daemon is [dict get $facts state]"}]
+    }
+    method State {state why} {
+        my Put state [::sorma::webLive::Texts [list state $state why $why]]
+    }
+    method Answered {status value} {
+        set asking 0
+        set refused [expr {$status ne "ok"}]
+        if {$refused} {
+            lassign $value message code
+            my State [expr {[string match "SORMA COMM DENIED*" $code] ? "refused" : [string match "SORMA COMM*" $code] ? "stale" : "refused"}] $message
+            # Without the right nothing is shown any more.
+            if {[string match "SORMA COMM DENIED*" $code]} {
+                foreach key [lsearch -all -inline -not -exact [dict keys $items] state] {
+                    my Drop $key
+                }
+            }
+            return
+        }
+        set table [dict get $value text]
+        set dangers [dict get $table danger]
+        if {[dict get $table help] ne $help || ![dict exists $items about]} {           ;# the help names all options, with their defaults
+            set help [dict get $table help]
+            my Put about [::sorma::webRest::tableOf $name [dict replace $table exists 0]]
+        }
+        if {[dict get $table exists]} {
+            my State live {}
+            foreach option [dict get $table options] {
+                my Put [lindex $option 0] [::sorma::json::typed [lindex $option 1] [lindex $option 5]]
+            }
+        } else {
+            my State gone "there is no such object; the first EXEC or CTRL makes it"
+        }
+        if {$again} {
+            my Changed
+        }
+    }
+    export Look Changed Answered
+}
+
+# ---- all daemons ----
+
+oo::class create ::sorma::webLive::overview {
+    superclass ::sorma::webLive::View
+    variable login name items late told
+    variable asking before
+
+    method Begin {} {
+        set asking [set before {}]
+    }
+    method Look {} {
+        set there {}
+        foreach key [::sorma::world keys] {
+            if {$key eq "self"} continue
+            set facts [::sorma::world get $key]
+            dict set there $key 1
+            my Put "daemon $key" [::sorma::webLive::Texts [dict filter $facts script {k v} {expr {$k in {name state why}}}]]
+            if {[dict get $facts state] in {alive busy} && ![dict exists $asking $key]} {
+                dict set asking $key 1
+                my Ask $key {sorm DBX -inventory objects} Answered $key
+            }
+        }
+        foreach item [dict keys $items] {
+            if {![dict exists $there [lindex [split $item] 1]]} {
+                my Drop $item
+                dict unset before [lindex [split $item] 1]
+            }
+        }
+    }
+    method Answered {key status value} {
+        dict unset asking $key
+        if {$status ne "ok"} {
+            return [my Put "objects $key" [::sorma::webLive::Texts [list error [lindex $value 0]]]]
+        }
+        if {[catch {dict get [dict get $value text] objects} rows]} return
+        set now [clock milliseconds]
+        set after {}
+        set list [lmap row [lsort -index 0 [lrange $rows 0 999]] {
+            lassign $row object class calls underway
+            set rate 0
+            if {[dict exists $before $key $object]} {
+                lassign [dict get $before $key $object] old then
+                set rate [expr {$calls >= $old && $now > $then ? round(1000.0 * ($calls - $old) / ($now - $then)) : 0}]
+            }
+            dict set after $object [list $calls $now]
+            ::sorma::json::object [list name [::sorma::json::text $object] class [::sorma::json::text $class] calls [::sorma::json::number $calls] rate $rate \
+                underway [::sorma::json::number $underway]]
+        }]
+        dict set before $key $after
+        my Put "objects $key" [::sorma::json::object [list objects [::sorma::json::array $list]]]
+    }
+    export Look Answered
+}
+
+# ---- trails ----
+
+# Each daemon sends this login what it may see, and nothing else.
+oo::class create ::sorma::webLive::log {
+    superclass ::sorma::webLive::View
+    variable login name items late told
+    variable listens last           ;# listens: dict: daemon -> token
+
+    method Begin {} {
+        set listens {}
+        set last 0
+    }
+    method End {} {
+        foreach token [dict values $listens] {
+            ::sorma::world unwatch $token
+        }
+    }
+    method Look {} {
+        foreach key [::sorma::world keys] {
+            if {$key ne "self" && ![dict exists $listens $key]} {
+                dict set listens $key [::sorma::world listen sorm@$key -event trail.* -queue 200 -as "web $login" -command [list ::sorma::webLive::Call [self] Heard $key]]
+            }
+        }
+        foreach key [dict keys $listens] {
+            if {[::sorma::world get $key] eq {}} {
+                ::sorma::world unwatch [dict get $listens $key]
+                dict unset listens $key
+            }
+        }
+    }
+    method Heard {key event} {
+        set severity [string range [dict get $event event] 6 end]
+        if {![string match trail.* [dict get $event event]] || [dict get $event text] eq {}} return
+        set so [lindex [dict get $event words] 0]
+        my Put [incr last] [::sorma::webLive::Texts [list name [expr {$so eq {} ? "sorm@$key" : "$so@$key"}] severity $severity text [dict get $event text] \
+            time [dict get $event time]]]
+        my Drop [expr {$last - 200}]
+    }
+    export Look Heard
+}
