@@ -22,7 +22,17 @@ proc hosts::begin {names line} {
         return -code error -errorcode {HOSTS RIGHTS} "network namespaces are refused here: $why; this needs root, as by sudo, and the package iproute2"
     }
     set Folder [exec mktemp -d -t sorma-hosts-XXXXXX]
-    set names [linsert $names 0 switch]
+    try {
+        Make [linsert $names 0 switch] $line
+    } on error {why options} {
+        end
+        return -options $options $why
+    }
+}
+proc hosts::Make {names line} {
+    variable Folder
+    variable Holders
+    set mounts [Mounts]
     set number 0
     set file [open [file join $Folder hosts] w]
     puts $file "127.0.0.1 localhost\n[join [lmap host $names {string cat "192.168.7.[incr number] $host"}] \n]"
@@ -31,7 +41,7 @@ proc hosts::begin {names line} {
     foreach host $names {
         file mkdir [file join $Folder $host]
         file attributes [file join $Folder $host] -permissions 0700
-        set holder [open [list | unshare --net --mount --uts sh -c {
+        set holder [open [list | unshare --net {*}$mounts --uts sh -c {
             hostname "$(basename "$1")" && cat /proc/sys/kernel/random/uuid > "$1/boot" && mount --bind "$1/boot" /proc/sys/kernel/random/boot_id &&
                 mount --bind "$1/../hosts" /etc/hosts && echo up
             read end
@@ -57,6 +67,26 @@ proc hosts::begin {names line} {
             run $host ip link set eth0 up
         }
     }
+}
+
+# Words for unshare, so that what is mounted in a host is seen there alone. In a chroot, where / is no mount, it cannot be made private: there
+# mounts must not be shared in the first place. What a shared one gets stays when its process has ended.
+proc hosts::Mounts {} {
+    variable Folder
+    if {![catch {exec unshare --mount true 2>@1} why]} {
+        return --mount
+    }
+    set words {--mount --propagation unchanged}
+    set probe [file join $Folder probe]
+    close [open $probe w]
+    if {[catch {exec unshare {*}$words mount --bind /etc/hosts $probe 2>@1} why]} {
+        return -code error -errorcode {HOSTS RIGHTS} "a host needs mounts of its own: $why; this needs root, as by sudo"
+    }
+    if {[file size $probe]} {
+        exec umount $probe
+        return -code error -errorcode {HOSTS RIGHTS} "a host needs mounts of its own, and those of this chroot are shared: start it outside"
+    }
+    return $words
 }
 
 # Words that go before a command.
