@@ -70,7 +70,7 @@ proc hosts::Make {names line} {
 }
 
 # Words for unshare, so that what is mounted in a host is seen there alone. In a chroot, where / is no mount, it cannot be made private: there
-# mounts must not be shared in the first place. What a shared one gets stays when its process has ended.
+# mounts must not be shared in the first place: a shared one keeps what it gets when its process has ended.
 proc hosts::Mounts {} {
     variable Folder
     if {![catch {exec unshare --mount true 2>@1} why]} {
