@@ -1,6 +1,6 @@
-# all.tcl ?-jobs N? ?-until TIME? ?-bound SECONDS? ?SUITE ...? -- runs every suite in a process of its own, several at a time, and sums up.
+# all.tcl ?-jobs N? ?-until TIME? ?-bound SECONDS? ?-but SUITE,...? ?SUITE ...? -- runs every suite in a process of its own, several at a time, and sums up.
 #
-# A suite that takes longer than SECONDS (600 unless given) is ended.
+# A suite that takes longer than SECONDS (600 unless given) is ended. -but names suites that do not run, also by patterns such as neo*.
 # TIME, in seconds as `date +%s` gives them: no suite begins after it. Those that are left out are told, and each counts as failed, or with
 # SORMA_QUICK=1 as skipped. Suites run in the order in which they are named, else those first that take longest.
 # Each suite gets its own folder for temporary files, its own runtime folder for daemons, and a mark in its environment,
@@ -9,12 +9,14 @@
 # there may be. With SORMA_REQUIRE=all a test that is skipped for no such reason is a failure, too. Last line: N passed, N failed, N skipped.
 
 set here [file dirname [file normalize [info script]]]
-set given [dict create -jobs [expr {[catch {exec nproc} n] ? 2 : $n + 1}] -until {} -bound 600]     ;# suites wait most of the time
+set given [dict create -jobs [expr {[catch {exec nproc} n] ? 2 : $n + 1}] -until {} -bound 600 -but {}]     ;# suites wait most of the time
 set wanted {}
 for {set i 0} {$i < [llength $argv]} {incr i} {
     set word [lindex $argv $i]
     if {![dict exists $given $word]} {
         lappend wanted $word
+    } elseif {$word eq "-but"} {
+        dict set given $word [split [lindex $argv [incr i]] ,]
     } elseif {![string is wideinteger -strict [lindex $argv [incr i]]]} {
         puts "$word expects a whole number, got \"[lindex $argv $i]\""
         exit 2
@@ -213,6 +215,13 @@ set there [lmap suite [lsort [glob -tails -directory $here *.test]] {file rootna
 set longest {checkers trackerDemo draughts robot launch checkersWindow hardware lab connection sync tutorials simlab browser panel hand cycle vision}
 set byLength [lmap item [lsort -decreasing -integer -index 1 [lmap name $there {list $name [file size [file join $here $name.test]]}]] {lindex $item 0}]
 set order [concat [lmap name $longest {expr {$name in $there ? $name : [continue]}}] [lmap name $byLength {expr {$name in $longest ? [continue] : $name}}]]
+foreach pattern [dict get $given -but] {
+    if {[lsearch -glob $order $pattern] < 0} {
+        puts "-but: no suite is like \"$pattern\"; there are: $there"
+        exit 2
+    }
+    set order [lsearch -all -inline -not -glob $order $pattern]
+}
 foreach name [expr {[llength $wanted] > 0 ? $wanted : $order}] {
     if {$name ni $there} {
         puts "no suite \"$name\"; there are: $there"
