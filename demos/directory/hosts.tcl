@@ -69,8 +69,8 @@ proc hosts::Make {names line} {
     }
 }
 
-# Words for unshare, so that what is mounted in a host is seen there alone. In a chroot, where / is no mount, it cannot be made private: there
-# mounts must not be shared in the first place: a shared one keeps what it gets when its process has ended.
+# Words for unshare, so that what is mounted in a host is seen there alone. In a chroot / is no mount, and cannot be made private: then mounts
+# must not be shared in the first place. A shared one keeps what it gets when its process has ended.
 proc hosts::Mounts {} {
     variable Folder
     if {![catch {exec unshare --mount true 2>@1} why]} {
