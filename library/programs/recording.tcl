@@ -8,7 +8,7 @@ package provide sorma::recording 1.0
 
 namespace eval ::sorma::recording {
     variable Options {-o {{word {the name of a file}} sorma.rec} -daemon words -requests {any *} -events {any *} -buffers any -max {{word {a number of bytes, as 500M}}}
-        -seconds {{seconds 0 1000000000}} -help flag --help flag -h flag}
+        -seconds {{seconds 0 1000000000}} -for {{seconds 0 1000000}} -help flag --help flag -h flag}
     variable End            ;# set by a signal
     variable Turn           ;# set when it has waited
 }
@@ -43,6 +43,9 @@ proc ::sorma::recording::main words {
         Await $daemons
         puts ready
         flush stdout
+        if {${-for} ne {}} {
+            after [expr {round(1000 * ${-for})}] {set ::sorma::recording::End time}
+        }
         if {![info exists ::sorma::recording::End]} {
             vwait ::sorma::recording::End
         }

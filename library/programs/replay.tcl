@@ -11,7 +11,7 @@ package require sorma::usage
 package provide sorma::replay 1.0
 
 namespace eval ::sorma::replay {
-    variable Options {-list flag -typed flag -about flag -play flag -csv {{word {the name of a folder}}} -mcap {{word {the name of a file}}}
+    variable Options {-list flag -typed flag -about flag -play flag -csv {{word {the name of a folder}}} -values {{word {the name of an object}}} -mcap {{word {the name of a file}}}
         -search any -name {any *} -failed flag -slower {{seconds 0 1000000000}} -from any -until any
         -daemon any -rename words -speed {{seconds 0 1000} 1} -help flag --help flag -h flag}
     variable Turn           ;# set when it has waited
@@ -46,7 +46,8 @@ proc ::sorma::replay::main words {
         if {[llength ${-rename}] % 2} {
             error "-rename expects names in pairs, old and new, got [llength ${-rename}]"
         }
-        set search [Search $settings]
+        # The bus tells of options of all objects.
+        set search [Search [expr {${-values} eq {} ? $settings : [dict replace $settings -name sorm]}]]
     } on error message {
         puts stderr "sorma-replay: $message\n[::sorma::usage::program sorma-replay]"
         return 2
@@ -61,6 +62,8 @@ proc ::sorma::replay::main words {
             About $about
         } elseif {${-csv} ne {}} {
             Export ${-csv} $search
+        } elseif {${-values} ne {}} {
+            Values ${-values} $search
         } elseif {${-mcap} ne {}} {
             set out [::sorma::mcap::begin ${-mcap}]
             Each record $search {
@@ -202,6 +205,35 @@ proc ::sorma::replay::Export {folder search} {
             close $channel
         }
     }
+}
+
+# One object's options as they have changed: a column for each, a line for each change. A value stays until it is told again.
+proc ::sorma::replay::Values {object search} {
+    set columns {}
+    Each record $search {
+        set columns [dict merge $columns [dict map {option value} [Changed $record $object] {string cat {}}]]
+    }
+    if {$columns eq {}} {
+        return -code error "the recording has no change of an option of $object; -about lists its names"
+    }
+    puts [::csv::join [list time source {*}[dict keys $columns]]]
+    set known {}        ;# dict: source -> its columns
+    Each record $search {
+        set changed [Changed $record $object]
+        if {$changed eq {}} continue
+        set source [dict get $record source]
+        dict set known $source [dict merge [expr {[dict exists $known $source] ? [dict get $known $source] : $columns}] $changed]
+        puts [::sorma::text::clean [::csv::join [list [dict get $record time] $source {*}[dict values [dict get $known $source]]]]]
+    }
+}
+
+# The options of an object that an event tells, with their values.
+proc ::sorma::replay::Changed {record object} {
+    set text [dict get $record text]
+    if {[dict get $record kind] ne "event" || [dict get $record word] ne "object.changed" || ![string is list $text] || [lindex $text 1] ne $object} {
+        return
+    }
+    return [lrange $text 3 end-1]
 }
 
 # ---- again ----
