@@ -27,6 +27,7 @@ void Assembler::drop(const char*& at, const char* end) {
 
 bool Assembler::add(const Piece& piece, Buffer& own, std::string_view& record) {
     if (piece.last && pieces_.empty()) [[likely]] {
+        empties_ = 0;
         record = piece.text();
         return true;
     }

@@ -104,6 +104,9 @@ void testEmpty() {
     CHECK(add(end) && record == "a" && !pieces.tooEmpty() && !pieces.inside() && pieces.size() == 0);
     for (int i = 0; i < record::kMostEmpty; ++i) CHECK(!add(nothing) && !pieces.tooEmpty());
     CHECK(!add(nothing) && pieces.tooEmpty());
+    // They are counted in each record anew, also when a record has no other piece before its last one.
+    record::Assembler others;
+    for (int i = 0; i <= record::kMostEmpty; ++i) CHECK(!others.add(front(nothing), own, record) && !others.tooEmpty() && others.add(front(piece("a", true)), own, record) && record == "a");
 }
 
 constexpr Group kGroups[] = {
