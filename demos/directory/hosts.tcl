@@ -95,7 +95,7 @@ proc hosts::At host {
     variable Holders
     set own [file join $Folder $host]
     return [list env SORMA_RUNTIME_DIR=$own SORMA_KEYS=[file join $own keys] SORMA_DICT=[file join $own dict] SORMA_PASSPHRASE=[file tail $Folder] \
-        nsenter -t [pid [dict get $Holders $host]] -n -m -u]
+        nsenter -t [pid [dict get $Holders $host]] -n -m -u -r -w]
 }
 proc hosts::run {host args} {
     return [exec {*}[At $host] {*}$args 2>@1]
