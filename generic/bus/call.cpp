@@ -73,7 +73,7 @@ CallContext::CallContext(const ClientPointer& client, Deadline deadline, std::ui
 
 CallContext::CallContext(const KeptCallPointer& kept)
     : client(kept ? kept->client : kThisProcess), deadline(kept ? kept->deadline : Deadline()),
-      behalf(kept ? kept->behalf : kNobody), cancelled(kept && kept->cancelled()), span(kept ? kept->span : nullptr), request_(kept ? kept->request : 0), kept_(kept),
+      behalf(kept ? kept->behalf : kNobody), cancelled(kept && kept->cancelled()), span(kept ? kept->span : nullptr), heard(kept ? kept->heard : HeardEpoch()), request_(kept ? kept->request : 0), kept_(kept),
       outer_(theContext) {
     theContext = kept ? this : nullptr;
 }
@@ -132,6 +132,7 @@ KeptCallPointer CallContext::keep() {
     if (!c->kept_) {
         c->kept_ = std::make_shared<KeptCall>(c->client, c->deadline, currentRequest(), c->behalf);
         c->kept_->span = c->span;
+        c->kept_->heard = c->heard;
         if (c->cancelled.load(std::memory_order_relaxed)) c->kept_->cancel();     // before anybody kept it
     }
     return c->kept_;

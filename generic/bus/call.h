@@ -30,6 +30,12 @@ struct Caller {
     static const Caller& self();                // this process
 };
 
+// What a client has heard of the owner of the name by which it has come: bus/fence.h.
+struct HeardEpoch {
+    std::uint64_t fence = 0;                    // Fence::serial; 0: of none
+    std::int64_t epoch = 0;                     // 0: nothing
+};
+
 class Client;
 using ClientPointer = std::shared_ptr<Client>;      // bus/client.h
 class Pending;
@@ -56,6 +62,7 @@ public:
     void begun(const std::shared_ptr<Pending>& pending);
     std::uint32_t subTime = 0;                  // [us] that its calls to other processes took, added up
     std::shared_ptr<Span> span;                 // of its trace; null: it has none
+    HeardEpoch heard;
 
 private:
     std::atomic<bool> cancelled_{false};
@@ -110,6 +117,8 @@ public:
     std::atomic<bool> cancelled{false};         // the caller has cancelled it. Work that takes long may read it and stop early
     std::uint32_t subTime = 0;                  // [us] spent in calls to other processes since this began
     std::shared_ptr<Span> span;                 // of its trace: calls that are made now are below it; null: it has none
+    HeardEpoch heard;
+    bool elsewhere = false;                     // a fence has refused it: the client should look for another daemon
     std::uint32_t waitedForOthers() const;      // [us] the same, with the time of its parts that waited
     void cancel();                              // by the caller; as KeptCall::cancel
 

@@ -137,7 +137,9 @@ std::unique_ptr<Pieces> OpenPieces::begin(Message request) {
 
 // May it go on? As for EXEC.
 void Service::admitStream(Message& m) {
+    const PrincipalPointer author = m.author;
     admit(Method::exec, m);
+    if (guard() & kFencedBit) needFence(author);
     if (guard() & kPartsBit) needParts();
     if (guard() & kLockBits) checkLock();
 }

@@ -88,6 +88,15 @@ bool Service::startGuarded(Method method, Message& m) {
     return false;
 }
 
+void Service::needFence(const PrincipalPointer& author) {
+    try {
+        sorm_->fences.need(name_, author);
+    } catch (const Error& e) {
+        noteFailure(e.trail);
+        throw;
+    }
+}
+
 // What is wrong with an EXEC is told before it is told that it may not run now: waiting would not help.
 void Service::checkArguments(const Message& m) {
     if (!(checks_ & Class::undeclared)) return;
@@ -102,9 +111,12 @@ void Service::checkArguments(const Message& m) {
 
 // The reasons why a request may not run now.
 bool Service::startHeld(Method method, Message& m) {
+    const bool fenced = (guard() & kFencedBit) && method != Method::dbx;
+    const PrincipalPointer author = fenced ? m.author : nullptr;        // admit() may take it away
     if (m.author) admit(method, m);
     if (gone()) failGone();
     if ((guard() & kAskBit) && !m.author) admit(method, m);
+    if (fenced) needFence(author);
     if (method == Method::exec) checkArguments(m);
     // CTRL prepares while ticks go on, see configure().
     std::optional<BetweenTicks> between;

@@ -3,7 +3,7 @@
 // Each request for an object passes Service::start, by whatever door it comes: a Tcl command, a peer's call, the text
 // dispatcher, work that waited, a reference. In order it is
 //
-//     observed > admitted (rights, gone, locked) > executed > observed > its trail noted
+//     observed > admitted (rights, gone, fenced, locked) > executed > observed > its trail noted
 //
 // A door that gets a name finds or makes the object with Sorm::get. Deadline and budget come before that, since they belong
 // to the door: a peer's are in Peer::execute, those of work that waited in Service::perform.

@@ -210,6 +210,7 @@ private:
     void settleFirst(const Applying& a, Message* reply, bool last);
     [[noreturn]] void failGone() const;
     void admit(Method method, Message& m);
+    void needFence(const PrincipalPointer& author);
     void checkArguments(const Message& m);
     void admitStream(Message& m);           // an EXEC whose reply is read in pieces: at its beginning, and at each piece
     bool isDangerous(const Message& m) const;           // does this EXEC of it?
@@ -239,11 +240,11 @@ private:
 
     // The thread to which the object belongs writes calls_. Other threads may read it at any time, and change bits of guard_;
     // memory order is relaxed, since no other data depends on them.
-    std::uint8_t guard() const { return guard_.load(std::memory_order_relaxed); }
+    std::uint16_t guard() const { return guard_.load(std::memory_order_relaxed); }
     bool isSample() const { return (calls() & 63) == 0; }      // its next EXEC is the one in 64 that statistics measure
-    void setGuard(std::uint8_t bit, bool on) {
+    void setGuard(std::uint16_t bit, bool on) {
         if (on) guard_.fetch_or(bit, std::memory_order_relaxed);
-        else guard_.fetch_and(std::uint8_t(~bit), std::memory_order_relaxed);
+        else guard_.fetch_and(std::uint16_t(~bit), std::memory_order_relaxed);
     }
     void invokeInPlace(Message& m);         // Reference::exec when guard_ is not 0
     void unusable(Message& m);              // Reference::step got no usable answer
@@ -254,13 +255,14 @@ private:
     RealtimeOwner* realtimeOwner_ = nullptr;    // while guard_ has kOwnedBit
     std::uint32_t references_ = 0;
     std::uint32_t names_ = 0;               // names in the repository, second names included
-    static constexpr std::uint8_t kGoneBit = 1, kBusyBit = 2, kLockedBit = 4, kOwnedBit = 8;
-    static constexpr std::uint8_t kAskBit = 16;     // the SORM is a safe interpreter's: its own requests need rights, too
-    static constexpr std::uint8_t kPartsBit = 32;   // the author of a named part has lost the right to use it
-    static constexpr std::uint8_t kObservedBit = 64;    // an observer wants all its requests: bus/request.h
-    static constexpr std::uint8_t kFormerBit = 128; // a client is to be told that its lock has ended
-    static constexpr std::uint8_t kLockBits = kLockedBit | kFormerBit;
-    std::atomic<std::uint8_t> guard_{0};    // 0: a request may run at once; else the reasons why it may not
+    static constexpr std::uint16_t kGoneBit = 1, kBusyBit = 2, kLockedBit = 4, kOwnedBit = 8;
+    static constexpr std::uint16_t kAskBit = 16;     // the SORM is a safe interpreter's: its own requests need rights, too
+    static constexpr std::uint16_t kPartsBit = 32;   // the author of a named part has lost the right to use it
+    static constexpr std::uint16_t kObservedBit = 64;    // an observer wants all its requests: bus/request.h
+    static constexpr std::uint16_t kFormerBit = 128; // a client is to be told that its lock has ended
+    static constexpr std::uint16_t kFencedBit = 256;    // for others it obeys only as a fence says: bus/fence.h
+    static constexpr std::uint16_t kLockBits = kLockedBit | kFormerBit;
+    std::atomic<std::uint16_t> guard_{0};   // 0: a request may run at once; else the reasons why it may not
     std::uint8_t checks_ = 0;               // class_->checks()
     std::uint8_t verbosity_ = 1;            // 0: errors; 1: and warnings; 2: and verbose
     Charge charge_;                         // for the object itself
@@ -296,8 +298,8 @@ inline void Reference::exec(Message& message) const {
 
 inline void Reference::step(Message& message, RealtimeOwner* here) const {
     Service& s = *service_;
-    std::uint8_t guard = s.guard();
-    if (guard && ((guard & ~Service::kObservedBit) != Service::kOwnedBit || s.realtimeOwner_ != here)) [[unlikely]] return s.invokeInPlace(message);
+    const int guard = s.guard();
+    if (guard && ((guard & ~(Service::kObservedBit | Service::kFencedBit)) != Service::kOwnedBit || s.realtimeOwner_ != here)) [[unlikely]] return s.invokeInPlace(message);
     s.count();
     s.exec(message);
     if (message.later || message.code < 0) [[unlikely]] s.unusable(message);

@@ -239,6 +239,7 @@ Reference Sorm::adopt(std::unique_ptr<Service> service, const std::string& name,
     s->sorm_ = this;
     s->checks_ = type.checks();
     if (access.restricted()) s->setGuard(Service::kAskBit, true);
+    if (fences.cover(name)) s->setGuard(Service::kFencedBit, true);
     markObserved(*s);
     return reference;
 }
@@ -271,6 +272,7 @@ Reference Sorm::makeLocal(const Name& which, const std::vector<std::string>* wor
         return Reference(known);
     }
     access.need(author, Right::call, name, name);
+    fences.need(name, author);
     auto birth = std::find_if(births_.begin(), births_.end(), [&](auto& b) { return b.name == name; });
     if (birth != births_.end()) {
         std::string chain;
@@ -497,6 +499,10 @@ void Sorm::listenersChanged(const Service& of) {
         monitor_ = makeMonitor(*this);
         observers.add(monitor_.get());
     }
+}
+
+void Sorm::markFenced() {
+    for (auto& [key, place] : repository_) place->service->setGuard(Service::kFencedBit, fences.cover(place->service->name()));
 }
 
 void Sorm::markObserved() {

@@ -24,6 +24,7 @@
 #include "bus/access.h"
 #include "bus/budget.h"
 #include "bus/dictionary.h"
+#include "bus/fence.h"
 #include "bus/loop.h"
 #include "bus/message.h"
 #include "bus/name.h"
@@ -174,6 +175,7 @@ public:
 
     Host* host() const { return host_; }                            // null: none
     Access access;                                                  // the policy
+    Fences fences{*this};                                           // objects that may not obey others now
     // May the author use the object of that name through another object: call it, or reach its place when it is elsewhere?
     bool mayUse(const PrincipalPointer& author, const std::string& name) const;
     // Fails with COMM DENIED if not.   user: the object that was to use it, for the message.
@@ -249,6 +251,8 @@ private:
     void testAtBirth(Service& made);                                    // fails: it is not made
     void drop(const std::string& key);                                  // remove it
     friend class Observers;
+    friend class Fences;
+    void markFenced();                                                  // tell all objects whether they are behind a fence
     void markObserved();                                                // tell all objects that they are observed
     void markObserved(Service& s);
     Reference adopt(std::unique_ptr<Service> service, const std::string& name, const Class& type);

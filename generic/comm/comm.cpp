@@ -53,6 +53,7 @@ Comm::~Comm() {
     folder_.reset();
     for (auto& [name, directory] : claims_) directory->release(name);
     claims_.clear();
+    for (auto& [name, ownership] : ownerships_) sorm_.fences.remove(ownership.get());
     servers_.clear();
     stopped_.clear();
     finish();
@@ -179,12 +180,20 @@ void Comm::claim(Server& server, const Server::Wanted& wanted) {
     while ((got = directory->claimed(entry.name)).state == Directory::Claim::State::asking && !deadline.passed()) directory->wait(deadline.when());
     if (got.state == Directory::Claim::State::owned) {
         claims_[entry.name] = directory;
-        if (!wanted.owned.empty()) server.setOwnership(std::make_unique<Ownership>(directory, entry, wanted.owned));
+        server.setFence(fence(wanted, entry));
         return;
     }
     directory->release(entry.name);
     if (got.state == Directory::Claim::State::taken) failTaken("the name " + entry.name + " of " + directory->describe(), got.why);
     fail(kSilent, entry.name, directory->describe(), got.why);
+}
+
+std::uint64_t Comm::fence(const Server::Wanted& wanted, const Directory::Entry& self) {
+    if (const auto old = ownerships_.extract(wanted.name)) sorm_.fences.remove(old.mapped().get());
+    if (wanted.owned.empty()) return 0;
+    auto& own = ownerships_[wanted.name] = std::make_unique<Ownership>(directory_.get(), self, wanted.owned);
+    sorm_.fences.add(own.get());
+    return own->serial;
 }
 
 bool Comm::servesAt(const Address& a) const {
@@ -231,6 +240,7 @@ void Comm::await(const Server::Wanted& wanted) {
     checkServable(wanted.name);
     directory_.get();                           // tell now what is wrong with its line
     if (!standbys_.try_emplace(wanted.name).second) fail(kServed, wanted.name);
+    fence(wanted, {wanted.name, Caller::self().toText()});
 }
 
 bool Comm::taken(const std::string& name) {
@@ -267,6 +277,7 @@ Server& Comm::serve(const Server::Wanted& wanted) {
         if (trouble) trouble(what);
     };
     if (wanted.directory) claim(*server, wanted);
+    else fence(wanted, {});
     if (sorm_.daemonName.empty()) sorm_.access.daemon = sorm_.daemonName = wanted.name;
     if (!healthResponder_)
         healthResponder_ = std::make_unique<HealthResponder>(*reactor_, lock_, [this](const std::vector<void*>& waiting) {

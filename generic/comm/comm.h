@@ -18,6 +18,7 @@
 #include "bus/sorm.h"
 #include "comm/connection.h"
 #include "comm/directory.h"
+#include "comm/ownership.h"
 #include "comm/serverLock.h"
 #include "comm/proxy.h"
 #include "comm/reactor.h"
@@ -104,6 +105,8 @@ private:
     std::vector<unsigned char> lateSpans(TraceNumber number, const PrincipalPointer& author) const override;
     std::shared_ptr<Directory> heardDirectory(std::int64_t milliseconds);
     void claim(Server& server, const Server::Wanted& wanted);
+    // From now on the objects that it declares owned obey the owner of its name alone, until the name is served anew. Returns Fence::serial.
+    std::uint64_t fence(const Server::Wanted& wanted, const Directory::Entry& self);
     bool taken(const std::string& name);        // by another daemon, or nobody knows
     void checkServable(const std::string& name);
     void directoryChanged();
@@ -126,6 +129,7 @@ private:
     std::map<std::string, std::weak_ptr<Connection>> connections_;      // by "RULE ADDRESS", see resolve in bus/name.h
     ChosenDirectory directory_;
     std::map<std::string, std::shared_ptr<Directory>> claims_;  // by name: where our daemons own theirs
+    std::map<std::string, std::unique_ptr<Ownership>> ownerships_;  // by name: also of names that are not served any more
     struct Standby {
         std::int64_t next = 0;              // [ns] when to try again, after it was in vain
         std::string why = {};               // it was in vain

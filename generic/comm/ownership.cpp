@@ -14,6 +14,14 @@ const Prototype kNotOwner{Severity::error, "DIRECTORY NOT_OWNER", 1,
 const Prototype kStale{Severity::error, "DIRECTORY STALE", 1,
     "{}: the request is for epoch {} of the name {}, and its owner {} has epoch {}; the request was not executed; ask again"};
 
+std::string reason(const Directory::Claim& claim) {
+    switch (claim.state) {
+        case Directory::Claim::State::none: return "it does not claim it";
+        case Directory::Claim::State::taken: return "somebody else has it";
+        default: return claim.why;
+    }
+}
+
 }  // namespace
 
 Ownership::Ownership(std::shared_ptr<Directory> directory, Directory::Entry self, std::vector<std::string> patterns)
@@ -35,7 +43,7 @@ void Ownership::need(std::string_view object, std::int64_t epoch, bool trusted, 
     if (claim.state != Directory::Claim::State::owned) {
         const std::string other = owner();
         elsewhere = other.starts_with("its owner") || epoch > last_;
-        fail(kNotOwner, object, self_.identity, self_.name, claim.state == Directory::Claim::State::taken ? "somebody else has it" : claim.why, other);
+        fail(kNotOwner, object, self_.identity, self_.name, reason(claim), other);
     }
     last_ = claim.epoch;
     if (epoch > claim.epoch) {

@@ -2,8 +2,8 @@
 //
 //     sormad -name robot -directory 1 -owned carry.*
 //
-// While the daemon does not own its name it refuses EXEC and CTRL for such objects, when they come from other processes. DBX is always answered.
-// It judges by its own clock, so a daemon that was stopped refuses before it has heard of the next owner.
+// While the daemon does not own its name it refuses EXEC and CTRL for such objects, by whatever door they come for others than this process;
+// bus/fence.h says where that is asked. It judges by its own clock, so a daemon that was stopped refuses before it has heard of the next owner.
 //
 // A client that has found the daemon by the directory says with each call which epoch of the name it knows (doc/wire.md). A lower epoch than the
 // daemon's is refused. A higher one says that somebody else has become the owner. The clock here may be wrong then, and nothing is accepted
@@ -18,18 +18,18 @@
 #include <string_view>
 #include <vector>
 
+#include "bus/fence.h"
 #include "comm/directory.h"
 
 namespace sorma {
 
-class Ownership {
+class Ownership : public Fence {
 public:
     // self: as it was claimed there. patterns: of names of objects, as globMatch.
     Ownership(std::shared_ptr<Directory> directory, Directory::Entry self, std::vector<std::string> patterns);
-    bool covers(std::string_view object) const;
-    // For a request to such an object. epoch: that the client knows; 0: none. trusted: believe a higher one.
-    // Fails with DIRECTORY NOT_OWNER or DIRECTORY STALE. elsewhere: the client should look the name up again.
-    void need(std::string_view object, std::int64_t epoch, bool trusted, bool& elsewhere);
+    bool covers(std::string_view object) const override;
+    // A higher epoch of those who are trusted is believed. Fails with DIRECTORY NOT_OWNER or DIRECTORY STALE.
+    void need(std::string_view object, std::int64_t epoch, bool trusted, bool& elsewhere) override;
 
 private:
     std::string owner() const;              // the other one, for people

@@ -351,20 +351,6 @@ bool Server::Requests::crowded() {
     return owed_.size() + oneway_.size() >= most;
 }
 
-// A client that should have asked another daemon is sent away after the answer: it looks the name up again.
-void Server::Requests::needOwner(std::string_view name, std::int64_t epoch) {
-    const std::string object = server_.sorm_.canonical(name);
-    if (!server_.ownership_->covers(object)) return;
-    const bool trusted = !principal || (server_.sorm_.access.rights(principal, object) & Rights(Right::call));
-    bool elsewhere = false;
-    try {
-        server_.ownership_->need(object, epoch, trusted, elsewhere);
-    } catch (const Error& e) {
-        if (elsewhere) peer_.closeAfterReply(e.what());
-        throw;
-    }
-}
-
 bool Server::Requests::execute(const wire::Request& request, const wire::CallHeader& header, std::string_view record, Message& m,
                            wire::Times& times, ReplySlot* slot, Scratch& scratch, Frame& frame) {
     const std::int64_t arrived = peer_.arrived(), start = std::max(frame.since, arrived);
@@ -386,6 +372,7 @@ bool Server::Requests::execute(const wire::Request& request, const wire::CallHea
         frame.span->door = true;
         context.span = frame.span;
     }
+    if (server_.fence_ != 0) [[unlikely]] context.heard = {server_.fence_, behalf.epoch};
     if (slot) slot->call = &context;
     ++server_.served_;
     bool reached = false;                               // the object: then it has told the observers
@@ -396,7 +383,6 @@ bool Server::Requests::execute(const wire::Request& request, const wire::CallHea
         if (slot && cancelledBefore(request.slot, request.sequence)) [[unlikely]] fail(kNotBegun, request.name);
         // Only objects of this process are served: whoever may call us may not call others in our name.
         if (Name::isElsewhere(request.name)) [[unlikely]] fail(errors::kRelay, request.name);
-        if (server_.ownership_ && method != Method::dbx) [[unlikely]] needOwner(request.name, behalf.epoch);
         Service* known = server_.sorm_.find(request.name);
         // Replies to the requests before this one must not wait for it, unless it is known to be quick.
         if (!known || known->lastRun > kQuick) peer_.flush(scratch);
@@ -418,6 +404,8 @@ bool Server::Requests::execute(const wire::Request& request, const wire::CallHea
         if (later) return true;
     } catch (...) {
         failed(request, record, m, reached);
+        // It looks the name up again, after the answer.
+        if (context.elsewhere) [[unlikely]] peer_.closeAfterReply(m.trail.cause() ? m.trail.cause()->text : std::string());
         times.ran = microseconds(monotonicNow() - start);
         peer_.took(monotonicNow() - start);
         times.sub = context.waitedForOthers();

@@ -58,7 +58,6 @@ private:
     void oneway(XdrReader& r, const wire::CallHeader& header, Scratch& scratch, Frame& frame);
     // Call the service, without the lock. m becomes the reply, also when the service throws. True: it answers later, by
     // m.later.
-    void needOwner(std::string_view name, std::int64_t epoch);
     bool execute(const wire::Request& request, const wire::CallHeader& header, std::string_view record, Message& m, wire::Times& times, ReplySlot* slot,
                  Scratch& scratch, Frame& frame);
     void failed(const wire::Request& request, std::string_view record, Message& m, bool reached);

@@ -36,7 +36,6 @@
 #include "bus/client.h"
 #include "bus/call.h"
 #include "bus/sorm.h"
-#include "comm/ownership.h"
 #include "comm/serverLock.h"
 #include "comm/reactor.h"
 #include "comm/settings.h"
@@ -105,7 +104,7 @@ public:
     std::string statisticsText() const;                         // for people, one line
     void addFigures(Network::Figures& sum) const;
     static void setLimits(Sorm& sorm, const Settings& settings);    // give the SORM's budget the limits of the settings
-    void setOwnership(std::unique_ptr<Ownership> ownership) { ownership_ = std::move(ownership); }
+    void setFence(std::uint64_t serial) { fence_ = serial; }    // its clients may have heard of epochs for this one: bus/fence.h
     std::function<void(const Entry& what)> trouble;             // as Comm::trouble
 
 private:
@@ -166,7 +165,7 @@ private:
     bool ownSocket_ = false;                                    // we made the socket file, and remove it at the end
     int port_ = 0;
     std::uint32_t program_ = 0;
-    std::unique_ptr<Ownership> ownership_;                      // null: no object is declared owned
+    std::uint64_t fence_ = 0;                                   // Fence::serial; 0: there is none
     std::uint64_t boot_;                                        // random: identifies this start of the daemon
     std::int64_t started_;                                      // [us since 1970]
     std::uint64_t served_ = 0, refused_ = 0, dropped_ = 0, eventsLost_ = 0;     // requests; connections; one-way requests
