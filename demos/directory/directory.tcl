@@ -109,7 +109,7 @@ proc directory::rows given {
             regexp {is served already by (\S+) .* this is (\S+) } $said -> first second
             string cat "$first has it, not $second"
         }
-        measure row "right waits for it" -target {$said eq "standby robot"} -wanted "it listens nowhere" -body {
+        measure row "right waits for it" -target {[lrange $said 0 1] eq "standby robot"} -wanted "it listens nowhere" -body {
             set said [serve right -standby 1]
         }
         call left arm.1@[file join [hosts::folder left] robot.sock]

@@ -3,6 +3,8 @@
 #     defaults -restart failure -dict common.dict           options of the daemons that follow
 #     daemon eye -package sorma::service::echo
 #     daemon arm -after eye -on robot@cell2 -port 7014 -host 0.0.0.0 -env MODE=slow
+#     daemon watch -hosts cell1 cell2                       one on each: watch.cell1, watch.cell2
+#     daemon carry -hosts cell1 cell2 self -one-of 1        one that serves, the others stand by
 #
 # Lines are as entries.tcl reads them. A later option replaces an earlier one; those that take several words add to it. Files of daemons on
 # this host are relative to the folder of the launch file.
@@ -18,6 +20,7 @@ namespace eval ::sorma::launchFile {
     variable Options {
         -package words  -make words  -dict words  -path words  -script word  -port {{whole 0 65535}}  -host word  -socket word  -rpcbind boolean  -program word
         -allow words  -policy word  -share boolean  -strict boolean  -selftest {{seconds 0 86400}}  -log word  -env words  -directory word  -on word  -after words
+        -hosts words  -one-of {boolean 0}  -standby boolean  -owned words
         -ready {{seconds 0.1 86400} 20}  -restart {{choice never failure always} never}  -limit {{whole 0 1000000} 5}
         -pause {{seconds 0 3600} 0.5}  -grace {{seconds 0 86400} 5}  -essential {boolean 0}
         -sormad {{word {a command}} sormad}  -ssh {{word {a command}} ssh}
@@ -29,7 +32,8 @@ namespace eval ::sorma::launchFile {
 # Arguments:
 #       file    its path
 # Results:
-#       A dict in the order of the file: name of daemon -> dict of its options and of place ("FILE:LINE").
+#       A dict in the order of the file: name of daemon -> dict of its options, of place ("FILE:LINE"), and of members: a dict of label -> options for each
+#       host where it runs, with -on of that one ({}: this host), and as: the name that is served there.
 #       Fails with {SORMA LAUNCH FILE} and a line FILE:LINE: ... for each thing that is wrong.
 proc ::sorma::launchFile::read file {
     variable Options
@@ -53,7 +57,7 @@ proc ::sorma::launchFile::read file {
                 if {[dict exists $daemons $name]} {
                     error "daemon $name is there already, in line [lindex [split [dict get $daemons $name place] :] end]"
                 }
-                dict set daemons $name [CheckDaemon [file dirname $file] [Take $words [dict create place $place {*}$defaults]]]
+                dict set daemons $name [CheckDaemon $name [file dirname $file] [Take $words [dict create place $place {*}$defaults]]]
             }
             default {
                 error "unknown word \"$keyword\"[::sorma::DidYouMean $keyword {daemon defaults}]: must be daemon or defaults"
@@ -61,7 +65,7 @@ proc ::sorma::launchFile::read file {
         }
     } wrong
     if {[llength $wrong] == 0} {
-        set wrong [CheckOrder $daemons]
+        set wrong [concat [CheckNames $daemons] [CheckOrder $daemons]]
     }
     if {[dict size $daemons] == 0 && [llength $wrong] == 0} {
         lappend wrong "$file: there is no daemon in it; a line \"daemon NAME\" makes one"
@@ -95,8 +99,8 @@ proc ::sorma::launchFile::Take {words settings} {
     return $settings
 }
 
-# Check the settings of one daemon. Returns them, with full paths for files of this host.
-proc ::sorma::launchFile::CheckDaemon {folder settings} {
+# Check the settings of one daemon. Returns them, with full paths for files of this host, and with its members.
+proc ::sorma::launchFile::CheckDaemon {name folder settings} {
     foreach option {-sormad -ssh} {
         dict set settings $option [::sorma::SplitWords [dict get $settings $option]]
         if {[llength [dict get $settings $option]] == 0} {
@@ -109,11 +113,55 @@ proc ::sorma::launchFile::CheckDaemon {folder settings} {
                 return -code error "-env expects NAME=VALUE, got \"$word\""
             }
         }
-        # A word that begins with a dash would be an option of ssh.
-        if {${-on} ne {} && ![regexp {^([A-Za-z0-9_.][^\s@]*@)?[A-Za-z0-9_\[:][^\s@]*$} ${-on}]} {
-            return -code error "-on expects host or user@host, got \"${-on}\""
+        if {${-on} ne {}} {
+            CheckHost -on ${-on}
         }
     }
+    return [WithMembers $name $folder $settings]
+}
+
+# A word that begins with a dash would be an option of ssh.
+proc ::sorma::launchFile::CheckHost {option host} {
+    if {![regexp {^([A-Za-z0-9_.][^\s@]*@)?[A-Za-z0-9_\[:][^\s@]*$} $host]} {
+        return -code error "$option expects host or user@host, got \"$host\""
+    }
+}
+
+proc ::sorma::launchFile::WithMembers {name folder settings} {
+    set hosts [concat {*}[lmap word [dict get $settings -hosts] {regexp -all -inline {\S+} $word}]]     ;# {a b c} is one word
+    set oneOf [string is true [dict get $settings -one-of]]
+    if {$oneOf && [llength $hosts] < 2} {
+        return -code error "-one-of 1 needs two hosts or more: -hosts HOST HOST"
+    }
+    if {[llength $hosts] == 0} {
+        set settings [FilesOfHere $folder [dict replace $settings as $name]]
+        return [dict replace $settings members [dict create $name $settings]]
+    }
+    if {[dict get $settings -on] ne {}} {
+        return -code error "-on and -hosts do not go together: both say where it runs"
+    }
+    set members {}
+    foreach host $hosts {
+        CheckHost -hosts $host
+        set at [regsub {^.*@} $host {}]
+        set label $name[expr {$oneOf ? "@" : "."}]$at
+        if {[dict exists $members $label]} {
+            return -code error "-hosts has $at twice"
+        }
+        if {!$oneOf && ![regexp {^[A-Za-z0-9_.-]+$} $label]} {
+            return -code error "-hosts: \"$label\" is no name for a daemon: give the host a name of letters, digits, _ - and ."
+        }
+        set own [dict replace $settings -on [expr {$host eq "self" ? {} : $host}] as [expr {$oneOf ? $name : $label}]]
+        if {$oneOf} {
+            dict set own -standby 1
+        }
+        dict set members $label [FilesOfHere $folder $own]
+    }
+    return [dict replace $settings members $members]
+}
+
+# The settings with full paths, if it runs on this host.
+proc ::sorma::launchFile::FilesOfHere {folder settings} {
     if {[dict get $settings -on] ne {}} {
         return $settings
     }
@@ -155,6 +203,21 @@ proc ::sorma::launchFile::Values {option settings} {
         return $value
     }
     return [expr {$value eq {} ? {} : [list $value]}]
+}
+
+# Names that two lines would give: a list of messages.
+proc ::sorma::launchFile::CheckNames daemons {
+    set wrong {}
+    set used {}
+    dict for {name settings} $daemons {
+        foreach as [lsort -unique [lmap member [dict values [dict get $settings members]] {dict get $member as}]] {
+            if {[dict exists $used $as]} {
+                lappend wrong "[dict get $settings place]: daemon $as is there already, in line [lindex [split [dict get $used $as] :] end]"
+            }
+            dict set used $as [dict get $settings place]
+        }
+    }
+    return $wrong
 }
 
 # Errors in -after: a list of messages.

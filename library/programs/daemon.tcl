@@ -253,10 +253,18 @@ proc ::sorma::daemon::Start {settings inherited} {
 # A standby daemon is all that it should be before it waits: who starts it goes on.
 proc ::sorma::daemon::StandBy name {
     variable Waits $name
-    puts "standby $name"
+    set line "standby $name[DirectoryWord]"
+    puts $line
     flush stdout
-    ::sorma::Notify "READY=1\nSTATUS=standby $name"
+    ::sorma::Notify "READY=1\nSTATUS=$line"
     StartWatchdog
+}
+
+# Where a daemon owns its name, for the lines that it says. Nothing: on this host alone.
+proc ::sorma::daemon::DirectoryWord {} {
+    if {![catch {::sorma::so::dict CTRL -get @directory} reply] && [regexp {^(?:@directory\s+)?(\w+):} [lindex $reply 3] -> kind]} {
+        return " directory=$kind"
+    }
 }
 
 # The line of a daemon that can be called. doors: what it says of those for instruments.

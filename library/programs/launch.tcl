@@ -8,6 +8,7 @@ package require sorma
 package require sorma::keys
 package require sorma::launchDaemon
 package require sorma::launchFile
+package require sorma::launchMembers
 package require sorma::options
 package require sorma::packages
 package require sorma::usage
@@ -25,7 +26,7 @@ proc ::sorma::launch::ControlMap {} {
 }
 
 namespace eval ::sorma::launch {
-    variable Daemons {}     ;# dict: name -> object of class Daemon, in the order of the file
+    variable Daemons {}     ;# dict: name, or name and host -> object of class Daemon, in the order of the file
     variable Started {}     ;# names in the order in which they were started first
     variable Told {}        ;# dict: name -> 1, once it has been said that it is ready
     variable Times 0        ;# does each line begin with the time?
@@ -87,7 +88,8 @@ proc ::sorma::launch::main words {
         }
         # Those that are left out run already, or are not wanted.
         set daemons [dict map {name settings} [dict filter $daemons script {name settings} {expr {$name in ${--only}}}] {
-            dict replace $settings -after [lmap other [dict get $settings -after] {if {$other ni ${--only}} continue; set other}]
+            set after [lmap other [dict get $settings -after] {if {$other ni ${--only}} continue; set other}]
+            dict replace $settings members [dict map {label own} [dict get $settings members] {dict replace $own -after $after}]
         }]
     }
     try {
@@ -117,13 +119,14 @@ proc ::sorma::launch::Misused message {
 # ---- --check and --list ----
 
 proc ::sorma::launch::Check {file daemons} {
-    dict for {name settings} $daemons {
-        if {[dict get $settings -on] ne {} && [dict get $settings -port] ne {} && [dict get $settings -host] eq {}} {
+    set members [members $daemons]
+    dict for {name settings} $members {
+        if {[dict get $settings -on] ne {} && [dict get $settings -port] ne {} && [dict get $settings -host] eq {} && ![dict get $settings -one-of]} {
             puts "[dict get $settings place]: note: without -host, $name listens on 127.0.0.1 of\
                 [dict get $settings -on] only"
         }
     }
-    set missing [concat {*}[lmap {name settings} $daemons {Missing $settings}]]
+    set missing [concat {*}[lmap {name settings} $members {Missing $settings}]]
     if {[llength $missing] > 0} {
         puts stderr [join [lmap line $missing {string cat "sorma-launch: " $line}] \n]
         return 2
@@ -149,7 +152,7 @@ proc ::sorma::launch::Missing settings {
 proc ::sorma::launch::List daemons {
     set found [Running]
     set rows [list {NAME ON STATE AFTER RESTART}]
-    dict for {name settings} $daemons {
+    dict for {name settings} [members $daemons] {
         lappend rows [list $name [Place $settings] [State $name $settings $found] \
             [join [dict get $settings -after] ,] [dict get $settings -restart]]
     }
@@ -169,8 +172,12 @@ proc ::sorma::launch::Place settings {
 
 # How a daemon is, in a few words. Asked over the network only where its address is known.
 proc ::sorma::launch::State {name settings running} {
+    set as [dict get $settings as]
+    if {[dict get $settings -one-of]} {
+        return [expr {[dict exists $running $as] ? "$as is [dict get $running $as]" : "nobody is known to own $as"}]
+    }
     if {[Local $settings]} {
-        return [expr {[dict exists $running $name] ? [dict get $running $name] : "not running"}]
+        return [expr {[dict exists $running $as] ? [dict get $running $as] : "not running"}]
     }
     set port [dict get $settings -port]
     if {[dict get $settings -on] eq {}} {
@@ -216,11 +223,13 @@ proc ::sorma::launch::Run daemons {
     variable Code
     variable Done
     variable Shown
-    set running [Running]
+    set running [dict filter [Running] script {name state} {expr {![string match listed,* $state]}}]     ;# on this host
     set refused 0
-    dict for {name settings} $daemons {
-        if {[Local $settings] && [dict exists $running $name]} {
-            Complain "[dict get $settings place]: daemon $name is running already ([dict get $running $name]);\
+    set members [members $daemons]
+    dict for {name settings} $members {
+        set as [dict get $settings as]
+        if {[Local $settings] && [dict exists $running $as]} {
+            Complain "[dict get $settings place]: daemon $as is running already ([dict get $running $as]);\
                 end it, or choose another name"
             set refused 1
         }
@@ -231,11 +240,12 @@ proc ::sorma::launch::Run daemons {
     if {[Terminal $Shown]} {
         set Colours {36 32 33 35 34 96 92 95}
     }
-    set Width [tcl::mathfunc::max {*}[lmap name [dict keys $daemons] {string length $name}]]
+    set Width [tcl::mathfunc::max {*}[lmap name [dict keys $members] {string length $name}]]
     fconfigure $Shown -buffering line
     interp bgerror {} ::sorma::launch::Unexpected
     ::sorma::atSignal ::sorma::launch::Signalled HUP
-    dict for {name settings} $daemons {
+    group $daemons
+    dict for {name settings} $members {
         dict set Daemons $name [Daemon new $name $settings]
     }
     StartDue
@@ -290,14 +300,14 @@ proc ::sorma::launch::StartDue {} {
     variable Started
     variable Stopping
     dict for {name daemon} $Daemons {
-        if {[$daemon state] eq "waiting" && !$Stopping && [AllReady [$daemon after]]} {
+        if {[$daemon state] eq "waiting" && !$Stopping && [allReady [$daemon after]]} {
             lappend Started $name
             $daemon start
         }
     }
-    if {!$Complete && [AllReady [dict keys $Daemons]]} {
+    if {!$Complete && !$Stopping && [allSettled]} {
         set Complete 1
-        say * "ready: [join [dict keys $Daemons] { }]"
+        say * "ready: [join [lmap {name daemon} $Daemons {if {[$daemon state] ne "ready"} continue; set name}] { }]"
         variable Tells
         if {$Tells} {
             catch {
@@ -308,25 +318,14 @@ proc ::sorma::launch::StartDue {} {
     }
 }
 
-proc ::sorma::launch::gotReady {name took} {
+proc ::sorma::launch::gotReady {name took role} {
     variable Daemons
     if {[[dict get $Daemons $name] state] eq "ready"} {     ;# it may have ended in the same breath
         dict set ::sorma::launch::Told $name 1
-        say * "$name is ready after $took s"
+        say * "$name is ready after $took s[if {$role eq "standby"} {string cat ", and stands by"}]"
+        expectOwner $name
         StartDue
     }
-}
-
-proc ::sorma::launch::AllReady names {
-    variable Daemons
-    variable Told
-    foreach name $names {
-        # Say it as well: a reader of the output wants the reason before its consequences.
-        if {[[dict get $Daemons $name] state] ne "ready" || ![dict exists $Told $name]} {
-            return 0
-        }
-    }
-    return 1
 }
 
 # A daemon has ended and is not started again. At the beginning nothing is complete without it; later the others go on, unless it was
@@ -337,6 +336,13 @@ proc ::sorma::launch::gone {name failed essential message last} {
     variable Stopping
     if {$failed || $essential || !$Complete} {
         set Code 1
+    }
+    set others [partners $name]
+    if {[llength $others] > 0} {
+        say * "$message[if {[llength $last] > 0} {string cat ": " [lindex $last end]}]; [join $others {, }] [expr {[llength $others] == 1 ? "goes" : "go"}] on" 31
+        StartDue
+        goOn
+        return
     }
     if {$Complete && !$essential} {
         say * [expr {$failed ? "$message; the others go on" : "$name has ended"}] [expr {$failed ? 31 : {}}]
@@ -366,7 +372,7 @@ proc ::sorma::launch::goOn {} {
     variable Stopping
     variable Done
     if {$Stopping} {
-        foreach name [lreverse $Started] {
+        foreach name [stopOrder $Started] {
             if {[[dict get $Daemons $name] stop]} {
                 return
             }
@@ -449,7 +455,7 @@ proc ::sorma::launch::Terminal channel {
 
 # Make a key for each daemon on another host, and bring it there by ssh, on its standard input.
 proc ::sorma::launch::BringKeys {file daemons} {
-    set daemons [dict filter $daemons script {name settings} {expr {[dict get $settings -on] ne {}}}]
+    set daemons [dict filter [members $daemons] script {name settings} {expr {[dict get $settings -on] ne {}}}]
     if {[dict size $daemons] == 0} {
         puts stderr "sorma-launch: no daemon of $file runs on another host (-on HOST); on this one: sorma-keys new NAME"
         return 2
@@ -463,7 +469,7 @@ proc ::sorma::launch::BringKeys {file daemons} {
         try {
             set pipe [open [list | sh -c [Placed $settings [list {*}$command take -]] 2>@1] r+]
             fconfigure $pipe -encoding utf-8
-            puts -nonewline $pipe [::sorma::keys::stream $name]
+            puts -nonewline $pipe [::sorma::keys::stream [dict get $settings as]]
             close $pipe write
             set said [string trim [read $pipe]]
             close $pipe
@@ -508,8 +514,8 @@ proc ::sorma::launch::Placed {settings command} {
         return $text
     }
     # Do not ask for a password; both sides notice a dead connection.
-    set words [list {*}[dict get $settings -ssh] -T -o BatchMode=yes -o ServerAliveInterval=5 \
-        -o ServerAliveCountMax=3 -- [dict get $settings -on] $text]
+    set words [list {*}[dict get $settings -ssh] -T -o BatchMode=yes -o ConnectTimeout=10 \
+        -o ServerAliveInterval=5 -o ServerAliveCountMax=3 -- [dict get $settings -on] $text]
     return "exec [join [lmap word $words {Quoted $word}]]"
 }
 
@@ -520,10 +526,12 @@ proc ::sorma::launch::commandText {name settings} {
         set program [list [Beside sormad]]
     }
     set words [list {*}$program -name $name -until-eof]
-    foreach line [dict get $settings -allow] {
-        lappend words -allow $line
+    foreach option {-allow -owned} {
+        foreach line [dict get $settings $option] {
+            lappend words $option $line
+        }
     }
-    foreach option {-port -host -socket -rpcbind -program -policy -share -strict -selftest -log -script} {
+    foreach option {-standby -port -host -socket -rpcbind -program -policy -share -strict -selftest -log -script} {
         if {[dict get $settings $option] ne {}} {
             lappend words $option [dict get $settings $option]
         }

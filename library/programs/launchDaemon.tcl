@@ -1,7 +1,7 @@
 # launchDaemon.tcl -- one daemon of sorma-launch: its process, its state, and when it is started again.
 #
 # States: waiting (not yet started), starting (no "ready" yet), ready, late (not ready in time, being ended), pausing
-# (before a restart), stopping, ended (for good).
+# (before a restart), alone (it would share its name with nobody, being ended), stopping, ended (for good).
 
 package require sorma
 package require sorma::launchForward
@@ -26,11 +26,15 @@ oo::class create ::sorma::launch::Daemon {
     variable Timer          ;# after: of readiness, pause or grace
     variable Killed         ;# has SIGKILL been sent?
     variable Forward        ;# its socket on this host, when it runs on another one; empty: there is none
+    variable As             ;# the name that it serves; Name is what it is called here
+    variable Role           ;# what it has said since it was started: {} nothing yet; standby; ready; former: another one has the name
 
     constructor {name settings} {
         namespace path ::sorma::launch
         set Name $name
         set Settings $settings
+        set As [dict get $settings as]
+        set Role {}
         set State waiting
         set Pipe {}
         set Restarts 0
@@ -50,6 +54,21 @@ oo::class create ::sorma::launch::Daemon {
         return [dict get $Settings -after]
     }
 
+    # How long may it take to get ready [s]?
+    method patience {} {
+        return [dict get $Settings -ready]
+    }
+
+    # Does it own the name that it shares with others?
+    method owns {} {
+        return [expr {$Role eq "ready"}]
+    }
+
+    # Nothing to wait for any more: it is ready, or it has failed at least once.
+    method settled {} {
+        return [expr {$State in {ready ended pausing} || $Restarts > 0}]
+    }
+
     # ---- its life ----
 
     method start {} {
@@ -57,11 +76,12 @@ oo::class create ::sorma::launch::Daemon {
         set Marks |
         set Last {}
         set Killed 0
+        set Role {}
         set Begun [clock milliseconds]
         set State starting
         set where [expr {[dict get $Settings -on] eq {} ? {} : " on [dict get $Settings -on]"}]
         try {
-            set Pipe [open [list | setsid sh -c [commandText $Name $Settings] 2>@1] r+]
+            set Pipe [open [list | setsid sh -c [commandText $As $Settings] 2>@1] r+]
         } on error message {
             my Over "cannot be started: $message" 1
             return
@@ -100,8 +120,8 @@ oo::class create ::sorma::launch::Daemon {
     # Show a line, or a piece of one that goes on.
     method Line {line whole} {
         set longest $::sorma::launch::Longest
-        if {$State eq "starting" && $Marks eq "|" && [regexp "^(?:ready|standby) [string map {. \\.} $Name]( |\$)" $line]} {
-            my Ready $line
+        if {$State in {starting ready} && $Role in {{} standby} && $Marks eq "|" && [regexp "^(ready|standby) [string map {. \\.} $As]( |\$)" $line -> role]} {
+            my Says $role $line
         }
         for {set at 0} {$at == 0 || $at < [string length $line]} {incr at $longest} {
             set piece [string range $line $at [expr {$at + $longest - 1}]]
@@ -114,13 +134,41 @@ oo::class create ::sorma::launch::Daemon {
         }
     }
 
+    # It is ready: it serves, or it stands by. Or it stood by, and serves now.
+    method Says {role line} {
+        set was $Role
+        if {$role eq $was} return
+        set Role $role
+        if {[dict get $Settings -one-of] && $role eq "standby" && ![string match "* directory=*" $line]} {
+            set State alone
+            my End
+            return
+        }
+        if {$role eq "ready" && $was eq "standby"} {
+            takesOver $Name
+        }
+        my Ready $line
+    }
+
+    # Another one has the name now.
+    method former {} {
+        if {$Role eq "ready"} {
+            set Role former
+            my EndForward
+        }
+    }
+
     method Ready line {
         if {[dict get $Settings -on] ne {} && $Forward eq {} && [regexp { unix=(/[^ ]*)} $line -> remote] &&
-                [dict get $Settings -ssh] ne {} && ![file exists [::sorma::RuntimeSocket $Name]]} {
-            after cancel $Timer
-            set Forward [Forward new $Name [dict get $Settings -ssh] [dict get $Settings -on] $remote 5 \
+                [dict get $Settings -ssh] ne {} && ![file exists [::sorma::RuntimeSocket $As]]} {
+            # Those that come after this one wait for it only at its start.
+            set seconds [expr {$State eq "starting" ? 5 : 20}]
+            if {$State eq "starting"} {
+                after cancel $Timer
+            }
+            set Forward [Forward new $As [dict get $Settings -ssh] [dict get $Settings -on] $remote $seconds \
                 [namespace code {my Forwarded}]]
-        } else {
+        } elseif {$State eq "starting"} {
             my Serves
         }
     }
@@ -148,7 +196,7 @@ oo::class create ::sorma::launch::Daemon {
         set State ready
         set took [format %.1f [expr {([clock milliseconds] - $Begun) / 1000.0}]]
         set Begun [clock milliseconds]
-        after 0 [list ::sorma::launch::gotReady $Name $took]        ;# when its line has been shown
+        after 0 [list ::sorma::launch::gotReady $Name $took $Role]  ;# when its line has been shown
     }
 
     method Late {} {
@@ -174,7 +222,7 @@ oo::class create ::sorma::launch::Daemon {
         if {$failed} {
             lassign [dict get $options -errorcode] kind - what
             set how [switch -- $kind {
-                CHILDSTATUS { string cat "ended with status " $what }
+                CHILDSTATUS { my StatusText $what }
                 CHILDKILLED { string cat "was killed by " $what }
                 default { string cat "ended: " $message }
             }]
@@ -182,9 +230,19 @@ oo::class create ::sorma::launch::Daemon {
         my Over $how $failed
     }
 
+    # ssh ends with 255 when it does not reach the host, or loses it.
+    method StatusText status {
+        set text "ended with status $status"
+        if {$status == 255 && [dict get $Settings -on] ne {}} {
+            append text " (ssh: no connection to [dict get $Settings -on])"
+        }
+        return $text
+    }
+
     # There is no process any more. how: what to say of it.
     method Over {how failed} {
         set was $State
+        set Role {}
         if {[stopping]} {
             set State ended
             if {$Killed && [stopping] == 1} {
@@ -203,6 +261,10 @@ oo::class create ::sorma::launch::Daemon {
         }
         switch -- $was {
             late { set how "was not ready in [dict get $Settings -ready] s and was ended" ; set failed 1 }
+            alone {
+                set how "stands by on its own host alone, since no dictionary there has @directory: it would serve $As beside the others. Give it one with -dict; it was ended"
+                set failed 1
+            }
             starting { append how " before it was ready" ; set failed 1 }
             ready {
                 if {[clock milliseconds] - $Begun >= $::sorma::launch::Steady} {
@@ -211,7 +273,7 @@ oo::class create ::sorma::launch::Daemon {
             }
         }
         set policy [dict get $Settings -restart]
-        set wanted [expr {$policy eq "always" || ($policy eq "failure" && $failed)}]
+        set wanted [expr {$was ne "alone" && ($policy eq "always" || ($policy eq "failure" && $failed))}]
         if {$wanted && $Restarts < [dict get $Settings -limit]} {
             set pause [format %g [expr {min(30, [dict get $Settings -pause] * 2**min($Restarts, 20))}]]
             incr Restarts
@@ -219,6 +281,7 @@ oo::class create ::sorma::launch::Daemon {
             set how "$how; restart $Restarts of [dict get $Settings -limit] in $pause s"
             say * "$Name $how" [expr {$failed ? 31 : {}}]
             my Later $pause start
+            after 0 ::sorma::launch::StartDue           ;# perhaps nobody waits for it
             return
         }
         set State ended
@@ -237,7 +300,7 @@ oo::class create ::sorma::launch::Daemon {
     method stop {} {
         switch -- $State {
             starting - ready { my End }
-            late - stopping {}
+            late - alone - stopping {}
             default {
                 after cancel $Timer
                 set State ended

@@ -55,7 +55,7 @@ proc result {client script} {
 proc standBy {name args} {
     set pipe [open [list | sormad -name $name -standby 1 {*}$args 2>@stderr] r]
     lappend ::standbys $pipe
-    if {[gets $pipe line] < 0 || $line ne "standby $name"} {
+    if {[gets $pipe line] < 0 || [lrange $line 0 1] ne "standby $name"} {
         error "sormad said \"$line\" instead of standby"
     }
     fconfigure $pipe -blocking 0
