@@ -9,6 +9,7 @@
 
 package require sorma
 package require sorma::vxi11Client
+package require sorma::scpiTable
 package require sorma::serial
 
 namespace eval ::sorma::scpi {}
@@ -18,16 +19,7 @@ namespace eval ::sorma::scpi {}
 # Arguments:
 #       name type args  as of sorma::option, and -set FORMAT: the message that sets it; -get QUESTION: the one that asks for it. Without -set it is a reading
 proc ::sorma::scpi::option {name type args} {
-    set row [dict create type $type set {} get {} choices {}]
-    set words {}
-    foreach {word value} $args {
-        if {$word in {-set -get -choices}} {
-            dict set row [string range $word 1 end] $value
-        }
-        if {$word ni {-set -get}} {
-            lappend words $word $value
-        }
-    }
+    lassign [::sorma::scpiTable::row $name $type $args] row words
     if {[dict get $row set] eq {}} {
         set words [linsert $words 0 -fixed 1 -group Readings]
     }
@@ -169,14 +161,12 @@ oo::class create ::sorma::service::scpi {
         }
         my Learn $given
     }
-    # The message that sets it. A text must not get out of its place there.
     method Setting {option value} {
-        set row [dict get [my Table] $option]
-        if {[dict get $row type] eq "string" && [regexp {[^\x20-\x7e]|["';]} $value]} {
-            my Fault TEXT "$option goes to the instrument: expected ASCII without quotes and semicolons, got \"[string range $value 0 100]\"" $value
+        try {
+            return [::sorma::scpiTable::setting [dict get [my Table] $option] $value]
+        } trap {SCPI_TABLE TEXT} why {
+            my Fault TEXT "$option goes to the instrument: $why" $value
         }
-        set part [format [dict get $row set] {*}[if {[dict get $row type] eq "vector"} {set value} else {list $value}]]
-        return [if {[string match {[:*]*} $part]} {set part} else {string cat : $part}]
     }
     method Learn values {
         my store {*}$values
@@ -203,24 +193,12 @@ oo::class create ::sorma::service::scpi {
             my Receive $question
         }]
     }
-    # An answer as a value of the option.
     method Value {option answer} {
-        set row [dict get [my Table] $option]
-        set number {^[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?}
-        switch -- [dict get $row type] {
-            string { return [string trim $answer "\"'"] }
-            vector { return [lmap part [split $answer ,] {string trim $part}] }
-            flag { set value [string map -nocase {ON 1 OFF 0} $answer]; if {[string is double -strict $value]} {return [expr {$value != 0}]} }
-            int { if {[regexp $number $answer value]} {return [expr {round($value)}]} }
-            double { if {[regexp $number $answer value]} {return $value} }
-            enum {
-                set word [string trim $answer "\"'"]
-                foreach choice [dict get $row choices] {
-                    if {$word ne {} && [string equal -nocase -length [string length $word] $word $choice]} {return $choice}
-                }
-            }
+        try {
+            return [::sorma::scpiTable::value [dict get [my Table] $option] $answer]
+        } trap {SCPI_TABLE ANSWER} why {
+            my Fault ANSWER "$why, expected a value of $option" $option
         }
-        my Fault ANSWER "[dict get $row get] has answered \"[string range $answer 0 100]\", expected a value of $option" $option
     }
     # Fresh values: numbers are the floats, others lines of the text. Without names: all readings.
     method Read names {
