@@ -23,6 +23,10 @@ proc ::sorma::scpi::option {name type args} {
     if {[dict get $row set] eq {}} {
         set words [linsert $words 0 -fixed 1 -group Readings]
     }
+    # Once in a driver and those that derive from it.
+    try {
+        uplevel 1 {::sorma::option -raw flag -fixed 1 -danger power -help "EXEC write takes any message, also past the limits of the options"}
+    } trap {SORMA CLASS TABLE} {} {}
     uplevel 1 [list ::sorma::option $name $type {*}$words]
     uplevel 1 [list ::oo::define::method Scpi$name {} [list return $row]]
 }
@@ -109,7 +113,10 @@ oo::class create ::sorma::service::scpi {
                 return [if {[string index $answer 0] eq "#"} {dict create any [my Block $answer]} else {dict create text [my Text $answer]}]
             }
             values { return [dict create floats [my Numbers [my Query $text]]] }
-            write { return [my Write $text [dict get $message any]] }
+            write {
+                my NeedRaw $text
+                return [my Write $text [dict get $message any]]
+            }
             read { return [my Read [lrange $words 1 end]] }
         }
         my Fault VERB "expected query, values, write or read, got \"$verb\"" $verb
@@ -127,6 +134,13 @@ oo::class create ::sorma::service::scpi {
             }
         }
         return $Table
+    }
+    # Operators have the limits of its options.
+    method NeedRaw text {
+        if {[my Table] ne {} && ![my cget -raw]} {
+            my Fault RAW "write takes any message, also past the limits of its options: set an option, as \"[my name] CTRL [lindex [my With set [dict keys [my Table]]] 0] ...\", or let\
+                its recipe say -raw 1" $text
+        }
     }
     # Those that have a message of this kind: set or get.
     method With {kind options} {
