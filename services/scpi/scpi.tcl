@@ -182,8 +182,15 @@ oo::class create ::sorma::service::scpi {
             my Fault TEXT "$option goes to the instrument: $why" $value
         }
     }
+    # What the instrument has is perhaps no value that the option may have.
     method Learn values {
-        my store {*}$values
+        try {
+            my store {*}$values
+        } trap {SORMA OPTION RANGE} {why how} {
+            set option [lindex [dict get $how -errorcode] 4]
+            set unit [dict get [my Table] $option unit]
+            my Fault OUTSIDE "the instrument has $option [join [list [dict get $values $option] {*}$unit]], [regsub {^.* is (outside .*)$} $why {\1}]" $option
+        }
         set Known [dict merge $Known $values]
         return
     }
