@@ -24,7 +24,30 @@ proc ::sorma::scpiTable::row {name type words} {
             lappend rest $word $value
         }
     }
+    if {[dict get $row get] ne {} && [string first ? [dict get $row get]] < 0} {
+        throw {SCPI_TABLE DECLARE} "-get \"[dict get $row get]\" is no question: it has no question mark"
+    }
+    if {[dict get $row set] ne {}} {
+        Check $row [if {[dict exists $rest -length]} {dict get $rest -length}]
+    }
     return [list $row $rest]
+}
+
+# Does the format take the values of the type? length: as of a vector.
+proc ::sorma::scpiTable::Check {row length} {
+    dict with row {}
+    set places [regexp -all {%} [string map {%% {}} $set]]
+    if {$type eq "vector" && ![string is integer -strict $length]} {
+        throw {SCPI_TABLE DECLARE} "-set of a vector needs -length, the number of its elements"
+    }
+    set wanted [expr {$type eq "vector" ? $length : 1}]
+    if {$places != $wanted} {
+        throw {SCPI_TABLE DECLARE} "-set \"$set\" has $places places for values, expected $wanted: %g is a number, %d a flag or an int, %s a word"
+    }
+    set value [if {$type in {double vector}} {string cat 0.5} elseif {$type in {flag int}} {string cat 1} else {string cat word}]
+    if {[catch {format $set {*}[lrepeat $wanted $value]} why]} {
+        throw {SCPI_TABLE DECLARE} "-set \"$set\" does not take a value of type $type: $why"
+    }
 }
 
 # The part of a message that sets it. A text must not get out of its place there.

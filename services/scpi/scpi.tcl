@@ -19,7 +19,11 @@ namespace eval ::sorma::scpi {}
 # Arguments:
 #       name type args  as of sorma::option, and -set FORMAT: the message that sets it; -get QUESTION: the one that asks for it. Without -set it is a reading
 proc ::sorma::scpi::option {name type args} {
-    lassign [::sorma::scpiTable::row $name $type $args] row words
+    try {
+        lassign [::sorma::scpiTable::row $name $type $args] row words
+    } trap {SCPI_TABLE DECLARE} why {
+        return -code error -errorcode {SORMA CLASS TABLE} "sorma::scpi::option: $name: $why"
+    }
     if {[dict get $row set] eq {}} {
         set words [linsert $words 0 -fixed 1 -group Readings]
     }
@@ -109,6 +113,9 @@ oo::class create ::sorma::service::scpi {
         set verb [lindex $words 0]
         switch -- $verb {
             {} - query {
+                if {$verb eq {} && $text eq {}} {
+                    my Fault VERB "an empty request: say query, values, write or read" {}
+                }
                 set answer [my Query $text]
                 return [if {[string index $answer 0] eq "#"} {dict create any [my Block $answer]} else {dict create text [my Text $answer]}]
             }
