@@ -1,4 +1,4 @@
-# message.tcl -- a reply as commands return it, RET code TMSG text ..., read into a dict. It knows no bus.
+# message.tcl -- a reply as commands return it, RET code TMSG text ..., read into a dict; and what is in it. It knows no bus.
 
 package provide sorma::message 1.0
 
@@ -29,4 +29,15 @@ proc ::sorma::message::fromList list {
         }
     }
     return $reply
+}
+
+# ::sorma::message::part REPLY PART INDEX -- {PART VALUE}; if PART is empty, the first of text, floats, ints and words that is
+# there. The items of a list, or that of INDEX.
+proc ::sorma::message::part {reply part index} {
+    foreach part [if {$part ne {}} {list $part} else {list text floats ints words}] {
+        if {[dict exists $reply $part] && [dict get $reply $part] ne {}} {
+            set value [dict get $reply $part]
+            return [list $part [if {$part in {floats ints words} && $index ne {}} {lrange $value $index $index} else {set value}]]
+        }
+    }
 }

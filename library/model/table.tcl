@@ -307,6 +307,33 @@ proc ::sorma::table::Prune {} {
     set Many [expr {max(1000, 2 * [array size Answers])}]
 }
 
+# ---- what stands in a table ----
+
+# ::sorma::table::limits TYPE RANGE -- {LOW HIGH} of the range of a number, as a table has it; an end that is open is empty.
+proc ::sorma::table::limits {type range} {
+    set low [set high {}]
+    if {$type in {int double vector}} {
+        regexp {^(\S+) \.\. ([^\s,]+)} $range -> low high
+        regexp {^(?:>= ([^\s,]+)|<= ([^\s,]+))} $range -> low high
+    }
+    return [list $low $high]
+}
+
+# ::sorma::table::zone HINTS VALUE -- where a value is: live, warn or alarm. HINTS: a dict that may have warn and alarm, {LOW HIGH}; an empty
+# end is open. The worst element of a vector counts; NaN lies nowhere.
+proc ::sorma::table::zone {hints value} {
+    foreach zone {alarm warn} {
+        if {![dict exists $hints $zone]} continue
+        lassign [dict get $hints $zone] low high
+        foreach number [regexp -all -inline {\S+} $value] {
+            if {[string is double -strict $number] && ($low ne {} && $number < $low || $high ne {} && $number > $high)} {
+                return $zone
+            }
+        }
+    }
+    return live
+}
+
 # ---- answers of strangers ----
 
 proc ::sorma::table::ParseInventory text {

@@ -8,11 +8,11 @@
 # Lines are as entries.tcl reads them. Options are those of the widgets, and -geometry: WIDTHxHEIGHT+X+Y, without a place the window comes
 # where it was last. -plot may come several times. Other files that are named there count from the file's folder.
 #
-# The file of a dashboard is alike: its lines are parts of one window, and have -at "COLUMN ROW WIDTH HEIGHT" instead of -geometry.
+# The file of a dashboard is alike: its lines are parts of one window (boardFile.tcl).
 
 package require sorma
+package require sorma::boardFile
 package require sorma::entries
-package require sorma::options
 package require sorma::text
 package provide sorma::arrangement 1.0
 
@@ -36,21 +36,10 @@ namespace eval ::sorma::arrangement {
         dashboard {sorma::dashboard ::sorma::dashboard {-file {{word {a file}}} -wall boolean}}
     }
     variable Needs {panel -name form -file image -name dashboard -file}
-    # The same for parts of a dashboard.
+    # Parts of a dashboard, which boardFile.tcl reads: package and command of each.
     variable Parts {
-        display {sorma::display ::sorma::display {-name any -option {{word {an option}}} -index {{whole 0 {}}} -format any -text any}}
-        meter {sorma::lamp ::sorma::meter {-name any -option any -low any -high any -warn any -alarm any -format any -text any}}
-        led {sorma::lamp ::sorma::led {-name any -option any -good any -bad any -text any}}
-        reading {sorma::lamp ::sorma::reading {-name any -request any -part any -index any -unit any -every any -text any}}
-        status {sorma::lamp ::sorma::status {-name any -text any}}
-        button {sorma::field ::sorma::button {-name any -request any -text any}}
-        image {sorma::image ::sorma::image {-name any -request any -every {{whole 0 {}}} -size any -zoom any -text any}}
-        stripchart {sorma::chart ::sorma::stripchart {
-            -plot {{collect {an object and its option}}} -span any -low any -high any -keep any -text any}}
-        text {{} {} {-text any}}
-    }
-    variable PartNeeds {
-        display {-name -option} meter {-name -option} led {-name -option} reading -name status -name button {-name -request} image -name text -text
+        display {sorma::display ::sorma::display} meter {sorma::lamp ::sorma::meter} led {sorma::lamp ::sorma::led} reading {sorma::lamp ::sorma::reading}
+        status {sorma::lamp ::sorma::status} button {sorma::field ::sorma::button} image {sorma::image ::sorma::image} stripchart {sorma::chart ::sorma::stripchart}
     }
     variable Console {}         ;# the toplevel that a line "console" is about; empty: it opens one
 }
@@ -63,9 +52,12 @@ namespace eval ::sorma::arrangement {
 # Results:
 #       List of two: windows, each a list of kind and dict of its options; errors, each a line WHERE:LINE: ...
 proc ::sorma::arrangement::parse {text {where arrangement} {what windows}} {
+    if {$what eq "parts"} {
+        return [::sorma::boardFile::parse $text $where]
+    }
     set windows {}
     ::sorma::entries::each {place words} $text $where ::sorma::SplitWords {
-        lappend windows [[dict get {windows Window parts Part} $what] [lindex $words 0] [lrange $words 1 end]]
+        lappend windows [Window [lindex $words 0] [lrange $words 1 end]]
     } wrong
     return [list $windows $wrong]
 }
@@ -74,49 +66,18 @@ proc ::sorma::arrangement::parse {text {where arrangement} {what windows}} {
 proc ::sorma::arrangement::Window {kind words} {
     variable Kinds
     variable Needs
-    set settings [Settings window $Kinds $Needs -geometry {{word {WIDTHxHEIGHT+X+Y}}} $kind $words]
+    set tables [dict map {its facts} $Kinds {lindex $facts 2}]
+    set settings [::sorma::boardFile::settings window $tables $Needs {-geometry {{word {WIDTHxHEIGHT+X+Y}}}} $kind $words]
     if {[dict exists $settings -geometry] && ![regexp {^\d+x\d+(\+-?\d+\+-?\d+)?$} [dict get $settings -geometry]]} {
-        Fail "$kind: -geometry expects WIDTHxHEIGHT+X+Y, got \"[dict get $settings -geometry]\""
+        ::sorma::boardFile::fail "$kind: -geometry expects WIDTHxHEIGHT+X+Y, got \"[dict get $settings -geometry]\""
     }
     return [list $kind $settings]
-}
-# The same of a part of a dashboard.
-proc ::sorma::arrangement::Part {kind words} {
-    variable Parts
-    variable PartNeeds
-    set settings [Settings part $Parts $PartNeeds -at {{word {COLUMN ROW WIDTH HEIGHT}}} $kind $words]
-    if {[dict exists $settings -at] && ![regexp {^(\d+) +(\d+) +([1-9]\d*) +([1-9]\d*)$} [dict get $settings -at]]} {
-        Fail "$kind: -at expects COLUMN ROW WIDTH HEIGHT, got \"[dict get $settings -at]\""
-    }
-    return [list $kind $settings]
-}
-proc ::sorma::arrangement::Settings {what kinds needs place type kind words} {
-    if {![dict exists $kinds $kind]} {
-        Fail "bad kind of $what \"$kind\": must be [::sorma::options::oneOf [lsort [dict keys $kinds]]]"
-    }
-    set table [dict replace [lindex [dict get $kinds $kind] 2] $place $type]
-    set defaults [::sorma::options::defaults $table]
-    set settings [dict filter [::sorma::options::parse $table $words] script {option value} {expr {$value ne [dict get $defaults $option]}}]
-    foreach needed [if {[dict exists $needs $kind]} {dict get $needs $kind}] {
-        if {![dict exists $settings $needed]} {
-            Fail "$kind: $needed must say what it shows"
-        }
-    }
-    foreach plot [if {[dict exists $settings -plot]} {dict get $settings -plot}] {
-        if {[catch {llength $plot} n] || $n < 2 || $n % 2 || ![regexp {^(?:-\S+|EXEC\y.*)$} [lindex $plot 1]]} {
-            Fail "$kind: -plot expects an object and its option, or a request EXEC, got \"$plot\""
-        }
-    }
-    return $settings
-}
-proc ::sorma::arrangement::Fail message {
-    return -code error -errorcode {SORMA REQUEST SYNTAX} $message
 }
 
 # ::sorma::arrangement part KIND -- package and command of a part of a dashboard.
 proc ::sorma::arrangement::part kind {
     variable Parts
-    return [lrange [dict get $Parts $kind] 0 1]
+    return [dict get $Parts $kind]
 }
 
 # ::sorma::arrangement text WINDOWS -- as parse has them, as text.

@@ -165,7 +165,7 @@ snit::widget ::sorma::stripchart {
             }
         } else {
             set told [lindex [dict values $told] 0]
-            set number [lindex [::sorma::parts::ofReply [dict get $told value] [dict get $trace part] $index] 1]
+            set number [lindex [::sorma::message::part [dict get $told value] [dict get $trace part] $index] 1]
         }
         if {[string is double -strict $number] && [dict get $told state] ni {stale gone asking refused}} {
             $self sample $name $number

@@ -1,16 +1,12 @@
 # dashboard.tcl -- sorma::dashboard: values, charts, lamps, buttons and pictures of any objects in one window, on a grid, as a file. It grows with
 # its window: full-screen on a wall it can be read from far away.
 #
-# A file has a line for each part; arrangement.tcl reads it.
-#
-#     display -name arm.left@cell -option -speed -at "0 0 6 4"
-#     stripchart -plot "arm.left@cell -speed" -span 60 -at "6 0 18 8"
-#
-# Columns are 24, rows at least 12.
+# A file has a line for each part; boardFile.tcl reads it. Columns are 24, rows at least 12.
 
 package require Tk
 package require snit
 package require sorma::arrangement
+package require sorma::boardFile
 package require sorma::boardGrid
 package require sorma::parts
 package require sorma::text
@@ -227,12 +223,7 @@ snit::widget ::sorma::dashboard {
     method Add {kind settings place} {
         set n [incr last]
         if {$place eq {}} {
-            set place [::sorma::boardGrid::free $places {*}[switch -- $kind {
-                text { list 24 1 }
-                stripchart { list 12 6 }
-                image { list 8 6 }
-                default { list 4 3 }
-            }]]
+            set place [::sorma::boardGrid::free $places {*}[::sorma::boardFile::size $kind]]
         }
         dict set parts $n [list $kind $settings]
         dict set places $n $place
@@ -246,7 +237,7 @@ snit::widget ::sorma::dashboard {
         set card $win.area.p$n
         destroy $card
         ttk::frame $card -style Card.TFrame
-        ttk::label $card.title -text [$self Title $kind $settings] -font $win.title -anchor w {*}[if {$kind ne "text"} {list -style Quiet.TLabel}]
+        ttk::label $card.title -text [::sorma::boardFile::title $kind $settings] -font $win.title -anchor w {*}[if {$kind ne "text"} {list -style Quiet.TLabel}]
         set pad [::sorma::style pixels 8]
         if {$kind eq "text"} {
             pack $card.title -fill both -expand 1 -padx $pad
@@ -271,7 +262,7 @@ snit::widget ::sorma::dashboard {
         set more [dict get [dict merge [dict create $kind {}] {image {-width 1 -height 1 -zoom fit -every 1000 -brief 1}} \
             [list stripchart [list -width 1 -height 1 -font $win.small]]] $kind]
         if {$kind eq "button"} {
-            lappend more -state [expr {$options(-wall) ? "disabled" : "normal"}] -text [$self Title $kind $settings]
+            lappend more -state [expr {$options(-wall) ? "disabled" : "normal"}] -text [::sorma::boardFile::title $kind $settings]
         }
         $command $window {*}$more {*}[dict remove $settings -text]
         foreach child [winfo children $window] {
@@ -282,15 +273,6 @@ snit::widget ::sorma::dashboard {
         if {$kind eq "button"} {
             pack configure $window.button -fill both
         }
-    }
-    method Title {kind settings} {
-        if {[dict exists $settings -text]} {
-            return [dict get $settings -text]
-        } elseif {[dict exists $settings -plot]} {
-            return [join [lsort -unique [lmap plot [dict get $settings -plot] {string trimleft [lindex $plot 1] -}]] {, }]
-        }
-        set what [lmap option {-name -option -request} {if {![dict exists $settings $option]} continue; string trimleft [dict get $settings $option] -}]
-        return [join $what]
     }
 
     # ---- where they stand ----

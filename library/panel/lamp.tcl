@@ -156,7 +156,7 @@ snit::widget ::sorma::reading {
     }
     # shows -- {STATE TEXT}
     method shows {} {
-        lassign [::sorma::parts::ofReply [dict get $told value] $options(-part) $options(-index)] part text
+        lassign [::sorma::message::part [dict get $told value] $options(-part) $options(-index)] part text
         if {$part eq "floats"} {
             set text [lmap item $text {expr {[string is double -strict $item] ? [format %.6g $item] : $item}}]
         }

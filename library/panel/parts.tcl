@@ -2,6 +2,7 @@
 
 package require Tk
 package require snit
+package require sorma::message
 package require sorma::options
 package require sorma::style
 package require sorma::subject
@@ -157,17 +158,6 @@ proc ::sorma::parts::see {canvas window} {
         $canvas yview moveto [expr {$top < 3 * $room ? 0 : double($top) / [winfo height $inner]}]       ;# with the edge of the first card
     } elseif {$bottom > $last} {
         $canvas yview moveto [expr {($first + $bottom - $last) / [winfo height $inner]}]
-    }
-}
-
-# ::sorma::parts::ofReply REPLY PART INDEX -- {PART VALUE}; if PART is empty, the first of text, floats, ints and words that is
-# there. The items of a list, or that of INDEX.
-proc ::sorma::parts::ofReply {reply part index} {
-    foreach part [if {$part ne {}} {list $part} else {list text floats ints words}] {
-        if {[dict exists $reply $part] && [dict get $reply $part] ne {}} {
-            set value [dict get $reply $part]
-            return [list $part [if {$part in {floats ints words} && $index ne {}} {lrange $value $index $index} else {set value}]]
-        }
     }
 }
 

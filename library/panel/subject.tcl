@@ -39,19 +39,9 @@ proc ::sorma::subject::of {name args} {
     return $subject
 }
 
-# ::sorma::subject zone HINTS VALUE -- where a value is: live, warn or alarm. HINTS: a dict that may have warn and alarm, {LOW HIGH}; an empty
-# end is open. The worst element of a vector counts; NaN lies nowhere.
+# ::sorma::subject zone HINTS VALUE -- where a value is: live, warn or alarm. See table.tcl.
 proc ::sorma::subject::zone {hints value} {
-    foreach zone {alarm warn} {
-        if {![dict exists $hints $zone]} continue
-        lassign [dict get $hints $zone] low high
-        foreach number [regexp -all -inline {\S+} $value] {
-            if {[string is double -strict $number] && ($low ne {} && $number < $low || $high ne {} && $number > $high)} {
-                return $zone
-            }
-        }
-    }
-    return live
+    return [::sorma::table::zone $hints $value]
 }
 
 # An answer for a subject, unless the subject was destroyed meanwhile.
@@ -155,11 +145,7 @@ oo::define ::sorma::subject::Subject {
         set facts {}
         foreach item [dict get $table options] {
             lassign $item option type unit range default value help
-            set low [set high {}]
-            if {$type in {int double vector}} {
-                regexp {^(\S+) \.\. ([^\s,]+)} $range -> low high
-                regexp {^(?:>= ([^\s,]+)|<= ([^\s,]+))} $range -> low high
-            }
+            lassign [::sorma::table::limits $type $range] low high
             dict set facts $option [dict create type $type unit $unit range $range low $low high $high default $default help $help \
                 fixed [expr {$option in [dict get $table fixed]}] \
                 hints [if {[dict exists $table hints $option]} {dict get $table hints $option}]]

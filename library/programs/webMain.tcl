@@ -9,7 +9,8 @@ package provide sorma::webMain 1.0
 
 namespace eval ::sorma::webMain {
     variable Options {-port {{whole 0 65535} 8090} -connections {{whole 4 1000} 64} -sessions {{whole 1 1000} 16} -body {{whole 1024 1000000000} 1048576}
-        -rate {{whole 1 1000000} 100} -users {{word {a file}}} -idle {{whole 1 {}} 28800} -longest {{whole 1 {}} 86400} -open {{choice auto always never} auto} -help flag --help flag -h flag}
+        -rate {{whole 1 1000000} 100} -users {{word {a file}}} -dashboard {{collect {a file}}}
+        -idle {{whole 1 {}} 28800} -longest {{whole 1 {}} 86400} -open {{choice auto always never} auto} -help flag --help flag -h flag}
     variable End            ;# set by a signal
 }
 
@@ -41,6 +42,7 @@ proc ::sorma::webMain::main words {
         package require sorma::webRest
         package require sorma::webPages
         package require sorma::webImage
+        package require sorma::webDashboard
         package require sorma::webOpen
         package require sorma::webStop
         foreach daemon $daemons {
@@ -51,6 +53,7 @@ proc ::sorma::webMain::main words {
         ::sorma::webPages::begin
         ::sorma::webImage::begin
         ::sorma::webStop::begin
+        ::sorma::webDashboard::begin [dict get $settings -dashboard]
         if {[dict get $settings -users] ne {}} {
             package require sorma::webUsers
             ::sorma::webUsers::begin [dict get $settings -users]

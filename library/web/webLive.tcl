@@ -3,6 +3,7 @@
 #     GET /live/overview              daemons, and the objects of each
 #     GET /live/object?name=NAME      one object: its table, its values; &page=ID: see webGuard.tcl
 #     GET /live/log                   trails, as they come
+#     GET /live/dashboard?name=FILE   see webDashboard.tcl
 #
 # A view has items: a key and its JSON; null: it has gone. Streams of one login that show the same share one view. It asks the
 # daemons in the name of that login, once a second, and at once after a change. A client that is slow gets the newest of each item when it
@@ -28,24 +29,30 @@ namespace eval ::sorma::webLive {
     variable Most 32            ;# streams of one login
 }
 
-# ::sorma::webLive::begin -- serve its routes.
+# ::sorma::webLive::begin -- serve its routes.   kind NAME -- a view more: a class ::sorma::webLive::NAME, with a method of its own `of REQUEST`. It
+# returns what is seen, and the objects that a page of it may move.
 proc ::sorma::webLive::begin {} {
-    ::sorma::web::route GET {^/live/(overview|object|log)$} ::sorma::webLive::Open
+    foreach name {overview object log} {
+        kind $name
+    }
+}
+proc ::sorma::webLive::kind name {
+    ::sorma::web::route GET ^/live/($name)\$ ::sorma::webLive::Open
 }
 
 proc ::sorma::webLive::Open {number request kind args} {
     variable Views
     variable Most
     set login [dict get $request login]
-    set name [set page {}]
-    if {$kind eq "object"} {
-        set name [if {[dict exists $request query name]} {dict get $request query name}]
-        if {[catch {::sorma::webRest::place $name} message]} {
-            return [::sorma::web::fail $number 404 $message [list SORMA WEB PLACE $name]]
-        }
-        if {[catch {::sorma::webGuard::page $request $name} page how]} {
-            return [::sorma::webRest::failed $number [dict get $how -errorcode] $page]
-        }
+    try {
+        lassign [::sorma::webLive::$kind of $request] what objects
+        set pages [concat {*}[lmap object $objects {
+            set page [::sorma::webGuard::page $request $object]
+            if {$page eq {}} continue
+            list $object $page
+        }]]
+    } on error {message how} {
+        return [::sorma::webRest::failed $number [dict get $how -errorcode] $message]
     }
     set streams 0
     dict for {key view} $Views {
@@ -56,21 +63,23 @@ proc ::sorma::webLive::Open {number request kind args} {
     if {$streams >= $Most} {
         return [::sorma::web::fail $number 429 "$login has $Most streams already: close a page" {SORMA WEB LIMIT}]
     }
-    set key [list $login $kind $name]
+    set key [list $login $kind $what]
     if {![dict exists $Views $key]} {
-        dict set Views $key [::sorma::webLive::$kind new $login $name]
+        dict set Views $key [::sorma::webLive::$kind new $login $what]
     }
     set view [dict get $Views $key]
-    ::sorma::web::stream $number $request [list ::sorma::webLive::Call $view drained $number] [list ::sorma::webLive::Left $key $page $number]
-    if {$page ne {}} {
-        ::sorma::webGuard::opened $page $number [list $view dangers]
+    ::sorma::web::stream $number $request [list ::sorma::webLive::Call $view drained $number] [list ::sorma::webLive::Left $key [dict values $pages] $number]
+    dict for {object page} $pages {
+        ::sorma::webGuard::opened $page $number [list $view dangers $object]
     }
     $view take $number
 }
 
-proc ::sorma::webLive::Left {key page number} {
+proc ::sorma::webLive::Left {key pages number} {
     variable Views
-    ::sorma::webGuard::closed $page $number
+    foreach page $pages {
+        ::sorma::webGuard::closed $page $number
+    }
     if {[dict exists $Views $key]} {
         set view [dict get $Views $key]
         $view leave $number
@@ -109,7 +118,7 @@ oo::class create ::sorma::webLive::View {
         my Pulse
     }
     destructor {
-        ::sorma::timer::cancel [self]*
+        ::sorma::timer::cancel [self].*
         my End
     }
     method Begin {} {}
@@ -185,46 +194,41 @@ oo::class create ::sorma::webLive::View {
 
 # ---- one object ----
 
-oo::class create ::sorma::webLive::object {
-    superclass ::sorma::webLive::View
-    variable login name items late told
-    variable object daemon token asking since again refused help
-    variable dangers            ;# dict: word -> danger
+# An object as one login may see it. It is asked for at each `look`, and at once after a change. PREFIX is called with STATE WHY TABLE. STATE is live,
+# gone, stale, refused or denied; only for live and gone is there a table, as DBX -describe gives it.
+oo::class create ::sorma::webLive::Watch {
+    variable login name prefix object daemon token asking since again refused
 
-    method Begin {} {
+    constructor {who what then} {
+        set login $who
+        set name $what
+        set prefix $then
         lassign [::sorma::webRest::place $name] object daemon
         set asking [set again [set refused 0]]
-        set help [set dangers {}]
         set since [clock milliseconds]
         set token [::sorma::world watch [::sorma::text::escape $name] -events {object.*} -command [list ::sorma::webLive::Call [self] Changed]]
     }
-    method End {} {
+    destructor {
+        ::sorma::timer::cancel [self].*
         ::sorma::world unwatch $token
     }
-    # An error while the table is not known, or may not be known.
-    method dangers {} {
-        if {![dict exists $items about]} {
-            return -code error -errorcode [list SORMA WEB PAGE $name] "$name: its table is not known yet: wait until the stream has the item \"about\""
-        }
-        return $dangers
-    }
     method Changed args {
-        ::sorma::timer::once [self].look $::sorma::webLive::Gather [self] Look
+        ::sorma::timer::once [self].look $::sorma::webLive::Gather [self] look
     }
     # A change while a question is under way is asked for again.
-    method Look {} {
+    method look {} {
         if {$refused && [clock milliseconds] - $since < $::sorma::webLive::Patience} return
         if {$asking} {
             set again 1
             if {[clock milliseconds] - $since > 2000} {
-                my State stale [my Why]
+                my Tell stale [my Why] {}
             }
             return
         }
         set asking 1
         set again 0
         set since [clock milliseconds]
-        my Ask $daemon [list sorm DBX -describe $object] Answered
+        ::sorma::world ask $daemon [list sorm DBX -describe $object] -as "web $login" -command [list ::sorma::webLive::Call [self] Answered]
     }
     method Why {} {
         set facts [::sorma::world get $daemon]
@@ -233,42 +237,78 @@ oo::class create ::sorma::webLive::object {
         }
         return [if {[dict get $facts why] ne {}} {dict get $facts why} else {string cat "daemon $daemon is [dict get $facts state]"}]
     }
-    method State {state why} {
-        my Put state [::sorma::webLive::Texts [list state $state why $why]]
+    method Tell {state why table} {
+        {*}$prefix $state $why $table
     }
     method Answered {status value} {
         set asking 0
         set refused [expr {$status ne "ok"}]
         if {$refused} {
             lassign $value message code
-            my State [expr {[string match "SORMA COMM DENIED*" $code] ? "refused" : [string match "SORMA COMM*" $code] ? "stale" : "refused"}] $message
-            # Without the right nothing is shown any more.
-            if {[string match "SORMA COMM DENIED*" $code]} {
-                foreach key [lsearch -all -inline -not -exact [dict keys $items] state] {
-                    my Drop $key
-                }
-            }
-            return
+            return [my Tell [expr {[string match "SORMA COMM DENIED*" $code] ? "denied" : [string match "SORMA COMM*" $code] ? "stale" : "refused"}] $message {}]
         }
         set table [dict get $value text]
-        set dangers [dict get $table danger]
-        if {[dict get $table help] ne $help || ![dict exists $items about]} {           ;# the help names all options, with their defaults
-            set help [dict get $table help]
-            my Put about [::sorma::webRest::tableOf $name [dict replace $table exists 0]]
-        }
         if {[dict get $table exists]} {
-            my State live {}
-            foreach option [dict get $table options] {
-                my Put [lindex $option 0] [::sorma::json::typed [lindex $option 1] [lindex $option 5]]
-            }
+            my Tell live {} $table
         } else {
-            my State gone "there is no such object; the first EXEC or CTRL makes it"
+            my Tell gone "there is no such object; the first EXEC or CTRL makes it" $table
         }
         if {$again} {
             my Changed
         }
     }
-    export Look Changed Answered
+    export Changed Answered
+}
+
+oo::class create ::sorma::webLive::object {
+    superclass ::sorma::webLive::View
+    variable login name items late told
+    variable watch help
+    variable dangers            ;# dict: word -> danger
+
+    self method of request {
+        set name [if {[dict exists $request query name]} {dict get $request query name}]
+        ::sorma::webRest::place $name
+        return [list $name [list $name]]
+    }
+    method Begin {} {
+        set help [set dangers {}]
+        set watch [::sorma::webLive::Watch new $login $name [list ::sorma::webLive::Call [self] Seen]]
+    }
+    method End {} {
+        $watch destroy
+    }
+    method Look {} {
+        $watch look
+    }
+    # An error while the table is not known, or may not be known.
+    method dangers object {
+        if {![dict exists $items about]} {
+            return -code error -errorcode [list SORMA WEB PAGE $name] "$name: its table is not known yet: wait until the stream has the item \"about\""
+        }
+        return $dangers
+    }
+    method Seen {state why table} {
+        my Put state [::sorma::webLive::Texts [list state [expr {$state eq "denied" ? "refused" : $state}] why $why]]
+        # Without the right nothing is shown any more.
+        if {$state eq "denied"} {
+            foreach key [lsearch -all -inline -not -exact [dict keys $items] state] {
+                my Drop $key
+            }
+        }
+        if {$table eq {}} return
+        set dangers [dict get $table danger]
+        if {[dict get $table help] ne $help || ![dict exists $items about]} {           ;# the help names all options, with their defaults
+            set help [dict get $table help]
+            my Put about [::sorma::webRest::tableOf $name [dict replace $table exists 0]]
+        }
+        if {$state eq "live"} {
+            foreach option [dict get $table options] {
+                my Put [lindex $option 0] [::sorma::json::typed [lindex $option 1] [lindex $option 5]]
+            }
+        }
+    }
+    export Seen
 }
 
 # ---- all daemons ----
@@ -278,6 +318,9 @@ oo::class create ::sorma::webLive::overview {
     variable login name items late told
     variable asking before
 
+    self method of request {
+        return {{} {}}
+    }
     method Begin {} {
         set asking [set before {}]
     }
@@ -333,6 +376,9 @@ oo::class create ::sorma::webLive::log {
     variable login name items late told
     variable listens last           ;# listens: dict: daemon -> token
 
+    self method of request {
+        return {{} {}}
+    }
     method Begin {} {
         set listens {}
         set last 0

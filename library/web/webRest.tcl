@@ -12,6 +12,7 @@
 package require json
 package require sorma::json
 package require sorma::options
+package require sorma::table
 package require sorma::web
 package require sorma::webGuard
 package require sorma::world
@@ -111,7 +112,8 @@ proc ::sorma::webRest::Range {type range} {
     if {$type eq "enum"} {
         return $range
     }
-    return [if {[regexp {^(\S+) \.\. ([^\s,]+)} $range -> low high]} {list $low $high}]
+    set limits [::sorma::table::limits $type $range]
+    return [if {{} ni $limits} {set limits}]
 }
 
 # ::sorma::webRest::tableOf NAME TABLE -- the table of a class, as JSON; with the values of the object, when it is there.

@@ -5,6 +5,7 @@ import {post, View} from './bus.js';
 import {overview} from './overview.js';
 import {object} from './object.js';
 import {log} from './log.js';
+import {dashboard} from './dashboard.js';
 
 const main = document.getElementById('main');
 const state = document.getElementById('state');
@@ -24,18 +25,23 @@ function leave() {
     main.replaceChildren();
 }
 
-function show() {
-    leave();
-    const words = location.hash.replace(/^#\/?/, '').split('/');
-    const name = words[0] === 'object' ? decodeURIComponent(words.slice(1).join('/')) : '';
-    const page = words[0] === 'object' ? object(name) : words[0] === 'log' ? log() : overview();
-    shown = page;
-    document.title = page.title + ' – SORMA';
-    main.append(make('h1', {}, page.title), page.element);
+function markLink() {
     for (const link of document.querySelectorAll('nav a')) {
         if (link.getAttribute('href') === (location.hash || '#/')) link.setAttribute('aria-current', 'page');
         else link.removeAttribute('aria-current');
     }
+}
+
+function show() {
+    leave();
+    const words = location.hash.replace(/^#\/?/, '').split('/');
+    const named = {object, dashboard}[words[0]];
+    const page = named ? named(decodeURIComponent(words.slice(1).join('/'))) : words[0] === 'log' ? log() : overview();
+    shown = page;
+    main.classList.toggle('full', Boolean(page.full));
+    document.title = page.title + ' – SORMA';
+    main.append(make('h1', {}, page.title), page.element);
+    markLink();
     view = new View(page.path, page.changed, connected);
 }
 
@@ -63,3 +69,7 @@ window.addEventListener('hashchange', () => {
     main.focus();
 });
 show();
+fetch('/dashboards').then((response) => response.json()).then(({dashboards}) => {
+    for (const name of dashboards) document.querySelector('nav').append(' ', make('a', {href: '#/dashboard/' + encodeURIComponent(name)}, name));
+    markLink();
+}).catch(() => {});         // without a login there are none

@@ -10,7 +10,7 @@ export function field(option, send) {
     const now = make('output', {for: id}), number = option.type === 'int' || option.type === 'double';
     const [low, high] = [option.range[0], option.range[option.range.length - 1]];
     const slides = number && option.range.length > 1 && Number.isFinite(low) && Number.isFinite(high);
-    const chart = number ? new Chart(option.name) : null;
+    const chart = number ? new Chart([option.name]) : null;
     let input, live = null, typing = false;
     if (option.type === 'flag') input = make('input', {id, type: 'checkbox'});
     else if (option.type === 'enum') input = make('select', {id}, ...option.range.map((word) => make('option', {value: String(word)}, String(word))));

@@ -27,6 +27,47 @@ function pixelsOf(bytes) {
     return data;
 }
 
+// A picture onto a canvas.
+async function draw(canvas, blob) {
+    if (blob.type.startsWith('image/x-portable')) {
+        const data = pixelsOf(new Uint8Array(await blob.arrayBuffer()));
+        [canvas.width, canvas.height] = [data.width, data.height];
+        canvas.getContext('2d').putImageData(data, 0, 0);
+    } else {
+        const map = await createImageBitmap(blob).catch(() => { throw new Error(`${blob.type} that cannot be read`); });
+        [canvas.width, canvas.height] = [map.width, map.height];
+        canvas.getContext('2d').drawImage(map, 0, 0);
+        map.close();
+    }
+    canvas.hidden = false;
+}
+
+// Ask and draw, again and again while `again` says so. told(failure) is called after each picture; without a failure it was drawn.
+// every: ms from one picture to the next, at least. Returns what ends it.
+export function follow(name, words, canvas, every, again, told) {
+    const control = new AbortController();
+    (async () => {
+        do {
+            const began = performance.now();
+            let pause = 0;
+            try {
+                await draw(canvas, await image(name, words, control.signal));
+                if (control.signal.aborted) return;
+                canvas.classList.remove('old');
+                told(null);
+            } catch (failure) {
+                if (control.signal.aborted) return;
+                canvas.classList.add('old');
+                told(failure);
+                pause = 2000;
+            }
+            await frame();
+            if (again()) await wait(Math.max(pause, every - (performance.now() - began)));
+        } while (again() && !control.signal.aborted);
+    })();
+    return () => control.abort();
+}
+
 export function picture(name) {
     const words = make('input', {id: 'pictureWords', autocomplete: 'off', spellcheck: 'false'});
     const live = make('input', {id: 'live', type: 'checkbox'}), one = make('button', {type: 'button'}, 'One picture');
@@ -36,50 +77,27 @@ export function picture(name) {
     const element = make('details', {class: 'card picture'}, make('summary', {}, 'Picture'),
         make('p', {class: 'quiet'}, 'Each picture is the reply to EXEC with these words.'),
         make('div', {class: 'row'}, make('label', {for: words.id}, 'Words'), words, one, make('label', {for: live.id}, 'Live'), live), canvas, facts, wrong);
-    let control = null, last = 0;
+    let end = () => {}, last = 0;
 
-    async function draw(blob) {
-        if (blob.type.startsWith('image/x-portable')) {
-            const data = pixelsOf(new Uint8Array(await blob.arrayBuffer()));
-            [canvas.width, canvas.height] = [data.width, data.height];
-            canvas.getContext('2d').putImageData(data, 0, 0);
-        } else {
-            const map = await createImageBitmap(blob).catch(() => { throw new Error(`${blob.type} that cannot be read`); });
-            [canvas.width, canvas.height] = [map.width, map.height];
-            canvas.getContext('2d').drawImage(map, 0, 0);
-            map.close();
-        }
-        canvas.hidden = false;
-    }
     // Until it is not live any more, or something begins anew.
-    async function run() {
-        control?.abort();
-        const mine = control = new AbortController();
-        do {
-            const began = performance.now();
-            let pause = 0;
-            try {
-                await draw(await image(name, words.value.trim().split(/\s+/).filter((word) => word !== ''), mine.signal));
-                if (mine.signal.aborted) return;
-                const now = performance.now(), rate = 1000 / (now - last);
-                setText(facts, `${canvas.width} × ${canvas.height}${live.checked && rate < 1000 ? `, ${rate.toPrecision(2)} in a second` : ''}`);
-                last = now;
-                setText(wrong, '');
-                canvas.classList.remove('old');
-            } catch (failure) {
-                if (mine.signal.aborted) return;
+    function run() {
+        end();
+        const list = words.value.trim().split(/\s+/).filter((word) => word !== '');
+        end = follow(name, list, canvas, least, () => live.checked, (failure) => {
+            if (failure) {
                 setText(wrong, `No new picture: ${failure.message}`);
-                canvas.classList.add('old');
                 if (failure.status >= 400 && failure.status < 500) live.checked = false;       // asking again does not help
-                pause = 2000;
+                return;
             }
-            await frame();
-            if (live.checked) await wait(Math.max(pause, least - (performance.now() - began)));
-        } while (live.checked && control === mine);
+            const now = performance.now(), rate = 1000 / (now - last);
+            setText(facts, `${canvas.width} × ${canvas.height}${live.checked && rate < 1000 ? `, ${rate.toPrecision(2)} in a second` : ''}`);
+            last = now;
+            setText(wrong, '');
+        });
     }
     function giveUp() {
         live.checked = false;
-        control?.abort();
+        end();
     }
     one.addEventListener('click', () => { live.checked = false; run(); });
     live.addEventListener('change', () => (live.checked ? run() : giveUp()));
