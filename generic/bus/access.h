@@ -20,8 +20,8 @@
 //                text after @. Default *
 //
 // Their order: lines that were added at run time, the newest first; those of the command line, as they stand there; those of
-// the file; and last, built in: allow local SELF tune operate, allow web SELF tune; of a daemon that is open, allow anyone use. So others may do
-// nothing until a line says more.
+// the file; and last, built in: allow local SELF tune operate; allow cert * tune, for certificates of our own authority; allow web SELF tune;
+// of a daemon that is open, allow anyone use. So others may do nothing until a line says more.
 //
 // Threads: the SORM's.
 #pragma once

@@ -5,6 +5,18 @@
 //     comm.serve({.name = "robot"});                  // and now this process is a daemon
 //     for (;;) comm.reactor().poll(-1);
 //
+// The files of this folder, from the caller to the service. Files in brackets help those before them:
+//
+//     where a daemon is            resolver directory [runtimeFolder siblings rpcbind]
+//     the way of a request         proxy > connection > calls oneways events > slots > link
+//     what stands in the bytes     record wire xdr sorma.x [wireSpan lateTrace]
+//     how bytes travel             transport: tcp unix inherited shm [ring spinner lookout]
+//                                  tls [keys certificate tlsProbe tlsErrors tlsWithout]
+//     a daemon's connections       server: acceptor > peer > requests > sessions > subscription
+//                                  [shares: whose turn it is] [ownership: objects of the name's owner alone]
+//     while a daemon is busy       healthResponder [serverLock]
+//     for all of them              comm reactor settings errors clock random
+//
 // Threads: belongs to the thread of its SORM. While there is a server, a health responder thread runs beside it.
 // Owner:   Comm owns its servers. Proxies share the connections and may outlive Comm.
 #pragma once

@@ -112,7 +112,7 @@ void Link::unwatch() {
     if (std::exchange(watched_, false)) reactor_->remove(line_.descriptor(), this);
 }
 
-// ---- lost > connecting > greeting > live ----
+// ---- lost > connecting > opening > greeting > joining > live ----
 
 void Link::start() {
     auto keep = user_.keep();

@@ -6,8 +6,11 @@
 //      |  refused,       |   closed, silent, not a daemon        |                    |   closed,       |
 //      |  nobody there   |                    |                  |                    |   broken        |
 //      +-----------------+--------------------+------------------+--------------------+-----------------+
+//                        ^                                                                              |
+//                        +-------------------- share(): again, and with an offer of memory -------------+
 //
-// The row that offers memory upgrades before HELLO (comm/shm.cpp). The others have nothing to upgrade, and pass opening and joining at once.
+// In opening, memory is offered (comm/shm.cpp), or TLS begins (comm/tls.cpp); other lines pass it at once. None of our rows has anything to do
+// in joining. The example tests/embed/sealed.cpp has.
 // There is one way to connect. The reactor moves the machine with its events. A caller that blocks moves it with step(), until it
 // has what it wants; step() waits in any state. After a failed attempt the next one waits for 2 ms, and twice
 // as long each time, up to 100 ms. An attempt that gets no answer for 5 s ends, and another one begins.
@@ -53,7 +56,7 @@ public:
         virtual Address locate() = 0;                   // where the daemon is now; for each attempt. May throw Error
         virtual std::string whom() const = 0;           // the name that error messages begin with
         virtual bool wanted() const = 0;                // is it to connect again by itself, and to be watched by the reactor?
-        // It is live. other: it is another daemon than the last one, which the user knows as no daemon at first.
+        // It is live.   other: the daemon is not the one of the last time. It is true when there was no last time, too.
         virtual void welcomed(bool other) = 0;
         virtual void replied(XdrReader& r, std::uint32_t xid) = 0;     // a reply has come; not r.good(): it is none
         virtual void event(XdrReader& r) = 0;

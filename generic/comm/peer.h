@@ -5,8 +5,8 @@
 //     opening ---------> greeting -----------------> joining ---------> live
 //
 // From each of them it is closed (Server::closePeer). A peer whose request is being executed gets its reply first
-// (closeAfterReply). A peer that came by Unix-domain socket may make an offer of memory first (comm/shm.cpp). Other rows have nothing to
-// upgrade, and pass opening and joining at once.
+// (closeAfterReply). In opening, a peer by Unix-domain socket may offer memory (comm/shm.cpp). A peer by TCP may ask for TLS there, when the
+// daemon has keys (comm/tls.cpp). Others pass it at once. None of our rows has anything to do in joining.
 //
 // Threads:  everything here is used with the ServerLock held, by the SORM's thread; Peer::peek by the health responder's.
 // Re-entry: while a request is executed the lock is released, and the service may run the event loop. Afterwards the peer may

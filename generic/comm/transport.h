@@ -6,8 +6,17 @@
 //     shm         memory that both ends share, agreed on by a socket of unix        shm.cpp
 //     tls         a connection of tcp, encrypted                                    tls.cpp
 //
-// No other code knows the kind of a socket. A new transport is a file and a line in rows(), and a line in the checks. The
-// example tests/embed/sealed.cpp needs every function.
+// Other code asks the row of its line. A few places name a row:
+//
+//     server.cpp      takes over sockets that are inherited
+//     peer.h          `-tls only` refuses what is still tcp
+//     link.cpp        has the daemon taken the memory that was offered? Then the row is shm
+//     tls.cpp         a line of tls begins as one of tcp
+//     directory.cpp   an entry of the directory may be a path, or a host and a port
+//     services/metrics/http.cpp, generic/tcl/processCommands.cpp: who is at the other end of a socket of TCP that is no line
+//
+// CONTRIBUTING.md lists what a new transport needs. The example tests/embed/sealed.cpp has all functions but brought, rest, explain and
+// inClear: shm.cpp and tls.cpp have these.
 //
 // Callers:   "client" is Link, "server" is Server and its peers. Each function is called with a line by the thread to which
 //            the line belongs; where a comment says "any thread", also by others. Two functions are never inside the same
@@ -91,7 +100,7 @@ struct ListeningSocket {
     Descriptor fd;
     const Transport* row = nullptr;     // of the connections that come
     std::string path;                   // Unix-domain: where it is; "@name" in the abstract namespace
-    int port = 0;                       // TCP: the same
+    int port = 0;                       // of TCP: where it is, also when the system has chosen it; 0: it is not of TCP
 };
 
 // The other end of a connection.
@@ -109,7 +118,9 @@ struct Transport {
 
     // ---- addresses; any thread ----
 
-    bool (*mine)(const Address& address);               // does it lead to this row? null: none does
+    // Does the address lead to this row? The rows of rows() are asked in their order, and the first that says yes has it. null: for a row
+    // that does not stand there.
+    bool (*mine)(const Address& address);
 
     // Where an address leads.
     struct Found {
@@ -171,9 +182,9 @@ struct Transport {
     bool (*upgrade)(Line& line, Stage stage, const std::string& who) = nullptr;
     // Would read() bring something, although the descriptor has no event? Then the caller reads before it waits.
     bool (*pending)(const Line& line) = nullptr;
-    // The caller wants to read (EPOLLIN), to write (EPOLLOUT), both, or nothing: for which events of the descriptor is he to wait? The row
-    // may have to write before it can read. It is asked after each read and write. With this function a line that cannot
-    // take bytes may have begun with them: the caller has to come again with the same.
+    // Returns the events of the descriptor for which the caller has to wait.   events: what it wants to do: read (EPOLLIN), write (EPOLLOUT),
+    // both, or nothing. The result may differ, since a row may have to write before it can read. Ask again after each read and write.
+    // In a row with this function, write() may fail with EAGAIN and have begun with the bytes. Then the next write() must have the same ones.
     std::uint32_t (*wants)(const Line& line, std::uint32_t events) = nullptr;
     // For a row whose bytes come without an event of the descriptor: are some there?   sleep: the caller is about to wait for the
     // descriptor, which has to have an event when bytes come. Is asked often, and must be quick.
