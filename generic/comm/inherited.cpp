@@ -63,7 +63,7 @@ ListeningSocket listen(const std::string&, int fd, bool) { return inherit(fd, tr
 
 Line accept(int fd) {
     ListeningSocket found = inherit(fd, false);
-    if (!found.row->vouched) tuneTcp(found.fd.get());
+    if (!found.row->vouched) tuneTcp(found.fd.get(), true);
     return {std::move(found.fd), found.row == &unixTransport ? offeredTransport : *found.row};
 }
 

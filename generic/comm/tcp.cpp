@@ -96,7 +96,7 @@ Line beginNext(std::unique_ptr<Attempt> attempt, const std::string& who, int err
         attempt->next = a->ai_next;
         Descriptor s = newSocket(a->ai_family);
         if (!s) continue;
-        tuneTcp(s.get());
+        tuneTcp(s.get(), false);
         if (connect(s.get(), a->ai_addr, a->ai_addrlen) == 0 || errno == EINPROGRESS)
             return {raiseDescriptor(std::move(s)), tcpTransport, std::move(attempt)};
         error = errno;
@@ -155,7 +155,7 @@ ListeningSocket listen(const std::string& host, int port, bool) {
 Line accept(int fd) {
     Descriptor came(accept4(fd, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
     if (!came) return {};
-    tuneTcp(came.get());
+    tuneTcp(came.get(), true);
     return {raiseDescriptor(std::move(came)), tcpTransport};
 }
 
@@ -250,14 +250,20 @@ Identity identify(const Line& line) {
 
 }  // namespace
 
-void tuneTcp(int fd) {
-    int on = 1;
-    setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-    setsockopt(fd, SOL_SOCKET, SO_KEEPALIVE, &on, sizeof on);
-    // After a pause of the net what is lost is sent again each second, not after as long as the pause was. Older kernels refuse.
-    constexpr int kRtoMaxMs = 44;                       // TCP_RTO_MAX_MS, since Linux 6.15
-    int most = 1000;                                    // [ms]
-    setsockopt(fd, IPPROTO_TCP, kRtoMaxMs, &most, sizeof most);
+void tuneTcp(int fd, bool accepted) {
+    constexpr int kRtoMaxMs = 44;                       // TCP_RTO_MAX_MS, since Linux 6.15; older kernels refuse it
+    auto set = [fd](int level, int option, int value) { setsockopt(fd, level, option, &value, sizeof value); };
+    set(IPPROTO_TCP, TCP_NODELAY, 1);
+    // After a pause of the net what is lost is sent again each second, not after as long as the pause was.
+    set(IPPROTO_TCP, kRtoMaxMs, 1000);                  // [ms]
+    // The kernel asks the other one after 30 s of silence, and each 10 s from then on. After three questions without an answer it gives up.
+    set(SOL_SOCKET, SO_KEEPALIVE, 1);
+    set(IPPROTO_TCP, TCP_KEEPIDLE, 30);                 // [s]
+    set(IPPROTO_TCP, TCP_KEEPINTVL, 10);                // [s]
+    set(IPPROTO_TCP, TCP_KEEPCNT, 3);
+    // It asks nothing while bytes wait to be confirmed, so that has a limit of its own, also when the other end just reads nothing. A client's
+    // bytes may wait longer, for a daemon that is busy.
+    if (accepted) set(IPPROTO_TCP, TCP_USER_TIMEOUT, 60'000);      // [ms]
 }
 
 constexpr Transport tcpTransport{"tcp", false, mine, place, lookUp, describeTcp, leadsTo, begin, finish, readSocket, writeSocket, peekSocket, identify, listen, accept};

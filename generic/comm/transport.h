@@ -225,7 +225,10 @@ Address addressOf(const std::string& host, int port);
 void makeBlocking(int fd, bool blocking);
 Descriptor newSocket(int family);                       // a stream, close-on-exec, non-blocking; as socket(2)
 int pendingError(int fd);                               // SO_ERROR
-void tuneTcp(int fd);                                   // sends at once, and notices in time that the other host is gone
+// For sockets of TCP. Bytes are sent at once. A line on which nothing comes from the other host for 60 s is broken (ETIMEDOUT), also when
+// nothing is sent: so a daemon gives back what a host holds that is gone.   accepted: a daemon's. Its line breaks after the
+// same time when the other host confirms nothing that was sent. A client's may wait there for longer: it has a deadline.
+void tuneTcp(int fd, bool accepted);
 uid_t overflowUser();                                   // as whom the kernel shows users that a namespace does not know
 // For sockets of the kernel whose bytes are as they are.
 ssize_t readSocket(Line& line, char* room, std::size_t size, std::int64_t wait);

@@ -2,6 +2,10 @@
 //
 // The cases of the client are in transportClients.cpp; those of the daemon are here. Both ends use the functions of the row alone. Prints what is wrong and exits with 1; prints nothing when all is well.
 // `transports` alone prints the rows and the cases. No case waits for a time, but for what must happen.
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <sys/socket.h>
+
 #include <atomic>
 #include <cstdio>
 #include <cstdlib>
@@ -243,6 +247,47 @@ void identity(const Row& row) {
     else check(who.principal && who.principal->uid() == geteuid() && who.caller.known.starts_with(me + "@"), "it takes us for " + who.caller.known);
 }
 
+// [s] of silence after which a line breaks, by the options of its socket; 0: it does not.
+int breaksAfter(int fd) {
+    auto get = [fd](int level, int option) {
+        int value = 0;
+        socklen_t size = sizeof value;
+        check(getsockopt(fd, level, option, &value, &size) == 0, std::strerror(errno));
+        return value;
+    };
+    if (get(SOL_SOCKET, SO_DOMAIN) == AF_UNIX || get(SOL_SOCKET, SO_KEEPALIVE) == 0) return 0;
+    return get(IPPROTO_TCP, TCP_KEEPIDLE) + get(IPPROTO_TCP, TCP_KEEPCNT) * get(IPPROTO_TCP, TCP_KEEPINTVL);
+}
+// [ms] in which the other end has to confirm what was sent; 0: no limit.
+int confirmedWithin(int fd) {
+    int value = 0;
+    socklen_t size = sizeof value;
+    return getsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &value, &size) == 0 ? value : 0;
+}
+
+// A host may be gone without a word. Where the kernel vouches for the other end it is on this host, and the kernel tells its end.
+void goneHost(const Row& row) {
+    ListeningSocket socket = row.listen();
+    const Address address = addressOf(socket);
+    auto look = [&](const Line& line, bool accepted) {
+        const int after = line.row().vouched ? 0 : 60;
+        const int silent = breaksAfter(line.descriptor()), within = confirmedWithin(line.descriptor());
+        check(silent == after, "it breaks after " + std::to_string(silent) + " s of silence");
+        check(within == (accepted ? 1000 * after : 0), "what was sent is to be confirmed in " + std::to_string(within) + " ms");
+    };
+    for (bool inetd : {false, true}) {
+        Line line = transportOf(address).begin(address, "test");
+        while (!line.row().finish(line, "test")) check(line.wait(EPOLLOUT, 60'000) != 0, "it does not connect");
+        pollfd p{socket.fd.get(), POLLIN, 0};
+        check(poll(&p, 1, 60'000) == 1, "nobody connects");
+        const Descriptor raw(inetd ? accept4(socket.fd.get(), nullptr, nullptr, SOCK_CLOEXEC) : -1);
+        const Line came = inetd ? inheritedTransport.accept(raw.get()) : socket.row->accept(socket.fd.get());
+        look(line, false);
+        look(came, true);
+    }
+    unlink(socket.path.c_str());
+}
+
 void manyConnections(const Row& row) {
     Daemon daemon(row);
     constexpr std::size_t kMany = 1000;
@@ -295,7 +340,7 @@ void slowPeer(const Row& row) {
 
 Cases daemonCases{
     {"cutRequests", cutRequests}, {"twoHellos", twoHellos}, {"refusedRecord", refusedRecord},
-    {"identity", identity}, {"manyConnections", manyConnections}, {"probe", probe}, {"slowPeer", slowPeer},
+    {"identity", identity}, {"goneHost", goneHost}, {"manyConnections", manyConnections}, {"probe", probe}, {"slowPeer", slowPeer},
 };
 
 }  // namespace
