@@ -285,7 +285,7 @@ public:
     Class& execRight(Right right);
     Class& actsOnWords();
 
-    // EXEC signature. A class that declares a part of it (reads, writes, words) declares all of it: parts and words that are
+    // EXEC signature. Declare all of it or nothing (reads, writes, words). With the first declaration, parts and words that are
     // not declared are refused before EXEC runs, and so is another length. A reply with code 0 may omit a declared part;
     // another length is an error (SERVICE FAILED). A class that declares nothing accepts everything. All this is for
     // requests by name. By Reference only the lengths of declared parts are checked. So clear() a message that you use

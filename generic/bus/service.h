@@ -133,8 +133,8 @@ public:
     // The same, and wait for the answer.
     void invoke(Method method, Message& m);
     // Begin a request without waiting. For an object of this process it starts when the event loop or wait() gets to it.
-    // Never throws: errors are the future's. Without a deadline: -timeout for remote objects, none for others.
-    // bound: it is only for the daemon that answers now. When that daemon ends, it fails with COMM LOST, sent or not.
+    // Never throws: errors are the future's. Without a deadline: Settings::timeout for remote objects, none for others.
+    // bound: do not send it to another daemon. When the one that is connected now ends, it fails with COMM LOST, sent or not.
     Future async(Method method, Message request, Deadline deadline = {}, bool bound = false);
     // Send a request without an answer. Errors that come later are lost. May throw, and for a remote object block: see
     // Connection::oneway.
