@@ -69,7 +69,7 @@ public:
             .danger(sorma::Danger::stop)
             .action("-abandon", &Cycle::abandonNow, "", "give up a step that hangs for ever, with its objects; then it can be started without them")
             .action("-reset", &Cycle::reset, "", "begin the figures of DBX -stats again")
-            .inspection({"-stats", "", "ticks, jitter, time of each step; ints: ticks, those skipped; floats: how late ticks began, median, 99 of 100, longest [s]",
+            .inspection({"-stats", "", "ticks, jitter, time of each step; ints: ticks, those skipped; floats: how late ticks began, median and 99 of 100 as upper bounds, longest [s]",
                          0, 0, [](Service& s, Args, Message& m) {
                              Message told = static_cast<Cycle&>(s).figures();
                              m.text += told.text;
