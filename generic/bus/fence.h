@@ -1,7 +1,7 @@
 // fence.h -- objects that obey others only while a condition outside of this process holds: comm/ownership.h.
 //
-// It is asked at the one entrance, Service::start, so every door is behind it: a peer's call, a line of SCPI or VXI-11, a stream, a step of
-// a pipe, an object that calls another one for its client. It is asked for EXEC and CTRL, and when the first use of a name would make such an
+// It is asked at the one entrance, Service::start, so every door is behind it: calls of peers, SCPI, VXI-11, streams, pipes. An object that
+// calls another one for its client comes there, too. It is asked for EXEC and CTRL, and when the first use of a name would make such an
 // object. It is not asked for DBX of an object that is there, for what this process does for itself, and in a tick of a cycle.
 //
 // Threads: the SORM's.

@@ -1,7 +1,7 @@
 # launchMembers.tcl -- the daemons of one line of a launch file, for sorma-launch: one on each of its hosts, or one of them that serves (-one-of).
 #
-# Those of a line with -one-of serve the same name: the first that gets it in the directory serves, the others stand by. Such a line is ready
-# when one of them serves. One whose host is away stops nothing while another one runs.
+# Those of a line with -one-of serve the same name: the first that gets it in the directory serves, the others stand by. The line is ready
+# when one of them serves. A host that is away stops nothing while another daemon runs.
 
 package require sorma
 package provide sorma::launchMembers 1.0
@@ -52,7 +52,7 @@ proc ::sorma::launch::partners name {
     }
 }
 
-# Are all daemons of these lines ready? Of those that share a name one has to serve.
+# Are all daemons of these lines ready? If they share a name, one has to serve.
 proc ::sorma::launch::allReady lines {
     variable Lines
     variable Shares
@@ -134,8 +134,8 @@ proc ::sorma::launch::TookOver {name before} {
     }
 }
 
-# In which order those that were started are ended: the last one first. Of those that share a name, the one that serves is the
-# last, so that the name does not pass through all of them.
+# In which order daemons are ended: the last one started is the first. If some share a name, the one that serves comes after the
+# others, so that the name does not pass through all of them.
 proc ::sorma::launch::stopOrder started {
     variable Daemons
     set order {}
