@@ -248,7 +248,7 @@ proc ::sorma::launch::Run daemons {
     dict for {name settings} $members {
         dict set Daemons $name [Daemon new $name $settings]
     }
-    StartDue
+    startDue
     if {![info exists Done]} {
         vwait ::sorma::launch::Done
     }
@@ -294,7 +294,7 @@ proc ::sorma::launch::Input {} {
 }
 
 # Start those whose turn it is. Called whenever one has got ready.
-proc ::sorma::launch::StartDue {} {
+proc ::sorma::launch::startDue {} {
     variable Daemons
     variable Complete
     variable Started
@@ -324,7 +324,7 @@ proc ::sorma::launch::gotReady {name took role} {
         dict set ::sorma::launch::Told $name 1
         say * "$name is ready after $took s[if {$role eq "standby"} {string cat ", and stands by"}]"
         expectOwner $name
-        StartDue
+        startDue
     }
 }
 
@@ -340,7 +340,7 @@ proc ::sorma::launch::gone {name failed essential message last} {
     set others [partners $name]
     if {[llength $others] > 0} {
         say * "$message[if {[llength $last] > 0} {string cat ": " [lindex $last end]}]; [join $others {, }] [expr {[llength $others] == 1 ? "goes" : "go"}] on" 31
-        StartDue
+        startDue
         goOn
         return
     }

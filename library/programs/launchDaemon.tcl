@@ -281,7 +281,7 @@ oo::class create ::sorma::launch::Daemon {
             set how "$how; restart $Restarts of [dict get $Settings -limit] in $pause s"
             say * "$Name $how" [expr {$failed ? 31 : {}}]
             my Later $pause start
-            after 0 ::sorma::launch::StartDue           ;# perhaps nobody waits for it
+            after 0 ::sorma::launch::startDue           ;# perhaps nobody waits for it
             return
         }
         set State ended

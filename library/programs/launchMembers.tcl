@@ -130,7 +130,7 @@ proc ::sorma::launch::TookOver {name before} {
     variable Daemons
     if {[[dict get $Daemons $name] owns]} {
         say * "$name serves$before"
-        StartDue
+        startDue
     }
 }
 
