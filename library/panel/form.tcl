@@ -10,6 +10,7 @@
 #
 # Lines are as entries.tcl reads them: the title of a group; or an object, an option of it or a request {EXEC ...}, and how that is shown.
 
+package require sorma::actions
 package require sorma::entries
 package require sorma::field
 package require sorma::fold
@@ -340,7 +341,7 @@ snit::widget ::sorma::form {
     method Row {n name what settings} {
         set subject [lindex [dict get $subjects $name] 0]
         set parent $inner
-        set unit {}
+        set unit [set danger {}]
         set isOption [string match -* $what]
         ttk::label $parent.mark$n -width 2 -anchor center
         if {!$isOption} {
@@ -349,6 +350,7 @@ snit::widget ::sorma::form {
             ttk::label $parent.field$n -text [if {[$subject table] eq {}} {string cat \u2026}]
         } else {
             set unit [dict get $facts unit]
+            set danger [if {[dict exists $facts hints danger]} {dict get $facts hints danger}]
             switch -- [dict get $settings -show] {
                 field { ::sorma::field $parent.field$n $facts -name $name -option $what -apply $options(-apply) -state $options(-state) }
                 led { ::sorma::led $parent.field$n -name $name -option $what }
@@ -364,7 +366,7 @@ snit::widget ::sorma::form {
             catch {$parent.field$n beside $parent.unit$n}
         }
         set text [dict get $settings -text]
-        ttk::label $parent.label$n -text [if {$text ne {}} {set text} elseif {$isOption} {string range $what 1 end} else {join [lrange $what 1 end]}]
+        ttk::label $parent.label$n -text [if {$text ne {}} {set text} elseif {$isOption} {string range $what 1 end} else {join [lrange $what 1 end]}][::sorma::actions mark $danger]
     }
     method Shown name {
         set subject [lindex [dict get $subjects $name] 0]
