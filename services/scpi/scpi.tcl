@@ -4,8 +4,7 @@
 #     scpi.psu EXEC query MEAS:VOLT?
 #
 # One request has the line at a time, the others wait in their order: no answer goes to the wrong one. The bus lets a self-test begin while
-# an EXEC waits, so the line has turns of its own. When an answer is missing the line is
-# closed, because the answer may still come. The next request opens the line again. So an instrument that was off is found.
+# an EXEC waits, so the line has turns of its own. When an answer is missing the line is closed, because it may still come.
 
 package require sorma
 package require sorma::vxi11Client
@@ -19,11 +18,7 @@ namespace eval ::sorma::scpi {}
 # Arguments:
 #       name type args  as of sorma::option, and -set FORMAT: the message that sets it; -get QUESTION: the one that asks for it. Without -set it is a reading
 proc ::sorma::scpi::option {name type args} {
-    try {
-        lassign [::sorma::scpiTable::row $name $type $args] row words
-    } trap {SCPI_TABLE DECLARE} why {
-        return -code error -errorcode {SORMA CLASS TABLE} "sorma::scpi::option: $name: $why"
-    }
+    lassign [::sorma::scpiTable::row $name $type $args] row words
     if {[dict get $row set] eq {}} {
         set words [linsert $words 0 -fixed 1 -group Readings]
     }
@@ -93,8 +88,13 @@ oo::class create ::sorma::service::scpi {
             my Poll
         }
     }
+    # Then the values of those whose messages name a changed option.
     method settle options {
         my Give $options
+        my Fetch [lmap option [dict keys [my Table]] {
+            if {[lmap other [dict get [my Table] $option others] {if {"-$other" ni $options} continue; set other}] eq {}} continue
+            set option
+        }]
     }
     method dump {} {
         return "line [my Line]"
@@ -164,10 +164,7 @@ oo::class create ::sorma::service::scpi {
         }
         if {$given eq {}} return
         try {
-            set parts {}
-            dict for {option value} $given {
-                lappend parts [my Setting $option $value]
-            }
+            set parts [lmap {option value} $given {my Of setting $option $value}]
             my Turn Tell [join $parts \;] 0
         } trap {SORMA SCPI DEVICE} {why how} {
             try {
@@ -182,11 +179,13 @@ oo::class create ::sorma::service::scpi {
         }
         my Learn $given
     }
-    method Setting {option value} {
+    # A part of a message (setting), the value of an answer (value), or a question (question).
+    method Of {verb option args} {
         try {
-            return [::sorma::scpiTable::setting [dict get [my Table] $option] $value]
-        } trap {SCPI_TABLE TEXT} why {
-            my Fault TEXT "$option goes to the instrument: $why" $value
+            set others [concat {*}[lmap other [dict get [set row [dict get [my Table] $option]] others] {list $other [my cget -$other]}]]
+            return [::sorma::scpiTable::$verb [::sorma::scpiTable::fill $row $others] {*}$args]
+        } trap SCPI_TABLE {why how} {
+            my Fault [lindex [dict get $how -errorcode] 1] $why [lindex [dict get $how -errorcode] 2]
         }
     }
     # What the instrument has is perhaps no value that the option may have.
@@ -209,8 +208,8 @@ oo::class create ::sorma::service::scpi {
         set options [my With get $options]
         if {$options eq {}} return
         set values {}
-        foreach option $options answer [my Turn AskAll [lmap option $options {dict get [my Table] $option get}]] {
-            lappend values $option [my Value $option [my Text $answer]]
+        foreach option $options answer [my Turn AskAll [lmap option $options {my Of question $option}]] {
+            lappend values $option [my Of value $option [my Text $answer]]
         }
         my Learn $values
     }
@@ -220,13 +219,6 @@ oo::class create ::sorma::service::scpi {
             my Send $question
             my Receive $question
         }]
-    }
-    method Value {option answer} {
-        try {
-            return [::sorma::scpiTable::value [dict get [my Table] $option] $answer]
-        } trap {SCPI_TABLE ANSWER} why {
-            my Fault ANSWER "$why, expected a value of $option" $option
-        }
     }
     # Fresh values: numbers are the floats, others lines of the text. Without names: all readings.
     method Read names {
