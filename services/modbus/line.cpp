@@ -5,8 +5,10 @@
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
+#include <sys/file.h>
 #include <sys/select.h>
 #include <sys/socket.h>
+#include <termios.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -15,6 +17,8 @@
 #include <cmath>
 #include <cstring>
 #include <regex>
+#include <thread>
+#include <utility>
 
 #include <modbus/modbus.h>
 
@@ -24,6 +28,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 constexpr int kSlice = 100;                 // [ms] after which somebody who connects looks whether he shall stop
+constexpr auto kLongest = std::chrono::seconds(60);     // that somebody waits for a serial line to become quiet
 constexpr std::size_t kShown = 100;         // bytes of a text in a message
 
 std::string cut(std::string_view text) { return std::string(text.substr(0, kShown)); }
@@ -34,10 +39,14 @@ std::string seconds(double s) {
     return std::string(text, end) + " s";
 }
 
+Clock::duration spanOf(double s) { return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(s)); }
+
 int milliseconds(Clock::time_point until) {
     auto left = std::chrono::duration_cast<std::chrono::milliseconds>(until - Clock::now()).count();
     return int(std::clamp<long long>(left, 0, 1'000'000'000));
 }
+
+std::string tooManyFiles() { return "this process has more than " + std::to_string(FD_SETSIZE) + " files open, and libmodbus takes no more"; }
 
 // As the specification of the application protocol has them, chapter 7.
 const char* meaning(int exception) {
@@ -71,14 +80,39 @@ std::vector<std::string_view> split(std::string_view text) {
     return words;
 }
 
+// Speeds that libmodbus knows. Others it would take for 9600.
+struct Speed {
+    int baud;
+    speed_t code;
+};
+constexpr Speed kSpeeds[] = {{110, B110}, {300, B300}, {600, B600}, {1200, B1200}, {2400, B2400}, {4800, B4800}, {9600, B9600}, {19200, B19200}, {38400, B38400}, {57600, B57600}, {115200, B115200}, {230400, B230400}, {460800, B460800}, {500000, B500000}, {576000, B576000}, {921600, B921600}, {1000000, B1000000}};
+
+const Speed* speedOf(int baud) {
+    auto found = std::find_if(std::begin(kSpeeds), std::end(kSpeeds), [&](auto& s) { return s.baud == baud; });
+    return found == std::end(kSpeeds) ? nullptr : found;
+}
+
 }  // namespace
 
 Address Address::parse(const std::string& text) {
     static const std::regex tcp(R"(tcp:(?:\[([0-9A-Fa-f:.%a-z]+)\]|([^\s:,\[\]]+)):([1-9]\d{0,4}))");
+    static const std::regex rtu(R"(rtu:(/[^\s,]+),(\d{1,7}),8([noe])([12]))");
     std::smatch m;
-    if (text.size() > 1000 || !std::regex_match(text, m, tcp) || std::stoi(m[3]) > 65535)
-        throw Failure(Trouble::address, "expected tcp:HOST:PORT, got \"" + cut(text) + "\"");
-    return {text, m[1].matched ? m[1] : m[2], m[3]};
+    Address a;
+    a.text = text;
+    if (text.size() <= 1000 && std::regex_match(text, m, tcp) && std::stoi(m[3]) <= 65535) {
+        a.host = m[1].matched ? m[1] : m[2];
+        a.port = m[3];
+    } else if (text.size() <= 1000 && std::regex_match(text, m, rtu) && speedOf(std::stoi(m[2]))) {
+        a.path = m[1];
+        a.baud = std::stoi(m[2]);
+        a.parity = m[3] == "n" ? 'N' : m[3] == "o" ? 'O'
+                                                   : 'E';
+        a.stop = std::stoi(m[4]);
+    } else {
+        throw Failure(Trouble::address, "expected tcp:HOST:PORT, or rtu:PATH,BAUD,8n1 with a usual speed, got \"" + cut(text) + "\"");
+    }
+    return a;
 }
 
 Operation Operation::parse(std::string_view text) {
@@ -135,15 +169,18 @@ void Line::checkInterrupt() const {
 void Line::close() {
     adopt(-1);
     open_ = false;
-    if (!context_) return;
-    modbus_close(context_.get());
-    context_.reset();
+    if (context_) {
+        modbus_close(context_.get());
+        context_.reset();
+    }
+    if (locked_ >= 0) ::close(std::exchange(locked_, -1));
 }
 
 void Line::open(double patience) {
     if (open_ && fresh()) return;
     close();
-    connect(Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(patience)));
+    if (address_.isSerial()) openSerial();
+    else connect(Clock::now() + spanOf(patience));
     modbus_set_error_recovery(context_.get(), MODBUS_ERROR_RECOVERY_NONE);
     // Without a time for each byte, that for the answer holds until its last byte.
     modbus_set_byte_timeout(context_.get(), 0, 0);
@@ -185,7 +222,7 @@ void Line::connect(Time until) {
 
 bool Line::join(int fd, const void* address, unsigned length, Time until, std::string& why) {
     if (fd >= FD_SETSIZE) {
-        why = "this process has more than " + std::to_string(FD_SETSIZE) + " files open, and libmodbus takes no more";
+        why = tooManyFiles();
         return false;
     }
     const int on = 1;
@@ -205,7 +242,50 @@ bool Line::join(int fd, const void* address, unsigned length, Time until, std::s
     return error == 0 && !interrupted_;
 }
 
+// The driver of a line may take other settings than it was told. Then answers would be garbage now and then, so they are read again.
+void Line::openSerial() {
+    auto bad = [&](const std::string& why) -> Failure {
+        const std::string text = address_.text + " cannot be opened: " + why;
+        close();
+        return {Trouble::unreachable, text};
+    };
+    locked_ = ::open(address_.path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+    if (locked_ < 0) throw bad(std::strerror(errno) + std::string(errno == ENOENT || errno == ENXIO ? "; is it plugged in?" : ""));
+    if (!isatty(locked_)) throw bad("it is no serial line");
+    if (flock(locked_, LOCK_EX | LOCK_NB) != 0) throw bad("another object or program has it");
+    context_.reset(modbus_new_rtu(address_.path.c_str(), address_.baud, address_.parity, 8, address_.stop));
+    if (!context_) throw std::bad_alloc();
+    if (modbus_connect(context_.get()) != 0) throw bad(modbus_strerror(errno));
+    const int fd = modbus_get_socket(context_.get());
+    if (fd >= FD_SETSIZE) throw bad(tooManyFiles());
+    termios has{};
+    const bool same = tcgetattr(fd, &has) == 0 && cfgetospeed(&has) == speedOf(address_.baud)->code &&
+                      bool(has.c_cflag & PARENB) == (address_.parity != 'N') && bool(has.c_cflag & PARODD) == (address_.parity == 'O') &&
+                      (has.c_cflag & CSIZE) == CS8 && bool(has.c_cflag & CSTOPB) == (address_.stop == 2);
+    if (!same) throw bad("the line does not take these settings");
+    fcntl(fd, F_SETFD, FD_CLOEXEC);
+}
+
+// Between two messages are 3.5 characters of 11 bits at least, and 1.75 ms: Modbus over Serial Line, 2.5.1.1.
+void Line::settle(const Operation& o) {
+    std::this_thread::sleep_for(spanOf(std::max(0.00175, 38.5 / address_.baud)));
+    pollfd line{modbus_get_socket(context_.get()), POLLIN, 0};
+    for (const auto end = Clock::now() + kLongest; o.unit == lateUnit_ && milliseconds(lateUntil_) > 0 && Clock::now() < end;) {
+        checkInterrupt();
+        if (poll(&line, 1, std::min(kSlice, milliseconds(lateUntil_))) <= 0) continue;
+        if (line.revents & (POLLHUP | POLLERR)) break;          // the request says so
+        tcflush(line.fd, TCIFLUSH);
+        lateUntil_ = Clock::now() + silence_;
+    }
+    if (o.unit == lateUnit_) lateUnit_ = -1;
+    tcflush(line.fd, TCIFLUSH);
+}
+
 bool Line::fresh() {
+    if (address_.isSerial()) {
+        pollfd line{modbus_get_socket(context_.get()), 0, 0};
+        return poll(&line, 1, 0) == 0;      // else it was unplugged
+    }
     char bytes[4096];
     for (;;) {
         const auto n = recv(modbus_get_socket(context_.get()), bytes, sizeof bytes, MSG_DONTWAIT);
@@ -221,7 +301,9 @@ std::vector<std::uint16_t> Line::run(const std::vector<Operation>& operations, d
         open(patience);
         const auto whole = std::uint32_t(patience);
         modbus_set_response_timeout(context_.get(), whole, std::uint32_t(std::clamp((patience - whole) * 1e6, whole ? 0.0 : 1.0, 999'999.0)));
-        if (modbus_set_slave(context_.get(), o.unit) < 0) throw Failure(Trouble::request, "unit " + std::to_string(o.unit) + " is none of this line");
+        if ((address_.isSerial() && (o.unit == 0 || o.unit > 247)) || modbus_set_slave(context_.get(), o.unit) < 0)
+            throw Failure(Trouble::request, "a serial line has units 1 to 247, got \"" + o.text + "\"");
+        if (address_.isSerial()) settle(o);
         errno = 0;
         try {
             perform(o, read);
@@ -259,6 +341,10 @@ void Line::fail(const Operation& o, int error, double patience) {
         const int n = error - MODBUS_ENOBASE;
         throw Failure(Trouble::device, "the device says " + std::to_string(n) + ", " + meaning(n) + "," + to, n);
     }
+    // The rest of this answer may still come, as long as an answer may take.
+    lateUnit_ = o.unit;
+    silence_ = spanOf(patience);
+    lateUntil_ = Clock::now() + silence_;
     close();
     checkInterrupt();
     switch (error) {

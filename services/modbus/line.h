@@ -40,8 +40,12 @@ struct Failure : std::exception {
 
 // Where the devices are.
 struct Address {
-    std::string text;                       // as it was written: tcp:HOST:PORT
+    std::string text;                       // as it was written: tcp:HOST:PORT, or rtu:PATH,BAUD,8n1
     std::string host, port;
+    std::string path;                       // of a serial line (RTU); empty: it is TCP
+    int baud = 0, stop = 0;
+    char parity = 'N';                      // as libmodbus has it: N O E
+    bool isSerial() const { return !path.empty(); }
     static Address parse(const std::string& text);      // fails with Trouble::address
 };
 
@@ -82,6 +86,8 @@ private:
     using Time = std::chrono::steady_clock::time_point;
     void open(double patience);
     void connect(Time until);
+    void openSerial();
+    void settle(const Operation& o);        // a serial line: wait until it is quiet
     bool join(int fd, const void* address, unsigned length, Time until, std::string& why);      // false: why not
     void adopt(int fd);                     // interrupt() knows this descriptor from now on; -1: none
     bool fresh();                           // drop bytes that nobody has asked for; false: the other side has closed the line
@@ -94,6 +100,12 @@ private:
     };
     const Address address_;
     std::unique_ptr<_modbus, Free> context_;
+    int locked_ = -1;                       // a serial line: a descriptor that keeps others out
+    // Messages of a serial line have no number, and a missing answer of this unit may still come. So nobody asks the unit before the line was
+    // silent for as long as an answer may take.
+    int lateUnit_ = -1;
+    std::chrono::steady_clock::duration silence_{};
+    Time lateUntil_{};
     std::atomic<bool> interrupted_{false}, open_{false};
     std::mutex mutex_;
     int shown_ = -1;                        // the descriptor that interrupt() may shut down; under the mutex

@@ -150,9 +150,9 @@ oo::class create ::sorma::service::modbus {
     superclass sorma::Service
 
     sorma::purpose "speaks to a device by Modbus"
-    sorma::option -to string -kind file -help "where it is: tcp:HOST:PORT"
+    sorma::option -to string -kind file -help "where it is: tcp:HOST:PORT, or rtu:PATH,BAUD,8n1 for a serial line"
     sorma::option -unit int -range {0 255} -default 1 -help "number of the device on its line, or behind its gateway"
-    sorma::option -patience double -unit s -range {0.001 3600} -default 1 -help "how long the line may need to open, and each answer to come"
+    sorma::option -patience double -unit s -range {0.001 60} -default 1 -help "how long the line may need to open, and each answer to come"
     sorma::option -poll double -unit s -range {0 86400} -default 0 -help "a driver asks for its readings each so many seconds; 0: only when somebody says read"
     sorma::action -fetch {} "ask the device for all settings and readings of its driver" {my Fetch [dict keys [my Table]]} -right call
     sorma::action -send {} "send all settings of its driver to the device" {my Give [dict keys [my Table]]} -danger power

@@ -44,10 +44,10 @@ public:
     static sorma::Class describe() {
         using enum sorma::Field;
         return sorma::Class::of<ModbusLine>("modbusline", "a line to Modbus devices, for one request at a time")
-            .named("-to", &ModbusLine::to_, {.help = "where they are: tcp:HOST:PORT"})
+            .named("-to", &ModbusLine::to_, {.help = "where they are: tcp:HOST:PORT, or rtu:PATH,BAUD,8n1 for a serial line"})
             .action("-close", &ModbusLine::closeAction, "", "close the line when it is free; the next request opens it again")
             .inspection({"-line", "", "is the line open, and to what", 0, 0, [](Service& s, sorma::Args, Message& m) { m.text += static_cast<ModbusLine&>(s).state(); }})
-            .reads(floats, sorma::between(0, 1), "s", "how long the line may need to open, and each answer to come; without: 1", 0.001, 3600)
+            .reads(floats, sorma::between(0, 1), "s", "how long the line may need to open, and each answer to come; without: 1", 0.001, 60)
             .words("{read UNIT TABLE ADDRESS COUNT} | {write UNIT TABLE ADDRESS VALUE ?VALUE ...?} ...")
             .writes(ints, {}, "", "what was read, in the same order")
             .execDanger(sorma::Danger::power)

@@ -1,10 +1,10 @@
 # powermeter -- an energy meter of one phase, as Eastron SDM120-Modbus and SDM230-Modbus have it.
 #
-#     powermeter.lab CTRL -to tcp:192.168.0.9:502 -unit 1 -poll 1
+#     powermeter.lab CTRL -to rtu:/dev/ttyUSB0,9600,8n1 -unit 1 -poll 1
 #     powermeter.lab EXEC read
 #
 # Source: Eastron, SDM120-Modbus and SDM230-Modbus, Modbus Protocol Implementation: parameters are float32 in two input registers, the high word
-# first. The meter has no TCP: it is behind a gateway.
+# first. The line is RS-485.
 
 package require sorma
 package require sorma::service::modbus
