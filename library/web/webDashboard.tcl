@@ -92,7 +92,7 @@ proc ::sorma::webDashboard::Request text {
 
 # ---- what a part shows ----
 
-# Of a number, as the format of a part has it.
+# A number as the format of its part has it; another value stays as it is.
 proc ::sorma::webDashboard::Digits {settings value} {
     if {![string is double -strict $value] || [catch {format [Setting $settings -format %.6g] $value} text]} {
         return $value
@@ -159,7 +159,7 @@ proc ::sorma::webDashboard::status {settings facts} {
 
 # ---- the view ----
 
-# What it shows is the name of its file, the parts, and an error instead of them: when the file has changed, a page that is opened anew shows that.
+# A view belongs to the parts of the file as they were read. When the file has changed, a page that is opened anew gets another view.
 oo::class create ::sorma::webLive::dashboard {
     superclass ::sorma::webLive::View
     variable login name items late told
@@ -346,7 +346,7 @@ oo::class create ::sorma::webLive::dashboard {
 
     # ---- buttons ----
 
-    # Of a button: the rights that its request needs, as far as the table tells. The daemon judges the request itself.
+    # The rights that the request of a button needs, as far as the table tells. The daemon judges the request itself.
     method Needed {table request} {
         set words [lassign $request method]
         set kinds [lmap word [concat $method $words] {if {[dict exists $table danger $word]} {dict get $table danger $word} else continue}]
