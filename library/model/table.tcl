@@ -307,7 +307,7 @@ proc ::sorma::table::Prune {} {
     set Many [expr {max(1000, 2 * [array size Answers])}]
 }
 
-# ---- what stands in a table ----
+# ---- parts of a table ----
 
 # ::sorma::table::limits TYPE RANGE -- {LOW HIGH} of the range of a number, as a table has it; an end that is open is empty.
 proc ::sorma::table::limits {type range} {

@@ -43,6 +43,7 @@ proc ::sorma::webMain::main words {
         package require sorma::webPages
         package require sorma::webImage
         package require sorma::webDashboard
+        package require sorma::webGraph
         package require sorma::webOpen
         package require sorma::webStop
         foreach daemon $daemons {
@@ -53,6 +54,7 @@ proc ::sorma::webMain::main words {
         ::sorma::webPages::begin
         ::sorma::webImage::begin
         ::sorma::webStop::begin
+        ::sorma::webGraph::begin
         ::sorma::webDashboard::begin [dict get $settings -dashboard]
         if {[dict get $settings -users] ne {}} {
             package require sorma::webUsers

@@ -5,6 +5,7 @@ import {post, View} from './bus.js';
 import {overview} from './overview.js';
 import {object} from './object.js';
 import {log} from './log.js';
+import {graph} from './graph.js';
 import {dashboard} from './dashboard.js';
 
 const main = document.getElementById('main');
@@ -36,7 +37,7 @@ function show() {
     leave();
     const words = location.hash.replace(/^#\/?/, '').split('/');
     const named = {object, dashboard}[words[0]];
-    const page = named ? named(decodeURIComponent(words.slice(1).join('/'))) : words[0] === 'log' ? log() : overview();
+    const page = named ? named(decodeURIComponent(words.slice(1).join('/'))) : ({log, graph}[words[0]] ?? overview)();
     shown = page;
     main.classList.toggle('full', Boolean(page.full));
     document.title = page.title + ' – SORMA';
