@@ -8,6 +8,7 @@
 # 3. When another page has moved the object since, the mark is its own.
 # 4. A CTRL of a page whose stream is not open is refused: nothing would end what it moves. So is one before the table is known.
 
+package require sorma::line
 package require sorma::timer
 package require sorma::world
 package provide sorma::webGuard 1.0
@@ -118,7 +119,7 @@ proc ::sorma::webGuard::Stop {number name login word times} {
     variable Stops
     variable Patience
     dict set Stops $number $times
-    regexp {^([^@]+)@(.+)$} $name -> object daemon
+    lassign [::sorma::line::place $name] object daemon
     ::sorma::world ask $daemon [list $object CTRL $word] -as "web $login" -timeout $Patience -command \
         [list ::sorma::webGuard::Stopped $number $name $login $word]
 }
