@@ -19,7 +19,7 @@ const Prototype kRange{Severity::error, "OPTION RANGE", 2, "{}: {} {} is outside
 const Prototype kChoice{Severity::error, "OPTION VALUE", 2, "{0}: {1} \"{2}\"{4} is not one of {3}"};
 const Prototype kValue{Severity::error, "OPTION VALUE", 2, "{}: {} expects {}, got \"{}\""};
 const Prototype kLength{Severity::error, "OPTION VALUE", 2, "{}: {} expects {}, got {}"};
-const Prototype kSignature{Severity::error, "REQUEST SIGNATURE", 2, "{}: EXEC expects {} {}, got {}{}"};
+const Prototype kSignature{Severity::error, "REQUEST SIGNATURE", 2, "{}: EXEC expects {} {}{}, got {}"};
 const Prototype kUndeclared{Severity::error, "REQUEST SIGNATURE", 2, "{}: EXEC takes no {}, got {}; it takes {}"};
 const Prototype kNoWords{Severity::error, "REQUEST SIGNATURE", 2, "{}: EXEC takes no words, got \"{}\"{}"};
 const Prototype kBreach{Severity::error, "SERVICE FAILED", 1,
@@ -53,9 +53,9 @@ std::string countText(Count count) {
     return std::to_string(count.low) + " to " + std::to_string(count.high);
 }
 
-// words, which is a plural, or their singular for one.
+// words, which is a plural, or their singular for "1" and "at least 1".
 std::string wordsFor(Count count, std::string_view words) {
-    if (count.low == 1 && count.high == 1 && words.ends_with('s')) words.remove_suffix(1);
+    if (count.low == 1 && (count.high == 1 || count.high == SIZE_MAX) && words.ends_with('s')) words.remove_suffix(1);
     return std::string(words);
 }
 
@@ -485,7 +485,7 @@ void Class::checkRequest(std::string_view object, const Message& m) const {
     for (auto& part : reads_) {
         std::size_t n = size(m, part.field), f = std::size_t(part.field);
         if (n < takes_[f].low || n > takes_[f].high)
-            fail(kSignature, object, countText(takes_[f]), wordsFor(takes_[f], toText(part.field)), n, meaning(reads_, part.field));
+            fail(kSignature, object, countText(takes_[f]), wordsFor(takes_[f], toText(part.field)), meaning(reads_, part.field), n);
         std::size_t begin = std::exchange(from[f], part.count.low == part.count.high ? from[f] + part.count.low : n);
         if (part.field != Field::floats || (part.low == -kInfinity && part.high == kInfinity)) continue;
         for (std::size_t i = begin; i < from[f]; ++i) {
