@@ -21,7 +21,8 @@ const sorma::Prototype kGivenUp{Severity::error, "SERVICE STUCK", 1, "{}: {} has
 const sorma::Prototype kNotLocal{Severity::error, "CYCLE STEP", 2,
     "{}: {} is elsewhere, at {}: a step must answer without waiting; read it through a snapshot buffer (shmem_r)"};
 const sorma::Prototype kNotRealtime{Severity::error, "CYCLE STEP", 2,
-    "{}: class {} of {} does not say that it is real-time: it may allocate, wait, or use the interpreter"};
+    "{}: class {} of {} does not say that it is real-time: it may allocate, wait, or use the interpreter; "
+    "a C++ class that does none of that says .realtime() in describe()"};
 const sorma::Prototype kNoThread{Severity::error, "CYCLE THREAD", 1, "{}: it cannot start: the system gives it no thread: {}"};
 const sorma::Prototype kTaken{Severity::error, "CYCLE STEP", 2, "{}: {} {}"};
 const sorma::Prototype kOverrun{Severity::error, "CYCLE OVERRUN", 1, "{}: tick {} took {}, with a period of {}"};
