@@ -1,6 +1,7 @@
 // cycle.cpp -- a cycle: how late its ticks are, what a step costs, how soon a request finds its gap.
 #include "rows.h"
 
+#include <errno.h>
 #include <pthread.h>
 #include <sched.h>
 #include <time.h>
@@ -53,9 +54,10 @@ std::int64_t quantileOf(std::vector<std::int64_t> values, double q) {
     return *at;
 }
 
+// Sleeps on after a signal: a thread that lets an exception out ends the program. The main thread calls checkSignals() afterwards.
 void sleepUntil(std::int64_t when) {
     timespec t{time_t(when / 1'000'000'000), long(when % 1'000'000'000)};
-    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, nullptr) != 0) checkSignals();
+    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, nullptr) == EINTR) {}
 }
 
 // A program without a cycle: a thread of this priority sleeps until the next time, and works.

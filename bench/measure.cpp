@@ -129,12 +129,29 @@ bool Result::met() const {
     return of.mostMore <= 0 || ns - floorNs <= of.mostMore;
 }
 
-Table::Table(std::string pattern, int rounds, bool json) : pattern_(std::move(pattern)), rounds_(rounds), json_(json) {}
+Table::Table(std::vector<std::string> patterns, int rounds, bool json)
+    : patterns_(std::move(patterns)), matched_(patterns_.size()), rounds_(rounds), json_(json) {}
 
-bool Table::wants(const char* row) const { return sorma::globMatch(pattern_, row); }
+bool Table::wants(const char* row) const {
+    bool wanted = false;
+    for (std::size_t i = 0; i < patterns_.size(); ++i) {
+        if (!sorma::globMatch(patterns_[i], row)) continue;
+        matched_[i] = wanted = true;
+    }
+    return wanted;
+}
 
 bool Table::wantsAny(const std::vector<Case>& cases) const {
-    return std::any_of(cases.begin(), cases.end(), [&](auto& c) { return wants(c.row); });
+    bool any = false;
+    for (auto& c : cases) any |= wants(c.row);          // all of them: each notes its pattern
+    return any;
+}
+
+std::vector<std::string> Table::unmatched() const {
+    std::vector<std::string> out;
+    for (std::size_t i = 0; i < patterns_.size(); ++i)
+        if (!matched_[i]) out.push_back(patterns_[i]);
+    return out;
 }
 
 void Table::measure(const Case& of, const Body& row, const Body& floor) {

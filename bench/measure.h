@@ -65,8 +65,8 @@ struct Interrupted : std::runtime_error {
 
 class Table {
 public:
-    // Rows whose name matches the glob pattern, so many rounds. json: collect, and print at the end.
-    Table(std::string pattern, int rounds, bool json);
+    // Rows whose name matches one of the glob patterns, so many rounds. json: collect, and print at the end.
+    Table(std::vector<std::string> patterns, int rounds, bool json);
 
     bool wants(const char* row) const;
     bool wantsAny(const std::vector<Case>& cases) const;
@@ -79,13 +79,15 @@ public:
     void failed(const std::vector<Case>& cases, const std::string& why);
 
     bool empty() const { return results_.empty(); }     // no row was asked for
+    std::vector<std::string> unmatched() const;         // the patterns that no row had; ask when all groups have been run
     // The end of the output. Returns false when a row failed.
     bool finish();
 
 private:
     void add(Result result);
 
-    std::string pattern_;
+    std::vector<std::string> patterns_;
+    mutable std::vector<bool> matched_;         // of each pattern: a row has asked for it
     int rounds_;
     bool json_, heading_ = false;
     std::vector<Result> results_;
