@@ -14,7 +14,27 @@ struct Bookkeeping {
         sum.ctrls += book->ctrls, sum.dbxs += book->dbxs, sum.errors += book->errors;
         sum.times.add(book->times);
     }
+    static void found(Service& s, std::size_t option, const Value& value, bool settling) {
+        auto& r = s.record();
+        auto is = [&](auto& undo) { return undo.option == int(option); };
+        auto change = r.undo.end();         // the last of this option
+        for (auto at = r.undo.begin(); settling && at != r.undo.end(); ++at)
+            if (std::any_of(at->begin(), at->end(), is)) change = at;
+        auto before = change == r.undo.end() ? Before() : std::find_if(change->begin(), change->end(), is);
+        if (change != r.undo.end() && before->value == value) {
+            r.sources[option] = std::move(before->source);
+            std::erase_if(*change, is);
+            if (change->empty()) r.undo.erase(change);
+        } else {
+            // The author stays: the object uses what it names with his rights.
+            r.sources[option].edit([&](auto& source) {
+                source = {Service::Record::Source::Kind::found, {}, source.author, {}, {}, wallNow(), heapOf(value)};
+            });
+        }
+        if (settling) s.remember({&s.type().options()[option]});
+    }
     using Audit = Service::Record::Audit;
+    using Before = std::vector<Service::Record::Undo>::iterator;
 };
 
 namespace {
@@ -64,6 +84,8 @@ private:
 }  // namespace
 
 void addFigures(Figures& sum, const Service& service) { Bookkeeping::add(sum, service); }
+
+void noteFound(Service& service, std::size_t option, const Value& value, bool settling) { Bookkeeping::found(service, option, value, settling); }
 
 std::unique_ptr<Observer> makeStatistics() { return std::make_unique<Statistics>(); }
 std::unique_ptr<Observer> makeAudit(Sorm& sorm) { return std::make_unique<Audit>(sorm); }

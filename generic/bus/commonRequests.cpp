@@ -36,6 +36,7 @@ std::string CommonRequests::describe(const Service::Record::Source& source) {
         case Kind::initial: return "default";
         case Kind::recipe: return "recipe " + source.origin.toText();
         case Kind::remembered: return "remembered, set by " + source.by + " at " + clockText(source.time);
+        case Kind::found: return "the object itself, at " + clockText(source.time);
         case Kind::ctrl: return "CTRL " + source.request + ", by " + source.by + " at " + clockText(source.time);
     }
     return {};

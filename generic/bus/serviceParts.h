@@ -38,11 +38,11 @@ inline const Prototype kMissingValue{Severity::error, "OPTION MISSING", 2, "{}: 
 struct Service::Record {
     // Where an option has its value from.
     struct Source {
-        enum class Kind { initial, recipe, ctrl, remembered } kind = Kind::initial;
+        enum class Kind { initial, recipe, ctrl, remembered, found } kind = Kind::initial;
         Origin origin;                  // recipe: place of the word
         PrincipalPointer author;        // who wrote the value; null: the owner
         std::string by, request;        // ctrl, remembered: the caller; ctrl: the request; for people
-        std::int64_t time = 0;          // [us since 1970]
+        std::int64_t time = 0;          // [us since 1970]; found: when the object gave itself the value
         std::size_t value = 0;          // what the value takes [bytes], which is charged here
         std::size_t heap() const {
             return value + heapOf(origin.file) + heapOf(origin.via) + heapOf(origin.by) + heapOf(by) + heapOf(request);

@@ -59,7 +59,8 @@ void Service::remember(const std::vector<const Option*>& options) {
         const auto k = std::size_t(o - class_->options().data());
         if (!record_->remembers[k]) continue;
         auto& source = *record_->sources[k];
-        if (source.kind == Record::Source::Kind::initial || source.kind == Record::Source::Kind::recipe) {     // by -undo
+        using Kind = Record::Source::Kind;
+        if (source.kind == Kind::initial || source.kind == Kind::recipe || source.kind == Kind::found) {       // by -undo, or refused
             sorm_->remembered().forget(name_, o->name);
             continue;
         }

@@ -163,7 +163,8 @@ int StoreMethod(ClientData data, Tcl_Interp* interp, Tcl_ObjectContext context, 
             if (o.type == Type::service) fail(kNoStore, s.name(), o.name);
             values.emplace_back(index, o.parse(s.name(), toUtf8(objv[k + 1])));
         }
-        s.store(values);
+        auto run = currentRun(i);
+        s.store(values, run && run->settles && run->service == &s);
         return TCL_OK;
     });
 }

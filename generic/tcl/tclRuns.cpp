@@ -107,6 +107,7 @@ void TclService::act(const std::string& method, Args args, Message& m) {
     static constexpr const char* kRun = "::sorma::tcloo::RunMethod";
     auto run = std::make_shared<TclRun>();
     run->isExec = false;
+    run->settles = method == "settle";
     std::vector<Obj> command{str(kRun), my_, str(method)};
     for (auto& word : args) command.emplace_back(str(word));
     begin(run, command, m);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "bus/bookkeeping.h"
 #include "tcl/soCommand.h"
 
 namespace sorma {
@@ -157,11 +158,12 @@ void TclService::settle(std::span<const Option* const> options, Message& m) {
     act("settle", names, m);
 }
 
-void TclService::store(std::span<const std::pair<std::size_t, Value>> values) {
+void TclService::store(std::span<const std::pair<std::size_t, Value>> values, bool settling) {
     std::vector<const Option*> fresh;
     for (auto& [option, value] : values) {
         if (values_[option] == value) continue;
         values_[option] = value;
+        noteFound(*this, option, value, settling);
         fresh.push_back(&type().options()[option]);
     }
     if (!fresh.empty() && sorm().announces()) sorm().announceChange(*this, fresh);

@@ -65,8 +65,9 @@ public:
     void objectDeleted();       // the TclOO object was deleted: remove the service object
 
     void removing() override;    // it is being removed: requests that wait fail with SERVICE GONE
-    // The object itself has found these values out: -why, -undo and -remember know nothing of them. Watchers are told of those that are new.
-    void store(std::span<const std::pair<std::size_t, Value>> values);
+    // The object itself has found these values out: it is their origin. Watchers are told of those that are new. settling: in settle(), see
+    // bus/bookkeeping.h.
+    void store(std::span<const std::pair<std::size_t, Value>> values, bool settling);
     void tell(std::string_view event, const Message& m) { publishState(event, m); }
     void answer(TclRun& run, Message& m) const;     // put the result of a run that is done into m, or throw its error
     // Options. option: its index in the class's table. setService fails with COMM DENIED for an object elsewhere that the
@@ -101,6 +102,7 @@ struct TclRun {
     TclService* service;                // null when its interpreter was deleted
     Reference keep;                     // keeps the service alive
     bool isExec = true;                 // else an action or an inspection
+    bool settles = false;               // it is settle
     Message said;                       // its warnings so far
     KeptCallPointer context;                    // caller and deadline of the request; null: it came from no request
     Reply reply;                        // empty until it waits

@@ -64,13 +64,16 @@ oo::class create ::sorma::service::scpi {
     variable Turns              ;# coroutines: the first one has the line, the others wait for it
 
     variable Table              ;# dict: option -> dict type set get choices; of a driver
-    variable Known              ;# dict: option -> the value that the instrument has, as far as we know
+    variable Known              ;# dict: option -> the value that the instrument has, as far as we know; that of the recipe before we know it
     variable Timer              ;# of -poll
 
     method born {} {
         set Channel [set Vxi [set Opened [set Input [set Rest [set Turns [set Timer {}]]]]]]
         set Seen [set Lag 0]
         set Known {}
+        foreach option [my With set [dict keys [my Table]]] {
+            dict set Known $option [my cget $option]
+        }
         my Poll
     }
     destructor {
