@@ -239,6 +239,8 @@ std::string Option::misfit() const {
     bool number = type == Type::integer || type == Type::real;
     if (spec.kind != Kind::plain && (spec.kind == Kind::time ? !number : type != Type::text)) return of + " cannot be a " + toText(spec.kind);
     if (!(isOpen(spec.warn) && isOpen(spec.alarm)) && !number && type != Type::vector) return of + " is no number that has limits";
+    for (auto& [word, l] : {std::pair{"-range", Limits{spec.low, spec.high}}, {"-warn", spec.warn}, {"-alarm", spec.alarm}})
+        if (l.low > l.high) return std::string("has its ") + word + " upside down: the low end is " + plainNumber(l.low) + ", the high end " + plainNumber(l.high);
     if (spec.danger == Danger::stop) return of + " cannot stop: declare an action";
     if (spec.secret && (type == Type::flag || type == Type::choice || type == Type::service)) return of + " cannot be secret";
     if (!spec.names.empty() && type != Type::vector) return of + " has no elements that have names";
