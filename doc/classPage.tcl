@@ -47,7 +47,9 @@ proc ::classPage::Options table {
                 lappend facts "$said [expr {$low eq {} ? "above $high" : $high eq {} ? "below $low" : "outside $low .. $high"}]"
             }
         }
-        if {$name in [dict get $table fixed]} {
+        if {[dict exists $table hints $name measured]} {
+            lappend facts "Measured: nobody sets it"
+        } elseif {$name in [dict get $table fixed]} {
             lappend facts "Only a recipe may set it"
         }
         if {[dict exists $table hints $name expert]} {

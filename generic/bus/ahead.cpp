@@ -1,6 +1,7 @@
 #include "bus/ahead.h"
 
 #include "bus/fnv.h"
+#include "bus/measured.h"
 #include "bus/serviceParts.h"
 
 namespace sorma {
@@ -30,7 +31,7 @@ private:
     void put(const Part& p) { add(p.field, p.count, p.unit, p.help, p.low, p.high); }
     void put(const Option& o) {
         auto& s = o.spec;
-        add(o.name, o.type, s.unit, s.low, s.high, s.fixed, s.minLength, s.maxLength, s.danger, s.kind, s.secret);
+        add(o.name, o.type, s.unit, s.low, s.high, s.fixed, isMeasured(o), s.minLength, s.maxLength, s.danger, s.kind, s.secret);
         all(o.choices);
         all(s.literals);
     }

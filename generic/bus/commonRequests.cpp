@@ -4,6 +4,7 @@
 #include "bus/ahead.h"
 #include "bus/client.h"
 #include "bus/listText.h"
+#include "bus/measured.h"
 #include "bus/monitor.h"
 #include "bus/nearest.h"
 #include "bus/remembered.h"
@@ -49,7 +50,8 @@ void CommonRequests::why(Service& s, Args args, Message& reply) {
     std::string line = args[0];
     appendWord(line, s.shown(s.type().options()[std::size_t(index)], s.need(reply.author, Right::inspect)));
     const bool remembers = s.record_ && !s.record_->remembers.empty() && s.record_->remembers[std::size_t(index)];
-    addLine(reply, line + ": " + describe(source) + (remembers ? "; what is set is remembered" : ""));
+    const bool unread = isMeasured(s.type().options()[std::size_t(index)]) && source.kind == Service::Record::Source::Kind::initial;
+    addLine(reply, line + ": " + (unread ? std::string("not measured yet") : describe(source)) + (remembers ? "; what is set is remembered" : ""));
 }
 
 // The options of the present recipe, and their words; the last word for an option counts.
@@ -74,6 +76,7 @@ void CommonRequests::diff(Service& s, Args, Message& reply) {
     const Permit permit = s.need(reply.author, Right::inspect);
     for (std::size_t i = 0; i < s.type().options().size(); ++i) {
         auto& o = s.type().options()[i];
+        if (isMeasured(o)) continue;
         std::string wanted = i < s.type().defaults().size() ? toText(s.type().defaults()[i]) : std::string();
         const char* source = "default";
         for (auto& [index, value] : recipe)
@@ -193,7 +196,7 @@ static std::string recipeOf(const Service& s, const std::vector<std::string>& wo
     }
     for (std::size_t i = 0; i < type.options().size(); ++i) {
         std::string now = toText(type.options()[i].value(s, permit));
-        if (now == base[i]) continue;
+        if (now == base[i] || isMeasured(type.options()[i])) continue;
         appendWord(out, type.options()[i].name);
         appendWord(out, now);
     }
@@ -256,7 +259,7 @@ void CommonRequests::forget(Service& s, Args, Message& m) {
         if (v.option == Remembered::kSwitch) continue;
         gone.push_back(v.option);
         const int index = s.type().findOption(v.option);
-        if (index < 0) continue;
+        if (index < 0 || isMeasured(s.type().options()[std::size_t(index)])) continue;
         auto found = std::find_if(recipe.begin(), recipe.end(), [&](auto& p) { return p.first == index; });
         for (auto& text : {v.option, found != recipe.end() ? found->second : toText(s.type().defaults()[std::size_t(index)])})
             words.push_back({text, {}}), words.back().origin.author = m.author;

@@ -6,6 +6,7 @@
 
 #include "bus/enumText.h"
 #include "bus/listText.h"
+#include "bus/measured.h"
 #include "bus/name.h"
 #include "bus/nearest.h"
 #include "bus/requestText.h"
@@ -213,6 +214,7 @@ std::string Option::hints() const {
     put("group", spec.group);
     put("expert", spec.expert ? "1" : "");
     put("danger", toText(spec.danger));
+    put("measured", isMeasured(*this) ? "1" : "");
     put("secret", spec.secret ? "1" : "");
     return out;
 }
@@ -594,7 +596,8 @@ std::string Class::helpText(std::string_view object, bool expert) const {
                 if (auto d = toText(defaults_[i]); !d.empty()) facts += (facts.empty() ? "default " : ", default ") + d;
             }
             if (auto l = o.limitsText(); !l.empty()) facts += (facts.empty() ? "" : ", ") + l;
-            if (o.spec.fixed) facts += facts.empty() ? "recipe only" : ", recipe only";
+            if (isMeasured(o) || o.spec.fixed)
+                facts += std::string(facts.empty() ? "" : ", ") + (isMeasured(o) ? "measured" : "recipe only");
             if (!facts.empty()) right += " (" + facts + ")";
             appendRow(out, left, right);
         }

@@ -1,6 +1,7 @@
 // serviceRemembered.cpp -- an object remembers values beyond its process: see bus/remembered.h.
 #include <algorithm>
 
+#include "bus/measured.h"
 #include "bus/nearest.h"
 #include "bus/remembered.h"
 #include "bus/requestText.h"
@@ -16,6 +17,7 @@ const Prototype kNoFile{Severity::error, "DICT FILE", 1,
 const Prototype kWhich{Severity::error, "OPTION VALUE", 2, "{}: {} {}: expected 1, 0, or a list of options, and there is no option {}{}"};
 const Prototype kNameless{Severity::error, "SERVICE FAILED", 1, "{}: an object without a name cannot remember values: they are kept by its name"};
 const Prototype kSecret{Severity::error, "OPTION VALUE", 2, "{}: {} {} is secret, and is not remembered: write it into the recipe"};
+const Prototype kMeasured{Severity::error, "OPTION VALUE", 2, "{}: {} {} is measured, and is not remembered"};
 const Prototype kStale{Severity::warning, "OPTION VALUE", 2, "{}: {} {} was remembered, but cannot be set any more: {}"};
 const Prototype kLong{Severity::warning, "OPTION VALUE", 2, "{}: {} has {} bytes; values beyond {} are not remembered"};
 
@@ -30,7 +32,7 @@ void Service::rememberOnly(const std::string& which, const PrincipalPointer& aut
     auto& options = class_->options();
     std::vector<bool> chosen(options.size(), false);
     if (which == "1") {
-        for (std::size_t k = 0; k < options.size(); ++k) chosen[k] = !options[k].spec.secret && !options[k].spec.fixed;
+        for (std::size_t k = 0; k < options.size(); ++k) chosen[k] = !options[k].spec.secret && !options[k].spec.fixed && !isMeasured(options[k]);
     } else if (which != "0") {
         std::vector<std::string> names;
         for (auto& o : options) names.push_back(o.name);
@@ -38,6 +40,7 @@ void Service::rememberOnly(const std::string& which, const PrincipalPointer& aut
             const int index = class_->findOption(word);
             if (index < 0) fail(kWhich, name_, Remembered::kSwitch, sorma::shown(which), sorma::shown(word), didYouMean(word, names));
             if (options[std::size_t(index)].spec.secret) fail(kSecret, name_, Remembered::kSwitch, word);
+            if (isMeasured(options[std::size_t(index)])) fail(kMeasured, name_, Remembered::kSwitch, word);
             chosen[std::size_t(index)] = true;
         }
     }

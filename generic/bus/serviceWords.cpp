@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "bus/measured.h"
 #include "bus/nearest.h"
 
 namespace sorma {
@@ -9,6 +10,8 @@ namespace sorma {
 namespace {
 
 const Prototype kReadonly{Severity::error, "OPTION READONLY", 2, "{}: {} can only be set by a recipe, when the object is made"};
+
+const Prototype kMeasured{Severity::error, "OPTION READONLY", 2, "{}: {} is measured: nobody sets it"};
 
 constexpr std::string_view kSubstWord = "-SUBST";
 
@@ -60,8 +63,10 @@ bool isOfEntry(Dictionary& dictionary, const std::string& name, std::size_t at) 
     return dictionary.has(name) && at < dictionary.expand(name).size();
 }
 
-void needChangeable(const std::string& name, const Option& o) {
-    if (o.spec.fixed) fail(kReadonly, name, o.name);
+// birth: by the recipe.
+void needChangeable(const std::string& name, const Option& o, bool birth) {
+    if (isMeasured(o)) fail(kMeasured, name, o.name);
+    if (!birth && o.spec.fixed) fail(kReadonly, name, o.name);
 }
 
 [[noreturn]] void failMissing(const std::string& name, const Option& o) {
@@ -87,6 +92,10 @@ std::vector<WordFault> faultsOf(const Class& type, const std::string& name, cons
             } else if (int index = type.findOption(word); index >= 0) {
                 const Option& o = type.options()[index];
                 bool flag = o.type == Type::flag;
+                if (isMeasured(o)) {
+                    if (i < words.size() && !(flag && words[i].starts_with('-'))) ++i;
+                    needChangeable(name, o, true);
+                }
                 if (flag && (i == words.size() || words[i].starts_with('-'))) continue;
                 if (i == words.size()) failMissing(name, o);
                 if (words[i] == kSubstWord) continue;
@@ -116,7 +125,7 @@ void checkWords(const Class& type, const std::string& name, const std::vector<st
         if (int index = ctrl ? type.findOption(word) : -1; index >= 0) {
             const Option& o = type.options()[std::size_t(index)];
             if (!may(Right::configure, o.spec.danger)) return;
-            needChangeable(name, o);
+            needChangeable(name, o, false);
             if (o.type == Type::flag && (i == words.size() || words[i].starts_with('-'))) continue;
             if (i == words.size()) failMissing(name, o);
             if (carriesRight(o.kindOf(words[i])) && !isOwners(rights)) return;
@@ -183,7 +192,7 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, M
         if (int index = class_->findOption(word); index >= 0) {
             const Option& o = class_->options()[index];
             needToSet(*this, o, *origin);
-            if (!birth) needChangeable(name_, o);
+            needChangeable(name_, o, birth);
             const bool flag = o.type == Type::flag, given = i < words.size() && !(flag && words[i].starts_with('-'));
             if (!given && !flag) failMissing(name_, o);         // a flag alone is set
             if (given) needKind(origin->author, o.kindOf(words[i]), words[i]);
@@ -353,7 +362,7 @@ std::string Service::recipe(const Permit& permit) const {
     for (std::size_t i = 0; i < class_->options().size(); ++i) {
         auto& o = class_->options()[i];
         Value now = o.value(*this, permit);
-        if (i < class_->defaults().size() && now == class_->defaults()[i]) continue;
+        if (isMeasured(o) || (i < class_->defaults().size() && now == class_->defaults()[i])) continue;
         appendWord(out, o.name);
         appendWord(out, toText(now));
     }

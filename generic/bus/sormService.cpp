@@ -4,6 +4,7 @@
 #include "bus/call.h"
 #include "bus/glob.h"
 #include "bus/listText.h"
+#include "bus/measured.h"
 #include "bus/requestText.h"
 #include "bus/serviceParts.h"
 #include "bus/sorm.h"
@@ -232,7 +233,7 @@ public:
             appendListElement(options, listOf({o.name, toText(o.type), o.spec.unit, o.range(),
                                                i < type.defaults().size() ? toText(type.defaults()[i]) : std::string(),
                                                s ? s->shown(o, permit) : std::string(), o.spec.help}));
-            if (o.spec.fixed) appendListElement(fixed, o.name);
+            if (o.spec.fixed || isMeasured(o)) appendListElement(fixed, o.name);
             if (auto h = o.hints(); !h.empty()) {
                 appendListElement(hints, o.name);
                 appendListElement(hints, h);

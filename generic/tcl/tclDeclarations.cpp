@@ -43,7 +43,7 @@ Class buildClass(Interpreter& i, const std::vector<TclClass*>& line, Tcl_Class t
             std::size_t index = made.options().size();
             Option o = d.option;
             o.get = [index](const Service& s) { return static_cast<const TclService&>(s).value(index); };
-            o.set = [index](Service& s, const Value& v) { static_cast<TclService&>(s).setValue(index, v); };
+            if (!d.measured) o.set = [index](Service& s, const Value& v) { static_cast<TclService&>(s).setValue(index, v); };
             if (o.type == Type::service)
                 o.refer = [index](Service& s, Reference r) { static_cast<TclService&>(s).setService(index, std::move(r)); };
             made.option(std::move(o));
@@ -144,7 +144,7 @@ int OptionObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
     return guarded(i, objc, objv, [&] {
         if (objc < 3 || objc % 2 == 0)
             return wrongArgs(interp, objv, "-name type ?-unit u? ?-range {low high}? ?-choices list? ?-length n? ?-default value? "
-                                           "?-fixed boolean? ?-warn {low high}? ?-alarm {low high}? ?-kind file|folder|segment|program|colour|time? "
+                                           "?-fixed boolean? ?-measured boolean? ?-warn {low high}? ?-alarm {low high}? ?-kind file|folder|segment|program|colour|time? "
                                            "?-names list? ?-group name? ?-expert boolean? ?-danger move|power|fire? ?-secret boolean? ?-help text?");
         TclClass& c = target(i, objv[0]);
         OptionDeclaration d;
@@ -166,6 +166,8 @@ int OptionObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
                 o.spec.help = toUtf8(value);
             } else if (word == "-fixed") {
                 o.spec.fixed = toBoolean(value);
+            } else if (word == "-measured") {
+                d.measured = toBoolean(value);
             } else if (word == "-choices") {
                 o.choices = listStrings(value);
             } else if (word == "-default") {
@@ -194,12 +196,13 @@ int OptionObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
             } else if (word == "-secret") {
                 o.spec.secret = toBoolean(value);
             } else {
-                bad(objv[0], "unknown word " + nearAndOneOf(objv[k], {"-alarm", "-choices", "-danger", "-default", "-expert", "-fixed", "-group", "-help", "-kind", "-length", "-names", "-range",
+                bad(objv[0], "unknown word " + nearAndOneOf(objv[k], {"-alarm", "-choices", "-danger", "-default", "-expert", "-fixed", "-group", "-help", "-kind", "-length", "-measured", "-names", "-range",
                                         "-secret", "-unit", "-warn"}));
             }
         }
         if (o.type == Type::choice && o.choices.empty()) bad(objv[0], o.name + ": an enum needs -choices");
         if (auto m = o.misfit(); !m.empty()) bad(objv[0], o.name + ' ' + m);
+        if (d.measured && o.type == Type::service) bad(objv[0], o.name + " of type service cannot be measured");
         if (initial) {
             d.initial = o.parse(c.service, toUtf8(initial));
         } else {

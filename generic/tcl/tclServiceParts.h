@@ -17,6 +17,7 @@ namespace sorma {
 
 struct OptionDeclaration {
     Option option;
+    bool measured = false;              // it has no set, see bus/measured.h
     Value initial;
 };
 

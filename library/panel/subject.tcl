@@ -261,7 +261,11 @@ oo::define ::sorma::subject::Subject {
         dict set told live [dict get $told value]
         if {[dict get $told state] eq "live" && [dict exists $facts $option] && [dict get $facts $option fixed]} {
             dict set told state locked
-            dict set told why "only a recipe sets it, before the object is made"
+            dict set told why [if {[dict exists $facts $option hints measured]} {
+                string cat "measured: nobody sets it"
+            } else {
+                string cat "only a recipe sets it, before the object is made"
+            }]
         } elseif {[dict get $told state] eq "live" && $denied ne {}} {
             dict set told state locked
             dict set told why $denied

@@ -789,7 +789,9 @@ proc ::sorma::complete::optionHint {table option} {
             append text " ([dict get $table age])"
         }
     }
-    if {$name in [dict get $table fixed]} {
+    if {[dict exists $table hints $name measured]} {
+        append text ", measured"
+    } elseif {$name in [dict get $table fixed]} {
         append text ", recipe only"
     }
     if {$help ne {}} {

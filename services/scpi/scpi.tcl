@@ -20,7 +20,7 @@ namespace eval ::sorma::scpi {}
 proc ::sorma::scpi::option {name type args} {
     lassign [::sorma::scpiTable::row $name $type $args] row words
     if {[dict get $row set] eq {}} {
-        set words [linsert $words 0 -fixed 1 -group Readings]
+        set words [linsert $words 0 -measured 1 -group Readings]
     }
     # Once in a driver and those that derive from it.
     try {
@@ -77,6 +77,7 @@ oo::class create ::sorma::service::scpi {
         my Poll
     }
     destructor {
+        if {![info exists Timer]} return        ;# its recipe was refused: it was not born
         after cancel $Timer
         my Close
         if {$Vxi ne {}} {
