@@ -31,7 +31,7 @@ proc ::sorma::layout::of groups {
 }
 
 # ::sorma::layout byGroup OPTIONS HINTS -- as the class says it: hints of its table. Options for experts are hidden. Later groups
-# of a large class are folded.
+# of a large class are folded. Groups of which all is measured come first; then the options without a group have a title, too.
 proc ::sorma::layout::byGroup {options hints} {
     variable Large
     set groups [dict create {} {}]
@@ -42,6 +42,12 @@ proc ::sorma::layout::byGroup {options hints} {
         if {![dict exists $hints $option expert]} continue
         set option
     }]
+    set measured [dict filter $groups script {title members} {
+        expr {$title ne {} && [llength [lmap option $members {if {[dict exists $hints $option measured]} continue; set option}]] == 0}
+    }]
+    if {$measured ne {}} {
+        set groups [concat $measured [if {[dict get $groups {}] ne {}} {list Settings [dict get $groups {}]}] [dict remove $groups {} {*}[dict keys $measured]]]
+    }
     return [dict create groups $groups hidden $hidden folded [if {[llength $options] - [llength $hidden] > $Large} {Later $groups}]]
 }
 # The titles of those groups that reach beyond half of what is large; the first one stays open.

@@ -24,7 +24,7 @@ proc ::sorma::scpi::option {name type args} {
     }
     # Once in a driver and those that derive from it.
     try {
-        uplevel 1 {::sorma::option -raw flag -fixed 1 -danger power -help "EXEC write takes any message, also past the limits of the options"}
+        uplevel 1 {::sorma::option -raw flag -group Line -fixed 1 -danger power -help "EXEC write takes any message, also past the limits of the options"}
     } trap {SORMA CLASS TABLE} {} {}
     uplevel 1 [list ::sorma::option $name $type {*}$words]
     uplevel 1 [list ::oo::define::method Scpi$name {} [list return $row]]
@@ -41,13 +41,13 @@ oo::class create ::sorma::service::scpi {
 
     sorma::purpose "speaks to an instrument that understands SCPI"
     sorma::option -to string -kind file -help "where it is: tcp:HOST:PORT, vxi11:HOST/inst0, vxi11:HOST:PORT/inst0, or serial:PATH,BAUD,8n1 with ,rtscts or ,xonxoff"
-    sorma::option -terminator enum -choices {lf cr crlf} -default lf -help "what ends a message, both ways"
-    sorma::option -patience double -unit s -range {0.001 3600} -default 5 -help "how long the instrument may be silent: while it is reached, and within an answer"
-    sorma::option -check flag -default 1 -help "ask SYST:ERR? after each write, and when an answer is missing"
-    sorma::option -most int -unit B -range {64 2147483647} -default 67108864 -help "the longest answer that is taken"
+    sorma::option -terminator enum -group Line -choices {lf cr crlf} -default lf -help "what ends a message, both ways"
+    sorma::option -patience double -group Line -unit s -range {0.001 3600} -default 5 -help "how long the instrument may be silent: while it is reached, and within an answer"
+    sorma::option -check flag -group Line -default 1 -help "ask SYST:ERR? after each write, and when an answer is missing"
+    sorma::option -most int -group Line -unit B -range {64 2147483647} -default 67108864 -help "the longest answer that is taken"
     sorma::option -format enum -group Blocks -choices {real32 real64 int8 uint8 int16 uint16 int32 uint32} -default real32 -help "of the numbers in a block"
     sorma::option -order enum -group Blocks -choices {big little} -default big -help "which byte of a number in a block comes first"
-    sorma::option -poll double -unit s -range {0 86400} -default 0 -help "a driver asks for its readings each so many seconds; 0: only when somebody says read"
+    sorma::option -poll double -group Line -unit s -range {0 86400} -default 0 -help "a driver asks for its readings each so many seconds; 0: only when somebody says read"
     sorma::action -fetch {} "ask the instrument for all settings and readings of its driver" {my Fetch [dict keys [my Table]]} -right call
     sorma::action -send {} "send all settings of its driver to the instrument" {my Give [dict keys [my Table]]} -danger power
     sorma::action -close {} "close the line; the next request opens it again" {my Close}
