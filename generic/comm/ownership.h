@@ -2,8 +2,7 @@
 //
 //     sormad -name robot -directory 1 -owned carry.*
 //
-// While the daemon does not own its name it refuses EXEC and CTRL for such objects, by whatever door they come for others than this process;
-// bus/fence.h says where that is asked. It judges by its own clock, so a daemon that was stopped refuses before it has heard of the next owner.
+// While the daemon does not own its name it refuses EXEC and CTRL for such objects: bus/fence.h has the doors. It judges by its own clock, so a daemon that was stopped refuses before it has heard of the next owner.
 //
 // A client that has found the daemon by the directory says with each call which epoch of the name it knows (doc/wire.md). A lower epoch than the
 // daemon's is refused. A higher one says that somebody else has become the owner. The clock here may be wrong then, and nothing is accepted

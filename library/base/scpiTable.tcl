@@ -28,7 +28,7 @@ proc ::sorma::scpiTable::row {name type words} {
         }
     }
     if {[dict get $row get] ne {} && [string first ? [dict get $row get]] < 0} {
-        throw {SORMA CLASS TABLE} "sorma::scpi::option: $name: -get \"[dict get $row get]\" is no question: it has no question mark"
+        throw {SORMA CLASS TABLE} "option $name: -get \"[dict get $row get]\" is no question: it has no question mark"
     }
     if {[dict get $row set] ne {}} {
         Check [dict replace $row set [regsub -all $Other [dict get $row set] {}]] [if {[dict exists $rest -length]} {dict get $rest -length}]
@@ -44,15 +44,15 @@ proc ::sorma::scpiTable::Check {row length} {
     dict with row {}
     set places [regexp -all {%} [string map {%% {}} $set]]
     if {$type eq "vector" && ![string is integer -strict $length]} {
-        throw {SORMA CLASS TABLE} "sorma::scpi::option: $name: -set of a vector needs -length, the number of its elements"
+        throw {SORMA CLASS TABLE} "option $name: -set of a vector needs -length, the number of its elements"
     }
     set wanted [expr {$type eq "vector" ? $length : 1}]
     if {$places != $wanted} {
-        throw {SORMA CLASS TABLE} "sorma::scpi::option: $name: -set \"$set\" has $places places for values, expected $wanted: %g is a number, %d a flag or an int, %s a word"
+        throw {SORMA CLASS TABLE} "option $name: -set \"$set\" has $places places for values, expected $wanted: %g is a number, %d a flag or an int, %s a word"
     }
     set value [if {$type in {double vector}} {string cat 0.5} elseif {$type in {flag int}} {string cat 1} else {string cat word}]
     if {[catch {format $set {*}[lrepeat $wanted $value]} why]} {
-        throw {SORMA CLASS TABLE} "sorma::scpi::option: $name: -set \"$set\" does not take a value of type $type: $why"
+        throw {SORMA CLASS TABLE} "option $name: -set \"$set\" does not take a value of type $type: $why"
     }
 }
 

@@ -1,5 +1,5 @@
-# callGraph.tcl -- who calls whom: what daemons tell of requests as they pass (monitor.reply), as rates, and where boxes and lines of a picture of it
-# stand. It knows no window.
+# callGraph.tcl -- who calls whom, from the events monitor.reply of all daemons: rates, and the places of boxes and lines of a picture.
+# It knows no window.
 #
 # A box is a process with the objects that are called there. The picture reads from left to right, and equal calls give an equal picture, whatever came
 # first (layers.tcl). A line goes around the boxes (ways.tcl); those of one caller share their way.
@@ -14,7 +14,7 @@ namespace eval ::sorma::callGraph {
     variable Smooth 0.5         ;# part of the newest second in a rate
 }
 
-# ::sorma::callGraph::new ?-most n? ?-as WHO? -- a command. -most: objects that are drawn, those seen first; -as: whose rights decide what daemons tell;
+# ::sorma::callGraph::new ?-most n? ?-as WHO? -- a command. -most: so many objects are drawn, the first ones. -as: by these rights daemons tell;
 # default: yours. Its methods:
 #       begin, end                  listen to all daemons; nothing is told before, and nothing after
 #       passed KEY EVENT            a monitor.reply of that daemon

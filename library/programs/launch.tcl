@@ -89,7 +89,7 @@ proc ::sorma::launch::main words {
         # Those that are left out run already, or are not wanted.
         set daemons [dict map {name settings} [dict filter $daemons script {name settings} {expr {$name in ${--only}}}] {
             set after [lmap other [dict get $settings -after] {if {$other ni ${--only}} continue; set other}]
-            dict replace $settings members [dict map {label own} [dict get $settings members] {dict replace $own -after $after}]
+            dict replace $settings -after $after members [dict map {label own} [dict get $settings members] {dict replace $own -after $after}]
         }]
     }
     try {
