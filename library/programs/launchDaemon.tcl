@@ -1,7 +1,7 @@
 # launchDaemon.tcl -- one daemon of sorma-launch: its process, its state, and when it is started again.
 #
-# States: waiting (not yet started), starting (no "ready" yet), ready, late (not ready in time, being ended), pausing
-# (before a restart), alone (it would share its name with nobody, being ended), stopping, ended (for good).
+# States: waiting (not yet started), starting (no "ready" yet), ready, pausing (before a restart), stopping, ended (for good).
+# In two more it is being ended: late (it was not ready in time), alone (it would share its name with nobody).
 
 package require sorma
 package require sorma::launchForward

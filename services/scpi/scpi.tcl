@@ -192,7 +192,7 @@ oo::class create ::sorma::service::scpi {
             my Fault [lindex [dict get $how -errorcode] 1] $why [lindex [dict get $how -errorcode] 2]
         }
     }
-    # What the instrument has is perhaps no value that the option may have.
+    # The instrument may have a value that the option may not have.
     method Learn values {
         try {
             my store {*}$values
