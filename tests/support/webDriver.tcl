@@ -25,7 +25,7 @@ proc webDriver::start args {
     set settings [dict merge {-size {1280 900}} $args]
     # All that it keeps goes with the folder, also what it writes while it ends.
     set homes [lmap kind {CONFIG CACHE DATA STATE} {string cat XDG_${kind}_HOME= [file join $Folder [string tolower $kind]]}]
-    set Pipe [open [list | env HOME=$Folder {*}$homes chromedriver --port=0 2>@1] r]
+    set Pipe [open [list | env HOME=$Folder TMPDIR=$Folder {*}$homes chromedriver --port=0 2>@1] r]
     while {![regexp {started successfully on port (\d+)} [gets $Pipe] -> Port]} {
         if {[eof $Pipe]} {
             error "chromedriver does not start"
