@@ -5,7 +5,7 @@
 package require sorma
 
 namespace eval caller {
-    variable Object [lindex $argv 0]
+    variable Object [lindex $::argv 0]
     variable Last {}
 }
 proc caller::Call {} {
