@@ -90,8 +90,7 @@ void Calls::call(std::string_view name, Method method, Message& m, Deadline dead
     if (link_.queued()) [[unlikely]] link_.drainAll(deadline);
     slot.into = &m;
     if (CallContext::current() || relayFor || link_.epoch() != 0) [[unlikely]] {
-        wire::Behalf behalf = wire::behalfOf(relayFor);
-        behalf.epoch = link_.epoch();
+        wire::Behalf behalf = wire::behalfOf(relayFor, link_.epoch());
         if (behalf.trace.number) trace(slot, CallContext::current()->span);
         slots_.write(index, method, m, now, &behalf);
     } else {
@@ -291,8 +290,7 @@ void Calls::sendWaiting() {
                 auto& asker = call.pending->asker;
                 const bool tell = asker || call.pending->relayFor || link_.epoch() != 0 || Listening::any();       // for the numbers in events
                 wire::Behalf behalf;
-                if (tell) behalf = wire::behalfOf(call.pending->relayFor, call.pending->number(), asker ? asker->callers() : std::string());
-                behalf.epoch = link_.epoch();
+                if (tell) behalf = wire::behalfOf(call.pending->relayFor, call.pending->number(), asker ? asker->callers() : std::string(), link_.epoch());
                 if (auto& span = call.pending->span) {
                     trace(slots_[index], span);
                     behalf.trace.number = span->share->number;
@@ -528,8 +526,7 @@ bool Calls::sendRestoring() {
         restoringUntil_ = settings_.timeout > 0 ? Deadline::in(settings_.timeout) : Deadline();
         restoringSlot_ = acquire(next.name, restoringUntil_);
         const std::uint32_t index = restoringSlot_;
-        wire::Behalf behalf = wire::behalfOf(next.relayFor, 0, {});
-        behalf.epoch = link_.epoch();
+        const wire::Behalf behalf = wire::behalfOf(next.relayFor, 0, {}, link_.epoch());
         slots_.write(index, next.method, next.request, monotonicNow(), next.relayFor || behalf.epoch != 0 ? &behalf : nullptr);
         if (!restoringUntil_.none()) restoringTimer_ = reactor_->after(restoringUntil_.when(), [this] { restoringOverdue(); });
         link_.send(index, slots_[index].request);

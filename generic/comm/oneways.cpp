@@ -34,8 +34,7 @@ void Oneways::send(const std::string& name, Method method, const Message& m, con
         if (backlog() > most) fail(kFull, link_.fullName(name), backlog(), link_.who());
     }
     Buffer bytes;
-    wire::Behalf behalf = wire::behalfOf(relayFor);
-    behalf.epoch = link_.epoch();
+    wire::Behalf behalf = wire::behalfOf(relayFor, link_.epoch());
     behalf.trace = span ? span->origin() : TraceOrigin();
     wire::writeCall(bytes, 0, link_.program(), {wire::kNoSlot, 0, 0, method, name}, m, wire::kOneway,
                     relayFor || behalf.epoch != 0 || CallContext::current() ? &behalf : nullptr);

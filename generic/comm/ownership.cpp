@@ -31,19 +31,19 @@ bool Ownership::covers(std::string_view object) const {
     return std::any_of(patterns_.begin(), patterns_.end(), [&](auto& pattern) { return globMatch(pattern, object); });
 }
 
-std::string Ownership::owner() const {
+Ownership::Owner Ownership::owner() const {
     const Directory::Found found = directory_->find(self_.name);
-    if (found.state != Directory::Found::State::known) return "nobody is known to own it";
-    if (found.entry.identity == self_.identity) return "its next owner is not known yet";
-    return "its owner is " + found.entry.identity;
+    if (found.state != Directory::Found::State::known) return {false, "nobody is known to own it"};
+    if (found.entry.identity == self_.identity) return {false, "its next owner is not known yet"};
+    return {true, "its owner is " + found.entry.identity};
 }
 
 void Ownership::need(std::string_view object, std::int64_t epoch, bool trusted, bool& elsewhere) {
     const Directory::Claim claim = directory_->claimed(self_.name);
     if (claim.state != Directory::Claim::State::owned) {
-        const std::string other = owner();
-        elsewhere = other.starts_with("its owner") || epoch > last_;
-        fail(kNotOwner, object, self_.identity, self_.name, reason(claim), other);
+        const Owner other = owner();
+        elsewhere = other.known || epoch > last_;
+        fail(kNotOwner, object, self_.identity, self_.name, reason(claim), other.text);
     }
     last_ = claim.epoch;
     if (epoch > claim.epoch) {

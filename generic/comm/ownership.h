@@ -2,7 +2,8 @@
 //
 //     sormad -name robot -directory 1 -owned carry.*
 //
-// While the daemon does not own its name it refuses EXEC and CTRL for such objects: bus/fence.h has the doors. It judges by its own clock, so a daemon that was stopped refuses before it has heard of the next owner.
+// While the daemon does not own its name it refuses EXEC and CTRL for such objects: bus/fence.h has the doors. It judges by its own
+// clock, so a daemon that was stopped refuses before it has heard of the next owner.
 //
 // A client that has found the daemon by the directory says with each call which epoch of the name it knows (doc/wire.md). A lower epoch than the
 // daemon's is refused. A higher one says that somebody else has become the owner. The clock here may be wrong then, and nothing is accepted
@@ -31,7 +32,11 @@ public:
     void need(std::string_view object, std::int64_t epoch, bool trusted, bool& elsewhere) override;
 
 private:
-    std::string owner() const;              // the other one, for people
+    struct Owner {                          // the other one
+        bool known = false;                 // there is one
+        std::string text;                   // for people
+    };
+    Owner owner() const;
 
     const std::shared_ptr<Directory> directory_;
     const Directory::Entry self_;

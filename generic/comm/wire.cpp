@@ -135,12 +135,12 @@ void writeAccepted(XdrWriter& w, std::uint32_t xid, std::uint32_t status) {
 
 }  // namespace
 
-Behalf behalfOf(const PrincipalPointer& relayFor, std::uint64_t request, std::string callers) {
-    return {relayFor != nullptr, request, std::move(callers), relayFor ? relayFor->toText() : std::string()};
+Behalf behalfOf(const PrincipalPointer& relayFor, std::uint64_t request, std::string callers, std::int64_t epoch) {
+    return {relayFor != nullptr, request, std::move(callers), relayFor ? relayFor->toText() : std::string(), {}, epoch};
 }
 
-Behalf behalfOf(const PrincipalPointer& relayFor) {
-    Behalf behalf = behalfOf(relayFor, CallContext::currentRequest(), CallContext::currentCallers());
+Behalf behalfOf(const PrincipalPointer& relayFor, std::int64_t epoch) {
+    Behalf behalf = behalfOf(relayFor, CallContext::currentRequest(), CallContext::currentCallers(), epoch);
     if (CallContext* context = CallContext::current(); context && context->span && context->span->elsewhere) behalf.trace.number = context->span->share->number;
     return behalf;
 }

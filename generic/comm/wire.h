@@ -39,10 +39,10 @@ struct Behalf {
     TraceOrigin trace = {};         // of the trace that wants the spans of this call; its cause only of a one-way request
     std::int64_t epoch = 0;         // of the daemon's name, as the directory has told the caller; 0: it has not. comm/ownership.h
 };
-// relayFor: who has named the object, when it was not the owner of this process. Without request and callers: of the present
-// context.
-Behalf behalfOf(const PrincipalPointer& relayFor, std::uint64_t request, std::string callers);
-Behalf behalfOf(const PrincipalPointer& relayFor);
+// relayFor: who has named the object, when it was not the owner of this process. epoch: as above. Without request and callers: of the
+// present context.
+Behalf behalfOf(const PrincipalPointer& relayFor, std::uint64_t request, std::string callers, std::int64_t epoch);
+Behalf behalfOf(const PrincipalPointer& relayFor, std::int64_t epoch = 0);
 inline constexpr std::uint32_t kBehalfFlavor = kProgram;        // flavor of these credentials
 inline constexpr std::uint32_t kTlsFlavor = 7;                 // AUTH_TLS
 inline constexpr std::uint32_t kBadCredentials = 1, kTooWeak = 5;     // AUTH_BADCRED, AUTH_TOOWEAK
