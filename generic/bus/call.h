@@ -76,6 +76,8 @@ public:
     // A request begins. It inherits nothing from the requests below it on the stack.
     // client: null for this process; client and behalf must outlive this.   request: its number, 0: it has none yet.
     CallContext(const ClientPointer& client, Deadline deadline, std::uint64_t request, const std::string& behalf);
+    CallContext(ClientPointer&& client, Deadline deadline, std::uint64_t request, const std::string& behalf) = delete;
+    CallContext(const ClientPointer& client, Deadline deadline, std::uint64_t request, std::string&& behalf) = delete;
     // Work that waited continues. null: outside of any request.
     explicit CallContext(const KeptCallPointer& kept);
     ~CallContext();

@@ -672,6 +672,10 @@ void testDeadline() {
     const std::string nobody, joe = "joe@lab";
     KeptCallPointer kept;
     {
+        // A context keeps no copy of client and callers, so it takes no temporary ones.
+        static_assert(std::is_constructible_v<CallContext, const ClientPointer&, Deadline, int, const std::string&>);
+        static_assert(!std::is_constructible_v<CallContext, std::nullptr_t, Deadline, int, const std::string&>);
+        static_assert(!std::is_constructible_v<CallContext, const ClientPointer&, Deadline, int, const char*>);
         CallContext outer(client, soon, 7, nobody);
         {
             // A request that comes in meanwhile inherits nothing, and bills nothing.
