@@ -2,11 +2,12 @@
 # tool was from where it should be. In each column of pixels the mean of a place, and the largest error.
 
 package require Tcl 8.6-
+source -encoding utf-8 [file join [file dirname [file dirname [file normalize [info script]]]] library base colours.tcl]
 
 namespace eval trackerPlot {
     variable Width 900
     variable Left 50
-    variable Colours {ball #c60 tool #05a error #a00}
+    variable Colours {ball series2 tool series1 error error}     ;# of library/base/colours.tcl
     variable Above 0.3          ;# [m] the tool above the ball
 }
 
@@ -47,10 +48,10 @@ proc trackerPlot::Line {numbers what top bottom low high} {
     set points [lmap {column number} $numbers {
         string cat $column , [format %.1f [expr {$bottom - ($bottom - $top) * (min($high, max($low, $number)) - $low) / double($high - $low)}]]
     }]
-    return "<polyline fill=\"none\" stroke=\"[dict get $Colours $what]\" stroke-width=\"1.2\" points=\"$points\"/>"
+    return "<polyline fill=\"none\" stroke=\"var(--[dict get $Colours $what])\" stroke-width=\"1.2\" points=\"$points\"/>"
 }
-proc trackerPlot::Text {x y text {anchor start} {colour #222}} {
-    return "<text x=\"$x\" y=\"$y\" text-anchor=\"$anchor\" fill=\"$colour\">[string map {& &amp; < &lt;} $text]</text>"
+proc trackerPlot::Text {x y text {anchor start} {colour text}} {
+    return "<text x=\"$x\" y=\"$y\" text-anchor=\"$anchor\" fill=\"var(--$colour)\">[string map {& &amp; < &lt;} $text]</text>"
 }
 # The box with lines at some numbers.
 proc trackerPlot::Box {top bottom low high numbers unit} {
@@ -59,7 +60,7 @@ proc trackerPlot::Box {top bottom low high numbers unit} {
     set out {}
     foreach number $numbers {
         set y [expr {$bottom - ($bottom - $top) * ($number - $low) / double($high - $low)}]
-        append out "<line x1=\"$Left\" x2=\"$Width\" y1=\"$y\" y2=\"$y\" stroke=\"#ddd\"/>[Text [expr {$Left - 5}] [expr {$y + 4}] $number end]\n"
+        append out "<line x1=\"$Left\" x2=\"$Width\" y1=\"$y\" y2=\"$y\" stroke=\"var(--line)\"/>[Text [expr {$Left - 5}] [expr {$y + 4}] $number end]\n"
     }
     return $out[Text 2 [expr {$top - 8}] $unit]
 }
@@ -69,13 +70,13 @@ proc trackerPlot::draw records {
     variable Left
     variable Colours
     lassign [columns $records] balls tools errors rows scale
-    set out "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 [expr {$Width + 10}] 460\" font-family=\"sans-serif\" font-size=\"11\">\n"
-    append out "<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n"
+    set out "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 [expr {$Width + 10}] 460\" font-family=\"sans-serif\" font-size=\"11\">\n<style>[::sorma::colours::css]</style>\n"
+    append out "<rect width=\"100%\" height=\"100%\" fill=\"var(--surface)\"/>\n"
     append out [Box 60 260 -0.2 0.2 {-0.2 -0.1 0 0.1 0.2} "y \[m\]"] [Box 300 430 0 50 {0 10 20 30 40 50} "error \[mm\], at most 50 shown"]
     set level 0
     foreach {column row} $rows {
-        append out "<line x1=\"$column\" x2=\"$column\" y1=\"60\" y2=\"430\" stroke=\"#999\" stroke-dasharray=\"3 3\"/>"
-        set height [expr {22 + 15 * ($level % 2)}]
+        append out "<line x1=\"$column\" x2=\"$column\" y1=\"60\" y2=\"430\" stroke=\"var(--edge)\" stroke-dasharray=\"3 3\"/>"
+        set height [expr {12 + 15 * ($level % 3)}]
         append out [if {$column < 0.75 * $Width} {Text [expr {$column + 3}] $height $row} else {Text $Width $height $row end}]\n
         incr level
     }

@@ -81,6 +81,16 @@ proc ::sorma::colours::series shade {
     return [lmap pair $Series {lindex $pair $index}]
 }
 
+# ::sorma::colours::css -- all of them as variables of CSS, by the shade that a reader wants: --ground, --text ...; --series1 ...
+proc ::sorma::colours::css {} {
+    lassign [lmap shade {light dark} {
+        set n 0
+        string cat ":root { color-scheme: $shade; " \
+            [join [concat [lmap {token colour} [of $shade] {string cat -- $token ": " $colour}] [lmap colour [series $shade] {string cat --series [incr n] ": " $colour}]] {; }] " }"
+    }] light dark
+    return "$light\n@media (prefers-color-scheme: dark) { $dark }\n"
+}
+
 # ::sorma::colours::mix A B PART -- between two colours: A where PART is 0, B where it is 1.
 proc ::sorma::colours::mix {a b part} {
     scan $a #%2x%2x%2x r g bl

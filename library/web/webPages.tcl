@@ -21,27 +21,10 @@ proc ::sorma::webPages::begin {} {
         dict set Files $name [read $file]
         close $file
     }
-    dict set Files style.css [colours][dict get $Files style.css]
+    dict set Files style.css [::sorma::colours::css][dict get $Files style.css]
     ::sorma::web::route GET {^/$} {::sorma::webPages::send index.html}
     ::sorma::web::route GET {^/page/([a-zA-Z]+\.(?:js|css|svg))$} ::sorma::webPages::named
     ::sorma::webLive::begin
-}
-
-# ::sorma::webPages::colours -- the colours of all that SORMA draws, as variables of CSS: --ground, --text ...; --series1 ...
-proc ::sorma::webPages::colours {} {
-    set out "/* made from library/base/colours.tcl */\n"
-    foreach shade {light dark} {
-        set lines "    color-scheme: $shade;\n"
-        dict for {token colour} [::sorma::colours::of $shade] {
-            append lines "    --$token: $colour;\n"
-        }
-        set n 0
-        foreach colour [::sorma::colours::series $shade] {
-            append lines "    --series[incr n]: $colour;\n"
-        }
-        append out [expr {$shade eq "light" ? ":root {\n$lines}\n" : "@media (prefers-color-scheme: dark) {\n:root {\n$lines}\n}\n"}]
-    }
-    return $out
 }
 
 # ::sorma::webPages::send NAME NUMBER -- answer with a file.   named NUMBER REQUEST NAME -- the same, for a route.
