@@ -2,6 +2,7 @@
 #
 # FOLDER is made anew. MANUAL holds the pages as doc/pages.tcl has made them; SOURCE is the folder with README.md and doc. PICTURES holds those
 # of widgets as doc/pictures.tcl has made them, NAME.png: each stands below the command sorma::NAME, those of whole windows on the pages that are about them;
+# NAME-dark.png is shown instead to a reader who has chosen dark;
 # and drawings for pages, NAME.svg.
 # Needs tcllib's doctools, and cmark-gfm for Markdown; graphviz for its graphs, which stay text without. Every link between the pages leads somewhere: tests/html.test follows them.
 
@@ -9,10 +10,8 @@ package require Tcl 8.6-
 package require doctools
 
 namespace eval html {
-    # Colours are those of library/base/colours.tcl, COLOURS for the light and the dark ground.
+    # Behind the colours of library/base/colours.tcl.
     variable Style {
-:root { color-scheme: light dark; COLOURS light }
-@media (prefers-color-scheme: dark) { :root { COLOURS dark } }
 body { max-width: 46rem; margin: 0 auto; padding: 0 1rem 4rem; font: 16px/1.6 Inter, system-ui, sans-serif; color: var(--text); background: var(--ground) }
 h1, h2, h3 { line-height: 1.25; margin: 2em 0 .5em } h1 { font-size: 1.7rem; margin-top: 1em } h2 { font-size: 1.25rem } h3 { font-size: 1.05rem }
 nav { position: sticky; top: 0; z-index: 1; display: flex; gap: 1rem; align-items: baseline; padding: .6rem 0; background: var(--ground); border-bottom: 1px solid var(--line); font-size: 14px }
@@ -27,7 +26,7 @@ dt { margin-top: 1em } dd { margin-left: 1.5rem } dd > p:first-child { margin-to
 table { border-collapse: collapse; display: block; overflow-x: auto } td, th { padding: .35em 1em .35em 0; text-align: left; vertical-align: top; border-bottom: 1px solid var(--line) }
 a[href] { color: var(--accent); text-decoration-thickness: 1px; text-underline-offset: 2px } a { color: inherit }
 :focus-visible { outline: 2px solid var(--accent); outline-offset: 1px }
-.opt, td code { white-space: nowrap } img, svg { max-width: 100%; height: auto } dd > p > img, .windows img { border: 1px solid var(--line) }
+.opt, td code { white-space: nowrap } img, svg { max-width: 100%; height: auto } dd > p img, .windows img { border: 1px solid var(--line) }
 .index { columns: 3 13em } .index p { margin: 0 }
 }
     variable Tutorials {first-tcl first-cpp first-panel first-circuit two-hosts moving testing embedding tour}
@@ -207,7 +206,7 @@ proc html::pictured {page body pictures} {
             set images [join [lmap name [split $wanted ,] {
                 set at [lsearch -exact $names $name]
                 if {$at < 0} continue
-                Image $name [file extension [lindex $paths $at]]
+                Image $name [file extension [lindex $paths $at]] [expr {"$name-dark" in $names}]
             }] {}]
             if {$images ne {}} {
                 regsub "$words.*?</p>" $body "&<p class=\"windows\">$images</p>" body
@@ -218,25 +217,20 @@ proc html::pictured {page body pictures} {
     foreach name $names {
         if {[regexp -indices [string map [list NAME $name] {<dt><a name="[^"]*"><b class="cmd">(?:<a [^>]*>)?sorma::NAME(?:</a>)?</b>(?:(?!</dt>).)*</dt>\s*<dd>}] $body at]} {
             set end [lindex $at 1]
-            set body "[string range $body 0 $end]<p>[Image $name]</p>[string range $body $end+1 end]"
+            set body "[string range $body 0 $end]<p>[Image $name .png [expr {"$name-dark" in $names}]]</p>[string range $body $end+1 end]"
         }
     }
     return $body
 }
-proc html::Image {name {extension .png}} {
+proc html::Image {name extension dark} {
     set alt [if {[regexp {^(lab|checkers|tracker)-(.*)$} $name - demo what]} {string cat "the [dict get {lab laboratory checkers {game of draughts} tracker tracker} $demo]: $what"} else {string cat sorma::$name}]
-    return "<img src=\"$name$extension\" alt=\"$alt\">"
+    set image "<img src=\"$name$extension\" alt=\"$alt\">"
+    return [expr {$dark ? "<picture><source srcset=\"$name-dark$extension\" media=\"(prefers-color-scheme: dark)\">$image</picture>" : $image}]
 }
 
 # ---- look and search ----
 
 source -encoding utf-8 [file join [file dirname [file dirname [file normalize [info script]]]] library base colours.tcl]
-proc html::coloured style {
-    return [string map [list {*}[concat {*}[lmap shade {light dark} {
-        list "COLOURS $shade" [join [lmap {token colour} [::sorma::colours::of $shade] {string cat -- $token : $colour}] {; }]
-    }]]] $style]
-}
-
 # For the search: for each heading of a page a line of JavaScript, [title, heading, address, text].
 proc html::searched {file title body} {
     set found {}
@@ -276,7 +270,7 @@ proc html::make {folder manual source {pictures {}}} {
     variable Shown
     file delete -force $folder
     file mkdir $folder
-    write [file join $folder style.css] [coloured [string trim $Style]]
+    write [file join $folder style.css] [::sorma::colours::css][string trim $Style]
     file copy [file join $source doc site.js] $folder
     set pictures [if {$pictures ne {}} {glob -nocomplain -directory $pictures *.png *.svg}]
     foreach picture $pictures {

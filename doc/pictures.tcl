@@ -1,6 +1,6 @@
-# pictures.tcl FOLDER ?-widgets|-all? -- pictures of windows for the web pages, NAME.png each, of real objects of a daemon; and of the laboratory and
-# the demos, lab-WHAT.png, checkers-WHAT.png and tracker-WHAT.png, as their pictures.tcl in demos make them, where their services are; -widgets: without those. -all: also dark, NAME-dark.png,
-# and at 192 dots per inch, NAME-192.png and NAME-dark-192.png; of the demos dark ones.
+# pictures.tcl FOLDER ?-widgets|-all? -- pictures of windows for the web pages, light NAME.png and dark NAME-dark.png, of real objects of a
+# daemon; and of the laboratory and the demos, lab-WHAT.png, checkers-WHAT.png and tracker-WHAT.png, as their pictures.tcl in demos make them,
+# where their services are; -widgets: without those. -all: of widgets also at 192 dots per inch, NAME-192.png and NAME-dark-192.png.
 #
 # Needs Tk with libtk-img and snit, and Xvfb, which it starts. What is missing, or what fails, it says, and goes on: a manual without pictures is
 # one, too.
@@ -304,8 +304,7 @@ proc pictures::make {folder demos all} {
         if {![string match "ready *" [gets $daemon]]} {
             error "sormad does not start"
         }
-        set shades [expr {$all ? "light dark" : "light"}]
-        foreach shade $shades {
+        foreach shade {light dark} {
             foreach dpi [expr {$all ? "96 192" : "96"}] {
                 exec [info nameofexecutable] [info script] -draw $folder $shade $dpi 2>@1
             }
@@ -317,7 +316,7 @@ proc pictures::make {folder demos all} {
             } {
                 # A sanitizer is too slow for a whole demo.
                 if {[info exists ::env(LD_PRELOAD)] && [string match *-window $name]} continue
-                foreach shade $shades {
+                foreach shade {light dark} {
                     if {$shade eq "dark" && $name in {lab-scene lab-reading tracker-circuit}} continue
                     set file [file join $folder $name[expr {$shade eq "dark" ? "-dark" : {}}].png]
                     exec timeout 120 [info nameofexecutable] [file join $Demos $demo pictures.tcl] {*}[string map [list FILE $file] $arguments] \
