@@ -1,10 +1,11 @@
 // directories.cpp -- directories WORD ...: a process with the directory that these words of a dictionary's line choose; none: local.
 //
-// It reads commands from standard input, a line each, and answers each with a line. News are lines that begin with "changed".
+// It reads commands from standard input, a line each, and answers each with a line. News are lines "changed NAME WHEN"; WHEN: [us since 1970].
 //
 //     claim NAME IDENTITY ADDRESS ...     {}
 //     claimed NAME                        none | asking WHY | owned EPOCH | taken WHOSE | lost WHY
 //     find NAME                           known EPOCH AGE IDENTITY ADDRESS ... | asking WHY | absent WHY | away WHY;   AGE: 0, or old
+//     finds NAME NUMBER                   how long a find takes [ns], of so many
 //     release NAME                        {}
 //     entries                             NAME ...
 //     turns                               how often the loop has turned: after two of them all news so far are known
@@ -53,6 +54,15 @@ std::string ask(Comm& comm, std::istringstream& in) {
         for (auto& address : found.entry.addresses) out += " " + address;
         return out;
     }
+    if (command == "finds") {
+        std::int64_t number = 1;
+        in >> number;
+        std::size_t known = 0;
+        const std::int64_t begin = monotonicNow();
+        for (std::int64_t i = 0; i < number; ++i) known += directory.find(name).state == Found::known;
+        const std::int64_t took = monotonicNow() - begin;
+        return known == std::size_t(number) ? std::to_string(double(took) / double(number)) : "it is not known";
+    }
     if (command == "release") return directory.release(name), "{}";
     if (command == "entries") {
         std::string out;
@@ -76,7 +86,7 @@ int main(int argc, char** argv) {
     directory::addRows();
     if (argc > 1) sorm.dictionary().add("@directory", {argv + 1, argv + argc}, "the test");
     try {
-        comm.directory().get()->changed = [](const std::string& name) { std::printf("changed %s\n", name.c_str()); };
+        comm.directory().get()->changed = [](const std::string& name) { std::printf("changed %s %lld\n", name.c_str(), static_cast<long long>(wallNow())); };
     } catch (const Error& e) {
         std::printf("error {%s} %s\n", e.code().size() > 1 ? e.code()[1].c_str() : "", e.what());
         return 1;
