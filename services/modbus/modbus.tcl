@@ -7,6 +7,7 @@
 # which has one request at a time.
 
 package require sorma
+package require sorma::driver
 package require sorma::service::modbusline
 
 namespace eval ::sorma::modbus {
@@ -14,7 +15,7 @@ namespace eval ::sorma::modbus {
     variable Made 0             ;# lines so far
     # -as -> registers of a value, and its format as `binary` has it
     variable Types {int16 {1 S} uint16 {1 Su} int32 {2 I} uint32 {2 Iu} int64 {4 W} uint64 {4 Wu} float32 {2 R} float64 {4 Q} text {1 a}}
-    variable Row {type {} register {} as uint16 scale 1 offset 0 words big choices {} codes {} length 1 bit {} reading 0 every 1}
+    variable Row {type {} unit {} register {} as uint16 scale 1 offset 0 words big choices {} codes {} length 1 bit {} reading 0 every 1}
 }
 
 # ::sorma::modbus::option --
@@ -39,7 +40,7 @@ proc ::sorma::modbus::option {name type args} {
         set words [linsert $words 0 -fixed 1 -group Readings]
     }
     uplevel 1 [list ::sorma::option $name $type {*}$words]
-    uplevel 1 [list ::oo::define::method Modbus$name {} [list return $row]]
+    uplevel 1 [list ::oo::define::method Row$name {} [list return $row]]
 }
 
 # The row, checked, with the table and the address of its first register, and how many registers it has.
@@ -140,22 +141,16 @@ proc ::sorma::modbus::release to {
     }
 }
 
-# A poll has ended: the next one, if the object is still there.
-proc ::sorma::modbus::Polled {next future} {
-    catch {$future take}
-    catch $next
-}
-
 oo::class create ::sorma::service::modbus {
-    superclass sorma::Service
+    superclass sorma::driver::Device sorma::Service
 
     sorma::purpose "speaks to a device by Modbus"
     sorma::option -to string -kind file -help "where it is: tcp:HOST:PORT, or rtu:PATH,BAUD,8n1 for a serial line"
     sorma::option -unit int -range {0 255} -default 1 -help "number of the device on its line, or behind its gateway"
     sorma::option -patience double -unit s -range {0.001 60} -default 1 -help "how long the line may need to open, and each answer to come"
     sorma::option -poll double -unit s -range {0 86400} -default 0 -help "a driver asks for its readings each so many seconds; 0: only when somebody says read"
-    sorma::action -fetch {} "ask the device for all settings and readings of its driver" {my Fetch [dict keys [my Table]]} -right call
-    sorma::action -send {} "send all settings of its driver to the device" {my Give [dict keys [my Table]]} -danger power
+    sorma::action -fetch {} "ask the device for all settings and readings of its driver" {my fetch [dict keys [my table]]} -right call
+    sorma::action -send {} "send all settings of its driver to the device" {my give [dict keys [my table]]} -danger power
     sorma::action -close {} "close the line when it is free; the next request opens it again" {my Close}
     sorma::inspection -line {} "is the line open, and to what" {my State}
     sorma::reads ints 0.. "" "write: what goes into the registers or coils"
@@ -167,48 +162,43 @@ oo::class create ::sorma::service::modbus {
     sorma::example "modbus.plc EXEC get 40101 2"
 
     variable Line Taken         ;# the line and the -to that it was taken for; empty: none
-    variable Table              ;# dict: option -> its row, as Complete makes it; of a driver
-    variable Known              ;# dict: setting -> what was last told to or by the device, at first as it was made
-    variable Timer Polls        ;# of -poll; how many there were
+    variable Polls              ;# how many there were
 
     method born {} {
-        set Line [set Taken [set Known [set Timer {}]]]
+        set Line [set Taken {}]
         set Polls 0
-        foreach option [my Settings [dict keys [my Table]]] {
-            dict set Known $option [my cget $option]
-        }
         my Take
-        my Poll
+        my begin
     }
     destructor {
-        after cancel $Timer
-        if {$Line ne {}} {
+        my end
+        if {[info exists Line] && $Line ne {}} {        ;# else its recipe was refused: it was not born
             ::sorma::modbus::release $Taken
         }
     }
     method changed options {
-        foreach option [my Settings $options] {
+        foreach option [my settings $options] {
             my Encode $option [my cget $option]
         }
         if {"-to" in $options} {
             my Take
         }
         if {"-poll" in $options} {
-            my Poll
+            my poll
         }
     }
     method settle options {
-        my Give $options
+        my give $options
     }
     method dump {} {
         return "line [my State]"
     }
     method selftest {} {
-        set options [dict keys [my Table]]
+        set options [dict keys [my table]]
         if {$options eq {}} {
             return "no driver: there is nothing to ask for"
         }
-        my Fetch $options
+        my fetch $options
         return "the device has answered for [llength $options] options"
     }
 
@@ -223,80 +213,43 @@ oo::class create ::sorma::service::modbus {
                 my Ask [list "write [my cget -unit] [my Place $register] [dict get $message ints]"]
                 return
             }
-            read { return [my Read [lrange [dict get $message words] 1 end]] }
+            read { return [my read [lrange [dict get $message words] 1 end]] }
         }
         my Fault VERB "expected get, write or read, got \"$verb\"" $verb
     }
 
     # ---- a driver: options of the device, each with its registers ----
 
-    method Table {} {
-        if {![info exists Table]} {
-            set Table {}
-            foreach method [lsort [info object methods [self] -all -private]] {
-                if {[string match Modbus-* $method]} {
-                    dict set Table [string range $method 6 end] [my $method]
-                }
-            }
-        }
-        return $Table
+    method language {} { return MODBUS }
+    method askable {} { return "options of the device" }
+    method asked options {
+        return [lmap option $options {if {![dict exists [my table] $option]} continue; set option}]
     }
-    method Settings options {
+    method settings options {
         return [lmap option $options {
-            if {![dict exists [my Table] $option] || [dict get [my Table] $option reading]} continue
+            if {![dict exists [my table] $option] || [dict get [my table] $option reading]} continue
             set option
         }]
     }
-    method Readings {} {
-        return [lmap {option row} [my Table] {if {![dict get $row reading]} continue; set option}]
-    }
-    # The device takes the values of these options. When it does not, they are again what it has.
-    method Give options {
-        set given {}
+    method put values {
         set operations {}
         set taken {}
-        foreach option [my Settings $options] {
-            set row [dict get [my Table] $option]
-            dict set given $option [my cget $option]
+        dict for {option value} $values {
+            set registers [my Encode $option $value]
+            lappend taken $option [my Decode $option $registers]
+            lappend operations "write [my cget -unit] [dict get [my table] $option table] [dict get [my table] $option address] $registers"
         }
-        if {$given eq {}} return
-        try {
-            dict for {option value} $given {
-                set registers [my Encode $option $value]
-                lappend taken $option [my Decode $option $registers]
-                lappend operations "write [my cget -unit] [dict get [my Table] $option table] [dict get [my Table] $option address] $registers"
-            }
-            my Ask $operations
-        } trap {SORMA MODBUS DEVICE} {why how} {
-            # The device has done the requests before it.
-            try {
-                my Fetch [dict keys $given]
-            } trap {SORMA MODBUS} {} {
-                my Recall $given
-            }
-            return -options $how $why
-        } trap {SORMA MODBUS} {why how} {
-            my Recall $given
-            return -options $how $why
-        }
-        my Learn $taken
+        my Ask $operations
+        return $taken
     }
-    method Learn values {
-        my store {*}$values
-        set Known [dict merge $Known $values]
-        return
-    }
-    method Recall options {
-        my store {*}[dict filter $Known script {option value} {dict exists $options $option}]
-    }
-    # Ask for the values of these options. Registers that follow one another are one request.
-    method Fetch options {
+    # Registers that follow one another are one request.
+    method fetch options {
         if {$options eq {}} return
         set blocks {}           ;# {table address count}
         set last {}             ;# dict: table -> index of its last block
         set places {}           ;# option, index of its block, and its place there
         foreach item [lsort -integer -index 2 [lmap option $options {
-            list $option {*}[lmap key {table address count} {dict get [my Table] $option $key}]
+            list $option {*}[lmap key {table address count} {dict get [my table] $option $key}]
         }]] {
             lassign $item option table address count
             set at [expr {[dict exists $last $table] ? [dict get $last $table] : -1}]
@@ -319,51 +272,24 @@ oo::class create ::sorma::service::modbus {
         set values {}
         foreach {option block place} $places {
             set start [expr {[lindex $starts $block] + $place}]
-            lappend values $option [my Decode $option [lrange $read $start [expr {$start + [dict get [my Table] $option count] - 1}]]]
+            lappend values $option [my Decode $option [lrange $read $start [expr {$start + [dict get [my table] $option count] - 1}]]]
         }
-        my Learn $values
+        my learn $values
     }
-    # Fresh values: numbers are the floats, others lines of the text. Without names: all readings.
-    method Read names {
-        set options [lmap name $names {string cat - [string trimleft $name -]}]
-        if {$options eq {}} {
-            set options [my Readings]
-        }
-        if {$options eq {} || [lsearch -not [lmap option $options {dict exists [my Table] $option}] 1] >= 0} {
-            my Fault OPTION "expected options of the device: [join [dict keys [my Table]] {, }], got \"[join $names]\"" {*}$names
-        }
-        my Fetch $options
-        set numbers [set lines {}]
-        foreach option $options {
-            if {[dict get [my Table] $option type] in {string enum}} {
-                lappend lines "$option [my cget $option]"
-            } else {
-                lappend numbers {*}[my cget $option]
-            }
-        }
-        return [dict create floats $numbers text [join $lines \n]]
-    }
-    method Poll {} {
-        after cancel $Timer
-        if {[my cget -poll] > 0 && [my Readings] ne {}} {
-            set Timer [after [expr {max(10, round(1000 * [my cget -poll]))}] [namespace code {my PollNow}]]
-        }
-    }
-    # A request of its own: it takes its turn, and failures stand in the trail.
-    method PollNow {} {
-        set due [lmap option [my Readings] {if {$Polls % [dict get [my Table] $option every] != 0} continue; set option}]
+    method pollNow {} {
+        set due [lmap option [my readings] {if {$Polls % [dict get [my table] $option every] != 0} continue; set option}]
         incr Polls
         if {$due eq {}} {
-            return [my Poll]
+            return [my poll]
         }
-        sorma::async -command [list ::sorma::modbus::Polled [namespace code {my Poll}]] [my name] EXEC read {*}$due
+        sorma::async -command [list ::sorma::driver::polled [namespace code {my poll}]] [my name] EXEC read {*}$due
     }
 
     # ---- values and registers ----
 
     # The registers for a value.
     method Encode {option value} {
-        set row [dict get [my Table] $option]
+        set row [dict get [my table] $option]
         dict with row {
             if {$as eq "text"} {
                 if {[string length $value] > 2 * $count || [regexp {[^\x01-\xff]} $value]} {
@@ -406,7 +332,7 @@ oo::class create ::sorma::service::modbus {
     }
     # The value that registers have.
     method Decode {option registers} {
-        set row [dict get [my Table] $option]
+        set row [dict get [my table] $option]
         dict with row {
             if {$bits} {
                 return $registers

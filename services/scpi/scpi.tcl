@@ -7,6 +7,7 @@
 # an EXEC waits, so the line has turns of its own. When an answer is missing the line is closed, because it may still come.
 
 package require sorma
+package require sorma::driver
 package require sorma::vxi11Client
 package require sorma::scpiTable
 package require sorma::serial
@@ -27,17 +28,11 @@ proc ::sorma::scpi::option {name type args} {
         uplevel 1 {::sorma::option -raw flag -group Line -fixed 1 -danger power -help "EXEC write takes any message, also past the limits of the options"}
     } trap {SORMA CLASS TABLE} {} {}
     uplevel 1 [list ::sorma::option $name $type {*}$words]
-    uplevel 1 [list ::oo::define::method Scpi$name {} [list return $row]]
-}
-
-# A poll has ended: the next one, if the object is still there.
-proc ::sorma::scpi::Polled {next future} {
-    catch {$future take}
-    catch $next
+    uplevel 1 [list ::oo::define::method Row$name {} [list return $row]]
 }
 
 oo::class create ::sorma::service::scpi {
-    superclass sorma::Service
+    superclass sorma::driver::Device sorma::Service
 
     sorma::purpose "speaks to an instrument that understands SCPI"
     sorma::option -to string -kind file -help "where it is: tcp:HOST:PORT, vxi11:HOST/inst0, vxi11:HOST:PORT/inst0, or serial:PATH,BAUD,8n1 with ,rtscts or ,xonxoff"
@@ -48,8 +43,8 @@ oo::class create ::sorma::service::scpi {
     sorma::option -format enum -group Blocks -choices {real32 real64 int8 uint8 int16 uint16 int32 uint32} -default real32 -help "of the numbers in a block"
     sorma::option -order enum -group Blocks -choices {big little} -default big -help "which byte of a number in a block comes first"
     sorma::option -poll double -group Line -unit s -range {0 86400} -default 0 -help "a driver asks for its readings each so many seconds; 0: only when somebody says read"
-    sorma::action -fetch {} "ask the instrument for all settings and readings of its driver" {my Fetch [dict keys [my Table]]} -right call
-    sorma::action -send {} "send all settings of its driver to the instrument" {my Give [dict keys [my Table]]} -danger power
+    sorma::action -fetch {} "ask the instrument for all settings and readings of its driver" {my fetch [dict keys [my table]]} -right call
+    sorma::action -send {} "send all settings of its driver to the instrument" {my give [dict keys [my table]]} -danger power
     sorma::action -close {} "close the line; the next request opens it again" {my Close}
     sorma::inspection -line {} "is the line open, and to what" {my Line}
     sorma::words "query TEXT | values TEXT | write TEXT | read ?-OPTION ...?"
@@ -63,22 +58,14 @@ oo::class create ::sorma::service::scpi {
     variable Lag                ;# ms that a serial line needs for our message: that long the instrument cannot answer
     variable Turns              ;# coroutines: the first one has the line, the others wait for it
 
-    variable Table              ;# dict: option -> dict type set get choices; of a driver
-    variable Known              ;# dict: option -> the value that the instrument has, as far as we know; that of the recipe before we know it
-    variable Timer              ;# of -poll
-
     method born {} {
-        set Channel [set Vxi [set Opened [set Input [set Rest [set Turns [set Timer {}]]]]]]
+        set Channel [set Vxi [set Opened [set Input [set Rest [set Turns {}]]]]]
         set Seen [set Lag 0]
-        set Known {}
-        foreach option [my With set [dict keys [my Table]]] {
-            dict set Known $option [my cget $option]
-        }
-        my Poll
+        my begin
     }
     destructor {
-        if {![info exists Timer]} return        ;# its recipe was refused: it was not born
-        after cancel $Timer
+        my end
+        if {![info exists Channel]} return      ;# its recipe was refused: it was not born
         my Close
         if {$Vxi ne {}} {
             $Vxi destroy
@@ -89,14 +76,14 @@ oo::class create ::sorma::service::scpi {
             my Parts [my cget -to]
         }
         if {"-poll" in $options} {
-            my Poll
+            my poll
         }
     }
     # Then the values of those whose messages name a changed option.
     method settle options {
-        my Give $options
-        my Fetch [lmap option [dict keys [my Table]] {
-            if {[lmap other [dict get [my Table] $option others] {if {"-$other" ni $options} continue; set other}] eq {}} continue
+        my give $options
+        my fetch [lmap option [dict keys [my table]] {
+            if {[lmap other [dict get [my table] $option others] {if {"-$other" ni $options} continue; set other}] eq {}} continue
             set option
         }]
     }
@@ -128,94 +115,53 @@ oo::class create ::sorma::service::scpi {
                 my NeedRaw $text
                 return [my Write $text [dict get $message any]]
             }
-            read { return [my Read [lrange $words 1 end]] }
+            read { return [my read [lrange $words 1 end]] }
         }
         my Fault VERB "expected query, values, write or read, got \"$verb\"" $verb
     }
 
     # ---- a driver: options of the instrument, each with its SCPI ----
 
-    method Table {} {
-        if {![info exists Table]} {
-            set Table {}
-            foreach method [lsort [info object methods [self] -all -private]] {
-                if {[string match Scpi-* $method]} {
-                    dict set Table [string range $method 4 end] [my $method]
-                }
-            }
-        }
-        return $Table
-    }
+    method language {} { return SCPI }
+    method settings options { return [my With set $options] }
+    method asked options { return [my With get $options] }
+    method askable {} { return "options with a question" }
     # Operators have the limits of its options.
     method NeedRaw text {
-        if {[my Table] ne {} && ![my cget -raw]} {
-            my Fault RAW "write takes any message, also past the limits of its options: set an option, as \"[my name] CTRL [lindex [my With set [dict keys [my Table]]] 0] ...\", or let\
+        if {[my table] ne {} && ![my cget -raw]} {
+            my Fault RAW "write takes any message, also past the limits of its options: set an option, as \"[my name] CTRL [lindex [my With set [dict keys [my table]]] 0] ...\", or let\
                 its recipe say -raw 1" $text
         }
     }
     # Those that have a message of this kind: set or get.
     method With {kind options} {
         return [lmap option $options {
-            if {![dict exists [my Table] $option] || [dict get [my Table] $option $kind] eq {}} continue
+            if {![dict exists [my table] $option] || [dict get [my table] $option $kind] eq {}} continue
             set option
         }]
     }
-    # The instrument takes the values of these options. When it does not, they are again what it has.
-    method Give options {
-        set given {}
-        foreach option [my With set $options] {
-            dict set given $option [my cget $option]
-        }
-        if {$given eq {}} return
-        try {
-            set parts [lmap {option value} $given {my Of setting $option $value}]
-            my Turn Tell [join $parts \;] 0
-        } trap {SORMA SCPI DEVICE} {why how} {
-            try {
-                my Fetch [dict keys $given]
-            } trap {SORMA SCPI} {} {
-                my Recall $given
-            }
-            return -options $how $why
-        } trap {SORMA SCPI} {why how} {
-            my Recall $given
-            return -options $how $why
-        }
-        my Learn $given
+    method put values {
+        set parts [lmap {option value} $values {my Of setting $option $value}]
+        my Turn Tell [join $parts \;] 0
+        return $values
     }
     # A part of a message (setting), the value of an answer (value), or a question (question).
     method Of {verb option args} {
         try {
-            set others [concat {*}[lmap other [dict get [set row [dict get [my Table] $option]] others] {list $other [my cget -$other]}]]
+            set others [concat {*}[lmap other [dict get [set row [dict get [my table] $option]] others] {list $other [my cget -$other]}]]
             return [::sorma::scpiTable::$verb [::sorma::scpiTable::fill $row $others] {*}$args]
         } trap SCPI_TABLE {why how} {
             my Fault [lindex [dict get $how -errorcode] 1] $why [lindex [dict get $how -errorcode] 2]
         }
     }
-    # The instrument may have a value that the option may not have.
-    method Learn values {
-        try {
-            my store {*}$values
-        } trap {SORMA OPTION RANGE} {why how} {
-            set option [lindex [dict get $how -errorcode] 4]
-            set unit [dict get [my Table] $option unit]
-            my Fault OUTSIDE "the instrument has $option [join [list [dict get $values $option] {*}$unit]], [regsub {^.* is (outside .*)$} $why {\1}]" $option
-        }
-        set Known [dict merge $Known $values]
-        return
-    }
-    method Recall options {
-        my store {*}[dict filter $Known script {option value} {dict exists $options $option}]
-    }
-    # Ask for the values of these options.
-    method Fetch options {
+    method fetch options {
         set options [my With get $options]
         if {$options eq {}} return
         set values {}
         foreach option $options answer [my Turn AskAll [lmap option $options {my Of question $option}]] {
             lappend values $option [my Of value $option [my Text $answer]]
         }
-        my Learn $values
+        my learn $values
     }
     method AskAll questions {
         my Open
@@ -224,38 +170,8 @@ oo::class create ::sorma::service::scpi {
             my Receive $question
         }]
     }
-    # Fresh values: numbers are the floats, others lines of the text. Without names: all readings.
-    method Read names {
-        set options [lmap name $names {string cat - [string trimleft $name -]}]
-        if {$options eq {}} {
-            set options [my Readings]
-        }
-        if {$options eq {} || [my With get $options] ne $options} {
-            my Fault OPTION "expected options with a question: [join [my With get [dict keys [my Table]]] {, }], got \"[join $names]\"" {*}$names
-        }
-        my Fetch $options
-        set numbers [set lines {}]
-        foreach option $options {
-            if {[dict get [my Table] $option type] in {string enum}} {
-                lappend lines "$option [my cget $option]"
-            } else {
-                lappend numbers {*}[my cget $option]
-            }
-        }
-        return [dict create floats $numbers text [join $lines \n]]
-    }
-    method Readings {} {
-        return [lmap option [my With get [dict keys [my Table]]] {if {$option in [my With set $option]} continue; set option}]
-    }
-    method Poll {} {
-        after cancel $Timer
-        if {[my cget -poll] > 0 && [my Readings] ne {}} {
-            set Timer [after [expr {max(10, round(1000 * [my cget -poll]))}] [namespace code {my PollNow}]]
-        }
-    }
-    # A request of its own: it takes its turn, and failures stand in the trail.
-    method PollNow {} {
-        sorma::async -command [list ::sorma::scpi::Polled [namespace code {my Poll}]] [my name] EXEC read
+    method pollNow {} {
+        sorma::async -command [list ::sorma::driver::polled [namespace code {my poll}]] [my name] EXEC read
     }
 
     # ---- messages ----
