@@ -1,5 +1,4 @@
-# driver.tcl -- what drivers of devices have in common: a table of options, settings that go to the device, and readings that come from it. The language
-# of the device does not matter. It knows no bus and no line.
+# driver.tcl -- a driver of a device, whatever its language is: a table of options, settings for the device, and readings. It knows no bus and no line.
 #
 #     oo::class create sorma::service::scpi {superclass sorma::driver::Device sorma::Service; ...}
 #

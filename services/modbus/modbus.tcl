@@ -37,7 +37,7 @@ proc ::sorma::modbus::option {name type args} {
     }
     set row [Complete $name $row]
     if {[dict get $row reading]} {
-        set words [linsert $words 0 -fixed 1 -group Readings]
+        set words [linsert $words 0 -measured 1 -group Readings]
     }
     uplevel 1 [list ::sorma::option $name $type {*}$words]
     uplevel 1 [list ::oo::define::method Row$name {} [list return $row]]
