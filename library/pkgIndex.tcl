@@ -41,4 +41,18 @@ apply {dir {
             package ifneeded sorma::service::$name 1.0 "package require sorma::service::$module\npackage provide sorma::service::$name 1.0"
         }
     }
+    # Classes that were left out, because the library for them was missing when this was built.
+    foreach {module classes needed} {
+        camera {camera} {libopencv-imgcodecs-dev libopencv-videoio-dev}
+        metrics {metrics} libmicrohttpd-dev
+        modbusline {modbus modbusline powermeter} libmodbus-dev
+        psom {psom puma track trajectory robot calibrate mvpos pino push wspc} libeigen3-dev
+        simlab {simlab} {libmujoco-dev libegl-dev}
+        vision {vision hsvtable findball findbrdmarker getbrdsit getdisk grab classify blobs moments} {libeigen3-dev libopencv-imgproc-dev}
+    } {
+        if {[file exists [file join $dir services $module$end]]} continue
+        foreach name $classes {
+            package ifneeded sorma::service::$name 0.1 [list error "SORMA was built without [join $needed { and }]: apt install $needed, then configure and build again"]
+        }
+    }
 }} $dir

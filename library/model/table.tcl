@@ -68,7 +68,10 @@ proc ::sorma::table::classes where {
         dict set found $name 1
     }
     foreach package [lsearch -all -inline -glob [package names] sorma::service::*] {
-        dict set found [namespace tail $package] 1
+        # Version 0.1 only says where the class is.
+        if {[package versions $package] ne "0.1"} {
+            dict set found [namespace tail $package] 1
+        }
     }
     dict unset found proxy
     return [lsort [dict keys $found]]
