@@ -2,10 +2,7 @@
 #
 #     ::sorma::vxi11Client::line create NAME WAIT      then open, write, read within a coroutine
 #
-# WAIT is a command prefix: it gets readable or writable and a channel, suspends the coroutine, and returns ready or the reason why it has given up.
-#
-# Errors have the code VXI11 and: WAIT REASON; REACH, the connection or the link cannot be made; LOST, the connection broke; LOCKED, another client has the
-# lock; LATE, the instrument says that its time is over; BIG, the answer has too many bytes; or ERROR, what else the instrument says. Then close the line.
+# It has the methods and errors of a line to an instrument, see streamLine.tcl, and asks for WAIT in the same way.
 
 package require sorma::oncRpc
 package provide sorma::vxi11Client 1.0
@@ -32,7 +29,8 @@ oo::class create ::sorma::vxi11Client::line {
     destructor {
         my shut
     }
-    method channel {} { return $Channel }
+    method isOpen {} { return [expr {$Channel ne {}}] }
+    method idle {} { return [expr {![catch {read $Channel}] && ![eof $Channel]}] }
     method shut {} {
         if {$Channel ne {}} {
             catch {close $Channel}
@@ -46,50 +44,50 @@ oo::class create ::sorma::vxi11Client::line {
             binary scan [my Call 3 [binary format Iu* [list $::sorma::vxi11Client::Core 1 6 0]] 100000 2]x4 Iu port
             my shut
             if {$port < 1 || $port > 65535} {
-                throw {VXI11 REACH} "its rpcbind knows no VXI-11"
+                throw {LINE REACH} "its rpcbind knows no VXI-11"
             }
         }
         my Connect $host $port
         set results [my Call 10 [binary format Iu* [list [pid] 0 $ms]][::sorma::oncRpc::opaque $device]]
         if {[binary scan $results IuIuIuIu error Link - MostWrite] < 4} {
-            throw {VXI11 REACH} "it answers nonsense when a link is made"
+            throw {LINE REACH} "it answers nonsense when a link is made"
         }
         if {$error} {
-            throw {VXI11 REACH} [if {$error == 3} {string cat "it has no device $device, or not for us"} else {string cat "it makes no link to $device: error $error"}]
+            throw {LINE REACH} [if {$error == 3} {string cat "it has no device $device, or not for us"} else {string cat "it makes no link to $device: error $error"}]
         }
         set MostWrite [expr {min(max($MostWrite, 256), 65536)}]
     }
     method Connect {host port} {
         my shut
         if {[catch {socket -async $host $port} channel]} {
-            throw {VXI11 REACH} $channel
+            throw {LINE REACH} $channel
         }
         set Channel $channel
         chan configure $Channel -blocking 0 -buffering none -translation binary
         my Await writable
         if {[set why [chan configure $Channel -error]] ne {}} {
-            throw {VXI11 REACH} "$why (port $port)"
+            throw {LINE REACH} "$why (port $port)"
         }
     }
     method Await event {
-        set what [{*}$Wait $event $Channel]
+        set what [{*}$Wait $event $Channel 0]
         if {$Channel eq {}} {
-            throw {VXI11 LOST} "the line was closed"
+            throw {LINE LOST} "the line was closed"
         }
         if {$what ne "ready"} {
-            throw [list VXI11 WAIT $what] "given up: $what"
+            throw [list LINE WAIT $what] "given up: $what"
         }
     }
     # The results of a call. Replies to calls before it are dropped.
     method Call {procedure arguments {program 0x0607af} {version 1}} {
         set Xid [expr {($Xid + 1) & 0x7fffffff}]
         if {[catch {puts -nonewline $Channel [::sorma::oncRpc::call $Xid $program $version $procedure $arguments]} why]} {
-            throw {VXI11 LOST} $why
+            throw {LINE LOST} $why
         }
         while 1 {
             lassign [::sorma::oncRpc::take $Input $::sorma::vxi11Client::MostReply] size record
             if {$size < 0} {
-                throw {VXI11 ERROR} "it does not speak RPC"
+                throw {LINE ERROR} "it does not speak RPC"
             }
             if {$size > 0} {
                 set Input [string range $Input $size end]
@@ -98,12 +96,12 @@ oo::class create ::sorma::vxi11Client::line {
                 } trap {RPC OTHER} {} {
                     continue
                 } trap {RPC REFUSED} why {
-                    throw {VXI11 ERROR} $why
+                    throw {LINE ERROR} $why
                 }
             }
             my Await readable
             if {[catch {read $Channel 262144} piece] || [eof $Channel] && $piece eq {}} {
-                throw {VXI11 LOST} "the other end has closed it"
+                throw {LINE LOST} "the other end has closed it"
             }
             append Input $piece
         }
@@ -111,10 +109,10 @@ oo::class create ::sorma::vxi11Client::line {
     method Check error {
         switch -- $error {
             0 { return }
-            11 { throw {VXI11 LOCKED} "another client has locked it" }
-            15 { throw {VXI11 LATE} "its time is over" }
+            11 { throw {LINE LOCKED} "another client has locked it" }
+            15 { throw {LINE LATE} "its time is over" }
         }
-        throw {VXI11 ERROR} "it says error $error of VXI-11"
+        throw {LINE ERROR} "it says error $error of VXI-11"
     }
     # Write a message.
     method write {bytes ms} {
@@ -124,27 +122,28 @@ oo::class create ::sorma::vxi11Client::line {
             set end [expr {$at + $MostWrite >= $size ? 8 : 0}]
             set results [my Call 11 [binary format Iu* [list $Link $ms $ms [expr {$end | 1}]]][::sorma::oncRpc::opaque $piece]]
             if {[binary scan $results IuIu error taken] < 2} {
-                throw {VXI11 ERROR} "it answers nonsense to a write"
+                throw {LINE ERROR} "it answers nonsense to a write"
             }
             my Check $error
             if {$taken != [string length $piece]} {
-                throw {VXI11 ERROR} "it has taken $taken bytes of [string length $piece]"
+                throw {LINE ERROR} "it has taken $taken bytes of [string length $piece]"
             }
         }
     }
-    # Read an answer up to its end.
-    method read {most ms} {
+    # The instrument says where the answer ends, and its time is over a little before ours.
+    method read {most ms end} {
+        set ms [expr {$ms * 9 / 10}]
         set answer {}
         set reason 0
         while {!($reason & 4)} {
             set results [my Call 12 [binary format Iu* [list $Link $::sorma::vxi11Client::MostRead $ms $ms 1 0]]]
             if {[binary scan $results IuIuIu error reason size] < 3 || [string length $results] < 12 + $size} {
-                throw {VXI11 ERROR} "it answers nonsense to a read"
+                throw {LINE ERROR} "it answers nonsense to a read"
             }
             my Check $error
             append answer [string range $results 12 [expr {11 + $size}]]
             if {[string length $answer] > $most} {
-                throw {VXI11 BIG} "[string length $answer] bytes or more"
+                throw {LINE BIG} "[string length $answer] bytes or more"
             }
         }
         return $answer

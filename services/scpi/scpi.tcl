@@ -1,4 +1,4 @@
-# scpi -- speaks to an instrument that understands SCPI (IEEE 488.2): by TCP, by VXI-11, or by a serial line.
+# scpi -- speaks to an instrument that understands SCPI (IEEE 488.2): by TCP, VXI-11 or a serial line.
 #
 #     scpi.psu CTRL -to tcp:192.168.0.9:5025
 #     scpi.psu EXEC query MEAS:VOLT?
@@ -8,11 +8,18 @@
 
 package require sorma
 package require sorma::driver
-package require sorma::vxi11Client
 package require sorma::scpiTable
 package require sorma::serial
+package require sorma::streamLine
 
-namespace eval ::sorma::scpi {}
+namespace eval ::sorma::scpi {
+    # Kinds of lines, as -to has them: the package, and the class of an object for each.
+    variable Lines {
+        tcp {sorma::streamLine ::sorma::streamLine::tcp}
+        serial {sorma::streamLine ::sorma::streamLine::serial}
+        vxi11 {sorma::vxi11Client ::sorma::vxi11Client::line}
+    }
+}
 
 # ::sorma::scpi::option --
 #       In a class derived from scpi: declare an option of the instrument.
@@ -46,29 +53,22 @@ oo::class create ::sorma::service::scpi {
     sorma::action -fetch {} "ask the instrument for all settings and readings of its driver" {my fetch [dict keys [my table]]} -right call
     sorma::action -send {} "send all settings of its driver to the instrument" {my give [dict keys [my table]]} -danger power
     sorma::action -close {} "close the line; the next request opens it again" {my Close}
-    sorma::inspection -line {} "is the line open, and to what" {my Line}
+    sorma::inspection -line {} "is the line open, and to what" {my State}
     sorma::words "query TEXT | values TEXT | write TEXT | read ?-OPTION ...?"
     sorma::danger power write
     sorma::example "scpi.psu EXEC query *IDN?"
 
-    variable Channel Opened     ;# the line, empty: it is closed; what -to was then
-    variable Vxi                ;# object of a link of VXI-11, made when it is needed
-    variable Input Seen         ;# bytes that have come; so many of them have no terminator
-    variable Rest               ;# characters that may still come of the answer before
-    variable Lag                ;# ms that a serial line needs for our message: that long the instrument cannot answer
+    variable Line Kind Opened   ;# an object, empty: none was needed yet; its kind, as in Lines; what -to was then
     variable Turns              ;# coroutines: the first one has the line, the others wait for it
 
     method born {} {
-        set Channel [set Vxi [set Opened [set Input [set Rest [set Turns {}]]]]]
-        set Seen [set Lag 0]
+        set Line [set Kind [set Opened [set Turns {}]]]
         my begin
     }
     destructor {
         my end
-        if {![info exists Channel]} return      ;# its recipe was refused: it was not born
-        my Close
-        if {$Vxi ne {}} {
-            $Vxi destroy
+        if {[info exists Line] && $Line ne {}} {        ;# else its recipe was refused: it was not born
+            $Line destroy
         }
     }
     method changed options {
@@ -88,7 +88,7 @@ oo::class create ::sorma::service::scpi {
         }]
     }
     method dump {} {
-        return "line [my Line]"
+        return "line [my State]"
     }
     method selftest {} {
         set said [my Text [my Query *TST?]]
@@ -327,123 +327,92 @@ oo::class create ::sorma::service::scpi {
         }
         my Fault ADDRESS "-to expects tcp:HOST:PORT, vxi11:HOST/DEVICE, vxi11:HOST:PORT/DEVICE or serial:PATH,BAUD,8n1, got \"$to\"" $to
     }
-    method Line {} {
-        return [if {$Channel eq {}} {string cat closed} else {string cat "open to $Opened"}]
+    method IsOpen {} {
+        return [expr {$Line ne {} && [$Line isOpen]}]
+    }
+    method State {} {
+        return [if {[my IsOpen]} {string cat "open to $Opened"} else {string cat closed}]
     }
     method Close {} {
-        if {$Channel ne {}} {
-            ::sorma::serial::close $Channel
+        if {$Line ne {}} {
+            $Line shut
         }
-        if {$Vxi ne {}} {
-            $Vxi shut
-        }
-        set Channel [set Input [set Rest {}]]
-        set Seen 0
         return
     }
     method Open {} {
         set to [my cget -to]
-        if {$Channel ne {}} {
-            if {$to eq $Opened && [my Still]} return
+        if {[my IsOpen]} {
+            if {$to eq $Opened && [$Line idle]} return
             my Close
         }
         if {$to eq {}} {
             my Fault ADDRESS "no instrument: say \"[my name] CTRL -to tcp:HOST:PORT\""
         }
-        lassign [my Parts $to] kind place more device
-        if {$kind eq "vxi11"} {
-            return [my OpenVxi $to $place $more $device]
-        }
-        try {
-            if {$kind eq "tcp"} {
-                set Channel [socket -async $place $more]
-                chan configure $Channel -blocking 0 -buffering none -translation binary
-            } else {
-                set Channel [::sorma::serial::open $place]
-            }
-        } on error why {
-            my GiveUp UNREACHABLE "$to cannot be opened: $why" $to
+        set parts [lassign [my Parts $to] kind]
+        if {$Line eq {} || $Kind ne $kind} {
+            my NewLine $kind
         }
         set Opened $to
-        if {$kind eq "tcp"} {
-            set late [my Wait writable]
-            set why [expr {$late ne "ready" ? "nobody answers within -patience [my cget -patience] s" : [chan configure $Channel -error]}]
-            if {$why ne {}} {
-                my GiveUp UNREACHABLE "$to cannot be reached: $why; is the instrument switched on?" $to
-            }
+        try {
+            $Line open {*}$parts [my Milliseconds]
+        } trap {LINE WAIT} {} {
+            my GiveUp UNREACHABLE "$to cannot be reached: nobody answers within -patience [my cget -patience] s; is the instrument switched on?" $to
+        } trap {LINE OPEN} why {
+            my GiveUp UNREACHABLE "$to cannot be opened: $why" $to
+        } trap LINE why {
+            my GiveUp UNREACHABLE "$to cannot be reached: $why; is the instrument switched on?" $to
         }
     }
-    # Is the line as it was? Bytes that nobody has asked for are dropped.
-    method Still {} {
-        return [expr {![catch {read $Channel}] && ![eof $Channel]}]
+    method NewLine kind {
+        lassign [dict get $::sorma::scpi::Lines $kind] package class
+        if {[catch {package require $package} why]} {
+            my Fault UNREACHABLE "[my cget -to] cannot be opened: $why" [my cget -to]
+        }
+        if {$Line ne {}} {
+            $Line destroy
+        }
+        set Line [$class new [namespace code {my Wait}]]
+        set Kind $kind
     }
     method End {} {
         return [dict get {lf \n cr \r crlf \r\n} [my cget -terminator]]
     }
     method Send text {
-        set Input {}
-        set Seen 0
-        if {[my Vxi]} {
-            return [my TryVxi $text write $text[my End] [my Milliseconds]]
-        }
-        set Lag [::sorma::serial::time $Channel [string length $text]]
-        if {[catch {puts -nonewline $Channel $text[my End]} why]} {
-            my GiveUp LOST "the line to $Opened broke before the message was sent: $why" $Opened
-        }
+        my Try $text write $text[my End] [my Milliseconds]
     }
     # The bytes of one answer, without its terminator.
     method Receive text {
-        if {[my Vxi]} {
-            return [my ReceiveVxi $text]
+        set answer [my Try $text read [my cget -most] [my Milliseconds] [my End]]
+        set size [my Try $text size $answer]
+        if {$size > [string length $answer]} {
+            my GiveUp ANSWER "a block that ends after [string length $answer] bytes, sooner than it says" $Opened
         }
-        while {[set size [my Whole]] < 0} {
-            set what [my Wait readable]
-            if {$what ne "ready"} {
-                my Silent $text $what
-            }
-            if {[catch {read $Channel 262144} piece] || [eof $Channel] && $piece eq {}} {
-                my GiveUp LOST "the line to $Opened broke after \"[string range $text 0 100]\" was sent, [string length $Input] bytes of the answer had come" $Opened
-            }
-            append Input $piece
-            if {$Rest ne {}} {
-                set Input [string trimleft $Input $Rest]
-                set Rest [if {$Input eq {}} {set Rest}]
-            }
-        }
-        set answer [string range $Input 0 $size-1]
-        # A block's terminator may come after it, and some that are told CR answer CR LF.
-        set Rest [if {[my cget -terminator] eq "cr"} {string cat \n}][if {[string length $Input] == $size} {string cat \r\n}]
-        set Input {}
-        return $answer
+        return [if {$size < 0} {set answer} else {string range $answer 0 $size-1}]
     }
-    # The size of the answer that is there; -1: it is not whole.
-    method Whole {} {
-        set have [string length $Input]
-        if {[string index $Input 0] eq "#" && [string index $Input 1] ne "0"} {
-            set digits [string index $Input 1]
-            set length [if {[string is digit -strict $digits]} {string range $Input 2 1+$digits}]
-            if {![string is digit $digits] || ![string is digit $length]} {
-                my GiveUp ANSWER "\"[string range $Input 0 20]\" does not begin like a block: # and a digit, which says how many digits tell the length" $Opened
-            }
-            set size [if {$digits eq {} || [string length $length] < $digits} {list -1} else {expr {2 + $digits + [scan $length %lld]}}]
-        } else {
-            set end [my End]
-            set size [string first $end $Input $Seen]
-            set Seen [expr {max(0, $have - [string length $end] + 1)}]
+    # A call of the line for this message.
+    method Try {text verb args} {
+        try {
+            return [if {$verb eq "size"} {::sorma::streamLine::size {*}$args [my End]} else {$Line $verb {*}$args}]
+        } trap {LINE WAIT} {- how} {
+            my Silent $text [lindex [dict get $how -errorcode] 2]
+        } trap {LINE LATE} {} {
+            my Silent $text late
+        } trap {LINE LOCKED} {} {
+            my GiveUp LOCKED "another client has locked the instrument, longer than -patience [my cget -patience] s" $Opened
+        } trap {LINE BIG} why {
+            my GiveUp TOO_BIG "an answer of $why, -most takes [my cget -most]" $Opened
+        } trap {LINE UNSENT} why {
+            my GiveUp LOST "the line to $Opened broke before the message was sent: $why" $Opened
+        } trap {LINE LOST} why {
+            my GiveUp LOST "the line to $Opened broke after \"[string range $text 0 100]\" was sent: $why" $Opened
+        } trap LINE why {
+            my GiveUp ANSWER "$Opened: $why" $Opened
         }
-        set known [expr {$size < 0 ? $have : $size}]
-        if {$known > [my cget -most]} {
-            my GiveUp TOO_BIG "an answer of $known bytes or more, -most takes [my cget -most]" $Opened
-        }
-        return [expr {$size > $have ? -1 : $size}]
     }
-    # Wait for the channel: ready, late, or cancelled. An object that is removed meanwhile has no coroutine any more.
-    method Wait {event {channel {}}} {
-        if {$channel eq {}} {
-            set channel $Channel
-        }
+    # Wait for a channel: ready, late, or cancelled. An object that is removed meanwhile has no coroutine any more.
+    method Wait {event channel longer} {
         chan event $channel $event [list catch [list [info coroutine] ready]]
-        set timer [after [expr {[my Milliseconds] + $Lag}] [list catch [list [info coroutine] late]]]
+        set timer [after [expr {[my Milliseconds] + $longer}] [list catch [list [info coroutine] late]]]
         sorma::atCancel [list catch [list [info coroutine] cancelled]]
         set what [yield]
         sorma::atCancel {}
@@ -453,54 +422,6 @@ oo::class create ::sorma::service::scpi {
     }
     method Milliseconds {} {
         return [expr {int(1000 * [my cget -patience])}]
-    }
-    # ---- by VXI-11 ----
-
-    method Vxi {} {
-        return [expr {$Vxi ne {} && [$Vxi channel] ne {}}]
-    }
-    method OpenVxi {to host port device} {
-        if {$Vxi eq {}} {
-            set Vxi [::sorma::vxi11Client::line new [namespace code {my Wait}]]
-        }
-        set Opened $to
-        try {
-            $Vxi open $host $port $device [my Milliseconds]
-        } trap {VXI11 WAIT} {} {
-            my GiveUp UNREACHABLE "$to cannot be reached: nobody answers within -patience [my cget -patience] s; is the instrument switched on?" $to
-        } trap VXI11 why {
-            my GiveUp UNREACHABLE "$to cannot be reached: $why; is the instrument switched on?" $to
-        }
-        set Channel [$Vxi channel]
-    }
-    # A call of the link for this message.
-    method TryVxi {text args} {
-        try {
-            return [$Vxi {*}$args]
-        } trap {VXI11 WAIT} {- how} {
-            my Silent $text [lindex [dict get $how -errorcode] 2]
-        } trap {VXI11 LATE} {} {
-            my Silent $text late
-        } trap {VXI11 LOCKED} {} {
-            my GiveUp LOCKED "another client has locked the instrument, longer than -patience [my cget -patience] s" $Opened
-        } trap {VXI11 BIG} why {
-            my GiveUp TOO_BIG "an answer of $why, -most takes [my cget -most]" $Opened
-        } trap {VXI11 LOST} why {
-            my GiveUp LOST "the line to $Opened broke after \"[string range $text 0 100]\" was sent: $why" $Opened
-        } trap VXI11 why {
-            my GiveUp ANSWER "$Opened: $why" $Opened
-        }
-    }
-    # The instrument says where the answer ends. Its time is over a little before ours.
-    method ReceiveVxi text {
-        set Input [my TryVxi $text read [my cget -most] [expr {[my Milliseconds] * 9 / 10}]]
-        set size [my Whole]
-        if {$size < 0 && [string match {#[1-9]*} $Input]} {
-            my GiveUp ANSWER "a block that ends after [string length $Input] bytes, sooner than it says" $Opened
-        }
-        set answer [string range $Input 0 [expr {$size < 0 ? [string length $Input] : $size}]-1]
-        set Input {}
-        return $answer
     }
     # The line is of no use any more.
     method GiveUp {symbol text args} {
