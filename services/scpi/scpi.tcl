@@ -1,4 +1,4 @@
-# scpi -- speaks to an instrument that understands SCPI (IEEE 488.2): by TCP, VXI-11 or a serial line.
+# scpi -- speaks to an instrument that understands SCPI (IEEE 488.2): by TCP, VXI-11, USB or a serial line.
 #
 #     scpi.psu CTRL -to tcp:192.168.0.9:5025
 #     scpi.psu EXEC query MEAS:VOLT?
@@ -18,7 +18,9 @@ namespace eval ::sorma::scpi {
         tcp {sorma::streamLine ::sorma::streamLine::tcp}
         serial {sorma::streamLine ::sorma::streamLine::serial}
         vxi11 {sorma::vxi11Client ::sorma::vxi11Client::line}
+        usbtmc {sorma::service::usbtmc ::sorma::scpi::usb}
     }
+    variable Made 0             ;# lines of USB so far
 }
 
 # ::sorma::scpi::option --
@@ -38,11 +40,80 @@ proc ::sorma::scpi::option {name type args} {
     uplevel 1 [list ::oo::define::method Row$name {} [list return $row]]
 }
 
+# A line by USB, as streamLine.tcl has it: class usbtmc has the device, and waits on a thread.
+oo::class create ::sorma::scpi::usb {
+    variable Object Path        ;# of class usbtmc, empty: none was needed yet; its -to
+    variable Opened
+    variable Dirty              ;# something may wait in the device: a request has not ended well
+
+    constructor wait {
+        set Object [set Path {}]
+        set Opened [set Dirty 0]
+    }
+    destructor {
+        if {$Object ne {}} {
+            $Object destroy
+        }
+    }
+    method isOpen {} { return $Opened }
+    method idle {} { return [string match "open*" [lindex [$Object DBX -line] 3]] }
+    method open {path ms} {
+        if {$Object eq {}} {
+            set Object [::usbtmc create ::sorma::scpi::usb[incr ::sorma::scpi::Made] -to $path]
+        } elseif {$path ne $Path} {
+            $Object CTRL -to $path
+        }
+        set Path $path
+        my Ask $ms open
+        set Opened 1
+    }
+    method write {bytes ms} { my Ask $ms -any $bytes write }
+    method read {most ms end} { return [dict get [my Ask $ms -ints $most read] any] }
+    method status ms { return [lindex [dict get [my Ask $ms status] ints] 0] }
+    # What was under way ends first, and what is left in the device is dropped then. The next request comes behind that.
+    method shut {} {
+        if {$Dirty} {
+            sorma::async -timeout 0 -command ::sorma::scpi::Cleared $Object EXEC clear
+        } elseif {$Opened} {
+            $Object CTRL -close
+        }
+        set Opened [set Dirty 0]
+    }
+    method Ask {ms args} {
+        set Dirty 1
+        set request [sorma::async -timeout 0 $Object exec -floats [expr {$ms / 1000.0}] {*}$args]
+        sorma::atCancel [list catch [list $request cancel]]
+        try {
+            set answer [$request wait]
+        } trap {SORMA USBTMC UNREACHABLE} why {
+            throw {LINE OPEN} [regsub {^.* cannot be opened: } $why {}]
+        } trap {SORMA USBTMC SILENT} {} {
+            throw {LINE LATE} "its time is over"
+        } trap {SORMA USBTMC TOO_BIG} why {
+            throw {LINE BIG} [regsub {^\S+: } $why {}]
+        } trap {SORMA USBTMC LOST} why {
+            throw {LINE LOST} [regsub {^\S+: } $why {}]
+        } trap {SORMA USBTMC} why {
+            throw {LINE ERROR} [regsub {^\S+: } $why {}]
+        } trap {SORMA COMM CANCELLED} {} {
+            throw {LINE WAIT cancelled} "given up"
+        } finally {
+            sorma::atCancel {}
+            catch {$request destroy}
+        }
+        set Dirty 0
+        return $answer
+    }
+}
+proc ::sorma::scpi::Cleared future {
+    catch {$future take}
+}
+
 oo::class create ::sorma::service::scpi {
     superclass sorma::driver::Device sorma::Service
 
     sorma::purpose "speaks to an instrument that understands SCPI"
-    sorma::option -to string -kind file -help "where it is: tcp:HOST:PORT, vxi11:HOST/inst0, vxi11:HOST:PORT/inst0, or serial:PATH,BAUD,8n1 with ,rtscts or ,xonxoff"
+    sorma::option -to string -kind file -help "where it is: tcp:HOST:PORT, vxi11:HOST/inst0, vxi11:HOST:PORT/inst0, usbtmc:/dev/usbtmc0, or serial:PATH,BAUD,8n1 with ,rtscts or ,xonxoff"
     sorma::option -terminator enum -group Line -choices {lf cr crlf} -default lf -help "what ends a message, both ways"
     sorma::option -patience double -group Line -unit s -range {0.001 3600} -default 5 -help "how long the instrument may be silent: while it is reached, and within an answer"
     sorma::option -check flag -group Line -default 1 -help "ask SYST:ERR? after each write, and when an answer is missing"
@@ -325,7 +396,10 @@ oo::class create ::sorma::service::scpi {
         if {[regexp {^vxi11:(?:\[([^]\s]+)\]|([^:/,\s]+))(?::([1-9]\d{0,4}))?/([^/\s]+)$} $to -> six four port device] && ($port eq {} || $port <= 65535)} {
             return [list vxi11 $six$four [expr {$port eq {} ? 0 : $port}] $device]
         }
-        my Fault ADDRESS "-to expects tcp:HOST:PORT, vxi11:HOST/DEVICE, vxi11:HOST:PORT/DEVICE or serial:PATH,BAUD,8n1, got \"$to\"" $to
+        if {[regexp {^usbtmc:(/[^\s,]+)$} $to -> path]} {
+            return [list usbtmc $path]
+        }
+        my Fault ADDRESS "-to expects tcp:HOST:PORT, vxi11:HOST/DEVICE, vxi11:HOST:PORT/DEVICE, usbtmc:/dev/usbtmc0 or serial:PATH,BAUD,8n1, got \"$to\"" $to
     }
     method IsOpen {} {
         return [expr {$Line ne {} && [$Line isOpen]}]
