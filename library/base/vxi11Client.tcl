@@ -9,6 +9,7 @@ package provide sorma::vxi11Client 1.0
 
 namespace eval ::sorma::vxi11Client {
     variable Core 0x0607af
+    variable Interrupt 0x0607b1
     variable Rpcbind 111
     variable MostReply 4194304  ;# bytes of a reply
     variable MostRead 1048576   ;# bytes that are asked for at once
@@ -20,10 +21,12 @@ oo::class create ::sorma::vxi11Client::line {
     variable Input              ;# bytes of replies
     variable Xid
     variable Link MostWrite     ;# number of the link, and bytes that it takes at once
+    variable Prefix Handle      ;# of service requests: what is called then, empty: nothing; and by what they are known
+    variable Listener Back      ;# where the instrument connects for them, and how it has done so: channel and bytes
 
     constructor wait {
         set Wait $wait
-        set Channel {}
+        set Channel [set Prefix [set Listener [set Back {}]]]
         set Xid 0
     }
     destructor {
@@ -35,8 +38,13 @@ oo::class create ::sorma::vxi11Client::line {
         if {$Channel ne {}} {
             catch {close $Channel}
         }
-        set Channel [set Input {}]
+        foreach channel [list $Listener [lindex $Back 0]] {
+            catch {close $channel}
+        }
+        set Channel [set Input [set Listener [set Back {}]]]
     }
+    # PREFIX is called when the instrument requests service; empty: it shall not. From the next opening on.
+    method requests prefix { set Prefix $prefix }
     # port: 0 asks the rpcbind of the host. ms: how long the instrument may wait for a lock.
     method open {host port device ms} {
         if {$port == 0} {
@@ -56,6 +64,9 @@ oo::class create ::sorma::vxi11Client::line {
             throw {LINE REACH} [if {$error == 3} {string cat "it has no device $device, or not for us"} else {string cat "it makes no link to $device: error $error"}]
         }
         set MostWrite [expr {min(max($MostWrite, 256), 65536)}]
+        if {$Prefix ne {}} {
+            my Listen
+        }
     }
     method Connect {host port} {
         my shut
@@ -106,6 +117,75 @@ oo::class create ::sorma::vxi11Client::line {
             append Input $piece
         }
     }
+    # The status byte.
+    method status ms {
+        if {[binary scan [my Call 13 [binary format Iu* [list $Link 1 $ms $ms]]] IuIu error byte] < 2} {
+            throw {LINE ERROR} "it answers nonsense when its status byte is read"
+        }
+        my Check $error
+        return [expr {$byte & 255}]
+    }
+
+    # ---- service requests: the instrument connects to us, and calls ----
+
+    method Listen {} {
+        lassign [chan configure $Channel -sockname] address
+        set address [regsub {^::ffff:} $address {}]
+        if {![regexp {^[\d.]+$} $address]} {
+            throw {LINE REACH} "service requests of VXI-11 need IPv4, and the line to it has $address"
+        }
+        set peer [lindex [chan configure $Channel -peername] 0]
+        set Listener [socket -server [namespace code [list my Accept $peer]] -myaddr $address 0]
+        set port [lindex [chan configure $Listener -sockname] 2]
+        set host 0
+        foreach part [split $address .] {
+            set host [expr {$host << 8 | $part}]
+        }
+        set results [my Call 25 [binary format Iu* [list $host $port $::sorma::vxi11Client::Interrupt 1 0]]]
+        if {![binary scan $results Iu error] || $error} {
+            throw {LINE REACH} "it makes no connection for service requests: error [if {[info exists error]} {set error}]"
+        }
+        set Handle [format %x-%x [pid] [expr {int(rand() * 0x7fffffff)}]]
+        set results [my Call 20 [binary format Iu* [list $Link 1]][::sorma::oncRpc::opaque $Handle]]
+        if {![binary scan $results Iu error] || $error} {
+            throw {LINE REACH} "it enables no service requests: error [if {[info exists error]} {set error}]"
+        }
+    }
+    # Nobody but the instrument, and once.
+    method Accept {peer channel address port} {
+        if {$Back ne {} || $address ne $peer} {
+            return [close $channel]
+        }
+        set Back [list $channel {}]
+        chan configure $channel -blocking 0 -buffering none -translation binary
+        chan event $channel readable [namespace code {my Hear}]
+    }
+    # These calls have no answer: the instrument does not wait.
+    method Hear {} {
+        lassign $Back channel input
+        if {[catch {read $channel 65536} piece] || [eof $channel]} {
+            catch {close $channel}
+            set Back {}
+            return
+        }
+        append input $piece
+        while 1 {
+            lassign [::sorma::oncRpc::take $input 1024] size record
+            if {$size < 0} {
+                close $channel
+                set Back {}
+                return
+            }
+            if {$size == 0} break
+            set input [string range $input $size end]
+            lassign [::sorma::oncRpc::asked $record] - - program - procedure arguments
+            if {$program == $::sorma::vxi11Client::Interrupt && $procedure == 30 && [string match [::sorma::oncRpc::opaque $Handle]* $arguments]} {
+                {*}$Prefix
+            }
+        }
+        lset Back 1 $input
+    }
+
     method Check error {
         switch -- $error {
             0 { return }

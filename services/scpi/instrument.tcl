@@ -88,12 +88,14 @@ oo::class create ::sorma::service::instrument {
     variable Serial             ;# the serial line: channel, path, link, and the end that keeps the terminal while no client has it; empty: none
     variable Vxi Told Links     ;# the listener of VXI-11, empty: it is off; rpcbind tells its port; links so far
     variable Errors             ;# dict: channel, number of a link, or own -> numbers
+    variable Enabled            ;# dict: the same -> *SRE, once it was set: the bits of its status byte that request service
     variable Heard              ;# the last message
     variable Values             ;# dict: name -> number
 
     method born {} {
         set Server [set Port [set Lines [set Vxi [set Serial {}]]]]
         set Links [set Told 0]
+        set Enabled {}
         set Errors {own {}}
         my Reset
     }
@@ -138,6 +140,7 @@ oo::class create ::sorma::service::instrument {
         set Told 0
         set Server [set Port [set Lines [set Vxi {}]]]
         set Errors {own {}}
+        set Enabled {}
         my Reset
         return
     }
@@ -184,6 +187,7 @@ oo::class create ::sorma::service::instrument {
         catch {close $channel}
         dict unset Lines $channel
         dict unset Errors $channel
+        dict unset Enabled $channel
     }
 
     # socat has the terminal, and its own input and output are our channel.
@@ -260,9 +264,12 @@ oo::class create ::sorma::service::instrument {
             device { return inst0 }
             whole { return [expr {[string last \n $id] + 1}] }
             message { my Message {*}$args }
-            status { return [expr {([dict get $Errors $id] eq {} ? 0 : 4) | ([lindex $args 1] ? 16 : 0)}] }
+            status { return [my Status $id [lindex $args 1]] }
             wrong { my Queue {*}$args }
-            close { dict unset Errors $id }
+            close {
+                dict unset Errors $id
+                dict unset Enabled $id
+            }
         }
     }
     method Message {id bytes done} {
@@ -316,7 +323,9 @@ oo::class create ::sorma::service::instrument {
             *OPC?0 - *WAI?0 { return }
             *OPC?1 { return 1 }
             *TST?1 { return 0 }
-            *STB?1 { return [expr {[dict get $Errors $who] eq {} ? 0 : 4}] }
+            *STB?1 { return [my Status $who 0] }
+            *SRE?0 { dict set Enabled $who [expr {round([my Number $argument 0 255])}]; return }
+            *SRE?1 { return [my Enabled $who] }
             SYST:ERR?1 - SYSTEM:ERROR?1 - SYST:ERR:NEXT?1 - SYSTEM:ERROR:NEXT?1 { return [my NextError $who] }
         }
         dict for {pattern what} [dict get $::sorma::service::instrument::Trees [my cget -kind]] {
@@ -332,6 +341,12 @@ oo::class create ::sorma::service::instrument {
             }
         }
         throw SCPI -113
+    }
+    method Enabled who { return [expr {[dict exists $Enabled $who] ? [dict get $Enabled $who] : 0}] }
+    # Bit 4: an error waits; bit 16: an answer; bit 64: one of these requests service.
+    method Status {who available} {
+        set byte [expr {([dict get $Errors $who] eq {} ? 0 : 4) | ($available ? 16 : 0)}]
+        return [expr {$byte | ($byte & [my Enabled $who] ? 64 : 0)}]
     }
     method Word {argument choices} {
         set word [string toupper [string trim $argument "\"'"]]

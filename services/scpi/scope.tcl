@@ -20,7 +20,7 @@ oo::class create ::sorma::service::scope {
     sorma::action -run {} "let it run" {my Turn Tell RUN 0; list}
     sorma::action -stop {} "keep what it shows" {my Turn Tell STOP 0; list}
     sorma::action -single {} "take one waveform, then stop" {my Turn Tell SING 0; list}
-    sorma::words "wave | screen | query TEXT | values TEXT | write TEXT | read ?-OPTION ...?"
+    sorma::words "wave | screen | query TEXT | values TEXT | write TEXT | read ?-OPTION ...? | status"
     sorma::example "scope.lab EXEC wave"
 
     method exec message {

@@ -109,6 +109,13 @@ proc ::sorma::scpi::Cleared future {
     catch {$future take}
 }
 
+# The status byte is there, if the instrument still is.
+proc ::sorma::scpi::Requested {publish future} {
+    if {![catch {$future take} reply]} {
+        catch {{*}$publish request -ints [lindex $reply 4]}
+    }
+}
+
 oo::class create ::sorma::service::scpi {
     superclass sorma::driver::Device sorma::Service
 
@@ -117,6 +124,7 @@ oo::class create ::sorma::service::scpi {
     sorma::option -terminator enum -group Line -choices {lf cr crlf} -default lf -help "what ends a message, both ways"
     sorma::option -patience double -group Line -unit s -range {0.001 3600} -default 5 -help "how long the instrument may be silent: while it is reached, and within an answer"
     sorma::option -check flag -group Line -default 1 -help "ask SYST:ERR? after each write, and when an answer is missing"
+    sorma::option -requests flag -group Line -help "hear service requests of the instrument, by VXI-11: each is an event request; from the next opening of the line on"
     sorma::option -most int -group Line -unit B -range {64 2147483647} -default 67108864 -help "the longest answer that is taken"
     sorma::option -format enum -group Blocks -choices {real32 real64 int8 uint8 int16 uint16 int32 uint32} -default real32 -help "of the numbers in a block"
     sorma::option -order enum -group Blocks -choices {big little} -default big -help "which byte of a number in a block comes first"
@@ -125,7 +133,8 @@ oo::class create ::sorma::service::scpi {
     sorma::action -send {} "send all settings of its driver to the instrument" {my give [dict keys [my table]]} -danger power
     sorma::action -close {} "close the line; the next request opens it again" {my Close}
     sorma::inspection -line {} "is the line open, and to what" {my State}
-    sorma::words "query TEXT | values TEXT | write TEXT | read ?-OPTION ...?"
+    sorma::writes ints 0.. "" "status: the status byte"
+    sorma::words "query TEXT | values TEXT | write TEXT | read ?-OPTION ...? | status"
     sorma::danger power write
     sorma::example "scpi.psu EXEC query *IDN?"
 
@@ -143,6 +152,9 @@ oo::class create ::sorma::service::scpi {
         }
     }
     method changed options {
+        if {"-requests" in $options && [my cget -requests] && ![string match vxi11:* [my cget -to]]} {
+            my Fault REQUESTS "-requests needs VXI-11, and -to is \"[my cget -to]\"" [my cget -to]
+        }
         if {"-to" in $options && [my cget -to] ne {}} {
             my Parts [my cget -to]
         }
@@ -176,7 +188,7 @@ oo::class create ::sorma::service::scpi {
         switch -- $verb {
             {} - query {
                 if {$verb eq {} && $text eq {}} {
-                    my Fault VERB "an empty request: say query, values, write or read" {}
+                    my Fault VERB "an empty request: say query, values, write, read or status" {}
                 }
                 set answer [my Query $text]
                 return [if {[string index $answer 0] eq "#"} {dict create any [my Block $answer]} else {dict create text [my Text $answer]}]
@@ -187,8 +199,9 @@ oo::class create ::sorma::service::scpi {
                 return [my Write $text [dict get $message any]]
             }
             read { return [my read [lrange $words 1 end]] }
+            status { return [dict create ints [my Turn Status]] }
         }
-        my Fault VERB "expected query, values, write or read, got \"$verb\"" $verb
+        my Fault VERB "expected query, values, write, read or status, got \"$verb\"" $verb
     }
 
     # ---- a driver: options of the instrument, each with its SCPI ----
@@ -427,6 +440,9 @@ oo::class create ::sorma::service::scpi {
             my NewLine $kind
         }
         set Opened $to
+        if {$Kind eq "vxi11"} {
+            $Line requests [if {[my cget -requests]} {namespace code {my Requested}}]
+        }
         try {
             $Line open {*}$parts [my Milliseconds]
         } trap {LINE WAIT} {} {
@@ -496,6 +512,23 @@ oo::class create ::sorma::service::scpi {
     }
     method Milliseconds {} {
         return [expr {int(1000 * [my cget -patience])}]
+    }
+    # The status byte: most lines have a way of their own.
+    method Status {} {
+        my Open
+        if {$Kind in {vxi11 usbtmc}} {
+            return [my Try "the status byte" status [my Milliseconds]]
+        }
+        my Send *STB?
+        set said [my Text [my Receive *STB?]]
+        if {![regexp {^\+?\d{1,3}$} $said]} {
+            my Fault ANSWER "*STB? has answered \"[string range $said 0 100]\", expected a number" *STB?
+        }
+        return [scan $said %d]
+    }
+    # It requests service. Reading the status byte takes its turn, and lets the instrument request it again.
+    method Requested {} {
+        sorma::async -command [list ::sorma::scpi::Requested [namespace code {my publish}]] [my name] EXEC status
     }
     # The line is of no use any more.
     method GiveUp {symbol text args} {
