@@ -118,16 +118,19 @@ Address Address::parse(const std::string& text) {
 Operation Operation::parse(std::string_view text) {
     const auto words = split(text);
     auto bad = [&](const std::string& what) -> Failure { return {Trouble::request, "expected " + what + ", got \"" + cut(text) + "\""}; };
-    if (words.size() < 5 || (words[0] != "read" && words[0] != "write")) throw bad("read UNIT TABLE ADDRESS COUNT, or write UNIT TABLE ADDRESS VALUE ...");
+    if (words.size() < 5 || (words[0] != "read" && words[0] != "write" && words[0] != "mask"))
+        throw bad("read UNIT TABLE ADDRESS COUNT, write UNIT TABLE ADDRESS VALUE ..., or mask UNIT holding ADDRESS BITS VALUE");
     Operation o;
     o.text = cut(text);
-    o.write = words[0] == "write";
+    o.mask = words[0] == "mask";
+    o.write = o.mask || words[0] == "write";
     if (!number(words[1], 0, 255, o.unit) || (o.unit > 247 && o.unit < 255)) throw bad("a unit from 0 to 247, or 255");
     static constexpr std::string_view kTables[] = {"coil", "discrete", "input", "holding"};
     const auto table = std::find(std::begin(kTables), std::end(kTables), words[2]);
     if (table == std::end(kTables)) throw bad("coil, discrete, input or holding");
     o.table = Table(table - kTables);
     if (o.write && (o.table == Table::discrete || o.table == Table::input)) throw bad("coil or holding: the others cannot be written");
+    if (o.mask && (o.table != Table::holding || words.size() != 6)) throw bad("mask UNIT holding ADDRESS BITS VALUE");
     const bool bits = o.table == Table::coil || o.table == Table::discrete;
     const int most = bits ? (o.write ? MODBUS_MAX_WRITE_BITS : MODBUS_MAX_READ_BITS) : o.write ? MODBUS_MAX_WRITE_REGISTERS
                                                                                                : MODBUS_MAX_READ_REGISTERS;
@@ -139,7 +142,7 @@ Operation Operation::parse(std::string_view text) {
             if (!number(words[i], 0, bits ? 1 : 65535, value)) throw bad(bits ? "values 0 and 1" : "values from 0 to 65535");
             o.values.push_back(std::uint16_t(value));
         }
-        o.count = int(o.values.size());
+        o.count = o.mask ? 1 : int(o.values.size());
     } else if (words.size() != 5 || !number(words[4], 1, most, o.count)) {
         throw bad("a count from 1 to " + std::to_string(most));
     }
@@ -314,6 +317,19 @@ std::vector<std::uint16_t> Line::run(const std::vector<Operation>& operations, d
     return read;
 }
 
+// A device without this function has its register read and written: nobody else has the line between the two. Its own program may lose a change then.
+int Line::mask(const Operation& o) {
+    _modbus* c = context_.get();
+    const std::uint16_t bits = o.values[0], value = o.values[1] & bits;
+    if (modbus_mask_write_register(c, o.address, std::uint16_t(~bits), value) == 1) return 1;
+    if (errno != EMBXILFUN) return -1;
+    if (address_.isSerial()) settle(o);
+    std::uint16_t now;
+    if (modbus_read_registers(c, o.address, 1, &now) != 1) return -1;
+    if (address_.isSerial()) settle(o);
+    return modbus_write_register(c, o.address, std::uint16_t((now & ~bits) | value));
+}
+
 // Throws an error number of libmodbus.
 void Line::perform(const Operation& o, std::vector<std::uint16_t>& read) {
     _modbus* c = context_.get();
@@ -321,6 +337,7 @@ void Line::perform(const Operation& o, std::vector<std::uint16_t>& read) {
     if (o.table == Table::holding || o.table == Table::input) {
         std::uint16_t values[MODBUS_MAX_READ_REGISTERS];
         if (!o.write) done = (o.table == Table::input ? modbus_read_input_registers : modbus_read_registers)(c, o.address, o.count, values);
+        else if (o.mask) done = mask(o);
         else if (o.count == 1) done = modbus_write_register(c, o.address, o.values[0]);
         else done = modbus_write_registers(c, o.address, o.count, o.values.data());
         if (done == o.count && !o.write) read.insert(read.end(), values, values + o.count);

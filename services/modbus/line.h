@@ -56,8 +56,9 @@ enum class Table : std::uint8_t { coil,
 
 // One request to a device.
 struct Operation {
-    std::string text;                       // as it was written: "read UNIT TABLE ADDRESS COUNT", "write UNIT TABLE ADDRESS VALUE ..."
+    std::string text;                       // as it was written: "read UNIT TABLE ADDRESS COUNT", "write UNIT TABLE ADDRESS VALUE ...", "mask UNIT holding ADDRESS BITS VALUE"
     bool write = false;
+    bool mask = false;                      // write those bits of a register that are 1 in values[0]: as in values[1]
     int unit = 0, address = 0, count = 0;
     Table table = Table::holding;
     std::vector<std::uint16_t> values;      // to write
@@ -92,6 +93,7 @@ private:
     void adopt(int fd);                     // interrupt() knows this descriptor from now on; -1: none
     bool fresh();                           // drop bytes that nobody has asked for; false: the other side has closed the line
     void perform(const Operation& o, std::vector<std::uint16_t>& read);
+    int mask(const Operation& o);
     [[noreturn]] void fail(const Operation& o, int error, double patience);
     void checkInterrupt() const;
 

@@ -15,7 +15,7 @@ namespace eval ::sorma::modbus {
     variable Made 0             ;# lines so far
     # -as -> registers of a value, and its format as `binary` has it
     variable Types {int16 {1 S} uint16 {1 Su} int32 {2 I} uint32 {2 Iu} int64 {4 W} uint64 {4 Wu} float32 {2 R} float64 {4 Q} text {1 a}}
-    variable Row {type {} unit {} register {} as uint16 scale 1 offset 0 words big choices {} codes {} length 1 bit {} reading 0 every 1}
+    variable Row {type {} unit {} register {} as uint16 scale 1 offset 0 words big bytes big choices {} codes {} length 1 bit {} reading {} every 1}
 }
 
 # ::sorma::modbus::option --
@@ -31,7 +31,7 @@ proc ::sorma::modbus::option {name type args} {
         if {$key ne "type" && [dict exists $Row $key]} {
             dict set row $key $value
         }
-        if {$key ni {register as scale offset words codes bit reading every} && !($key eq "length" && $type eq "string")} {
+        if {$key ni {register as scale offset words bytes codes bit reading every} && !($key eq "length" && $type eq "string")} {
             lappend words $word $value
         }
     }
@@ -64,6 +64,9 @@ proc ::sorma::modbus::Complete {name row} {
         if {$words ni {big little}} {
             Refuse $name "-words expects big or little, got \"$words\""
         }
+        if {$bytes ni {big little}} {
+            Refuse $name "-bytes expects big or little, got \"$bytes\""
+        }
         foreach number {scale offset} {
             if {![string is double -strict [set $number]] || $number eq "scale" && $scale == 0} {
                 Refuse $name "-$number expects a number[expr {$number eq "scale" ? ", not 0" : ""}], got \"[set $number]\""
@@ -87,7 +90,13 @@ proc ::sorma::modbus::Complete {name row} {
             if {$type ne "flag" || $bits || ![string is integer -strict $bit] || $bit < 0 || $bit > 15} {
                 Refuse $name "-bit expects a number from 0 to 15, for a flag in a register, got \"$bit\""
             }
-            set reading 1
+        }
+        # A bit is written only when the driver says so: the others of its register may be anything.
+        if {$reading eq {}} {
+            set reading [expr {$bit ne {}}]
+        }
+        if {![string is boolean -strict $reading]} {
+            Refuse $name "-reading expects 0 or 1, got \"$reading\""
         }
         if {$table in {discrete input}} {
             set reading 1
@@ -237,7 +246,12 @@ oo::class create ::sorma::service::modbus {
         dict for {option value} $values {
             set registers [my Encode $option $value]
             lappend taken $option [my Decode $option $registers]
-            lappend operations "write [my cget -unit] [dict get [my table] $option table] [dict get [my table] $option address] $registers"
+            set row [dict get [my table] $option]
+            lappend operations [if {[dict get $row bit] ne {}} {
+                string cat "mask [my cget -unit] holding [dict get $row address] [expr {1 << [dict get $row bit]}] $registers"
+            } else {
+                string cat "write [my cget -unit] [dict get $row table] [dict get $row address] $registers"
+            }]
         }
         my Ask $operations
         return $taken
@@ -295,8 +309,11 @@ oo::class create ::sorma::service::modbus {
                 if {[string length $value] > 2 * $count || [regexp {[^\x01-\xff]} $value]} {
                     my Fault VALUE "$option has [expr {2 * $count}] bytes in the device: \"[string range $value 0 100]\" does not fit" $option
                 }
-                binary scan [binary format a[expr {2 * $count}] [encoding convertto iso8859-1 $value]] Su* registers
+                binary scan [binary format a[expr {2 * $count}] [encoding convertto iso8859-1 $value]] [dict get {big Su* little su*} $bytes] registers
                 return $registers
+            }
+            if {$bit ne {}} {
+                return [expr {($value != 0) << $bit}]
             }
             lassign [dict get $::sorma::modbus::Types $as] size format
             return [concat {*}[lmap element [expr {$type eq "vector" ? $value : [list $value]}] {
@@ -310,10 +327,17 @@ oo::class create ::sorma::service::modbus {
                         set element [lindex $codes [lsearch -exact $choices $element]]
                     }
                     binary scan [binary format $format [my Raw $option $element $row]] Su* registers
-                    if {$words eq "big"} {set registers} else {lreverse $registers}
+                    my Ordered $registers $row
                 }
             }]]
         }
+    }
+    # The registers of a number in the order of the device, and back.
+    method Ordered {registers row} {
+        if {[dict get $row words] eq "little"} {
+            set registers [lreverse $registers]
+        }
+        return [if {[dict get $row bytes] eq "big"} {set registers} else {lmap register $registers {expr {($register & 255) << 8 | $register >> 8}}}]
     }
     # The number that stands for an element in its registers.
     method Raw {option element row} {
@@ -341,13 +365,13 @@ oo::class create ::sorma::service::modbus {
                 return [expr {$registers >> $bit & 1}]
             }
             if {$as eq "text"} {
-                return [encoding convertfrom iso8859-1 [string trimright [lindex [split [binary format S* $registers] \0] 0]]]
+                return [encoding convertfrom iso8859-1 [string trimright [lindex [split [binary format [dict get {big S* little s*} $bytes] $registers] \0] 0]]]
             }
             lassign [dict get $::sorma::modbus::Types $as] size format
             set elements {}
             for {set at 0} {$at < $count} {incr at $size} {
                 set part [lrange $registers $at [expr {$at + $size - 1}]]
-                binary scan [binary format S* [if {$words eq "big"} {set part} else {lreverse $part}]] $format raw
+                binary scan [binary format S* [my Ordered $part $row]] $format raw
                 lappend elements [my Element $option $raw $row]
             }
             return [expr {$type eq "vector" ? $elements : [lindex $elements 0]}]

@@ -48,7 +48,7 @@ public:
             .action("-close", &ModbusLine::closeAction, "", "close the line when it is free; the next request opens it again")
             .inspection({"-line", "", "is the line open, and to what", 0, 0, [](Service& s, sorma::Args, Message& m) { m.text += static_cast<ModbusLine&>(s).state(); }})
             .reads(floats, sorma::between(0, 1), "s", "how long the line may need to open, and each answer to come; without: 1", 0.001, 60)
-            .words("{read UNIT TABLE ADDRESS COUNT} | {write UNIT TABLE ADDRESS VALUE ?VALUE ...?} ...")
+            .words("{read UNIT TABLE ADDRESS COUNT} | {write UNIT TABLE ADDRESS VALUE ?VALUE ...?} | {mask UNIT holding ADDRESS BITS VALUE} ...")
             .writes(ints, {}, "", "what was read, in the same order")
             .execDanger(sorma::Danger::power)
             .example("modbusline.bus CTRL -to tcp:192.168.0.9:502");

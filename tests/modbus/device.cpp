@@ -59,7 +59,8 @@ std::string answerTo(const std::uint8_t* request, int length) {
     if (socketpair(AF_UNIX, SOCK_STREAM, 0, pair) != 0) std::abort();
     modbus_t* context = fresh();
     modbus_set_socket(context, pair[0]);
-    if (fault == "exception") modbus_reply_exception(context, request, unsigned(number));
+    if (fault == "noMask" && request[path.empty() ? 7 : 1] == 22) modbus_reply_exception(context, request, 1);
+    else if (fault == "exception") modbus_reply_exception(context, request, unsigned(number));
     else modbus_reply(context, request, length, map);
     char bytes[MODBUS_TCP_MAX_ADU_LENGTH];
     const ssize_t n = recv(pair[1], bytes, sizeof bytes, MSG_DONTWAIT);
