@@ -295,7 +295,9 @@ oo::class create ::sorma::service::instrument {
     }
     # The answers to all parts of a message; an error goes into the queue of who has asked.
     method Answer {who text} {
-        set Heard $text
+        if {$text ne {}} {
+            set Heard $text
+        }
         set answers {}
         foreach part [split $text \;] {
             set part [string trim $part]
