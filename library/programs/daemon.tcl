@@ -71,6 +71,9 @@ proc ::sorma::daemon::StopServing name {
     if {[namespace exists ::sorma::vxi11Port]} {
         ::sorma::vxi11Port::close
     }
+    if {[namespace exists ::sorma::announce]} {
+        ::sorma::announce::end
+    }
     try {
         ::sorma::unserve $name "daemon $name was told to end"
     } trap {SORMA SERVICE GONE} {} {
@@ -302,7 +305,11 @@ proc ::sorma::daemon::MakeMetrics {name port} {
 proc ::sorma::daemon::Listen {name door place} {
     try {
         package require sorma::${door}Port
-        return [::sorma::${door}Port::listen {*}[Place $place]]
+        lassign [Place $place] port address
+        set port [::sorma::${door}Port::listen $port {*}[if {$address ne {}} {list $address}]]
+        package require sorma::announce
+        ::sorma::announce::begin $name $door $port $address
+        return $port
     } on error message {
         StopServing $name
         return -code error "-$door $place: $message"
