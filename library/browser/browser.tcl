@@ -1,5 +1,6 @@
 # browser.tcl -- sorma::browser: the bus in one window. Left what there is, and a search; right what was chosen, in tabs, and a log.
 
+package require sorma::announced
 package require sorma::browserCircuit
 package require sorma::browserDict
 package require sorma::browserEvents
@@ -28,6 +29,7 @@ snit::widget ::sorma::browser {
     variable panel {}           ;# the panel that is shown; empty: none
     variable timer {}           ;# until the choice rests
     variable at {}              ;# option at which the panel is to be opened
+    variable announced {}       ;# as sorma::announced has them
     typevariable Help {apply {text {dict get [::sorma::table parse $text] help}}}
     typevariable Titles {overview Overview panel Panel help Help statistics Statistics audit Audit
         dictionary Dictionary events Events graph Graph launch Launch log Log circuit Circuit}
@@ -101,8 +103,26 @@ snit::widget ::sorma::browser {
             $win.menu.$menu add command -label [::msgcat::mc $label] -accelerator $shown -command $script
             bind $top <Control-$key> "$script; break"
         }
+        set network [menu $win.menu.file.network -tearoff 0 -postcommand [mymethod Network]]
+        $win.menu.file insert last cascade -label [::msgcat::mc "Announced in the network"] -menu $network
+        ::sorma::announced::ask [mymethod Announced]
         ttk::notebook::enableTraversal $tabs
         $top configure -menu $win.menu
+    }
+    # Daemons that others announce, as they were heard last. One that is chosen is called, no other one.
+    method Network {} {
+        set menu $win.menu.file.network
+        $menu delete 0 end
+        foreach one $announced {
+            $menu add command -label [::sorma::text::clean [join $one {  }]] -command [list ::sorma::world add [lindex $one 1]]
+        }
+        if {$announced eq {}} {
+            $menu add command -label [::msgcat::mc "None, as far as Avahi knows"] -state disabled
+        }
+        ::sorma::announced::ask [mymethod Announced]
+    }
+    method Announced found {
+        set announced $found
     }
 
     # ---- what programs say ----

@@ -1,4 +1,5 @@
-# announce.tcl -- tell the local network of a port for instruments, by mDNS and DNS-SD, where Avahi runs. `lxi discover --mdns` and VISA find it then.
+# announce.tcl -- tell the local network of the ports of a daemon, by mDNS and DNS-SD, where Avahi runs. `daemons` at the prompt, the browser,
+# `lxi discover --mdns` and VISA find them then.
 #
 #     ::sorma::announce::begin robot vxi11 1024 0.0.0.0
 #     ::sorma::announce::end
@@ -10,23 +11,24 @@ package provide sorma::announce 1.0
 
 namespace eval ::sorma::announce {
     variable Channels {}        ;# to the shells
-    variable Types {vxi11 _vxi-11._tcp scpi _scpi-raw._tcp}
+    variable Types {sorma _sorma._tcp vxi11 _vxi-11._tcp scpi _scpi-raw._tcp}
 }
 
 # ::sorma::announce::begin --
 #       Announce a port, unless only this host can reach it.
 # Arguments:
 #       name        of the daemon
-#       door        vxi11 or scpi
+#       door        sorma: the bus; vxi11 or scpi: an instrument
 #       port        where it listens
 #       address     of its interface; empty: of this host alone
 proc ::sorma::announce::begin {name door port address} {
     variable Channels
     variable Types
     if {[Local $address] || [auto_execok avahi-publish] eq {}} return
-    set facts [list txtvers=1 Manufacturer=SORMA Model=sormad SerialNumber=$name FirmwareVersion=[package provide sorma]]
+    set facts [if {$door ne "sorma"} {list txtvers=1 Manufacturer=SORMA Model=sormad SerialNumber=$name FirmwareVersion=[package provide sorma]}]
+    set called [if {$door eq "sorma"} {set name} else {string cat "SORMA " $name}]
     set script {avahi-publish -f -s "$@" > /dev/null 2>&1 & trap "kill $!" EXIT; read end}
-    if {![catch {open [list | sh -c $script sh "SORMA $name" [dict get $Types $door] $port {*}$facts] w} channel]} {
+    if {![catch {open [list | sh -c $script sh $called [dict get $Types $door] $port {*}$facts] w} channel]} {
         chan configure $channel -blocking 0
         lappend Channels $channel
     }

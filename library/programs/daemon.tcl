@@ -228,6 +228,10 @@ proc ::sorma::daemon::Start {settings inherited} {
     }
     set served [::sorma::serve [dict get $settings -name] {*}[dict get $settings -serve] {*}$inherited]
     unset -nocomplain ::sorma::daemon::Waits
+    if {[dict exists $settings -host] && [dict get $served port] ne {}} {
+        package require sorma::announce
+        ::sorma::announce::begin [dict get $served name] sorma [dict get $served port] [dict get $settings -host]
+    }
     if {[dict get $settings -metrics] ne {}} {
         MakeMetrics [dict get $settings -name] [dict get $settings -metrics]
     }

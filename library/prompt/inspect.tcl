@@ -4,6 +4,7 @@
 # back within half a second or so; daemons that do not answer have a line of their own. Nothing is made by looking.
 
 package require sorma::complete
+package require sorma::announced
 package require sorma::await
 package require sorma::listing
 package require sorma::options
@@ -135,13 +136,27 @@ proc ::sorma::inspect::daemons args {
         lappend items [dict create name $name address [if {$key eq "self"} {string cat self} else {dict get $known address}] \
             state $state error $error objects [dict get $known objects] {*}[Called $name]]
     }
+    # Those by another address than the ones above. Nobody asks them.
+    set known [lmap item $items {dict get $item address}]
+    set others [lmap other [::sorma::announced::find] {
+        if {[lindex $other 1] in $known} continue
+        set other
+    }]
     if {$data} {
-        return $items
+        return [concat $items [lmap other $others {
+            dict create name [lindex $other 0] address [lindex $other 1] state announced error {} objects {} user {}
+        }]]
     }
-    if {[llength $items] == 0} {
+    set announced [lmap other $others {
+        string cat "announced in the network, and not asked: [::sorma::text::clean [join $other { at }]]"
+    }]
+    if {[llength $items] > 0} {
+        set announced [linsert $announced 0 [::sorma::listing daemons $items]]
+    }
+    if {$announced eq {}} {
         return "no daemons: none listens in the runtime folder, and the dictionary has no address"
     }
-    return [::sorma::listing daemons $items]
+    return [join $announced \n]
 }
 
 # ---- one object ----
