@@ -5,6 +5,7 @@
 #include "bus/nearest.h"
 #include "bus/requestText.h"
 #include "bus/sorm.h"
+#include "bus/wholeFile.h"
 
 namespace sorma {
 

@@ -42,10 +42,6 @@ struct DictionaryWord {
     Origin origin;
 };
 
-// The path of a file without links and dots, as policies name it. If the file does not exist, its folder's path and its
-// name.
-std::string realPath(const std::string& file);
-
 // One for each SORM. Threads: the SORM's.
 class Dictionary {
 public:

@@ -1,9 +1,9 @@
 #include "bus/named.h"
 
-#include "bus/dictionary.h"
 #include "bus/enumText.h"
 #include "bus/service.h"
 #include "bus/sorm.h"
+#include "bus/wholeFile.h"
 
 namespace sorma {
 
