@@ -7,6 +7,7 @@
 #include <cstring>
 #include <exception>
 #include <string>
+#include <type_traits>
 
 inline int passed = 0, failed = 0;
 
@@ -14,7 +15,15 @@ inline void note(bool good, int line, const std::string& what) {
     ++(good ? passed : failed);
     if (!good) std::printf("line %d: %s\n", line, what.c_str());
 }
-inline void same(const std::string& is, const std::string& wanted, int line) { note(is == wanted, line, "\"" + is + "\", not \"" + wanted + "\""); }
+// Both as text: strings, or numbers.
+template <class T> std::string asText(const T& value) {
+    if constexpr (std::is_arithmetic_v<T>) return std::to_string(value);
+    else return std::string(value);
+}
+template <class A, class B> void same(const A& is, const B& wanted, int line) {
+    const std::string i = asText(is), w = asText(wanted);
+    note(i == w, line, "\"" + i + "\", not \"" + w + "\"");
+}
 #define CHECK(condition) note((condition), __LINE__, #condition)
 #define EQUAL(is, wanted) same((is), (wanted), __LINE__)
 
