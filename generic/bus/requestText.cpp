@@ -7,7 +7,7 @@
 #include <climits>
 #include <cstring>
 
-#include "bus/utf8.h"
+#include "bus/trailText.h"
 
 namespace sorma {
 
@@ -84,46 +84,6 @@ int hexDigit(char c) {
     if (c >= 'a' && c <= 'f') return c - 'a' + 10;
     if (c >= 'A' && c <= 'F') return c - 'A' + 10;
     return -1;
-}
-
-// Length of the UTF-8 character that text begins with; 0 when it is none. text is not empty.
-std::size_t characterLength(std::string_view text) {
-    auto at = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
-    auto follows = [&](std::size_t i) { return i < text.size() && (at(i) & 0xc0) == 0x80; };
-    unsigned char c = at(0);
-    if (c < 0x80) return 1;
-    if (c < 0xc2) return 0;                                     // continuation, overlong
-    if (c < 0xe0) return follows(1) ? 2 : 0;
-    if (c < 0xf0) {
-        if (!follows(1) || !follows(2)) return 0;
-        if (c == 0xe0 && at(1) < 0xa0) return 0;                // overlong
-        if (c == 0xed && at(1) > 0x9f) return 0;                // surrogate
-        return 3;
-    }
-    if (c > 0xf4 || !follows(1) || !follows(2) || !follows(3)) return 0;
-    if (c == 0xf0 && at(1) < 0x90) return 0;                    // overlong
-    if (c == 0xf4 && at(1) > 0x8f) return 0;                    // beyond U+10FFFF
-    return 4;
-}
-
-// Offset of the first byte that is not UTF-8; size when there is none.
-std::size_t utf8Prefix(std::string_view text) {
-    constexpr std::uint64_t kHighBits = 0x8080808080808080;
-    const char* p = text.data();
-    std::size_t i = 0, n = text.size();
-    for (;;) {
-        for (std::uint64_t eight; i + 8 <= n; i += 8) {
-            std::memcpy(&eight, p + i, 8);
-            if (eight & kHighBits) break;
-        }
-        // To the next character beyond ASCII and across it.
-        for (std::size_t stop = std::min(n, i + 8); i < stop;) {
-            std::size_t length = characterLength(text.substr(i));
-            if (length == 0) return i;
-            i += length;
-        }
-        if (i >= n) return n;
-    }
 }
 
 void needUtf8(std::string_view text) {
@@ -322,19 +282,6 @@ bool bracesBalance(std::string_view word) {
     return depth == 0;
 }
 
-std::string withoutBadBytes(std::string_view word) {
-    std::string clean;
-    while (!word.empty()) {
-        std::size_t good = utf8Prefix(word);
-        clean += word.substr(0, good);
-        word.remove_prefix(good);
-        if (word.empty()) break;
-        clean += "\xef\xbf\xbd";
-        word.remove_prefix(1);
-    }
-    return clean;
-}
-
 void putWord(std::string& out, std::string_view word, bool bareAllowed) {
     std::uint8_t all = 0;
     for (char c : word) all |= traits(c);
@@ -500,7 +447,7 @@ std::string shown(std::string_view word) {
     return out += cut ? "...\"" : "\"";
 }
 
-// ---- numbers, UTF-8, base64 ----
+// ---- numbers ----
 
 void appendNumber(std::string& out, double value) { appendOne(out, value); }
 void appendNumber(std::string& out, std::int64_t value) { appendOne(out, value); }
@@ -520,67 +467,6 @@ std::string plainNumber(double value) {
 
 bool parseNumber(std::string_view text, double& value) { return parseWhole(text, value); }
 bool parseNumber(std::string_view text, std::int64_t& value) { return parseWhole(text, value); }
-
-bool isUtf8(std::string_view text) { return utf8Prefix(text) == text.size(); }
-
-namespace {
-constexpr char kBase64[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-constexpr std::array<std::uint8_t, 256> kFromBase64 = [] {
-    std::array<std::uint8_t, 256> t{};
-    for (auto& value : t) value = 0xff;
-    for (std::uint8_t i = 0; i < 64; ++i) t[static_cast<unsigned char>(kBase64[i])] = i;
-    return t;
-}();
-}  // namespace
-
-void appendBase64(std::string& out, const unsigned char* data, std::size_t size) {
-    std::size_t at = out.size();
-    out.resize(at + (size + 2) / 3 * 4);
-    char* to = out.data() + at;
-    std::size_t i = 0;
-    for (; i + 3 <= size; i += 3) {
-        unsigned three = unsigned{data[i]} << 16 | unsigned{data[i + 1]} << 8 | data[i + 2];
-        *to++ = kBase64[three >> 18];
-        *to++ = kBase64[three >> 12 & 63];
-        *to++ = kBase64[three >> 6 & 63];
-        *to++ = kBase64[three & 63];
-    }
-    if (i == size) return;
-    bool two = size - i == 2;
-    unsigned rest = unsigned{data[i]} << 16 | (two ? unsigned{data[i + 1]} << 8 : 0);
-    *to++ = kBase64[rest >> 18];
-    *to++ = kBase64[rest >> 12 & 63];
-    *to++ = two ? kBase64[rest >> 6 & 63] : '=';
-    *to = '=';
-}
-
-bool parseBase64(std::string_view text, std::vector<unsigned char>& out) {
-    if (text.size() % 4 != 0) return false;
-    if (text.empty()) return true;
-    std::size_t padding = text.ends_with("==") ? 2 : text.ends_with('=') ? 1 : 0;
-    const std::size_t start = out.size(), full = text.size() / 4 - (padding > 0);
-    out.resize(start + text.size() / 4 * 3 - padding);
-    unsigned char* to = out.data() + start;
-    auto value = [&](std::size_t i) { return unsigned{kFromBase64[static_cast<unsigned char>(text[i])]}; };
-    bool good = true;
-    for (std::size_t i = 0; i < full && good; ++i) {
-        unsigned a = value(4 * i), b = value(4 * i + 1), c = value(4 * i + 2), d = value(4 * i + 3);
-        good = (a | b | c | d) < 64;
-        unsigned three = a << 18 | b << 12 | c << 6 | d;
-        *to++ = static_cast<unsigned char>(three >> 16);
-        *to++ = static_cast<unsigned char>(three >> 8);
-        *to++ = static_cast<unsigned char>(three);
-    }
-    if (good && padding > 0) {
-        unsigned a = value(4 * full), b = value(4 * full + 1), c = padding == 1 ? value(4 * full + 2) : 0;
-        // Bits that stand for nothing must be 0: one block, one text.
-        good = (a | b | c) < 64 && (padding == 1 ? c & 3 : b & 15) == 0;
-        *to++ = static_cast<unsigned char>(a << 2 | b >> 4);
-        if (padding == 1) *to++ = static_cast<unsigned char>(b << 4 | c >> 2);
-    }
-    if (!good) out.resize(start);
-    return good;
-}
 
 // ---- requests and replies ----
 
@@ -677,68 +563,6 @@ void appendReply(std::string& out, std::string_view name, const Message& message
         out += " TDBX";
         appendWord(out, trailToWord(message.trail), true);
     }
-}
-
-// ---- trails ----
-
-std::string trailToWord(const Trail& trail) {
-    std::string out;
-    if (trail.dropped() > 0) out = "dropped " + std::to_string(trail.dropped());
-    std::string code;
-    for (auto& e : trail.entries()) {
-        if (!out.empty()) out += '\n';
-        code.clear();
-        appendWord(code, e.symbol);
-        for (auto& detail : e.details) appendWord(code, detail);
-        appendWord(out, toText(e.severity));
-        appendWord(out, code);
-        appendWord(out, e.text);
-        appendWord(out, e.so);
-        appendWord(out, e.daemon);
-        appendWord(out, e.file);
-        appendWord(out, std::to_string(e.line));
-        appendWord(out, std::to_string(e.time));
-        appendWord(out, e.request);
-    }
-    return out;
-}
-
-Trail trailFromWord(std::string_view text) {
-    Trail all;
-    WordReader reader(text);
-    std::string_view word;
-    auto need = [&](const char* what) {
-        if (!reader.next(word)) failEnd(reader, what);
-        return word;
-    };
-    auto integer = [&](const char* what, std::int64_t low, std::int64_t high) {
-        std::int64_t value;
-        if (!parseNumber(need(what), value) || value < low || value > high) fail(kSyntax, reader.index(), what, shown(word));
-        return value;
-    };
-    for (bool first = true; reader.next(word); first = false) {
-        if (first && word == "dropped") {
-            all.setDropped(static_cast<std::size_t>(integer("how many entries were dropped", 1, INT64_MAX)));
-            continue;
-        }
-        Entry e;
-        if (!fromText(word, e.severity)) fail(kSyntax, reader.index(), "verbose, warning or error", shown(word));
-        e.details = splitWords(need("the symbol and its details"));
-        if (e.details.empty()) fail(kSyntax, reader.index(), "the symbol and its details", "an empty word");
-        e.symbol = std::move(e.details.front());
-        e.details.erase(e.details.begin());
-        e.text = need("the text of the entry");
-        e.so = need("a service object");
-        e.daemon = need("a daemon");
-        e.file = need("a source file");
-        e.line = static_cast<int>(integer("a line number", INT_MIN, INT_MAX));
-        e.time = integer("a time", INT64_MIN, INT64_MAX);
-        e.request = need("a request");
-        all.entries().push_back(std::move(e));      // not add(): the bound is applied once, to all of them
-    }
-    Trail trail;
-    trail.append(all);
-    return trail;
 }
 
 }  // namespace sorma

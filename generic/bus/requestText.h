@@ -33,7 +33,9 @@
 #include <string_view>
 #include <vector>
 
+#include "bus/base64.h"
 #include "bus/message.h"
+#include "bus/utf8.h"
 
 namespace sorma {
 
@@ -83,10 +85,6 @@ bool parseNumber(std::string_view text, std::int64_t& value);
 // A word that a peer or user sent, for messages: in quotes, control characters escaped, cut when it is long.
 std::string shown(std::string_view word);
 
-bool isUtf8(std::string_view text);
-void appendBase64(std::string& out, const unsigned char* data, std::size_t size);
-bool parseBase64(std::string_view text, std::vector<unsigned char>& out);   // appends; false when malformed
-
 // Parse a request. message is cleared first. For CTRL and DBX all further words go to message.words. After an error name is
 // the name if it was found; method and message are unspecified. The name is not checked. Allocates only when name and
 // message are too small, and for words with escapes.
@@ -101,11 +99,5 @@ void appendReply(std::string& out, std::string_view name, const Message& message
 // Append text, floats, ints and any as in requests and replies, with a space before each part unless out is empty; without
 // code, trail and free words.
 void appendParts(std::string& out, const Message& message);
-
-// A trail as the one word after TDBX, and back. It has a line for each entry: severity {SYMBOL detail...} {text} so daemon
-// file line time {request}, with words quoted as above. The line "dropped n" comes first when entries were dropped. Reading
-// drops entries beyond Trail::limit().
-std::string trailToWord(const Trail& trail);
-Trail trailFromWord(std::string_view word);
 
 }  // namespace sorma

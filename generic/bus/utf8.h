@@ -1,7 +1,9 @@
-// utf8.h -- the one place that writes a character as UTF-8. Header only: generic/edit stands alone.
+// utf8.h -- text as UTF-8: written by character, and checked. generic/edit, which stands alone, uses what is inline.
 #pragma once
 
+#include <cstddef>
 #include <string>
+#include <string_view>
 
 namespace sorma {
 
@@ -15,5 +17,11 @@ inline void appendUtf8(std::string& out, char32_t c) {
     out += char((0xff00 >> (more + 1) & 0xff) | c >> 6 * more);
     for (int k = more - 1; k >= 0; --k) out += char(0x80 | (c >> 6 * k & 0x3f));
 }
+
+bool isUtf8(std::string_view text);
+// Offset of the first byte that is not UTF-8; size when there is none.
+std::size_t utf8Prefix(std::string_view text);
+// U+FFFD in place of each byte that is not UTF-8.
+std::string withoutBadBytes(std::string_view text);
 
 }  // namespace sorma

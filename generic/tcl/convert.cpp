@@ -6,6 +6,7 @@
 
 #include "bus/requestText.h"
 #include "bus/service.h"
+#include "bus/trailText.h"
 #include "bus/utf8.h"
 
 namespace sorma {

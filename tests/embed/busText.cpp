@@ -14,6 +14,7 @@
 
 #include "busText.h"
 #include "bus/message.h"
+#include "bus/trailText.h"
 
 using namespace sorma;
 

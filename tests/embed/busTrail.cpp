@@ -5,6 +5,7 @@
 #include "bus/catalogue.h"
 #include "bus/deadline.h"
 #include "bus/message.h"
+#include "bus/trailText.h"
 
 using namespace sorma;
 
