@@ -1,32 +1,29 @@
-#include "bus/nearest.h"
 #include "tcl/soCommand.h"
 
 #include <algorithm>
 #include <cstring>
 
+#include "bus/nearest.h"
 #include "bus/requestText.h"
 #include "comm/proxy.h"
 #include "tcl/anonymous.h"
 #include "tcl/pendingCommand.h"
 #include "tcl/tclService.h"
+#include "tcl/unknown.h"
 #include "tcl/waiting.h"
 
 namespace sorma {
 
 namespace {
 
-constexpr std::string_view kNamespace = "::sorma::so::";
-
 const Prototype kNoOption{Severity::error, "OPTION UNKNOWN", 2, "{}: unknown option \"{}\""};
 const Prototype kBadMethod{Severity::error, "REQUEST SYNTAX", 0, "bad method \"{}\"{}: must be {}"};
 const Prototype kNotAsync{Severity::error, "REQUEST SYNTAX", 0, "{}{} cannot be asked for later: must be {}"};
-const Prototype kEmpty{Severity::error, "NAME EMPTY", 0, "the name before {} is empty; does an option of type service name nobody?"};
 const Prototype kPairs{Severity::error, "OPTION MISSING", 2, "{}: {} needs a value"};
 
 const std::vector<std::string> kLater{"CTRL", "DBX", "EXEC", "cget", "configure", "exec", "info"};
 const std::vector<std::string> kMethods{"CTRL", "DBX", "EXEC", "cget", "configure", "destroy", "exec", "info"};
 
-[[noreturn]] void badMethod(Tcl_Obj* word) { fail(kBadMethod, toUtf8(word), didYouMean(toUtf8(word), kMethods), oneOf(kMethods)); }
 [[noreturn]] void failNotAsync(Tcl_Obj* word) { fail(kNotAsync, toUtf8(word), didYouMean(toUtf8(word), kLater), oneOf(kLater)); }
 
 enum class Word { none, EXEC, CTRL, DBX, exec, configure, cget, info, destroy };
@@ -113,12 +110,11 @@ public:
     };
 };
 
-namespace {
-
 using Objects = Tcl_Obj* const*;
 
-// The request as text, from the words of the command: what `sorma::trail` shows to reproduce it.
-std::string requestText(const std::string& name, int objc, Objects objv) {
+[[noreturn]] void badMethod(Tcl_Obj* word) { fail(kBadMethod, toUtf8(word), didYouMean(toUtf8(word), kMethods), oneOf(kMethods)); }
+
+std::string requestAsTyped(const std::string& name, int objc, Objects objv) {
     constexpr std::size_t kLongest = 4096;
     std::string out;
     try {
@@ -150,10 +146,12 @@ std::string requestText(const std::string& name, int objc, Objects objv) {
     return out;
 }
 
+namespace {
+
 // After a request that succeeded with something to say.
 [[gnu::noinline]] void keepTrail(Interpreter& interpreter, const std::string& name, Message& m, int objc, Objects objv) {
     if (!m.trail.empty()) {
-        std::string request = requestText(name, objc, objv);
+        std::string request = requestAsTyped(name, objc, objv);
         for (auto& e : m.trail.entries())
             if (e.request.empty()) e.request = interpreter.sorm.masked(request);
         // Inside a TclOO service this was a call to a sub-service: its messages travel on with the reply.
@@ -300,7 +298,7 @@ void forgetNowhere(Interpreter& i, const std::string& name, const Trail& trail) 
 [[gnu::noinline, gnu::cold]] int failed(SoBinding& b, int objc, Objects objv) noexcept {
     Trail trail = trailOfCurrentException(b.name);
     if (b.remote) forgetNowhere(b.interpreter, b.name, trail);
-    return b.interpreter.raise(std::move(trail), requestText(b.name, objc, objv));
+    return b.interpreter.raise(std::move(trail), requestAsTyped(b.name, objc, objv));
 }
 
 // ---- answers that come later ----
@@ -391,7 +389,7 @@ void makeCommands(SoBinding& b) {
     auto create = [&](SoBinding::Command& command, const std::string& full) {
         command.token = Tcl_NRCreateCommand(i.interp, full.c_str(), SoObjCmd, SoNRCmd, &command, soCommandDeleted);
     };
-    if (!b.commands[0].token) create(b.commands[0], std::string(kNamespace) + b.name);
+    if (!b.commands[0].token) create(b.commands[0], std::string(kSoNamespace) + b.name);
     std::string global = "::" + b.name;
     if (!b.commands[1].token && !Tcl_FindCommand(i.interp, global.c_str(), nullptr, TCL_GLOBAL_ONLY))
         create(b.commands[1], global);
@@ -432,141 +430,6 @@ SoBinding& bindingFor(Interpreter& i, std::string_view name, Probe probe = Probe
     return *b;
 }
 
-// ---- unknown words ----
-
-// The meaning of an unknown command word.
-struct Mention {
-    std::string name;       // empty: nothing
-    bool certain = false;   // it can be nothing else: it has an address or is in our namespace
-};
-
-Mention mentioned(int objc, Objects objv) {
-    Mention out;
-    std::string_view word = view(objv[0]);
-    auto strip = [&](std::string_view prefix) {
-        if (!word.starts_with(prefix)) return false;
-        word.remove_prefix(prefix.size());
-        return true;
-    };
-    out.certain = strip(kNamespace) || strip(kNamespace.substr(2));
-    if (!out.certain) strip("::");
-    bool address = word.find('@') != std::string_view::npos;
-    out.certain = out.certain || address;
-    if (!address && word.find("::") != std::string_view::npos) return out;
-    if (!out.certain && (objc < 2 || (methodOf(objv[1]) == Word::none && (word.empty() || !makesObject(objv[1]))))) return out;
-    if (word.empty()) fail(kEmpty, toUtf8(objv[1]));
-    out.name = word;
-    return out;
-}
-
-int invalidCommand(Tcl_Interp* interp, Tcl_Obj* word) {
-    Tcl_SetObjResult(interp, Tcl_ObjPrintf("invalid command name \"%s\"", Tcl_GetString(word)));
-    Tcl_SetErrorCode(interp, "TCL", "LOOKUP", "COMMAND", Tcl_GetString(word), nullptr);
-    return TCL_ERROR;
-}
-
-// Our own error, kept until the handler before ours was tried.
-struct Unanswered {
-    Interpreter* interpreter;
-    Trail trail;
-    std::string request, word;
-};
-
-int afterPrevious(ClientData data[], Tcl_Interp* interp, int code) {
-    auto* words = static_cast<Tcl_Obj*>(data[0]);
-    auto* unanswered = static_cast<Unanswered*>(data[1]);
-    if (unanswered) {
-        if (code == TCL_ERROR && !Tcl_InterpDeleted(interp) &&
-            view(Tcl_GetObjResult(interp)) == "invalid command name \"" + unanswered->word + "\"")
-            code = unanswered->interpreter->raise(std::move(unanswered->trail), unanswered->request);
-        delete unanswered;
-    }
-    Tcl_DecrRefCount(words);
-    return code;
-}
-
-// As if we were not there: the handler before us, called without a frame or a line in the error trace of our own, and
-// without C stack in between, so that what it loads may yield.
-int previousHandler(Interpreter& i, Tcl_Interp* interp, int objc, Objects objv, Unanswered* unanswered) {
-    Tcl_Obj* words;
-    if (i.previousUnknown) {
-        words = Tcl_DuplicateObj(i.previousUnknown);
-    } else if (Tcl_FindCommand(interp, "::unknown", nullptr, TCL_GLOBAL_ONLY)) {
-        Tcl_Obj* handler = Tcl_NewStringObj("::unknown", -1);
-        words = Tcl_NewListObj(1, &handler);
-    } else {
-        int code = invalidCommand(interp, objv[0]);
-        if (unanswered) {
-            code = i.raise(std::move(unanswered->trail), unanswered->request);
-            delete unanswered;
-        }
-        return code;
-    }
-    Tcl_IncrRefCount(words);
-    for (int k = 0; k < objc; ++k) Tcl_ListObjAppendElement(nullptr, words, objv[k]);
-    Tcl_Size n;
-    Tcl_Obj** all;
-    Tcl_ListObjGetElements(nullptr, words, &n, &all);
-    Tcl_NRAddCallback(interp, afterPrevious, words, unanswered, nullptr, nullptr);
-    return Tcl_NREvalObjv(interp, int(n), all, TCL_EVAL_NOERR);
-}
-
-int UnknownNRCmd(ClientData data, Tcl_Interp* interp, int objc, Objects objv) {
-    Interpreter& i = *static_cast<Interpreter*>(data);
-    if (objc < 2) {
-        Tcl_WrongNumArgs(interp, 1, objv, "name ?word ...?");
-        return TCL_ERROR;
-    }
-    --objc;
-    ++objv;
-    Unanswered* unanswered = nullptr;
-    {
-        Interpreter::Entered entered(i);
-        Mention mention;
-        try {
-            mention = mentioned(objc, objv);
-            if (!mention.name.empty()) {
-                if (!Name::isName(mention.name)) {
-                    mention.certain = false;
-                    Name::parse(mention.name);      // fails, and says what is wrong with it
-                }
-                Word method = objc > 1 ? methodOf(objv[1]) : Word::none;
-                if (method == Word::none && objc > 1 && makesObject(objv[1]) && mention.name.find_first_of(".@") == std::string::npos) {
-                    i.sorm.needClass(mention.name);
-                    mention.certain = true;
-                    return makeByClass(i, mention.name, objc, objv);
-                }
-                if (method == Word::none) {         // no connection is made for a slip of the pen
-                    if (objc > 1) badMethod(objv[1]);
-                    Tcl_WrongNumArgs(interp, 1, objv, "method ?word ...?");
-                    return TCL_ERROR;
-                }
-                // In a coroutine nothing may block, not even the first mention of a remote object.
-                SoBinding& b = bindingFor(i, mention.name, view(coroutineName(i)).empty() ? Probe::now : Probe::later);
-                return call(b, objc, objv);
-            }
-        } catch (const Error& e) {
-            Trail trail = trailOfCurrentException({});
-            std::string request = requestText(mention.name, objc, objv);
-            bool nobodys = e.is("NAME UNKNOWN_CLASS") || e.is("NAME SYNTAX") || e.is("ADDRESS UNRESOLVED") || e.is("COMM DENIED");
-            if (mention.certain || !nobodys) return i.raise(std::move(trail), request);
-            // Many a word of Tcl has such a method: what we say of it would mislead.
-            if (!makesObject(objv[1])) unanswered = new Unanswered{&i, std::move(trail), std::move(request), std::string(view(objv[0]))};
-        } catch (...) {
-            return i.raise(trailOfCurrentException({}), commandText(objc, objv));
-        }
-        if (i.closing()) {
-            delete unanswered;
-            return TCL_ERROR;
-        }
-    }
-    return previousHandler(i, interp, objc, objv, unanswered);
-}
-
-int UnknownObjCmd(ClientData data, Tcl_Interp* interp, int objc, Objects objv) {
-    return Tcl_NRCallObjProc(interp, UnknownNRCmd, data, objc, objv);
-}
-
 }  // namespace
 
 PendingCommand::PendingCommand(Interpreter& i, std::string name, RequestForm request, Future future, int objc, Tcl_Obj* const objv[])
@@ -588,7 +451,7 @@ int PendingCommand::finish() const {
     } catch (...) {
         Trail trail = trailOfCurrentException(name_);
         forgetNowhere(i, name_, trail);
-        return i.raise(std::move(trail), requestText(name_, int(objc), objv));
+        return i.raise(std::move(trail), requestAsTyped(name_, int(objc), objv));
     }
 }
 
@@ -622,14 +485,14 @@ Reference objectOf(Interpreter& i, std::string_view name) { return bindingFor(i,
 
 bool isSoMethod(Tcl_Obj* word) { return methodOf(word) != Word::none; }
 
-int callByName(Interpreter& interpreter, std::string_view name, int objc, Tcl_Obj* const objv[]) {
-    return call(bindingFor(interpreter, name), objc, objv);
+int callByName(Interpreter& interpreter, std::string_view name, int objc, Tcl_Obj* const objv[], Probe probe) {
+    return call(bindingFor(interpreter, name, probe), objc, objv);
 }
 
 std::string commandOf(Interpreter& interpreter, std::string_view name) {
     SoBinding& b = bindingFor(interpreter, name);
     if (b.commands[1].token || !b.commands[0].token) return b.name;
-    return std::string(kNamespace) + b.name;
+    return std::string(kSoNamespace) + b.name;
 }
 
 void bindAnonymous(Interpreter& i, const std::string& label, Reference so, const std::string& command) {
@@ -686,13 +549,7 @@ void releaseBindings(Interpreter& interpreter) {
 
 void initSoCommands(Interpreter& i) {
     Tcl_CreateNamespace(i.interp, "::sorma::so", nullptr, nullptr);
-    Tcl_NRCreateCommand(i.interp, "::sorma::Unknown", UnknownObjCmd, UnknownNRCmd, &i, nullptr);
-    if (Tcl_EvalEx(i.interp, "::namespace eval :: {::namespace unknown}", -1, TCL_EVAL_GLOBAL) == TCL_OK) {
-        Obj before(Tcl_GetObjResult(i.interp));
-        std::string_view text = view(before);
-        if (!text.empty() && text != "::unknown") i.previousUnknown = Tcl_DuplicateObj(before);
-    }
-    Tcl_EvalEx(i.interp, "::namespace eval :: {::namespace unknown ::sorma::Unknown}", -1, TCL_EVAL_GLOBAL);
+    initUnknown(i);
     // In daemons and in scott Tcl's own dict gains EXEC, CTRL and DBX; its bytecode stays as quick as it is.
     Tcl_EvalEx(i.interp, R"tcl(
         proc ::sorma::JoinDict {} {::namespace ensemble configure ::dict -unknown ::sorma::DictRequest}

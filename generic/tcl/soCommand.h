@@ -1,9 +1,7 @@
 // soCommand.h -- a service object as a Tcl command.
 //
 // The command ::sorma::so::NAME is made when the name is used for the first time, and ::NAME beside it unless another
-// command has that name. The unknown handler of the global namespace notices the first use. It handles `NAME METHOD ...`
-// when METHOD is one of EXEC CTRL DBX exec configure cget info destroy and the class of NAME can be found; a NAME with @;
-// and the prefix sorma::so::. All else goes to the handler that was there before.
+// command has that name. The handler of unknown words notices the first use: see unknown.h.
 //
 // Threads: the interpreter's.
 // Re-entry: a call runs the object, which may call anything: its object may be removed, its command deleted and its
@@ -14,6 +12,8 @@
 
 namespace sorma {
 
+inline constexpr std::string_view kSoNamespace = "::sorma::so::";
+
 void initSoCommands(Interpreter& interpreter);
 
 // Make the object and its commands when need be. Returns the word by which you call it: NAME, or ::sorma::so::NAME where
@@ -22,13 +22,16 @@ std::string commandOf(Interpreter& interpreter, std::string_view name);
 
 // Send a request to the object of that name, as its command does: objv[1] is the method. Sets the interpreter's result and
 // returns Tcl's code. Throws Error.
-int callByName(Interpreter& interpreter, std::string_view name, int objc, Tcl_Obj* const objv[]);
+int callByName(Interpreter& interpreter, std::string_view name, int objc, Tcl_Obj* const objv[], Probe probe = Probe::now);
 
 // The object of that name, or of the command of a TclOO object that a script has made. Made when need be; no daemon is asked.
 Reference objectOf(Interpreter& interpreter, std::string_view name);
 
 // Is the word one of the methods of a service object's command?
 bool isSoMethod(Tcl_Obj* word);
+[[noreturn]] void badMethod(Tcl_Obj* word);
+// The request as text, from the words of the command: what `sorma::trail` shows to reproduce it.
+std::string requestAsTyped(const std::string& name, int objc, Tcl_Obj* const objv[]);
 
 // An object that is not in the repository: callByName finds it by its label, which is no name, until releaseAnonymous.
 // command: make this command for it. When the command is deleted, the object ends. Empty: it has a command already.
