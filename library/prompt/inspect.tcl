@@ -3,11 +3,13 @@
 # Each command returns text for people, or with -data lists and dicts for programs. They ask all daemons at once and come
 # back within half a second or so; daemons that do not answer have a line of their own. Nothing is made by looking.
 
-package require sorma::complete
 package require sorma::announced
 package require sorma::await
+package require sorma::candidates
+package require sorma::complete
 package require sorma::listing
 package require sorma::options
+package require sorma::requestWords
 package require sorma::usage
 package provide sorma::inspect 1.0
 namespace eval ::sorma::inspect {
@@ -176,7 +178,7 @@ proc ::sorma::inspect::help args {
         return [::sorma::listing table {} $rows {} 1]
     }
     set command [string trimleft $name :]
-    if {!$data && ![::sorma::complete::isName $command]} {
+    if {!$data && ![::sorma::candidates::isName $command]} {
         foreach known [list sorma::inspect::$command $name] {
             try {
                 return [::sorma::manual $known -width [dict get [::sorma::showDefaults] -width]]
@@ -433,7 +435,7 @@ proc ::sorma::inspect::InTable {table pattern} {
     foreach option [dict get $table options] {
         lassign $option name type unit range default value help
         if {[string match -nocase $pattern "$name $help $range"]} {
-            apply $add option $name [string trim [::sorma::complete::optionHint [dict replace $table exists 0] [lreplace $option 0 0 {}]]]
+            apply $add option $name [string trim [::sorma::requestWords::optionHint [dict replace $table exists 0] [lreplace $option 0 0 {}]]]
         }
     }
     foreach {key kind} {actions action inspections inspection} {
