@@ -9,16 +9,15 @@
 // fingers and writes where they are to be.
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <deque>
 #include <functional>
-#include <map>
 #include <memory>
 #include <optional>
 
 #include <sorma.h>
 
-#include "control.h"
+#include "postures.h"
+#include "task.h"
 
 namespace hand {
 
@@ -28,20 +27,13 @@ using sorma::Args;
 using sorma::Message;
 using sorma::Severity;
 
-const sorma::Prototype kHardware{Severity::error, "HAND HARDWARE", 1,
-                                 "{}: the hand's other side is not there: {}; start it (simlab, or what drives the fingers)"};
-const sorma::Prototype kTask{Severity::error, "HAND TASK", 1, "{}: the control task does not run: {}"};
 const sorma::Prototype kSilent{Severity::error, "HAND SILENT", 1, "{}: {} was under way when the hand's other side went away: {}"};
 const sorma::Prototype kBusy{Severity::error, "HAND BUSY", 1,
                              "{}: the fingers are moved by EXEC {} for {}; wait, CTRL -stop stops it, or set -whenBusy queue"};
 const sorma::Prototype kWord{Severity::error, "HAND WORD", 2, "{}: bad word \"{}\": must be {}"};
 const sorma::Prototype kFloats{Severity::error, "HAND FLOATS", 1, "{}: EXEC {} expects {}, got {} floats"};
 const sorma::Prototype kValue{Severity::error, "HAND VALUE", 1, "{}: EXEC {}: float {} is {}; {}"};
-const sorma::Prototype kLimits{Severity::error, "HAND LIMITS", 1,
-                               "{}: joint {} (finger {}, {}) was to have the angle {} rad, allowed is {} .. {}; nothing has moved"};
-const sorma::Prototype kReach{Severity::error, "HAND REACH", 1,
-                              "{}: finger {} does not reach {} m in the tool's frame, {} % of the way; nothing has moved"};
-const sorma::Prototype kPosture{Severity::error, "HAND POSTURE", 2, "{}: {}: {}"};
+const sorma::Prototype kPause{Severity::error, "HAND POSTURE", 2, "{}: {}: a pause is 0 .. 3600 s"};
 const sorma::Prototype kEmpty{Severity::error, "HAND EMPTY", 1,
                               "{}: nothing is between the fingers: they feel {} N, -leastForce is {} N, and the tips have closed to {} m "
                               "from the axis, where an object of {} m would have stopped them at {} m"};
@@ -55,35 +47,12 @@ const sorma::Prototype kBlocked{Severity::warning, "HAND BLOCKED", 1,
                                 "{}: joint {} (finger {}, {}) is at {} rad instead of {}: something is in its way"};
 const sorma::Prototype kOrder{Severity::error, "OPTION VALUE", 2, "{}: {}: {}"};
 
-constexpr std::int64_t kLook = 50'000'000;          // [ns] between two looks at the other side
-constexpr double kSmooth = 1.875;                   // fastest over mean speed of a motion from rest to rest
-constexpr double kLabWatchdog = 20;                 // [s] lab time may stand so long, while a picture is drawn on a machine that has other work
-constexpr int kSamples = 24;                        // of a way of the tips, before it begins
-constexpr const char* kJointNames[] = {"spread", "base", "middle"};
 
 // For the length of a block no tick uses the hand.
 using Held = sorma::BetweenTicks;
 
-// In SI units, to a ten-thousandth.
-std::string number(double x) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%.4g", std::round(x * 1e4) / 1e4 + 0.0);
-    return text;
-}
-template <std::size_t n> std::string text(const std::array<double, n>& values) {
-    std::string out;
-    for (double v : values) out += (out.empty() ? "" : " ") + number(v);
-    return out;
-}
-
 template <class... Values> sorma::Error error(const sorma::Prototype& prototype, const Values&... values) {
     return sorma::Error(sorma::makeEntry(prototype, {sorma::MessageArg::of(values)...}));
-}
-
-double farthest(const Targets& a, const Targets& b) {
-    double most = 0;
-    for (std::size_t i = 0; i < kJoints; ++i) most = std::max(most, std::fabs(a[i] - b[i]));
-    return most;
 }
 
 // A request, from EXEC to its answer.
@@ -164,27 +133,27 @@ public:
             .example("manus CTRL -speed 0.05");
     }
 
-    ~Manus() override { halt(); }
+    ~Manus() override { task_.halt(); }
 
     void born() override { check(); }
 
     void changed(std::span<const sorma::Option* const> options) override {
         check();
-        if (!control_) return;
-        control_->settings = settings();
+        if (!task_.control()) return;
+        control().settings = settings();
         for (auto* o : options)
-            if (o->name == "-interval") configureCycle({"-period", sorma::numberText(interval_)});
+            if (o->name == "-interval") task_.configure({"-period", sorma::numberText(interval_)});
     }
 
     void removing() override {
-        halt();
+        task_.halt();
         failAll(error(kGone, name()));
     }
 
     void exec(Message& m) override {
         if (m.words.empty()) {
             if (auto* tick = sorma::Tick::current()) [[likely]] {
-                if (control_) control_->tick(tick->time, tick->period);
+                if (auto* control = task_.control()) control->tick(tick->time, tick->period);
                 return m.clear();
             }
             return status(m);
@@ -222,8 +191,8 @@ public:
         }
         if (word == "posture") {
             expect(n == 0, "none");
-            if (m.words.size() != 2) fail(kWord, name(), sorma::joinWords(m.words), "posture and one name: " + known());
-            return move(m, word, [this, to = posture(m.words[1])] { return one(to, false, false); });
+            if (m.words.size() != 2) fail(kWord, name(), sorma::joinWords(m.words), "posture and one name: " + postures_.names());
+            return move(m, word, [this, to = postures_.get(name(), m.words[1])] { return one(to, false, false); });
         }
         if (word == "sequence") return sequence(m, f);
         if (word == "grasp") {
@@ -238,10 +207,10 @@ public:
     }
 
     void dumpState(std::string& out) const override {
-        out += std::string("# controlTask ") + (control_ ? "runs" : "ended") + "\n";
+        out += std::string("# controlTask ") + (task_.control() ? "runs" : "ended") + "\n";
         if (job_) out += "# moved by EXEC " + job_->what + " for " + job_->caller + "\n";
         out += "# waiting " + std::to_string(queue_.size()) + "\n";
-        if (control_) out += std::string("# holds ") + (control_->holds() ? "1" : "0") + "\n# forces " + text(control_->felt()) + "\n";
+        if (task_.control()) out += std::string("# holds ") + (control().holds() ? "1" : "0") + "\n# forces " + text(control().felt()) + "\n";
     }
 
     std::string selftest() override {
@@ -264,11 +233,13 @@ private:
         return s;
     }
 
+    Planner planner() const { return {name(), settings().geometry, jointSpeed_}; }
+
     void check() {
         for (std::size_t i = 0; i < 3; ++i)
             if (lower_[i] > upper_[i])
                 fail(kOrder, name(), "-lower", number(lower_[i]) + " of the " + kJointNames[i] + " joint is above its -upper " + number(upper_[i]));
-        auto postures = parsePostures(posturesText_);
+        Postures postures(planner(), posturesText_);
         for (auto& [option, words] : {std::pair<const char*, const std::string&>{"-sayMissing", sayMissing_}, {"-sayLost", sayLost_}}) {
             try {
                 sorma::splitWords(words);
@@ -279,51 +250,10 @@ private:
         postures_ = std::move(postures);
     }
 
-    std::map<std::string, Targets> parsePostures(const std::string& list) const {
-        auto wrong = [&](const std::string& why) { fail(kOrder, name(), "-postures", why); };
-        std::map<std::string, Targets> out;
-        std::vector<std::string> words;
-        try {
-            words = sorma::splitWords(list);
-        } catch (const sorma::Error& e) {
-            wrong(std::string("is no list: ") + e.what());
-        }
-        if (words.size() % 2 != 0) wrong("a name and its angles must alternate, got " + std::to_string(words.size()) + " words");
-        for (std::size_t i = 0; i < words.size(); i += 2) {
-            const auto numbers = sorma::splitWords(words[i + 1]);
-            if (numbers.size() != 3 && numbers.size() != kJoints) wrong(words[i] + " has " + std::to_string(numbers.size()) + " angles; 3 or 9 are expected");
-            Targets t;
-            for (std::size_t k = 0; k < kJoints; ++k)
-                if (!sorma::parseNumber(numbers[k % numbers.size()], t[k])) wrong("angle \"" + numbers[k % numbers.size()] + "\" of " + words[i] + " is no number");
-            if (double seconds; sorma::parseNumber(words[i], seconds)) wrong("\"" + words[i] + "\" is a number: a sequence would take it for a pause");
-            checkLimits(t);
-            out[words[i]] = t;
-        }
-        return out;
-    }
-
-    std::string known() const {
-        std::vector<std::string> names;
-        for (auto& [name, angles] : postures_) names.push_back(name);
-        return names.empty() ? "there is none; CTRL -teach keeps one" : sorma::joinWords(names);
-    }
-
-    Targets posture(const std::string& which) const {
-        auto found = postures_.find(which);
-        if (found == postures_.end()) fail(kPosture, name(), which, "no such posture; there are: " + known());
-        return found->second;
-    }
-
     // As CTRL of this object, so that what it says of the value's origin is true.
-    void setPostures(const std::map<std::string, Targets>& postures, const Message& asked) {
-        std::string list;
-        for (auto& [which, angles] : postures) {
-            std::vector<std::string> numbers;
-            for (double a : angles) numbers.push_back(number(a));
-            list += (list.empty() ? "" : " ") + sorma::joinWords({which, sorma::joinWords(numbers)});
-        }
+    void setPostures(const Postures& postures, const Message& asked) {
         Message change;
-        change.words = {"-postures", list};
+        change.words = {"-postures", postures.toText()};
         change.author = asked.author;
         invoke(sorma::Method::ctrl, change);
     }
@@ -333,15 +263,15 @@ private:
         auto postures = postures_;
         {
             Held held(*this);
-            postures[args[0]] = control_->targets();
+            postures.keep(args[0], control().targets());
         }
         setPostures(postures, m);
-        m.text += args[0] + " " + text(postures[args[0]]);
+        m.text += args[0] + " " + text(postures.get(name(), args[0]));
     }
 
     void unteach(Args args, Message& m) {
         auto postures = postures_;
-        if (postures.erase(args[0]) == 0) fail(kPosture, name(), args[0], "no such posture; there are: " + known());
+        postures.remove(name(), args[0]);
         setPostures(postures, m);
     }
 
@@ -353,49 +283,13 @@ private:
 
     // ---- plans ----
 
-    void checkLimits(const Targets& t) const {
-        for (std::size_t i = 0; i < kJoints; ++i)
-            if (!(t[i] >= lower_[i % 3] && t[i] <= upper_[i % 3]))
-                fail(kLimits, name(), i + 1, i / 3 + 1, kJointNames[i % 3], number(t[i]), number(lower_[i % 3]), number(upper_[i % 3]));
-    }
-
-    // A leg from some angles; these become those of its end. Fails when it cannot be done.
-    Leg leg(Targets& angles, const Targets& to, bool tips, double speed, double pause = 0) const {
-        Leg leg{to, tips, 0, pause};
-        double turn = 0;
-        if (!tips) {
-            checkLimits(to);
-            turn = farthest(angles, to);
-            angles = to;
-        } else {
-            const Geometry g = settings().geometry;
-            const Targets from = tipsOf(g, angles), begin = angles;
-            double way = 0;
-            for (std::size_t f = 0; f < kFingers; ++f) {
-                const Point a = anglesOf(from, f), b = anglesOf(to, f);
-                way = std::max(way, std::hypot(b[0] - a[0], b[1] - a[1], b[2] - a[2]));
-                Angles at = anglesOf(angles, f);
-                for (int k = 1; k <= kSamples; ++k) {
-                    Point p;
-                    for (std::size_t i = 0; i < 3; ++i) p[i] = a[i] + (b[i] - a[i]) * k / kSamples;
-                    if (!reach(g, f, p, at)) fail(kReach, name(), f + 1, text(p), 100 * k / kSamples);
-                }
-                put(angles, f, at);
-            }
-            turn = farthest(begin, angles);
-            leg.seconds = kSmooth * way / speed;
-        }
-        leg.seconds = std::max(leg.seconds, kSmooth * turn / jointSpeed_);
-        return leg;
-    }
-
     std::vector<Leg> one(Targets to, bool tips, bool relative) const {
         Targets at = present();
         if (relative) {
             const Targets from = tips ? tipsOf(settings().geometry, at) : at;
             for (std::size_t i = 0; i < kJoints; ++i) to[i] += from[i];
         }
-        return {leg(at, to, tips, speed_, arrival_)};
+        return {planner().leg(at, to, tips, speed_, arrival_)};
     }
 
     // One finger, or one joint; the others stay.
@@ -406,7 +300,7 @@ private:
         return one(to, tips, false);
     }
 
-    Targets present() const { return control_->targets(); }
+    Targets present() const { return control().targets(); }
 
     void sequence(Message& m, const std::vector<double>& floats) {
         struct Part { Targets to{}; double pause = 0; };
@@ -414,10 +308,10 @@ private:
         double before = 0;              // a pause at the begin
         for (std::size_t i = 1; i < m.words.size(); ++i) {
             if (double seconds; sorma::parseNumber(m.words[i], seconds)) {
-                if (!(seconds >= 0 && seconds <= 3600)) fail(kPosture, name(), m.words[i], "a pause is 0 .. 3600 s");
+                if (!(seconds >= 0 && seconds <= 3600)) fail(kPause, name(), m.words[i]);
                 (parts.empty() ? before : parts.back().pause) += seconds;
             } else {
-                parts.push_back({posture(m.words[i]), 0});
+                parts.push_back({postures_.get(name(), m.words[i]), 0});
             }
         }
         if (floats.size() % kJoints != 0 || (parts.empty() == floats.empty()) || (before > 0 && parts.empty()))
@@ -429,8 +323,8 @@ private:
         move(m, "sequence", [this, parts, before] {
             Targets at = present();
             std::vector<Leg> legs;
-            if (before > 0) legs.push_back(leg(at, at, false, speed_, before));
-            for (auto& p : parts) legs.push_back(leg(at, p.to, false, speed_, p.pause));
+            if (before > 0) legs.push_back(planner().leg(at, at, false, speed_, before));
+            for (auto& p : parts) legs.push_back(planner().leg(at, p.to, false, speed_, p.pause));
             legs.back().pause = std::max(legs.back().pause, arrival_);
             return legs;
         });
@@ -438,7 +332,7 @@ private:
 
     std::vector<Leg> toRing(double radius) const {
         Targets at = present();
-        return {leg(at, ring(radius, height_), true, graspSpeed_, settle_)};
+        return {planner().leg(at, ring(radius, height_), true, graspSpeed_, settle_)};
     }
 
     // ---- motions ----
@@ -447,12 +341,12 @@ private:
         auto job = std::make_shared<Job>();
         job->what = what;
         job->plan = [this, plan = std::move(plan)] {
-            control_->hold(false);
+            control().hold(false);
             return plan();
         };
         job->judge = [this](Message& reply) {
-            reply.floats.assign(control_->felt().begin(), control_->felt().end());
-            const Targets at = control_->state().angles(), wanted = control_->targets();
+            reply.floats.assign(control().felt().begin(), control().felt().end());
+            const Targets at = control().state().angles(), wanted = control().targets();
             for (std::size_t i = 0; i < kJoints; ++i)
                 if (std::fabs(at[i] - wanted[i]) > tolerance_)
                     reply.warn(kBlocked, name(), i + 1, i / 3 + 1, kJointNames[i % 3], number(at[i]), number(wanted[i]));
@@ -466,14 +360,14 @@ private:
         job->what = "grasp";
         job->reopens = reopen_;
         job->plan = [this, object] {
-            control_->hold(false);
+            control().hold(false);
             return toRing(std::max(0.0, object + tipRadius_ - squeeze_));
         };
         job->judge = [this, object](Message& reply) {
-            const Point felt = control_->felt();
+            const Point felt = control().felt();
             const auto touching = std::count_if(felt.begin(), felt.end(), [this](double f) { return f >= leastForce_; });
             if (touching < 3) {
-                const Targets tips = tipsOf(control_->settings.geometry, control_->state().angles());
+                const Targets tips = tipsOf(control().settings.geometry, control().state().angles());
                 double radius = 0;
                 for (std::size_t f = 0; f < kFingers; ++f) radius += radiusOf(anglesOf(tips, f)) / kFingers;
                 const bool missing = std::all_of(felt.begin(), felt.end(), [this](double f) { return f < leastForce_; });
@@ -482,7 +376,7 @@ private:
                 if (missing) fail(kEmpty, name(), text(felt), number(leastForce_), number(radius), number(object), number(object + tipRadius_));
                 fail(kUneven, name(), text(felt), number(leastForce_));
             }
-            control_->hold(true);
+            control().hold(true);
             tell("holds", felt);
             reply.floats.assign(felt.begin(), felt.end());
         };
@@ -494,11 +388,11 @@ private:
         auto job = std::make_shared<Job>();
         job->what = "release";
         job->plan = [this, opening] {
-            control_->hold(false);
+            control().hold(false);
             return toRing(opening);
         };
         job->judge = [this](Message& reply) {
-            const Point felt = control_->felt();
+            const Point felt = control().felt();
             if (*std::max_element(felt.begin(), felt.end()) > freeForce_) fail(kStuck, name(), text(felt), number(freeForce_));
             tell("free", felt);
             reply.floats.assign(felt.begin(), felt.end());
@@ -531,13 +425,13 @@ private:
     void begin(JobPointer job, std::vector<Leg> legs) {
         job_ = std::move(job);
         Held held(*this);
-        control_->begin(std::move(legs));
+        control().begin(std::move(legs));
     }
 
     void stopMotion(const std::string& why) {
         if (!job_) return;
         if (job_->stopped.empty()) job_->stopped = why;
-        control_->requestStop();
+        control().requestStop();
     }
 
     void stopNow(Message& m) {
@@ -547,15 +441,15 @@ private:
 
     // The bell has rung: the control task has something to tell.
     void ended() {
-        control_->quiet();
+        control().quiet();
         Outcome outcome;
         bool over, lost;
         Point felt;
         {
             Held held(*this);
-            over = control_->takeEnding(outcome);
-            lost = control_->takeLoss();
-            felt = control_->felt();
+            over = control().takeEnding(outcome);
+            lost = control().takeLoss();
+            felt = control().felt();
         }
         if (lost) {
             tell("lost", felt);
@@ -616,98 +510,21 @@ private:
 
     // ---- the control task ----
 
-    void configureCycle(std::vector<std::string> words) {
-        Message m;
-        m.words = std::move(words);
-        cycle_->invoke(sorma::Method::ctrl, m);
-    }
-
-    void run() {
-        if (control_) return;
-        auto control = std::make_unique<Control>(prefix_.use(*this));
-        try {
-            control->publish(sorm().daemonName.empty() ? sorma::Caller::self().program : sorm().daemonName);
-        } catch (const shmem::Failure& f) {
-            fail(kTask, name(), f.what());
-        }
-        control->settings = settings();
-        control->attach(control->look(problem_));
-        control->sense();
-        control_ = std::move(control);
-        const auto dot = name().find('.');
-        cycle_ = sorm().get("cycle." + (dot == std::string::npos ? name() : name().substr(dot + 1)));
-        try {
-            std::vector<std::string> words{"-period", sorma::numberText(interval_), "-priority", std::to_string(priority_), "-steps", name()};
-            if (labTime_) words.insert(words.end(), {"-clock", prefix_.use(*this) + "lab.clock", "-watchdog", sorma::numberText(kLabWatchdog)});
-            configureCycle(std::move(words));
-            configureCycle({"-start"});
-        } catch (const sorma::Error& e) {
-            control_.reset();
-            cycle_ = {};
-            fail(kTask, name(), e.what());
-        }
-        sorm().loop().watch(control_->bell(), [this] { ended(); });
-        watch();
-    }
-
-    void halt() {
-        if (!control_) return;
-        timer_ = {};
-        if (sorm().hasLoop()) sorm().loop().unwatch(control_->bell());
-        try {
-            configureCycle({"-stop"});
-        } catch (const sorma::Error&) {         // it has stopped by itself
-        }
-        cycle_ = {};
-        control_.reset();
-    }
-
-    // Is the other side there? When it has come back, this finds it.
-    bool heard() {
-        bool attached;
-        {
-            Held held(*this);
-            attached = control_->attached();
-            if (attached && control_->heard()) return true;
-        }
-        if (attached) {
-            problem_ = "the process that wrote " + prefix_.get(sorma::Permit::owner()) + "hand.state has ended";
-            return false;
-        }
-        auto reader = control_->look(problem_);
-        Held held(*this);
-        control_->attach(std::move(reader));
-        if (!control_->attached()) return false;
-        control_->sense();
-        return control_->heard();
-    }
+    Control& control() const { return *task_.control(); }
 
     void needHardware() {
-        // Without the other side's time there would be no ticks.
-        if (!control_) {
-            Control probe(prefix_.use(*this));
-            probe.attach(probe.look(problem_));
-            if (!probe.attached()) fail(kHardware, name(), problem_);
-        }
-        run();
-        if (!heard()) fail(kHardware, name(), problem_);
+        if (task_.control()) task_.needOtherSide();
+        else task_.start({prefix_.use(*this), interval_, priority_, labTime_, settings()});
     }
 
     // From time to time: is the other side still there, does the control task run?
-    void watch() {
-        timer_ = sorm().loop().after(sorma::monotonicNow() + kLook, [this] { watch(); });
-        bool there;
-        try {
-            there = heard();
-        } catch (const sorma::Error&) {         // a step of another object hangs: try again later
-            return;
-        }
+    void watched(bool there) {
         const bool runs = realtimeOwner() != nullptr;
         if (runs && (there || !job_)) return;
         // A task that takes its time from the other side ends with it: then that is the reason.
-        if (auto job = there ? nullptr : std::exchange(job_, nullptr)) job->reply.fail(error(kSilent, name(), "EXEC " + job->what, problem_));
-        failAll(there ? error(kTask, name(), "it has ended; see " + cycle_->name() + " CTRL -dump") : error(kHardware, name(), problem_));
-        halt();                                 // the next request begins again
+        if (auto job = there ? nullptr : std::exchange(job_, nullptr)) job->reply.fail(error(kSilent, name(), "EXEC " + job->what, task_.problem()));
+        failAll(task_.whyEnded(there));
+        task_.halt();                           // the next request begins again
     }
 
     // ---- what others see ----
@@ -716,17 +533,17 @@ private:
         const bool inWords = !m.words.empty();
         needHardware();
         Held held(*this);
-        if (!job_) control_->sense();
+        if (!job_) control().sense();
         m.clear();
-        const State& s = control_->state();
-        m.floats.assign(control_->felt().begin(), control_->felt().end());
-        const Targets tips = tipsOf(control_->settings.geometry, s.angles());
+        const State& s = control().state();
+        m.floats.assign(control().felt().begin(), control().felt().end());
+        const Targets tips = tipsOf(control().settings.geometry, s.angles());
         m.floats.insert(m.floats.end(), tips.begin(), tips.end());
         m.floats.insert(m.floats.end(), s.joints.begin(), s.joints.end());
-        m.ints = {job_ != nullptr, control_->holds()};
+        m.ints = {job_ != nullptr, control().holds()};
         if (!inWords) return;
-        m.text = job_ ? "moved by EXEC " + job_->what + " for " + job_->caller : control_->holds() ? "holds something" : "free";
-        m.text += "\nforces " + text(control_->felt()) + " N";
+        m.text = job_ ? "moved by EXEC " + job_->what + " for " + job_->caller : control().holds() ? "holds something" : "free";
+        m.text += "\nforces " + text(control().felt()) + " N";
         for (std::size_t f = 0; f < kFingers; ++f)
             m.text += "\nfinger " + std::to_string(f + 1) + " " + text(anglesOf(s.angles(), f)) + " rad, its tip at " + text(anglesOf(tips, f)) + " m";
         if (!queue_.empty()) m.text += "\nwaiting " + std::to_string(queue_.size());
@@ -758,13 +575,10 @@ private:
     std::vector<double> lower_{-0.262, -0.6, 0}, upper_{0.262, 1.4, 1.4}, bases_{0.040, -0.110}, links_{0.055, 0.035, 0.030};
     sorma::Reference speaker_;
 
-    std::map<std::string, Targets> postures_;
-    std::unique_ptr<Control> control_;      // while the control task runs
-    sorma::Reference cycle_;
+    Postures postures_;
+    Task task_{*this, [this] { ended(); }, [this](bool there) { watched(there); }};
     JobPointer job_;                        // under way
     std::deque<JobPointer> queue_;
-    std::string problem_;                   // with the other side
-    sorma::Timer timer_;
 };
 
 }  // namespace
