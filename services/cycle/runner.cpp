@@ -39,7 +39,6 @@ constexpr std::int64_t kPatience = 1'000'000'000;       // [ns] with a tick that
 constexpr std::int64_t kLeastReserve = 30'000;          // [ns]
 constexpr std::int64_t kTolerance = 1'000;              // [ns] of a clock whose times are sums of floats
 constexpr int kMostPassed = 5;                          // gaps; then a request is done though the next tick may be late
-constexpr std::size_t kUsualLength = 64;                // of the parts of a message, when an object does not say
 constexpr std::size_t kStack = 128 * 1024;              // touched before the first tick
 constexpr std::size_t kInAction = SIZE_MAX;             // at_: in the safe action at the end of a tick
 
@@ -77,16 +76,6 @@ Abandoned& abandonedOnes() {
 }
 
 }  // namespace
-
-void Step::reserve() {
-    std::size_t floats = kUsualLength;
-    for (auto& pin : object->pins())
-        if (pin.length != sorma::Pin::kOpen) floats = std::max(floats, pin.at + pin.length);
-    message.floats.reserve(floats);
-    message.ints.reserve(kUsualLength);
-    message.text.reserve(std::max(request.text.size(), kUsualLength));
-    message.any.reserve(std::max(request.any.size(), kUsualLength));
-}
 
 // The turn, for something of the runner's own: the plan is not the safe action's meanwhile.
 struct Runner::Held {
@@ -164,26 +153,11 @@ void Runner::admit(Plan& plan) {
         } catch (const sorma::Error&) {     // it is reached as any request is: through the SORM
         }
     }
-    findNearAction(plan);
+    plan.findNearAction(plan.onFault && executes(*plan.onFault));
 }
 
 bool Runner::executes(const Step& action) const {
     return action.method == sorma::Method::exec && action.object->realtimeOwner() == this;
-}
-
-void Runner::findNearAction(Plan& plan) const {
-    plan.nearAction.clear();
-    if (plan.onFault && executes(*plan.onFault)) sorma::addTree(*plan.onFault->object, plan.nearAction);
-    Objects far;
-    auto visit = [&](auto& self, Service& object) -> bool {
-        if (plan.nearAction.count(&object)) return true;
-        if (!far.insert(&object).second) return false;
-        bool near = false;
-        for (auto& part : object.parts()) near |= self(self, *part);
-        if (near) plan.nearAction.insert(&object);
-        return near;
-    };
-    for (auto& step : plan.steps) step.nearAction = !plan.nearAction.empty() && visit(visit, *step.object);
 }
 
 void Runner::keepOnly(const Objects& wanted) {
@@ -198,7 +172,7 @@ void Runner::keepOnly(const Objects& wanted) {
 void Runner::partsChanged() noexcept {
     try {
         Held held(*this);
-        findNearAction(plan_);
+        plan_.findNearAction(plan_.onFault && executes(*plan_.onFault));
     } catch (...) {                         // a step hangs, and will not run again
     }
     Objects wanted;
