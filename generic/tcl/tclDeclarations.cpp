@@ -139,6 +139,62 @@ Danger danger(Tcl_Obj* command, const std::string& word, Tcl_Obj* value) {
     return out;
 }
 
+// Take a word after the type, such as -unit m/s.
+void takeFact(Tcl_Obj* command, Tcl_Obj* key, Tcl_Obj* value, OptionDeclaration& d) {
+    Option& o = d.option;
+    std::string_view word = view(key);
+    if (word == "-unit") {
+        o.spec.unit = toUtf8(value);
+    } else if (word == "-help") {
+        o.spec.help = toUtf8(value);
+    } else if (word == "-fixed") {
+        o.spec.fixed = toBoolean(value);
+    } else if (word == "-measured") {
+        d.measured = toBoolean(value);
+    } else if (word == "-choices") {
+        o.choices = listStrings(value);
+    } else if (word == "-length") {
+        Count n = count(command, value);
+        o.spec.minLength = n.low;
+        o.spec.maxLength = n.high;
+    } else if (word == "-range" || word == "-warn" || word == "-alarm") {
+        auto ends = listElements(value);
+        if (ends.size() != 2) bad(command, o.name + ": " + toUtf8(key) + " must be {low high}");
+        Limits l{bound(ends[0], -kInfinity), bound(ends[1], kInfinity)};
+        if (word == "-range") o.spec.low = l.low, o.spec.high = l.high;
+        else (word == "-warn" ? o.spec.warn : o.spec.alarm) = l;
+    } else if (word == "-kind") {
+        if (!fromText(view(value), o.spec.kind))
+            bad(command, o.name + ": bad kind \"" + toUtf8(value) + "\": must be " + oneOf({"colour", "file", "folder", "program", "segment", "time"}));
+    } else if (word == "-danger") {
+        o.spec.danger = danger(command, o.name, value);
+    } else if (word == "-names") {
+        o.spec.names = listStrings(value);
+    } else if (word == "-group") {
+        o.spec.group = toUtf8(value);
+    } else if (word == "-expert") {
+        o.spec.expert = toBoolean(value);
+    } else if (word == "-secret") {
+        o.spec.secret = toBoolean(value);
+    } else {
+        bad(command, "unknown word " + nearAndOneOf(key, {"-alarm", "-choices", "-danger", "-default", "-expert", "-fixed", "-group", "-help", "-kind", "-length", "-measured", "-names", "-range",
+                                "-secret", "-unit", "-warn"}));
+    }
+}
+
+// The default of an option that declares none: nothing, or the number nearest to 0.
+Value usualDefault(const Option& o) {
+    const double nearest = std::clamp(0.0, o.spec.low, o.spec.high);
+    switch (o.type) {
+        case Type::flag: return false;
+        case Type::integer: return std::int64_t(nearest);
+        case Type::real: return nearest;
+        case Type::choice: return o.choices[0];
+        case Type::vector: return std::vector<double>(o.spec.minLength, nearest);
+        default: return std::string();
+    }
+}
+
 int OptionObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     return guarded(i, objc, objv, [&] {
@@ -158,64 +214,13 @@ int OptionObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
             bad(objv[0], "bad type " + nearAndOneOf(objv[2], {"double", "enum", "flag", "int", "service", "string", "vector"}));
         Tcl_Obj* initial = nullptr;
         for (int k = 3; k < objc; k += 2) {
-            std::string_view word = view(objv[k]);
-            Tcl_Obj* value = objv[k + 1];
-            if (word == "-unit") {
-                o.spec.unit = toUtf8(value);
-            } else if (word == "-help") {
-                o.spec.help = toUtf8(value);
-            } else if (word == "-fixed") {
-                o.spec.fixed = toBoolean(value);
-            } else if (word == "-measured") {
-                d.measured = toBoolean(value);
-            } else if (word == "-choices") {
-                o.choices = listStrings(value);
-            } else if (word == "-default") {
-                initial = value;
-            } else if (word == "-length") {
-                Count n = count(objv[0], value);
-                o.spec.minLength = n.low;
-                o.spec.maxLength = n.high;
-            } else if (word == "-range" || word == "-warn" || word == "-alarm") {
-                auto ends = listElements(value);
-                if (ends.size() != 2) bad(objv[0], o.name + ": " + toUtf8(objv[k]) + " must be {low high}");
-                Limits l{bound(ends[0], -kInfinity), bound(ends[1], kInfinity)};
-                if (word == "-range") o.spec.low = l.low, o.spec.high = l.high;
-                else (word == "-warn" ? o.spec.warn : o.spec.alarm) = l;
-            } else if (word == "-kind") {
-                if (!fromText(view(value), o.spec.kind))
-                    bad(objv[0], o.name + ": bad kind \"" + toUtf8(value) + "\": must be " + oneOf({"colour", "file", "folder", "program", "segment", "time"}));
-            } else if (word == "-danger") {
-                o.spec.danger = danger(objv[0], o.name, value);
-            } else if (word == "-names") {
-                o.spec.names = listStrings(value);
-            } else if (word == "-group") {
-                o.spec.group = toUtf8(value);
-            } else if (word == "-expert") {
-                o.spec.expert = toBoolean(value);
-            } else if (word == "-secret") {
-                o.spec.secret = toBoolean(value);
-            } else {
-                bad(objv[0], "unknown word " + nearAndOneOf(objv[k], {"-alarm", "-choices", "-danger", "-default", "-expert", "-fixed", "-group", "-help", "-kind", "-length", "-measured", "-names", "-range",
-                                        "-secret", "-unit", "-warn"}));
-            }
+            if (view(objv[k]) == "-default") initial = objv[k + 1];
+            else takeFact(objv[0], objv[k], objv[k + 1], d);
         }
         if (o.type == Type::choice && o.choices.empty()) bad(objv[0], o.name + ": an enum needs -choices");
         if (auto m = o.misfit(); !m.empty()) bad(objv[0], o.name + ' ' + m);
         if (d.measured && o.type == Type::service) bad(objv[0], o.name + " of type service cannot be measured");
-        if (initial) {
-            d.initial = o.parse(c.service, toUtf8(initial));
-        } else {
-            double nearest = std::clamp(0.0, o.spec.low, o.spec.high);
-            switch (o.type) {
-                case Type::flag: d.initial = false; break;
-                case Type::integer: d.initial = std::int64_t(nearest); break;
-                case Type::real: d.initial = nearest; break;
-                case Type::choice: d.initial = o.choices[0]; break;
-                case Type::vector: d.initial = std::vector<double>(o.spec.minLength, nearest); break;
-                default: d.initial = std::string();
-            }
-        }
+        d.initial = initial ? o.parse(c.service, toUtf8(initial)) : usualDefault(o);
         c.options.push_back(std::move(d));
         declared(i, c);
         return TCL_OK;
