@@ -169,8 +169,6 @@ proc ::sorma::line::EndsInBackslash text {
 
 # One word that begins at a place: a dict of to, value and quote; or the context, when the text ends in it.
 proc ::sorma::line::Word {text at words kind outer open} {
-    variable Name
-    set end [string length $text]
     set c [string index $text $at]
     set before [Values $words]
     set here [dict create words $before outer $outer open $open]
@@ -191,9 +189,15 @@ proc ::sorma::line::Word {text at words kind outer open} {
         }
         return [dict create value [string range $text $at+1 $close-1] to [expr {$close + 1}] quote ']
     }
+    return [Substituted $text $at $kind $here]
+}
+
+# The same for a word without braces, or in "...". What is substituted in it stays as it is written.
+proc ::sorma::line::Substituted {text at kind here} {
+    set end [string length $text]
     set quote {}
-    if {$c eq "\""} {
-        set quote $c
+    if {[string index $text $at] eq "\""} {
+        set quote \"
         incr at
     }
     set from $at
@@ -215,7 +219,7 @@ proc ::sorma::line::Word {text at words kind outer open} {
         switch -- $c {
             \\ {
                 if {$at + 1 == $end} {
-                    if {$open eq {} && $quote eq {}} {
+                    if {[dict get $here open] eq {} && $quote eq {}} {
                         dict set here open \\
                     }
                     append value \\
