@@ -10,9 +10,8 @@ struct Seen {
     }
 };
 
-}  // namespace
-
-Sight explain(const Rules& rules, const Position& p, std::string_view text, char white, char black) {
+// The dark squares of a picture.   strays: gets the light ones on which pieces stand.
+Seen readBoard(const Rules& rules, std::string_view text, char white, char black, std::string& strays) {
     std::string board;
     for (char c : text)
         if (c != '\n' && c != ' ') board += c;
@@ -20,9 +19,6 @@ Sight explain(const Rules& rules, const Position& p, std::string_view text, char
     if (board.size() != wanted)
         throw Bad("SIGHT", "expected " + std::to_string(wanted) + " characters, row by row from Black's side, got " + std::to_string(board.size()));
     Seen seen;
-    Sight out;
-    auto name = [&](int s) { return squareName(rules, s) + " (" + std::to_string(s) + ")"; };
-    std::string strays;
     for (int row = 0; row < rules.width; ++row)
         for (int column = 0; column < rules.width; ++column) {
             char c = board[std::size_t(row * rules.width + column)];
@@ -38,17 +34,12 @@ Sight explain(const Rules& rules, const Position& p, std::string_view text, char
             else if (c == black) seen.black |= b;
             else if (c == '?') seen.unknown |= b;
         }
-    if (!strays.empty()) {
-        out.wrong = "a piece stands on " + strays + ", where no piece may stand: only the dark squares are played on";
-        return out;
-    }
-    out.unchanged = seen.fits(p);
-    MoveList list;
-    generate(rules, p, list);
-    for (auto& m : list)
-        if (seen.fits(after(rules, p, m))) out.moves.push_back(m);
-    if (!out.moves.empty() || out.unchanged) return out;
+    return seen;
+}
 
+// Why no legal move leads from a position to what is seen.   list: the legal moves.
+std::string whyNoMove(const Rules& rules, const Position& p, const Seen& seen, const MoveList& list) {
+    auto name = [&](int s) { return squareName(rules, s) + " (" + std::to_string(s) + ")"; };
     // The squares that have changed, for each colour.
     std::vector<int> left, come, taken, others;
     for (int s = 1; s <= rules.squares(); ++s) {
@@ -68,35 +59,49 @@ Sight explain(const Rules& rules, const Position& p, std::string_view text, char
         for (int s : squares) all += (all.empty() ? "" : ", ") + name(s);
         return all;
     };
-    if (!others.empty()) out.wrong = std::string("a piece of ") + opponent + " has come to " + names(others) + ", but " + opponent + " is not to move";
-    else if (left.size() > 1) out.wrong = "more than one piece has left its place: " + names(left);
-    else if (come.size() > 1) out.wrong = "more pieces have come than one: to " + names(come);
-    else if (left.size() == 1 && come.empty()) {
+    if (!others.empty()) return std::string("a piece of ") + opponent + " has come to " + names(others) + ", but " + opponent + " is not to move";
+    if (left.size() > 1) return "more than one piece has left its place: " + names(left);
+    if (come.size() > 1) return "more pieces have come than one: to " + names(come);
+    if (left.size() == 1 && come.empty()) {
         Bits from = bitOf(rules, left[0]);
         // A king may end its capture where it began, and then it has not left.
-        out.wrong = (p.kings & from ? "the king on " : "the man on ") + name(left[0]) + " has gone, and stands nowhere else";
-    } else if (left.empty() && come.size() == 1) out.wrong = "a piece too many has come to " + name(come[0]);
-    else if (left.empty()) out.wrong = std::string("pieces of ") + opponent + " have gone from " + names(taken) + ", but no piece has captured them";
-    else {
-        // One piece has moved: with the right victims the move would be legal, or there is a reason why not.
-        const Move* same = nullptr;
-        for (auto& m : list)
-            if (squareOf(rules, m.from) == left[0] && squareOf(rules, m.to) == come[0]) same = &m;
-        if (!same) {
-            out.wrong = whyNot(rules, p, left[0], come[0]);
-        } else {
-            std::vector<int> still, much;
-            for (int s = 1; s <= rules.squares(); ++s) {
-                Bits b = bitOf(rules, s);
-                bool gone = false;
-                for (int t : taken) gone = gone || t == s;
-                if ((same->captured & b) && !gone && !(seen.unknown & b)) still.push_back(s);
-                if (!(same->captured & b) && gone) much.push_back(s);
-            }
-            if (!still.empty()) out.wrong = "move " + pdnMove(rules, p, *same) + " captures " + names(still) + ", which still stands there";
-            else out.wrong = "move " + pdnMove(rules, p, *same) + " does not capture " + names(much) + ", which has gone";
-        }
+        return (p.kings & from ? "the king on " : "the man on ") + name(left[0]) + " has gone, and stands nowhere else";
     }
+    if (left.empty() && come.size() == 1) return "a piece too many has come to " + name(come[0]);
+    if (left.empty()) return std::string("pieces of ") + opponent + " have gone from " + names(taken) + ", but no piece has captured them";
+    // One piece has moved: with the right victims the move would be legal, or there is a reason why not.
+    const Move* same = nullptr;
+    for (auto& m : list)
+        if (squareOf(rules, m.from) == left[0] && squareOf(rules, m.to) == come[0]) same = &m;
+    if (!same) return whyNot(rules, p, left[0], come[0]);
+    std::vector<int> still, much;
+    for (int s = 1; s <= rules.squares(); ++s) {
+        Bits b = bitOf(rules, s);
+        bool gone = false;
+        for (int t : taken) gone = gone || t == s;
+        if ((same->captured & b) && !gone && !(seen.unknown & b)) still.push_back(s);
+        if (!(same->captured & b) && gone) much.push_back(s);
+    }
+    if (!still.empty()) return "move " + pdnMove(rules, p, *same) + " captures " + names(still) + ", which still stands there";
+    return "move " + pdnMove(rules, p, *same) + " does not capture " + names(much) + ", which has gone";
+}
+
+}  // namespace
+
+Sight explain(const Rules& rules, const Position& p, std::string_view text, char white, char black) {
+    std::string strays;
+    const Seen seen = readBoard(rules, text, white, black, strays);
+    Sight out;
+    if (!strays.empty()) {
+        out.wrong = "a piece stands on " + strays + ", where no piece may stand: only the dark squares are played on";
+        return out;
+    }
+    out.unchanged = seen.fits(p);
+    MoveList list;
+    generate(rules, p, list);
+    for (auto& m : list)
+        if (seen.fits(after(rules, p, m))) out.moves.push_back(m);
+    if (out.moves.empty() && !out.unchanged) out.wrong = whyNoMove(rules, p, seen, list);
     return out;
 }
 
