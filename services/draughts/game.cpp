@@ -134,39 +134,102 @@ std::string Game::toPdn() const {
     return out + line + "\n";
 }
 
-Game Game::fromPdn(const Rules& rules, std::string_view text) {
-    std::size_t at = 0;
-    auto fail = [&](std::size_t where, const std::string& what) -> Bad {
-        auto line = 1 + std::count(text.begin(), text.begin() + std::ptrdiff_t(std::min(where, text.size())), '\n');
-        return Bad("PDN", "line " + std::to_string(line) + ": " + what);
-    };
-    auto blank = [](char c) { return c == ' ' || c == '\n' || c == '\t' || c == '\r'; };
-    auto blanks = [&] {
-        while (at < text.size() && blank(text[at])) ++at;
-    };
-    std::map<std::string, std::string> tags;
-    for (blanks(); at < text.size() && (text[at] == '[' || text[at] == ';' || text[at] == '%'); blanks()) {
-        if (text[at] != '[') {
-            at = std::min(text.find('\n', at), text.size());
-            continue;
+namespace {
+
+// Takes a game's text apart: first the tags, then the words of its moves.
+class PdnText {
+public:
+    explicit PdnText(std::string_view text) : text_(text) {}
+
+    std::map<std::string, std::string> tags() {
+        std::map<std::string, std::string> tags;
+        for (skipBlanks(); !over() && (text_[at_] == '[' || text_[at_] == ';' || text_[at_] == '%'); skipBlanks()) {
+            if (text_[at_] != '[') {
+                skipLine();
+                continue;
+            }
+            begin_ = at_++;
+            skipBlanks();
+            std::size_t name = at_;
+            while (!over() && !isBlank(text_[at_]) && text_[at_] != '"' && text_[at_] != ']') ++at_;
+            std::string tag(text_.substr(name, at_ - name)), value;
+            skipBlanks();
+            if (tag.empty() || over() || text_[at_] != '"') throw wrong("expected a tag such as [White \"name\"]");
+            for (++at_; !over() && text_[at_] != '"'; ++at_) {
+                if (text_[at_] == '\\' && at_ + 1 < text_.size()) ++at_;
+                value += text_[at_];
+            }
+            ++at_;
+            skipBlanks();
+            if (over() || text_[at_] != ']') throw wrong("tag " + tag + " has no end: expected \"]");
+            ++at_;
+            tags[tag] = value;
         }
-        std::size_t begin = at++;
-        blanks();
-        std::size_t name = at;
-        while (at < text.size() && !blank(text[at]) && text[at] != '"' && text[at] != ']') ++at;
-        std::string tag(text.substr(name, at - name)), value;
-        blanks();
-        if (tag.empty() || at >= text.size() || text[at] != '"') throw fail(begin, "expected a tag such as [White \"name\"]");
-        for (++at; at < text.size() && text[at] != '"'; ++at) {
-            if (text[at] == '\\' && at + 1 < text.size()) ++at;
-            value += text[at];
-        }
-        ++at;
-        blanks();
-        if (at >= text.size() || text[at] != ']') throw fail(begin, "tag " + tag + " has no end: expected \"]");
-        ++at;
-        tags[tag] = value;
+        return tags;
     }
+
+    // The next word that is neither in a comment nor in a variation. False: the game's text is over.
+    bool next(std::string_view& word) {
+        for (skipBlanks(); !over(); skipBlanks()) {
+            begin_ = at_;
+            char c = text_[at_];
+            if (c == '{') {
+                at_ = text_.find('}', at_);
+                if (at_ == text_.npos) throw wrong("a comment has no end: expected a closing brace");
+                ++at_;
+            } else if (c == ';' || (c == '%' && (at_ == 0 || text_[at_ - 1] == '\n'))) {
+                skipLine();
+            } else if (c == '(' || c == ')') {
+                depth_ += c == '(' ? 1 : -1;
+                if (depth_ < 0) throw wrong("a variation ends that has not begun");
+                ++at_;
+            } else if (c == '[' && !depth_) {
+                return false;               // the next game
+            } else {
+                while (!over() && !isBlank(text_[at_]) && std::string_view("{}();[").find(text_[at_]) == text_.npos) ++at_;
+                if (at_ == begin_) throw wrong(std::string("unexpected \"") + c + "\"");
+                word = text_.substr(begin_, at_ - begin_);
+                if (!depth_ && word[0] != '$') return true;
+            }
+        }
+        begin_ = text_.size();
+        if (depth_) throw wrong("a variation has no end: expected )");
+        return false;
+    }
+
+    // With the line of the tag or word that was read last.
+    Bad wrong(const std::string& what) const {
+        auto line = 1 + std::count(text_.begin(), text_.begin() + std::ptrdiff_t(std::min(begin_, text_.size())), '\n');
+        return Bad("PDN", "line " + std::to_string(line) + ": " + what);
+    }
+
+private:
+    static bool isBlank(char c) { return c == ' ' || c == '\n' || c == '\t' || c == '\r'; }
+    bool over() const { return at_ >= text_.size(); }
+    void skipBlanks() {
+        while (!over() && isBlank(text_[at_])) ++at_;
+    }
+    void skipLine() { at_ = std::min(text_.find('\n', at_), text_.size()); }
+
+    std::string_view text_;
+    std::size_t at_ = 0, begin_ = 0;
+    int depth_ = 0;                         // of variations
+};
+
+// "12." and "12..." may be tied to a move, and marks may follow it.
+std::string_view moveIn(std::string_view word) {
+    std::size_t digits = 0;
+    while (digits < word.size() && word[digits] >= '0' && word[digits] <= '9') ++digits;
+    if (digits < word.size() && word[digits] == '.') word = word.substr(std::min(word.find_first_not_of('.', digits), word.size()));
+    while (!word.empty() && (word.back() == '!' || word.back() == '?' || word.back() == '*')) word.remove_suffix(1);
+    return word;
+}
+
+}  // namespace
+
+Game Game::fromPdn(const Rules& rules, std::string_view text) {
+    PdnText reader(text);
+    auto tags = reader.tags();
     if (auto type = tags.find("GameType"); type != tags.end()) {
         int n = 0;
         std::from_chars(type->second.data(), type->second.data() + type->second.size(), n);
@@ -177,53 +240,21 @@ Game Game::fromPdn(const Rules& rules, std::string_view text) {
     Game game(rules);
     if (auto fen = tags.find("FEN"); fen != tags.end()) game = Game(rules, parseFen(rules, fen->second));
     std::string result = "*";
-    int depth = 0;
-    for (blanks(); at < text.size(); blanks()) {
-        std::size_t begin = at;
-        char c = text[at];
-        if (c == '{') {
-            at = text.find('}', at);
-            if (at == text.npos) throw fail(begin, "a comment has no end: expected a closing brace");
-            ++at;
-            continue;
-        }
-        if (c == ';' || (c == '%' && (at == 0 || text[at - 1] == '\n'))) {
-            at = std::min(text.find('\n', at), text.size());
-            continue;
-        }
-        if (c == '(' || c == ')') {
-            depth += c == '(' ? 1 : -1;
-            if (depth < 0) throw fail(begin, "a variation ends that has not begun");
-            ++at;
-            continue;
-        }
-        if (c == '[' && !depth) break;      // the next game
-        while (at < text.size() && !blank(text[at]) && std::string_view("{}();[").find(text[at]) == text.npos) ++at;
-        if (at == begin) throw fail(begin, std::string("unexpected \"") + c + "\"");
-        std::string_view word = text.substr(begin, at - begin);
-        if (depth || word[0] == '$') continue;
+    for (std::string_view word; reader.next(word);) {
         bool ends = false;
         for (const char* r : {"1-0", "0-1", "1/2-1/2", "2-0", "0-2", "1-1", "0-0", "*"}) ends = ends || word == r;
         if (ends) {
             result = word == "2-0" ? "1-0" : word == "0-2" ? "0-1" : word == "1-1" || word == "0-0" ? "1/2-1/2" : std::string(word);
             break;
         }
-        // "12." and "12..." may be tied to the move.
-        std::size_t digits = 0;
-        while (digits < word.size() && word[digits] >= '0' && word[digits] <= '9') ++digits;
-        if (digits < word.size() && word[digits] == '.') {
-            word = word.substr(std::min(word.find_first_not_of('.', digits), word.size()));
-            if (word.empty()) continue;
-        }
-        while (!word.empty() && (word.back() == '!' || word.back() == '?' || word.back() == '*')) word.remove_suffix(1);
+        word = moveIn(word);
         if (word.empty()) continue;
         try {
             game.play(parseMove(rules, game.position(), word));
         } catch (const Bad& e) {
-            throw fail(begin, std::string(e.what()) + ", after " + std::to_string(game.moves().size()) + " moves");
+            throw reader.wrong(std::string(e.what()) + ", after " + std::to_string(game.moves().size()) + " moves");
         }
     }
-    if (depth) throw fail(text.size(), "a variation has no end: expected )");
     for (const char* own : {"Result", "GameType", "SetUp", "FEN"}) tags.erase(own);
     game.tags = std::move(tags);
     game.result = result;
