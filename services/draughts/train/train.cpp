@@ -134,21 +134,25 @@ template <const Rules& R> struct Model {
 
 float logistic(float x) { return 1 / (1 + std::exp(-x)); }
 
-template <const Rules& R> int fit(const char* file, const char* how) {
-    FILE* in = std::fopen(file, "rb");
-    if (!in) return std::perror(file), 1;
+// Empty: they cannot be read, as has been told. In random order.
+std::vector<Sample> readSamples(const char* file) {
     std::vector<Sample> samples;
+    FILE* in = std::fopen(file, "rb");
+    if (!in) return std::perror(file), samples;
     Sample s;
     while (std::fread(&s, sizeof s, 1, in) == 1) samples.push_back(s);
     std::fclose(in);
-    if (samples.empty()) return std::fprintf(stderr, "%s holds no positions: expected what train play writes\n", file), 1;
+    if (samples.empty()) std::fprintf(stderr, "%s holds no positions: expected what train play writes\n", file);
     std::mt19937_64 random(1);
     std::shuffle(samples.begin(), samples.end(), random);
-    std::size_t test = samples.size() / 20;
+    return samples;
+}
 
-    // How well the searches of the old player foretold the results: how much a man was worth to him.
-    auto scoreOf = [](const Sample& a) { return float(std::int16_t(a.rest >> 48)) / 100; };
-    auto resultOf = [](const Sample& a) { return a.rest >> 1 & kUnknown; };
+float scoreOf(const Sample& a) { return float(std::int16_t(a.rest >> 48)) / 100; }
+auto resultOf(const Sample& a) { return a.rest >> 1 & kUnknown; }
+
+// How well the searches of the old player foretold the results: how much a man was worth to him.
+float worthOfMan(const std::vector<Sample>& samples) {
     float slope = 1;
     for (int step = 0; step < 20; ++step) {
         double up = 0, down = 0;
@@ -161,10 +165,13 @@ template <const Rules& R> int fit(const char* file, const char* how) {
         slope += float(up / (down + 1));
     }
     std::fprintf(stderr, "%zu positions; one man was %.3f\n", samples.size(), slope);
+    return slope;
+}
 
-    // The search's own score has less noise than the result; the result knows what the search does not. Three to one: measured.
+// The search's own score has less noise than the result; the result knows what the search does not. Three to one: measured.
+template <const Rules& R> void learn(Model<R>& m, const std::vector<Sample>& samples, float slope) {
+    const std::size_t test = samples.size() / 20;           // these are not learnt, but show how good the others make it
     const float kResult = 0.25f, kPull = 2e-4f;
-    Model<R> m;
     const int kEpochs = 12;
     for (int epoch = 0; epoch < kEpochs; ++epoch) {
         double loss = 0, tested = 0;
@@ -192,6 +199,10 @@ template <const Rules& R> int fit(const char* file, const char* how) {
         std::fprintf(stderr, "epoch %d: loss %.5f, of unseen positions %.5f\n", epoch + 1, loss / double(samples.size() - test),
                      tested / double(test));
     }
+}
+
+// Print the weights as evaluate.cpp reads them. Returns the weight of a man.
+template <const Rules& R> float printWeights(const Model<R>& m) {
     using L = Fields<R>;
     // A man is 100 points, half way through the game.
     float man = (m.weight[2 * men] + m.weight[2 * men + 1]) / 2, scale = 100 / man;
@@ -229,7 +240,17 @@ template <const Rules& R> int fit(const char* file, const char* how) {
         put(text + char('O' + points));
     }
     flush();
-    std::printf("\n)weights\"\n// %s: %zu positions. %s One man: %.2f of the logarithm of the odds.\n", R.name, samples.size(), how, man);
+    std::printf("\n)weights\"\n");
+    return man;
+}
+
+template <const Rules& R> int fit(const char* file, const char* how) {
+    const std::vector<Sample> samples = readSamples(file);
+    if (samples.empty()) return 1;
+    Model<R> m;
+    learn(m, samples, worthOfMan(samples));
+    const float man = printWeights(m);
+    std::printf("// %s: %zu positions. %s One man: %.2f of the logarithm of the odds.\n", R.name, samples.size(), how, man);
     return 0;
 }
 
@@ -238,6 +259,55 @@ struct Player {
     SearchSettings settings;
     Transpositions table{16 << 20};
 };
+
+// A position after some random moves, that is fair.
+template <const Rules& R> Position opening(std::mt19937_64& random) {
+    Player judge;
+    judge.limits.nodes = 30000;
+    for (;;) {
+        Position p = startPosition(R);
+        MoveList list;
+        for (int ply = 0; ply < (R.width == 10 ? 10 : 8); ++ply) {
+            generate<R>(p, list);
+            if (!list.size()) break;
+            p = after<R>(p, list[int(random() % unsigned(list.size()))]);
+        }
+        generate<R>(p, list);
+        if (!list.size()) continue;
+        Search search(R, judge.table);
+        if (std::abs(search.run({p}, judge.limits, judge.settings).score) < 40) return p;
+    }
+}
+
+// Half points of the first player.   first: the colour that he has;   endgames: null: without.
+template <const Rules& R> int game(Player (&players)[2], const Endgames* endgames, Position p, Side first) {
+    std::vector<Position> since{p};
+    for (auto& player : players) player.table.clear();
+    for (int ply = 0; ply < 400; ++ply) {
+        MoveList list;
+        generate<R>(p, list);
+        if (!list.size()) return p.side == first ? 0 : 2;
+        Outcome known;
+        if (endgames && endgames->find(p, known) && !canCapture<R>(p)) {
+            if (known.value == 0) return 1;
+            return (known.value > 0) == (p.side == first) ? 2 : 0;
+        }
+        Player& player = players[p.side == first ? 0 : 1];
+        Move m = list[0];
+        if (list.size() > 1) {
+            Search search(R, player.table);
+            m = search.run(since, player.limits, player.settings).line[0];
+        }
+        if (m.captured || !(p.kings >> m.from & 1)) since.clear();
+        p = after<R>(p, m);
+        if (std::count(since.begin(), since.end(), p) >= 2 || int(since.size()) >= 2 * R.draws.kingMoves) return 1;
+        // A flying king against three pieces or less, without the tables: drawn but for accidents.
+        if (R.width == 10 && p.kings && countOf(p.white) <= 3 && countOf(p.black) <= 3 && (p.kings & p.white) && (p.kings & p.black))
+            return 1;
+        since.push_back(p);
+    }
+    return 1;
+}
 
 // From openings of random moves that a search thinks level, each played with both colours.
 template <const Rules& R> int match(const char* a, const char* b, int games, unsigned seed) {
@@ -250,57 +320,11 @@ template <const Rules& R> int match(const char* a, const char* b, int games, uns
         players[i].limits.nodes = std::strtoull(text + (players[i].settings.plain != 0), nullptr, 10);
         if (!players[i].settings.plain) players[i].settings.endgames = endgames.get();
     }
-    auto opening = [&] {
-        Player judge;
-        judge.limits.nodes = 30000;
-        for (;;) {
-            Position p = startPosition(R);
-            MoveList list;
-            for (int ply = 0; ply < (R.width == 10 ? 10 : 8); ++ply) {
-                generate<R>(p, list);
-                if (!list.size()) break;
-                p = after<R>(p, list[int(random() % unsigned(list.size()))]);
-            }
-            generate<R>(p, list);
-            if (!list.size()) continue;
-            Search search(R, judge.table);
-            if (std::abs(search.run({p}, judge.limits, judge.settings).score) < 40) return p;
-        }
-    };
-    // Half points of the first player. first: the colour that he has.
-    auto game = [&](Position p, Side first) {
-        std::vector<Position> since{p};
-        for (auto& player : players) player.table.clear();
-        for (int ply = 0; ply < 400; ++ply) {
-            MoveList list;
-            generate<R>(p, list);
-            if (!list.size()) return p.side == first ? 0 : 2;
-            Outcome known;
-            if (endgames && endgames->find(p, known) && !canCapture<R>(p)) {
-                if (known.value == 0) return 1;
-                return (known.value > 0) == (p.side == first) ? 2 : 0;
-            }
-            Player& player = players[p.side == first ? 0 : 1];
-            Move m = list[0];
-            if (list.size() > 1) {
-                Search search(R, player.table);
-                m = search.run(since, player.limits, player.settings).line[0];
-            }
-            if (m.captured || !(p.kings >> m.from & 1)) since.clear();
-            p = after<R>(p, m);
-            if (std::count(since.begin(), since.end(), p) >= 2 || int(since.size()) >= 2 * R.draws.kingMoves) return 1;
-            // A flying king against three pieces or less, without the tables: drawn but for accidents.
-            if (R.width == 10 && p.kings && countOf(p.white) <= 3 && countOf(p.black) <= 3 && (p.kings & p.white) && (p.kings & p.black))
-                return 1;
-            since.push_back(p);
-        }
-        return 1;
-    };
     int points[3] = {};
     double sum = 0, squares = 0;
     for (int pair = 0; pair < games / 2; ++pair) {
-        Position p = opening();
-        int one = game(p, Side::white), two = game(p, Side::black);
+        Position p = opening<R>(random);
+        int one = game<R>(players, endgames.get(), p, Side::white), two = game<R>(players, endgames.get(), p, Side::black);
         ++points[one], ++points[two];
         double score = (one + two) / 4.0;
         sum += score, squares += score * score;
