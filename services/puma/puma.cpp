@@ -127,10 +127,37 @@ unsigned singularities(const Distances& d) {
     return kShoulder * (d.shoulder < 0.03) | kElbow * (d.elbow < 0.005) | kWrist * (d.wrist < kNearWrist);
 }
 
-void inverse(const Pose& pose, const Joints& posture, const Limits& limits, const Joints& weights, Solutions& out) {
+namespace {
+
+// The last three joints, without their whole turns.
+struct Wrist {
+    double q4, q5, q6, sine;
+    bool straight;                      // joints 4 and 6 turn about one axis: only their sum counts
+};
+
+// u, v, w: the axes of the forearm, from which the wrist turns to the flange.   q4: for a straight wrist.
+inline Wrist wristOf(const Vector3d& u, const Vector3d& v, const Vector3d& w, const Pose& pose, double q4) {
     const Vector3d n = pose.col(0), o = pose.col(1), a = pose.col(2);
-    const Vector3d wrist = wristCentre(pose);
-    const double x = wrist[0], y = wrist[1], z = wrist[2] - kD1;
+    const double q13 = u.dot(a), q23 = v.dot(a), q33 = w.dot(a), sine = std::sqrt(q13 * q13 + q23 * q23);
+    if (sine > kSame) [[likely]]
+        return {std::atan2(-q23, -q13), std::atan2(sine, q33), std::atan2(-w.dot(o), w.dot(n)), sine, false};
+    const double c4 = std::cos(q4), s4 = std::sin(q4), q11 = u.dot(n), q21 = v.dot(n), m11 = c4 * q11 + s4 * q21;
+    return {q4, q33 > 0 ? 0 : kPi, std::atan2(c4 * q21 - s4 * q11, q33 > 0 ? m11 : -m11), sine, true};
+}
+
+// Into the order, by distance.
+inline void enlist(Solutions& out, int i) {
+    int at = out.count++;
+    for (; at > 0 && out.distance[std::size_t(i)] < out.distance[std::size_t(out.order[std::size_t(at - 1)])]; --at)
+        out.order[std::size_t(at)] = out.order[std::size_t(at - 1)];
+    out.order[std::size_t(at)] = i;
+}
+
+}  // namespace
+
+void inverse(const Pose& pose, const Joints& posture, const Limits& limits, const Joints& weights, Solutions& out) {
+    const Vector3d centre = wristCentre(pose);
+    const double x = centre[0], y = centre[1], z = centre[2] - kD1;
     out.count = 0;
     out.within.fill(false);
 
@@ -179,37 +206,20 @@ void inverse(const Pose& pose, const Joints& posture, const Limits& limits, cons
             const double c = c2 * c3 - s2 * s3, h = s2 * c3 + c2 * s3;
             // The forearm's axes; the wrist turns from these to the flange.
             const Vector3d u(c1 * c, s1 * c, h), v(-s1, c1, 0), w(-c1 * h, -s1 * h, c);
-            const double q13 = u.dot(a), q23 = v.dot(a), q33 = w.dot(a);
-            const double sine = std::sqrt(q13 * q13 + q23 * q23);
-            const bool straight = sine <= kSame;
-            double q4, q5 = std::atan2(sine, q33), q6;
-            if (straight) [[unlikely]] {
-                q4 = posture[3];
-                double c4 = std::cos(q4), s4 = std::sin(q4), q11 = u.dot(n), q21 = v.dot(n), m11 = c4 * q11 + s4 * q21;
-                q5 = q33 > 0 ? 0 : kPi;
-                q6 = std::atan2(c4 * q21 - s4 * q11, q33 > 0 ? m11 : -m11);
-            } else {
-                q4 = std::atan2(-q23, -q13);
-                q6 = std::atan2(-w.dot(o), w.dot(n));
-            }
+            const Wrist wrist = wristOf(u, v, w, pose, posture[3]);
             for (int f = 0; f < 2; ++f) {
                 const int i = 4 * s + 2 * e + f;
-                const double turn = f && !straight ? kPi : 0;
-                bool within = arm && !(f && straight);
+                const double turn = f && !wrist.straight ? kPi : 0;
+                bool within = arm && !(f && wrist.straight);
                 auto& q = out.q[std::size_t(i)];
                 q[0] = first, q[1] = second, q[2] = third[e];
-                q[3] = shifted(q4 + turn, posture[3], limits.lower[3], limits.upper[3], within);
-                q[4] = shifted(f ? -q5 : q5, posture[4], limits.lower[4], limits.upper[4], within);
-                q[5] = shifted(q6 + turn, posture[5], limits.lower[5], limits.upper[5], within);
-                const double distance = ((q - posture).array().abs() * weights.array()).maxCoeff();
+                q[3] = shifted(wrist.q4 + turn, posture[3], limits.lower[3], limits.upper[3], within);
+                q[4] = shifted(f ? -wrist.q5 : wrist.q5, posture[4], limits.lower[4], limits.upper[4], within);
+                q[5] = shifted(wrist.q6 + turn, posture[5], limits.lower[5], limits.upper[5], within);
                 out.within[std::size_t(i)] = within;
-                out.near[std::size_t(i)] = nearArm | kWrist * (sine < kNearWrist);
-                out.distance[std::size_t(i)] = distance;
-                if (!within) continue;
-                int at = out.count++;
-                for (; at > 0 && distance < out.distance[std::size_t(out.order[std::size_t(at - 1)])]; --at)
-                    out.order[std::size_t(at)] = out.order[std::size_t(at - 1)];
-                out.order[std::size_t(at)] = i;
+                out.near[std::size_t(i)] = nearArm | kWrist * (wrist.sine < kNearWrist);
+                out.distance[std::size_t(i)] = ((q - posture).array().abs() * weights.array()).maxCoeff();
+                if (within) enlist(out, i);
             }
         }
     }
