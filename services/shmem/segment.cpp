@@ -273,6 +273,34 @@ struct Leaving {
 
 // ---- making and finding ----
 
+namespace {
+
+// After an error nothing stays of the file.
+void makePages(int fd, const std::string& key, const std::string& file, std::uint64_t bytes) {
+    if (ftruncate(fd, 0) != 0) failSystem("make", key, errno);
+    int error;
+    do error = posix_fallocate(fd, 0, off_t(bytes));
+    while (error == EINTR);
+    if (error == 0) return;
+    shm_unlink(file.c_str());
+    failSystem("make", key, error);
+}
+
+// All but the magic number, which says that the rest is there.
+void describe(Header& h, const Shape& shape) {
+    h.order = kOrder;
+    h.layout = kLayout;
+    h.size = segmentBytes(shape);
+    h.headerBytes = sizeof(Header);
+    h.blockBytes = shmem::blockBytes(shape);
+    h.blocks = shape.blocks;
+    h.floats = shape.floats;
+    h.any = shape.any;
+    h.created = wallMicroseconds();
+}
+
+}  // namespace
+
 std::shared_ptr<Segment> Segment::forWriting(const std::string& key, const Shape& shape, Access access, bool keep,
                                              const std::string& program) {
     const std::string file = fileOf(key);
@@ -303,27 +331,12 @@ std::shared_ptr<Segment> Segment::forWriting(const std::string& key, const Shape
         }
         Found f = examine(fd.get(), key);
         if (f.reason == Reason::absent) {           // it is not complete, so no reader has it: we may use it
-            if (ftruncate(fd.get(), 0) != 0) failSystem("make", key, errno);
-            int error;
-            do error = posix_fallocate(fd.get(), 0, off_t(segmentBytes(shape)));
-            while (error == EINTR);
-            if (error != 0) {
-                shm_unlink(file.c_str());
-                failSystem("make", key, error);
-            }
+            makePages(fd.get(), key, file, segmentBytes(shape));
             setMode(fd.get(), mode, key);           // whatever the umask
             std::shared_ptr<Segment> made(new Segment(key, fd.release(), true));
             made->map(segmentBytes(shape), true);
             Header& h = made->header();
-            h.order = kOrder;
-            h.layout = kLayout;
-            h.size = segmentBytes(shape);
-            h.headerBytes = sizeof(Header);
-            h.blockBytes = shmem::blockBytes(shape);
-            h.blocks = shape.blocks;
-            h.floats = shape.floats;
-            h.any = shape.any;
-            h.created = wallMicroseconds();
+            describe(h, shape);
             made->take(shape);
             made->setKeep(keep);
             made->sign(program);
