@@ -123,10 +123,8 @@ int waitFor(std::vector<pollfd> fds) {
     return -1;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-    Start s;
+// False: they are wrong, as has been told.
+bool takeOptions(int argc, char** argv, Start& s) {
     for (int at = 1; at < argc; ++at) {
         std::string option = argv[at];
         auto value = [&] { return std::string(++at < argc ? argv[at] : ""); };
@@ -155,17 +153,51 @@ int main(int argc, char** argv) {
         else if (option == "-watchdog") s.watchdog = value();
         else {
             std::printf("activate: unknown option %s\n", option.c_str());
-            return 2;
+            return false;
         }
     }
-    if (!s.command || !*s.command) {
-        std::printf("usage: activate ?option? ... -- CMD ...\n");
-        return 2;
+    if (s.command && *s.command) return true;
+    std::printf("usage: activate ?option? ... -- CMD ...\n");
+    return false;
+}
+
+// Print what the program tells, until it has ended.   input: is there still standard input?
+void follow(pid_t child, int told, bool& input) {
+    int end = checked(int(syscall(SYS_pidfd_open, child, 0)), "pidfd");
+    for (;;) {
+        int which = waitFor({{told, POLLIN, 0}, {end, POLLIN, 0}, {input ? STDIN_FILENO : -1, POLLIN, 0}});
+        if (which == 0) {
+            char text[4096];
+            ssize_t n = recv(told, text, sizeof text, 0);
+            for (ssize_t i = 0; i < n; ++i)
+                if (text[i] == '\n') text[i] = '|';
+            std::printf("notify %.*s\n", int(n), text);
+            std::fflush(stdout);
+        } else if (which == 1) {
+            break;
+        } else {
+            char text[100];
+            if (read(STDIN_FILENO, text, sizeof text) > 0) continue;
+            input = false;
+            kill(child, SIGTERM);
+        }
     }
+    close(end);
+    int status = 0;
+    waitpid(child, &status, 0);
+    std::printf("ended %d\n", WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status));
+    std::fflush(stdout);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    Start s;
+    if (!takeOptions(argc, argv, s)) return 2;
     int told = s.notify.empty() ? -1 : bound(s.notify, SOCK_DGRAM);
     if (s.demand) std::printf("listening\n");
     std::fflush(stdout);
-    bool input = true;                      // is there still standard input?
+    bool input = true;
     do {
         if (s.demand) {
             std::vector<pollfd> fds{{STDIN_FILENO, POLLIN, 0}};
@@ -174,30 +206,7 @@ int main(int argc, char** argv) {
         }
         pid_t child = fork();
         if (child == 0) become(s);
-        int end = checked(int(syscall(SYS_pidfd_open, child, 0)), "pidfd");
-        for (;;) {
-            int which = waitFor({{told, POLLIN, 0}, {end, POLLIN, 0}, {input ? STDIN_FILENO : -1, POLLIN, 0}});
-            if (which == 0) {
-                char text[4096];
-                ssize_t n = recv(told, text, sizeof text, 0);
-                for (ssize_t i = 0; i < n; ++i)
-                    if (text[i] == '\n') text[i] = '|';
-                std::printf("notify %.*s\n", int(n), text);
-                std::fflush(stdout);
-            } else if (which == 1) {
-                break;
-            } else {
-                char text[100];
-                if (read(STDIN_FILENO, text, sizeof text) > 0) continue;
-                input = false;
-                kill(child, SIGTERM);
-            }
-        }
-        close(end);
-        int status = 0;
-        waitpid(child, &status, 0);
-        std::printf("ended %d\n", WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status));
-        std::fflush(stdout);
+        follow(child, told, input);
     } while (s.demand && input);
     return 0;
 }
