@@ -1,7 +1,7 @@
 // measure.h -- how every row of the table is taken: a row and its floor side by side, in turns.
 //
-// A round takes many short batches, one of the row, one of the floor, one of the row ...; its figure is the lower
-// quartile of the batches, since what other processes do to a batch only ever makes it longer. The table shows the
+// A round takes many short batches: one of the row, one of the floor, one of the row, and so on. Its figure is the lower
+// quartile of the batches, because other processes only make a batch longer, never shorter. The table shows the
 // median over the rounds, and for the ratio also the smallest and the largest of them. Before each batch a sixteenth of
 // it runs untimed, so that what the other side left in the caches is not charged.
 #pragma once

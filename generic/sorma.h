@@ -1,7 +1,11 @@
 // sorma.h -- include this to write a service class, or to embed the bus in a C++ program.
 //
-// Reading order: bus/message.h (requests and replies), bus/option.h (the description of a class), bus/service.h (the
-// functions of a service class), bus/sorm.h (makes and finds service objects), bus/catalogue.h (raises errors).
+// Reading order:
+//     bus/message.h       requests and replies
+//     bus/option.h        the description of a class
+//     bus/service.h       the functions of a service class
+//     bus/sorm.h          makes and finds service objects
+//     bus/catalogue.h     raises errors
 //
 // A service package is one shared library that links libsorma alone, for Tcl 8.6 and Tcl 9 alike:
 //

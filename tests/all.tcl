@@ -3,8 +3,8 @@
 # A suite that takes longer than SECONDS (600 unless given) is ended. -but names suites that do not run, also by patterns such as neo*.
 # TIME, in seconds as `date +%s` gives them: no suite begins after it. Those that are left out are told, and each counts as failed, or with
 # SORMA_QUICK=1 as skipped. Suites run in the order in which they are named, else those first that take longest.
-# Each suite gets its own folder for temporary files, its own runtime folder for daemons, and a mark in its environment,
-# by which processes that it leaves behind are found. What is left behind, a crash, a suite that runs no test and one
+# Each suite gets its own folder for temporary files and its own runtime folder for daemons. A mark in its environment finds the
+# processes that it leaves behind. What is left behind, a crash, a suite that runs no test and one
 # that takes longer than its bound all count as failures. The end lists which tests were skipped and why: CONTRIBUTING.md has the reasons that
 # there may be. With SORMA_REQUIRE=all a test that is skipped for no such reason is a failure, too. Last line: N passed, N failed, N skipped.
 
@@ -34,8 +34,8 @@ set skips {}        ;# dict: reason -> list of {suite number}
 set strict [expr {[info exists env(SORMA_REQUIRE)] && $env(SORMA_REQUIRE) eq "all"}]
 set quick [expr {[info exists env(SORMA_QUICK)] && $env(SORMA_QUICK) eq "1"}]
 
-# The reasons for which tests may be skipped: the table of CONTRIBUTING.md whose cells are a reason, `an expression` that says when it holds,
-# and the `constraints` of tests. Returns a dict: constraint -> {reason holds}.
+# The reasons for which tests may be skipped. The table of CONTRIBUTING.md has a row for each: a reason, `an expression` that says when it
+# holds, and the `constraints` of tests. Returns a dict: constraint -> {reason holds}.
 proc reasons file {
     set f [open $file]
     fconfigure $f -encoding utf-8

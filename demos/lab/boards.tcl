@@ -1,5 +1,7 @@
-# boards.tcl TABLE ?COUNT? ?SEED? -- how well boards are read: random situations in the simulated laboratory, each seen once by the
-# hand's camera, with noise, in light of +-20 %, some with shadows; the board shifted and turned.
+# boards.tcl TABLE ?COUNT? ?SEED? -- how well boards are read.
+#
+# Random situations in the simulated laboratory, each seen once by the hand's camera. The picture has noise, the light varies by 20 %,
+# some situations have shadows, and the board is shifted and turned.
 #
 # TABLE is a file of hsvtable. Prints how many were read right, refused, and read wrong; exit code 0: none wrong.
 

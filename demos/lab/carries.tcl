@@ -1,6 +1,7 @@
-# carries.tcl ?-carries N? ?-heaps H? ?-faults M? ?-cancels K? ?-seed S? ?-speed F? ?-table FILE? ?-short? ?-json FILE? -- tokens are carried
-# in the laboratory, and it is measured how well: over random fields, boards, light and shadows; from heaps; then while something goes wrong;
-# then given up at random moments. The daemons of lab.launch must run.
+# carries.tcl ?-carries N? ?-heaps H? ?-faults M? ?-cancels K? ?-seed S? ?-speed F? ?-table FILE? ?-short? ?-json FILE? 
+#
+# Measures how well tokens are carried in the laboratory. First fields, boards, light and shadows are random. Then tokens come from heaps;
+# then something goes wrong; then carries are cancelled at random moments. The daemons of lab.launch must run.
 #
 # A fault is well when it is healed (the token lies where it should) or named: the error says what it was. Exit code 0: all were.
 
@@ -80,7 +81,7 @@ proc lab::carries::scene {{count 8}} {
     Compare
     return $tokens
 }
-# What transform says of the tokens that are on the board and of the markers, and where they are.
+# The places of tokens on the board and of markers, once as transform gives them and once as they are.
 proc lab::carries::Compare {} {
     variable Off
     set places {}

@@ -332,7 +332,7 @@ proc lab::figures::resetFirst {} {
     powerOn
 }
 
-# Each: what it is called, what it must come to, how the caller hears of it, what makes it, and what is done after it.
+# Each has a name, the result that it must have, the way the caller hears of it, a script that makes it, and one for afterwards.
 proc lab::figures::kinds {} {
     return {
         "-stop" {stops; the arm holds} STOPPED {$Mover CTRL -stop} {}

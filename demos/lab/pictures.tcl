@@ -1,5 +1,6 @@
-# pictures.tcl WHAT FILE ?THEME? -- a picture of the laboratory for a page: WHAT is scene, as the free camera sees it; reading, a board with
-# what getBrdSit takes it for; or panel, the operator's, with everything running. PNG.
+# pictures.tcl WHAT FILE ?THEME? -- a picture of the laboratory for a page, as PNG.
+#
+# WHAT is scene, as the free camera sees it; or reading, a board and how getBrdSit reads it; or panel, the operator's, while all runs.
 #
 #     xvfb-run -a -s "-screen 0 1600x1200x24" tclsh8.6 pictures.tcl panel panel.png
 #

@@ -1,5 +1,7 @@
-# pictures.tcl WHAT FILE ?THEME? ?PLOT? -- a picture of the tracker for a page: WHAT is circuit, the units and wires of circuit.tracker as they are resolved; or
-# window, the demo's, with everything running; then PLOT has where ball and tool were on the sine. PNG.
+# pictures.tcl WHAT FILE ?THEME? ?PLOT? -- a picture of the tracker for a page, as PNG.
+#
+# WHAT is circuit, the units and wires of circuit.tracker as they are resolved; or window, the demo's, while all runs. Then the file PLOT
+# gets the places of ball and tool on the sine.
 #
 #     xvfb-run -a -s "-screen 0 1600x1200x24" tclsh8.6 pictures.tcl circuit circuit.png
 #
@@ -157,7 +159,7 @@ proc tracker::pictures::window {file folder} {
     }
 }
 
-# Of samples {t ball 3 tool 3} what is across the table: the ball, and the tool that follows it.
+# The parts across the table of samples {t ball 3 tool 3}: of the ball, and of the tool that follows it.
 proc tracker::pictures::Plot samples {
     set px sorma::style::pixels
     set font [sorma::style font small]

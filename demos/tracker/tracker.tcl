@@ -2,9 +2,14 @@
 #
 #     ./bootstrap run tracker      the daemons end with it; exit code 0: it followed to the end, and each row met its target
 #
-# -window: no table but a window, until it is closed (window.tcl). -learn: teach the map anew, even when there is one. -speed N: of lab time.
-# -csv FILE: where ball and tool were. -short: each row as short as it still means something. -seed N, -json FILE: as for all
-# that measures. figures.tcl measures each row long enough for quotable numbers, and kills daemons.
+# -window     no table but a window, until it is closed (window.tcl)
+# -learn      teach the map anew, even when there is one
+# -speed N    of lab time
+# -csv FILE   the places of ball and tool
+# -short      each row as short as it still means something
+# -seed N, -json FILE    as of all scripts that measure
+#
+# figures.tcl measures each row long enough for quotable numbers, and kills daemons.
 
 package require sorma
 

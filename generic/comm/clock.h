@@ -2,9 +2,9 @@
 //
 // A deadline crosses the wire as a time of the caller's CLOCK_MONOTONIC. So the time that a request spends in sockets
 // counts, and a request that is sent again keeps its deadline. Two processes that see the same clock compare directly.
-// Otherwise the daemon estimates the difference of the clocks. A record that says when it was sent cannot arrive earlier
-// than that; so the smallest arrival minus sending of the last 10 to 20 s is the difference plus the shortest transit time
-// (the idea of NTP's clock filter, RFC 5905 section 10).
+// Otherwise the daemon estimates the difference of the clocks. A record with its time of sending cannot arrive
+// earlier than that. So the smallest arrival minus sending of the last 10 to 20 s is the difference plus the shortest transit time.
+// This is the idea of NTP's clock filter, RFC 5905 section 10.
 //
 // Threads: the functions may be called by any thread; a PeerClock belongs to its peer. Nothing throws but for memory.
 #pragma once

@@ -1,7 +1,7 @@
 // errors.h -- the errors of COMM, for calls that got no answer from a service.
 //
-// Each message says what became of the request: it was never sent; it was sent but not started; the daemon refused it; or it
-// was sent and may have run. The error codes tell a caller what it may do:
+// Each message says what became of the request. It was never sent, or sent but not started; the daemon refused it; or it was sent and
+// may have run. The error codes tell a caller what it may do:
 //
 //     ADDRESS UNRESOLVED   correct the name or the dictionary
 //     DIRECTORY ASKED      the directory of names has not answered yet; the link tries again by itself

@@ -145,8 +145,8 @@ void Server::Peer::spill(Frame& frame) {
     if (left > 0 && open()) server_.reactor_.again(this);      // it may have been retired while its request was executed
 }
 
-// How much to read beyond what is here. A request that is not complete may grow with what really came. Of the requests behind
-// it the daemon takes only enough to see a CANCEL among them; the rest waits at the client.
+// How much to read beyond what is here. A request that is not complete may grow with what really came. The daemon takes of
+// the requests behind it only enough to see a CANCEL among them; the rest waits at the client.
 std::size_t Server::Peer::appetite() const {
     const std::size_t here = unread(), first = front().size();
     if (here >= first) return here < kReadSize / 2 ? kReadSize - here : 0;

@@ -10,7 +10,7 @@
 //
 // Threads:  belongs to the thread of its SORM.
 // Blocking: exec, ctrl, dbx, listen and pins block until the daemon answers, for at most Settings::timeout or the deadline
-//           of the request that is being executed. carry and oneway are as Connection::begin and Connection::oneway.
+//           of the request that is being executed. For carry and oneway see Connection::begin and Connection::oneway.
 // Errors:   as Connection::call.
 #pragma once
 

@@ -71,9 +71,9 @@ public:
     void seen(std::int64_t now) { seen_ = now; }
     bool polling() const { return batches_ != nullptr; }        // is a poll on the stack?
 
-    // poll() in two steps, for an event loop that waits in this set, and calls later. gather waits for events, until a time
-    // on the monotonic clock [ns], 0: without limit, kNoWait: not at all. True: callGathered has something to call; it
-    // returns how many were called.
+    // poll() in two steps, for an event loop that waits in this set, and calls later.
+    // until: gather waits for events until this time on the monotonic clock [ns].   0: without limit;   kNoWait: not at all.
+    // If it returns true, callGathered has something to call; that returns how many were called.
     static constexpr std::int64_t kNoWait = -1;
     bool gather(std::int64_t until);
     int callGathered();

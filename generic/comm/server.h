@@ -73,7 +73,7 @@ public:
     };
 
     // Begins to listen. sorm, reactor, lock and settings must outlive it. Fails with COMM REFUSED when an address is taken
-    // or a descriptor is unusable, COMM DENIED as runtimeFolder(), COMM LIMIT without a free program number; then nothing is
+    // or a descriptor is unusable, COMM DENIED as runtimeFolder(), COMM LIMIT without a free program number. Then nothing is
     // left open.
     Server(Sorm& sorm, Reactor& reactor, ServerLock& lock, const Settings& settings, const Wanted& wanted);
     ~Server();                          // as stop("the daemon ends")

@@ -69,7 +69,7 @@ public:
     ssize_t read(char* room, std::size_t size, std::int64_t wait = 0);
     ssize_t write(const char* data, std::size_t size);
     ssize_t peek(char* room, std::size_t size);
-    // Write until nothing is left, or no more is taken. False: it is broken, errno says why.
+    // Write until nothing is left, or the kernel takes nothing further. False: it is broken, errno says why.
     bool writeMost(const char*& data, std::size_t& left);
     bool pending() const;
     std::uint32_t wants(std::uint32_t events) const;

@@ -77,7 +77,7 @@ void writeTrail(XdrWriter& w, const Trail& trail) {
     }
 }
 
-// Text of a trail is shown to people and becomes Tcl's: what is not UTF-8 is replaced, not refused, since an error
+// Text of a trail is shown to people and becomes Tcl's. Bytes that are not UTF-8 are replaced, not refused, since an error
 // message that cannot be delivered helps nobody.
 std::string clean(std::string_view text) {
     std::string out(text);
@@ -99,7 +99,7 @@ bool readTrail(XdrReader& r, Trail& trail) {
     std::size_t dropped = r.u32();
     std::size_t n = r.count(48);
     if (n == 0 && dropped == 0) [[likely]] return r.good();
-    // Trimmed once for as many entries as it may hold, so that a peer's trail of a million costs no more than reading it.
+    // Trimmed once for as many entries as it may hold, so that a peer's trail of a million costs only the reading of it.
     Trail read;
     auto flush = [&] {
         trail.append(read);

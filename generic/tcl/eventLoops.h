@@ -1,8 +1,7 @@
 // eventLoops.h -- wraps Tcl's commands that run an event loop: vwait, update, tkwait.
 //
-// When a service runs an event loop in the middle of a request, the scripts that run there (`after`, file events) have
-// nothing to do with that request: they must not get its caller, rights or deadline. Tcl has no hook for this, so the
-// commands are wrapped.
+// A service may run an event loop in the middle of a request. The scripts that run there (`after`, file events) have nothing to do
+// with that request. They must not get its caller, rights or deadline. Tcl has no hook for this, so the commands are wrapped.
 #pragma once
 
 #include "tcl/interpreter.h"

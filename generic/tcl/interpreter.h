@@ -58,7 +58,7 @@ public:
     const std::vector<Setting>& settings() const { return settings_; }      // by name
 
     // action runs when the interpreter ends, before the SORM and its objects are deleted; the last one that was added runs
-    // first. It must not evaluate scripts. What it throws is ignored.
+    // first. It must not evaluate scripts. Its exceptions are ignored.
     void atEnd(std::function<void()> action) { endings_.push_back(std::move(action)); }
     // The interpreter is being deleted, or was: do not use it any more.
     bool closing() const { return closed_ || Tcl_InterpDeleted(interp); }

@@ -19,8 +19,8 @@
 
 namespace sorma::notifier {
 
-// Make this the notifier of the process, if that is allowed (see above), and if it is not yet. serve: what Tcl's event loop
-// calls when the reactor has gathered events; it should call Reactor::callGathered. False: Tcl keeps its notifier, or this
+// Make this the notifier of the process, if that is allowed (see above), and if it is not yet.   serve: Tcl's event loop calls it
+// when the reactor has gathered events; it should call Reactor::callGathered. False: Tcl keeps its notifier, or this
 // one waits in the set of another interpreter's reactor; then watch the reactor's descriptor.
 bool install(Tcl_Interp* interp, std::shared_ptr<Reactor> reactor, std::function<void()> serve);
 

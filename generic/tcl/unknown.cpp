@@ -65,8 +65,8 @@ int afterPrevious(ClientData data[], Tcl_Interp* interp, int code) {
     return code;
 }
 
-// As if we were not there: the handler before us, called without a frame or a line in the error trace of our own, and
-// without C stack in between, so that what it loads may yield.
+// Call the handler before us as if we were not there: without a frame or a line of our own in the error trace. No C stack lies in
+// between, so the procedures that it loads may yield.
 int previousHandler(Interpreter& i, Tcl_Interp* interp, int objc, Objects objv, Unanswered* unanswered) {
     Tcl_Obj* words;
     if (i.previousUnknown) {

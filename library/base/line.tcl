@@ -16,8 +16,10 @@ namespace eval ::sorma::line {
 #       text    commands, on any number of lines
 # Results:
 #       A dict:
-#       commands  list of commands, each a list of its words, each {FROM TO VALUE QUOTE}: where it stands, TO behind it; what it
-#                 is without its quotes (substitutions as they are written); and " { ' or empty
+#       commands  list of commands, each a list of its words, each {FROM TO VALUE QUOTE}
+#                 FROM, TO   where it begins, and the place behind its end
+#                 VALUE      the word without its quotes; substitutions as they are written
+#                 QUOTE      " { ' or empty
 #       end       what the end of the text is in, as `context` returns it
 proc ::sorma::line::read text {
     set commands {}
@@ -28,9 +30,13 @@ proc ::sorma::line::read text {
 # ::sorma::line::context --
 #       What the end of a text is in.
 # Results:
-#       A dict of words (those before, of the same command), partial (the word there as far as it is typed, without quotes), from
-#       (where it begins), quote (in what: empty, ", {, '), outer (the context around braces; empty when there is none) and open
-#       (what has to be closed there: empty, ", {, ', [ or a backslash); of a comment: comment, outer and open.
+#       A dict; of a comment: comment, outer and open.
+#       words     those before, of the same command
+#       partial   the word there as far as it is typed, without quotes
+#       from      where it begins
+#       quote     the quote around it: empty, ", {, '
+#       outer     the context around braces; empty when there is none
+#       open      has to be closed there: empty, ", {, ', [ or a backslash
 proc ::sorma::line::context text {
     return [dict get [read $text] end]
 }
@@ -100,8 +106,8 @@ proc ::sorma::line::words text {
 
 # ---- how it reads ----
 
-# Read commands from a place on, up to the end of the text (returns the context), or to the ] that closes a bracket (returns
-# {closed PLACE}). kind: script, bracket, brace (the inside of one that is not closed). commandsVar gets the commands.
+# Read commands from a place on. It returns the context at the end of the text, or {closed PLACE} at the ] that closes a bracket.
+# The kind is script, bracket or brace (the inside of one that is not closed). The variable of commandsVar gets the commands.
 proc ::sorma::line::Scan {text at kind outer {commandsVar {}}} {
     if {$commandsVar ne {}} {
         upvar 1 $commandsVar commands

@@ -4,8 +4,8 @@ package provide sorma::message 1.0
 
 namespace eval ::sorma::message {}
 
-# ::sorma::message::fromList LIST -- a dict of code and what is there of text, floats, ints, any (bytes) and trail (the word of TDBX);
-# an error when it is no reply.
+# ::sorma::message::fromList LIST -- a dict of code and, as far as they are there, text, floats, ints, any (bytes) and
+# trail (the word of TDBX). Fails when it is no reply.
 proc ::sorma::message::fromList list {
     if {[lindex $list 0] ne "RET" || ![string is wideinteger -strict [lindex $list 1]]} {
         return -code error "no reply"

@@ -1,7 +1,7 @@
 # usage.tcl -- how commands and programs are called, as the manual says it. It knows no bus.
 #
-# The build takes it from the pages' [call] lines and lists of options (doc/pages.tcl); completion, help and the errors of commands
-# that are called wrongly have it from here.
+# The build takes it from the pages' [call] lines and lists of options (doc/pages.tcl). Completion, help and usage messages have it
+# from here.
 
 package require sorma::text
 package provide sorma::usage 1.0

@@ -15,8 +15,8 @@ namespace eval ::sorma::load {
 }
 
 # ::sorma::load::watch ?-count n? ?-every ms? -command PREFIX --
-#       PREFIX is called with DAEMON and a list of dicts name class calls underway rate [1/s] p99 [s], the most called first, each time
-#       that a daemon has answered (every: default 1000 ms). Rates are there from the second time on. 99 of 100 EXEC took at most p99; it
+#       PREFIX is called each time that a daemon has answered (every: default 1000 ms). It gets DAEMON and a list of dicts name class
+#       calls underway rate [1/s] p99 [s], the most called first. Rates are there from the second time on. 99 of 100 EXEC took at most p99; it
 #       is empty where none has been timed.
 # Results:
 #       A token, for unwatch.

@@ -87,8 +87,10 @@ proc ::sorma::table::words where {
 }
 
 # ::sorma::table::describe NAME --
-#       The table of an object's class, as a dict: name exists class purpose version options fixed hints actions inspections
-#       reads writes words signature example help, and dump when the object exists. No object is made; a class of this
+#       The table of an object's class, as a dict:
+#           name exists class purpose version options fixed hints      actions inspections
+#           reads writes words signature example help                  dump, when the object exists
+#       No object is made; a class of this
 #       interpreter is loaded. An object elsewhere also has an age, as of answer. Empty when nothing is known, or not yet.
 proc ::sorma::table::describe name {
     set own [::sorma::AnonymousObject $name]
@@ -120,8 +122,8 @@ proc ::sorma::table::OfCommand {command class} {
         options [lmap option [dict get $table options] {lreplace $option 5 5 [$command cget [lindex $option 0]]}]]
 }
 
-# ::sorma::table::guess NAME -- the same as far as anything is known now: of an object elsewhere its own table, else that of the class
-# of that name here.
+# ::sorma::table::guess NAME -- the same as far as anything is known now. For an object elsewhere it is its own table, else that
+# of the class of that name here.
 proc ::sorma::table::guess name {
     set table [describe $name]
     lassign [locate $name] service where
@@ -160,8 +162,12 @@ proc ::sorma::table::text {where request} {
 }
 
 # ::sorma::table::answer WHERE REQUEST --
-#       What is known of an answer, a dict: text, came (ms, when; 0: never), open (is it being asked for), error and code (of the last
-#       attempt, when that failed), age (such as "12 s old", when the daemon has not answered since; else empty). Asks when it is old.
+#       What is known of an answer, as a dict. Asks when it is old.
+#       text          the answer
+#       came          ms, its time; 0: never
+#       open          is it being asked for?
+#       error, code   of the last attempt, when that failed
+#       age           such as "12 s old", when the daemon has not answered since; else empty
 proc ::sorma::table::answer {where request} {
     variable Answers
     if {[IsHere $where]} {

@@ -3,9 +3,15 @@
 # Options are read once (sorm DBX -describe, which makes nothing); from then on the daemon tells of each CTRL. Replies of EXEC and DBX, and
 # options that change by themselves, are asked for again and again, as often as the most eager caller wants them.
 #
-# A value is a dict: value, state (live, stale: it may be old; refused; gone: there is no such object), by (who set it, when that was
-# told), at (ms, when it came), why (not live), age and seen (of a stale value: such as "12 s old", which why
-# has, too, and the ms when it was last so; else empty and 0). Tellings are dicts: -option -> value, or REQUEST -> value, of those that are new, gathered for 20 ms.
+# A value is a dict:
+#     value    as the object gave it
+#     state    live; stale: it may be old; refused; gone: there is no such object
+#     by       the one who set it, when that was told
+#     at       ms, when it came
+#     why      it is not live
+#     age      of a stale value, such as "12 s old"; why has it, too; else empty
+#     seen     of a stale value, the ms when it was last so; else 0
+# Tellings are dicts: -option -> value, or REQUEST -> value, of those that are new, gathered for 20 ms.
 #
 # A value is stale while its daemon does not answer, and while a question for it has waited for 2 s, as behind a long request. As long as
 # that lasts it is told again each second, with its age.

@@ -8,10 +8,10 @@
 #
 # KEY       robot, a daemon; carry.slow@robot, an object. This process is the daemon called self.
 # daemon    a dict: name address how state why since user host pid boot objects busy called
-#             state  asking (no answer yet) alive busy silent (no answer for 2 s) refused denied (it lets nobody look, or not us)
-#                    unresolved (its address leads nowhere) dead (its socket is all that is left) gone
-#             how    folder dictionary proxy added sibling rpcbind self: how it came to be known. sibling: a daemon that is reached by
-#                    TCP has named it, as one of the same user on its host; rpcbind: the rpcbind of that host has
+#             state  asking (no answer yet) alive busy gone   silent (no answer for 2 s) refused
+#                    denied (it lets nobody look, or not us)   unresolved (its address leads nowhere)   dead (only its socket is left)
+#             how    folder dictionary proxy added self   sibling (another daemon has named it, as one of the same user on its host)
+#                    rpcbind (the rpcbind of that host has named it)
 #             called  name of a sibling on its host
 #             since  ms, when the state began;  busy: in what;  objects: how many
 # object    a dict: name class calls underway; in object.changed also changes (dict: -option value) and by
@@ -54,8 +54,8 @@ namespace eval ::sorma::world {
 # Arguments:
 #       PATTERN of keys; without @ it means daemons, with @ objects (*@*), and trails of them
 #       LIST    patterns of events, default *
-#       PREFIX  is called with EVENT KEY DICT. First comes what is known, as daemon.here and object.made; then world.ready, when
-#               each daemon has answered, or has let us wait for a second
+#       PREFIX  is called with EVENT KEY DICT. First comes what is known, as daemon.here and object.made. Then comes
+#               world.ready, when each daemon has answered, or has let us wait for a second.
 # Results:
 #       A token, for unwatch. Nothing is called before this returns.
 proc ::sorma::world::watch {pattern args} {

@@ -96,7 +96,7 @@ proc ::sorma::daemon::Prompt name {
     trace remove variable ::sorma::daemon::End write [lindex [trace info variable ::sorma::daemon::End] 0 1]
 }
 
-# A service that waits in an event loop of its own keeps the daemon from ending: it gets a while, no more.
+# A service that waits in an event loop of its own keeps the daemon from ending: it gets a while, and then the daemon ends.
 proc ::sorma::daemon::EndBySignal {} {
     variable End
     variable Grace

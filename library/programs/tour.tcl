@@ -1,7 +1,7 @@
 # tour.tcl -- the main job of ./bootstrap run: a daemon on loopback with the services of the box, and requests to it.
 #
 # On a terminal there is the prompt of scott. Without one the tour of README.md is played: its commands are
-# run and what comes back is held against what stands there; the exit code is 1 when any line is not true.
+# run and their results are compared with the lines there. The exit code is 1 when any line is not true.
 
 namespace eval tour {
     variable Here [file dirname [file dirname [file dirname [file normalize [info script]]]]]

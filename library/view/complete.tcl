@@ -13,8 +13,8 @@ package require sorma::usage
 package provide sorma::complete 1.0
 namespace eval ::sorma::complete {
     variable Methods {CTRL DBX EXEC cget configure destroy exec info}
-    # What the words of commands stand for, by their names in the manual; of some commands it is something else. object (that there
-    # is), so (that can be), class, daemon, at (@daemon), file, text (a request), request (words), recipe, setting, topic.
+    # The kinds of commands' words, by their names in the manual; some commands have others. The kinds are object (that there is),
+    # so (that can be), class, daemon, at (@daemon), file, text (a request), request (words), recipe, setting, topic.
     variable Kinds {NAME so SO object KEY object name object pattern object daemon daemon @daemon at class class file file path file
         request text address daemon}
     variable Special {
@@ -46,8 +46,10 @@ namespace eval ::sorma::complete {
 #       line    what has been typed
 #       point   characters before the cursor
 # Results:
-#       A dict: from (column where the words go, up to the point), words (sorted, each as it is to be typed) and hint (one
-#       line about what is expected there, or empty). Words that lead on end in / or ::.
+#       A dict. Words that lead on end in / or ::.
+#       from      column where the words go, up to the point
+#       words     sorted, each as it is to be typed
+#       hint      a line about the word that is expected there, or empty
 proc ::sorma::complete {line point} {
     return [KeepTrail [list ::sorma::complete::Complete $line $point]]
 }
@@ -195,8 +197,8 @@ proc ::sorma::complete::Documented command {
     }
 }
 
-# The word that a command expects next: {kind ...}. request WORDS; methods NAME; recipe NAME WORDS; list HINT LIST; either HINT KIND LIST;
-# else a kind of the table above and a hint.
+# The word that a command expects next. One of these, or a kind of the table above and a hint:
+#     request WORDS    methods NAME    recipe NAME WORDS    list HINT LIST    either HINT KIND LIST
 proc ::sorma::complete::Expected words {
     variable FileCommands
     variable Methods

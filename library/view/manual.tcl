@@ -1,7 +1,7 @@
 # manual.tcl -- the manual pages at the prompt.
 #
-# Pages are written in doctools (doc/*.man). The build lets doctools read them (doc/pages.tcl, which says what it makes) and puts
-# their text, and what stands where in it, beside the package.
+# Pages are written in doctools (doc/*.man). The build lets doctools read them (doc/pages.tcl has the rules), and puts
+# their text and its index beside the package.
 
 package require sorma::text
 package require sorma::options

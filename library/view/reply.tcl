@@ -22,8 +22,7 @@ namespace eval ::sorma::reply {
 }
 
 # ::sorma::show --
-#       Readable text of what a command has returned: of a reply in either dialect (flat list RET..., dict), or of a plain
-#       value; or of an error.
+#       Readable text of a command's result: a reply in either dialect (flat list RET..., dict), a plain value, or an error.
 # Arguments:
 #       value   the result; with -error the message
 #       args    -colour bool    escape sequences for colours

@@ -104,8 +104,8 @@ proc ::sorma::trail::isStack entry {
 }
 
 # ::sorma::trail::fromWord WORD --
-#       The word after TDBX as a list of dicts: severity {SYMBOL detail...} text so daemon file line time request, for each message;
-#       before them perhaps: dropped N.
+#       The word after TDBX as a list, with a dict for each message: severity {SYMBOL detail...} text so daemon file line time request.
+#       Before them there may be: dropped N.
 proc ::sorma::trail::fromWord word {
     if {[catch {llength $word} n]} {
         return [list [dict create severity error text $word]]

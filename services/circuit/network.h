@@ -3,12 +3,12 @@
 //
 // run() is one tick. It executes the units in an order in which the inputs of each are complete. A loop of wires has a unit
 // without feedthrough. An EXEC with empty floats asks that unit first for its next output; it is executed later, when its
-// inputs are complete. So a loop delays nothing beyond its units, and a tick is y[k] = output(state[k]), state[k+1] =
+// inputs are complete. So a loop delays nothing beyond its units. A tick is y[k] = output(state[k]), state[k+1] =
 // next(state[k], u[k]) for all such units at once. A unit that does not know its width yet may answer with a single float,
 // which then stands for all elements.
 //
 // Lengths: some are given by the classes. They spread along the wires, and to other pins of a unit as its class says
-// (Service::pins). A pin that has no length after that has as many elements as the highest index that is wired; its unit may
+// (Service::pins). A pin without a length after that has as many elements as the highest index in its wires; its unit may
 // write more.
 //
 // Threads:   the SORM's thread makes and deletes it, while another thread may run the network before it. run() is called by

@@ -200,8 +200,8 @@ void Wiring::passLengths() {
 void Wiring::spread() {
     for (std::size_t i = 0; i < connections_.size(); ++i) todo_.push_back(i);
     passLengths();
-    // What reads has no use for elements that nobody drives, so there the highest index says all; what others read of a
-    // unit may be a part, so these come last.
+    // A reader has no use for elements that nobody drives, so there the highest index says all. Others may read only a part of an
+    // output, so outputs come last.
     for (bool outputs : {false, true})
         for (std::size_t n = 0; n < nodes_.size(); ++n)
             for (std::size_t p = 0; p < nodes_[n].pins.size(); ++p) {
@@ -340,8 +340,8 @@ template <class Use> void Wiring::eachEdge(Use use) const {
         if (c.source.node > kOutputs && c.sink.node > kOutputs) use(std::size_t(c.source.node), std::size_t(c.sink.node));
 }
 
-// Take away what nothing leads to and what leads to nothing, again and again: what is left are loops, and what lies
-// between them. Units without feedthrough among these are asked first.
+// Take away units without a wire to them, and those without a wire from them, again and again. Loops remain, and the units between
+// them. Units without feedthrough among these are asked first.
 void Wiring::findLoops() {
     std::size_t count = nodes_.size();
     std::vector<bool> left(count, true);
@@ -368,7 +368,7 @@ void Wiring::findLoops() {
     for (std::size_t n = 2; n < count; ++n) nodes_[n].loop = left[n] && !nodes_[n].unit->type().hasFeedthrough();
 }
 
-// Each unit after those that it needs; among those that could be next, the one that the wires name first.
+// Each unit comes after those that it needs. Among several that could be next, the wires name the first one.
 void Wiring::sort() {
     std::vector<std::size_t> degree(nodes_.size());
     std::vector<std::vector<std::size_t>> next(nodes_.size());

@@ -522,8 +522,8 @@ void Runner::schedule(std::int64_t end, bool& faulty) {
     quarter_.store(plan_.period / 4, std::memory_order_relaxed);
 }
 
-// The safe action is the last thing that happens in a tick in which something went wrong, also when the watchdog has taken it
-// before: the step that hung may have written since. False: the tick was abandoned.
+// When something went wrong in a tick, the safe action comes last in it. The watchdog may have taken it before: it is taken again,
+// since the step that hung may have written since. False: the tick was abandoned.
 bool Runner::finish(bool faulty) {
     bool counted = false;
     for (;;) {

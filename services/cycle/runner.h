@@ -7,7 +7,7 @@
 // A tick reads the clock twice. It does not allocate, lock or make a system call, unless a step fails. The thread sleeps
 // until absolute times, so periods do not drift.
 //
-// Faults: a step that throws; a tick that is too long (Overrun::fault); a tick that hangs; a request that keeps a tick from
+// Faults: a step throws; a tick is too long (Overrun::fault); a tick hangs; a request keeps a tick from
 // beginning. The safe action is the last step of such a tick. When the tick hangs, the watchdog's thread executes the safe
 // action instead.
 #pragma once
@@ -39,8 +39,8 @@ struct Fault {
 
 struct Figures {
     std::uint64_t ticks = 0, skipped = 0, overruns = 0, faults = 0, requests = 0;
-    // Ticks that waited for a request and were late by more than a quarter of the period. delayed: the request took too
-    // long. heldUp: the machine gave the processor to something else meanwhile.
+    // Ticks that waited for a request and were late by more than a quarter of the period. For
+    // delayed the request took too long; for heldUp the machine gave the processor to something else meanwhile.
     std::uint64_t delayed = 0, heldUp = 0;
     sorma::Histogram jitter;            // [ns] how late ticks began
     sorma::Histogram busy;              // [ns] how long ticks took
@@ -139,8 +139,7 @@ private:
     std::string heldFor_;                           // name of the object that is used
     std::int64_t heldSince_ = 0;                    // [ns]
     // Effort of the SORM's thread shortly before it got the turn, to know whether a request that ends late was slow. Reading
-    // it takes as long as a request; so it is read again only when it is older than a sixteenth of a period, or when the
-    // request had to wait.
+    // it takes as long as a request. So it is read again only after a sixteenth of a period, or when the request had to wait.
     sorma::ThreadEffort effort_;
     std::int64_t effortSince_ = 0;      // [ns]
     std::string abandoned_;             // the step that hangs

@@ -1,8 +1,8 @@
 // turn.h -- says which thread may use the objects of a cycle, in one word that all threads change by compare-and-swap.
 //
 // The turn belongs to nobody (between two ticks), to a tick, or to a request. The watchdog may declare the present turn
-// late. Then no further step of the tick begins, and the watchdog may execute the safe action, unless the holder of the turn
-// may be using the safe action's object. So only one thread executes an object, and the output of the safe action stays: the
+// late. Then no further step of the tick begins. The watchdog may execute the safe action, unless the holder of the turn may be
+// using its object. So only one thread executes an object, and the output of the safe action stays: the
 // tick executes the safe action once more at its end.
 //
 //     tick n:     begin, then for each step  enterAction / late / leaveAction,  awaitWatchdog, enterEnd, end
@@ -44,8 +44,8 @@ public:
     void waitForRequest();
     // Was the present tick declared late? Then begin no other step. No other data depends on it.
     bool late() const { return word_.peek() & kLate; }
-    // Call these before and after a step that may use the safe action's object. enterAction false: the tick is late, do not
-    // execute the step. leaveAction false: it has become late during the step.
+    // Call these before and after a step that may use the safe action's object. If enterAction is false, the tick is
+    // late: do not execute the step. If leaveAction is false, it has become late during the step.
     bool enterAction();
     bool leaveAction();
     // Wait until the watchdog has finished with the tick. True: it is late.

@@ -3,8 +3,8 @@
 //     FORK.sound CTRL -command {aplay -q}
 //     FORK.sound EXEC alert.wav
 //
-// Words are appended to -command, text and any go to standard input; the answer comes when the program has ended:
-// standard output as text, exit status as an int, lines of standard error as warnings. The child belongs to its
+// Words are appended to -command; text and any go to standard input. The answer comes when the program has ended: standard output as
+// text, exit status as an int, lines of standard error as warnings. The child belongs to its
 // request: when the caller cancels or dies, the object is removed, or this process ends, its process group is killed.
 //
 // Published: started {pid}, output {pid} and error {pid} for each line, ended {pid status}; started and ended with the

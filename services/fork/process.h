@@ -74,8 +74,8 @@ public:
     void terminate(std::int64_t grace);
     // SIGKILL now.
     void kill();
-    // SIGKILL now, and fetch its status. Blocks until the kernel has ended it: milliseconds; two seconds at most
-    // when it hangs in a driver, and then it stays as a zombie until this process ends.
+    // SIGKILL now, and fetch its status. Blocks until the kernel has ended it: milliseconds. When it
+    // hangs in a driver, this takes two seconds, and it stays as a zombie until this process ends.
     void abandon();
 
     // The file that is run for the first word of a command, by PATH; empty: there is none.

@@ -5,8 +5,8 @@
 //     manus EXEC grasp                        -> FMSG 3 tip forces [N], or an error that says what was felt
 //     manus EXEC release
 //
-// It makes a cycle of its own for the control task, cycle.NAME, as pino does for the arm, and is itself the step that reads the
-// fingers and writes where they are to be.
+// It makes a cycle of its own for the control task, cycle.NAME, as pino does for the arm. It is itself the step of that cycle: it
+// reads the fingers and writes their set-points.
 #include <algorithm>
 #include <cmath>
 #include <deque>

@@ -1,8 +1,8 @@
 // psom.h -- a parameterized self-organizing map: a smooth manifold through stored vectors, read in every direction.
 //
 // A grid of m axes has a vector of d components at each node. Polynomials through all nodes make it a function w(s) of m
-// parameters. Some components are inputs, by weights: the search finds the s where w(s) is nearest to them, and w(s) there is
-// the answer, the other components included. Training is to store the vectors.
+// parameters. Some components are inputs, by weights: the search finds the s where w(s) is nearest to them. The answer is
+// w(s), the other components included. Training is to store the vectors.
 //
 // Source:    J. Walter, Rapid Learning in Robotics, 1996, chapters 4 and 6; equation numbers below are his.
 // Shapes:    vectors of all nodes in row-major order, the last axis fastest; s: one number an axis.
@@ -50,7 +50,7 @@ struct Match {
 
 class Map {
 public:
-    // axes: nodes of each, rising; 1 to kMostAxes axes of 2 to kMostNodes nodes. dimension: d > 0.
+    // axes: nodes of each, rising; 1 to kMostAxes axes of 2 to kMostNodes nodes.   dimension: d > 0.
     // local: nodes of each axis that are used, near the start of the search; 0: all.
     Map(std::vector<std::vector<double>> axes, std::size_t dimension, std::size_t local = 0);
 

@@ -1,7 +1,7 @@
 // puma.h -- kinematics of a Puma 560: pose of the flange, joint angles for a pose, torques of gravity.
 //
 // Frames: base frame on the mounting surface, frame 6 on the flange, whose z axis is the approach. Standard (distal)
-// Denavit-Hartenberg, i-1_T_i = Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i), with Corke's lengths and the signs of Paul: with all
+// Denavit-Hartenberg, i-1_T_i = Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i), with Corke's lengths and the signs of Paul. With all
 // angles 0 the upper arm lies along x, the forearm points straight up, and the flange is turned like the base.
 // Units:     m, rad, kg, N m.
 // Threads:   functions of their arguments.
@@ -53,8 +53,8 @@ struct Solutions {
 
     Reach reach = reachable;
     // By configuration: 4 (shoulder: arm to the left of the waist) + 2 (elbow) + 1 (wrist), each for the negative sign of the
-    // formula. Each angle is shifted by full turns into its limits, and there as near to the posture as possible; one that has no
-    // place there is as near to the posture as possible.
+    // formula. Each angle is shifted by full turns into its limits, and there as near to the posture as possible. An angle
+    // without a place there is only as near to the posture as possible.
     std::array<Joints, 8> q;
     std::array<bool, 8> within;             // the limits, and not the same as one before it (at a singularity)
     std::array<unsigned, 8> near;           // a singularity

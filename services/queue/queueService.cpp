@@ -1,8 +1,8 @@
 // queue -- messages in the order in which they came, each for one taker, and none lost when a taker dies.
 //
 // An item that get returns is on loan until the client acknowledges it; then it is removed. When the client returns it, or its
-// process ends before, it goes back to its old place, before all that came after it. A taker who has lost an answer
-// (COMM TIMEOUT, a cancelled call that was answered nevertheless) finds with `loans` what he has without knowing it.
+// process ends before, it goes back to its old place, before all that came after it. A taker may lose an answer
+// (COMM TIMEOUT, a cancelled call that was answered nevertheless). `loans` also lists the item that he has got with it.
 //
 //     jobs EXEC put TMSG weld         -> ints {17}            waits while the queue is full
 //     jobs EXEC get                   -> TMSG weld IMSG 17    waits while it is empty

@@ -1,8 +1,8 @@
 // recording.h -- records of snapshot buffers in a file, in the order in which they were written.
 //
-// The file begins with Head. Then come frames: Frame, and what belongs to it. A frame of channel n, 0 and up, is a record: its floats,
-// then its bytes of any. kNewChannel announces the next channel: Channel. kEnd is the last frame: its counter says how many frames are
-// before it, so a file that has been cut anywhere is known by that. Nothing follows it. Each byte is under a check sum: a file in which
+// The file begins with Head. Then come frames: Frame, and what belongs to it. A frame of channel n, from 0 on, is a record: its
+// floats, then its bytes of any. A frame of kNewChannel announces the next channel: Channel. The last frame has kEnd: its counter says how
+// many frames are before it, so that a file that was cut is noticed. Nothing follows it. Each byte is under a check sum: a file in which
 // a single bit has turned is refused. Numbers are as the machine has them; another byte order is refused.
 //
 // Version 1, which is read as well, had FNV-1a as its check sum, and none over the head.

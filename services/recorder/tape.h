@@ -1,5 +1,6 @@
-// tape.h -- recording buffers, playing them, and making tables of them: each runs in a thread of its own until its end or until it
-// is stopped.
+// tape.h -- recording buffers, playing them, and making tables of them.
+//
+// Each runs in a thread of its own until its end, or until it is stopped.
 #pragma once
 
 #include <condition_variable>

@@ -1,7 +1,7 @@
 // path.h -- the path of a motion, and how far along it the arm is at a time.
 //
 // A path is a sequence of straight lines, in joint space or of the tool, whose corners may be rounded. A profile says how
-// far along it one is: it speeds up, keeps the speed, slows down; and it can be told to brake any time, which stays on the
+// far along it one is: it speeds up, keeps the speed, slows down. It can be told to brake at any time, which stays on the
 // path.
 //
 // Threads:   one at a time.

@@ -1,7 +1,7 @@
 // laboratory.h -- the whole laboratory: physics, arm, sensors, camera and lab time, in a thread of its own.
 //
-// One step, each 2 ms of lab time: take what the buffers bring (in lockstep: wait for it), move what people move, physics with the
-// servos, read the sensors, write the records, show the camera the scene, then rest until the next step is due.
+// One step, each 2 ms of lab time: take the buffers' records (in lockstep: wait for them), move as people do, physics with the
+// servos. Then it reads the sensors, writes the records, shows the camera the scene, and rests until the next step is due.
 //
 // Threads: between() may be called by any; what it runs has the laboratory for itself, between two steps. Everything else of the
 // laboratory is only touched there. Events and waiters are called by the laboratory's thread.

@@ -7,7 +7,7 @@ namespace simlab {
 
 namespace {
 
-// The settings that carry tokens without a loss: elliptic cones, impratio 10, solref 0.01; a token rests on three spheres,
+// The settings that carry tokens without a loss: elliptic cones, impratio 10, solref 0.01. A token rests on three spheres,
 // because a cylinder on a cylinder touches in one point only and wobbles.
 constexpr const char* kSettings = R"(
   <compiler angle="radian" coordinate="local" inertiafromgeom="auto"/>

@@ -6,7 +6,7 @@
 #     transform EXEC correct FMSG 2 251.3 388.0       -> FMSG 2 dx dy, of the tool
 #
 # Two maps of class psom are underneath. One has a node for each of 4 x 4 x 2 places on and above the board, with the components
-# file rank h  x y z  u v: it answers in all directions. The other one has the four places that the arm has visited, dx dy u v.
+# file rank h  x y z  u v. It answers in all directions. The other one has the four places that the arm has visited, dx dy u v.
 
 package require math::linearalgebra
 package require sorma
@@ -294,8 +294,8 @@ oo::class create ::sorma::service::transform {
     }
 }
 
-# Returns when the arm has rested for so many seconds of lab time, and there is a picture that was taken then. picture, pose: who answers
-# them; no picture: the object that sees takes a new one; no pose: no waiting. Fails when it takes longer than patience [s].
+# Returns when the arm has rested for so many seconds of lab time, and there is a picture that was taken then.   picture, pose: the
+# objects that answer them. Without picture the object that sees takes a new one; without pose there is no waiting. Fails when it takes longer than patience [s].
 namespace eval ::sorma::service::transform {
     namespace path ::math::linearalgebra            ;# dotproduct, solveGauss
 }

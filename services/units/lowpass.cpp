@@ -1,9 +1,10 @@
 // lowpass -- first-order low-pass filter, exact at every time step.
 //
-// y' = w (u - y), w = 2 pi cutoff, solved over a step T in which u has the value that it has at its end:
-// y[k] = y[k-1] + (1 - exp(-w T)) (u[k] - y[k-1]).
+// The equation is y' = w (u - y), w = 2 pi cutoff, solved over a step T. In the step u has the value of its end:
+//     y[k] = y[k-1] + (1 - exp(-w T)) (u[k] - y[k-1])
+//
 // Source: the solution of a first-order system by its step response, Åström and Wittenmark, Computer-Controlled Systems,
-// 3rd edition, section 2.3, with u taken from the end of the step instead of its begin: so the filter lags no tick more.
+// 3rd edition, section 2.3. Here u comes from the end of the step instead of its begin, so the filter does not lag one more tick.
 #include <cmath>
 #include <numbers>
 

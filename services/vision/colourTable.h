@@ -26,7 +26,7 @@ public:
     ColourTable() : colours_(kCodes, background) {}
 
     Colour operator[](std::uint16_t code) const { return Colour(colours_[code]); }
-    // Of each pixel of an RGB picture (CV_8UC3); colours becomes CV_8U of its size, and hsv is room that may be used again.
+    // The colour of each pixel of an RGB picture (CV_8UC3); colours becomes CV_8U of its size.   hsv: room that may be used again.
     void classify(const cv::Mat& rgb, cv::Mat& colours, cv::Mat& hsv) const;
 
     // One line that says where it comes from, then the codes. Errors are std::runtime_error, with the file's name.

@@ -14,8 +14,8 @@ namespace vision {
 
 extern const sorma::Prototype kNoPicture, kPicture, kNoTable, kTable;
 
-// A picture of a message, without a copy: it lives as long as the message. planes: bytes that there must be for each pixel;
-// type: of OpenCV, of the first of them. Fails with VISION PICTURE; whose: where it comes from.
+// A picture of a message, without a copy: it lives as long as the message. It must have so many bytes
+// (planes) for each pixel.   type: of OpenCV, of the first of them;   whose: where it comes from. Fails with VISION PICTURE.
 cv::Mat pictureOf(const std::string& who, const std::string& whose, sorma::Message& m, std::size_t planes = 3, int type = CV_8UC3);
 
 using TablePointer = std::shared_ptr<ColourTable>;

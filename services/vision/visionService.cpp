@@ -3,8 +3,8 @@
 //     getBrdSit.main CTRL -table colours.hsv -picture shmem_r.camera -pose shmem_r.tool
 //     getBrdSit.main EXEC                       -> TMSG ...r.y.y...  FMSG 64 confidences
 //
-// A picture is a record as camera.image has it: floats time, width, height ...; any RGB, 8 bits, top row first. -picture names
-// the object that returns one; an EXEC with a picture asks nobody. See doc/vision.man.
+// A picture is a record as camera.image has it: floats time, width, height ...; any RGB, 8 bits, top row first. The option -picture
+// names the object that returns one; an EXEC with a picture asks nobody. See doc/vision.man.
 #include <array>
 #include <cmath>
 #include <ctime>

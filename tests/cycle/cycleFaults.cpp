@@ -1,7 +1,7 @@
 // cycleFaults.cpp FOLDER COUNT -- which command is in the buffer at the end of a tick in which something went wrong?
 //
-// FOLDER has the modules cycle and shmem. Steps of a cycle hang, fail and take too long, COUNT times in all: each of them at
-// each place of several orders, before and after the command is written, by a step of its own or inside of a larger one. The
+// FOLDER has the modules cycle and shmem. Steps of a cycle hang, fail and take too long, COUNT times in all. Each fault comes
+// at each place of several orders, before and after the command is written, by a step of its own or inside of a larger one. The
 // first step of the next tick looks at the snapshot buffer: after such a tick the safe command must be there. Meanwhile the
 // SORM's thread asks the steps, and gives the cycle new plans.
 //

@@ -74,8 +74,8 @@ public:
 private:
     // A thread that takes the processor from the one which asks for it, for so long. It comes before that one also when a tick,
     // which waits for it, has lent it its priority.
-    // Both are on one processor from the beginning, and it waits when this has been made: a move to another processor, or a thread
-    // that does not run yet, would make that one wait, as one does that is slow itself.
+    // Both are on one processor from the beginning, and it waits when this has been made. A move to another processor, or a thread
+    // that does not run yet, would make that one wait as a slow one does.
     class Rival {
     public:
         explicit Rival(double seconds) {

@@ -1,5 +1,6 @@
-// allocation.cpp ?ADDRESS? -- counts what a warmed-up call by reference takes from the heap, and which locks it takes;
-// with an address also calls to that daemon's echo. Prints a line for each kind of call.
+// allocation.cpp ?ADDRESS? -- counts what a warmed-up call by reference takes from the heap, and its locks.
+//
+// With an address it also calls that daemon's echo. Prints a line for each kind of call.
 #include <dlfcn.h>
 #include <pthread.h>
 

@@ -202,7 +202,7 @@ void testSaveEdited() {
     const std::string file = folder.write("a.dict", "carry 1\nnew -x y\nzoo 1\n");
     Dictionary d;
     d.load(file, Permit::owner());
-    // What others wrote meanwhile stays, and entries are found again.
+    // Lines that others wrote meanwhile stay, and entries are found again.
     const std::string edited = "# someone was here\nother 1\n" + Folder::read(file) + "spoilt {\n";
     folder.write("a.dict", edited);
     d.add("zoo", {"2"}, "joe");

@@ -135,7 +135,7 @@ void testResolve() {
     EQUAL(at("ECHO"), "self");
     CHECK(resolve(Name::parse("carry@nowhere"), d).kind == Address::Kind::alias);
     EQUAL(at("FOO"), "unknown");
-    // What of the dictionary belongs to a name: where it is, and its recipe.
+    // Two entries of the dictionary belong to a name: its place, and its recipe.
     auto entries = [](const char* name) { return Name::parse(name).location() + " | " + Name::parse(name).recipeKey(); };
     EQUAL(entries("carry.slow"), " | carry.slow");
     EQUAL(entries("carry.slow@robot"), "@robot | carry.slow@robot");

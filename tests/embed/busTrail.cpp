@@ -110,7 +110,7 @@ void testCatalogue() {
         CHECK(entry.line > kRange.line);
         CHECK(std::abs(entry.time - wallNow()) < 60'000'000);
     }
-    // What comes from outside is never a format.
+    // Text from outside is never a format.
     FAILS(fail(kRange, "{}", "{0}%n", "{", "}", "{:>999999999}", ""), "TEST RANGE", "{}: {0}%n { is outside } .. {:>999999999} ");
     Message m;
     m.warn(kBroken, "a", true);

@@ -1,7 +1,7 @@
 // crowd.cpp -- crowd SOCKET OBJECT CLIENTS REQUESTS: many clients of one daemon, each with many requests in flight.
 //
-// Every client has a connection and an identity of its own and sends all its EXECs of OBJECT, which answers with what it
-// gets, at once: the ints (client, request). Prints "sent N" when all are on their way, "answered N" when each has come
+// Every client has a connection and an identity of its own. It sends all its EXECs of OBJECT at once, with the ints (client,
+// request); OBJECT answers with the same. Prints "sent N" when all are on their way, "answered N" when each has come
 // back with its own ints, once; else what is wrong, and exits with 1.
 #include <poll.h>
 #include <sys/resource.h>

@@ -2,13 +2,13 @@
 //
 // PORT: of the daemon; or the path of its Unix-domain socket.
 //
-// flooder PORT OBJECT: sends EXECs of OBJECT by TCP as fast as the daemon takes them. For each line that it is given it prints
-// how many replies have come. Ends with its standard input.
+// flooder PORT OBJECT: sends EXECs of OBJECT by TCP as fast as the daemon takes them. For each line of its standard input
+// it prints how many replies have come, and it ends with that.
 //
 // flooder PORT -records FILE ?CONNECTIONS?: the same with the records in that file, again and again, after a HELLO.
 //
-// flooder PORT -idle COUNT: opens connections and says nothing. Prints "open N". For each line that it is given it prints that
-// again, with the last words of a connection that is not open any more.
+// flooder PORT -idle COUNT: opens connections and says nothing. Prints "open N". It prints each line of its
+// standard input again, with the last words of a connection that is no longer open.
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <poll.h>

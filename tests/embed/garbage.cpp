@@ -1,10 +1,10 @@
 // garbage.cpp -- records that are not what they were: bytes changed, cut off or added, words at their limits, or anything.
 //
-// garbage PORT COUNT SEED: sends so many by TCP to a daemon, of every procedure; connects anew when the daemon has had enough, and
-// takes what comes without looking at it.
-// garbage -serve COUNT SEED: is a daemon; says "port N", greets who connects, answers most calls, and sends such records with each
-// answer until it has sent so many, or its standard input ends.
-// Both print "records N connections N" at the end.
+//     garbage PORT COUNT SEED      a client: sends so many by TCP to a daemon
+//     garbage -serve COUNT SEED    a daemon: says "port N", and sends so many to its clients
+//
+// The client sends records of every procedure, takes answers without looking at them, and connects anew when the daemon has had enough.
+// The daemon greets clients, answers most calls, and sends such records with each answer. It also ends with its standard input. Both print "records N connections N" at the end.
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>

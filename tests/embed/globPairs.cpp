@@ -3,8 +3,8 @@
 //     globPairs PAIRS ?SEED?
 //
 // Each pair that the two judge differently is a line that can be pasted into tclsh; the last line is "N pairs, N matched, N
-// differ". Exit code 0 when none differs. A pattern is random characters of those that mean something, or a text of which some
-// characters were replaced, so that about one pair in four matches.
+// differ". Exit code 0 when none differs. A pattern is random characters of those with a meaning, or the text with some
+// characters replaced: so about one pair in four matches.
 #include <cstdio>
 #include <cstdlib>
 #include <random>

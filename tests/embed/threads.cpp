@@ -1,7 +1,7 @@
 // threads.cpp FOLDER -- daemons and clients in threads of one process: everything that more than one thread touches.
 //
-// A daemon in a thread, with services that answer from a worker thread, from a timer, and not at all for a while;
-// clients in other threads, each with a SORM of its own, that use futures with and without an event loop. Built with
+// A daemon in a thread has services that answer from a worker thread, from a timer, and not at all for a while. Clients in other
+// threads, each with a SORM of its own, use futures with and without an event loop. Built with
 // ThreadSanitizer this is what CI runs; without, it is a test as any other. Prints "ok", or what went wrong.
 #include <poll.h>
 #include <sys/socket.h>

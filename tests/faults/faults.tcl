@@ -1,5 +1,5 @@
 # faults.tcl -- what the scripts of this folder have in common. Each attacks a daemon of its own for as long as its argument
-# says, prints what it has counted, and exits with 1 when the daemon has not kept its promises. By hand, from the build folder:
+# says, and prints its counts. It exits with 1 when the daemon has not kept its promises. By hand, from the build folder:
 #
 #     ./env tclsh ../tests/faults/flood.tcl 20
 

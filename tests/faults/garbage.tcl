@@ -1,5 +1,6 @@
-# garbage.tcl ?RECORDS? ?SEED? -- records that are not what they were: so many to a daemon, and so many to a client by a daemon
-# that answers with them. Both go on; other clients of the daemon are served.
+# garbage.tcl ?RECORDS? ?SEED? -- so many spoilt records to a daemon, and so many to a client by a daemon that answers with them.
+#
+# Both go on; other clients of the daemon are served.
 
 source [file join [file dirname [file normalize [info script]]] faults.tcl]
 

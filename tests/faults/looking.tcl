@@ -1,5 +1,6 @@
-# looking.tcl ?seconds? ?daemons? -- a client looks on, at so many daemons that are stopped, as many that hang in their interpreter, a
-# host that never answers and one that nobody knows. Does its event loop go on, and are all told as they are?
+# looking.tcl ?seconds? ?daemons? -- a client looks at daemons that do not answer, and keeps running.
+#
+# So many daemons are stopped, as many hang in their interpreter, one host never answers, and one is unknown. Does the client's event loop go on, and are all told as they are?
 #
 # How late a timer of 5 ms is depends on the machine, too: it is printed, and judged as the manual says, with 50 ms.
 

@@ -1,7 +1,8 @@
-# memory.tcl ?megabytes? -- a stranger by TCP makes a daemon keep whatever he can: replies, requests that he does not finish,
-# millions of words, what he does not take, objects, subscriptions, calls that are never answered, values, items of a queue, second
-# names, entries of the dictionary. He gets his budget, and is
-# told the limit's name; others go on. megabytes: the daemon's -maxmessage, of which his budget is twice as much.
+# memory.tcl ?megabytes? -- a stranger by TCP makes a daemon keep whatever he can.
+#
+# He does not finish requests, does not take replies, and asks for calls without an answer and for millions of words. He makes objects,
+# subscriptions, values, items of a queue, second names, and entries of the dictionary. He gets his budget, and is told the
+# limit's name; others go on. megabytes: the daemon's -maxmessage, of which his budget is twice as much.
 
 source [file join [file dirname [file normalize [info script]]] faults.tcl]
 

@@ -1,5 +1,6 @@
-# restarts.tcl ?KILLS? ?SEED? ?MOST? -- a daemon that is killed at random, within MOST ms, and started again; a client that calls
-# it all the time, by Unix socket.
+# restarts.tcl ?KILLS? ?SEED? ?MOST? -- a daemon is killed at random, within MOST ms, and started again.
+#
+# A client calls it all the time, by Unix socket.
 #
 # Each call is answered or reported as LOST, and none executed twice; the books are in a file, so that they outlive daemons.
 # An object with a recipe of the client's own must look the same at each daemon (CTRL -dump). How long it took from the daemon's

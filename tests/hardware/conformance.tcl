@@ -30,7 +30,7 @@ if {[llength $argv] > 0} {
 sorma::create shmem_r.state -key ${prefix}arm.state
 set wrong 0
 
-# What arm.state says, as a dictionary.
+# The newest record of arm.state, as a dictionary.
 proc state {} {
     set f [dict get [shmem_r.state exec] floats]
     return [dict create time [lindex $f 0] q [lrange $f 1 6] qdot [lrange $f 7 12] power [lindex $f 19] cause [lindex $f 20] \
@@ -38,7 +38,7 @@ proc state {} {
 }
 proc get what { return [dict get [state] $what] }
 
-# By the clock of the other side, which may be slower than that of the wall; when that stands still, for ten times as long.
+# By the clock of the other side, which may be slower than the wall clock. When it stands still, the pause lasts ten times as long.
 proc pause seconds {
     set until [expr {[get time] + $seconds}]
     set end [expr {[clock milliseconds] + 10000 * $seconds}]
@@ -102,7 +102,7 @@ proc reset {} {
 }
 proc still {} { return [expr {[tcl::mathfunc::max {*}[lmap v [get qdot] {expr {abs($v)}}]] < 1e-3}] }
 
-# check TITLE SCRIPT: the script returns whether it is so. What should come after what went wrong is tried all the same.
+# check TITLE SCRIPT: the script returns whether it is so. After a failure the other checks are tried all the same.
 proc check {title script} {
     if {[catch {uplevel #0 $script} result]} {
         puts "wrong: $title: $result"

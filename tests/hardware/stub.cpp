@@ -2,8 +2,8 @@
 //
 //     hardwareStub PREFIX ?-silent PERIODS? ?q1 ... q6?
 //
-// Reads PREFIXarm.set; writes PREFIXarm.state, PREFIXwrist.state and PREFIXlab.clock, 500 times a second. What the other side must
-// do stands in doc/hardware.man; this is a model to copy. After three PERIODS without a set-point it brakes; tests let a busy machine
+// Reads PREFIXarm.set; writes PREFIXarm.state, PREFIXwrist.state and PREFIXlab.clock, 500 times a second. Its duties stand in
+// doc/hardware.man; this is a model to copy. After three PERIODS without a set-point it brakes; tests let a busy machine
 // have more. Lines on standard input are what a person does: "reset", "stop" (the
 // emergency stop), "wrist fx fy fz mx my mz" (what the sensor shows from now on). It ends with its standard input.
 #include <poll.h>

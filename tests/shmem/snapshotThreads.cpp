@@ -1,6 +1,6 @@
 // snapshotThreads.cpp FOLDER -- a cycle steps writer and reader of a snapshot buffer while both are asked all there is to ask.
 //
-// FOLDER has the modules cycle and shmem. What a step touches, and what those who wait for the next record touch, must be
+// FOLDER has the modules cycle and shmem. Data of a step and data of those who wait for the next record must be
 // kept apart: they run on two threads. Built with ThreadSanitizer this is what CI runs. Prints "ok", or what went wrong.
 #include <dlfcn.h>
 #include <unistd.h>
@@ -71,7 +71,7 @@ int main(int argc, char** argv) {
             if (i % 5 == 0) futures[std::size_t(i / 2)].cancel();
             sorm.turn(Deadline::in(1));
         }
-        // Whoever still waits is told that it has gone, while it is a step.
+        // Requests that still wait are told that it has gone, while it is a step.
         if (round % 2 == 1) must(sorm, "sorm CTRL -remove " + r);
         must(sorm, c + " CTRL -stop");
         for (Deadline enough = Deadline::in(60'000); answers < 100 && !enough.passed();) {

@@ -60,7 +60,7 @@ struct Record {
     }
 };
 
-// What the processes tell each other.
+// Memory by which the processes tell each other their counts.
 struct Tally {
     std::atomic<std::uint64_t> read, overwritten, torn, backward, early, woken;
     std::atomic<bool> enough;

@@ -5,9 +5,9 @@
 //     train match GAME A B GAMES SEED             strength: A and B are nodes a move; with a p before it, p20000, plain
 //                                             alpha-beta with material and advance; with an o, the same with table and history
 //
-// FILE: 32 bytes a position, as this processor has them in memory: white, black, kings, then side (bit 0), White's result (bits 1
-// and 2: 2, 1 or 0 half points; 3: unknown, since a random move came later), and what the search found for White (hundredths of a
-// man, the upper 16 bits).
+// FILE: 32 bytes a position, as this processor has them in memory: four words of 64 bits, white, black, kings and the rest. Bit 0 of
+// the rest is the side. Bits 1 and 2 are White's result: 2, 1 or 0 half points; 3 is unknown, since a random move came later. The upper
+// 16 bits are the search's score for White, in hundredths of a man.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -55,7 +55,7 @@ template <const Rules& R> int play(double seconds, unsigned seed, std::uint64_t 
                 break;
             }
             Move m = list[int(random() % unsigned(list.size()))];
-            // Now and then something unexpected, so that the weights learn what follows from it; what was before, does not.
+            // Now and then comes an unexpected move, so that the weights learn its consequences. Positions before it do not count.
             bool surprise = ply < 60 && random() % 24 == 0;
             if (surprise)
                 for (auto& s : samples) s.rest |= kUnknown << 1;
