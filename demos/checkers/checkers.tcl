@@ -2,11 +2,19 @@
 #
 #     ./bootstrap run checkers        the daemons end with it; exit code 0: the game was ended by the rules
 #
-# -speed N: of lab time, 0 is as fast as the machine can; default: 1 with a window, else 0. -variant braz|engl|intl. -level N: the robot's.
-# -dry: without arm, hand and eye. -robot black|white: what it plays. -tidy S: after S seconds it puts a wrong board in order.
-# -personLevel N, -faults F, -seed N: of the person. -human mouse: you play, in the window. -go: go on with the game that was interrupted.
-# -folder F: where its files are. -position FEN: it begins so; seen: with what lies there. -once: it ends with the game, even when there is a window.
-# -limit S: time of each side; who has none left loses.
+# -speed N               of lab time, 0 is as fast as the machine can; default: 1 with a window, else 0
+# -variant V             braz, engl or intl
+# -level N               the robot's
+# -robot black|white     its colour
+# -dry                   without arm, hand and eye
+# -tidy S                after S seconds it puts a wrong board in order
+# -personLevel N, -faults F, -seed N    of the person
+# -human mouse           you play, in the window
+# -go                    go on with the game that was interrupted
+# -folder F              of its files
+# -position FEN          it begins so; seen: with the tokens on the board
+# -once                  it ends with the game, even when there is a window
+# -limit S               time of each side; a side without time loses
 
 source [file join [file dirname [file normalize [info script]]] session.tcl]
 package require sorma::options

@@ -1,10 +1,17 @@
-# figures.tcl ?-games N? ?-seed S? ?-faults F? ?-kills SECONDS? ?-victims NAMES? ?-shifts N? ?-variant V? ?-dry? ?-most SECONDS? ?-folder F? ?-short? ?-json FILE? -- games that nobody watches, and what is counted.
+# figures.tcl -- games that nobody watches, and their figures.
 #
-# Each game: the board is put somewhere else, the light is another one (+-20 %), the person has another seed. -kills: every so many
-# seconds of wall time one of the daemons is killed, of all or of -victims. -shifts: so often the board is moved during a game. -dry: without arm, hand and eye.
-# -most: a game that has not ended after so much wall time is given up, and it is said where the plot stood. Exit code 0: all games were ended
-# by the rules, nothing wrong was believed, no token was lost without being noticed, each fault was named, all daemons that were killed came
-# back, and nobody set out all tokens at once but after a kill of the laboratory or of the person.
+#     figures.tcl ?-games N? ?-seed S? ?-faults F? ?-kills SECONDS? ?-victims NAMES? ?-shifts N? ?-variant V? ?-dry? ?-most SECONDS?
+#         ?-folder F? ?-short? ?-json FILE?
+#
+# In each game the board lies somewhere else, the light is another one (+-20 %), and the person has another seed.
+# -kills     every so many seconds of wall time one of the daemons is killed, of all or of -victims
+# -shifts    so often the board is moved during a game
+# -dry       without arm, hand and eye
+# -most      a game that has not ended after so much wall time is given up, and the state of the plot is told
+#
+# Exit code 0 means: all games were ended by the rules, nothing wrong was believed, each fault was named, and no token was lost without
+# being noticed. All daemons that were killed came back. Nobody set out all tokens at once but after a kill of the laboratory or of the
+# person.
 
 source [file join [file dirname [file normalize [info script]]] session.tcl]
 package require sorma::service::drycarry

@@ -1,4 +1,6 @@
-# incidents.tcl ?-speed N? ?-folder F? ?-only NAMES? ?-short? ?-json FILE? -- what people do beside playing, in physics; what the robot says of it, and that it goes on.
+# incidents.tcl ?-speed N? ?-folder F? ?-only NAMES? ?-short? ?-json FILE? -- acts of people beside playing, in physics.
+#
+# For each: does the robot name it, and does the game go on?
 #
 # One game; this script moves the person's tokens. A row for each incident: its name, what was said of it, and whether all went as it
 # should. Exit code 0: everything did. -short: one that needs no long wait.

@@ -32,8 +32,8 @@ source [file join $folder checkers checkers.tcl]
 package require img::window
 package require img::png
 
-# When the person's fourth turn begins the laboratory stands still; the camera, which was above the board then, and what moves
-# in the window get a moment to be shown.
+# When the person's fourth turn begins, the laboratory stands still. The camera was above the board then. Its picture and moving parts of
+# the window get a moment to be shown.
 proc photograph args {
     if {$::checkers::window::State ni {person ponder} || ![regexp {3\. \S+ \S+ } [dict get $::checkers::window::Last pdn]]} {
         return

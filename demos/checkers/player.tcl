@@ -18,11 +18,17 @@ package provide checkers::player 1.0
 oo::class create ::checkers::player {
     superclass ::checkers::hands ::checkers::ponder ::checkers::clock
 
-    # -carry: who puts tokens from place to place; -sight: who says what stands on the board; -engine: who finds a move; -robot: the
-    # colour that it plays. -still: so many equal looks are believed; -look: pause between two [ms]; -patience: after so many times
-    # -still looks at the same wrong board it is told, and again after -remind [s], as is a
-    # person who does not move; after -tidy [s] it puts the board in order itself (0: when it is asked to). -board: a command that says by how many mm the board has been moved; -point: a command that gets file and rank
-    # of a field that is wrong. -ponder: an engine that thinks on the person's time. -feel: is a token on the last row really a queen?
+    # -carry, -sight, -engine    objects that carry tokens, see the board, and find a move
+    # -robot       the colour that it plays
+    # -still       so many equal looks are believed
+    # -look        pause between two looks [ms]
+    # -patience    after so many times -still looks at the same wrong board it is told
+    # -remind      it is told again after that [s], as is a person who does not move
+    # -tidy        after that it puts the board in order itself [s]; 0: when it is asked to
+    # -board       a command that says by how many mm the board has been moved
+    # -point       a command that gets file and rank of a field that is wrong
+    # -ponder      an engine that thinks on the person's time
+    # -feel        is a token on the last row really a queen?
     constructor {game args} {
         my variable Game Settings State Told Since Trouble Order Score Level Offered
         set Game $game

@@ -168,8 +168,8 @@ proc checkers::session::end {} {
 
 # ---- one game ----
 
-# Until it is over, whatever happens to the player's daemon, or for so many seconds of wall time (0: no limit): then it is said where the
-# plot stands. interrupt ends it at once. The figures: dict of name -> {value unit}.
+# It lasts until it is over, also when the player's daemon ends, or for so many seconds of wall time (0: no limit). Then the state of the
+# plot is told. A call of interrupt ends it at once. The figures: dict of name -> {value unit}.
 proc checkers::session::interrupt {} {
     variable Ended interrupted
 }

@@ -1,5 +1,7 @@
-# start.tcl -- for scripts of daemons: objects get the settings that the file "settings" has in the daemon's folder (a dict, name of an
-# object -> its options), and one of them begins to play. A daemon that they need may just be away: they wait for it.
+# start.tcl -- for scripts of daemons: settings for their objects.
+#
+# The file "settings" in the daemon's folder has a dict, name of an object -> its options. Objects get these, and one of them begins to
+# play. A daemon that they need may just be away: they wait for it.
 
 namespace eval ::checkers {}
 proc ::checkers::settle {} {

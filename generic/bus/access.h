@@ -1,7 +1,7 @@
 // access.h -- who may do what: the policy of one SORM. Every check of a right is made here.
 //
-// The right is needed by each author of the word that is acted on (Message::author, Origin::author): when the word is set,
-// and again when it is used. It is asked for the object that is reached, after spelling and second names. The owner of the
+// Each author of the word that is acted on (Message::author, Origin::author) needs the right: when the word is set, and again
+// when it is used. It is asked for the object that is reached, after spelling and second names. The owner of the
 // process (a null principal) may do everything. An exception is the SORM of a safe interpreter: its owner has the rights
 // that the parent has granted.
 //
@@ -16,12 +16,15 @@
 //     CERTIFICATE := NAME | NAME@ORGANISATION, each of them a pattern; without @ of any organisation
 //     RIGHT   := call inspect configure make dictionary files program reach operate relay
 //                use = call inspect;  tune = use configure make dictionary;  everything
-//     PATTERN := as Tcl's string match (bus/glob.h), on the object's own name; dictionary: the entry; files: the real path; reach: the
-//                text after @. Default *
+//     PATTERN := as Tcl's string match (bus/glob.h), default *
+//                on the object's own name   dictionary: the entry   files: the real path   reach: the text after @
 //
-// Their order: lines that were added at run time, the newest first; those of the command line, as they stand there; those of
-// the file; and last, built in: allow local SELF tune operate; allow cert * tune, for certificates of our own authority; allow web SELF tune;
-// of a daemon that is open, allow anyone use. So others may do nothing until a line says more.
+// First come the lines that were added at run time, the newest first. Then come those of the command line, in their order, those of
+// the file, and last these, which are built in. So others may do nothing until a line says more.
+//     allow local SELF tune operate
+//     allow cert * tune            for certificates of our own authority
+//     allow web SELF tune
+//     allow anyone use             of a daemon that is open
 //
 // Threads: the SORM's.
 #pragma once
@@ -123,8 +126,7 @@ public:
     // that there are.
     void remove(int number);
     // Load a file. Its lines replace those of a file that was loaded before. All or nothing. Fails with POLICY SYNTAX, and
-    // with POLICY FILE when it cannot be read, when others than its owner may write to it, or when it belongs to neither
-    // this user nor root.
+    // with POLICY FILE when it cannot be read or others than its owner may write to it. The owner must be this user or root.
     void load(const std::string& file);
     // Load $XDG_CONFIG_HOME/sorma/policy, else ~/.config/sorma/policy, if it exists and no file has been loaded.
     void loadDefault();

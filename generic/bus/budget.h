@@ -1,7 +1,7 @@
 // budget.h -- limits the memory that this process keeps for others: for each principal, and for all together.
 //
-// Memory that stays after a request, or that a request needs much of, is a Charge on the Account of the principal who asked:
-// long requests, replies that are kept, data that waits for a peer, subscriptions, objects, segments of shared memory. A
+// Memory that stays after a request, or of which a request needs much, is a Charge on the Account of its principal.
+// Examples are long requests, kept replies, data that waits for a peer, subscriptions, objects, and segments of shared memory. A
 // small call that is answered at once is charged nothing, and neither is what this process does for itself. Values that are
 // kept carry their charge with them: see bus/kept.h.
 //

@@ -30,7 +30,7 @@ struct Caller {
     static const Caller& self();                // this process
 };
 
-// What a client has heard of the owner of the name by which it has come: bus/fence.h.
+// A client has come by a name; it has heard this of the name's owner: see bus/fence.h.
 struct HeardEpoch {
     std::uint64_t fence = 0;                    // Fence::serial; 0: of none
     std::int64_t epoch = 0;                     // 0: nothing

@@ -32,8 +32,8 @@ public:
     PrincipalPointer principal;         // who is charged for it, and is the author of its requests; null: the owner
     bool checksAhead = false;           // it has asked for what bus/ahead.h needs, and is told when that changes
 
-    // Hold something of an object until release(). lost() is called if the client ends before that, or when a change of the
-    // policy takes the right from it; at once if it has ended already. lost() must not throw; it may hold and release
+    // Hold something of an object until release(). If the client ends before that, lost() is called; at once if it has ended
+    // already. A change of the policy that takes the right from it does the same. lost() must not throw. It may hold and release
     // leases.   object: its own name.
     Lease hold(std::string object, std::function<void()> lost, Right right = Right::call) {
         if (ended_) return lost(), 0;

@@ -5,8 +5,8 @@
 //     carry.slow   -SUBST carry -transferSpeed 0.2     # -SUBST splices another entry, recursively
 //     @robot       localhost:7014
 //
-// Words are quoted as in requests (requestText.h); white space separates; a word that begins with # begins a comment
-// unless it is quoted; a later entry of the same word replaces the earlier. A line that ends in a backslash (in an odd
+// Words are quoted as in requests (requestText.h), and separated by white space. A word that begins with # begins a comment
+// unless it is quoted. A later entry of the same word replaces the earlier. A line that ends in a backslash (in an odd
 // number of them) continues on the next one, a comment too, as in Tcl. Quotes end on the line on which they begin.
 // Nothing is evaluated. Files may be loaded in any order: -SUBST of a word without an entry fails when the entry is used.
 //
@@ -45,9 +45,9 @@ struct DictionaryWord {
 // One for each SORM. Threads: the SORM's.
 class Dictionary {
 public:
-    // has: is there an entry? get: its words as written; null: there is none. expand: its words with all -SUBST replaced;
-    // nothing when there is no entry. expand fails with DICT UNKNOWN when -SUBST names no entry, with DICT SYNTAX beyond these limits, since entries that splice others
-    // twice grow fast.
+    // Is there an entry? get() has its words as written, or null when there is none. A call of expand() gets its words with
+    // all -SUBST replaced, or nothing. It fails with DICT UNKNOWN when -SUBST names no entry. Beyond these limits it fails with DICT
+    // SYNTAX, since entries that splice others twice grow fast.
     static constexpr std::size_t kMaxExpansion = 10'000;        // words; each entry that is spliced counts as one
     static constexpr std::size_t kMaxExpansionBytes = 1 << 22;
     static constexpr std::size_t kMaxDepth = 200;               // of -SUBST inside -SUBST
@@ -76,9 +76,9 @@ public:
     // Write to files. Comments, order and unchanged lines stay, also lines that others wrote there meanwhile. Changed
     // entries are replaced in place, new ones appended, removed ones taken out. It is atomic: a temporary file in the same
     // folder, fsync, rename. Mode and owner stay, and a symbolic link stays one. Without a file: each file that has changes; new
-    // run-time entries go to the file that was loaded last. Fails with DICT FILE when there is none. file: if it was not
-    // loaded, it gets a copy of every entry beside what it has; if no file was loaded, it counts as loaded from then on.
-    // permit: to write that file.
+    // run-time entries go to the file that was loaded last. Fails with DICT FILE when there is none.
+    // file: if it was not loaded, it gets a copy of every entry beside what it has. If no file was loaded, it counts as loaded from
+    // then on.   permit: to write that file.
     void save(const std::string& file, const Permit& permit);
     void save();
     const std::vector<std::string>& files() const { return files_; }

@@ -44,8 +44,8 @@ struct Name {
     bool byDefault = false;     // class was written in upper case
 
     bool local() const { return where.empty() && !byDefault; }
-    // The word that says where it is: "@robot", "@localhost:7014" as written after the name; "CARRY", the dictionary's entry
-    // for the default location of the class; empty when it is here.
+    // The word that says where it is; empty when it is here. "@robot" or "@localhost:7014" is written after the name. The word "CARRY" is
+    // the dictionary's entry for the default location of the class.
     std::string location() const;
     // The dictionary's entry with its recipe here: the name as it was written. Empty for a class in upper case without a
     // flavor: that entry is the address of all its flavors, and no recipe.
@@ -68,11 +68,11 @@ std::string whereOf(const Name& name, const Dictionary& dictionary);
 
 // Find the address of a name: follow aliases and default locations through the dictionary. The first word of an entry is an
 // address, with or without @ before it (`@robot localhost:7014`, `@arm @robot`, `CARRY robot`, `@vision self`). Returns kind
-// self, tcp, program or path; kind alias when the alias has no entry (then its socket is in the runtime folder).
+// self, tcp, program or path. An alias without an entry has kind alias: then its socket is in the runtime folder.
 // rule: becomes the last entry that was followed. A reconnect follows only that one. For CARRY it is "@robot" when the entry
 // CARRY says robot. Names with the same rule and the same address share a connection. Fails with ADDRESS UNRESOLVED when a
-// default location has no entry, or an entry has no address; with DICT LOOP when aliases lead in a circle, which the message
-// shows as a chain.
+// default location has no entry, or an entry has no address. It fails with DICT LOOP when aliases lead in a circle; the message shows
+// the chain.
 Address resolve(const Name& name, const Dictionary& dictionary, std::string* rule = nullptr);
 
 }  // namespace sorma

@@ -26,9 +26,13 @@ namespace sorma {
 
 class Service;
 
-// The meaning of a text or number: a colour such as #ff8000 (string), seconds since 1970 (int, double), or what its author needs
-// a right for: the name of a file or of a folder (string, right files for its real path), the key of a segment of shared memory,
-// or what many keys begin with (string, right files for /dev/shm/KEY), a program to run (string, right program for the object).
+// The meaning of a text or number. For the last four its author needs a right.
+//     colour     string such as #ff8000
+//     time       int or double, seconds since 1970
+//     file       string   files, for its real path
+//     folder     string   files, for its real path
+//     segment    string, a key of shared memory, or the beginning of many   files, for /dev/shm/KEY
+//     program    string, to run   program, for the object
 enum class Kind : std::uint8_t { plain, file, colour, time, folder, segment, program };
 const char* toText(Kind kind);                  // "" "file" "colour" "time" "folder" "segment" "program"
 bool fromText(std::string_view text, Kind& out);

@@ -151,12 +151,12 @@ struct Action {
     std::string usage;              // names of its arguments, as in a man page: "name ?word ...?"
     std::string help;               // a line for people
     int minArgs = 0, maxArgs = 0;   // maxArgs kRest: all words that follow
-    // Appends its answer to reply.text; throws to refuse. reply.author wrote the arguments: if one of them names another
+    // Appends its answer to reply.text; throws to refuse. The arguments are by reply.author. If one of them names another
     // thing than this object, the body checks the author's right to it.
     Body body = nullptr;
     Right right = Right::configure;     // that the author of the request needs; only Right::call for an action that stops a motion
-    // For an object that is executed in ticks. true: the body runs while ticks go on, and uses BetweenTicks where it has to.
-    // false: it runs between two ticks, and so must be short.
+    // For an object that is executed in ticks. If true, the body runs while ticks go on, and uses BetweenTicks where it has to.
+    // If false, it runs between two ticks, and so must be short.
     bool whileTicking = false;
     Danger danger = Danger::none;       // stop: the right is call
     bool repeatable = false;            // see Class::repeatable; an inspection is, if it needs only the right to inspect

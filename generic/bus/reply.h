@@ -116,7 +116,7 @@ public:
     void fail(const std::exception& error) const;       // answer with an error: an Error with its trail, or any other exception
     bool cancelled() const;                             // nobody waits any more: stop early, then complete or fail
     void onCancel(std::function<void()> callback) const;    // of several only the last one
-    // Make an EXEC of another object for this request: then() gets its answer, and completes this one or asks on. Whatever fails
+    // Make an EXEC of another object for this request: then() gets its answer, and completes this one or asks on. A failure
     // there or in then() is this one's answer; context is added to that error. Cancelling this one cancels that one.
     void ask(const Reference& object, Message request, std::function<void(Message&)> then, const Trail& context = {}) const;
     bool answered() const;                              // the caller has the answer already, or has cancelled

@@ -18,12 +18,12 @@
 // So the text never has a newline, and reading gives the same word again. Bytes that are not UTF-8 are written as U+FFFD. A
 // free word is quoted if it would be read as a keyword or as one more number.
 //
-// Numbers are written in the shortest form that reads back to the same bits (std::to_chars; nan of either sign is nan), and
-// read without regard to locale. Canonical text -> message -> text gives the same text, and message -> text -> message the same
+// Numbers are written in the shortest form that reads back to the same bits (std::to_chars; nan of either sign is nan). Reading
+// does not depend on the locale. Canonical text -> message -> text gives the same text, and message -> text -> message the same
 // message. Parts that a direction does not have are lost: requests have no code and no trail, replies no free words.
 //
 // Threads: any; there is no state.
-// Errors:  REQUEST SYNTAX; the message says what was expected and at which word (counted from 1), or that the text is not
+// Errors:  REQUEST SYNTAX. The message has the expected part and the number of the word, from 1; or it says that the text is not
 //          UTF-8.
 #pragma once
 
@@ -66,7 +66,7 @@ private:
 std::vector<std::string> splitWords(std::string_view text);
 
 // Append a word to out, with a space before it unless out is empty or ends in white space, and quoted if it has to be.
-// keywords: quote it as well if it would be read as a keyword (TMSG, FMSG, IMSG, AMSG, TDBX).
+// With keywords, it is also quoted if it would be read as a keyword (TMSG, FMSG, IMSG, AMSG, TDBX).
 void appendWord(std::string& out, std::string_view word, bool keywords = false);
 void appendQuoted(std::string& out, std::string_view word);     // the same, always quoted
 std::string joinWords(const std::vector<std::string>& words);

@@ -187,8 +187,8 @@ protected:
     void publish(std::string_view event, const Message& m) const {
         if (stream_) [[unlikely]] stream_->publish(*this, event, m);
     }
-    // The same for a state, or for an event that is rare: the last one is always kept, for those who subscribe later and
-    // want it (sorma::subscribe -latest).
+    // The same for a state, or for an event that is rare. The last one is always kept: later subscribers can ask for it
+    // (sorma::subscribe -latest).
     void publishState(std::string_view event, const Message& m);
     // Execute a request of async; a proxy gives it to its connection.
     virtual void carry(const PendingPointer& pending, Method method);
@@ -271,7 +271,7 @@ private:
     std::shared_ptr<const Class> class_;
     std::unique_ptr<Record> record_;
     std::unique_ptr<Stream> stream_;        // since somebody first listened, or a state was published
-    // The rights of the last principal that made a request; valid for that principal and that epoch of the policy.
+    // The rights of the principal of the last request; valid for that principal and that epoch of the policy.
     struct Known {
         std::uint64_t principal = 0;
         std::uint32_t epoch = 0;

@@ -158,9 +158,10 @@ public:
     // Run one turn of the event loop, for code that blocks until an object of this process answers.
     void turn(Deadline deadline);
 
-    // Publish an event of the object `sorm`: object.made, object.removed, object.changed, dictionary.changed,
-    // connection.opened, connection.closed, subscription.opened, subscription.closed, and for each entry of a trail
-    // trail.error, trail.warning or trail.verbose.
+    // Publish an event of the object `sorm`:
+    //     object.made          object.removed          object.changed    dictionary.changed
+    //     connection.opened    connection.closed       subscription.opened    subscription.closed
+    //     trail.error          trail.warning           trail.verbose, for each entry of a trail
     void announce(std::string_view event, std::string_view text, std::vector<std::string> words = {});
     void announceLater(std::string_view event, std::string text, std::vector<std::string> words);    // when the loop has its turn
     void announce(const Trail& trail);

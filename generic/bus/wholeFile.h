@@ -1,6 +1,6 @@
 // wholeFile.h -- a file that is read whole, and replaced whole.
 //
-// A reader finds the old text or the new one, also after a crash: a temporary file of the same folder gets the new text, is
+// A reader finds the old text or the new one, also after a crash. A temporary file of the same folder gets the new text. It is
 // synchronized, and then renamed.
 //
 // Errors: DICT FILE, with the file, what could not be done, and why.

@@ -13,7 +13,7 @@
 #             how    folder dictionary proxy added self   sibling (another daemon has named it, as one of the same user on its host)
 #                    rpcbind (the rpcbind of that host has named it)
 #             called  name of a sibling on its host
-#             since  ms, when the state began;  busy: in what;  objects: how many
+#             since  ms, when the state began   busy    in what   objects   how many
 # object    a dict: name class calls underway; in object.changed also changes (dict: -option value) and by
 # events    daemon.here daemon.changed daemon.gone object.made object.changed object.removed trail world.ready
 #

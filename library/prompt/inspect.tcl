@@ -1,4 +1,4 @@
-# inspect.tcl -- look around in a system of service objects: what there is, what it does, what it is for.
+# inspect.tcl -- look around in a system of service objects: their names, state and purpose.
 #
 # Each command returns text for people, or with -data lists and dicts for programs. They ask all daemons at once and come
 # back within half a second or so; daemons that do not answer have a line of their own. Nothing is made by looking.
@@ -372,8 +372,8 @@ proc ::sorma::inspect::Seconds text {
 }
 
 # ::sorma::inspect::find WORD ?@daemon? ?-data? --
-#       Look for a word, in any case of letters, in names, purposes, options, actions and help: of what is here, of
-#       classes that could be loaded, and of all daemons.
+#       Look for a word, in any case of letters, in names, purposes, options, actions and help. It looks here, in classes that could be
+#       loaded, and at all daemons.
 # Results:
 #       With -data a list of dicts: where, kind (object, class, option, action, inspection, EXEC, entry), name, item
 #       and text; or where and error.
@@ -455,8 +455,11 @@ proc ::sorma::inspect::InTable {table pattern} {
 # ---- what these have in common ----
 
 # ::sorma::inspect::Parse WORDS NAMES ?located? ?TABLE? --
-#       Words of a command. names: dict of words that may be given, in order, and what they are when they are not. located: the first
-#       of them may have its place with it, kin*@robot. table: options beside -data.
+#       Words of a command.
+# Arguments:
+#       names    dict of words that may be given, in order, and their defaults
+#       located  the first of them may have its place with it, kin*@robot
+#       table    options beside -data
 # Results:
 #       VALUE-of-each-name ... WHERES DATA VALUE-of-each-option. wheres: patterns after @; a lone @ is here.
 proc ::sorma::inspect::Parse {words names {located 0} {table {}}} {

@@ -1,4 +1,4 @@
-# observe.tcl -- what happens: watch tells what changes in an object, monitor what passes through a daemon, rate how often an object
+# observe.tcl -- changes and events: watch tells those of an object, monitor all requests and events of a daemon, rate how often an object
 # publishes. They only listen, by the lines of the model.
 
 package provide sorma::observe 1.0         ;# before what needs it in turn
@@ -20,8 +20,10 @@ namespace eval ::sorma::inspect {
 # Arguments:
 #       pattern tell only of events whose name fits, and nothing of changes
 #       every   ms between two looks at what changes by itself, default 1000; what CTRL changes is told at once
-#       prefix  is called with a dict: name, time [ms], and changes (list of {what old new}), or event (a dict as for
-#               sorma::subscribe), or error (the object cannot be seen; told once). Default: a line on standard output
+#       prefix  is called with a dict of name, time [ms] and one of these; default: a line on standard output
+#               changes   list of {what old new}
+#               event     a dict as for sorma::subscribe
+#               error     the object cannot be seen; told once
 # Results:
 #       Its id, for unwatch. An object that is not there is waited for.
 proc ::sorma::inspect::watch args {
@@ -129,8 +131,8 @@ proc ::sorma::inspect::Print line {
 # ---- monitor ----
 
 # ::sorma::inspect::monitor ?pattern? ?@daemon? ?-only kinds? ?-command prefix? --
-#       Show what passes through a daemon, from now on, until unwatch: requests that come in, their replies, and events that go
-#       to somebody.
+#       Show the traffic of a daemon, from now on, until unwatch. These are requests that come in, their replies, and events that go to
+#       somebody.
 # Arguments:
 #       pattern of the objects that are meant, default all
 #       daemon  which, may be a pattern; default all but this process
@@ -208,8 +210,8 @@ proc ::sorma::inspect::PrintPassing news {
 # ::sorma::inspect::rate NAME ?-event pattern? ?-for seconds? ?-data? --
 #       How often an object publishes: listen for a while (default 3 s), and count. Times are those of the publisher.
 # Results:
-#       With -data a list of dicts, one for each event: event, count, rate [1/s], mean, min, max, jitter [s, between two of them;
-#       jitter is the standard deviation], lost.
+#       With -data a list of dicts, one for each event: event count rate [1/s] lost mean min max jitter. The last four are of the times
+#       between two events [s]; the jitter is their standard deviation.
 proc ::sorma::inspect::rate args {
     variable Heard
     variable LastWatch

@@ -1,7 +1,7 @@
-# record.tcl -- what is typed to scott, kept as a script that does it again and as a tcltest suite that checks it.
+# record.tcl -- lines typed to scott, kept as a script for doing it again and as a tcltest suite.
 #
-# The suite holds one test for each command, in order. Before an object is used for the first time its options are set
-# to what they were then, so that a session that tunes something can be played again. Compared is what ought to be the
+# The suite holds one test for each command, in order. Before an object is used for the first time, its options are set
+# to their values of that time. So a session that tunes something can be played again. Compared is what ought to be the
 # same each time:
 #
 #     NAME EXEC                       code, which parts, how many numbers, and the text apart from the numbers in it
@@ -18,8 +18,9 @@ package require sorma::options
 package require sorma::text
 package provide sorma::record 1.0
 namespace eval ::sorma::record {
-    # dict while something is recorded: script and suite (files), exact, and steps: list of dicts with
-    #   line (as typed), script (the Tcl of it), code, result, errorcode, before (list of NAME and its options and values)
+    # dict while something is recorded: script and suite (files), exact, and steps, a list of dicts:
+    #   line   as typed     script   the Tcl of it     code, result, errorcode
+    #   before   list of NAME and its options and values
     variable Recording {}
     variable Before {}      ;# NAME option value ...: of the command that is about to be executed
     variable Unrecorded {record trail source history exit}

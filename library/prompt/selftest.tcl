@@ -48,7 +48,7 @@ proc ::sorma::inspect::selftest args {
     return "$passed passed[if {$failed > 0} {string cat ", $failed failed"}]"
 }
 
-# What an object says: passed seconds text.
+# The answer of an object: passed seconds text.
 proc ::sorma::inspect::selftest::Outcome {name where seconds} {
     set begun [clock microseconds]
     set passed [expr {![catch {::sorma::await answer $where [list $name CTRL -selftest] [expr {round(1000 * $seconds)}]} text]}]

@@ -1,7 +1,7 @@
 # shell.tcl -- what a person types: run, shown, completed and remembered. The one piece below scott's terminal and the console in Tk.
 #
-# Typed lines are Tcl. A command whose first word is a service object's name and whose second is EXEC, CTRL or DBX may
-# also quote words as 'text', taken as it stands: see line.tcl. Where it is typed and shown is the caller's.
+# Typed lines are Tcl. A command is a request when its first word is a service object's name and its second EXEC, CTRL or DBX.
+# Then it may also quote words as 'text', taken as it stands: see line.tcl. The caller types and shows.
 #
 # settings: those of text.tcl (-width, -colour, -whole, -json), for the place where what comes is shown.
 
@@ -154,8 +154,8 @@ proc ::sorma::shell::hint {pending line point} {
     return [dict get [::sorma::complete $pending$line [expr {[string length $pending] + $point}]] hint]
 }
 
-# ::sorma::shell::endings LINE ?BEFORE? -- for a shell: the words that can end LINE when BEFORE stands before it, each with what of its last
-# word is there already.
+# ::sorma::shell::endings LINE ?BEFORE? -- for a shell: the words that can end LINE when BEFORE stands before it. Each has with it the part
+# of the last word that is there already.
 proc ::sorma::shell::endings {line {before {}}} {
     set text $before$line
     ::sorma::complete $text [string length $text]           ;# asks the daemons
@@ -359,8 +359,8 @@ proc ::sorma::shell::Trace args {
     return "[::sorma::listing calls [dict get $told tree]]\n[expr {[dict get $told code] == 1 ? {error: } : {}}]$result"
 }
 
-# trail ?NAME? ?NUMBER? ?-stack?: the messages of the last request, or of the last one of an object that had any; one of them; the
-# stack trace of one, or of the first that has one. In colours only when it is shown at once.
+# trail ?NAME? ?NUMBER? ?-stack?: the messages of the last request, or of the last one of an object that had any. A number chooses one of
+# them. With -stack it is the stack trace of that one, or of the first that has one. Colours only come when it is shown at once.
 proc ::sorma::shell::Trail args {
     variable Direct
     variable Settings

@@ -2,8 +2,8 @@
 #
 #     carry EXEC FMSG 6 3 4 0 4 5 0           from file 3, rank 4, nothing underneath, to file 4, rank 5
 #
-# Each step is a method of its own, and asks others by the names that the recipe has: for moving the arm and the hand, for seeing, for
-# places. A step that fails says what was measured. Then the arm rises to where it hits nothing, and what may be
+# Each step is a method of its own, and asks others by the names in the recipe: for moving arm and hand, for seeing, for places.
+# A step that fails says what was measured. Then the arm rises to where it hits nothing, and what may be
 # tried again is tried again. When the caller cancels, the arm stops where it is, and the hand keeps holding.
 
 package require sorma

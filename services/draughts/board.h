@@ -1,7 +1,7 @@
 // board.h -- squares as bits of a word.
 //
 // Squares are numbered as in books: 1 at the left of Black's back row, along the rows. After each pair of rows one bit stays
-// unused, so that a step is a shift by half the width, or by one more, and what leaves the board falls on an unused bit:
+// unused. So a step is a shift by half the width, or by one more, and a piece that leaves the board falls on an unused bit:
 //
 //     8x8   0  1  2  3        steps: up right -4, up left -5, down left +4, down right +5
 //         4  5  6  7   (8)

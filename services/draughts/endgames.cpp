@@ -82,7 +82,7 @@ std::string heading(const Rules& rules, int pieces) {
 
 Endgames::Endgames(const Rules& rules) : rules_(rules) {
     std::memset(number_, -1, sizeof number_);
-    // Each slice after those to which its captures and crownings lead, and beside that in which the other side moves.
+    // Each slice comes after those of its captures and crownings, and beside the one in which the other side moves.
     for (int all = 2; all <= kPieces; ++all)
         for (int men = 0; men <= all; ++men)
             for (int white = 1; white < all; ++white)
@@ -166,7 +166,7 @@ private:
     }
     bool crowns(const Position& p, const Move& m) const { return !(p.kings >> m.from & 1) && (Bits(1) << m.to & B::top); }
 
-    // What follows from moves into other slices. open: moves that stay.
+    // The result as far as moves into other slices decide it.   open: moves that stay.
     struct Outside {
         int open = 0, loss = -1, win = 1000;    // distances: the longest loss of ours, the shortest win
         bool draw = false;

@@ -31,8 +31,8 @@ public:
     // Where they are kept: $XDG_CACHE_HOME/sorma or ~/.cache/sorma, draughts-GAME.egt.
     static std::string defaultFile(const Rules& rules);
 
-    // Get the tables: from this process, else from the file, else compute and save them. note: what was wrong with the file,
-    // if it exists, or with saving it; the tables are valid in any case. Null: progress returned false. Any thread; a second
+    // Get the tables: from this process, else from the file, else compute and save them. They are valid in any case; the note says
+    // what was wrong with the file, if it exists, or with saving it. Null: progress returned false. Any thread; a second
     // one waits.
     static std::shared_ptr<const Endgames> provide(const Rules& rules, const std::string& file,
                                                    const std::function<bool(double)>& progress, std::string& note);

@@ -1,8 +1,8 @@
 // evaluate.h -- the value of a quiet position.
 //
-// A sum of learned weights, each in two phases between which the number of pieces decides: material and a few counts; the square
-// of each king; and patterns: each of 16 (9 on 8x8) overlapping fields of 2 x 4 squares, on 8x8 also each of four pairs of rows,
-// looks its men up in a table, 0 nobody, 1 black, 2 white in each square.
+// A sum of learned weights, each in two phases between which the number of pieces decides. There are weights for material and a few
+// counts, for the square of each king, and for patterns. A pattern is one of 16 (9 on 8x8) overlapping fields of 2 x 4 squares, or on
+// 8x8 also one of four pairs of rows. It looks its men up in a table, with 0 nobody, 1 black, 2 white in each square.
 // A field that is good for White is bad for Black after a turn by 180 degrees, so half of the tables are stored.
 //
 // Source: logistic regression on games of the engine with itself, see train/README.md and Buro, ProbCut and evaluation by

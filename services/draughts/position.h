@@ -15,7 +15,7 @@ struct Move {
 };
 
 struct Position {
-    // Invariant: white and black are disjoint squares of the board, kings are among them, no man stands on his crowning row
+    // Invariant: white and black are disjoint squares of the board, and kings are among them. No man stands on his crowning row,
     // unless a position like that was set up by hand.
     Bits white = 0, black = 0, kings = 0;
     Side side = Side::white;

@@ -72,8 +72,8 @@ public:
                 whole = true;
             } catch (Stopped) {
             }
-            // An iteration that was cut short counts when it has found its first move: that is the best one of the last, or better;
-            // not so without the table, which puts it first.
+            // An iteration that was cut short counts when it has found its first move: that is the best one of the last, or better.
+            // Without the table, which puts it first, this does not hold.
             if (whole || (length_[0] > 0 && depth > 1 && plain_ != 1)) {
                 best.depth = whole ? depth : depth - 1;
                 if (whole) best.score = score;

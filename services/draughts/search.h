@@ -49,8 +49,8 @@ class Search {
 public:
     Search(const Rules& rules, Transpositions& table) : rules_(rules), table_(table) {}
 
-    // game: all positions since the last capture or move of a man, oldest first, the present one last; not empty, and there is a
-    // legal move. report: called after each iteration, on this thread. Returns the last report.
+    // game: all positions since the last capture or move of a man, oldest first, the present one last. It is not empty, and there is
+    // a legal move.   report: called after each iteration, on this thread. Returns the last report.
     Progress run(const std::vector<Position>& game, const Limits& limits, const SearchSettings& settings,
                  const std::function<void(const Progress&)>& report = nullptr);
 

@@ -1,7 +1,7 @@
 // transposition.h -- the transposition table of a search, shared by its threads.
 //
-// An entry is two words, the first the key combined with the second: an entry that two threads have written at once matches
-// no key, so no lock is needed. Four entries share a cache line; an old one is replaced first, then the one of least depth.
+// An entry is two words, the first the key combined with the second. If two threads write an entry at once, it matches no key, so
+// no lock is needed. Four entries share a cache line; an old one is replaced first, then the one of least depth.
 #pragma once
 
 #include <atomic>

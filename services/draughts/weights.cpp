@@ -19,8 +19,8 @@ constexpr std::string_view kEnglText =
     ;
 
 // First the two weights of each count, in tenths of a point, and ';'. Then the fields' tables and the kings' squares, with many
-// pieces and with few, one character an entry: 'O' for 0, its neighbours for 1, 2 ... points. '!' and '}' before it stand for 45
-// points less or more; '~', a number and ';' for as many entries of 0.
+// pieces and with few, one character an entry: 'O' for 0, its neighbours for 1, 2 and more points. A '!' or '}' before it stands for 45
+// points less or more. A '~', a number and ';' stand for as many entries of 0.
 template <const Rules& R> void read(std::string_view text, Weights& w) {
     using L = Fields<R>;
     const char *at = text.data(), *end = at + text.size();

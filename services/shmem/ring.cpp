@@ -78,7 +78,7 @@ std::uint64_t Writer::checksum(const Segment& segment, const Block& b, std::uint
     return h.value() ? h.value() : 1;
 }
 
-// A reader that sets `asleep` from here on sees the record that was just counted; a reader that has set it before has read
+// A reader that sets `asleep` from here on sees the record that was just counted. A reader that has set it before has read
 // the bell before, and so does not sleep on its new value.
 void Writer::wake() noexcept {
     header_->asleep.exchange(0, std::memory_order_seq_cst);
@@ -90,8 +90,8 @@ Outcome Reader::nearestTo(std::int64_t time, bool wall, double* floats, void* an
         std::uint64_t newest = count();
         if (newest == 0) return Outcome::empty;
         auto timeOf = [&](const Stamp& s) { return wall ? s.wall : s.monotonic; };
-        // Times only grow (the wall clock may be set; then it is one of the nearest). The first record that is not
-        // before `time`; what was overwritten meanwhile is older than all that is left.
+        // Times only grow (the wall clock may be set; then it is one of the nearest). The first record not
+        // before `time`; records that were overwritten meanwhile are older than all others.
         std::uint64_t low = oldest(newest), high = newest;
         while (low < high) {
             std::uint64_t middle = low + (high - low) / 2;

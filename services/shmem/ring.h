@@ -19,8 +19,8 @@
 // A reader reads it before and after it copies. If it was 2n both times, the reader has the whole record n.
 //  1. The writer's 2n - 1 comes before its data: a release fence stands between. The reader's second look comes after
 //     its data: an acquire fence stands between. So a reader that has seen any word of record n' > n in the block sees
-//     2n' - 1 or more in its second look, and drops what it has.
-//  2. 2n is stored with release, after the data, and loaded with acquire: who sees 2n at first sees the data of record n.
+//     2n' - 1 or more in its second look, and drops its copy.
+//  2. The 2n is stored with release, after the data, and loaded with acquire: who sees 2n at first sees the data of record n.
 //  3. `count` is stored with release, after 2n: who loads it with acquire finds record `count` complete, or overwritten.
 //  4. Numbers never come again: a writer that takes over goes on behind the highest number that is complete. Its
 //     predecessor's last stores come before its own, because the kernel hands over the lock in between.
@@ -30,10 +30,10 @@
 //     word of record n' sees the 2n' - 1 before it. It costs four times a memcpy.
 //  6. Going to sleep: a reader sets `asleep` and then looks at `count`; the writer stores `count` and then looks at
 //     `asleep`. One of the two must see the other, for which each needs a full barrier in between. The reader's system
-//     call membarrier makes all writers execute one just then, so the writer needs none of its own, which would cost
+//     call membarrier makes all writers execute one just then. So the writer needs none of its own: that would cost
 //     more than the rest of a small record. Where the kernel does not offer that, the writer uses a fence, and readers
 //     that cannot call it sleep for a millisecond at a time. `asleep` is a mark, not a count, so that a reader which is
-//     killed in its sleep costs one vain system call and no more.
+//     killed in its sleep costs only one vain system call.
 //
 //  7. A writer may give each record a checksum. The sequence number tells a reader all that writers of this library do; the checksum
 //     tells it what another program has done to the memory. Readers check it where there is one.

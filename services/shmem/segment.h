@@ -6,13 +6,13 @@
 //     byte 0, exclusive    the process that writes, makes or removes the segment
 //     byte 1, shared       every process that uses it; exclusive: the one that removes it
 //
-// So there is no list of users that could be out of date, and it does not matter when a process number is used again. exec
-// closes the descriptors. A child that was forked without exec shares its parent's locks until it closes them or ends.
+// So there is no list of users that could be out of date, and it does not matter when a process number is used again. The
+// descriptors are closed by exec. A child that was forked without exec shares its parent's locks until it closes them or ends.
 //
 // Owner: a process writes only a segment of its own user; if another user's file has the name, it fails (O_EXCL, then a
 //        check of the owner). The owner of the file can truncate it at any time. Then the next access to a page that is
-//        missing is SIGBUS, in the thread that reads. There is no cheap protection: shared memory of this kind cannot be
-//        sealed (only memfd can, and it has no name), a handler of SIGBUS belongs to the whole program, and pread() for each
+//        missing is SIGBUS, in the thread that reads. There is no cheap protection. Shared memory of this kind cannot be
+//        sealed (only memfd can, and it has no name). A handler of SIGBUS belongs to the whole program. A pread() for each
 //        record costs several times the copy. So a reader accepts only segments of certain owners: its own user and root,
 //        which can end it anyway, and one user that it names.
 //

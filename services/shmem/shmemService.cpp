@@ -5,7 +5,7 @@
 //     shmem_r.arm EXEC                 the latest; words ask for more than that, see doc/snapshot.man
 //
 // Both may be steps of a cycle: EXEC of the writer, and of the reader without words, neither allocates nor locks, once it
-// has been called. What takes the reader's words is kept apart from that: `next` is answered by the SORM's thread while
+// has been called. The reader's words are kept apart from that: the SORM's thread answers `next` while
 // another thread may be stepping the object.
 #include <algorithm>
 #include <map>

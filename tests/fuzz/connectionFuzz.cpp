@@ -1,6 +1,7 @@
-// connectionFuzz.cpp -- a client's connection, and a daemon that says what it likes, when it likes: a true welcome or none,
-// answers to calls that were made, to others, twice, cut, with bytes changed; events, a word of farewell; it closes in the
-// middle, comes back as itself or as another. Whatever comes: each call is answered once at most, and nothing is left.
+// connectionFuzz.cpp -- a client's connection, and a daemon that says what it likes, when it likes.
+//
+// It sends a true welcome or none, answers to calls that were made or not, twice, cut, or with bytes changed. It sends events and a word
+// of farewell, closes in the middle, and comes back as itself or as another. Yet each call is answered once at most, and nothing is left.
 //
 // The input is a program, as in serverFuzz.cpp. One thread: the calls are begun and the reactor brings them forward.
 #include <poll.h>

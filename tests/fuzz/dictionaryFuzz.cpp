@@ -1,5 +1,7 @@
-// dictionaryFuzz.cpp -- whatever a dictionary file holds: it is refused and changes nothing, or all its words expand in
-// bounded time, addresses are followed to an end, and a file written from the entries holds the same again.
+// dictionaryFuzz.cpp -- any text as a dictionary file.
+//
+// It is refused and changes nothing, or all its words expand in bounded time, and addresses are followed to an end. A file that is written
+// from the entries has the same entries again.
 //
 // Build with -fsanitize=fuzzer,address,undefined together with
 // generic/bus/{trail,catalogue,deadline,message,requestText,name,dictionary,glob}.cpp

@@ -1,4 +1,4 @@
-// fuzz.h -- what the targets have in common that read their input as a program: a byte for what to do, bytes for with what.
+// fuzz.h -- for targets that read their input as a program: a byte for the operation, and bytes for its arguments.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,6 @@
-// requestTextFuzz.cpp -- whatever comes as a request or a reply: it is refused, or it survives being written and read
-// again, and what is written is the same from then on.
+// requestTextFuzz.cpp -- any text as a request or a reply.
+//
+// It is refused, or it survives being written and read again, and its written text stays the same from then on.
 //
 // Build with -fsanitize=fuzzer,address,undefined together with generic/bus/{trail,catalogue,deadline,message,requestText}.cpp
 #include <bit>

@@ -1,10 +1,11 @@
-// serverFuzz.cpp -- a whole daemon and its clients, in any order: connections come and go, say HELLO once, twice or never,
-// call, subscribe, cancel, cut records in two; services answer at once, later or never, publish, hold leases, remove
-// objects, run the event loop, end the daemon. Whatever comes: a call is executed once at most, a request is answered
-// once at most, and when all have gone nothing is left of them.
+// serverFuzz.cpp -- a whole daemon and its clients, in any order.
 //
-// The input is a program: a byte for what to do, bytes for with what. One thread, and no time passes but that of the grace,
-// which is nothing or for ever, so that an input does the same each time. The health responder is an operation like the others.
+// Connections come and go, say HELLO once, twice or never, call, subscribe, cancel, and cut records in two. Services answer at once,
+// later or never, publish, hold leases, remove objects, run the event loop, and end the daemon. Yet a call is executed once at most, a
+// request is answered once at most, and when all have gone nothing is left of them.
+//
+// The input is a program: a byte for the operation, and bytes for its arguments. There is one thread, and no time passes but that of
+// the grace, nothing or for ever. So an input does the same each time. The health responder is an operation like the others.
 #include <netinet/in.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
@@ -147,7 +148,7 @@ struct Socket {
         fd = socket(tcp ? AF_INET : AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
         address.ss_family = tcp ? AF_INET : AF_UNIX;
         if (tcp) reinterpret_cast<sockaddr_in&>(address).sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-        // Of the Unix domain no more than the family: the kernel chooses a name that is no file.
+        // Only the family of the Unix domain: the kernel chooses a name that is no file.
         int failed = bind(fd, reinterpret_cast<sockaddr*>(&address), tcp ? sizeof(sockaddr_in) : sizeof(sa_family_t));
         demand(!failed && listen(fd, 64) == 0, "cannot listen", errno);
         getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size);
@@ -281,7 +282,7 @@ private:
         const int slot = in.below(6), step = in.below(8);
         std::int64_t token = kOwn + xid_;
         if (slot < 4) {
-            // Who has not said HELLO, or says it too late, has a slot that no call of a session uses.
+            // A client without a HELLO, or with a late one, has a slot that no call of a session uses.
             request.slot = line.session >= 0 && slot < 3 ? std::uint32_t(slot) : 3u;
             if (request.slot != 3) {
                 auto& last = numbers(line).last[slot];

@@ -1,4 +1,4 @@
-# display.tcl -- an X server of the suite's own, for tests that draw. What a person does is done with real events.
+# display.tcl -- an X server of the suite's own, for tests that draw. Real events stand for the acts of a person.
 #
 # A process cannot outlive its X server: so the suite runs in a child, and this one starts the server and ends it.
 

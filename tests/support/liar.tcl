@@ -1,6 +1,7 @@
-# liar.tcl TEXT|-file:PATH|-error:{SYMBOL DETAIL ...} ?N? ?SEED? -- listens on a TCP port like a daemon, greets its clients as one, is
-# well, and answers every call with TEXT and a trail of N warnings (TEXT may be the content of a file), or refuses it with an error. It refuses
-# subscribers without a reason. With SEED each answer has lies of a trace: random spans behind it, and in its bytes others that no reply
+# liar.tcl TEXT|-file:PATH|-error:{SYMBOL DETAIL ...} ?N? ?SEED? -- listens on a TCP port like a daemon, and lies.
+#
+# It greets its clients as a daemon does, and is well. It answers every call with TEXT, or the content of a file, and a trail of N warnings,
+# or refuses it with an error. It refuses subscribers without a reason. With SEED each answer has lies of a trace: random spans behind it, and in its bytes others that no reply
 # brings. Prints its port. Ends with its standard input.
 
 source [file join [file dirname [file normalize [info script]]] rpc.tcl]

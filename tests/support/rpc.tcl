@@ -140,8 +140,8 @@ proc rpc::ended channel {
 
 # ---- reading ----
 
-# What a record says: dict of xid and status, where status is ok, rpc-mismatch, or the accept status of RFC 5531;
-# for the reply to a call also code, text, floats, and errors, the symbols of the trail.
+# The content of a record: a dict of xid and status. The status is ok, rpc-mismatch, or the accept status of RFC 5531.
+# The reply to a call also has code, text, floats, and errors, the symbols of the trail.
 proc rpc::reply record {
     if {$record eq "closed"} {
         return closed

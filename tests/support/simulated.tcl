@@ -1,11 +1,12 @@
-# simulated.tcl -- an arm in time of its own, for tests of what runs in the robot's ticks: an ideal arm, its sensor and its clock,
-# which the test moves on tick by tick. As fast as the machine can, and each run of a seed is the same.
+# simulated.tcl -- an ideal arm in time of its own, its sensor and its clock, for tests of the robot's ticks.
+#
+# The test moves the clock on tick by tick. As fast as the machine can, and each run of a seed is the same.
 #
 #     simulated start {-guards wspc.room -tasks circuit.tracker}      pino, with power; buffers begin with $simulated::Prefix
 #     simulated tick              one tick of the control task; simulated::Time, Place and Joints are known afterwards
 #     simulated end
 #
-# What the other side says may be changed between ticks: simulated::Power, Cause, Wrist (6), Clock [s] added to the times of its records.
+# The other side's state may be changed between ticks: simulated::Power, Cause, Wrist (6), Clock [s] added to the times of its records.
 
 package require sorma::service::shmem
 

@@ -1,7 +1,10 @@
 # stranger.tcl BEHAVIOUR -- something that listens on a TCP port and is no daemon. Prints its port.
 #
-# silent: accepts and never answers;  greets: speaks first, as ssh does;  http: answers any line with an HTTP error;
-# leaves: closes each connection at once;  lies: answers a HELLO with a record of nonsense.
+#     silent    accepts and never answers
+#     greets    speaks first, as ssh does
+#     http      answers any line with an HTTP error
+#     leaves    closes each connection at once
+#     lies      answers a HELLO with a record of nonsense
 
 proc accept {behaviour channel args} {
     fconfigure $channel -translation binary -blocking 0 -buffering none

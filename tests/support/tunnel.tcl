@@ -1,9 +1,10 @@
 # tunnel.tcl PORT SEED LEAST MOST REFUSE -- a TCP tunnel to 127.0.0.1:PORT that breaks.
 #
-# Each connection is cut when so many bytes have gone through it, LEAST to MOST of them, in both directions together; so cuts
-# fall at any byte, also in the first ones. REFUSE: after every so many cuts nothing listens for up to half a second (0: never).
-# Says "port N"; for each line on its input the number of cuts: "whole" means no more cuts, "deaf" that nothing comes back through
-# the connections that there are now. It ends with its input.
+# Each connection is cut when so many bytes have gone through it, LEAST to MOST of them, in both directions together. So cuts
+# fall at any byte, also in the first ones. After every REFUSE cuts nothing listens for up to half a second (0: never).
+#
+# It says "port N", and for each line on its input the number of cuts. The line "whole" ends the cuts. After "deaf" nothing comes back
+# through the present connections. It ends with its input.
 
 lassign $argv target seed least most refuse
 expr {srand($seed)}

@@ -3,7 +3,7 @@
 # A Markdown file's blocks between ``` are
 #   a file      when the line before says so: "... this into `NAME`:"
 #   typed       when its lines begin with prompts: "$ " to a shell, "% " to a tclsh; a word before the prompt is the host.
-#               What follows is what comes back, "..." standing for anything. Each host has one shell and one tclsh.
+#               The output follows, "..." standing for anything. Each host has one shell and one tclsh.
 # Anything else is an error: then there would be a block that nobody has tried.
 
 namespace eval tutorial {
@@ -37,7 +37,7 @@ proc tutorial::play {file {map {}} {wrapCmd {apply {host {}}}}} {
                 }
                 set came [type $host $kind $command $expected $folder $wrapCmd]
                 if {![matches $came $expected]} {
-                    # What follows would only wait for what cannot come any more.
+                    # The next commands would only wait for output that cannot come.
                     return [list "not all" [list "$host$kind $command\n---- gave\n$came\n---- instead of\n$expected"]]
                 }
             }
@@ -175,8 +175,8 @@ proc tutorial::end pipe {
 
 proc tutorial::QuoteForShell word { return '[string map {' '\\''} $word]' }
 
-# Programs as a reader has them: the tclsh of the tests under its usual name; a compiler that is not itself sanitized, and
-# makes code for what its output will be loaded into.
+# Programs as a reader has them: the tclsh of the tests under its usual name, and a compiler. The compiler is not itself sanitized,
+# and makes code for the program that will load it.
 proc tutorial::programs folder {
     file mkdir $folder
     set sanitizers {}
