@@ -1,12 +1,13 @@
 # pages.tcl FOLDER HEADERS PAGE... -- the manual's pages, made of those in doc: what they include is put in.
 #
-# [include fork.options], .actions, .exec, .table: from the table of that class, as doc/classPage.tcl writes it.
-# [include inspect.calls]: the heads of the commands of that page, as they are typed to scott.
-# [include errors.codes]: each error code, as doc/errorPage.tcl writes it.
-# [include Service.public]: the public part of that C++ class, from the installed headers, whose comments are the manual.
+# [include fork.options]      also .actions, .exec, .table: from the table of that class, as doc/classPage.tcl writes it
+# [include inspect.calls]     the heads of the commands of that page, as they are typed to scott
+# [include errors.codes]      each error code, as doc/errorPage.tcl writes it
+# [include Service.public]    the public part of that C++ class, from the installed headers, whose comments are the manual
 #
-# doctools reads them, with the engine fmt.blocks. For each page FOLDER gets NAME.man, of which nroff and HTML are made, and NAME.lines: its text for a terminal, a list of {MARGIN
-# HANG TEXT}, a line before it is broken at the width of the terminal; further ones begin at column HANG, -1: it stays as it is.
+# doctools reads them, with the engine fmt.blocks. For each page FOLDER gets NAME.man, of which nroff and HTML are made, and NAME.lines.
+# The latter is its text for a terminal, a list of {MARGIN HANG TEXT}. Each is a line before it is broken at the width of the terminal.
+# Further ones begin at column HANG; -1: it stays as it is.
 # And of all pages together:
 #
 #     contents    list of {PAGE NAME TITLE}
@@ -210,7 +211,7 @@ proc enterUsage {page blocks} {
             section { set section $text }
             call {
                 set command [lindex [split $text] 0]
-                # What objects, futures and C++ take is no command's.
+                # Words of objects, futures and C++ belong to no command.
                 if {!$program && ![string match sorma::* $command]} continue
                 set commands [expr {[lindex $blocks $i-1 0] eq "call" ? [concat $commands [list $command]] : [list $command]}]
                 set end [itemEnd $blocks $i]

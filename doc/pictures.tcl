@@ -1,6 +1,9 @@
-# pictures.tcl FOLDER ?-widgets|-all? -- pictures of windows for the web pages, light NAME.png and dark NAME-dark.png, of real objects of a
-# daemon; and of the laboratory and the demos, lab-WHAT.png, checkers-WHAT.png and tracker-WHAT.png, as their pictures.tcl in demos make them,
-# where their services are; -widgets: without those. -all: of widgets also at 192 dots per inch, NAME-192.png and NAME-dark-192.png.
+# pictures.tcl FOLDER ?-widgets|-all? -- pictures of windows for the web pages.
+#
+# They show real objects of a daemon, light in NAME.png and dark in NAME-dark.png. The laboratory and the demos have lab-WHAT.png,
+# checkers-WHAT.png and tracker-WHAT.png, as their pictures.tcl in demos make them, where their services are.
+# -widgets    without the laboratory and the demos
+# -all        of widgets also at 192 dots per inch, NAME-192.png and NAME-dark-192.png
 #
 # Needs Tk with libtk-img and snit, and Xvfb, which it starts. What is missing, or what fails, it says, and goes on: a manual without pictures is
 # one, too.

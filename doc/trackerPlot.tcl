@@ -1,5 +1,6 @@
-# trackerPlot.tcl CSV SVG -- a recording of the tracker (demos/tracker/tracker.tcl -csv) as a drawing: where ball and tool were, and how far the
-# tool was from where it should be. In each column of pixels the mean of a place, and the largest error.
+# trackerPlot.tcl CSV SVG -- a recording of the tracker (demos/tracker/tracker.tcl -csv) as a drawing.
+#
+# It has the places of ball and tool, and the distance of the tool from its right place. In each column of pixels the mean of a place, and the largest error.
 
 package require Tcl 8.6-
 source -encoding utf-8 [file join [file dirname [file dirname [file normalize [info script]]]] library base colours.tcl]

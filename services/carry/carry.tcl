@@ -346,7 +346,7 @@ oo::class create ::sorma::service::carry {
     # A pose of a tool that points down, displaced in its own frame.
     method Moved {pose by} {
         lassign $pose x y - - c s
-        lassign [::sorma::service::transform::aside {*}$by [expr {2 * atan2($s, $c)}]] dx dy
+        lassign [::sorma::service::transform::inWorldAxes {*}$by [expr {2 * atan2($s, $c)}]] dx dy
         return [lreplace $pose 0 1 [expr {$x + $dx}] [expr {$y + $dy}]]
     }
     method Pose {} {

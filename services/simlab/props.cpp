@@ -116,9 +116,9 @@ void Props::setBall(Trajectory path, double now) {
     ballBegan_ = now;
 }
 
-void Props::moveThing(Thing thing, const Point& to, double seconds, double now) {
-    Mover& m = movers_[thing];
-    // A thing that was out of sight appears at its new place.
+void Props::move(Prop prop, const Point& to, double seconds, double now) {
+    Mover& m = movers_[prop];
+    // A prop that was out of sight appears at its new place.
     const bool hidden = m.to[2] < -1;
     const double part = m.end > m.begin ? std::clamp((now - m.begin) / (m.end - m.begin), 0.0, 1.0) : 1;
     Point at;
@@ -126,10 +126,10 @@ void Props::moveThing(Thing thing, const Point& to, double seconds, double now) 
     m = {at, to, now, now + seconds};
 }
 
-void Props::hideThing(Thing thing) { movers_[thing] = {}; }
+void Props::hide(Prop prop) { movers_[prop] = {}; }
 
-std::string Props::placeOf(Thing thing) const {
-    const Point& p = movers_[thing].to;
+std::string Props::placeOf(Prop prop) const {
+    const Point& p = movers_[prop].to;
     if (p[2] < -1) return "away";
     char text[80];
     std::snprintf(text, sizeof text, "%.4g %.4g %.4g", p[0], p[1], p[2]);

@@ -30,10 +30,10 @@ public:
     void setBall(Trajectory path, double now);
     const Trajectory& ball() const { return ball_; }
     Point ballAt(double now) const { return ball_.at(now - ballBegan_); }
-    enum Thing { secondBall, occluder, person };
-    void moveThing(Thing thing, const Point& to, double seconds, double now);
-    void hideThing(Thing thing);
-    std::string placeOf(Thing thing) const;         // where it goes: x y z, or away
+    enum Prop { secondBall, occluder, person };
+    void move(Prop prop, const Point& to, double seconds, double now);
+    void hide(Prop prop);
+    std::string placeOf(Prop prop) const;           // where it goes: x y z, or away
     void push(const Point& force, double seconds, double now);      // [N] at the hand, world
     void laser(bool on, double blinkRate);
     void setFriction(double tokens, double tips);                   // factors

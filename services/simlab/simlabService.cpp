@@ -107,11 +107,11 @@ public:
             .action("-board", &Simlab::board, "dx dy turn", "shift [m] and turn [rad] the board with what lies on it", 3, 3)
             .action("-ball", &Simlab::ball, "still|line|circle|sine|jerk|file value ?value ...?",
                     "move the ball on its stick", 2, 8)
-            .action("-secondBall", &Simlab::thing<simlab::Props::secondBall>, "x y z ?seconds?|away",
+            .action("-secondBall", &Simlab::prop<simlab::Props::secondBall>, "x y z ?seconds?|away",
                     "bring a second bright ball, or move it", 1, 4)
-            .action("-occluder", &Simlab::thing<simlab::Props::occluder>, "x y z ?seconds?|away",
+            .action("-occluder", &Simlab::prop<simlab::Props::occluder>, "x y z ?seconds?|away",
                     "bring a dark plate, or move it", 1, 4)
-            .action("-person", &Simlab::thing<simlab::Props::person>, "x y z ?seconds?|away",
+            .action("-person", &Simlab::prop<simlab::Props::person>, "x y z ?seconds?|away",
                     "bring a person's hand, or move it", 1, 4)
             .action("-push", &Simlab::push, "fx fy fz seconds", "push the robot's hand [N], in the world's axes", 4, 4)
             .danger(sorma::Danger::move)
@@ -368,17 +368,17 @@ private:
             l.props.setBall(file ? simlab::Trajectory::ofFile(path) : simlab::Trajectory::parse({args.begin(), args.end()}), l.now());
         });
     }
-    template <simlab::Props::Thing which> void thing(Args args, Message&) {
+    template <simlab::Props::Prop which> void prop(Args args, Message&) {
         act(which == simlab::Props::secondBall ? "-secondBall"
             : which == simlab::Props::occluder ? "-occluder"
                                                : "-person",
             [&](Laboratory& l) {
-                if (args.size() == 1 && args[0] == "away") return l.props.hideThing(which);
+                if (args.size() == 1 && args[0] == "away") return l.props.hide(which);
                 if (args.size() < 3) throw std::invalid_argument("should be x y z ?seconds?, or away");
                 simlab::Point p;
                 for (std::size_t i = 0; i < 3; ++i) p[i] = simlab::toNumber(args[i], "x y z [m]");
                 const double seconds = args.size() > 3 ? simlab::toNumber(args[3], "seconds") : 0;
-                l.props.moveThing(which, p, std::clamp(seconds, 0.0, 1000.0), l.now());
+                l.props.move(which, p, std::clamp(seconds, 0.0, 1000.0), l.now());
             });
     }
     void push(Args args, Message&) {

@@ -200,7 +200,7 @@ oo::class create ::sorma::service::transform {
         set vectors {}
         foreach sx {-1 1} {
             foreach sy {-1 1} {
-                lassign [::sorma::service::transform::aside [expr {$sx * $grid}] [expr {$sy * $grid}] $yaw] dx dy
+                lassign [::sorma::service::transform::inWorldAxes [expr {$sx * $grid}] [expr {$sy * $grid}] $yaw] dx dy
                 set pose [list [expr {$x + $dx}] [expr {$y + $dy}] $over {*}$down]
                 my Go $pose
                 # To stand above the token the tool goes back by as much.
@@ -340,7 +340,7 @@ proc ::sorma::service::transform::pixelOf {point tool mount fieldOfView size} {
     return [list [expr {$width / 2.0 - 0.5 + $f * $x / $z}] [expr {$height / 2.0 - 0.5 + $f * $y / $z}]]
 }
 # A displacement along the axes of a tool that points down and is turned by yaw, in the world's axes.
-proc ::sorma::service::transform::aside {dx dy yaw} {
+proc ::sorma::service::transform::inWorldAxes {dx dy yaw} {
     return [list [expr {cos($yaw) * $dx + sin($yaw) * $dy}] [expr {sin($yaw) * $dx - cos($yaw) * $dy}]]
 }
 
