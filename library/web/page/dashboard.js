@@ -1,7 +1,7 @@
 // dashboard.js -- a dashboard: its parts on a grid that fills the window, or below each other on a phone.
 
 import {Chart, colour} from './chart.js';
-import {make, setText} from './dom.js';
+import {builder, make, setText} from './dom.js';
 import {request} from './bus.js';
 import {follow} from './picture.js';
 
@@ -12,7 +12,8 @@ const old = (state) => ['stale', 'refused', 'gone', 'asking'].includes(state);
 export function dashboard(name) {
     const element = make('div', {class: 'board'}), wrong = make('p', {class: 'error', role: 'status'});
     const page = crypto.randomUUID();
-    let parts = [], known = '';
+    const news = builder(build);
+    let parts = [];
     wrong.hidden = true;
     element.append(wrong);
 
@@ -31,13 +32,7 @@ export function dashboard(name) {
         element.replaceChildren(wrong, ...order.map(([, , n]) => parts[n].element));
     }
     function changed(items, keys) {
-        const about = items.get('about');
-        if (about && keys.includes('about') && known !== JSON.stringify(about)) {
-            known = JSON.stringify(about);
-            build(about);
-            keys = [...items.keys()];
-        }
-        for (const key of keys) if (key !== 'about' && items.has(key)) parts[key]?.set?.(items.get(key));
+        for (const key of news(items, keys)) if (key !== 'about' && items.has(key)) parts[key]?.set?.(items.get(key));
     }
     return {title: name, path: '/live/dashboard?name=' + encodeURIComponent(name) + '&page=' + page, element, changed, close: giveUp, full: true};
 }

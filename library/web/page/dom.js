@@ -25,3 +25,18 @@ export function shown(value) {
 }
 
 export const objectLink = (name) => '#/object/' + encodeURIComponent(name);
+
+// For a page that the item `about` of its view describes: build(about) makes it, anew when `about` is another one. Returns a function of (items, keys),
+// as View calls it, which returns the keys that are to be shown: after a build, all of them.
+export function builder(build) {
+    let known = '';
+    return (items, keys) => {
+        if (!keys.includes('about')) return keys;
+        const text = items.has('about') ? JSON.stringify(items.get('about')) : '';
+        const same = text === known || text === '';
+        known = text;
+        if (same) return keys;
+        build(items.get('about'));
+        return [...items.keys()];
+    };
+}

@@ -1,6 +1,6 @@
 // object.js -- one object as a panel: its options live, its actions, EXEC with cancel, its help.
 
-import {make, setText, shown} from './dom.js';
+import {builder, make, setText, shown} from './dom.js';
 import {request} from './bus.js';
 import {field} from './field.js';
 import {picture} from './picture.js';
@@ -13,7 +13,7 @@ export function object(name) {
         make('section', {class: 'card', 'aria-label': 'Requests'}, make('h2', {}, 'Requests'), actions, form, trail), seen.element,
         make('details', {class: 'card'}, make('summary', {}, 'Help'), help));
     const page = crypto.randomUUID();
-    let known = '';
+    const news = builder(build);
     seen.element.hidden = true;
 
     // What came of a request, the newest first; the ten last of them.
@@ -49,13 +49,7 @@ export function object(name) {
             }}, action.name.slice(1))));
     }
     function changed(items, keys) {
-        const about = items.get('about');
-        if (about && keys.includes('about') && known !== JSON.stringify(about)) {
-            known = JSON.stringify(about);
-            build(about);
-            keys = [...items.keys()];
-        }
-        for (const key of keys) {
+        for (const key of news(items, keys)) {
             if (key === 'state' && items.has(key)) {
                 const {state: is, why} = items.get(key);
                 setText(state, `${{live: '●', stale: '?', refused: '⊘', gone: '∅'}[is] ?? ''} ${is}${why ? ': ' + why : ''}`);
@@ -64,13 +58,12 @@ export function object(name) {
                 fields.get(key).set(items.get(key));
             }
         }
-        if (!about) {
+        if (!items.has('about')) {
             options.replaceChildren();
             actions.replaceChildren();
             fields.clear();
             seen.element.hidden = true;
             seen.giveUp();
-            known = '';
         }
     }
     return {title: name, path: '/live/object?name=' + encodeURIComponent(name) + '&page=' + page, element, changed, close: () => { form.giveUp(); seen.giveUp(); }};
