@@ -3,6 +3,7 @@
 #include "comm/keys.h"
 #include "comm/tls.h"
 #include "comm/tlsProbe.h"
+#include "comm/visitor.h"
 
 namespace sorma::tls {
 
@@ -22,5 +23,6 @@ Judge judge(const Offer&) {
 }
 std::string trouble(const Offer&) { return {}; }
 Trail remarks(const Line&, const std::string&) { return {}; }
+std::string visitor(const std::string&, const std::string& who) { fail(kWithout, who); }
 
 }  // namespace sorma::tls

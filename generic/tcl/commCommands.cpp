@@ -10,6 +10,8 @@
 #include "bus/requestText.h"
 #include "comm/comm.h"
 #include "comm/runtimeFolder.h"
+#include "comm/tls.h"
+#include "comm/visitor.h"
 #include "tcl/eventSource.h"
 #include "tcl/peerCommands.h"
 
@@ -263,6 +265,26 @@ int SweepSocketObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* co
     });
 }
 
+// sorma::CheckKeys name: may the key and the certificate of that name be shown now? An error says why not.
+int CheckKeysObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    return guarded(*static_cast<Interpreter*>(data), objc, objv, [&] {
+        if (objc != 2) return Tcl_WrongNumArgs(interp, 1, objv, "name"), TCL_ERROR;
+        tls::check(toUtf8(objv[1]));
+        return TCL_OK;
+    });
+}
+
+// sorma::Visitor certificate: the name in a certificate (DER) that a client has shown. An error says what is wrong with it.
+int VisitorObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
+    return guarded(*static_cast<Interpreter*>(data), objc, objv, [&] {
+        if (objc != 2) return Tcl_WrongNumArgs(interp, 1, objv, "certificate"), TCL_ERROR;
+        Tcl_Size n = 0;
+        const unsigned char* bytes = Tcl_GetByteArrayFromObj(objv[1], &n);
+        Tcl_SetObjResult(interp, newText(tls::visitor({reinterpret_cast<const char*>(bytes), bytes ? std::size_t(n) : 0}, "a login by certificate")));
+        return TCL_OK;
+    });
+}
+
 }  // namespace
 
 Comm& commOf(Interpreter& i) { return static_cast<InterpreterComm*>(Tcl_GetAssocData(i.interp, kKey, nullptr))->comm; }
@@ -277,6 +299,8 @@ void initCommCommands(Interpreter& i) {
     i.define("daemons", DaemonsObjCmd);
     Tcl_CreateObjCommand(i.interp, "::sorma::SweepSocket", SweepSocketObjCmd, &i, nullptr);
     Tcl_CreateObjCommand(i.interp, "::sorma::RuntimeSocket", RuntimeSocketObjCmd, &i, nullptr);
+    Tcl_CreateObjCommand(i.interp, "::sorma::CheckKeys", CheckKeysObjCmd, &i, nullptr);
+    Tcl_CreateObjCommand(i.interp, "::sorma::Visitor", VisitorObjCmd, &i, nullptr);
 
     Settings& s = own->comm.settings;
     auto add = [&](const char* name, const char* unit, const char* help, std::int64_t low, std::int64_t high, std::int64_t& value) {

@@ -1,6 +1,7 @@
 // webCommands.cpp -- the package sorma::webServer, as library/web/web.tcl uses it.
 //
-//     sorma::WebServer open -port n -command prefix ?-connections n? ?-body bytes? ?-rate n? ?-patience s?      its port
+//     sorma::WebServer open -port n -command prefix ?-host address? ?-keys pem? ?-authority pem? ?-connections n? ?-each n? ?-body bytes?
+//         ?-rate n? ?-patience s?                             its port
 //     sorma::WebServer answer number status headers body      headers: a list of names and values; the body is bytes
 //     sorma::WebServer stream number status headers           the answer goes on: write and end
 //     sorma::WebServer write number bytes
@@ -9,11 +10,12 @@
 //     sorma::WebServer close
 //     sorma::WebServer crypt password hash                    the hash of a password as crypt(3) makes it, with the salt of another one
 //
-// prefix is called with request NUMBER DICT (method path query headers body, all of it bytes), drained NUMBER, and ended NUMBER. Its
+// prefix is called with request NUMBER DICT (method path query headers body from certificate, all of it bytes), drained NUMBER, and ended NUMBER. Its
 // errors are background errors. answer, stream, write and end return 0 when the client has gone. One server an interpreter.
 #include <crypt.h>
 
 #include <algorithm>
+#include <map>
 #include <memory>
 #include <stdexcept>
 
@@ -74,6 +76,8 @@ void tell(Package& p, Server::What what, std::int64_t number, const Request* req
         put(dict, "query", pairsOf(request->query));
         put(dict, "headers", pairsOf(request->headers));
         put(dict, "body", bytesOf(request->body));
+        put(dict, "from", bytesOf(request->from));
+        put(dict, "certificate", bytesOf(request->certificate));
         Tcl_ListObjAppendElement(nullptr, command, dict);
     }
     if (Tcl_InterpDeleted(p.interp)) return;
@@ -132,23 +136,29 @@ int takePairs(Tcl_Interp* interp, Tcl_Obj* o, Pairs& out) {
 }
 
 int OpenCmd(Package& p, int objc, Tcl_Obj* const objv[]) {
-    static const char* const options[] = {"-body", "-command", "-connections", "-patience", "-port", "-rate", nullptr};
+    static const char* const options[] = {"-authority", "-body", "-command", "-connections", "-each", "-host", "-keys", "-patience", "-port", "-rate", nullptr};
+    enum { authorityOption, bodyOption, commandOption, connectionsOption, eachOption, hostOption, keysOption, patienceOption, portOption, rateOption };
     web::Limits limits;
-    int numbers[6] = {int(limits.body), 0, int(limits.connections), int(limits.patience), 0, int(limits.rate)};
+    web::Place place;
+    int body = int(limits.body), connections = int(limits.connections), each = 0, patience = int(limits.patience), rate = int(limits.rate);
+    std::map<int, int*> numbers{{bodyOption, &body}, {connectionsOption, &connections}, {eachOption, &each}, {patienceOption, &patience}, {portOption, &place.port}, {rateOption, &rate}};
+    std::map<int, std::string*> texts{{authorityOption, &place.authority}, {hostOption, &place.host}, {keysOption, &place.keys}};
     if (objc % 2 != 0) return Tcl_WrongNumArgs(p.interp, 2, objv, "?-option value ...?"), TCL_ERROR;
     for (int k = 2; k < objc; k += 2) {
         int option;
         if (Tcl_GetIndexFromObj(p.interp, objv[k], options, "option", 0, &option) != TCL_OK) return TCL_ERROR;
-        if (option == 1) p.prefix = objv[k + 1];
-        else if (Tcl_GetIntFromObj(p.interp, objv[k + 1], &numbers[option]) != TCL_OK) return TCL_ERROR;
+        if (option == commandOption) p.prefix = objv[k + 1];
+        else if (texts.contains(option)) *texts[option] = view(objv[k + 1]);
+        else if (Tcl_GetIntFromObj(p.interp, objv[k + 1], numbers[option]) != TCL_OK) return TCL_ERROR;
     }
     if (p.server) return failWith(p.interp, "BUSY", "this interpreter has a server of the web already");
-    limits.body = std::size_t(std::max(numbers[0], 0));
-    limits.connections = unsigned(std::max(numbers[2], 1));
-    limits.patience = unsigned(std::max(numbers[3], 1));
-    limits.rate = unsigned(std::max(numbers[5], 1));
+    limits.body = std::size_t(std::max(body, 0));
+    limits.connections = unsigned(std::max(connections, 1));
+    limits.each = unsigned(std::max(each, 0));
+    limits.patience = unsigned(std::max(patience, 1));
+    limits.rate = unsigned(std::max(rate, 1));
     try {
-        p.server = std::make_unique<Server>(numbers[4], limits, [&p](auto what, auto number, auto* request) { tell(p, what, number, request); });
+        p.server = std::make_unique<Server>(place, limits, [&p](auto what, auto number, auto* request) { tell(p, what, number, request); });
     } catch (const std::exception& error) {
         return failWith(p.interp, "PORT", error.what());
     }

@@ -1,6 +1,8 @@
 #include "web/webServer.h"
 
+#include <gnutls/gnutls.h>
 #include <microhttpd.h>
+#include <netdb.h>
 #include <netinet/in.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
@@ -10,12 +12,14 @@
 #include <chrono>
 #include <cstring>
 #include <stdexcept>
+#include <vector>
 
 namespace sorma::web {
 
 namespace {
 
 constexpr std::int64_t kSecond = 1'000'000'000;
+const std::string kPriorities = "SECURE128:-VERS-ALL:+VERS-TLS1.3";
 
 std::int64_t now() {
     return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -49,20 +53,43 @@ MHD_Result refuse(MHD_Connection* connection, unsigned status, const char* why) 
     return queued;
 }
 
-int listenOn(int port) {
-    int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+int listenOn(const Place& place) {
+    addrinfo wanted{}, *found = nullptr;
+    wanted.ai_flags = AI_NUMERICHOST | AI_NUMERICSERV | AI_PASSIVE;
+    wanted.ai_socktype = SOCK_STREAM;
+    if (int wrong = ::getaddrinfo(place.host.c_str(), std::to_string(place.port).c_str(), &wanted, &found); wrong != 0)
+        throw std::runtime_error("\"" + place.host + "\" is no address of this host in digits: " + ::gai_strerror(wrong));
+    int fd = ::socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     int yes = 1;
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(std::uint16_t(port));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     if (fd >= 0) ::setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
-    if (fd < 0 || ::bind(fd, reinterpret_cast<sockaddr*>(&address), sizeof address) != 0 || ::listen(fd, 64) != 0) {
-        const std::string why = std::strerror(errno);
-        if (fd >= 0) ::close(fd);
-        throw std::runtime_error("cannot listen on port " + std::to_string(port) + " of 127.0.0.1: " + why);
-    }
-    return fd;
+    const bool listens = fd >= 0 && ::bind(fd, found->ai_addr, found->ai_addrlen) == 0 && ::listen(fd, 64) == 0;
+    const std::string why = listens ? "" : std::strerror(errno);
+    ::freeaddrinfo(found);
+    if (listens) return fd;
+    if (fd >= 0) ::close(fd);
+    throw std::runtime_error("cannot listen on port " + std::to_string(place.port) + " of " + place.host + ": " + why);
+}
+
+int portOf(int fd) {
+    sockaddr_storage address{};
+    socklen_t size = sizeof address;
+    ::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size);
+    return ntohs(address.ss_family == AF_INET6 ? reinterpret_cast<sockaddr_in6&>(address).sin6_port : reinterpret_cast<sockaddr_in&>(address).sin_port);
+}
+
+std::string addressOf(MHD_Connection* connection) {
+    const sockaddr* address = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS)->client_addr;
+    char text[NI_MAXHOST] = "";
+    if (address) ::getnameinfo(address, address->sa_family == AF_INET6 ? sizeof(sockaddr_in6) : sizeof(sockaddr_in), text, sizeof text, nullptr, 0, NI_NUMERICHOST);
+    return text;
+}
+
+// The first one of those that it has shown.
+std::string certificateOf(MHD_Connection* connection) {
+    auto* info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_GNUTLS_SESSION);
+    unsigned count = 0;
+    const gnutls_datum_t* shown = info && info->tls_session ? gnutls_certificate_get_peers(static_cast<gnutls_session_t>(info->tls_session), &count) : nullptr;
+    return count > 0 && shown ? std::string(reinterpret_cast<const char*>(shown->data), shown->size) : std::string();
 }
 
 }  // namespace
@@ -144,18 +171,23 @@ struct Server::Calls {
     static void quiet(void*, const char*, va_list) {}       // complaints about clients
 };
 
-Server::Server(int port, Limits limits, Told told) : limits_(limits), told_(std::move(told)) {
-    int fd = listenOn(port);
-    sockaddr_in address{};
-    socklen_t size = sizeof address;
-    ::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size);
-    port_ = ntohs(address.sin_port);
+Server::Server(const Place& place, Limits limits, Told told) : limits_(limits), told_(std::move(told)) {
+    int fd = listenOn(place);
+    port_ = portOf(fd);
     set_ = ::epoll_create1(EPOLL_CLOEXEC);
-    daemon_ = MHD_start_daemon(MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME, 0, nullptr, nullptr, &Calls::request, this, MHD_OPTION_EXTERNAL_LOGGER,
-                               &Calls::quiet, nullptr, MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_CONNECTION_LIMIT, limits_.connections,
+    auto text = [](const std::string& of) { return const_cast<char*>(of.c_str()); };
+    std::vector<MHD_OptionItem> options;
+    if (limits.each > 0) options.push_back({MHD_OPTION_PER_IP_CONNECTION_LIMIT, intptr_t(limits.each), nullptr});
+    if (!place.keys.empty())
+        options.insert(options.end(), {{MHD_OPTION_HTTPS_MEM_KEY, 0, text(place.keys)}, {MHD_OPTION_HTTPS_MEM_CERT, 0, text(place.keys)},
+                                       {MHD_OPTION_HTTPS_PRIORITIES, 0, text(kPriorities)}});
+    if (!place.authority.empty()) options.push_back({MHD_OPTION_HTTPS_MEM_TRUST, 0, text(place.authority)});
+    options.push_back({MHD_OPTION_END, 0, nullptr});
+    daemon_ = MHD_start_daemon(MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME | (place.keys.empty() ? 0 : MHD_USE_TLS), 0, nullptr, nullptr, &Calls::request, this,
+                               MHD_OPTION_EXTERNAL_LOGGER, &Calls::quiet, nullptr, MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_CONNECTION_LIMIT, limits_.connections,
                                MHD_OPTION_CONNECTION_MEMORY_LIMIT, limits_.headers, MHD_OPTION_CONNECTION_TIMEOUT, 3 * limits_.patience,
                                MHD_OPTION_NOTIFY_CONNECTION, &Calls::connection, this, MHD_OPTION_NOTIFY_COMPLETED, &Calls::complete, this,
-                               MHD_OPTION_END);
+                               MHD_OPTION_ARRAY, options.data(), MHD_OPTION_END);
     epoll_event event{};
     event.events = EPOLLIN;
     event.data.u64 = 0;
@@ -163,7 +195,7 @@ Server::Server(int port, Limits limits, Told told) : limits_(limits), told_(std:
         if (daemon_) MHD_stop_daemon(daemon_);
         else ::close(fd);
         if (set_ >= 0) ::close(set_);
-        throw std::runtime_error("libmicrohttpd cannot serve port " + std::to_string(port_));
+        throw std::runtime_error("libmicrohttpd cannot serve port " + std::to_string(port_) + (place.keys.empty() ? "" : ": it has no TLS, or does not take the keys"));
     }
 }
 
@@ -204,6 +236,8 @@ int Server::whole(Exchange& exchange) {
         for (auto& header : exchange.request.headers)
             for (char& c : header.first)
                 if (c >= 'A' && c <= 'Z') c = char(c + 32);
+        exchange.request.from = addressOf(exchange.connection);
+        exchange.request.certificate = certificateOf(exchange.connection);
         exchange.number = ++last_;
         exchanges_[exchange.number] = &exchange;
         told_(What::request, exchange.number, &exchange.request);

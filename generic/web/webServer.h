@@ -25,8 +25,15 @@ namespace sorma::web {
 
 using Pairs = std::vector<std::pair<std::string, std::string>>;
 
+struct Place {
+    std::string host = "127.0.0.1";         // an address of this host, as digits
+    int port = 0;                           // 0 picks a free one
+    std::string keys, authority;            // with TLS 1.3: a private key with its certificate, and who signs those of clients (PEM). Empty: in clear
+};
+
 struct Limits {
     unsigned connections = 64;
+    unsigned each = 0;                      // of them, from one address; 0: all
     std::size_t headers = 16384;            // bytes of a request's line and headers
     std::size_t body = 1 << 20;             // bytes
     unsigned rate = 100;                    // requests per second on a connection; twice as many at once
@@ -36,6 +43,8 @@ struct Limits {
 // A request of a client. All of it is bytes of a stranger.
 struct Request {
     std::string method, path, body;         // path: with %XX already read
+    std::string from;                       // its address
+    std::string certificate;                // with TLS: what the client has shown, and proved to have the key of (DER). Nobody has judged it. Empty: none
     Pairs query, headers;                   // names of headers in lower case
 };
 
@@ -46,8 +55,8 @@ public:
     // answer was complete; the number is not known any more.
     using Told = std::function<void(What what, std::int64_t number, const Request* request)>;
 
-    // Listens on 127.0.0.1.   port: 0 picks a free one.   Fails with std::runtime_error when it is taken.
-    Server(int port, Limits limits, Told told);
+    // Fails with std::runtime_error when the port is taken, or the keys cannot be used.
+    Server(const Place& place, Limits limits, Told told);
     ~Server();
     Server(const Server&) = delete;
     Server& operator=(const Server&) = delete;

@@ -117,6 +117,16 @@ proc ::sorma::keyFolder::about certificate {
     return $about
 }
 
+# ::sorma::keyFolder::hosts CERTIFICATE -- the names and addresses that it is made for, in lower case.
+proc ::sorma::keyFolder::hosts certificate {
+    set said [openssl {x509 -noout -ext subjectAltName} $certificate]
+    set names {}
+    foreach {- name} [regexp -all -inline {(?:DNS|IP Address):([^,\s]+)} $said] {
+        dict set names [string tolower $name] 1
+    }
+    return [expr {$names eq {} ? [list [string tolower [dict get [about $certificate] name]]] : [dict keys $names]}]
+}
+
 # ::sorma::keyFolder::parts KIND TEXT -- the certificates, keys or lists that are in the text of a file.
 proc ::sorma::keyFolder::parts {kind text} {
     return [regexp -all -inline -- "-----BEGIN $kind-----.*?-----END $kind-----\n?" $text]

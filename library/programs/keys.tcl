@@ -104,7 +104,7 @@ proc ::sorma::keys::Make {name days} {
     set request [::sorma::keyFolder::openssl {req -new -key FILE0 -config FILE1} {} $key "\[req\]\ndistinguished_name=name\nprompt=no\n\[name\]\nO=$lab\nCN=$name\n"]
     set certificate [::sorma::keyFolder::openssl [list x509 -req -in FILE0 -CA [::sorma::keyFolder::path authority.pem] -CAkey [::sorma::keyFolder::path authority.key] -extfile FILE1 -set_serial 0x[Serial] \
         -days [expr {$days eq {} ? [dict get $Days name] : $days}]] {} $request \
-        "basicConstraints=critical,CA:FALSE\nkeyUsage=critical,digitalSignature\nextendedKeyUsage=serverAuth,clientAuth\nsubjectAltName=DNS:$name\n"]
+        "basicConstraints=critical,CA:FALSE\nkeyUsage=critical,digitalSignature\nextendedKeyUsage=serverAuth,clientAuth\nsubjectAltName=DNS:$name[expr {[regexp {^\d+(\.\d+){3}$} $name] ? ",IP:$name" : {}}]\n"]
     set certificate [lindex [::sorma::keyFolder::parts CERTIFICATE $certificate] 0]
     file mkdir [::sorma::keyFolder::path issued]
     ::sorma::keyFolder::write [::sorma::keyFolder::path issued/$name.[dict get [::sorma::keyFolder::about $certificate] serial].pem] $certificate

@@ -4,11 +4,12 @@ package require sorma
 package require sorma::options
 package require sorma::text
 package require sorma::usage
+package require sorma::webTls
 package require sorma::world
 package provide sorma::webMain 1.0
 
 namespace eval ::sorma::webMain {
-    variable Options {-port {{whole 0 65535} 8090} -connections {{whole 4 1000} 64} -sessions {{whole 1 1000} 16} -body {{whole 1024 1000000000} 1048576}
+    variable Options {-port {{whole 0 65535} 8090} -host {word 127.0.0.1} -tls {{choice no yes} no} -certificate {{word {a name}}} -connections {{whole 4 1000} 64} -sessions {{whole 1 1000} 16} -body {{whole 1024 1000000000} 1048576}
         -rate {{whole 1 1000000} 100} -users {{word {a file}}} -dashboard {{collect {a file}}}
         -idle {{whole 1 {}} 28800} -longest {{whole 1 {}} 86400} -open {{choice auto always never} auto} -help flag --help flag -h flag}
     variable End            ;# set by a signal
@@ -24,6 +25,13 @@ proc ::sorma::webMain::main words {
     }
     try {
         set settings [::sorma::options::parse $Options $words daemons]
+        set tls [expr {[dict get $settings -tls] eq "yes"}]
+        if {!$tls && ![::sorma::webTls::here [dict get $settings -host]]} {
+            error "-host [dict get $settings -host] is reached from other hosts, and needs -tls yes: in clear, others read what you do and who you are"
+        }
+        if {!$tls && [dict get $settings -certificate] ne {}} {
+            error "-certificate needs -tls yes"
+        }
     } on error message {
         puts stderr "sorma-web: $message\n[::sorma::usage::program sorma-web]"
         return 2
@@ -56,11 +64,11 @@ proc ::sorma::webMain::main words {
         ::sorma::webStop::begin
         ::sorma::webGraph::begin
         ::sorma::webDashboard::begin [dict get $settings -dashboard]
-        if {[dict get $settings -users] ne {}} {
+        if {[dict get $settings -users] ne {} || $tls} {
             package require sorma::webUsers
             ::sorma::webUsers::begin [dict get $settings -users]
         }
-        set facts [::sorma::web::start $settings]
+        set facts [::sorma::web::start $settings [if {$tls} {::sorma::webTls::keys [dict get $settings -certificate]}]]
         puts "ready [dict get $facts link]\nrest [dict get $facts rest]"
         flush stdout
         if {[::sorma::webOpen::wanted [dict get $settings -open]] && [catch {::sorma::webOpen::open [dict get $facts link]} message]} {

@@ -1,10 +1,11 @@
 # web.tcl -- the server of sorma-web: who may come in, by which address, and where a request goes.
 #
 # The link opens one browser: its key is exchanged once for a cookie. Programs show a key of their own, as Authorization: Bearer. Each
-# request is made in the name of who is logged in (web NAME), never in that of this process: the daemons judge it.
+# request is made in the name of who is logged in (web NAME), never in that of this process: the daemons judge it. With TLS a program may
+# show a certificate instead. A browser shows its own to each page that asks, whoever has made that page: so it logs in by a button (webUsers.tcl).
 #
 # A route leads from METHOD and path (a pattern of regexp) to a command. The command is called with NUMBER, a dict (login session by method path
-# query headers body) and two parts that the pattern has found. It answers by answer, json or stream. Nothing here waits.
+# query headers body from certificate) and two parts that the pattern has found. It answers by answer, json or stream. Nothing here waits.
 
 package require sorma
 package require sorma::json
@@ -14,16 +15,20 @@ package provide sorma::web 1.0
 
 namespace eval ::sorma::web {
     variable Port 0
+    variable Tls {}             ;# as webTls gives it; empty: in clear
+    variable Hosts {}           ;# names by which a browser may call: with the port, unless it is that of the scheme
     variable Login {}           ;# NAME of web NAME: who has started this
     variable Routes {}          ;# list of {METHOD pattern command}
     variable Open {}            ;# the same, for those that need no login
     variable Keys {}            ;# dict: key of a link -> {when it ends, ms; 0: never, and NAME}
     variable RestKey {}
-    variable Sessions {}        ;# dict: what its cookie has -> {login since seen}
+    variable Sessions {}        ;# dict: what its cookie has -> {login certificate since seen}; certificate: by which it was begun, or empty
     variable Ends {}            ;# dict: NUMBER -> command, for a client that goes before it has its answer
     variable Drains {}          ;# dict: NUMBER of a stream -> command, called when its client has taken all
-    variable Owners {}          ;# dict: NUMBER of a stream -> session
-    variable Tries 10           ;# wrong keys that may still come
+    variable Owners {}          ;# dict: NUMBER of a stream -> {session certificate}; one of them is empty, or both
+    variable Tries {}           ;# dict: address -> wrong keys that may still come from there; one that is not in it: Most
+    variable Most 10
+    variable Strangers 1000     ;# addresses in Tries
     variable Settings {}        ;# as of start
     # Headers of every answer: nothing is loaded from elsewhere, nothing inline, nothing framed, nothing kept.
     variable Always {
@@ -36,14 +41,22 @@ namespace eval ::sorma::web {
     }
 }
 
-# ::sorma::web::start SETTINGS -- listen, with the settings of sorma-web. Returns a dict: port link rest.
-proc ::sorma::web::start settings {
+# ::sorma::web::start SETTINGS TLS -- listen, with the settings of sorma-web. TLS: as webTls gives it; empty: in clear. Returns a dict: port link rest.
+proc ::sorma::web::start {settings tls} {
     variable Settings $settings
+    variable Tls $tls
     variable Port
+    variable Hosts
     variable Login [file attributes /proc/self -owner]
     variable RestKey [secret]
-    set Port [::sorma::WebServer open -port [dict get $settings -port] -command ::sorma::web::Heard -connections [dict get $settings -connections] \
-        -body [dict get $settings -body] -rate [dict get $settings -rate]]
+    set host [dict get $settings -host]
+    set connections [dict get $settings -connections]
+    # From elsewhere, nobody takes all connections.
+    set words [if {$tls ne {}} {list -keys [dict get $tls keys] -authority [dict get $tls authority] -each [expr {($connections + 1) / 2}]}]
+    set Port [::sorma::WebServer open -port [dict get $settings -port] -host $host -command ::sorma::web::Heard -connections $connections \
+        -body [dict get $settings -body] -rate [dict get $settings -rate] {*}$words]
+    set names [expr {$tls ne {} ? [dict get $tls hosts] : [list [expr {[string match *:* $host] ? "\[$host\]" : $host}] localhost]}]
+    set Hosts [lmap name $names {string cat $name [expr {$Port == ($tls eq {} ? 80 : 443) ? {} : ":$Port"}]}]
     Each
     return [dict create port $Port link [link 0] rest $RestKey]
 }
@@ -70,10 +83,10 @@ proc ::sorma::web::open {method pattern command} {
 # has started this.
 proc ::sorma::web::link {seconds {name {}}} {
     variable Keys
-    variable Port
+    variable Hosts
     set key [secret]
     dict set Keys $key [list [expr {$seconds == 0 ? 0 : [clock milliseconds] + 1000 * $seconds}] [expr {$name eq {} ? $::sorma::web::Login : $name}]]
-    return "http://127.0.0.1:$Port/?key=$key"
+    return "[Scheme]://[lindex $Hosts 0]/?key=$key"
 }
 
 # ::sorma::web::secret -- 32 bytes that nobody can guess, in hexadecimal digits.
@@ -124,7 +137,7 @@ proc ::sorma::web::stream {number request drained ended} {
     variable Drains
     variable Owners
     dict set Drains $number $drained
-    dict set Owners $number [dict get $request session]
+    dict set Owners $number [list [dict get $request session] [expr {[dict get $request by] eq "certificate" ? [dict get $request certificate] : {}}]]
     onEnd $number $ended
     ::sorma::WebServer stream $number 200 [concat $Always {Content-Type text/event-stream X-Accel-Buffering no}]
 }
@@ -179,9 +192,9 @@ proc ::sorma::web::Take {number request} {
     }
     set method [dict get $request method]
     if {$method eq "GET" && [dict get $request path] eq "/" && [dict exists $request query key]} {
-        return [Exchange $number [dict get $request query key] $headers]
+        return [Exchange $number [dict get $request query key] $request]
     }
-    set request [dict merge $request [Who $headers]]
+    set request [dict merge $request [Who $request]]
     if {[dict get $request by] eq "cookie" && $method ne "GET" && [nowhere $number $request]} return
     set others {}
     foreach route [if {[dict get $request login] eq {}} {concat $Open $Routes} else {set Routes}] {
@@ -192,12 +205,12 @@ proc ::sorma::web::Take {number request} {
             continue
         }
         if {[dict get $request login] eq {} && $route ni $Open} {
-            return [Closed $number [dict get $request path]]
+            return [Closed $number $request]
         }
         return [{*}$command $number $request $parta $partb]
     }
     if {[dict get $request login] eq {}} {
-        Closed $number [dict get $request path]
+        Closed $number $request
     } elseif {$others ne {}} {
         json $number 405 [::sorma::json::error "$method is not answered there: only [join [lsort -unique $others] { or }] is" {SORMA WEB METHOD} {}] \
             [list Allow [join [lsort -unique $others] {, }]]
@@ -209,15 +222,15 @@ proc ::sorma::web::Take {number request} {
 # An error, as fail takes it, for a request from another place; empty: it is from here. A page of another site may reach this port by a name of its own;
 # the browser tells that name, and the site of the page.
 proc ::sorma::web::Strange headers {
-    variable Port
+    variable Hosts
     if {[llength [lsearch -all -exact [lmap {name value} $headers {set name}] host]] != 1} {
         return [list 400 "one header Host is expected" {SORMA WEB HOST}]
     }
     set host [dict get $headers host]
-    if {$host ni [list 127.0.0.1:$Port localhost:$Port]} {
-        return [list 421 "ask for 127.0.0.1:$Port or localhost:$Port: this is not the host that the request names" {SORMA WEB HOST}]
+    if {[string tolower $host] ni $Hosts} {
+        return [list 421 "ask for [join $Hosts { or }]: this is not the host that the request names" {SORMA WEB HOST}]
     }
-    if {[dict exists $headers origin] && [dict get $headers origin] ne "http://$host"} {
+    if {[dict exists $headers origin] && [dict get $headers origin] ne "[Scheme]://$host"} {
         return [list 403 "a page of another origin may not ask" {SORMA WEB ORIGIN}]
     }
 }
@@ -230,11 +243,17 @@ proc ::sorma::web::nowhere {number request} {
     return [fail $number 403 "a page says where it comes from: the header Origin is missing" {SORMA WEB ORIGIN}]
 }
 
-# The one who asks: login (empty: nobody), session, and by: cookie, key or nothing.
-proc ::sorma::web::Who headers {
+proc ::sorma::web::Scheme {} {
+    variable Tls
+    return [expr {$Tls eq {} ? "http" : "https"}]
+}
+
+# The one who asks: login (empty: nobody), session, and by: cookie, key, certificate or nothing. why: what is wrong with the certificate.
+proc ::sorma::web::Who request {
     variable Login
     variable RestKey
     variable Sessions
+    set headers [dict get $request headers]
     if {[dict exists $headers authorization]} {
         set known [expr {[dict get $headers authorization] eq "Bearer $RestKey"}]
         return [dict create login [expr {$known ? $Login : {}}] session {} by key]
@@ -245,6 +264,13 @@ proc ::sorma::web::Who headers {
             return [dict create login [dict get $Sessions $session login] session $session by cookie]
         }
     }
+    # A program. Each browser of today says where a request comes from.
+    if {[dict get $request certificate] ne {} && ![dict exists $headers sec-fetch-site] && ![dict exists $headers origin]} {
+        if {![catch {::sorma::Visitor [dict get $request certificate]} name]} {
+            return [dict create login $name session {} by certificate]
+        }
+        return [dict create login {} session {} by nothing why $name]
+    }
     return {login {} session {} by nothing}
 }
 # Cookies belong to a host, whatever the port: another server of this host has another name for its own.
@@ -253,8 +279,11 @@ proc ::sorma::web::Cookie {} {
     return sorma$Port
 }
 
-proc ::sorma::web::Closed {number path} {
-    if {[string match /api* $path]} {
+proc ::sorma::web::Closed {number request} {
+    if {[dict exists $request why]} {
+        return [fail $number 401 [dict get $request why] {SORMA WEB CERTIFICATE}]
+    }
+    if {[string match /api* [dict get $request path]]} {
         return [json $number 401 [::sorma::json::error "the key is missing or wrong: send the header Authorization: Bearer KEY; sorma-web prints the key" {SORMA WEB KEY} {}] \
             {WWW-Authenticate Bearer}]
     }
@@ -265,14 +294,15 @@ proc ::sorma::web::Closed {number path} {
 
 # The key of a link for a cookie. A page or a file elsewhere may have led here. Then a browser does not send the cookie after a redirection,
 # and a page of ours makes the next request.
-proc ::sorma::web::Exchange {number key headers} {
+proc ::sorma::web::Exchange {number key request} {
     variable Keys
-    if {![mayTry]} {
+    set headers [dict get $request headers]
+    if {![mayTry $request]} {
         return [answer $number 429 text/plain "Too many wrong keys have come: wait some seconds.\n" {Retry-After 10}]
     }
     lassign [if {[dict exists $Keys $key]} {dict get $Keys $key}] end name
     if {$end eq {} || $end != 0 && $end < [clock milliseconds]} {
-        failedTry
+        failedTry $request
         return [answer $number 403 text/plain "This link is used, too old, or was never made. Each link opens one browser; a page of yours makes another one.\n"]
     }
     dict unset Keys $key
@@ -282,18 +312,23 @@ proc ::sorma::web::Exchange {number key headers} {
     answer $number 303 text/plain "\n" [concat {Location /} [logIn $name]]
 }
 
-# ::sorma::web::mayTry -- may a key or a password be tried now? failedTry -- it was wrong.
-proc ::sorma::web::mayTry {} {
+# ::sorma::web::mayTry REQUEST -- may a key or a password be tried from there now?   failedTry REQUEST -- it was wrong.
+proc ::sorma::web::mayTry request {
     variable Tries
-    return [expr {$Tries >= 1}]
+    variable Strangers
+    set from [dict get $request from]
+    return [expr {[dict exists $Tries $from] ? [dict get $Tries $from] >= 1 : [dict size $Tries] < $Strangers}]
 }
-proc ::sorma::web::failedTry {} {
+proc ::sorma::web::failedTry request {
     variable Tries
-    incr Tries -1
+    variable Most
+    set from [dict get $request from]
+    dict set Tries $from [expr {([dict exists $Tries $from] ? [dict get $Tries $from] : $Most) - 1}]
 }
 
-# ::sorma::web::logIn NAME -- a session of that login. Returns the header that gives its cookie to the browser.
-proc ::sorma::web::logIn name {
+# ::sorma::web::logIn NAME ?CERTIFICATE? -- a session of that login; it ends when its certificate holds no longer. Returns the header that gives its cookie
+# to the browser.
+proc ::sorma::web::logIn {name {certificate {}}} {
     variable Sessions
     set session [secret]
     set now [clock milliseconds]
@@ -301,8 +336,11 @@ proc ::sorma::web::logIn name {
     while {[dict size $Sessions] >= [dict get $::sorma::web::Settings -sessions]} {
         logOut [lindex [lsort -stride 2 -integer -index 1 [concat {*}[lmap {id facts} $Sessions {list $id [dict get $facts seen]}]]] 0]
     }
-    dict set Sessions $session [dict create login $name since $now seen $now]
-    return [list Set-Cookie "[Cookie]=$session; Path=/; HttpOnly; SameSite=Strict"]
+    dict set Sessions $session [dict create login $name certificate $certificate since $now seen $now]
+    return [SetCookie $session]
+}
+proc ::sorma::web::SetCookie {session {more {}}} {
+    return [list Set-Cookie "[Cookie]=$session; Path=/; HttpOnly; SameSite=Strict[expr {[Scheme] eq "https" ? {; Secure} : {}}]$more"]
 }
 
 # ::sorma::web::logOut SESSION -- its cookie opens nothing any more, and its streams end.
@@ -311,26 +349,42 @@ proc ::sorma::web::logOut session {
     variable Owners
     dict unset Sessions $session
     dict for {number owner} $Owners {
-        if {$owner eq $session} {
-            ::sorma::WebServer end $number
-            Forget $number
+        if {[lindex $owner 0] eq $session} {
+            End $number
         }
     }
 }
+proc ::sorma::web::End number {
+    ::sorma::WebServer end $number
+    Forget $number
+}
 
-# Once a second: a wrong key more may come, and old sessions and links end.
+# Does a certificate hold no longer? The files of keys are read when they have changed.
+proc ::sorma::web::Void certificate {
+    return [expr {$certificate ne {} && [catch {::sorma::Visitor $certificate}]}]
+}
+
+# Once a second: a wrong key more may come from each address. Old sessions and links end, and what a certificate has begun that holds no longer.
 proc ::sorma::web::Each {} {
     variable Tries
+    variable Most
     variable Sessions
     variable Settings
+    variable Owners
     variable Keys
     ::sorma::timer::once web.each 1000 ::sorma::web::Each
-    set Tries [expr {min($Tries + 1, 10)}]
+    set Tries [dict filter [dict map {from left} $Tries {incr left}] script {from left} {expr {$left < $Most}}]
     set now [clock milliseconds]
+    set open [lmap owner [dict values $Owners] {lindex $owner 0}]
     dict for {session facts} $Sessions {
-        if {$now - [dict get $facts seen] > 1000 * [dict get $Settings -idle] && $session ni [dict values $::sorma::web::Owners] \
-            || $now - [dict get $facts since] > 1000 * [dict get $Settings -longest]} {
+        if {$now - [dict get $facts seen] > 1000 * [dict get $Settings -idle] && $session ni $open \
+            || $now - [dict get $facts since] > 1000 * [dict get $Settings -longest] || [Void [dict get $facts certificate]]} {
             logOut $session
+        }
+    }
+    dict for {number owner} $Owners {
+        if {[Void [lindex $owner 1]]} {
+            End $number
         }
     }
     set Keys [dict filter $Keys script {key facts} {expr {[lindex $facts 0] == 0 || [lindex $facts 0] >= $now}}]
@@ -339,9 +393,8 @@ proc ::sorma::web::Each {} {
 # ---- the session of a browser ----
 
 proc ::sorma::web::LogOut {number request args} {
-    variable Port
     logOut [dict get $request session]
-    json $number 200 {{}} [list Set-Cookie "[Cookie]=; Path=/; HttpOnly; SameSite=Strict; Max-Age=0"]
+    json $number 200 {{}} [SetCookie {} {; Max-Age=0}]
 }
 proc ::sorma::web::NewLink {number request args} {
     json $number 200 "{\"link\":[::sorma::json::text [link 300 [dict get $request login]]]}"

@@ -1,6 +1,6 @@
 # web.tcl -- a sorma-web for tests, and what a program or a browser asks of it.
 #
-# web::start ?-option value ...?            a dict: port key (of its link) rest pipe pid log
+# web::start ?-option value ...?            a dict: place (http://HOST:PORT) port key (of its link) rest pipe pid log
 # web::stop FACTS                           by SIGTERM; an error unless it exits with 0
 # web::ask FACTS METHOD PATH ?HEADERS? ?BODY?   with the key for programs unless HEADERS says who asks: {STATUS HEADERS BODY}
 # web::rest FACTS METHOD PATH ?BODY?        the same with JSON: {STATUS DICT}
@@ -24,11 +24,11 @@ proc web::start args {
     set log [file join [::tcltest::temporaryDirectory] web[pid]x[incr Count].log]
     set pipe [open [list | sorma-web {*}[dict merge {-port 0} $args] 2> $log] r]
     set facts [dict create pipe $pipe pid [pid $pipe] log $log]
-    if {![regexp {^ready http://127\.0\.0\.1:(\d+)/\?key=([0-9a-f]+)$} [gets $pipe] -> port key] || ![regexp {^rest ([0-9a-f]+)$} [gets $pipe] -> rest]} {
+    if {![regexp {^ready (https?://[^/]+:(\d+))/\?key=([0-9a-f]+)$} [gets $pipe] -> place port key] || ![regexp {^rest ([0-9a-f]+)$} [gets $pipe] -> rest]} {
         catch {close $pipe}
         return -code error "sorma-web is not ready: [exec cat $log]"
     }
-    return [dict merge $facts [dict create port $port key $key rest $rest]]
+    return [dict merge $facts [dict create place $place port $port key $key rest $rest]]
 }
 proc web::stop facts {
     exec sh -c {kill "$@"} kill -TERM [dict get $facts pid]

@@ -1,6 +1,7 @@
 # webDriver.tcl -- a browser for tests: Chromium without a window, told by its driver what to do (W3C WebDriver).
 #
-# webDriver::start ?-size {WIDTH HEIGHT}?   begins
+# webDriver::start ?-size {WIDTH HEIGHT}? ?-hosts RULES? ?-authority FILE? ?-certificate {FILE PASSPHRASE}?   begins. hosts: as of Chromium's
+#     --host-resolver-rules. The authority is trusted (PEM), and the certificate shown wherever one is asked for (PKCS #12).
 # webDriver::stop
 # webDriver::go URL
 # webDriver::run SCRIPT ?ARG ...?               value of a script of the page: return ...
@@ -22,9 +23,10 @@ proc webDriver::start args {
     variable Port
     variable Session
     variable Folder [exec mktemp -d /tmp/sorma-browser-XXXXXX]
-    set settings [dict merge {-size {1280 900}} $args]
+    set settings [dict merge {-size {1280 900} -hosts {} -authority {} -certificate {}} $args]
     # All that it keeps goes with the folder, also what it writes while it ends.
     set homes [lmap kind {CONFIG CACHE DATA STATE} {string cat XDG_${kind}_HOME= [file join $Folder [string tolower $kind]]}]
+    Keys [dict get $settings -authority] [dict get $settings -certificate]
     set Pipe [open [list | env HOME=$Folder TMPDIR=$Folder {*}$homes chromedriver --port=0 2>@1] r]
     while {![regexp {started successfully on port (\d+)} [gets $Pipe] -> Port]} {
         if {[eof $Pipe]} {
@@ -36,9 +38,29 @@ proc webDriver::start args {
     fileevent $Pipe readable [list ::webDriver::Drain $Pipe]
     set words [list --headless=new --no-sandbox --disable-gpu --disable-dev-shm-usage --hide-scrollbars --force-device-scale-factor=1 --user-data-dir=[file join $Folder profile] \
         --window-size=[join [dict get $settings -size] ,]]
+    if {[dict get $settings -hosts] ne {}} {
+        lappend words --host-resolver-rules=[dict get $settings -hosts]
+    }
     set list [join [lmap word $words {sorma::json::text $word}] ,]
-    set Session [dict get [Ask POST /session "{\"capabilities\":{\"alwaysMatch\":{\"goog:chromeOptions\":{\"args\":\[$list\]}}}}"] sessionId]
+    # Nobody is asked which certificate to show.
+    set prefs [expr {[dict get $settings -certificate] eq {} ? "{}" : {{"profile.managed_auto_select_certificate_for_urls":["{\"pattern\":\"*\",\"filter\":{}}"]}}}]
+    set Session [dict get [Ask POST /session "{\"capabilities\":{\"alwaysMatch\":{\"goog:chromeOptions\":{\"args\":\[$list\],\"prefs\":$prefs}}}}"] sessionId]
     size {*}[dict get $settings -size]
+}
+# The browser's own store of keys, below its home.
+proc webDriver::Keys {authority certificate} {
+    variable Folder
+    if {$authority eq {} && $certificate eq {}} return
+    set store [file join $Folder .pki nssdb]
+    file mkdir $store
+    exec certutil -d sql:$store -N --empty-password 2>@1
+    if {$authority ne {}} {
+        exec certutil -d sql:$store -A -t C,, -n authority -i $authority 2>@1
+    }
+    if {$certificate ne {}} {
+        lassign $certificate file passphrase
+        exec pk12util -d sql:$store -i $file -W $passphrase 2>@1
+    }
 }
 proc webDriver::stop {} {
     variable Pipe
