@@ -66,6 +66,8 @@ document.getElementById('link').addEventListener('click', () => tell(async () =>
 document.getElementById('logout').addEventListener('click', () => tell(async () => {
     leave();
     await post('/logout');
+    connected('out');
+    main.append(make('h1', {}, 'Logged out'), make('p', {}, make('a', {href: '/'}, 'Log in again')));
     return 'You are logged out.';
 }));
 window.addEventListener('hashchange', () => {

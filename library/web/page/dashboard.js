@@ -42,7 +42,7 @@ const makers = {display: value, reading: value, status: lamp, led: lamp, meter, 
 // Its card: a title, what it shows, and below why that is old or missing.
 function part(facts, page) {
     const title = make('h2', {}, facts.title), below = make('p', {class: 'why', role: 'status'});
-    const element = make('section', {class: `card part ${facts.kind}`, 'aria-label': facts.title}, title);
+    const element = make('div', {class: `card part ${facts.kind}`, role: 'group', 'aria-label': facts.title}, title);
     const [column, row, width, height] = facts.at;
     element.style.gridArea = `${row + 1} / ${column + 1} / span ${height} / span ${width}`;
     if (facts.error) {

@@ -33,7 +33,7 @@ export function object(name) {
         }
     }
     function build(about) {
-        setText(purpose, `${about.class}: ${about.purpose}`);
+        setText(purpose, [about.class, about.purpose].filter(Boolean).join(': '));
         setText(help, about.help);
         seen.element.hidden = !about.writes.includes('any');
         fields.clear();

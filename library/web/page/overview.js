@@ -15,6 +15,7 @@ export function overview() {
             const parts = {state: make('span', {class: 'mark'}), why: make('p', {class: 'quiet'}), rows: make('tbody')};
             const head = make('tr', {}, ...['Object', 'Class', 'Calls', '1/s'].map((text) => make('th', {scope: 'col'}, text)));
             parts.table = make('table', {}, make('thead', {}, head), parts.rows);
+            parts.table.hidden = true;
             parts.element = make('section', {class: 'card', 'aria-label': name}, make('h2', {}, name, ' ', parts.state), parts.why, parts.table);
             cards.set(name, parts);
             const after = [...cards.keys()].sort();
