@@ -1,7 +1,7 @@
 // webCommands.cpp -- the package sorma::webServer, as library/web/web.tcl uses it.
 //
 //     sorma::WebServer open -port n -command prefix ?-host address? ?-keys pem? ?-authority pem? ?-connections n? ?-each n? ?-body bytes?
-//         ?-rate n? ?-patience s?                             its port
+//         ?-held bytes? ?-rate n? ?-patience s?               its port
 //     sorma::WebServer answer number status headers body      headers: a list of names and values; the body is bytes
 //     sorma::WebServer stream number status headers           the answer goes on: write and end
 //     sorma::WebServer write number bytes
@@ -136,12 +136,12 @@ int takePairs(Tcl_Interp* interp, Tcl_Obj* o, Pairs& out) {
 }
 
 int OpenCmd(Package& p, int objc, Tcl_Obj* const objv[]) {
-    static const char* const options[] = {"-authority", "-body", "-command", "-connections", "-each", "-host", "-keys", "-patience", "-port", "-rate", nullptr};
-    enum { authorityOption, bodyOption, commandOption, connectionsOption, eachOption, hostOption, keysOption, patienceOption, portOption, rateOption };
+    static const char* const options[] = {"-authority", "-body", "-command", "-connections", "-each", "-held", "-host", "-keys", "-patience", "-port", "-rate", nullptr};
+    enum { authorityOption, bodyOption, commandOption, connectionsOption, eachOption, heldOption, hostOption, keysOption, patienceOption, portOption, rateOption };
     web::Limits limits;
     web::Place place;
-    int body = int(limits.body), connections = int(limits.connections), each = 0, patience = int(limits.patience), rate = int(limits.rate);
-    std::map<int, int*> numbers{{bodyOption, &body}, {connectionsOption, &connections}, {eachOption, &each}, {patienceOption, &patience}, {portOption, &place.port}, {rateOption, &rate}};
+    int body = int(limits.body), connections = int(limits.connections), each = 0, held = int(limits.held), patience = int(limits.patience), rate = int(limits.rate);
+    std::map<int, int*> numbers{{bodyOption, &body}, {connectionsOption, &connections}, {eachOption, &each}, {heldOption, &held}, {patienceOption, &patience}, {portOption, &place.port}, {rateOption, &rate}};
     std::map<int, std::string*> texts{{authorityOption, &place.authority}, {hostOption, &place.host}, {keysOption, &place.keys}};
     if (objc % 2 != 0) return Tcl_WrongNumArgs(p.interp, 2, objv, "?-option value ...?"), TCL_ERROR;
     for (int k = 2; k < objc; k += 2) {
@@ -155,6 +155,7 @@ int OpenCmd(Package& p, int objc, Tcl_Obj* const objv[]) {
     limits.body = std::size_t(std::max(body, 0));
     limits.connections = unsigned(std::max(connections, 1));
     limits.each = unsigned(std::max(each, 0));
+    limits.held = std::size_t(std::max(held, 0));
     limits.patience = unsigned(std::max(patience, 1));
     limits.rate = unsigned(std::max(rate, 1));
     try {

@@ -105,6 +105,7 @@ struct Server::Exchange {
     unsigned status = 0;
     std::string out;                            // of a stream: what is still to be sent
     std::size_t sent = 0;                       // of it
+    std::size_t held = 0;                       // bytes of its answer
     bool told = false, streaming = false, ended = false, suspended = false, hungUp = false, tooBig = false;
 };
 
@@ -140,9 +141,12 @@ struct Server::Calls {
     static void connection(void* self, MHD_Connection* connection, void**, MHD_ConnectionNotificationCode what) noexcept {
         auto& server = *static_cast<Server*>(self);
         try {
-            if (what == MHD_CONNECTION_NOTIFY_STARTED)
-                server.connections_[descriptorOf(connection)] = {now(), false, 2.0 * server.limits_.rate, now()};
-            else server.connections_.erase(descriptorOf(connection));
+            if (what == MHD_CONNECTION_NOTIFY_STARTED) {
+                server.makeRoom();
+                server.connections_[descriptorOf(connection)] = {now(), false, false, false, 2.0 * server.limits_.rate, now()};
+            } else {
+                server.connections_.erase(descriptorOf(connection));
+            }
         } catch (const std::exception&) {}      // without its entry it has no allowance
     }
     static ssize_t read(void* data, uint64_t, char* buffer, size_t most) noexcept {
@@ -230,7 +234,7 @@ int Server::whole(Exchange& exchange) {
     if (exchange.hungUp) return MHD_NO;
     if (!exchange.told) {
         exchange.told = true;
-        connections_[exchange.fd].busy = true;
+        connections_[exchange.fd].busy = connections_[exchange.fd].working = true;
         MHD_get_connection_values(exchange.connection, MHD_GET_ARGUMENT_KIND, &gather, &exchange.request.query);
         MHD_get_connection_values(exchange.connection, MHD_HEADER_KIND, &gather, &exchange.request.headers);
         for (auto& header : exchange.request.headers)
@@ -247,7 +251,10 @@ int Server::whole(Exchange& exchange) {
     auto queued = MHD_queue_response(exchange.connection, exchange.status, exchange.response);
     MHD_destroy_response(exchange.response);
     exchange.response = nullptr;
-    if (!exchange.streaming) exchanges_.erase(exchange.number);
+    if (!exchange.streaming) {
+        exchanges_.erase(exchange.number);
+        connections_[exchange.fd].working = false;
+    }
     return queued;
 }
 
@@ -271,8 +278,9 @@ void Server::resume(Exchange& exchange) {
 
 void Server::over(Exchange& exchange) {
     if (exchange.response) MHD_destroy_response(exchange.response);
+    held_ -= exchange.held;
     if (auto at = connections_.find(exchange.fd); at != connections_.end()) {
-        at->second.busy = false;
+        at->second.busy = at->second.working = false;
         at->second.since = now();
     }
     const bool known = exchanges_.erase(exchange.number) > 0, early = known && !exchange.ended;
@@ -299,7 +307,12 @@ void Server::give(Exchange& exchange, MHD_Response* response, unsigned status, c
 bool Server::answer(std::int64_t number, unsigned status, const Pairs& headers, const std::string& body) {
     auto* exchange = find(number);
     if (!exchange || exchange->status) return false;
-    give(*exchange, textResponse(body), status, headers);
+    static const std::string kTooMuch = "too much waits to be read: try later\n";
+    const bool room = held_ + body.size() <= limits_.held;
+    exchange->held = room ? body.size() : 0;
+    held_ += exchange->held;
+    if (room) give(*exchange, textResponse(body), status, headers);
+    else give(*exchange, textResponse(kTooMuch), MHD_HTTP_SERVICE_UNAVAILABLE, {{"Content-Type", "text/plain; charset=utf-8"}});
     return true;
 }
 
@@ -354,6 +367,17 @@ int Server::turn() {
     const bool waits = MHD_get_timeout(daemon_, &wait) == MHD_YES;
     if (connections_.empty()) return waits ? int(std::min<MHD_UNSIGNED_LONG_LONG>(wait, 1000)) : -1;
     return waits ? int(std::min<MHD_UNSIGNED_LONG_LONG>(wait, 1000)) : 1000;
+}
+
+// Strangers who only keep connections would else keep everybody out, until look() ends them. A stream, or a request under way, is not touched.
+void Server::makeRoom() {
+    if (connections_.size() < limits_.connections - limits_.connections / 4) return;
+    auto oldest = connections_.end();
+    for (auto at = connections_.begin(); at != connections_.end(); ++at)
+        if (!at->second.working && !at->second.ended && (oldest == connections_.end() || at->second.since < oldest->second.since)) oldest = at;
+    if (oldest == connections_.end()) return;
+    oldest->second.ended = true;
+    ::shutdown(oldest->first, SHUT_RDWR);
 }
 
 // Once a second: end those that do not send a whole request, however slowly they send it.

@@ -3,8 +3,9 @@
 // Its owner's event loop watches descriptor() and calls turn(). A request is told once its body is whole. It is answered then or later;
 // an answer that goes on and on (a stream) is written piece by piece, when the client has taken what came before.
 //
-// Limits: connections, bytes of headers and body, requests per second on one connection, seconds for a request to become whole. The
-// server itself refuses a request beyond them (413, 429), or closes the connection; its owner hears nothing of it.
+// Limits: connections, bytes of headers, body and answers, requests per second on one connection, seconds for a request to become whole. The
+// server itself refuses a request beyond them (413, 429), or closes the connection; its owner hears nothing of it. When three quarters of
+// the connections are taken, each new one ends the one that has waited longest for a whole request.
 //
 // Threads: that of the loop. The callback may answer, write and end; it may not destroy the server.
 #pragma once
@@ -36,6 +37,7 @@ struct Limits {
     unsigned each = 0;                      // of them, from one address; 0: all
     std::size_t headers = 16384;            // bytes of a request's line and headers
     std::size_t body = 1 << 20;             // bytes
+    std::size_t held = 256 << 20;           // bytes of answers that clients have not taken; another one becomes 503
     unsigned rate = 100;                    // requests per second on a connection; twice as many at once
     unsigned patience = 10;                 // [s] for a request to become whole, and between two of them
 };
@@ -77,7 +79,9 @@ private:
     struct Calls;
     struct Connection {                         // by descriptor
         std::int64_t since = 0;                 // [ns] when it began to wait for a request
-        bool busy = false;                      // a request is under way
+        bool busy = false;                      // a request is under way, or its answer
+        bool working = false;                   // its owner works at it, or writes a stream
+        bool ended = false;                     // by makeRoom(), and libmicrohttpd has not seen it yet
         double allowance = 0;                   // requests that it may still send
         std::int64_t counted = 0;               // [ns] when that was computed
     };
@@ -89,12 +93,14 @@ private:
     void resume(Exchange& exchange);
     void over(Exchange& exchange);
     void look();
+    void makeRoom();
 
     const Limits limits_;
     const Told told_;
     int port_ = 0, set_ = -1;                   // set_: libmicrohttpd's own set, and the connections that it has suspended
     MHD_Daemon* daemon_ = nullptr;
     std::int64_t last_ = 0;
+    std::size_t held_ = 0;                      // bytes, see Limits
     std::map<std::int64_t, Exchange*> exchanges_;
     std::map<int, Connection> connections_;
     std::int64_t looked_ = 0;
