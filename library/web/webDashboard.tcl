@@ -419,7 +419,7 @@ oo::class create ::sorma::webLive::dashboard {
             default return
         }
         set part [if {[dict exists $shown part]} {list part [format %.4f [dict get $shown part]]}]
-        my Put $n [::sorma::json::object [concat $part [dict map {key text} [dict remove $shown part] {::sorma::json::text $text}]]]
+        my Put $n [::sorma::json::object [concat $part [dict map {key text} [dict remove $shown part] {::sorma::json::text [::sorma::webLive::short $text]}]]]
     }
     # The newest number of each line, null where none is known.
     method Chart settings {

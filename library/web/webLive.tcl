@@ -27,6 +27,8 @@ namespace eval ::sorma::webLive {
     variable Quiet 2000         ;# ms after which a tick is sent
     variable Patience 3000      ;# ms until what was refused is asked for again
     variable Most 32            ;# streams of one login
+    variable Largest 1000000    ;# characters of a table that is shown
+    variable Pause 30000        ;# ms until a larger one is asked for again
 }
 
 # ::sorma::webLive::begin -- serve its routes.   kind NAME -- a view more: a class ::sorma::webLive::NAME, with a method of its own `of REQUEST`. It
@@ -97,9 +99,13 @@ proc ::sorma::webLive::Call {view args} {
     }
 }
 
-# A dict of keys and texts as an object.
-proc ::sorma::webLive::Texts members {
-    return [::sorma::json::object [dict map {key text} $members {::sorma::json::text $text}]]
+# ::sorma::webLive::short TEXT -- its beginning: a daemon's text may have megabytes.   texts MEMBERS -- a dict of keys and texts as an object.
+proc ::sorma::webLive::texts members {
+    return [::sorma::json::object [dict map {key text} $members {::sorma::json::text [short $text]}]]
+}
+proc ::sorma::webLive::short text {
+    set n [string length $text]
+    return [if {$n <= 2000} {set text} else {string cat [string range $text 0 1999] " \u2026 ($n characters)"}]
 }
 
 # ---- all views ----
@@ -248,6 +254,12 @@ oo::class create ::sorma::webLive::Watch {
             return [my Tell [expr {[string match "SORMA COMM DENIED*" $code] ? "denied" : [string match "SORMA COMM*" $code] ? "stale" : "refused"}] $message {}]
         }
         set table [dict get $value text]
+        set size [string length $table]
+        if {$size > $::sorma::webLive::Largest} {
+            set refused 1
+            set since [expr {[clock milliseconds] + $::sorma::webLive::Pause - $::sorma::webLive::Patience}]
+            return [my Tell refused "its table has $size characters; a page shows at most $::sorma::webLive::Largest" {}]
+        }
         if {[dict get $table exists]} {
             my Tell live {} $table
         } else {
@@ -289,7 +301,7 @@ oo::class create ::sorma::webLive::object {
         return $dangers
     }
     method Seen {state why table} {
-        my Put state [::sorma::webLive::Texts [list state [expr {$state eq "denied" ? "refused" : $state}] why $why]]
+        my Put state [::sorma::webLive::texts [list state [expr {$state eq "denied" ? "refused" : $state}] why $why]]
         # Without the right nothing is shown any more.
         if {$state eq "denied"} {
             foreach key [lsearch -all -inline -not -exact [dict keys $items] state] {
@@ -330,7 +342,7 @@ oo::class create ::sorma::webLive::overview {
             if {$key eq "self"} continue
             set facts [::sorma::world get $key]
             dict set there $key 1
-            my Put "daemon $key" [::sorma::webLive::Texts [dict filter $facts script {k v} {expr {$k in {name state why}}}]]
+            my Put "daemon $key" [::sorma::webLive::texts [dict filter $facts script {k v} {expr {$k in {name state why}}}]]
             if {[dict get $facts state] in {alive busy} && ![dict exists $asking $key]} {
                 dict set asking $key 1
                 my Ask $key {sorm DBX -inventory objects} Answered $key
@@ -346,7 +358,7 @@ oo::class create ::sorma::webLive::overview {
     method Answered {key status value} {
         dict unset asking $key
         if {$status ne "ok"} {
-            return [my Put "objects $key" [::sorma::webLive::Texts [list error [lindex $value 0]]]]
+            return [my Put "objects $key" [::sorma::webLive::texts [list error [lindex $value 0]]]]
         }
         if {[catch {dict get [dict get $value text] objects} rows]} return
         set now [clock milliseconds]
@@ -405,7 +417,7 @@ oo::class create ::sorma::webLive::log {
         set severity [string range [dict get $event event] 6 end]
         if {![string match trail.* [dict get $event event]] || [dict get $event text] eq {}} return
         set so [lindex [dict get $event words] 0]
-        my Put [incr last] [::sorma::webLive::Texts [list name [expr {$so eq {} ? "sorm@$key" : "$so@$key"}] severity $severity text [dict get $event text] \
+        my Put [incr last] [::sorma::webLive::texts [list name [expr {$so eq {} ? "sorm@$key" : "$so@$key"}] severity $severity text [dict get $event text] \
             time [dict get $event time]]]
         my Drop [expr {$last - 200}]
     }

@@ -20,6 +20,7 @@ package provide sorma::webRest 1.0
 
 namespace eval ::sorma::webRest {
     variable Longest 600        ;# s that a request may take
+    variable Largest 4000000    ;# characters of a table: others wait while it becomes JSON
     # Error codes of the bus as a status of HTTP; the first that fits.
     variable Statuses {
         {SORMA COMM DENIED *} 403 {SORMA COMM TIMEOUT *} 504 {SORMA COMM TOO_BIG *} 413 {SORMA COMM LIMIT *} 429 {SORMA COMM CANCELLED *} 499
@@ -87,7 +88,12 @@ proc ::sorma::webRest::Described {number name command status value} {
     if {$status ne "ok"} {
         return [failed $number [lindex $value 1] [lindex $value 0] [lindex $value 2]]
     }
+    variable Largest
     set table [dict get $value text]
+    set size [string length $table]
+    if {$size > $Largest} {
+        return [failed $number [list SORMA COMM TOO_BIG $name] "$name: its table has $size characters; at most $Largest are read"]
+    }
     if {![dict get $table exists] && $command eq "::sorma::webRest::ValuesOf"} {
         return [failed $number [list SORMA SERVICE GONE $name] "$name: there is no such object"]
     }
