@@ -90,7 +90,12 @@ snit::widget ::sorma::execform {
                 destroy $win.in.length$n
                 ttk::button $win.in.length$n -text [::msgcat::mc "File \u2026"] -command [mymethod Browse $win.in.entry$n]
             }
-            grid $win.in.title$n $win.in.entry$n $win.in.length$n -sticky ew -padx [list 0 $pad]
+            grid $win.in.title$n $win.in.entry$n -sticky ew -padx [list 0 $pad] -pady [list [expr {$n > 1 ? $pad / 2 : 0}] 0]
+            if {[winfo class $win.in.length$n] ne "TLabel" || $length ne {}} {
+                grid $win.in.length$n -row [dict get [grid info $win.in.entry$n] -row] -column 2 -sticky ew
+            } else {
+                grid configure $win.in.entry$n -columnspan 2 -padx 0
+            }
             if {$help ne {}} {
                 grid x $win.in.help$n - -sticky w
             }

@@ -312,8 +312,18 @@ snit::widget ::sorma::slider {
         install inside using ::sorma::entry $win.entry -name $options(-name) -option $options(-option) -apply $options(-apply) \
             -live $options(-live) -state $options(-state) -seen 0
         pack $inside -side left
-        pack $editor -side left -fill x -expand 1 -padx [list [::sorma::style pixels 12] 0]
+        pack $editor -side left -fill x -expand 1 -anchor w -padx [list [::sorma::style pixels 12] 0]
+        bind $win <Configure> [mymethod Fit]
         $self Begin
+    }
+    # The scale takes the free room, up to a length that a hand can aim at.
+    method Fit {} {
+        set most [::sorma::style pixels 400]
+        set wide [expr {[winfo width $win] - [winfo reqwidth $win] + [winfo reqwidth $editor] > $most}]
+        if {$wide != ([pack info $editor] ne {} && [dict get [pack info $editor] -fill] eq "none")} {
+            $editor configure -length [expr {$wide ? $most : [::sorma::style pixels $options(-length)]}]
+            pack configure $editor -fill [expr {$wide ? "none" : "x"}]
+        }
     }
     method beside unit {
         pack $unit -in $win -side left -padx [list [::sorma::style pixels 8] 0] -after $inside
@@ -369,7 +379,7 @@ snit::widget ::sorma::choice {
             foreach word $words {
                 ttk::radiobutton $win.r[incr n] -style [::sorma::style own TRadiobutton] -text $word -value $word -variable [myvar text] \
                     -command [mymethod Chosen]
-                pack $win.r$n -side left -padx [list 0 [::sorma::style pixels 8]]
+                pack $win.r$n -side left -padx [list 0 [::sorma::style pixels 16]]
             }
         } else {
             ttk::combobox $win.box -style [::sorma::style own TCombobox] -values $words -textvariable [myvar text] -state readonly \

@@ -51,8 +51,6 @@ snit::widget ::sorma::form {
         set pad [::sorma::style pixels 8]
         set edge [::sorma::style pixels 16]
         set inside [list $edge [::sorma::style pixels 12]]
-        ::sorma::notice $win.say -lines 1 -style Page.TFrame
-        $win.say.text configure -style Page.TLabel
         ttk::frame $win.body
         set inner [::sorma::parts::scroller $win.body]
         ttk::frame $win.ask -style Card.TFrame -padding $inside
@@ -66,15 +64,20 @@ snit::widget ::sorma::form {
         ttk::frame $win.apply -style Card.TFrame -padding $inside
         ttk::button $win.apply.apply -style Accent.TButton -text [::msgcat::mc Apply] -command [mymethod apply] -underline 0
         ttk::button $win.apply.revert -text [::msgcat::mc Revert] -command [mymethod revert] -underline 0
+        # News of daemons stand beside the buttons. Their room is always there, so nothing moves.
+        ::sorma::notice $win.say -lines 1
         pack $win.apply.apply $win.apply.revert -side left -padx [list 0 $pad]
-        foreach {part sticky} {say ew body nsew ask ew said ew apply ew} {
-            grid $win.$part -sticky $sticky -padx $edge -pady [list $pad 0]
+        pack $win.say -in $win.apply -side left -fill x -expand 1 -padx [list $pad 0]
+        raise $win.say $win.apply
+        foreach {part sticky} {body nsew ask ew said ew apply ew} {
+            grid $win.$part -sticky $sticky -padx $edge -pady [list 0 $pad]
         }
-        grid configure $win.body -padx [::sorma::parts::margin $win.body $edge]
+        grid configure $win.body -padx [::sorma::parts::margin $win.body $edge] -pady [list $edge 0]
         grid configure $win.apply -pady [list 0 $edge]
         grid remove $win.ask $win.said
         grid columnconfigure $win 0 -weight 1
-        grid rowconfigure $win 1 -weight 1
+        grid rowconfigure $win 0 -weight 1
+        grid rowconfigure $win 20 -weight 1000         ;# room that is left over is below all
         foreach {key script} [list <Alt-a> [mymethod apply] <Alt-r> [mymethod revert]] {
             bind [$self Tag] $key "$script; break"
         }
@@ -401,7 +404,7 @@ snit::widget ::sorma::form {
         }
         $win.apply.apply state [expr {$options(-state) eq "normal" ? $edited : "disabled"}]
         $win.apply.revert state $edited
-        if {$options(-apply) eq "now" && $edited eq "disabled"} {
+        if {$options(-apply) eq "now" && $edited eq "disabled" && [lindex [$win.say says] 1] eq {}} {
             grid remove $win.apply
         } else {
             grid $win.apply

@@ -8,7 +8,7 @@ package require sorma::world
 package provide sorma::notice 1.0
 
 # ::sorma::notice .w ?-lines n? ?-daemons list? --
-#       So many lines of text (2); longer text is cut off and shown in a tip. While one of these daemons does not answer, the notice says
+#       So many lines of text (2; in a wide window there is one). Longer text is cut off and shown in a tip. While one of these daemons does not answer, the notice says
 #       which, since when and why; then what it was told to say.
 # Methods:
 #       say STATE TEXT ?PREFIX?     STATE: as sorma::style has it; PREFIX: called by the button "Make it", which is there only then
@@ -22,11 +22,12 @@ snit::widget ::sorma::notice {
     variable said {}            ;# what is shown, like that
     variable away {}            ;# dict: each of -daemons that does not answer -> why
     variable watch {}
+    variable lines 0            ;# that there are now
 
     constructor args {
         $self configurelist $args
         ttk::label $win.text -justify left -anchor nw
-        ttk::button $win.make -text [::msgcat::mc "Make it"] -takefocus 1
+        ttk::button $win.make -style Link.Toolbutton -text [::msgcat::mc "Make it"] -takefocus 1
         pack $win.text -side left -fill both -expand 1
         pack propagate $win 0
         bind $win.text <Configure> [mymethod Fit]
@@ -54,8 +55,9 @@ snit::widget ::sorma::notice {
         }
     }
     method Looks {} {
-        set lines [expr {$options(-lines) * [font metrics TkDefaultFont -linespace] + [::sorma::style pixels 2]}]
-        $hull configure -height [expr {max($lines, [winfo reqheight $win.make])}]
+        set lines [expr {[winfo width $win] > [::sorma::style pixels 720] ? 1 : $options(-lines)}]
+        set high [expr {$lines * [font metrics TkDefaultFont -linespace] + [::sorma::style pixels 2]}]
+        $hull configure -height [expr {max($high, [winfo reqheight $win.make])}]
         if {$said ne {}} {
             $win.text configure -foreground [::sorma::style colour [lindex $said 0]]
         }
@@ -115,9 +117,12 @@ snit::widget ::sorma::notice {
     }
     # One line ends where the window does.
     method Fit {} {
+        if {($lines == 1) != ([winfo width $win] > [::sorma::style pixels 720] || $options(-lines) == 1)} {
+            $self Looks
+        }
         set text [lindex $said 1]
         set width [winfo width $win.text]
-        if {$options(-lines) > 1} {
+        if {$lines > 1} {
             $win.text configure -wraplength [expr {max(1, $width - [::sorma::style pixels 4])}]
         } elseif {$width > 1 && [font measure TkDefaultFont $text] > $width} {
             set n [string length $text]

@@ -10,8 +10,8 @@ package require sorma::fold
 package require sorma::lamp
 package require sorma::layout
 package require sorma::notice
+package require sorma::panelColumns
 package require sorma::text
-package require sorma::trailview
 package require sorma::window
 package provide sorma::panel 1.0
 
@@ -46,12 +46,12 @@ snit::widget ::sorma::panel {
     variable room 380           ;# pixels, for messages below fields
     variable wanted {}          ;# what is searched for
     variable searchable 12      ;# options: with more there is a field to search in
-    variable trailShown 0
     variable atOnce 0
     variable readOnly 0
     variable asked {}           ;# in the line that asks for a word
     variable canvas {}
     variable inner {}           ;# frame of the fields, in the canvas
+    ::sorma::panelColumns
 
     constructor {name args} {
         $self configurelist $args
@@ -70,8 +70,8 @@ snit::widget ::sorma::panel {
         ttk::checkbutton $win.head.readonly -style [::sorma::style own TCheckbutton] -text [::msgcat::mc "read only"] -variable [myvar readOnly] \
             -command [mymethod Switched] -underline 5
         ttk::frame $win.head.stop
-        grid $win.head.name $win.head.state $win.head.readonly $win.head.stop -sticky ew -padx [list 0 $pad]
-        grid configure $win.head.stop -padx 0
+        grid $win.head.name $win.head.state $win.head.stop $win.head.readonly -sticky ew -padx [list 0 $pad]
+        grid configure $win.head.readonly -padx 0
         grid $win.head.say -row 1 -columnspan 4 -sticky ew -pady [list [::sorma::style pixels 4] 0]
         grid columnconfigure $win.head 1 -weight 1
         ttk::frame $win.find -style Card.TFrame -padding $inside
@@ -113,17 +113,12 @@ snit::widget ::sorma::panel {
         bind $win.exec <<SormaReplied>> [list event generate $win <<SormaReplied>>]
         $self Head
         set row -1
-        foreach part {head find body apply ask said actions what} {
-            grid $win.$part -row [incr row] -sticky [expr {$part eq "body" ? "nsew" : "ew"}] -pady [list [expr {$row == 0 ? $edge : 0}] [expr {$part eq "body" ? 0 : $pad}]] \
+        foreach part {head find body apply} {
+            grid $win.$part -row [incr row] -column 0 -sticky [expr {$part eq "body" ? "nsew" : "ew"}] -pady [list [expr {$row == 0 ? $edge : 0}] [expr {$part eq "body" ? 0 : $pad}]] \
                 -padx [expr {$part eq "body" ? [::sorma::parts::margin $win.body $edge] : $edge}]
         }
-        grid remove $win.find $win.apply $win.ask $win.said $win.actions $win.what
-        # The trail of an error: folded until the user opens it.
-        ttk::checkbutton $win.trail -variable [myvar trailShown] -command [mymethod Unfold] -style Page.Toolbutton -underline 2
-        $self Unfold
-        grid $win.trail -row [incr row] -sticky w -padx $edge -pady [list 0 $pad]
-        grid columnconfigure $win 0 -weight 1
-        grid rowconfigure $win 2 -weight 1 -minsize [::sorma::style pixels 40]
+        grid remove $win.find $win.apply
+        $self BeginColumns
         bind $win <Destroy> +[list ::sorma::parts::ended $win [mymethod Ended %W]]
         # Keys act wherever the focus is within the panel, and not in one beside it.
         foreach {key script} [list <Alt-a> [mymethod apply] <Alt-r> [mymethod revert] <Alt-e> [mymethod execute] \
@@ -314,7 +309,7 @@ snit::widget ::sorma::panel {
     # Where options stand when there are some. Why they are not there the status says, unless it is the daemon that says it.
     method None text {
         destroy $inner.none
-        grid [ttk::label $inner.none -style Page.TLabel -text $text -wraplength $room -justify left] -row 0 -column 0 -columnspan 3 -sticky w -padx [::sorma::style pixels 16] -pady [::sorma::style pixels 12]
+        grid [ttk::label $inner.none -style Page.TLabel -text $text -wraplength [expr {max($room, [::sorma::style pixels 420])}] -justify left] -row 0 -column 0 -columnspan 3 -sticky w -padx [::sorma::style pixels 16] -pady [::sorma::style pixels 12]
     }
     method Empty {} {
         $self None [if {[dict get [$subject get {}] state] eq "asking"} {string cat "asking \u2026"} else {
@@ -432,7 +427,7 @@ snit::widget ::sorma::panel {
                 ::sorma::parts::row $inner $n [incr row]
                 incr row
                 if {[winfo exists $inner.why$n] && [$inner.why$n cget -text] ne {}} {
-                    grid $inner.why$n -row $row -column 2 -sticky w -padx [list $gap [expr {4 * $gap}]]
+                    grid $inner.why$n -row $row -column 2 -sticky w -padx [list $gap [expr {4 * $gap}]] -pady [list 0 $gap]
                 }
             }
             if {$row > $from} {
@@ -539,19 +534,6 @@ snit::widget ::sorma::panel {
         grid remove $win.ask
         uplevel #0 [list {*}$prefix $asked]
     }
-    method Unfold {} {
-        $win.trail configure -text "[expr {$trailShown ? "\u25be" : "\u25b8"}] Trail"
-        if {$trailShown && ![winfo exists $win.messages]} {
-            set name [$subject name]
-            ::sorma::trailview $win.messages -keys [string map {* \\* ? \\? [ \\[} [if {[string first @ $name] < 0} {string cat $name@self} else {set name}]]
-            grid $win.messages -sticky nsew -padx [::sorma::style pixels 6] -pady [list 0 [::sorma::style pixels 6]]
-        } elseif {$trailShown} {
-            grid $win.messages
-        } elseif {[winfo exists $win.messages]} {
-            grid remove $win.messages
-        }
-    }
-
     # ---- menus ----
 
     # The menu of the field at a window, or of the panel.

@@ -39,7 +39,7 @@ proc ::sorma::parts::mark {parent n state why} {
     $said configure -text $why -foreground $colour
     if {$why ne {} && [winfo manager $parent.field$n] eq "grid"} {
         grid $said -row [expr {[dict get [grid info $parent.field$n] -row] + 1}] -column 2 -sticky w \
-            -padx [list [::sorma::style pixels 4] [::sorma::style pixels 16]]
+            -padx [list [::sorma::style pixels 4] [::sorma::style pixels 16]] -pady [list 0 [::sorma::style pixels 4]]
     } else {
         grid remove $said
     }

@@ -10,6 +10,7 @@
 #   Strong.Toolbutton           a title that can be pressed
 #   Heading.Toolbutton          the title of a group that folds
 #   Value.Toolbutton            a number that can be pressed; Error.Value.Toolbutton: of errors
+#   Link.Toolbutton             a word beside a text that can be pressed
 #   Accent.TButton              the main action of a card
 #   Sorma.TEntry                a field of its natural height, as panels have them
 #   Quiet.TLabel, Unit.TLabel   what is read second: units, ages, help
@@ -341,6 +342,7 @@ proc ::sorma::theme::Buttons {} {
     ttk::style configure Heading.Toolbutton -font TkHeadingFont -anchor w
     ttk::style configure Value.Toolbutton -font [::sorma::style font title] -padding 0
     ttk::style configure Error.Value.Toolbutton -foreground $Colours(error)
+    ttk::style configure Link.Toolbutton -foreground $Colours(accent) -padding [list [Px 4] 0]
     foreach style {TButton TMenubutton Toolbutton} {
         ttk::style map $style -background {}
         Filled $style {{} surface disabled surface pressed tint active hover}
@@ -451,8 +453,9 @@ proc ::sorma::theme::Bars {} {
         ttk::style layout $direction.TProgressbar [list $direction.Progressbar.trough -sticky nswe -children [list \
             $direction.Progressbar.pbar -side [expr {$direction eq "Horizontal" ? "left" : "bottom"}] -sticky $sticky]]
         Element $direction.Scrollbar.trough [Blank {*}[if {$direction eq "Horizontal"} {list 4 [Px 10]} else {list [Px 10] 4}]] -sticky nsew
-        Element $direction.Scrollbar.thumb [concat {*}[lmap {state colour} {{} edge disabled line pressed accent active text} {
-            list {*}$state [Box $width $height $round $Colours($colour) $Colours($colour) 1 $Colours(surface)]
+        # Where all can be seen there is nothing to scroll, and no thumb.
+        Element $direction.Scrollbar.thumb [concat {*}[lmap {state colour} {{} edge disabled {} pressed accent active text} {
+            list {*}$state [if {$colour eq {}} {Blank $width $height} else {Box $width $height $round $Colours($colour) $Colours($colour) 1 $Colours(surface)}]
         }]] -border $ends -sticky $sticky
         ttk::style layout $direction.TScrollbar [list $direction.Scrollbar.trough -sticky nswe -children [list $direction.Scrollbar.thumb -expand 1 -sticky nswe]]
     }

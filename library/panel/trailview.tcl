@@ -11,11 +11,12 @@ package provide sorma::trailview 1.0
 # ::sorma::trailview .w ?-keys PATTERNS? ?-severity LIST? ?-daemon PART? ?-object PART? ?-text PART? ?-paused BOOLEAN? ?-keep n? ?-height lines? --
 #       -keys of sorma::world, default *@*: trails of all objects; * is what daemons say for themselves. -severity: which are shown, default
 #       {error warning}; -daemon, -object, -text: a part of its KEY, of NAME@DAEMON (a pattern) and of the message; -keep: how many; -paused: the list holds still, what comes is kept; -state
-#       disabled: grey, and nothing can be chosen
+#       disabled: grey, and nothing can be chosen; -style Page.TFrame: it stands on the window's ground
 # Methods:
 #       clear; messages: those that are wanted, dicts as sorma::world tells them, also while it is paused; text: what is shown, in lines
 snit::widget ::sorma::trailview {
     hulltype ttk::frame
+    delegate option -style to hull
     typevariable States {error refused warning warn verbose asking}     ;# a severity's colour and mark
     option -keys -default *@* -readonly 1
     option -severity -default {error warning} -configuremethod Choose
@@ -34,7 +35,7 @@ snit::widget ::sorma::trailview {
         $self configurelist $args
         install tree using ttk::treeview $win.tree -style [::sorma::style own Treeview] -columns {mark time object text} -show headings -height $options(-height) \
             -selectmode extended -yscrollcommand [list $win.bar set]
-        ttk::scrollbar $win.bar -style [::sorma::style own Vertical.TScrollbar] -command [list $tree yview]
+        ttk::scrollbar $win.bar -style [expr {[$hull cget -style] eq "Page.TFrame" ? "Page." : {}}][::sorma::style own Vertical.TScrollbar] -command [list $tree yview]
         foreach {column title width stretch} {mark {} 24 0 time Time 100 0 object Object 130 0 text Message 360 1} {
             $tree heading $column -text $title -anchor w
             $tree column $column -width [::sorma::style pixels $width] -stretch $stretch
