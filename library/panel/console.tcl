@@ -64,7 +64,7 @@ snit::widget ::sorma::console {
         }
         ttk::scrollbar $win.bar -style [::sorma::style own Vertical.TScrollbar] -command [list $screen yview]
         # Its width is that of the window, whatever stands there.
-        ttk::label $win.hint -font [::sorma::style font small] -anchor w -width 1 -padding [list [::sorma::style pixels 6] [::sorma::style pixels 2]]
+        ttk::label $win.hint -font [::sorma::style font small] -anchor w -width 1 -padding [list [::sorma::style pixels 12] [::sorma::style pixels 6]]
         grid $screen $win.bar -sticky nsew
         grid $win.hint - -sticky ew
         grid columnconfigure $win 0 -weight 1

@@ -49,16 +49,18 @@ snit::widget ::sorma::dashboard {
         ttk::label $win.area.none -style Page.TLabel -justify center -text [::msgcat::mc "Nothing is here yet: drag the name of an option from a panel to this window,\nor choose \"On a dashboard\" in the menu of a field."]
         frame $win.area.ghost -borderwidth 0 -highlightthickness [::sorma::style pixels 2]
         pack $win.area -fill both -expand 1
-        foreach kind {title plain small} {
+        foreach kind {title plain small strong} {
             ::font create $win.$kind
         }
+        ::font configure $win.strong -weight bold
+        ttk::style configure $win.TButton -font $win.plain
         bind $win.area <Configure> [mymethod Lay]
         $self Bind
         $self configurelist $args
         $self Lay
     }
     destructor {
-        catch {::font delete $win.title $win.plain $win.small}
+        catch {::font delete $win.title $win.plain $win.small $win.strong}
     }
 
     # ---- what programs say ----
@@ -239,21 +241,21 @@ snit::widget ::sorma::dashboard {
         ttk::frame $card -style Card.TFrame
         ttk::label $card.title -text [::sorma::boardFile::title $kind $settings] -font $win.title -anchor w {*}[if {$kind ne "text"} {list -style Quiet.TLabel}]
         set pad [::sorma::style pixels 8]
+        set edge [::sorma::style pixels 16]
         if {$kind eq "text"} {
-            pack $card.title -fill both -expand 1 -padx $pad
+            $card.title configure -font $win.strong
+            pack $card.title -fill both -expand 1 -padx $edge -pady $pad
             return [$self Held $n]
         }
         if {$kind ne "button"} {
-            pack $card.title -fill x -padx $pad -pady [list [expr {$pad / 2}] 0]
+            pack $card.title -fill x -padx $edge -pady [list $pad 0]
         }
         if {[catch {$self Content $kind $settings $card.w} message]} {
             destroy $card.w
             ttk::label $card.w -text "[::sorma::style mark refused] $message" -foreground [::sorma::style colour refused] -wraplength [::sorma::style pixels 200]
         }
-        pack $card.w -fill both -expand 1 -padx $pad -pady [expr {$kind eq "button" ? $pad : [list 0 $pad]}]
-        if {[winfo class $card.w] eq "SormaButton"} {
-            pack configure $card.w -padx [list [winfo reqwidth $card.w.lamp] 0]            ;# which is at its right
-        }
+        # The lamp of a button stands at its right, in the margin.
+        pack $card.w -fill both -expand 1 -padx [dict get [dict merge [list $kind $edge] [list image $pad stripchart $pad button [list $edge 2]]] $kind] -pady [expr {$kind eq "button" ? $pad : [list 0 $pad]}]
         $self Held $n
     }
     method Content {kind settings window} {
@@ -270,8 +272,15 @@ snit::widget ::sorma::dashboard {
                 $child configure -font $win.plain
             }
         }
-        if {$kind eq "button"} {
-            pack configure $window.button -fill both
+        switch -- $kind {
+            button {
+                pack configure $window.button -fill both
+                catch {$window.button configure -style $win.TButton}
+            }
+            meter {
+                $window.digits configure -width 7
+                $window.age configure -width 0
+            }
         }
     }
 
@@ -287,7 +296,7 @@ snit::widget ::sorma::dashboard {
         if {$width < 10} return
         set rows [::sorma::boardGrid::rows $places]
         set high [expr {min($height / $rows * 2 / 5, $width / 60)}]
-        foreach {kind part least} {title 0.9 small plain 0.9 plain small 0.7 small} {
+        foreach {kind part least} {title 0.9 small plain 0.9 plain small 0.7 small strong 1.1 plain} {
             set least [::font actual [::sorma::style font $least] -size]
             set least [expr {$least < 0 ? -$least : $least * [tk scaling]}]
             ::font configure $win.$kind -family [::font actual TkDefaultFont -family] -size [expr {-int(max($least, $part * $high))}]

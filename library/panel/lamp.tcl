@@ -1,6 +1,7 @@
 # lamp.tcl -- what is only looked at: sorma::led, a lamp; sorma::meter, a number within its limits; sorma::reading, what an object answers;
 # sorma::status, how an object's daemon is. Each has -state: while it is disabled, it is grey.
 
+package require sorma::disc
 package require sorma::parts
 package provide sorma::lamp 1.0
 
@@ -16,8 +17,7 @@ snit::widget ::sorma::led {
     constructor args {
         $self configurelist $args
         set size [::sorma::style pixels $options(-size)]
-        canvas $win.lamp -width $size -height $size -highlightthickness 0 -background [ttk::style lookup . -background]
-        $win.lamp create oval 2 2 [expr {$size - 2}] [expr {$size - 2}] -tags lamp -outline [::sorma::style colour asking]
+        ttk::label $win.lamp -image [::sorma::disc of $size {} [::sorma::style colour asking]] -padding 0
         ttk::label $win.text
         ttk::label $win.age -width 8 -font [::sorma::style font small]
         pack $win.lamp $win.text $win.age -side left -padx [list 0 [::sorma::style pixels 4]]
@@ -27,10 +27,8 @@ snit::widget ::sorma::led {
     method Build {} {}
     method SetSize {option value} {
         set options($option) $value
-        if {[winfo exists $win.lamp]} {
-            set size [::sorma::style pixels $value]
-            $win.lamp configure -width $size -height $size
-            $win.lamp coords lamp 2 2 [expr {$size - 2}] [expr {$size - 2}]
+        if {[winfo exists $win.lamp] && $subject ne {}} {
+            $self Show
         }
     }
     # good, warn, bad, off or stale
@@ -52,7 +50,8 @@ snit::widget ::sorma::led {
     }
     method Show {} {
         set shown [$self shows]
-        $win.lamp itemconfigure lamp -fill [if {$shown ne "off"} {$self Shade [dict get {good good warn warn bad refused stale asking} $shown]}]
+        set edge [$self Shade [dict get {good good warn warn bad refused stale asking off asking} $shown]]
+        $win.lamp configure -image [::sorma::disc of [::sorma::style pixels $options(-size)] [if {$shown ne "off"} {set edge}] $edge]
         $win.text configure -text $options(-text)
         $self ShowAge $win.age [$subject get $options(-option)]
     }
@@ -73,14 +72,15 @@ snit::widget ::sorma::meter {
     constructor args {
         $self configurelist $args
         set height [::sorma::style pixels 14]
-        canvas $win.bar -width [::sorma::style pixels $options(-length)] -height $height -highlightthickness 1 \
-            -highlightbackground [::sorma::style colour asking] -background [ttk::style lookup TEntry -fieldbackground {} white]
+        canvas $win.bar -width [::sorma::style pixels $options(-length)] -height $height -highlightthickness 0 \
+            -background [::sorma::style token line]
         $win.bar create rectangle 0 0 0 $height -width 0 -tags level
         ttk::label $win.mark -width 2 -anchor center
         ttk::label $win.age -width 8 -font [::sorma::style font small]
-        ttk::label $win.digits -width 12 -anchor e
+        ttk::label $win.digits -width 9 -anchor w
         pack $win.bar -side left -fill x -expand 1
-        pack $win.mark $win.digits $win.age -side left
+        pack $win.mark -side left -padx [::sorma::style pixels 4]
+        pack $win.digits $win.age -side left
         bind $win.bar <Configure> [mymethod Told state {}]
         $self Begin
         $self Enable
@@ -115,6 +115,7 @@ snit::widget ::sorma::meter {
         lassign [$self shows] state value
         $self ShowAge $win.age [$subject get $options(-option)]
         set unit [if {$facts ne {}} {dict get $facts unit}]
+        $win.bar configure -background [::sorma::style token line]
         set low [$self Or -low 0.0]
         set high [$self Or -high [expr {$low + 1.0}]]
         set part [expr {[string is double -strict $value] && $value == $value && $high > $low ? max(0.0, min(1.0, ($value - $low) / double($high - $low))) : 0}]
