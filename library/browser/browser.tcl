@@ -41,7 +41,7 @@ snit::widget ::sorma::browser {
         ttk::frame $win.left -style Page.TFrame
         install tree using ::sorma::browserTree $win.left.tree -command [mymethod Chosen]
         install search using ::sorma::browserSearch $win.left.search -tree $tree -command [mymethod Found]
-        pack $search -side top -fill x -padx $pad
+        pack $search -side top -fill x -padx $pad -pady [list [::sorma::style pixels 4] 0]
         pack $tree -side top -fill both -expand 1 -padx [list $pad 0]
         lower $tree $search                                 ;# the search comes first by Tab
         install tabs using ttk::notebook $win.tabs -width [::sorma::style pixels 560] -height [::sorma::style pixels 480]
@@ -62,8 +62,8 @@ snit::widget ::sorma::browser {
         ttk::label $tabs.panel.none -justify left -anchor nw -padding $pad -text [::msgcat::mc "Choose an object at the left, or search (Ctrl-F)."]
         pack $tabs.panel.none -fill both -expand 1
         ttk::label $win.state -anchor w -style Page.TLabel -padding [list $pad [expr {$pad / 2}]]
-        $win.panes add $win.left -weight 1
-        $win.panes add $tabs -weight 3
+        $win.panes add $win.left -weight 0
+        $win.panes add $tabs -weight 1
         pack $win.state -side bottom -fill x
         pack $win.panes -fill both -expand 1
         $self Menu

@@ -39,7 +39,8 @@ snit::widget ::sorma::browserDict {
     variable watch {}
 
     constructor {} {
-        set pad [::sorma::style pixels 4]
+        set pad [::sorma::style pixels 8]
+        set edge [::sorma::style pixels 16]
         ttk::frame $win.bar
         ttk::label $win.bar.label -text [::msgcat::mc "Entries with"]
         ttk::entry $win.bar.only -textvariable [myvar only]
@@ -65,7 +66,7 @@ snit::widget ::sorma::browserDict {
         ttk::label $win.edit.wordsLabel -text [::msgcat::mc "Stands for"]
         install editor using text $win.edit.words -height 3 -width 40 -wrap word -undo 1 -font [::sorma::style font fixed] \
             -background [ttk::style lookup TEntry -fieldbackground {} white] -foreground [ttk::style lookup . -foreground {} black] \
-            -insertbackground [ttk::style lookup . -foreground {} black] -highlightthickness 1
+            -insertbackground [ttk::style lookup . -foreground {} black] -highlightthickness 1 -highlightbackground [::sorma::style token edge] -padx $pad -pady [::sorma::style pixels 4]
         ttk::label $win.edit.concernsLabel -text [::msgcat::mc "Concerns"]
         ttk::label $win.edit.concerns -justify left
         ttk::label $win.edit.said -justify left
@@ -75,14 +76,18 @@ snit::widget ::sorma::browserDict {
             pack $win.edit.do.$name -side left -padx [list 0 $pad]
         }
         foreach {label part} {wordLabel word wordsLabel words concernsLabel concerns} {
-            grid $win.edit.$label $win.edit.$part -sticky nsew -padx $pad -pady [list 0 $pad]
+            grid $win.edit.$label $win.edit.$part -sticky [expr {$part eq "words" ? "nsew" : "ew"}] -padx [list 0 $pad] -pady [list 0 $pad]
         }
-        grid x $win.edit.said -sticky ew -padx $pad
-        grid x $win.edit.do -sticky w -padx $pad -pady $pad
+        grid configure $win.edit.wordsLabel -sticky nw -pady [list [::sorma::style pixels 4] 0]
+        foreach part {word words concerns} {
+            grid configure $win.edit.$part -padx 0
+        }
+        grid x $win.edit.said -sticky ew
+        grid x $win.edit.do -sticky w -pady [list $pad 0]
         grid columnconfigure $win.edit 1 -weight 1
-        pack $win.bar -side top -fill x -padx $pad -pady $pad
-        pack $win.edit -side bottom -fill x -pady [list $pad 0]
-        pack $win.list -side top -fill both -expand 1
+        pack $win.bar -side top -fill x -padx $edge -pady [list $edge $pad]
+        pack $win.edit -side bottom -fill x -padx $edge -pady $edge
+        pack $win.list -side top -fill both -expand 1 -padx [list $edge 0]
         $editor tag configure wrong -foreground [::sorma::style colour refused] -underline 1
         ::sorma::parts::byKeys $tree
         bind $tree <<TreeviewSelect>> [mymethod Selected]

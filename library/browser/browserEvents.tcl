@@ -19,17 +19,18 @@ snit::widget ::sorma::browserEvents {
 
     constructor args {
         $self configurelist $args
-        set pad [::sorma::style pixels 6]
+        set pad [::sorma::style pixels 8]
+        set edge [::sorma::style pixels 16]
         ttk::frame $win.bar
         ttk::button $win.bar.listen -text [::msgcat::mc Listen] -command [mymethod listen] -state disabled
         ttk::label $win.bar.name -text [::msgcat::mc "Choose an object."]
         pack $win.bar.listen $win.bar.name -side left -padx [list 0 $pad]
-        pack $win.bar -side top -fill x -padx $pad -pady $pad
+        pack $win.bar -side top -fill x -padx $edge -pady [list $edge $pad]
         ttk::treeview $win.tree -style [::sorma::style own Treeview] -columns text -show headings -yscrollcommand [list $win.scroll set]
         $win.tree heading text -text [::msgcat::mc "Events"] -anchor w
         ttk::scrollbar $win.scroll -style [::sorma::style own Vertical.TScrollbar] -command [list $win.tree yview]
-        pack $win.scroll -side right -fill y
-        pack $win.tree -side left -fill both -expand 1
+        pack $win.scroll -side right -fill y -pady [list 0 $edge]
+        pack $win.tree -side left -fill both -expand 1 -padx [list $edge 0] -pady [list 0 $edge]
         ::sorma::parts::byKeys $win.tree
         bind $win <Destroy> +[mymethod Ended %W]
     }

@@ -36,7 +36,7 @@ snit::widget ::sorma::browserGraph {
         ttk::scrollbar $win.bar -style [::sorma::style own Vertical.TScrollbar] -command [list $canvas yview]
         ttk::scrollbar $win.below -style [::sorma::style own Horizontal.TScrollbar] -orient horizontal -command [list $canvas xview]
         $canvas configure -xscrollcommand [list ::sorma::parts::scrolled $win.below]
-        ttk::label $win.said -padding [::sorma::style pixels 4]
+        ttk::label $win.said -style Quiet.TLabel -padding [list [::sorma::style pixels 16] [::sorma::style pixels 8]]
         grid $canvas $win.bar -sticky nsew
         grid $win.below -sticky ew
         grid $win.said -columnspan 2 -sticky ew
@@ -134,7 +134,7 @@ snit::widget ::sorma::browserGraph {
         set pad [::sorma::style pixels 16]
         lassign [concat [$canvas bbox all] 0 0 0 0] left top right bottom
         $canvas move all [expr {$pad - $left}] [expr {$pad - $top}]
-        $canvas configure -scrollregion [list 0 0 [expr {$right - $left + 2 * $pad}] [expr {max($bottom - $top + 2 * $pad, [winfo height $canvas])}]]
+        $canvas configure -scrollregion [list 0 0 [expr {$right - $left + 2 * $pad}] [expr {max($bottom - $top + 2 * $pad, [winfo height $canvas] - 2)}]]         ;# inside of the edge
         $self Say
     }
     # A title, and a line for each object.
@@ -160,7 +160,15 @@ snit::widget ::sorma::browserGraph {
         set text [::sorma::text::clean [string map {\n { }} $text]]
         $canvas create text $x $y -anchor $anchor -text [$self Fit $text $width $font] -fill [::sorma::style token $token] -font [::sorma::style font $font]
     }
+    # What is said of an empty graph stands where the graph would be.
     method Say {} {
+        if {[dict size [$graph boxes]] == 0} {
+            grid remove $win.said
+            $canvas create text [expr {[winfo width $canvas] / 2}] [expr {[winfo height $canvas] / 2}] -text [::sorma::text::cut [::sorma::text::clean [$graph said]] 300] \
+                -width [expr {max(100, [winfo width $canvas] * 3 / 4)}] -justify center -fill [::sorma::style token quiet] -font [::sorma::style font plain]
+            return
+        }
+        grid $win.said
         set mark [if {[$graph refused]} {string cat "[::sorma::style mark refused] "}]
         $win.said configure -text [::sorma::text::cut [::sorma::text::clean $mark[$graph said]] 300]
     }

@@ -28,7 +28,8 @@ snit::widget ::sorma::browserLaunch {
 
     constructor args {
         $self configurelist $args
-        set pad [::sorma::style pixels 4]
+        set pad [::sorma::style pixels 8]
+        set edge [::sorma::style pixels 16]
         ttk::frame $win.bar
         ttk::label $win.bar.label -text [::msgcat::mc "Launch file"]
         ttk::entry $win.bar.file -textvariable [myvar typed]
@@ -51,15 +52,15 @@ snit::widget ::sorma::browserLaunch {
         }
         ttk::frame $win.said
         install output using text $win.said.text -wrap char -height 8 -width 40 -state disabled -takefocus 1 -borderwidth 0 \
-            -font [::sorma::style font fixed] -yscrollcommand [list $win.said.scroll set] \
+            -font [::sorma::style font fixed] -padx $pad -pady $pad -yscrollcommand [list $win.said.scroll set] \
             -background [ttk::style lookup TEntry -fieldbackground {} white] -foreground [ttk::style lookup . -foreground {} black]
         ttk::scrollbar $win.said.scroll -style [::sorma::style own Vertical.TScrollbar] -command [list $output yview]
         pack $win.said.scroll -side right -fill y
         pack $output -side left -fill both -expand 1
-        pack $win.bar -side top -fill x -padx $pad -pady $pad
-        pack $tree -side top -fill x
-        pack $win.do -side top -fill x -padx $pad -pady $pad
-        pack $win.said -side top -fill both -expand 1
+        pack $win.bar -side top -fill x -padx $edge -pady [list $edge $pad]
+        pack $tree -side top -fill x -padx $edge
+        pack $win.do -side top -fill x -padx $edge -pady $pad
+        pack $win.said -side top -fill both -expand 1 -padx [list $edge 0] -pady [list 0 $edge]
         ::sorma::parts::byKeys $tree
         bind $win.bar.file <Return> [mymethod Open]
         bind $output <ButtonPress-1> {+focus %W}

@@ -22,7 +22,8 @@ snit::widget ::sorma::browserLog {
     delegate method messages to trails
 
     constructor {} {
-        set pad [::sorma::style pixels 4]
+        set pad [::sorma::style pixels 8]
+        set edge [::sorma::style pixels 16]
         ttk::frame $win.bar
         ttk::label $win.bar.severityLabel -text [::msgcat::mc "At least"]
         ttk::combobox $win.bar.severity -style [::sorma::style own TCombobox] -values {error warning verbose} -width 7 -state readonly \
@@ -36,10 +37,13 @@ snit::widget ::sorma::browserLog {
         ttk::checkbutton $win.bar.pause -style [::sorma::style own TCheckbutton] -text [::msgcat::mc Pause] -variable [myvar paused]
         pack $win.bar.pause -side right                         ;# the first: entries give way in a small window
         pack {*}[lsearch -all -inline -not -exact [winfo children $win.bar] $win.bar.pause] -side left -padx [list 0 $pad]
+        foreach name {severity daemon object} {
+            pack configure $win.bar.$name -padx [list 0 $edge]
+        }
         pack configure $win.bar.object $win.bar.text -fill x -expand 1
         install trails using ::sorma::trailview $win.trails -keep 5000 -keys {*@* *}
-        pack $win.bar -side top -fill x -padx $pad -pady $pad
-        pack $trails -side top -fill both -expand 1
+        pack $win.bar -side top -fill x -padx $edge -pady [list $edge $pad]
+        pack $trails -side top -fill both -expand 1 -padx [list $edge 0] -pady [list 0 $edge]
         foreach {name option} {severity -severity daemon -daemon object -object wanted -text paused -paused} {
             trace add variable [myvar $name] write [mymethod Set $option]
         }

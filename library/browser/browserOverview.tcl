@@ -155,7 +155,7 @@ snit::widget ::sorma::browserOverview {
         grid $card.end -row [incr row] -column 0 -columnspan 3 -sticky ew -padx $gap -pady [list $gap 0]
         grid rowconfigure $card $row -weight 1
         grid configure $card.end -sticky sew
-        grid columnconfigure $card {0 1 2} -weight 1 -uniform parts
+        grid columnconfigure $card 0 -weight 1
         ::sorma::style bindWheel $card $win.body.canvas
     }
     # The parts of a row of a list: NAMEObject, in that style of buttons or labels, NAMECalls and NAMETime.
@@ -216,11 +216,23 @@ snit::widget ::sorma::browserOverview {
             if {$i >= 0} {
                 set row [lindex $rows $i]
                 set object [dict get $row name]
-                $card.${name}Object configure -text [::sorma::text::clean $object] -command [mymethod Choose [list object $daemon $object]]
+                $card.${name}Object configure -text [$self Fit $card [::sorma::text::clean $object]] -command [mymethod Choose [list object $daemon $object]]
                 $card.${name}Calls configure -text [if {$list eq "most" && [dict get $row rate] ne {}} {Number [dict get $row rate]}]
                 $card.${name}Time configure -text [if {[dict get $row p99] ne {}} {::sorma::listing microseconds [expr {1e6 * [dict get $row p99]}]}]
             }
         }
+    }
+    # A name that there is no room for ends in dots.
+    method Fit {card name} {
+        set room [expr {[lindex [grid bbox $card 0 2] 2] - [::sorma::style pixels 20]}]
+        set font TkDefaultFont
+        if {$room < 20 || [font measure $font $name] <= $room} {
+            return $name
+        }
+        while {[string length $name] > 4 && [font measure $font $name\u2026] > $room} {
+            set name [string range $name 0 end-1]
+        }
+        return $name\u2026
     }
     proc Number rate {
         return [if {$rate >= 100} {format %.0f $rate} else {format %.1f $rate}]

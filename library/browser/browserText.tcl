@@ -26,10 +26,11 @@ snit::widget ::sorma::browserText {
 
     constructor args {
         $self configurelist $args
-        text $win.text -wrap word -font [::sorma::style font fixed] -width 60 -height 16 -borderwidth 0 -padx [::sorma::style pixels 6] \
-            -pady [::sorma::style pixels 4] -state disabled -takefocus 1 -yscrollcommand [list $win.bar set] \
+        text $win.text -wrap word -font [::sorma::style font fixed] -width 60 -height 16 -borderwidth 0 -padx [::sorma::style pixels 16] \
+            -pady [::sorma::style pixels 12] -highlightthickness 0 -state disabled -takefocus 1 -yscrollcommand [list $win.bar set] \
             -background [ttk::style lookup TEntry -fieldbackground {} white] -foreground [ttk::style lookup . -foreground {} black]
         ttk::scrollbar $win.bar -style [::sorma::style own Vertical.TScrollbar] -command [list $win.text yview]
+        $win.text tag configure title -font [::sorma::style font fixedStrong]
         pack $win.bar -side right -fill y
         pack $win.text -side left -fill both -expand 1
         bind $win.text <ButtonPress-1> {+focus %W}
@@ -117,6 +118,12 @@ snit::widget ::sorma::browserText {
         set at [lindex [$win.text yview] 0]
         $win.text configure -state normal
         $win.text replace 1.0 end $text
+        foreach {title request read} $requests {
+            set found [$win.text search -exact -- $title 1.0]
+            if {$title ne {} && $found ne {} && [$win.text get "$found linestart" "$found lineend"] eq $title} {
+                $win.text tag add title $found "$found lineend"
+            }
+        }
         $win.text configure -state disabled
         $win.text yview moveto $at
     }
