@@ -61,14 +61,14 @@ proc checkers::window::Key {window key style} {
 proc checkers::window::Settings {} {
     variable Rows
     variable Rules
-    ttk::labelframe .settings -style Page.TLabelframe -text "Settings" -padding [sorma::style pixels 8]
+    ttk::labelframe .settings -style Page.TLabelframe -text "Settings" -padding [list [sorma::style pixels 12] [sorma::style pixels 8]]
     set s .settings
     set pad [sorma::style pixels 4]
     foreach {name text key what} $Rows {
         lassign $what object option
         ttk::label $s.t$name -text $text
         Key $s.k$name $key TLabel
-        ttk::spinbox $s.$name -width 6 -command [list checkers::window::Choose $name]
+        ttk::spinbox $s.$name -width 6 -justify right -command [list checkers::window::Choose $name]
         foreach event {<Return> <FocusOut>} {
             bind $s.$name $event [list checkers::window::Choose $name]
         }
@@ -86,7 +86,7 @@ proc checkers::window::Settings {} {
     }
     ttk::label $s.tlimit -text "Minutes, 0: no limit"
     Key $s.klimit m TLabel
-    ttk::spinbox $s.limit -from 0 -to 600 -width 6
+    ttk::spinbox $s.limit -from 0 -to 600 -width 6 -justify right
     $s.limit set [expr {[Holds -limit] / 60.0 == [Holds -limit] / 60 ? [Holds -limit] / 60 : [Holds -limit] / 60.0}]
     set command {checkers::window::Limit [.settings.limit get]}
     $s.limit configure -command $command
@@ -111,16 +111,15 @@ proc checkers::window::Settings {} {
     }
     set ::checkers::window::WantDry [Holds -dry]
     set ::checkers::window::WantMouse [Holds -mouse]
+    # Fields begin on one edge.
     foreach name {level person speed variant limit} {
-        grid $s.t$name $s.k$name $s.$name -padx $pad -pady [expr {$pad / 2}]
-        grid configure $s.t$name $s.k$name -sticky w
-        grid configure $s.$name -sticky [expr {$name eq "variant" ? "ew" : "e"}]
+        grid $s.t$name $s.k$name $s.$name -sticky w -padx [list 0 [expr {2 * $pad}]] -pady [expr {$pad / 2}]
     }
     foreach name {voice dry mouse} {
-        grid $s.$name $s.k$name -sticky w -padx $pad
+        grid $s.$name $s.k$name -sticky w -padx [list 0 [expr {2 * $pad}]]
     }
     ttk::label $s.later -textvariable ::checkers::window::Later -foreground [sorma::style colour mine] -wraplength [sorma::style pixels 300]
-    grid $s.later -columnspan 3 -sticky w -padx $pad
+    grid $s.later -columnspan 3 -sticky w
     grid columnconfigure $s 2 -weight 1
 }
 

@@ -70,9 +70,6 @@ proc checkers::window::build settings {
     set size [expr {int(min([sorma::style pixels 560], 0.31 * [winfo screenwidth .], 0.5 * [winfo screenheight .]))}]
     Stop .top 1
     pack .top -fill x -padx $gap -pady $gap
-    sorma::notice .away -lines 1 -style Page.TFrame
-    .away.text configure -style Page.TLabel
-    pack .away -fill x -padx $gap
     Lamps
     pack .lamps -side bottom -fill x -padx $gap -pady $gap
     pack [ttk::frame .f -style Page.TFrame] -fill both -expand 1 -padx [expr {$gap / 2}]
@@ -109,8 +106,11 @@ proc checkers::window::build settings {
         }
         grid columnconfigure .f.c$column 0 -weight 1
     }
-    # Settings keep their room.
+    # Settings keep their room, and some lines of text can always be read.
     grid rowconfigure .f.c2 1 -weight 0
+    foreach column {0 1} text {.moves .talk} {
+        grid rowconfigure .f.c$column 1 -minsize [winfo reqheight $text]
+    }
     grid rowconfigure .f 0 -weight 1
     bind . <Control-b> {focus .game.board}
     bind . <<ThemeChanged>> {+if {"%W" eq "."} {after idle checkers::window::Themed}}
@@ -129,11 +129,11 @@ proc checkers::window::build settings {
 proc checkers::window::Stop {bar clocks} {
     ttk::frame $bar -style Page.TFrame
     button $bar.stop -text "EMERGENCY STOP  (Esc)" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
-        -font TkHeadingFont -relief flat -borderwidth 0 -pady [sorma::style pixels 10] -padx [sorma::style pixels 24] -command {checkers::window::send simlab@lab CTRL -emergencyStop}
+        -font TkHeadingFont -relief flat -borderwidth 0 -highlightbackground #c03028 -pady [sorma::style pixels 10] -padx [sorma::style pixels 24] -command {checkers::window::send simlab@lab CTRL -emergencyStop}
     pack $bar.stop -side right
     if {$clocks} {
         foreach side {black white} {
-            pack [canvas $bar.$side -width [sorma::style pixels 190] -height [sorma::style pixels 46] -highlightthickness 0] -side right -padx [sorma::style pixels 6]
+            pack [canvas $bar.$side -width [sorma::style pixels 190] -height [sorma::style pixels 46] -highlightthickness 0] -side right -padx [list 0 [sorma::style pixels 8]]
         }
         ttk::label $bar.state -style Page.TLabel -textvariable ::checkers::window::Head -font [Large] -anchor w
         pack $bar.state -side left -fill x -expand 1
@@ -163,7 +163,7 @@ proc checkers::window::Themed {} {
                 $text configure $option $colour
             }
         }
-        $text configure -relief flat -font TkDefaultFont -spacing1 [sorma::style pixels 2] -padx [sorma::style pixels 4]
+        $text configure -relief flat -highlightthickness 0 -font TkDefaultFont -spacing1 [sorma::style pixels 2] -padx [sorma::style pixels 4]
     }
     .said tag configure wrong -foreground [sorma::style colour alarm]
     Clocks
@@ -206,6 +206,11 @@ proc checkers::window::Lamps {} {
             -padx [list 0 [sorma::style pixels 4]]
         Lamp $name gone
     }
+    # Which of them is away, and why, stands beside the lamps.
+    sorma::notice .away -lines 1 -style Page.TFrame
+    .away.text configure -style Page.TLabel
+    pack .away -in .lamps -side left -fill x -expand 1 -padx [list [sorma::style pixels 16] 0]
+    raise .away .lamps
 }
 # A daemon was found, has changed, or is gone. A process that is new begins with what it was started with.
 proc checkers::window::Daemon {event name told} {

@@ -103,8 +103,7 @@ proc lab::panel::build {} {
     sorma::theme program
     sorma::notice .notice -lines 1 -daemons [lmap name [list $Hardware $Arm] {lindex [split $name @] 1}] -style Page.TFrame
     .notice.text configure -style Page.TLabel
-    pack .notice -fill x -padx $gap -pady [list $half 0]
-    pack [ttk::frame .f -style Page.TFrame -padding $half] -fill both -expand 1
+    pack [ttk::frame .f -style Page.TFrame -padding [list $half $gap]] -fill both -expand 1
     grid columnconfigure .f 0 -weight 1
     grid rowconfigure .f 0 -weight 1
 
@@ -114,12 +113,12 @@ proc lab::panel::build {} {
     foreach {axis colour} {x #e0443c y #2fa04a z #4a86f0} {
         .chart trace $axis -text "force $axis \[N\]" -colour $colour
     }
-    sorma::trailview .trail -height 4
+    sorma::trailview .trail -height 4 -style Page.TFrame
 
     ttk::frame .side -style Page.TFrame
     # Never hidden: it stands above all else, and the window is as tall as it at least.
     button .side.stop -text "EMERGENCY STOP" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
-        -font TkHeadingFont -relief flat -borderwidth 0 -pady [sorma::style pixels 10] -command [list lab::panel::send $Hardware CTRL -emergencyStop] -takefocus 1
+        -font TkHeadingFont -relief flat -borderwidth 0 -highlightbackground #c03028 -pady [sorma::style pixels 10] -command [list lab::panel::send $Hardware CTRL -emergencyStop] -takefocus 1
     pack .side.stop -fill x
     ttk::frame .side.power -style Page.TFrame
     set column 0
@@ -132,7 +131,7 @@ proc lab::panel::build {} {
     grid columnconfigure .side.power {0 1 2} -weight 1 -uniform third
     pack .side.power -fill x -pady $gap
 
-    ttk::labelframe .side.jog -style Page.TLabelframe -padding $half -text "Jog: as long as you hold it"
+    ttk::labelframe .side.jog -style Page.TLabelframe -padding $gap -text "Jog: as long as you hold it"
     set row 0
     foreach {text place} {x {1 0 0} y {0 1 0} z {0 0 1}} {
         foreach {sign column} {- 1 + 2} {
@@ -154,7 +153,7 @@ proc lab::panel::build {} {
     }
     pack .side.jog -fill x
 
-    ttk::labelframe .side.poses -style Page.TLabelframe -padding $half -text "Poses"
+    ttk::labelframe .side.poses -style Page.TLabelframe -padding $gap -text "Poses"
     ttk::entry .side.poses.name
     .side.poses.name insert 0 home
     ttk::button .side.poses.teach -text Teach -command {lab::panel::send mvpos@robot CTRL -teach [.side.poses.name get]}
@@ -163,7 +162,7 @@ proc lab::panel::build {} {
     grid columnconfigure .side.poses 0 -weight 1
     pack .side.poses -fill x -pady $gap
 
-    ttk::labelframe .side.guards -style Page.TLabelframe -padding $half -text "Guards: does each one hold now?"
+    ttk::labelframe .side.guards -style Page.TLabelframe -padding $gap -text "Guards: does each one hold now?"
     foreach guard {room noTable} {
         set lamp .side.guards.l$guard
         pack [ttk::label $lamp] -anchor w -padx $gap
@@ -182,9 +181,12 @@ proc lab::panel::build {} {
     raise .chart .felt
     grid .seen -in .f -row 0 -column 0 -sticky nsew -padx $half -pady [list 0 $gap]
     grid .felt -in .f -row 1 -column 0 -sticky ew -padx $half -pady [list 0 $gap]
-    grid .trail -in .f -row 2 -column 0 -sticky ew -padx $half
+    grid .trail -in .f -row 2 -column 0 -sticky ew -padx [list $half 0]
     grid .side -in .f -row 0 -column 1 -rowspan 3 -sticky ns -padx $half
-    grid [ttk::label .said -style Page.TLabel -textvariable ::lab::panel::Said -wraplength [sorma::style pixels 760]] -in .f -row 3 -column 0 -columnspan 2 -sticky w
+    # Answers of requests and news of daemons share the last line.
+    grid [ttk::label .said -style Page.TLabel -textvariable ::lab::panel::Said -wraplength [sorma::style pixels 760]] -in .f -row 3 -column 0 -sticky w -padx $half
+    grid .notice -in .f -row 3 -column 1 -sticky ew -padx $half
+    raise .notice .f
     lappend Watched [sorma::world value $Arm {EXEC status} -every 50 -command ::lab::panel::Felt]
     bind .side <Destroy> {foreach token $::lab::panel::Watched {sorma::world unwatch $token}}
     # Looking makes nothing: the guards are made here.

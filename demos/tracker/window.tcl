@@ -169,8 +169,7 @@ proc ::tracker::window::build {} {
     set gap [sorma::style pixels 8]
     sorma::notice .notice -lines 1 -daemons {lab robot argus sight} -style Page.TFrame
     .notice.text configure -style Page.TLabel
-    pack .notice -fill x -padx $gap -pady [list [expr {$gap / 2}] 0]
-    pack [ttk::frame .f -style Page.TFrame -padding [expr {$gap / 2}]] -fill both -expand 1
+    pack [ttk::frame .f -style Page.TFrame -padding [list [expr {$gap / 2}] $gap]] -fill both -expand 1
     foreach {w text} {seen "What the camera sees" places "Where ball and tool are" charts "How well it follows"} {
         ttk::labelframe .$w -style Page.TLabelframe -text $text -padding $gap
     }
@@ -182,11 +181,11 @@ proc ::tracker::window::build {} {
         pack [sorma::stripchart .charts.$name -span 20 -low 0 -width 340 -height 96] -fill both -expand 1
         .charts.$name trace $name -text $text -unit $unit
     }
-    sorma::trailview .trail -height 3
+    sorma::trailview .trail -height 3 -style Page.TFrame
 
     ttk::labelframe .run -style Page.TLabelframe -padding $gap
     button .run.stop -text "EMERGENCY STOP (F12)" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
-        -font TkHeadingFont -relief flat -borderwidth 0 -pady [sorma::style pixels 10] -command {::tracker::window::send simlab@lab CTRL -emergencyStop} -takefocus 1
+        -font TkHeadingFont -relief flat -borderwidth 0 -highlightbackground #c03028 -pady [sorma::style pixels 10] -command {::tracker::window::send simlab@lab CTRL -emergencyStop} -takefocus 1
     grid .run.stop -columnspan 2 -sticky ew
     sorma::button .run.follow -name follow.ball@robot -request EXEC -text Follow
     ttk::button .run.halt -text Stop -command {::tracker::window::send follow.ball@robot CTRL -stop}
@@ -240,8 +239,11 @@ proc ::tracker::window::build {} {
     raise .camera .seen
     lower .side
     pack .run .inputs .tease -in .side -fill x -pady [list 0 $gap]
-    grid .said -in .f -row 2 -column 0 -columnspan 3 -sticky w -padx $half
-    grid .trail -in .f -row 3 -column 0 -columnspan 3 -sticky nsew -padx $half
+    # Answers of requests and news of daemons share the last line.
+    grid .said -in .f -row 3 -column 0 -sticky w -padx $half
+    grid .notice -in .f -row 3 -column 1 -columnspan 2 -sticky ew -padx $half
+    raise .notice .f
+    grid .trail -in .f -row 2 -column 0 -columnspan 3 -sticky nsew -padx [list $half 0]
     grid columnconfigure .f {0 1} -weight 1
     grid rowconfigure .f {0 1} -weight 1
     foreach {key way} {Up {150 0 0} Down {-150 0 0} Left {0 150 0} Right {0 -150 0} Prior {0 0 150} Next {0 0 -150}} {
