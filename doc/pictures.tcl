@@ -3,7 +3,8 @@
 # They show real objects of a daemon, light in NAME.png and dark in NAME-dark.png. The laboratory and the demos have lab-WHAT.png,
 # checkers-WHAT.png and tracker-WHAT.png, as their pictures.tcl in demos make them, where their services are.
 # -widgets    without the laboratory and the demos
-# -all        of widgets also at 192 dots per inch, NAME-192.png and NAME-dark-192.png
+# -all        of widgets also at 192 dots per inch, NAME-192.png and NAME-dark-192.png; and windows as a whole at two sizes,
+#             NAME-SHADE-DPI-SIZE.png (windowPictures.tcl)
 #
 # Needs Tk with libtk-img and snit, and Xvfb, which it starts. What is missing, or what fails, it says, and goes on: a manual without pictures is
 # one, too.
@@ -41,6 +42,28 @@ namespace eval pictures {
                     }
                 }
                 return [dict create any "P5\n160 120\n255\n$pixels"]
+            }
+        }
+        # Sixty options, and calls of others.
+        oo::class create plant {
+            superclass sorma::Service
+            sorma::purpose "a plant with many parts"
+            foreach {group unit high} {Belt m/s 2 Oven K 600 Press N 5000 Pump l/min 40 Tank m 3 Light lx 2000} {
+                foreach name {setpoint limit ramp gain offset delay} {
+                    sorma::option -[string tolower $group][string totitle $name] double -unit $unit -range [list 0 $high] -default [expr {$high / 4.0}] \
+                        -group $group -help "$name of the [string tolower $group]"
+                }
+                foreach name {mode} {
+                    sorma::option -[string tolower $group][string totitle $name] enum -choices {off manual automatic remote} -default automatic -group $group -help "who decides"
+                }
+                sorma::option -[string tolower $group]Enabled flag -default 1 -group $group -help "does it take part"
+                sorma::option -[string tolower $group]Note string -default {} -group $group -help "what the next shift should know"
+                sorma::option -[string tolower $group]Zero vector -length 3 -unit mm -default {0 0 0} -names {x y z} -group $group -help "where it stands"
+            }
+            method exec message {
+                foo.cell EXEC
+                gain.valve EXEC FMSG 1 1
+                return {}
             }
         }
         # Two red tokens and a yellow one on a board, in light that is not even.
@@ -101,6 +124,7 @@ namespace eval pictures {
         circuitEditor {sorma::circuitEditor circuit.level@pictures}
     }
     variable Bound 20000        ;# ms for which something is waited for
+    variable Sizes {1280x800 2560x1440}
     variable Demos [file join [file dirname [file dirname [file normalize [info script]]]] demos]
 }
 
@@ -287,6 +311,7 @@ proc pictures::lab {} {
 proc pictures::make {folder demos all} {
     variable Classes
     variable Demos
+    variable Sizes
     file delete -force $folder
     file mkdir $folder
     set missing [Missing]
@@ -310,6 +335,9 @@ proc pictures::make {folder demos all} {
         foreach shade {light dark} {
             foreach dpi [expr {$all ? "96 192" : "96"}] {
                 exec [info nameofexecutable] [info script] -draw $folder $shade $dpi 2>@1
+                if {$all} {
+                    puts -nonewline [exec [info nameofexecutable] [file join [file dirname [info script]] windowPictures.tcl] $folder $shade $dpi {*}$Sizes 2>@1]
+                }
             }
         }
         if {$demos && [lab]} {
@@ -319,12 +347,20 @@ proc pictures::make {folder demos all} {
             } {
                 # A sanitizer is too slow for a whole demo.
                 if {[info exists ::env(LD_PRELOAD)] && [string match *-window $name]} continue
-                foreach shade {light dark} {
-                    if {$shade eq "dark" && $name in {lab-scene lab-reading tracker-circuit}} continue
+                set fixed [expr {$name in {lab-scene lab-reading tracker-circuit}}]
+                foreach shade [expr {$fixed ? "light" : "light dark"}] {
                     set file [file join $folder $name[expr {$shade eq "dark" ? "-dark" : {}}].png]
-                    exec timeout 120 [info nameofexecutable] [file join $Demos $demo pictures.tcl] {*}[string map [list FILE $file] $arguments] \
-                        {*}[if {$shade eq "dark"} {list dark}] 2>@1
+                    exec timeout 120 [info nameofexecutable] [file join $Demos $demo pictures.tcl] {*}[string map [list FILE $file] $arguments] $shade 2>@1
                 }
+                if {!$all || $fixed} continue
+                set ::env(PICTURES_SIZES) $Sizes
+                foreach shade {light dark} {
+                    foreach ::env(PICTURES_DPI) {96 192} {
+                        set file [file join $folder $name-$shade-$::env(PICTURES_DPI).png]
+                        exec timeout 240 [info nameofexecutable] [file join $Demos $demo pictures.tcl] {*}[string map [list FILE $file] $arguments] $shade 2>@1
+                    }
+                }
+                unset ::env(PICTURES_SIZES) ::env(PICTURES_DPI)
             }
         }
     } on error message {

@@ -8,11 +8,8 @@
 package require Tk
 set argv [lassign $argv picture theme]
 set picture [file normalize $picture]         ;# the game goes to a folder of its own
-if {$theme ne {}} {
-    catch {package require awthemes}
-    package require sorma::theme
-    sorma::theme use $theme
-}
+source [file join [file dirname [file dirname [file normalize [info script]]]] picture.tcl]
+picture begin $theme
 # A copy of the demo whose buffers have names of their own: another one may run.
 proc own folder {
     set demos [file dirname [file dirname [file normalize [info script]]]]
@@ -29,8 +26,6 @@ set folder [exec mktemp -d]
 own $folder
 set argv [list -once -speed 0 -level 1 -personLevel 1 -folder [file join $folder game] {*}$argv]
 source [file join $folder checkers checkers.tcl]
-package require img::window
-package require img::png
 
 # When the person's fourth turn begins, the laboratory stands still. The camera was above the board then. Its picture and moving parts of
 # the window get a moment to be shown.
@@ -44,10 +39,8 @@ proc photograph args {
 }
 proc develop {} {
     wm geometry . +0+0
-    raise .
-    update
     try {
-        [image create photo -format window -data .] write $::picture -format png
+        picture save $::picture
     } finally {
         $::checkers::session::Lab CTRL -paused 0
         checkers::program::Closed .

@@ -11,7 +11,7 @@ package require Tk
 namespace eval lab::pictures {
     variable Here [file dirname [file normalize [info script]]]
 }
-foreach name {lab boards colours ../measure} {
+foreach name {lab boards colours ../measure ../picture} {
     source [file join $::lab::pictures::Here $name.tcl]
 }
 
@@ -43,12 +43,7 @@ proc lab::pictures::reading file {
 
 proc lab::pictures::panel {file theme} {
     variable Here
-    package require img::window
-    if {$theme ne {}} {
-        catch {package require awthemes}
-        package require sorma::theme
-        sorma::theme use $theme
-    }
+    picture begin $theme
     set folder [exec mktemp -d]
     set launch [lab::launch [own $folder]]
     try {
@@ -61,9 +56,7 @@ proc lab::pictures::panel {file theme} {
         set push [sorma::async push.down@robot EXEC FMSG 6 0.42 0.22 0.02 0.42 0.22 0.004]
         $push wait
         measure until {[image width [.picture photo]] > 100 && [llength [.chart data z]] > 200 && [.side.guards.lroom cget -foreground] eq [sorma::style::colour good]}
-        raise .
-        update
-        [image create photo -format window -data .] write $file -format png
+        picture save $file
         return 0
     } finally {
         lab::finish $launch

@@ -8,13 +8,13 @@
 # It needs a display and Tk's package Img; for window a runtime folder where no daemon has the name of one of the tracker's.
 
 package require Tk
-package require img::window
 package require sorma
 package require sorma::style
 
 namespace eval tracker::pictures {
     variable Here [file dirname [file normalize [info script]]]
 }
+source [file join $::tracker::pictures::Here .. picture.tcl]
 
 # A copy of the demo whose buffers have names of their own: another one may run. Returns its folder.
 proc tracker::pictures::own folder {
@@ -27,11 +27,6 @@ proc tracker::pictures::own folder {
         close $out
     }
     return $folder
-}
-proc tracker::pictures::save file {
-    raise .
-    update
-    [image create photo -format window -data .] write $file -format png
 }
 
 # ---- a circuit: units in columns, each behind all that it reads ----
@@ -72,7 +67,7 @@ proc tracker::pictures::circuit {file folder} {
         }
     }
     Draw $column $links $constants
-    save $file
+    picture save $file
     return 0
 }
 # The unit that a pin belongs to; none: it is a number.
@@ -145,12 +140,12 @@ proc tracker::pictures::window {file folder} {
         sorma::await sleep 9000
         simlab@lab CTRL -push 0 15 0 1
         sorma::await sleep 2500
-        save $file
+        picture save $file
         if {$::plot ne {}} {
             set samples [tracker::rows::sample 5]
             destroy {*}[winfo children .]
             Plot $samples
-            save $::plot
+            picture save $::plot
         }
         tracker::rows::unfollow
         return 0
@@ -193,11 +188,7 @@ if {$what ni {circuit window}} {
     puts stderr "usage: pictures.tcl circuit|window FILE ?THEME? ?PLOT?"
     exit 2
 }
-if {$theme ne {}} {
-    catch {package require awthemes}
-    package require sorma::theme
-    sorma::theme use $theme
-}
+picture begin $theme
 set folder [exec mktemp -d]
 try {
     set code [tracker::pictures::$what $file $folder]
