@@ -176,6 +176,7 @@ proc windowPictures::Calls {} {
         catch {exec kill {*}[pid $pipe]}
         catch {close $pipe}
     }
+    circuit.level@pictures EXEC FMSG 1 1.5
 }
 proc windowPictures::Launched {} {
     variable Folder

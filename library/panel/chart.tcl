@@ -386,7 +386,7 @@ snit::widget ::sorma::stripchart {
             }
             set place [list [$self X $t] [$self Y $v] [lindex $area 2] [$self Y $v]]
             if {[$canvas find withtag $id] eq {}} {
-                $canvas create line $place -fill [$self Colour $name] -width [::sorma::style pixels 1] -tags [list tail $id]
+                $canvas create line $place -fill [$self Colour $name] -width [::sorma::style pixels 1.5] -tags [list tail $id]
                 $canvas lower $id mask
             } else {
                 $canvas coords $id $place
@@ -509,9 +509,10 @@ snit::widget ::sorma::stripchart {
         if {[llength $coordinates] == 2} {
             lappend coordinates {*}$coordinates
         }
-        # Dashes of a dense line would be a line.
-        set dash [if {[llength $coordinates] < 4 * [winfo width $canvas]} {::sorma::chartAxis::dash [dict get $traces $name number]}]
-        $canvas create line $coordinates -fill [$self Colour $name] -width [::sorma::style pixels 1] -dash $dash -tags [list points line $name]
+        # Dashes of a dense line would be a line, and a thin one draws in half of the time.
+        set sparse [expr {[llength $coordinates] < 4 * [winfo width $canvas]}]
+        set dash [if {$sparse} {::sorma::chartAxis::dash [dict get $traces $name number]}]
+        $canvas create line $coordinates -fill [$self Colour $name] -width [::sorma::style pixels [expr {$sparse ? 1.5 : 1}]] -dash $dash -tags [list points line $name]
     }
     method Menu {menu window} {
         $menu add command -label [::msgcat::mc [expr {$options(-paused) ? "Go on" : "Pause"}]] -accelerator space -command [mymethod pause]

@@ -467,7 +467,7 @@ snit::widget ::sorma::panel {
     }
     # As high as what is in it, as long as that leaves room for the rest.
     method Sized {} {
-        $canvas configure -scrollregion [$canvas bbox all] -height [expr {max(20, min([winfo reqheight $inner], [winfo vrootheight $win] * 2 / 5))}]
+        $canvas configure -scrollregion [$canvas bbox all] -height [expr {max(20, min([winfo reqheight $inner], max([winfo vrootheight $win] * 2 / 5, [$self Free])))}]
         set beside [lindex [grid bbox $inner 2 0] 0]
         set new [expr {[winfo width $inner] - $beside - [::sorma::style pixels 4]}]
         if {$new != $room && $new > 50} {

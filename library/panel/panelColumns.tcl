@@ -29,6 +29,7 @@ snit::macro ::sorma::panelColumns {} {
     # What is set stands at the left of a wide window, and what is asked at its right. Cards do not become wider than what a person can read.
     method Columns {} {
         set beside [expr {[winfo width $win] >= [::sorma::style pixels 900]}]
+        $self Sized
         if {$beside} {
             grid columnconfigure $win 2 -minsize [expr {max(0, [winfo width $win] - [::sorma::style pixels 1600])}]
         }
@@ -60,6 +61,17 @@ snit::macro ::sorma::panelColumns {} {
             grid remove $win.aside
             grid columnconfigure $win 2 -minsize 0
         }
+    }
+    # Pixels of the window's height that the other parts of the first column leave.
+    method Free {} {
+        set gap [::sorma::style pixels 8]
+        set free [expr {[winfo height $win] - 3 * $gap}]
+        foreach part [concat {head find apply} [if {$columns ne "1"} {list ask said actions what trail messages}]] {
+            if {[winfo exists $win.$part] && [winfo manager $win.$part] ne {}} {
+                set free [expr {$free - [winfo reqheight $win.$part] - $gap}]
+            }
+        }
+        return $free
     }
     method Unfold {} {
         $win.trail configure -text "[expr {$trailShown ? "\u25be" : "\u25b8"}] Trail"
