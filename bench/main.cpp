@@ -59,7 +59,7 @@ void (*const kGroups[])(Table&) = {byReference, tclCommand, textDispatch, protec
 #ifdef HAVE_VISION
                                     vision,
 #endif
-                                    model, growth};
+                                    model, windows, growth};
 
 int table(std::vector<std::string> patterns, int rounds, bool json) {
     if (!optimized(BENCH_CXXFLAGS))

@@ -18,6 +18,7 @@ void circuit(Table& table);             // CIRCUIT
 void laboratory(Table& table);          // PUMA_inverse PSOM TRACK; where there is Eigen
 void vision(Table& table);              // BALL BOARD; where there is OpenCV
 void model(Table& table);              // MODEL
+void windows(Table& table);            // PANEL BROWSER DASHBOARD CHART; where there is Tk
 void growth(Table& table);              // each of them beside much else
 
 // bench --client ADDRESS nop|rec: the project as one more peer of a comparison with other systems.

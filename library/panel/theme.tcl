@@ -309,9 +309,9 @@ proc ::sorma::theme::Root {} {
 }
 
 # The pictures of what is pressed: a list for Element. {state fill edge thick} ...; the first is the normal one.
-proc ::sorma::theme::Shapes {radius looks {high 0}} {
+proc ::sorma::theme::Shapes {radius looks {high 0} {wide 0}} {
     variable Colours
-    set wide [expr {2 * $radius + [Px 96]}]          ;# what is wider is tiled; few tiles are soon drawn
+    set wide [expr {$wide ? $wide : 2 * $radius + [Px 96]}]          ;# what is wider is tiled; few tiles are soon drawn
     set high [expr {$high ? $high : 2 * $radius + [Px 24]}]
     return [concat {*}[lmap {state fill edge thick} $looks {
         list {*}[if {$state ne {}} {list $state}] [Box $wide $high $radius $Colours($fill) $Colours($edge) [expr {max(1, [Px $thick])}] $Colours(surface)]
@@ -500,7 +500,7 @@ proc ::sorma::theme::Containers {} {
 
 proc ::sorma::theme::Tables {} {
     variable Colours
-    Element Treeview.field [Shapes [Px 5] {{} surface line 1 focus surface accent 1}] -border [Px 6] -sticky nsew
+    Element Treeview.field [Shapes [Px 5] {{} surface line 1 focus surface accent 1} [Px 300] [Px 300]] -border [Px 6] -sticky nsew         ;# it is large
     set wide [Px 32]
     set heading [Blank $wide $wide $Colours(surface) 0 0 $wide $wide]
     $heading put $Colours(line) -to 0 [expr {$wide - 1}] $wide $wide
