@@ -226,12 +226,7 @@ proc ::sorma::daemon::Start {settings inherited} {
     if {$standby} {
         StandBy [dict get $settings -name]
     }
-    set served [::sorma::serve [dict get $settings -name] {*}[dict get $settings -serve] {*}$inherited]
-    unset -nocomplain ::sorma::daemon::Waits
-    if {[dict exists $settings -host] && [dict get $served port] ne {}} {
-        package require sorma::announce
-        ::sorma::announce::begin [dict get $served name] sorma [dict get $served port] [dict get $settings -host]
-    }
+    set served [Serve $settings $inherited]
     if {[dict get $settings -metrics] ne {}} {
         MakeMetrics [dict get $settings -name] [dict get $settings -metrics]
     }
@@ -255,6 +250,17 @@ proc ::sorma::daemon::Start {settings inherited} {
     if {!$standby} {
         StartWatchdog
     }
+}
+
+# From here on others can call. A daemon for other hosts is announced to them.
+proc ::sorma::daemon::Serve {settings inherited} {
+    set served [::sorma::serve [dict get $settings -name] {*}[dict get $settings -serve] {*}$inherited]
+    unset -nocomplain ::sorma::daemon::Waits
+    if {[dict exists $settings -host] && [dict get $served port] ne {}} {
+        package require sorma::announce
+        ::sorma::announce::begin [dict get $served name] sorma [dict get $served port] [dict get $settings -host]
+    }
+    return $served
 }
 
 # A standby daemon is all that it should be before it waits: who starts it goes on.

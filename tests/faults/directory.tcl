@@ -1,5 +1,5 @@
-# directory.tcl ?-PHASE N ...? ?-longest SECONDS? ?-seed N? -- three servers of etcd, six daemons with three names, all on hosts of their own. Who
-# owns a name is attacked, and nobody may obey beside the owner. Phases, and how often:
+# directory.tcl ?-PHASE N ...? ?-longest SECONDS? ?-seed N? -- three servers of etcd, six daemons with three names, all on hosts of their own. The
+# owners of names are attacked. Nobody may obey beside the owner. Phases, and how often:
 #
 #     -takeovers 20   kill all three owners
 #     -both 5         kill the leader of etcd and all owners
@@ -211,7 +211,7 @@ proc takeover {{first {}}} {
     }
     return $took
 }
-# What a host sends, or hears, is dropped in silence; or no longer.
+# Drop in silence all that a host sends, or hears.
 proc cut {host direction} {
     set drop {tbf rate 8kbit burst 10 limit 10}
     if {$direction in {out both}} {
@@ -348,7 +348,7 @@ attack {
             takeover
         }
         if {$often(-away) > 0} {
-            # Objects that are not owned, by connections that are open, and names that were found before.
+            # Nobody owns nop. Its connections are open.
             foreach name $names {
                 startCaller desk nop.1@$name nop.$name
             }

@@ -160,7 +160,7 @@ attack {
     said scpi.psu@$d CTRL -to [plug tcp] -patience 20
     promise "the next instrument is understood" [expr {[said scpi.psu@$d EXEC query *OPC?] eq "TMSG 1"}]
     puts "others: $asked requests, the slowest took [format %.0f $slowest] ms; memory grew by [megabytes [expr {[memoryOf $d] - $memory}]]"
-    # Whoever waited for the instrument would wait for 20 s.
+    # A caller that waited for the instrument would wait for 20 s.
     promise "nobody else waits" [expr {$slowest < 5000 && $asked > 0}]
     promise "memory does not grow" [expr {[memoryOf $d] - $memory < 20000000}]
     sorma::remove instrument.sim

@@ -1,5 +1,5 @@
-# names.tcl ?processes? ?names? ?seconds? -- many processes that claim names in one etcd, and watch all of them. How long a find takes, how soon news
-# come, and what all of it costs: while nothing happens for so many seconds, and while each process ends and begins again.
+# names.tcl ?processes? ?names? ?seconds? -- many processes claim names in one etcd, and watch all of them. It measures a find, and how late news
+# come. It also measures the cost: first nothing happens for so many seconds, then each process ends and begins again.
 #
 # By hand, from the build folder: ./env tclsh ../tests/faults/names.tcl 50 5000 20
 
