@@ -124,7 +124,7 @@ attack {
             }
             ask $pipe turns
             set clients [expr {$clients + [spent [pid $pipe]]}]
-            close $pipe
+            catch {close $pipe}         ;# it may have news to tell
             lset pipes $i [begin]
             claimAll [lindex $pipes $i] $i
             after 1000
