@@ -278,6 +278,10 @@ attack {
             startServer $server
         }
         waitFor {[allServe]} 60000
+        # faketime leaves shared memory of those that are killed.
+        foreach host [hostsOf gamma] {
+            hosts::run $host mount -t tmpfs tmpfs /dev/shm
+        }
         foreach name $names {
             startDaemon $name-a {-directory 1}
             startDaemon $name-b {-standby 1}
