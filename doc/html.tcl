@@ -1,9 +1,8 @@
 # html.tcl FOLDER MANUAL SOURCE ?PICTURES? -- the manual and the tutorials as web pages, with contents and index.
 #
-# FOLDER is made anew. MANUAL holds the pages as doc/pages.tcl has made them; SOURCE is the folder with README.md and doc. PICTURES holds those
-# of widgets as doc/pictures.tcl has made them, NAME.png: each stands below the command sorma::NAME, those of whole windows on the pages that are about them;
-# NAME-dark.png is shown instead to a reader who has chosen dark;
-# and drawings for pages, NAME.svg.
+# FOLDER is made anew. MANUAL holds the pages as doc/pages.tcl has made them; SOURCE is the folder with README.md and doc. PICTURES holds
+# pictures of widgets, NAME.png, as doc/pictures.tcl has made them. Each stands below the command sorma::NAME, those of whole windows on
+# the pages about them. NAME-dark.png is shown instead to a reader who has chosen dark. Drawings for pages are there, too, NAME.svg.
 # Needs tcllib's doctools, and cmark-gfm for Markdown; graphviz for its graphs, which stay text without. Every link between the pages leads somewhere: tests/html.test follows them.
 
 package require Tcl 8.6-
