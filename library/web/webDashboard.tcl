@@ -162,7 +162,7 @@ proc ::sorma::webDashboard::status {settings facts} {
 # A view belongs to the parts of the file as they were read. When the file has changed, a page that is opened anew gets another view.
 oo::class create ::sorma::webLive::dashboard {
     superclass ::sorma::webLive::View
-    variable login name items late told
+    variable login name items
     variable parts              ;# list of {KIND SETTINGS}; the index is the number of a part
     variable uses               ;# dict: object -> numbers of parts that show an option of it, or have a button for it
     variable watches            ;# dict: object -> what watches it

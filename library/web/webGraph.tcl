@@ -29,7 +29,7 @@ proc ::sorma::webGraph::begin {} {
 
 oo::class create ::sorma::webLive::graph {
     superclass ::sorma::webLive::View
-    variable login name items late told
+    variable login name items
     variable calls
 
     self method of request {

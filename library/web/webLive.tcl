@@ -113,13 +113,16 @@ proc ::sorma::webLive::short text {
 oo::class create ::sorma::webLive::View {
     variable login name
     variable items              ;# dict: key -> JSON
-    variable late               ;# dict: number of a stream -> dict whose keys are those that it has not got
+    variable newest             ;# number of the last change
+    variable changes            ;# dict: key -> number of its last change; also of those that have gone, until all streams know it
+    variable got                ;# dict: number of a stream -> number of the last change that it has got; 0: nothing yet
     variable told               ;# dict: number of a stream -> ms, when something was sent last
 
     constructor {who what} {
         set login $who
         set name $what
-        set items [set late [set told {}]]
+        set items [set changes [set got [set told {}]]]
+        set newest 1
         my Begin
         my Pulse
     }
@@ -132,19 +135,19 @@ oo::class create ::sorma::webLive::View {
     method Look {} {}
 
     method streams {} {
-        return [dict size $late]
+        return [dict size $got]
     }
     method take number {
-        dict set late $number $items
+        dict set got $number 0
         dict set told $number 0
         my Soon
     }
     method leave number {
-        dict unset late $number
+        dict unset got $number
         dict unset told $number
     }
     method drained number {
-        if {[dict exists $late $number] && [dict size [dict get $late $number]] > 0} {
+        if {[dict exists $got $number] && [dict get $got $number] < $newest} {
             my Soon
         }
     }
@@ -153,9 +156,7 @@ oo::class create ::sorma::webLive::View {
     method Put {key json} {
         if {[dict exists $items $key] && [dict get $items $key] eq $json} return
         dict set items $key $json
-        dict for {number keys} $late {
-            dict set late $number $key 1
-        }
+        dict set changes $key [incr newest]
         my Soon
     }
     method Drop key {
@@ -168,17 +169,41 @@ oo::class create ::sorma::webLive::View {
         ::sorma::timer::once [self].tell $::sorma::webLive::Gather [self] Tell
     }
     method Tell {} {
-        dict for {number keys} $late {
-            if {[dict size $keys] == 0 || [::sorma::web::waiting $number] > 0} continue
-            set names [dict keys $keys]
-            if {![info exists texts($names)]} {                 ;# most streams miss the same
-                set texts($names) [::sorma::json::object [concat {*}[lmap key $names {
-                    list $key [expr {[dict exists $items $key] ? [dict get $items $key] : "null"}]
-                }]]]
+        set texts {}                                    ;# by last change: most streams have got the same
+        set now [clock milliseconds]
+        dict for {number last} $got {
+            if {$last == $newest || [::sorma::web::waiting $number] > 0} continue
+            if {![dict exists $texts $last]} {
+                dict set texts $last [my News $last]
             }
-            dict set late $number {}
-            dict set told $number [clock milliseconds]
-            ::sorma::web::send $number items $texts($names)
+            dict set got $number $newest
+            dict set told $number $now
+            if {[dict get $texts $last] ne "{}"} {
+                ::sorma::web::send $number items [dict get $texts $last]
+            }
+        }
+        my Forget
+    }
+    # The changes after that one. At first, nothing that has gone.
+    method News last {
+        set members {}
+        dict for {key when} $changes {
+            if {$when <= $last} continue
+            if {[dict exists $items $key]} {
+                lappend members $key [dict get $items $key]
+            } elseif {$last > 0} {
+                lappend members $key null
+            }
+        }
+        return [::sorma::json::object $members]
+    }
+    method Forget {} {
+        if {[dict size $changes] == [dict size $items]} return
+        set least [::tcl::mathfunc::min $newest {*}[dict values $got]]
+        foreach key [dict keys $changes] {
+            if {![dict exists $items $key] && [dict get $changes $key] <= $least} {
+                dict unset changes $key
+            }
         }
     }
     method Pulse {} {
@@ -274,7 +299,7 @@ oo::class create ::sorma::webLive::Watch {
 
 oo::class create ::sorma::webLive::object {
     superclass ::sorma::webLive::View
-    variable login name items late told
+    variable login name items
     variable watch help
     variable dangers            ;# dict: word -> danger
 
@@ -327,7 +352,7 @@ oo::class create ::sorma::webLive::object {
 
 oo::class create ::sorma::webLive::overview {
     superclass ::sorma::webLive::View
-    variable login name items late told
+    variable login name items
     variable asking before
 
     self method of request {
@@ -385,7 +410,7 @@ oo::class create ::sorma::webLive::overview {
 # Each daemon sends this login what it may see, and nothing else.
 oo::class create ::sorma::webLive::log {
     superclass ::sorma::webLive::View
-    variable login name items late told
+    variable login name items
     variable listens last           ;# listens: dict: daemon -> token
 
     self method of request {

@@ -7,6 +7,7 @@
 # webDriver::run SCRIPT ?ARG ...?               value of a script of the page: return ...
 # webDriver::click CSS;  webDriver::type CSS TEXT;  webDriver::keys TEXT (to where the focus is)
 # webDriver::size WIDTH HEIGHT;  webDriver::dark BOOL
+# webDriver::network MS BYTES                   a slow network: delay, and bytes in a second (-1: as many as come)
 # webDriver::picture FILE                       a PNG of what can be seen
 
 package require json
@@ -140,6 +141,12 @@ proc webDriver::keys text {
 proc webDriver::dark yes {
     variable Session
     Ask POST /session/$Session/goog/cdp/execute "{\"cmd\":\"Emulation.setEmulatedMedia\",\"params\":{\"features\":\[{\"name\":\"prefers-color-scheme\",\"value\":\"[expr {$yes ? "dark" : "light"}]\"}\]}}"
+}
+proc webDriver::network {ms bytes} {
+    variable Session
+    foreach {cmd params} [list Network.enable {{}} Network.emulateNetworkConditions "{\"offline\":false,\"latency\":$ms,\"downloadThroughput\":$bytes,\"uploadThroughput\":$bytes}"] {
+        Ask POST /session/$Session/goog/cdp/execute "{\"cmd\":\"$cmd\",\"params\":$params}"
+    }
 }
 proc webDriver::picture file {
     variable Session
