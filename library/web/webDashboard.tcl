@@ -349,7 +349,9 @@ oo::class create ::sorma::webLive::dashboard {
     # The rights that the request of a button needs, as far as the table tells. The daemon judges the request itself.
     method Needed {table request} {
         set words [lassign $request method]
-        set kinds [lmap word [concat $method $words] {if {[dict exists $table danger $word]} {dict get $table danger $word} else continue}]
+        set kinds [if {$method eq "EXEC"} {my DangerOfExec $table $words} else {
+            lmap word $words {if {[dict exists $table danger $word]} {dict get $table danger $word} else continue}
+        }]
         set out [if {"move" in $kinds || "power" in $kinds || "fire" in $kinds} {list operate}]
         if {$method eq "EXEC" || "stop" in $kinds} {
             lappend out call
@@ -360,6 +362,15 @@ oo::class create ::sorma::webLive::dashboard {
             }
         }
         return [lsort -unique $out]
+    }
+    # That of the first beginning that fits; the empty one fits always.
+    method DangerOfExec {table words} {
+        dict for {start danger} [dict get $table danger] {
+            if {[string match -* $start]} continue
+            if {[lrange $words 0 [llength $start]-1] eq [lrange $start 0 end]} {
+                return [list $danger]
+            }
+        }
     }
     method AskRights args {
         set object [dict get $args -name]
