@@ -158,7 +158,7 @@ const std::vector<Door>& Access::doors() {
         {"an option of type service, a wire, a step", Right::call, "the object that it names, and operate where its EXEC needs that"},
         {"a safe action", Right::call, "the object that it names; each word of a CTRL asks for its own right when it is sent"},
         {"a safe action of a class that runs programs", Right::program, "the object that it names, instead of call"},
-        {"an option or word of type file, folder or segment", Right::files, "what it names, when it is set and when it is used"},
+        {"an option or word of type file, folder, segment or address", Right::files, "what it names, when it is set and when it is used"},
         {"an option or word of type program", Right::program, "the object, when it is set and when it is used"},
         {"a name at another daemon", Right::reach, "the place after @"},
         {"a recipe", Right::configure, "the object that is made: of each word, asked of who wrote it"},
@@ -393,6 +393,7 @@ void Access::refuse(const PrincipalPointer& author, Right right, std::string_vie
     std::string named(object);
     if (!daemon.empty() && named.find('@') == named.npos) named += "@" + daemon;
     std::string doing = wordOf(right).doing;
+    if (right == Right::files && !subject.starts_with('/') && subject.find(':') != subject.npos) doing = "have address {} reached";
     if (auto at = doing.find("{}"); at != doing.npos) doing.replace(at, 2, subject);
     std::string who = author ? whoText(author) : std::string("this interpreter is safe and");
     note(author, who + ": " + doing);

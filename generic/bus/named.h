@@ -26,15 +26,16 @@ namespace sorma {
 
 class Service;
 
-// The meaning of a text or number. For the last four its author needs a right.
+// The meaning of a text or number. For the last five its author needs a right.
 //     colour     string such as #ff8000
 //     time       int or double, seconds since 1970
 //     file       string   files, for its real path
 //     folder     string   files, for its real path
 //     segment    string, a key of shared memory, or the beginning of many   files, for /dev/shm/KEY
 //     program    string, to run   program, for the object
-enum class Kind : std::uint8_t { plain, file, colour, time, folder, segment, program };
-const char* toText(Kind kind);                  // "" "file" "colour" "time" "folder" "segment" "program"
+//     address    string, where a device is: tcp:HOST:PORT, serial:PATH,...   files, for that, or for the real path
+enum class Kind : std::uint8_t { plain, file, colour, time, folder, segment, program, address };
+const char* toText(Kind kind);                  // "" "file" "colour" "time" "folder" "segment" "program" "address"
 bool fromText(std::string_view text, Kind& out);
 
 // The right that the author of such a value needs, and for what. None for most.
@@ -43,7 +44,7 @@ struct KindRight {
     std::string subject;
 };
 std::optional<KindRight> rightOf(Kind kind, const std::string& value, const std::string& object);
-constexpr bool carriesRight(Kind kind) { return kind == Kind::file || kind == Kind::folder || kind == Kind::segment || kind == Kind::program; }
+constexpr bool carriesRight(Kind kind) { return kind == Kind::file || kind >= Kind::folder; }
 
 // Ask for that right, for an object. Fails with COMM DENIED.
 Permit needKind(const Service& user, const PrincipalPointer& author, Kind kind, const std::string& value);

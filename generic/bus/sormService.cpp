@@ -44,7 +44,7 @@ std::string partsText(const std::vector<Part>& parts) {
 std::string rightsOf(const Action& a) {
     std::string out = toText(a.right);
     for (Kind kind : a.kinds()) {
-        if (kind == Kind::file || kind == Kind::folder || kind == Kind::segment) out += " files";
+        if (kind == Kind::file || kind == Kind::folder || kind == Kind::segment || kind == Kind::address) out += " files";
         if (kind == Kind::program) out += " program";
     }
     return out;

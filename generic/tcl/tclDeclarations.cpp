@@ -165,7 +165,7 @@ void takeFact(Tcl_Obj* command, Tcl_Obj* key, Tcl_Obj* value, OptionDeclaration&
         else (word == "-warn" ? o.spec.warn : o.spec.alarm) = l;
     } else if (word == "-kind") {
         if (!fromText(view(value), o.spec.kind))
-            bad(command, o.name + ": bad kind \"" + toUtf8(value) + "\": must be " + oneOf({"colour", "file", "folder", "program", "segment", "time"}));
+            bad(command, o.name + ": bad kind \"" + toUtf8(value) + "\": must be " + oneOf({"address", "colour", "file", "folder", "program", "segment", "time"}));
     } else if (word == "-danger") {
         o.spec.danger = danger(command, o.name, value);
     } else if (word == "-names") {
@@ -200,7 +200,7 @@ int OptionObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
     return guarded(i, objc, objv, [&] {
         if (objc < 3 || objc % 2 == 0)
             return wrongArgs(interp, objv, "-name type ?-unit u? ?-range {low high}? ?-choices list? ?-length n? ?-default value? "
-                                           "?-fixed boolean? ?-measured boolean? ?-warn {low high}? ?-alarm {low high}? ?-kind file|folder|segment|program|colour|time? "
+                                           "?-fixed boolean? ?-measured boolean? ?-warn {low high}? ?-alarm {low high}? ?-kind address|file|folder|segment|program|colour|time? "
                                            "?-names list? ?-group name? ?-expert boolean? ?-danger move|power|fire? ?-secret boolean? ?-help text?");
         TclClass& c = target(i, objv[0]);
         OptionDeclaration d;
@@ -229,8 +229,8 @@ int OptionObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const o
 
 Kind kindOf(Tcl_Obj* command, const std::string& where, Tcl_Obj* o) {
     Kind kind = Kind::plain;
-    if (!fromText(view(o), kind) || (kind != Kind::file && kind != Kind::folder && kind != Kind::segment && kind != Kind::program))
-        bad(command, where + ": bad kind \"" + toUtf8(o) + "\": must be file, folder, program, or segment");
+    if (!fromText(view(o), kind) || !carriesRight(kind))
+        bad(command, where + ": bad kind \"" + toUtf8(o) + "\": must be address, file, folder, program, or segment");
     return kind;
 }
 

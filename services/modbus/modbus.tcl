@@ -154,7 +154,7 @@ oo::class create ::sorma::service::modbus {
     superclass sorma::driver::Device sorma::Service
 
     sorma::purpose "speaks to a device by Modbus"
-    sorma::option -to string -kind file -help "where it is: tcp:HOST:PORT, or rtu:PATH,BAUD,8n1 for a serial line"
+    sorma::option -to string -kind address -help "where it is: tcp:HOST:PORT, or rtu:PATH,BAUD,8n1 for a serial line"
     sorma::option -unit int -range {0 255} -default 1 -help "number of the device on its line, or behind its gateway"
     sorma::option -patience double -unit s -range {0.001 60} -default 1 -help "how long the line may need to open, and each answer to come"
     sorma::option -poll double -unit s -range {0 86400} -default 0 -help "a driver asks for its readings each so many seconds; 0: only when somebody says read"

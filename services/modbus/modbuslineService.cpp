@@ -152,7 +152,7 @@ private:
     }
     std::string state() const { return line_ && line_->isOpen() ? "open to " + line_->address().text : "closed"; }
 
-    sorma::Named<sorma::Kind::file> to_;
+    sorma::Named<sorma::Kind::address> to_;
     std::shared_ptr<modbus::Line> line_;    // null: nobody has needed it yet
     std::shared_ptr<Job> job_;              // the request under way
     bool closes_ = false;                   // when that has ended
