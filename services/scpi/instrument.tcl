@@ -1,5 +1,5 @@
-# instrument -- plays a supply, a multimeter or an oscilloscope, for tests without hardware: SCPI by TCP, VXI-11 or a serial line, with noise, and with
-# faults on purpose.
+# instrument -- plays a supply, a multimeter or an oscilloscope, for tests without hardware. It speaks SCPI by TCP, VXI-11, HiSLIP or a serial line, with
+# noise, and with faults on purpose.
 #
 #     instrument.sim CTRL -kind supply
 #     instrument.sim CTRL -on                 the reply is the port; it listens on this host alone
@@ -11,6 +11,7 @@
 # has an error queue of its own.
 
 package require sorma
+package require sorma::hislip
 package require sorma::vxi11
 package require sorma::vxi11Rpcbind
 
@@ -74,6 +75,7 @@ oo::class create ::sorma::service::instrument {
     sorma::option -rpcbind flag -default 0 -help "rpcbind of this host tells clients the port of -vxi11, as lxi-tools and PyVISA ask for it"
     sorma::action -on {} "switch it on: the reply is the port where it listens, on this host alone" {my On}
     sorma::action -vxi11 {} "switch it on for VXI-11: the reply is the port, which rpcbind tells with -rpcbind alone; it listens on this host alone" {my OnVxi}
+    sorma::action -hislip {} "switch it on for HiSLIP: the reply is the port, on this host alone" {my OnHislip}
     sorma::action -serial {} "plug in its serial line: the reply is the path of a pseudo terminal" {my OnSerial}
     sorma::action -off {} "switch it off: lines end, and what was set is forgotten" {my Off}
     sorma::inspection -port {} "where it listens; empty: it is off" {set Port}
@@ -87,13 +89,14 @@ oo::class create ::sorma::service::instrument {
     variable Lines              ;# dict: channel -> what has come without its end
     variable Serial             ;# the serial line: channel, path, link, and the end that keeps the terminal while no client has it; empty: none
     variable Vxi Told Links     ;# the listener of VXI-11, empty: it is off; rpcbind tells its port; links so far
+    variable Hislip             ;# the listener of HiSLIP, empty: it is off
     variable Errors             ;# dict: channel, number of a link, or own -> numbers
     variable Enabled            ;# dict: the same -> *SRE, once it was set: the bits of its status byte that request service
     variable Heard              ;# the last message
     variable Values             ;# dict: name -> number
 
     method born {} {
-        set Server [set Port [set Lines [set Vxi [set Serial {}]]]]
+        set Server [set Port [set Lines [set Vxi [set Hislip [set Serial {}]]]]]
         set Links [set Told 0]
         set Enabled {}
         set Errors {own {}}
@@ -134,18 +137,21 @@ oo::class create ::sorma::service::instrument {
         if {$Vxi ne {}} {
             $Vxi destroy
         }
+        if {$Hislip ne {}} {
+            $Hislip destroy
+        }
         if {$Told} {
             ::sorma::vxi11Rpcbind::forget
         }
         set Told 0
-        set Server [set Port [set Lines [set Vxi {}]]]
+        set Server [set Port [set Lines [set Vxi [set Hislip {}]]]]
         set Errors {own {}}
         set Enabled {}
         my Reset
         return
     }
     method Clients {} {
-        return [expr {[dict size $Lines] + ($Vxi eq {} ? 0 : [$Vxi lines])}]
+        return [expr {[dict size $Lines] + ($Vxi eq {} ? 0 : [$Vxi lines]) + ($Hislip eq {} ? 0 : [$Hislip lines])}]
     }
     method Accept {channel args} {
         if {[dict size $Lines] >= 16} {
@@ -251,7 +257,13 @@ oo::class create ::sorma::service::instrument {
         set Vxi $server
         return [$Vxi port]
     }
-    # The commands that sorma::vxi11 wants of an instrument.
+    method OnHislip {} {
+        if {$Hislip eq {}} {
+            set Hislip [::sorma::hislip::server new [namespace code {my Vxi}] 127.0.0.1 0]
+        }
+        return [$Hislip port]
+    }
+    # The commands that sorma::vxi11 and sorma::hislip want of an instrument.
     method Vxi {verb args} {
         lassign $args id
         switch -- $verb {

@@ -1,4 +1,4 @@
-# scpi -- speaks to an instrument that understands SCPI (IEEE 488.2): by TCP, VXI-11, USB or a serial line.
+# scpi -- speaks to an instrument that understands SCPI (IEEE 488.2): by TCP, VXI-11, HiSLIP, USB or a serial line.
 #
 #     scpi.psu CTRL -to tcp:192.168.0.9:5025
 #     scpi.psu EXEC query MEAS:VOLT?
@@ -18,6 +18,7 @@ namespace eval ::sorma::scpi {
         tcp {sorma::streamLine ::sorma::streamLine::tcp}
         serial {sorma::streamLine ::sorma::streamLine::serial}
         vxi11 {sorma::vxi11Client ::sorma::vxi11Client::line}
+        hislip {sorma::hislipClient ::sorma::hislipClient::line}
         usbtmc {sorma::service::usbtmc ::sorma::scpi::usb}
     }
     variable Made 0             ;# lines of USB so far
@@ -120,11 +121,11 @@ oo::class create ::sorma::service::scpi {
     superclass sorma::driver::Device sorma::Service
 
     sorma::purpose "speaks to an instrument that understands SCPI"
-    sorma::option -to string -kind file -help "where it is: tcp:HOST:PORT, vxi11:HOST/inst0, vxi11:HOST:PORT/inst0, usbtmc:/dev/usbtmc0, or serial:PATH,BAUD,8n1 with ,rtscts or ,xonxoff"
+    sorma::option -to string -kind address -help "where it is: tcp:HOST:PORT, vxi11:HOST/inst0, vxi11:HOST:PORT/inst0, hislip:HOST, hislip:HOST:PORT/hislip0, usbtmc:/dev/usbtmc0, or serial:PATH,BAUD,8n1 with ,rtscts or ,xonxoff"
     sorma::option -terminator enum -group Line -choices {lf cr crlf} -default lf -help "what ends a message, both ways"
     sorma::option -patience double -group Line -unit s -range {0.001 3600} -default 5 -help "how long the instrument may be silent: while it is reached, and within an answer"
     sorma::option -check flag -group Line -default 1 -help "ask SYST:ERR? after each write, and when an answer is missing"
-    sorma::option -requests flag -group Line -help "hear service requests of the instrument, by VXI-11: each is an event request; from the next opening of the line on"
+    sorma::option -requests flag -group Line -help "hear service requests of the instrument, by VXI-11 or HiSLIP: each is an event request; from the next opening of the line on"
     sorma::option -most int -group Line -unit B -range {64 2147483647} -default 67108864 -help "the longest answer that is taken"
     sorma::option -format enum -group Blocks -choices {real32 real64 int8 uint8 int16 uint16 int32 uint32} -default real32 -help "of the numbers in a block"
     sorma::option -order enum -group Blocks -choices {big little} -default big -help "which byte of a number in a block comes first"
@@ -152,8 +153,8 @@ oo::class create ::sorma::service::scpi {
         }
     }
     method changed options {
-        if {"-requests" in $options && [my cget -requests] && ![string match vxi11:* [my cget -to]]} {
-            my Fault REQUESTS "-requests needs VXI-11, and -to is \"[my cget -to]\"" [my cget -to]
+        if {"-requests" in $options && [my cget -requests] && ![regexp {^(?:vxi11|hislip):} [my cget -to]]} {
+            my Fault REQUESTS "-requests needs VXI-11 or HiSLIP, and -to is \"[my cget -to]\"" [my cget -to]
         }
         if {"-to" in $options && [my cget -to] ne {}} {
             my Parts [my cget -to]
@@ -409,10 +410,13 @@ oo::class create ::sorma::service::scpi {
         if {[regexp {^vxi11:(?:\[([^]\s]+)\]|([^:/,\s]+))(?::([1-9]\d{0,4}))?/([^/\s]+)$} $to -> six four port device] && ($port eq {} || $port <= 65535)} {
             return [list vxi11 $six$four [expr {$port eq {} ? 0 : $port}] $device]
         }
+        if {[regexp {^hislip:(?:\[([^]\s]+)\]|([^:/,\s]+))(?::([1-9]\d{0,4}))?(?:/([^/\s]+))?$} $to -> six four port device] && ($port eq {} || $port <= 65535)} {
+            return [list hislip $six$four [expr {$port eq {} ? 4880 : $port}] [expr {$device eq {} ? "hislip0" : $device}]]
+        }
         if {[regexp {^usbtmc:(/[^\s,]+)$} $to -> path]} {
             return [list usbtmc $path]
         }
-        my Fault ADDRESS "-to expects tcp:HOST:PORT, vxi11:HOST/DEVICE, vxi11:HOST:PORT/DEVICE, usbtmc:/dev/usbtmc0 or serial:PATH,BAUD,8n1, got \"$to\"" $to
+        my Fault ADDRESS "-to expects tcp:HOST:PORT, vxi11:HOST/DEVICE, vxi11:HOST:PORT/DEVICE, hislip:HOST, usbtmc:/dev/usbtmc0 or serial:PATH,BAUD,8n1, got \"$to\"" $to
     }
     method IsOpen {} {
         return [expr {$Line ne {} && [$Line isOpen]}]
@@ -440,7 +444,7 @@ oo::class create ::sorma::service::scpi {
             my NewLine $kind
         }
         set Opened $to
-        if {$Kind eq "vxi11"} {
+        if {$Kind in {vxi11 hislip}} {
             $Line requests [if {[my cget -requests]} {namespace code {my Requested}}]
         }
         try {
@@ -516,7 +520,7 @@ oo::class create ::sorma::service::scpi {
     # The status byte: most lines have a way of their own.
     method Status {} {
         my Open
-        if {$Kind in {vxi11 usbtmc}} {
+        if {$Kind in {vxi11 hislip usbtmc}} {
             return [my Try "the status byte" status [my Milliseconds]]
         }
         my Send *STB?
