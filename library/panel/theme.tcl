@@ -377,7 +377,10 @@ proc ::sorma::theme::Fields {} {
         Element Spinbox.${name}arrow $picture($name) -width [Px 20] -sticky {}
     }
     set wide [Px 20]
-    Element Treeitem.indicator [list $picture(right) user2 [Blank $mark $mark] user1 $picture(down)] -width $wide -sticky {}
+    # Newer ones do not tell images whether an item is open, or has none below it: there clam's own triangles tell.
+    if {[package vcompare $::tk_patchLevel 8.6.16] <= 0} {
+        Element Treeitem.indicator [list $picture(right) user2 [Blank $mark $mark] user1 $picture(down)] -width $wide -sticky {}
+    }
     ttk::style layout TEntry {sorma.field -sticky nswe -children {Entry.padding -sticky nswe -children {Entry.textarea -sticky nswe}}}
     ttk::style layout TCombobox {sorma.box -sticky nswe -children {
         sorma.down -side right -sticky ns Combobox.padding -expand 1 -sticky nswe -children {Combobox.textarea -sticky nswe}}}
@@ -500,7 +503,7 @@ proc ::sorma::theme::Containers {} {
 
 proc ::sorma::theme::Tables {} {
     variable Colours
-    Element Treeview.field [Shapes [Px 5] {{} surface line 1 focus surface accent 1} [Px 300] [Px 300]] -border [Px 6] -sticky nsew         ;# it is large
+    Element Treeview.field [Shapes [Px 5] {{} surface line 1 focus surface accent 1} [Px 300] [Px 300]] -border [Px 6] -sticky nsew -width 4 -height 4          ;# it is large
     set wide [Px 32]
     set heading [Blank $wide $wide $Colours(surface) 0 0 $wide $wide]
     $heading put $Colours(line) -to 0 [expr {$wide - 1}] $wide $wide
@@ -510,6 +513,9 @@ proc ::sorma::theme::Tables {} {
         Treeheading.padding -sticky nswe -children {Treeheading.image -side right -sticky {} Treeheading.text -sticky we}}
     ttk::style configure Treeview -padding [Px 4] -background $Colours(surface) -foreground $Colours(text) -fieldbackground $Colours(surface) \
         -rowheight [expr {[font metrics TkDefaultFont -linespace] + [Px 8]}] -indent [Px 16]
+    foreach style {Treeview Item} {
+        ttk::style configure $style -indicatorsize [Px 10] -indicatormargins [list [Px 4] [Px 2] [Px 6] [Px 2]]         ;# of clam's own
+    }
     ttk::style map Treeview -background [list selected $Colours(tint)] -foreground [list disabled $Colours(off) selected $Colours(text)]
     ttk::style configure Treeview.Heading -foreground $Colours(quiet) -font TkSmallCaptionFont -padding [list [Px 4] [Px 6]] -background $Colours(surface)
     ttk::style map Treeview.Heading -background {} -foreground [list disabled $Colours(off) active $Colours(text)]
