@@ -30,6 +30,7 @@ snit::widget ::sorma::browser {
     variable timer {}           ;# until the choice rests
     variable at {}              ;# option at which the panel is to be opened
     variable announced {}       ;# as sorma::announced has them
+    variable entering 0         ;# its first field gets the keyboard
     typevariable Help {apply {text {dict get [::sorma::table parse $text] help}}}
     typevariable Titles {overview Overview panel Panel help Help statistics Statistics audit Audit
         dictionary Dictionary events Events graph Graph launch Launch log Log circuit Circuit}
@@ -68,7 +69,7 @@ snit::widget ::sorma::browser {
         pack $win.panes -fill both -expand 1
         $self Menu
         if {[winfo toplevel $win] ne "."} {
-            wm minsize [winfo toplevel $win] [::sorma::style pixels 780] [::sorma::style pixels 460]
+            wm minsize [winfo toplevel $win] [::sorma::style pixels 800] [::sorma::style pixels 520]
         }
         bind $win <Destroy> +[mymethod Ended %W]
     }
@@ -149,6 +150,7 @@ snit::widget ::sorma::browser {
             $tabs.log about $daemon
             $tabs select $tabs.log
         } else {
+            set entering [expr {$kind eq "object"}]
             $self choose $what
         }
     }
@@ -310,6 +312,10 @@ snit::widget ::sorma::browser {
                 set panel [::sorma::panel $tabs.panel.p[incr Last] $name]
             }
             pack $panel -fill both -expand 1
+        }
+        if {$entering} {
+            $panel enter
+            set entering 0
         }
         if {$at ne {}} {
             $panel search $at

@@ -11,6 +11,7 @@ package require sorma::lamp
 package require sorma::layout
 package require sorma::notice
 package require sorma::panelColumns
+package require sorma::panelEnter
 package require sorma::text
 package require sorma::window
 package provide sorma::panel 1.0
@@ -25,7 +26,7 @@ package provide sorma::panel 1.0
 #       -make   1: the panel makes the object when it is not there, now and after each restart of its daemon
 #       later   changes are kept until Apply is pressed; a switch in the panel changes that
 # Methods:
-#       subject, apply, revert; field OPTION: the widget of an option; search TEXT; execute.
+#       subject, apply, revert; field OPTION: the widget of an option; search TEXT; execute; enter: the keyboard goes to the first field.
 #       layout: as text; load FILE, save FILE: a layout; move OPTION STEP, hide OPTION, unhide: all; fold TITLE: fold that group, or open it
 snit::widget ::sorma::panel {
     hulltype ttk::frame
@@ -52,6 +53,7 @@ snit::widget ::sorma::panel {
     variable canvas {}
     variable inner {}           ;# frame of the fields, in the canvas
     ::sorma::panelColumns
+    ::sorma::panelEnter
 
     constructor {name args} {
         $self configurelist $args
@@ -377,6 +379,7 @@ snit::widget ::sorma::panel {
             $self Tagged $inner.group$n
         }
         $self Arrange
+        $self Enter
     }
     method Folds {} {
         return [expr {[dict size $rows] > $searchable}]

@@ -161,6 +161,19 @@ proc ::sorma::parts::see {canvas window} {
     }
 }
 
+# ::sorma::parts::control WINDOW -- the first part of a field that takes keys, or nothing.
+proc ::sorma::parts::control window {
+    if {[winfo class $window] in {TEntry TCombobox TCheckbutton TRadiobutton}} {
+        return $window
+    }
+    foreach child [winfo children $window] {
+        set found [control $child]
+        if {$found ne {}} {
+            return $found
+        }
+    }
+}
+
 # ::sorma::parts::fieldMenu MENU SUBJECT OPTION CAN -- what is done to an option. CAN: it may be changed.
 proc ::sorma::parts::fieldMenu {menu subject option can} {
     set edited [expr {$option in [$subject edited] ? "normal" : "disabled"}]
