@@ -52,7 +52,7 @@ snit::widget ::sorma::browserTree {
             -yscrollcommand [list $win.bar set] -xscrollcommand [list ::sorma::parts::scrolled $win.below]
         ttk::scrollbar $win.bar -style Page.[::sorma::style own Vertical.TScrollbar] -command [list $tree yview]
         ttk::scrollbar $win.below -style [::sorma::style own Horizontal.TScrollbar] -orient horizontal -command [list $tree xview]
-        $tree column #0 -width [::sorma::style pixels 260]
+        $tree column #0 -width [::sorma::style pixels 200]
         bind $win <<ThemeChanged>> [mymethod Looks]
         $self Looks
         grid $tree $win.bar -sticky nsew
