@@ -69,7 +69,7 @@ snit::widget ::sorma::browser {
         pack $win.panes -fill both -expand 1
         $self Menu
         if {[winfo toplevel $win] ne "."} {
-            wm minsize [winfo toplevel $win] [::sorma::style pixels 800] [::sorma::style pixels 520]
+            wm minsize [winfo toplevel $win] [::sorma::style pixels 820] [::sorma::style pixels 530]
         }
         bind $win <Destroy> +[mymethod Ended %W]
     }
