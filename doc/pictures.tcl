@@ -168,6 +168,7 @@ proc pictures::draw {folder shade dpi} {
     foreach object {arm.left foo.cell camera.hand} {
         $object@pictures CTRL -dump
     }
+    arm.left@pictures CTRL -speed 0.5 -force 12
     foo.cell@pictures CTRL -where garden -tempo presto -breakfast -freshJuice
     foreach {name words} $Widgets {
         if {$name eq "painter" && [catch {hsvtable.board@pictures CTRL -dump}]} continue       ;# built without OpenCV

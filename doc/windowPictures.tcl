@@ -71,7 +71,7 @@ namespace eval windowPictures {
         graph       {sorma::browser .w}                                 {Chosen; .w tab graph select; Calls}
         launch      {sorma::browser .w}                                 {Chosen; .w tab launch select; Launched}
         log         {sorma::browser .w}                                 {Chosen; .w tab log select; Wrong; until {[llength [[.w tab log] messages]] > 2}}
-        schema      {sorma::browser .w}                                 {Chosen; .w choose {object pictures circuit.level}; .w tab circuit select; until {[[.w tab circuit] editor] ne {}}; until {[[[.w tab circuit] editor] value 0] eq "1.5 m"}}
+        schema      {sorma::browser .w}                                 {Chosen; .w choose {object pictures circuit.level}; .w tab circuit select; until {[[.w tab circuit] editor] ne {}}; until {[[[.w tab circuit] editor] value 0] eq "1.5 m" && "sum" in [[[.w tab circuit] editor] palette classes]}}
     }
 }
 

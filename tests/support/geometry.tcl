@@ -87,7 +87,7 @@ proc cut places {
         if {$class eq "TLabel" && [$window cget -wraplength] > 0} {
             set needed [winfo reqwidth $window]
         }
-        # What a canvas scrolls may be seen in part.
+        # A part of a canvas may be scrolled out of sight.
         set high [expr {[string match *.canvas.* $window] ? [winfo height $window] : $down - $up}]
         if {$right - $left < $needed || $high < [winfo reqheight $window]} {
             lappend found "[winfo name $window] \"[$window cget -text]\" is cut: [expr {$right - $left}] of $needed px, $high of [winfo reqheight $window]"
@@ -100,7 +100,7 @@ proc faults top {
     catch {waitFor {[wrong $top] eq {}} 3000}
     return [wrong $top]
 }
-# What is wrong in a window: parts that overlap, and texts that are cut. What an area scrolls away is not looked at.
+# What is wrong in a window: parts that overlap, and texts that are cut. Parts that are scrolled away are left out.
 proc wrong top {
     set places [placed $top [list [winfo rootx $top] [winfo rooty $top] [expr {[winfo rootx $top] + [winfo width $top]}] [expr {[winfo rooty $top] + [winfo height $top]}]]]
     return [concat [overlaps $places] [cut $places]]
