@@ -32,10 +32,10 @@ snit::widget ::sorma::execform {
             -highlightthickness 0 -takefocus 0 \
             -yscrollcommand [list ::sorma::parts::scrolled $win.bar]
         grid $win.in - - - - -sticky ew
-        grid $win.go $win.cancel $win.lamp $win.part $win.time -sticky w -pady $pad
+        grid $win.go $win.cancel $win.lamp $win.part $win.time -sticky w -pady [list $pad 0]
         grid configure $win.cancel -padx $pad
         grid configure $win.part -padx [list 0 $pad]
-        grid $win.out - - - - -sticky nsew
+        grid $win.out - - - - -sticky nsew -pady [list $pad 0]
         ::sorma::parts::withBar $win.out $win.reply $win.bar
         grid remove $win.out $win.part
         grid columnconfigure $win 4 -weight 1

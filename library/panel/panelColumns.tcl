@@ -30,6 +30,8 @@ snit::macro ::sorma::panelColumns {} {
     method Columns {} {
         set beside [expr {[winfo width $win] >= [::sorma::style pixels 900]}]
         $self Sized
+        # In a narrow window the notice has a second line, which is mostly empty: it stands for the room below.
+        $win.head configure -padding [lmap n [list 16 12 16 [expr {[winfo width $win.head.say] > [::sorma::style pixels 720] ? 12 : 4}]] {::sorma::style pixels $n}]
         if {$beside} {
             grid columnconfigure $win 2 -minsize [expr {max(0, [winfo width $win] - [::sorma::style pixels 1600])}]
         }
