@@ -244,7 +244,7 @@ snit::widget ::sorma::dashboard {
         set edge [::sorma::style pixels 16]
         if {$kind eq "text"} {
             $card.title configure -font $win.strong
-            pack $card.title -fill both -expand 1 -padx $edge -pady $pad
+            pack $card.title -fill both -expand 1 -padx $edge -pady [::sorma::style pixels 2]           ;# within the edge of the card
             return [$self Held $n]
         }
         if {$kind ne "button"} {
