@@ -27,6 +27,7 @@ snit::widget ::sorma::browserOverview {
     variable last 0
     variable timer {}
     variable columns 0
+    variable width 0            ;# of the window, for which names are cut
     typevariable Lists {most {4 "called most" "per second"} slow {3 slowest {}}}    ;# of objects in a card: how many, and the titles
     typevariable Most 100       ;# objects that are asked for, of each daemon
     typevariable Hour 3600000
@@ -111,6 +112,11 @@ snit::widget ::sorma::browserOverview {
             $self Fill $inner.card[dict get $cards $daemon] $daemon
         }
         $self Lay $daemons
+        # Names are cut to the room that there is: it may be another one now.
+        if {[winfo width $win.body.canvas] != $width} {
+            set width [winfo width $win.body.canvas]
+            after idle [list ::sorma::parts::answer [mymethod Soon]]
+        }
     }
     method Make {card daemon} {
         set gap [::sorma::style pixels 8]

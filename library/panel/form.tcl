@@ -358,7 +358,7 @@ snit::widget ::sorma::form {
                 field { ::sorma::field $parent.field$n $facts -name $name -option $what -apply $options(-apply) -state $options(-state) }
                 led { ::sorma::led $parent.field$n -name $name -option $what }
                 meter {
-                    ::sorma::meter $parent.field$n -name $name -option $what
+                    ::sorma::meter $parent.field$n -name $name -option $what -length 220
                     set unit {}         ;# it shows that itself
                 }
             }

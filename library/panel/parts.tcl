@@ -58,7 +58,7 @@ proc ::sorma::parts::row {parent n row} {
     set high [expr {[winfo class $field] eq "Vector" && [$field named]}]
     grid $parent.label$n -row $row -column 0 -sticky [expr {$high ? "nw" : "w"}] -padx [list $edge [expr {2 * $gap}]] -pady $gap
     grid $parent.mark$n -row $row -column 1 -sticky [expr {$high ? "n" : ""}] -pady $gap
-    grid $field -row $row -column 2 -sticky [expr {[winfo class $field] in {Slider Meter Reading} ? "ew" : "w"}] -padx [list $gap $edge] -pady $gap
+    grid $field -row $row -column 2 -sticky [expr {[winfo class $field] in {Slider Reading} ? "ew" : "w"}] -padx [list $gap $edge] -pady $gap
     if {$high} {
         set above [$field above [winfo reqheight $parent.label$n]]
         foreach part {label mark} {
