@@ -23,6 +23,9 @@ proc picture::begin theme {
 }
 
 proc picture::save file {
+    # The screen shows all of it.
+    wm geometry . [expr {min([winfo width .], [winfo screenwidth .])}]x[expr {min([winfo height .], [winfo screenheight .])}]+0+0
+    update
     One $file
     if {![info exists ::env(PICTURES_SIZES)]} return
     foreach size $::env(PICTURES_SIZES) {

@@ -358,7 +358,9 @@ proc pictures::make {folder demos all} {
                 foreach shade {light dark} {
                     foreach ::env(PICTURES_DPI) {96 192} {
                         set file [file join $folder $name-$shade-$::env(PICTURES_DPI).png]
-                        exec timeout 240 [info nameofexecutable] [file join $Demos $demo pictures.tcl] {*}[string map [list FILE $file] $arguments] $shade 2>@1
+                        if {[catch {exec timeout 240 [info nameofexecutable] [file join $Demos $demo pictures.tcl] {*}[string map [list FILE $file] $arguments] $shade 2>@1} message]} {
+                            puts "[file tail $file]: [lindex [split $message \n] end]"
+                        }
                     }
                 }
                 unset ::env(PICTURES_SIZES) ::env(PICTURES_DPI)
