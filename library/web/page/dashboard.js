@@ -25,6 +25,7 @@ export function dashboard(name) {
         setText(wrong, about.error);
         wrong.hidden = !about.error;
         element.style.gridTemplateColumns = `repeat(${about.columns}, minmax(0, 1fr))`;
+        element.style.setProperty('--rows', about.rows);
         element.style.gridTemplateRows = `repeat(${about.rows}, minmax(28px, 1fr))`;
         parts = about.parts.map((facts) => part(facts, page));
         // Keys, and the eyes of a phone, go row by row.

@@ -33,8 +33,8 @@ export function graph() {
         figures = new Map();
         lines = new Map(ways.map(({id, way}) => [id, draw('polyline', {points: way.map((at) => at * step).join(' '), 'marker-end': 'url(#tip)'})]));
         const tip = draw('marker', {id: 'tip', viewBox: '0 0 8 8', refX: 8, refY: 4, markerWidth: 8, markerHeight: 8, markerUnits: 'userSpaceOnUse', orient: 'auto'}, draw('path', {d: 'M0 0L8 4L0 8Z'}));
-        const [width, height] = size.map((at) => at * step + 16);
-        const svg = draw('svg', {width, height, viewBox: `-8 -8 ${width} ${height}`, role: 'group', 'aria-label': 'who calls whom'}, draw('defs', {}, tip), ...lines.values(), ...boxes.map(box));
+        const [width, height] = size.map((at) => at * step + 40);
+        const svg = draw('svg', {width, height, viewBox: `-20 -20 ${width} ${height}`, role: 'group', 'aria-label': 'who calls whom'}, draw('defs', {}, tip), ...lines.values(), ...boxes.map(box));
         room.replaceChildren(...(boxes.length ? [svg] : []));
     }
     function changed(items, keys) {
