@@ -9,6 +9,7 @@ set device [file join $env(SORMA_RUNTIME_DIR) usbtmc0]
 proc plug by {
     switch -- $by {
         tcp { return tcp:127.0.0.1:[lindex [instrument.sim CTRL -on] 3] }
+        hislip { return hislip:127.0.0.1:[lindex [instrument.sim CTRL -hislip] 3] }
         vxi11 { return vxi11:127.0.0.1:[lindex [instrument.sim CTRL -vxi11] 3]/inst0 }
         serial {
             instrument.sim CTRL -link $::device.tty
@@ -120,7 +121,7 @@ proc liar {channel args} {
 attack {
     lassign [concat $argv [lrange {200 4711} [llength $argv] end]] count seed
     expr {srand($seed)}
-    set lines {tcp vxi11}
+    set lines {tcp vxi11 hislip}
     if {[auto_execok socat] ne {}} {
         lappend lines serial
     }
