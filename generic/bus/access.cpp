@@ -393,7 +393,9 @@ void Access::refuse(const PrincipalPointer& author, Right right, std::string_vie
     std::string named(object);
     if (!daemon.empty() && named.find('@') == named.npos) named += "@" + daemon;
     std::string doing = wordOf(right).doing;
-    if (right == Right::files && !subject.starts_with('/') && subject.find(':') != subject.npos) doing = "have address {} reached";
+    // tcp:HOST:PORT is an address; a path and the name of a package are not.
+    const auto colon = subject.find(':');
+    if (right == Right::files && !subject.starts_with("/") && colon != subject.npos && !subject.substr(colon).starts_with("::")) doing = "have address {} reached";
     if (auto at = doing.find("{}"); at != doing.npos) doing.replace(at, 2, subject);
     std::string who = author ? whoText(author) : std::string("this interpreter is safe and");
     note(author, who + ": " + doing);
