@@ -6,6 +6,7 @@
 
 package require Tk
 package require snit
+package require sorma::consoleHistory
 package require sorma::line
 package require sorma::shell
 package require sorma::style
@@ -38,13 +39,10 @@ snit::widget ::sorma::console {
     variable flushing {}        ;# id of after
     variable hinting {}
     variable going {}
-    variable history {}
-    variable place 0            ;# in the history; its length: none of it
-    variable draft {}           ;# the line that was being typed before the user went to the history
-    variable wanted             ;# what is searched for there; does not exist: nothing
     variable folds {}           ;# numbers of the trails that are there
     typevariable Last 0         ;# number of the last command, fold or completion of all consoles
     typevariable Readers {}     ;# consoles that show what the program writes
+    ::sorma::consoleHistory
 
     constructor args {
         $self configurelist $args
@@ -79,12 +77,7 @@ snit::widget ::sorma::console {
         $raw tag bind fold <Enter> [list $raw configure -cursor hand2]
         $raw tag bind fold <Leave> [list $raw configure -cursor xterm]
         ::sorma::shell::prepare
-        try {
-            set history [::sorma::shell::recall]
-        } on error message {
-            $self write "scott: $message\n" error
-        }
-        set place [llength $history]
+        $self BeginHistory
         ::sorma::news::hook {answer counted} [mymethod HintSoon]
         if {$options(-output)} {
             $type Read $win
@@ -442,20 +435,6 @@ snit::widget ::sorma::console {
         return [expr {![catch {llength $result}] && ([lindex $result 0] eq "RET" && "TDBX" in $result
             || [lindex $result end-1] eq "trail" && [dict exists $result code])}]
     }
-    # In the history; what begins with a blank is kept out of it.
-    method Keep command {
-        if {[string index $command 0] ne " "} {
-            if {$command ne [lindex $history end]} {
-                lappend history $command
-            }
-            try {
-                ::sorma::shell::remember $command
-            } on error message {
-                $self Insert "scott: $message\n" sgr31
-            }
-        }
-        set place [llength $history]
-    }
     # stop -- give up what runs, and what was to follow.
     method stop {} {
         set queue {}
@@ -467,13 +446,11 @@ snit::widget ::sorma::console {
     # ---- keys ----
 
     method Cancel {} {
-        if {[info exists wanted]} {
-            unset wanted
-            $self SetInput $draft
-        } elseif {$running} {
+        if {[$self EndSearch]} return
+        if {$running} {
             $self stop
         } elseif {[$self input] ne {}} {
-            set place [llength $history]
+            $self LeaveHistory
             $self SetInput {}
         }
     }
@@ -496,71 +473,6 @@ snit::widget ::sorma::console {
     method Home {} {
         $raw mark set insert limit
         $raw tag remove sel 1.0 end
-    }
-    # Up and Down move in a text of several lines, and leave it at its first and last one. Returns whether they have left it.
-    method Older {} {
-        if {[$raw compare insert >= limit] && int([$raw index insert]) > int([$raw index limit])} {
-            return 0
-        }
-        $self Recall -1
-        return 1
-    }
-    method Newer {} {
-        if {[$raw compare insert >= limit] && int([$raw index insert]) < int([$raw index end-1c])} {
-            return 0
-        }
-        $self Recall 1
-        return 1
-    }
-    method Recall step {
-        set n [llength $history]
-        if {$place == $n} {
-            set draft [$self input]
-        }
-        set to [expr {$place + $step}]
-        if {$to < 0 || $to > $n} return
-        set place $to
-        $self SetInput [if {$to == $n} {set draft} else {lindex $history $to}]
-    }
-    # Ctrl-R searches what was typed, again for older ones.
-    method Search {} {
-        if {![info exists wanted]} {
-            set draft [$self input]
-            set wanted {}
-            set place [llength $history]
-            $self HintSoon
-        } else {
-            $self Find [expr {$place - 1}]
-        }
-    }
-    method Find from {
-        for {set i [expr {min($from, [llength $history] - 1)}]} {$i >= 0} {incr i -1} {
-            if {[string first $wanted [lindex $history $i]] >= 0} {
-                set place $i
-                $self SetInput [lindex $history $i]
-                return
-            }
-        }
-        $self HintSoon
-    }
-    # A key while there is a search: is it used up?
-    method Searched {key character} {
-        if {![info exists wanted]} {
-            return 0
-        }
-        if {$key eq "BackSpace"} {
-            set wanted [string range $wanted 0 end-1]
-        } elseif {[string is print -strict $character]} {
-            append wanted $character
-        } elseif {[regexp {^(Shift|Control|Alt|Meta|Super|Caps|ISO|Num)_|^(Escape|r|c)$} $key]} {
-            return 0
-        } else {
-            unset wanted                ;# what was found stays
-            $self HintSoon
-            return [expr {$key in {Return KP_Enter Tab}}]
-        }
-        $self Find [llength $history]
-        return 1
     }
     method Menu {menu window} {
         $menu add command -label [::msgcat::mc Copy] -underline 0 -accelerator Ctrl-C -command [list tk_textCopy $screen] \
@@ -635,8 +547,8 @@ snit::widget ::sorma::console {
     }
     method Hint {} {
         set hinting {}
-        set text [if {[info exists wanted]} {
-            string cat "search: $wanted   (Ctrl-R: an older one, Return: take it, Escape: as it was)"
+        set text [if {[$self Searches]} {
+            $self SearchHint
         } elseif {$running && [$self input] eq {}} {
             string cat "running; Escape gives it up"
         } elseif {[$self input] eq {}} {
