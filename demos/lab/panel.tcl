@@ -92,30 +92,31 @@ proc lab::panel::Lamp {lamp guard state} {
     $lamp configure -text "[sorma::style::mark $state] wspc.$guard" -foreground [sorma::style::colour $state]
 }
 
-proc lab::panel::build {} {
-    variable Hardware
-    variable Arm
-    variable Watched
-    variable Place "where is the arm?"
-    set gap [sorma::style pixels 8]
-    set half [expr {$gap / 2}]
-    wm title . "Laboratory"
-    sorma::theme program
-    sorma::notice .notice -lines 1 -daemons [lmap name [list $Hardware $Arm] {lindex [split $name @] 1}] -style Page.TFrame
-    .notice.text configure -style Page.TLabel
-    pack [ttk::frame .f -style Page.TFrame -padding [list $half $gap]] -fill both -expand 1
-    grid columnconfigure .f 0 -weight 1
-    grid rowconfigure .f 0 -weight 1
+# ---- the window ----
 
+# What is seen and felt, as large as the window leaves room.
+proc lab::panel::View {} {
+    variable Hardware
+    set gap [sorma::style pixels 8]
+    foreach {w text} {seen "The scene" felt "What the hand feels"} {
+        ttk::labelframe .$w -style Page.TLabelframe -text $text -padding $gap
+    }
     sorma::image .picture -name $Hardware -request {EXEC view} -every 200 -brief 1 -zoom fit -width [sorma::style pixels 640] -height [sorma::style pixels 480]
     sorma::stripchart .chart -span 20 -low -15 -high 15 -width 480 -height 140
     # Seen on light and on dark backgrounds.
     foreach {axis colour} {x #e0443c y #2fa04a z #4a86f0} {
         .chart trace $axis -text "force $axis \[N\]" -colour $colour
     }
-    sorma::trailview .trail -height 4 -style Page.TFrame
-
-    ttk::frame .side -style Page.TFrame
+    pack .picture -in .seen -fill both -expand 1
+    pack .chart -in .felt -fill both -expand 1
+    raise .picture .seen
+    raise .chart .felt
+}
+# Emergency stop and power.
+proc lab::panel::Power {} {
+    variable Hardware
+    variable Arm
+    set gap [sorma::style pixels 8]
     # Never hidden: it stands above all else, and the window is as tall as it at least.
     button .side.stop -text "EMERGENCY STOP" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
         -font TkHeadingFont -relief flat -borderwidth 0 -highlightbackground #c03028 -pady [sorma::style pixels 10] -command [list lab::panel::send $Hardware CTRL -emergencyStop] -takefocus 1
@@ -130,7 +131,10 @@ proc lab::panel::build {} {
     }
     grid columnconfigure .side.power {0 1 2} -weight 1 -uniform third
     pack .side.power -fill x -pady $gap
-
+}
+# Buttons that move the tool along an axis, or one joint.
+proc lab::panel::Jog {} {
+    set gap [sorma::style pixels 8]
     ttk::labelframe .side.jog -style Page.TLabelframe -padding $gap -text "Jog: as long as you hold it"
     set row 0
     foreach {text place} {x {1 0 0} y {0 1 0} z {0 0 1}} {
@@ -152,7 +156,10 @@ proc lab::panel::build {} {
         incr row
     }
     pack .side.jog -fill x
-
+}
+# Places that the arm was taught.
+proc lab::panel::Poses {} {
+    set gap [sorma::style pixels 8]
     ttk::labelframe .side.poses -style Page.TLabelframe -padding $gap -text "Poses"
     ttk::entry .side.poses.name
     .side.poses.name insert 0 home
@@ -161,7 +168,11 @@ proc lab::panel::build {} {
     grid .side.poses.name .side.poses.teach .side.poses.go -sticky ew -padx 2 -pady 2
     grid columnconfigure .side.poses 0 -weight 1
     pack .side.poses -fill x -pady $gap
-
+}
+# A lamp for each guard.
+proc lab::panel::Guards {} {
+    variable Watched
+    set gap [sorma::style pixels 8]
     ttk::labelframe .side.guards -style Page.TLabelframe -padding $gap -text "Guards: does each one hold now?"
     foreach guard {room noTable} {
         set lamp .side.guards.l$guard
@@ -170,15 +181,16 @@ proc lab::panel::build {} {
         lappend Watched [sorma::world value wspc.$guard@robot EXEC -every 500 -command [list ::lab::panel::Guarded $lamp $guard]]
     }
     pack .side.guards -fill x
-    pack [ttk::label .side.place -style Page.TLabel -textvariable ::lab::panel::Place] -anchor w -pady $gap
-
-    foreach {w text} {seen "The scene" felt "What the hand feels"} {
-        ttk::labelframe .$w -style Page.TLabelframe -text $text -padding $gap
+    # Looking makes nothing: the guards are made here.
+    foreach guard {room noTable} {
+        sorma::async -command ::lab::panel::Ignored wspc.$guard@robot CTRL -dump
     }
-    pack .picture -in .seen -fill both -expand 1
-    pack .chart -in .felt -fill both -expand 1
-    raise .picture .seen
-    raise .chart .felt
+}
+proc lab::panel::Arrange {} {
+    set gap [sorma::style pixels 8]
+    set half [expr {$gap / 2}]
+    grid columnconfigure .f 0 -weight 1
+    grid rowconfigure .f 0 -weight 1
     grid .seen -in .f -row 0 -column 0 -sticky nsew -padx $half -pady [list 0 $gap]
     grid .felt -in .f -row 1 -column 0 -sticky ew -padx $half -pady [list 0 $gap]
     grid .trail -in .f -row 2 -column 0 -sticky ew -padx [list $half 0]
@@ -187,12 +199,30 @@ proc lab::panel::build {} {
     grid [ttk::label .said -style Page.TLabel -textvariable ::lab::panel::Said -wraplength [sorma::style pixels 760]] -in .f -row 3 -column 0 -sticky w -padx $half
     grid .notice -in .f -row 3 -column 1 -sticky ew -padx $half
     raise .notice .f
+}
+
+proc lab::panel::build {} {
+    variable Hardware
+    variable Arm
+    variable Watched
+    variable Place "where is the arm?"
+    set gap [sorma::style pixels 8]
+    wm title . "Laboratory"
+    sorma::theme program
+    sorma::notice .notice -lines 1 -daemons [lmap name [list $Hardware $Arm] {lindex [split $name @] 1}] -style Page.TFrame
+    .notice.text configure -style Page.TLabel
+    pack [ttk::frame .f -style Page.TFrame -padding [list [expr {$gap / 2}] $gap]] -fill both -expand 1
+    sorma::trailview .trail -height 4 -style Page.TFrame
+    ttk::frame .side -style Page.TFrame
+    Power
+    Jog
+    Poses
+    Guards
+    pack [ttk::label .side.place -style Page.TLabel -textvariable ::lab::panel::Place] -anchor w -pady $gap
+    View
+    Arrange
     lappend Watched [sorma::world value $Arm {EXEC status} -every 50 -command ::lab::panel::Felt]
     bind .side <Destroy> {foreach token $::lab::panel::Watched {sorma::world unwatch $token}}
-    # Looking makes nothing: the guards are made here.
-    foreach guard {room noTable} {
-        sorma::async -command ::lab::panel::Ignored wspc.$guard@robot CTRL -dump
-    }
     bind . <Escape> [list lab::panel::send $Arm CTRL -stop]
     update idletasks
     wm minsize . [winfo reqwidth .side.power] [winfo reqheight .side.stop]
