@@ -163,13 +163,9 @@ proc ::tracker::window::Letter {button index} {
     bind . <Alt-Key-[string tolower [string index [$button cget -text] $index]]> [list $button invoke]
 }
 
-proc ::tracker::window::build {} {
-    wm title . "The tracker"
-    sorma::theme program
+# Camera, places and charts, as large as the window leaves room.
+proc ::tracker::window::Views {} {
     set gap [sorma::style pixels 8]
-    sorma::notice .notice -lines 1 -daemons {lab robot argus sight} -style Page.TFrame
-    .notice.text configure -style Page.TLabel
-    pack [ttk::frame .f -style Page.TFrame -padding [list [expr {$gap / 2}] $gap]] -fill both -expand 1
     foreach {w text} {seen "What the camera sees" places "Where ball and tool are" charts "How well it follows"} {
         ttk::labelframe .$w -style Page.TLabelframe -text $text -padding $gap
     }
@@ -181,8 +177,10 @@ proc ::tracker::window::build {} {
         pack [sorma::stripchart .charts.$name -span 20 -low 0 -width 340 -height 96] -fill both -expand 1
         .charts.$name trace $name -text $text -unit $unit
     }
-    sorma::trailview .trail -height 3 -style Page.TFrame
-
+}
+# Emergency stop, what begins and ends following, and power.
+proc ::tracker::window::Run {} {
+    set gap [sorma::style pixels 8]
     ttk::labelframe .run -style Page.TLabelframe -padding $gap
     button .run.stop -text "EMERGENCY STOP (F12)" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
         -font TkHeadingFont -relief flat -borderwidth 0 -highlightbackground #c03028 -pady [sorma::style pixels 10] -command {::tracker::window::send simlab@lab CTRL -emergencyStop} -takefocus 1
@@ -194,7 +192,10 @@ proc ::tracker::window::build {} {
     grid .run.follow .run.halt -sticky ew -pady [list $gap 0]
     grid .run.learn .run.power -sticky ew -pady [list [expr {$gap / 2}] 0]
     grid columnconfigure .run {0 1} -weight 1 -uniform half
-
+}
+# The inputs of the arm: a lamp and the weight of each, and how fast it may be.
+proc ::tracker::window::Inputs {} {
+    set gap [sorma::style pixels 8]
     ttk::labelframe .inputs -style Page.TLabelframe -padding $gap -text "What moves the arm (hand: arrow keys)"
     foreach {input name option} {sight track.ball@robot -index force squash.force@robot -gain hand squash.hand@robot -gain} {
         grid [ttk::label .inputs.l$input] [ttk::label .inputs.n$input -text $option] [sorma::entry .inputs.g$input -name $name -option $option] \
@@ -206,9 +207,11 @@ proc ::tracker::window::build {} {
     grid [ttk::frame .inputs.presets] -columnspan 3 -sticky ew
     grid [ttk::button .inputs.presets.pursuit -text Pursuit -command {::tracker::window::send track.ball@robot CTRL -index 0.3}] \
         [ttk::button .inputs.presets.saccade -text Saccade -command {::tracker::window::send track.ball@robot CTRL -index 1}] -sticky ew -padx 2 -pady 2
-
     grid columnconfigure .inputs.presets {0 1} -weight 1 -uniform half
-
+}
+# What disturbs it.
+proc ::tracker::window::Tease {} {
+    set gap [sorma::style pixels 8]
     ttk::labelframe .tease -style Page.TLabelframe -padding $gap -text "Tease it"
     set n 0
     foreach {text request} {
@@ -223,14 +226,17 @@ proc ::tracker::window::build {} {
         incr n
     }
     grid columnconfigure .tease {0 1} -weight 1 -uniform half
+}
+proc ::tracker::window::Letters {} {
     foreach {button index} {
         .run.halt 0 .run.power 0 .inputs.presets.pursuit 1 .inputs.presets.saccade 5
         .tease.b0 0 .tease.b1 1 .tease.b2 0 .tease.b3 5 .tease.b4 0 .tease.b5 1 .tease.b6 0 .tease.b7 2 .tease.b8 6 .tease.b9 0
     } {
         Letter $button $index
     }
-    ttk::label .said -style Page.TLabel -textvariable ::tracker::window::Said -wraplength [sorma::style pixels 900]
-
+}
+proc ::tracker::window::Arrange {} {
+    set gap [sorma::style pixels 8]
     set half [expr {$gap / 2}]
     grid .seen -in .f -row 0 -column 0 -sticky nsew -padx $half -pady [list 0 $gap]
     grid .places -in .f -row 1 -column 0 -sticky nsew -padx $half -pady [list 0 $gap]
@@ -246,19 +252,42 @@ proc ::tracker::window::build {} {
     grid .trail -in .f -row 2 -column 0 -columnspan 3 -sticky nsew -padx [list $half 0]
     grid columnconfigure .f {0 1} -weight 1
     grid rowconfigure .f {0 1} -weight 1
+}
+proc ::tracker::window::Keys {} {
     foreach {key way} {Up {150 0 0} Down {-150 0 0} Left {0 150 0} Right {0 -150 0} Prior {0 0 150} Next {0 0 -150}} {
         Push $key $way
     }
     bind . <Escape> {::tracker::window::send follow.ball@robot CTRL -stop}
     bind . <F12> {.run.stop invoke}
-    Tick
-    sorma::world watch robot -events daemon.* -command ::tracker::window::Robot
+}
+proc ::tracker::window::Size {} {
     update idletasks
     wm geometry . [expr {min(max([winfo reqwidth .], [sorma::style pixels 1280]), [winfo screenwidth .])}]x[expr {min(max([winfo reqheight .],
         [sorma::style pixels 800]), [winfo screenheight .])}]
     # Buttons and settings are always there; pictures and messages may be smaller.
     wm minsize . [expr {[winfo reqwidth .run] + [winfo reqwidth .tease]}] \
         [expr {[winfo reqheight .side] + [winfo reqheight .trail] + [winfo reqheight .said] + [winfo reqheight .notice]}]
+}
+
+proc ::tracker::window::build {} {
+    wm title . "The tracker"
+    sorma::theme program
+    set gap [sorma::style pixels 8]
+    sorma::notice .notice -lines 1 -daemons {lab robot argus sight} -style Page.TFrame
+    .notice.text configure -style Page.TLabel
+    pack [ttk::frame .f -style Page.TFrame -padding [list [expr {$gap / 2}] $gap]] -fill both -expand 1
+    Views
+    sorma::trailview .trail -height 3 -style Page.TFrame
+    Run
+    Inputs
+    Tease
+    Letters
+    ttk::label .said -style Page.TLabel -textvariable ::tracker::window::Said -wraplength [sorma::style pixels 900]
+    Arrange
+    Keys
+    Tick
+    sorma::world watch robot -events daemon.* -command ::tracker::window::Robot
+    Size
 }
 proc ::tracker::window::Power {} {
     send simlab@lab CTRL -reset
