@@ -18,8 +18,12 @@ package provide sorma::browser 1.0
 # ::sorma::browser .w --
 #       A frame; the window around it gets its menu. It asks nobody itself: what it shows is what the model knows, or is told.
 # Methods:
-#       choose PLACE ?OPTION?: as if it was clicked, its panel at that option; tree, search: those parts; tab NAME ?select?: the
-#       window of a tab, brought to the front; text: what the tab in front shows; copy; save FILE
+#       choose PLACE ?OPTION?       as if it was clicked; its panel shows that option
+#       tree, search                those parts
+#       tab NAME ?select?           the window of a tab; select: it is brought to the front
+#       text                        what the tab in front shows
+#       copy                        that text, to the clipboard
+#       save FILE                   that text; of the graph as its own save FILE
 snit::widget ::sorma::browser {
     hulltype ttk::frame
     component tree -public tree

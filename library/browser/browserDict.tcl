@@ -17,8 +17,14 @@ package provide sorma::browserDict 1.0
 
 # ::sorma::browserDict .w --
 # Methods:
-#       about KEY: the daemon; choose WORD: the entry to be edited; type TEXT: its words; set; remove; revert; write: to the file;
-#       text: all entries, a line each; said: the line below; concerns: which objects the entry is for
+#       about KEY                   the daemon
+#       choose WORD                 the entry to be edited
+#       type TEXT                   its words
+#       set, remove, revert         as the buttons
+#       write                       to the file
+#       text                        all entries, a line each
+#       said                        the line below
+#       concerns                    which objects the entry is for
 snit::widget ::sorma::browserDict {
     hulltype ttk::frame
     component tree

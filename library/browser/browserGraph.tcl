@@ -12,10 +12,16 @@ package require sorma::world
 package provide sorma::browserGraph 1.0
 
 # ::sorma::browserGraph .w ?-every ms? ?-most n? --
-#       -every: between two drawings; -most: objects that are drawn, those seen first
+# Options:
+#       -every MS           between two drawings
+#       -most N             objects that are drawn, those seen first
 # Methods:
-#       passed KEY EVENT: a monitor.reply of that daemon; edges: list of {CALLER OBJECT RATE LATENCY}, in 1/s and us; boxes: a dict
-#       PROCESS -> {x y width height OBJECT ...}, in steps of a grid; text: the edges, a line each; save FILE: .png, .pdf, .ps, else as text; clear
+#       passed KEY EVENT    a monitor.reply of that daemon
+#       edges               list of {CALLER OBJECT RATE LATENCY}, in 1/s and us
+#       boxes               a dict PROCESS -> {x y width height OBJECT ...}, in steps of a grid
+#       text                the edges, a line each
+#       save FILE           .png, .pdf, .ps, else as text
+#       clear               forget all edges
 snit::widget ::sorma::browserGraph {
     hulltype ttk::frame
     option -every -default 1000 -readonly 1

@@ -13,8 +13,11 @@ package provide sorma::browserLaunch 1.0
 
 # ::sorma::browserLaunch .w ?-keep lines? --
 # Methods:
-#       open FILE; start ?NAME ...?, stop ?NAME ...?: default all; start waits for those that a daemon comes after; state NAME: ended, waits,
-#       starts, ready or ends; text: what they have said
+#       open FILE           a launch file
+#       start ?NAME ...?    default all; it waits for those that a daemon comes after
+#       stop ?NAME ...?     default all
+#       state NAME          ended, waits, starts, ready or ends
+#       text                what they have said
 snit::widget ::sorma::browserLaunch {
     hulltype ttk::frame
     option -keep -default 5000 -readonly 1

@@ -11,9 +11,13 @@ package require sorma::timer
 package provide sorma::browserSearch 1.0
 
 # ::sorma::browserSearch .w -tree TREE ?-command PREFIX? ?-most n? --
-#       PREFIX is called with the PLACE of what was chosen, as the tree has it, and an option or nothing. At most -most are shown (200).
+#
+# PREFIX is called with the PLACE of what was chosen, as the tree has it, and an option or nothing. At most -most are shown (200).
+#
 # Methods:
-#       search WORD; found: list of {TEXT PLACE OPTION}, as it was found last; text
+#       search WORD     find it, as if it was typed
+#       found           list of {TEXT PLACE OPTION}, as it was found last
+#       text            the same TEXTs, in lines
 snit::widget ::sorma::browserSearch {
     hulltype ttk::frame
     option -tree -default {}

@@ -13,8 +13,11 @@ package provide sorma::browserText 1.0
 
 # ::sorma::browserText .w --
 # Methods:
-#       ask WHERE {TITLE REQUEST READ ...}: show the answers, each below its title, as READ makes them of what
-#       came (a command prefix; empty: that itself); show TEXT: that; text: what is shown
+#       ask WHERE {TITLE REQUEST READ ...}      show the answers, each below its title
+#       show TEXT                               show that
+#       text                                    what is shown
+#
+# READ is a command prefix, which makes the shown text of an answer. An empty READ leaves the answer as it is.
 snit::widget ::sorma::browserText {
     hulltype ttk::frame
     option -every -default 1000         ;# ms

@@ -21,9 +21,18 @@ package provide sorma::browserTree 1.0
 #       {subscription KEY {OBJECT PATTERN WHO}}. If a class has more than -most objects (default 1000), the first ones are
 #       shown; the search finds all.
 # Methods:
-#       chosen: the PLACE; choose PLACE: open the branches that lead there; open PLACE, shut PLACE: a branch that is there;
-#       shown PLACE: its text; text: what is shown, in lines; keys:
-#       NAME@KEY of all objects; flavors: list of {NAME KEY}; learn: ask for the flavors of all daemons; classes, has, first, of: see there
+#       chosen                      the PLACE
+#       choose PLACE                open the branches that lead there
+#       open PLACE, shut PLACE      a branch that is there
+#       shown PLACE                 its text
+#       text                        what is shown, in lines
+#       keys                        NAME@KEY of all objects
+#       flavors                     list of {NAME KEY}
+#       learn                       ask for the flavors of all daemons
+#       classes                     list of {KEY CLASS}
+#       has {KEY CLASS}             is it one of them
+#       first {KEY CLASS}           an object of that class, empty when there is none
+#       of NAME@KEY                 its PLACE
 snit::widget ::sorma::browserTree {
     hulltype ttk::frame
     option -command -default {}
@@ -150,7 +159,6 @@ snit::widget ::sorma::browserTree {
             }
         }
     }
-    # classes -- list of {KEY CLASS}; has {KEY CLASS}: is it one of them; first {KEY CLASS}: an object of that class, empty when there is none; of NAME@KEY: its PLACE
     method classes {} {
         return [array names members]
     }
