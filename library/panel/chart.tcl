@@ -14,9 +14,16 @@ package require sorma::text
 package provide sorma::chart 1.0
 
 # ::sorma::stripchart .w ?options? --
-#       Options: -span seconds that are shown (10), -low and -high (empty: as the numbers need). -width, -height, -interval (ms between two
-#       drawings, 33), -paused, -keep seconds for which points are kept, and can be gone back to (3600), -plot (list of plots from the
-#       beginning, each as the method takes it, behind the name), -font (small), -state (disabled: grey, and keys, mouse and menu do nothing)
+# Options:
+#       -span SECONDS           that are shown (10)
+#       -low, -high             limits of the numbers; empty: as the numbers need
+#       -width, -height         pixels
+#       -interval MS            between two drawings (33)
+#       -paused BOOL            the lines stand still
+#       -keep SECONDS           for which points are kept, and can be gone back to (3600)
+#       -plot LIST              plots from the beginning, each as the method takes it, behind the name
+#       -font FONT              of names and numbers (small)
+#       -state STATE            disabled: grey, and keys, mouse and menu do nothing
 # Methods:
 #       trace NAME ?-text t? ?-colour c? ?-unit u?      one more line; that is done by sample as well
 #       sample NAME VALUE ?TIME?                a point; time: s, default now. NaN makes a gap, an infinity too
@@ -149,7 +156,7 @@ snit::widget ::sorma::stripchart {
             set subject {}
         }
     }
-    # Of an option: what and changed; of a request: value, the object, and what it answers.
+    # From the subject of an option it gets what and changed; from a request it gets value, the object, and its answer.
     method Told {name about changed {told {}}} {
         if {![dict exists $traces $name] || [dict get $traces $name subject] eq {}} return
         set trace [dict get $traces $name]

@@ -114,8 +114,11 @@ snit::macro ::sorma::typedParts {} {
     }
 }
 
-# ::sorma::entry .w -name NAME -option -OPTION -- a text or a number. Some kinds have something beside the value: a file has a
-# button to look for it, a colour a button that shows it, a time the local time, a sub-service a button for its panel.
+# ::sorma::entry .w -name NAME -option -OPTION -- a text or a number. Some kinds have something beside the value:
+#       file            a button to look for it
+#       colour          a button that shows it
+#       time            the local time
+#       sub-service     a button for its panel
 snit::widget ::sorma::entry {
     widgetclass SormaEntry      ;# what Tk binds to Entry is for its own
     ::sorma::typedParts
@@ -450,10 +453,10 @@ proc ::sorma::field {window facts args} {
     return [::sorma::$widget $window {*}$args]
 }
 
-# ::sorma::button .w -name NAME -request {CTRL -start} ?-text text? ?-command prefix? -- runs a request, and shows that it runs, for how long
-# or how far it is, that it is done, or why it failed. A running request can be cancelled by Escape, and by a button that
-# appears after a moment.
-# prefix gets ok and the reply, or error and a list of message and code.
+# ::sorma::button .w -name NAME -request {CTRL -start} ?-text text? ?-command prefix? --
+#
+# It runs a request. It shows that the request runs, for how long or how far it is, that it is done, or why it failed. A running request can be
+# cancelled by Escape, and by a button that appears after a moment. The prefix gets ok and the reply, or error and a list of message and code.
 snit::widget ::sorma::button {
     widgetclass SormaButton     ;# what Tk binds to Button is for its own
     ::sorma::runParts

@@ -4,6 +4,7 @@
 #     group Kitchen
 #     foo.cell@robot -where -text "Where to serve"
 #     foo.cell@robot -tempo
+#
 #     group Belt
 #     cycle.belt@robot -period -show meter
 #     host@robot {EXEC load} -part floats -index 0 -text Load
@@ -25,8 +26,15 @@ package provide sorma::form 1.0
 #       A grid of the widgets that fit. The objects need not be there; -make 1: those that are not are made, now and each time their daemon has
 #       come back.
 # Methods:
-#       apply, revert; fold TITLE: fold the groups of that title, or open them; entries: as text; add LINE, remove N, move N STEP; load FILE, save FILE; item N: the widget of an entry, counted from 0
-#       as they stand
+#       apply, revert               all changes that are kept
+#       fold TITLE                  fold the groups of that title, or open them
+#       entries                     as text
+#       add LINE                    one more entry
+#       remove N, move N STEP       an entry
+#       load FILE, save FILE        all entries
+#       item N                      the widget of an entry
+#
+# Entries are counted from 0, as they stand.
 snit::widget ::sorma::form {
     hulltype ttk::frame
     option -entries -default {} -configuremethod SetEntries -cgetmethod GetEntries

@@ -1,14 +1,20 @@
-# image.tcl -- sorma::image: a picture that a service object hands out in `any`, or that a program has, with what has been found in it.
+# image.tcl -- sorma::image: a picture from a service object (in `any` of its reply) or from a program, with marks of what was found in it.
 
 package require sorma::options
 package require sorma::parts
 package provide sorma::image 1.0
 
 # ::sorma::image .w ?-name SO -request WORDS -every ms? ?-size WxH? ?-zoom n? ?-brief 0|1? --
-#       Options: -request: whose reply has the picture in its part any, default EXEC; -every: how often it is asked for, 0 (default): when
-#       refresh is called; one request is under way at a time. -size: of a raw picture, of bytes of grey or of red, green and blue.
-#       -zoom: 1, 1.5, 2, 3 ..., 0.75, 0.66, 0.6, 0.5, 0.4, 0.33 ..., or what is next; fit: the largest of these for which there is room, in the middle; -width and -height: of the window; -state disabled: keys and mouse do nothing.
-#       -brief 1: when there is no new picture it says only that, because a notice of the window says why
+# Options:
+#       -name SO                        the object that is asked
+#       -request WORDS                  the reply has the picture in its part any; default EXEC
+#       -every MS                       how often it is asked for, one request at a time; 0 (default): when refresh is called
+#       -size WxH                       of a raw picture: bytes of grey, or of red, green and blue
+#       -zoom N                         1, 1.5, 2, 3 ..., 0.75, 0.66, 0.6, 0.5, 0.4, 0.33 ..., or what is next
+#       -zoom fit                       the largest of these for which there is room, in the middle
+#       -width, -height                 of the window
+#       -state disabled                 keys and mouse do nothing
+#       -brief 1                        without a new picture it says only that: a notice of the window says why
 # Methods:
 #       show BYTES                      a picture: PPM, PGM, PNG or raw; error IMAGE FORMAT
 #       refresh                         ask for it now

@@ -1,13 +1,22 @@
-# lamp.tcl -- what is only looked at: sorma::led, a lamp; sorma::meter, a number within its limits; sorma::reading, what an object answers;
-# sorma::status, how an object's daemon is. Each has -state: while it is disabled, it is grey.
+# lamp.tcl -- widgets that are only looked at. Each has -state: while it is disabled, it is grey.
+#
+#     sorma::led          a lamp
+#     sorma::meter        a number within its limits
+#     sorma::reading      what an object answers
+#     sorma::status       how an object's daemon is
 
 package require sorma::disc
 package require sorma::parts
 package provide sorma::lamp 1.0
 
-# ::sorma::led .w -name SO -option -OPTION ?-good PATTERN? ?-bad PATTERN? ?-text text? ?-size pixels? -- a lamp that shows the value of an option: green when it
-# fits one pattern, red when it fits the other, grey while it is not known or old. Outside of the limits of the class it is yellow or red;
-# of an option that has some, what lies inside is good, unless a pattern says else.
+# ::sorma::led .w -name SO -option -OPTION ?-good PATTERN? ?-bad PATTERN? ?-text text? ?-size pixels? --
+#
+# A lamp shows the value of an option:
+#       green               it fits the pattern -good
+#       red                 it fits the pattern -bad
+#       yellow or red       it is outside of the limits of the class
+#       grey                it is not known, or old
+# If an option has limits, a value within them is good, unless a pattern says else.
 snit::widget ::sorma::led {
     option -good -default {} -configuremethod SetLook
     option -bad -default {} -configuremethod SetLook
@@ -58,8 +67,12 @@ snit::widget ::sorma::led {
 }
 
 # ::sorma::meter .w -name SO -option -OPTION ?-low n? ?-high n? ?-warn {LOW HIGH}? ?-alarm {LOW HIGH}? ?-format f? --
-#       A number as a bar between low and high (default: the range of the option, else 0 and 1), and in digits with its unit. Outside of
-#       -warn it is yellow, outside of -alarm red, with a mark; default: what the class says. An empty limit is none.
+#
+# A number as a bar, and in digits with its unit.
+#       -low, -high     ends of the bar; default: the range of the option, else 0 and 1
+#       -warn           outside of it the number is yellow, with a mark; default: what the class says
+#       -alarm          outside of it the number is red, with a mark; default: what the class says
+# An empty limit is none.
 snit::widget ::sorma::meter {
     ::sorma::lampParts {-name -option} 500
     option -low -default {} -configuremethod SetLook
@@ -126,8 +139,10 @@ snit::widget ::sorma::meter {
     }
 }
 
-# ::sorma::reading .w -name SO ?-request {EXEC ...}? ?-part P? ?-index N? ?-unit U? ?-every MS? -- what an object answers, asked again and again:
-# a part of the reply, or the first that is not empty; of numbers all, or one, counted from 0.
+# ::sorma::reading .w -name SO ?-request {EXEC ...}? ?-part P? ?-index N? ?-unit U? ?-every MS? --
+#
+# It asks an object again and again, and shows a part of the reply, or the first part that is not empty. If that has numbers, it shows all of them
+# or one, counted from 0.
 snit::widget ::sorma::reading {
     ::sorma::lampParts -name 0
     option -request -default EXEC -readonly 1

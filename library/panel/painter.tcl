@@ -1,4 +1,4 @@
-# painter.tcl -- sorma::painter, a table of colours trained by painting: pixels of a picture are said to be of a colour, the table learns
+# painter.tcl -- sorma::painter, a table of colours trained by painting. The user says which pixels of a picture are of a colour. The table learns
 # from them, and a second picture shows what it takes each pixel for.
 
 package require sorma::options
@@ -6,8 +6,12 @@ package require sorma::parts
 package provide sorma::painter 1.0
 
 # ::sorma::painter .w -name SO -picture SO ?-request WORDS? ?-brush PIXELS? ?-file FILE? --
-#       Options: -name: an hsvtable; -picture: who hands out pictures in reply to -request, default EXEC: PPM, or RGB with floats time, width,
-#       height; -brush: its radius; -file: where Save writes the table
+# Options:
+#       -name SO         an hsvtable
+#       -picture SO      an object that replies to -request with pictures: PPM, or RGB with floats time, width, height
+#       -request WORDS   default EXEC
+#       -brush PIXELS    its radius
+#       -file FILE       where Save writes the table
 # Methods:
 #       take            a new picture; those before, with what was painted on them, are kept
 #       show PPM        this one

@@ -15,7 +15,9 @@ package require sorma::window
 package provide sorma::panel 1.0
 
 # ::sorma::panel .w NAME ?-options list? ?-groups dict? ?-layout file? ?-live ms? ?-apply now|later? ?-state normal|readonly? ?-make 0|1? --
+#
 #       A frame with everything that can be set, tried and asked of an object, here or elsewhere. The object need not be there.
+#
 # Arguments:
 #       list    of options that are shown, in this order; default all
 #       dict    title -> list of options that stand together; default: the groups of the class
@@ -24,8 +26,18 @@ package provide sorma::panel 1.0
 #       -make   1: the panel makes the object when it is not there, now and after each restart of its daemon
 #       later   changes are kept until Apply is pressed; a switch in the panel changes that
 # Methods:
-#       subject, apply, revert; field OPTION: the widget of an option; search TEXT; execute; enter: the keyboard goes to the first field.
-#       layout: as text; load FILE, save FILE: a layout; move OPTION STEP, hide OPTION, unhide: all; fold TITLE: fold that group, or open it
+#       subject                     the subject of the object
+#       apply, revert               all changes that are kept
+#       field OPTION                the widget of an option
+#       search TEXT                 show the options that fit
+#       execute                     EXEC, with what its form has
+#       enter                       the keyboard goes to the first field
+#       layout                      as text
+#       load FILE, save FILE        a layout
+#       move OPTION STEP            an option up or down
+#       hide OPTION                 do not show an option
+#       unhide                      show all options
+#       fold TITLE                  fold that group, or open it
 snit::widget ::sorma::panel {
     hulltype ttk::frame
     option -options -default {} -readonly 1

@@ -103,8 +103,8 @@ proc ::sorma::parts::ToFirst tree {
     return 1
 }
 
-# ::sorma::parts::withBar FRAME VIEW BAR -- a window that scrolls and its scrollbar fill a frame; its -yscrollcommand calls scrolled, and where all
-# can be seen there is no bar. Its room stays: else what wraps there would make it come and go without end. scrolled BAR FIRST LAST is for any
+# ::sorma::parts::withBar FRAME VIEW BAR -- a window that scrolls and its scrollbar fill a frame. The window's -yscrollcommand calls scrolled. Where
+# all can be seen there is no bar. Its room stays: else what wraps there would make it come and go without end. scrolled BAR FIRST LAST is for any
 # bar in a grid.
 proc ::sorma::parts::withBar {frame view bar} {
     ttk::scrollbar $bar -style [::sorma::style own Vertical.TScrollbar] -command [list $view yview]

@@ -168,8 +168,8 @@ proc ::sorma::style::tag {window tag} {
     }
 }
 
-# ::sorma::style::own CLASS -- a style of ours that widgets of a class take, so that those of the program around us stay as they are: Treeview,
-# TCheckbutton, TRadiobutton, TCombobox, Vertical.TScrollbar, Horizontal.TScrollbar.
+# ::sorma::style::own CLASS -- a style of ours that widgets of a class take, so that those of the program around us stay as they are.
+# CLASS is Treeview, TCheckbutton, TRadiobutton, TCombobox, Vertical.TScrollbar or Horizontal.TScrollbar.
 proc ::sorma::style::own class {
     variable Bound
     if {!$Bound} {

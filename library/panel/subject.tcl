@@ -206,7 +206,7 @@ oo::define ::sorma::subject::Subject {
     method makes {} {
         return [expr {[my gone] && !$making}]
     }
-    # make -- have the object made, by a request without other effects. keep N -- 1: do so for each process of its daemon; -1: no more.
+    # make -- have the object made, by a request without other effects. keep N -- 1: do so for each process of its daemon; -1: stop that.
     method make {} {
         if {!$making} {
             set making 1

@@ -9,11 +9,20 @@ package require sorma::world
 package provide sorma::trailview 1.0
 
 # ::sorma::trailview .w ?-keys PATTERNS? ?-severity LIST? ?-daemon PART? ?-object PART? ?-text PART? ?-paused BOOLEAN? ?-keep n? ?-height lines? --
-#       -keys of sorma::world, default *@*: trails of all objects; * is what daemons say for themselves. -severity: which are shown, default
-#       {error warning}; -daemon, -object, -text: a part of its KEY, of NAME@DAEMON (a pattern) and of the message; -keep: how many; -paused: the list holds still, what comes is kept; -state
-#       disabled: grey, and nothing can be chosen; -style Page.TFrame: it stands on the window's ground
+# Options:
+#       -keys PATTERNS          of sorma::world, default *@*: trails of all objects; * is what daemons say for themselves
+#       -severity LIST          those that are shown, default {error warning}
+#       -daemon PART            a part of the KEY of the daemon
+#       -object PART            a part of NAME@DAEMON, a pattern
+#       -text PART              a part of the message
+#       -keep N                 how many messages are kept
+#       -paused BOOLEAN         the list holds still, and new messages are kept
+#       -state disabled         grey, and nothing can be chosen
+#       -style Page.TFrame      it stands on the window's ground
 # Methods:
-#       clear; messages: those that are wanted, dicts as sorma::world tells them, also while it is paused; text: what is shown, in lines
+#       clear                   forget all messages
+#       messages                those that are wanted, dicts as sorma::world tells them, also while it is paused
+#       text                    what is shown, in lines
 snit::widget ::sorma::trailview {
     hulltype ttk::frame
     delegate option -style to hull

@@ -16,8 +16,12 @@ namespace eval ::sorma::window {
     }
 }
 
-# ::sorma::window panel NAME, chart NAME WHAT ?-option value ...?, form FILE -- a window with the panel of an object, with numbers of it over
-# time (as stripchart plot has them; -index may be several), or with a form; the same one when it is open already. Returns the toplevel. Their keys are those that arrangement.tcl has for the same.
+# ::sorma::window, a window that is opened once:
+#       panel NAME                              the panel of an object
+#       chart NAME WHAT ?-option value ...?     numbers of it over time, as stripchart plot has them; -index may be several
+#       form FILE                               a form
+# It returns the toplevel, the same one when it is open already. The keys of these windows are those that
+# arrangement.tcl has for the same.
 proc ::sorma::window::panel name {
     package require sorma::panel
     return [open [list panel -name $name] $name ::sorma::panel $name]
@@ -89,8 +93,8 @@ proc ::sorma::window::open {key title command args} {
     return $top
 }
 
-# ::sorma::window place TOPLEVEL KEY -- where the window of that key was last, within the screen, or beside those that are open; from now on
-# its place is remembered.
+# ::sorma::window place TOPLEVEL KEY -- put it where the window of that key was last, within the screen, or beside those that are open. From now
+# on its place is remembered.
 proc ::sorma::window::place {top key} {
     variable Geometries
     set remembered [Read]
