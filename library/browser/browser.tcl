@@ -110,7 +110,7 @@ snit::widget ::sorma::browser {
         }
         set network [menu $win.menu.file.network -tearoff 0 -postcommand [mymethod Network]]
         $win.menu.file insert last cascade -label [::msgcat::mc "Announced in the network"] -menu $network
-        ::sorma::announced::ask [mymethod Announced]
+        ::sorma::announced::ask [list ::sorma::parts::answer [mymethod Announced]]
         ttk::notebook::enableTraversal $tabs
         $top configure -menu $win.menu
     }
@@ -124,7 +124,7 @@ snit::widget ::sorma::browser {
         if {$announced eq {}} {
             $menu add command -label [::msgcat::mc "None, as far as Avahi knows"] -state disabled
         }
-        ::sorma::announced::ask [mymethod Announced]
+        ::sorma::announced::ask [list ::sorma::parts::answer [mymethod Announced]]
     }
     method Announced found {
         set announced $found
