@@ -11,6 +11,7 @@
 #     askable             what these are called in an error: options with a question
 #     put VALUES          send a dict, option -> value, to the device; returns what it has taken
 #     fetch OPTIONS       ask for these, then `learn`
+#     State               of the line, for people
 #     pollNow             begin an EXEC read, with `sorma::driver::polled` behind it
 #     Fault SYMBOL TEXT ?DETAIL ...?      fail
 #
@@ -28,11 +29,12 @@ proc ::sorma::driver::polled {next future} {
 
 oo::class create ::sorma::driver::Device {
     variable Table              ;# dict: option -> its row
-    variable Known              ;# dict: setting -> what the device has, as far as we know; that of the recipe before we know it
+    variable Known              ;# dict: option -> what the device has, as far as we know; that of the recipe before we know it
+    variable Heard              ;# dict: option -> 1: the device has told it, or taken it
     variable Timer              ;# of -poll
 
     method begin {} {
-        set Known [set Timer {}]
+        set Known [set Heard [set Timer {}]]
         foreach option [my settings [dict keys [my table]]] {
             dict set Known $option [my cget $option]
         }
@@ -96,7 +98,16 @@ oo::class create ::sorma::driver::Device {
             my Fault OUTSIDE "the device has $option [join [list [dict get $values $option] {*}$unit]], [regsub {^.* is (outside .*)$} $why {\1}]" $option
         }
         set Known [dict merge $Known $values]
+        set Heard [dict merge $Heard [dict map {option value} $values {string cat 1}]]
         return
+    }
+    # An option that the device has not told yet shows no more than a default, or a recipe.
+    method dump {} {
+        set unknown [lmap option [my asked [dict keys [my table]]] {
+            if {[dict exists $Heard $option]} continue
+            set option
+        }]
+        return "line [my State][if {$unknown ne {}} {string cat "\nnot asked for yet: " [join $unknown {, }]}]"
     }
     method recall options {
         my store {*}[dict filter $Known script {option value} {dict exists $options $option}]

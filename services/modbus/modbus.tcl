@@ -199,9 +199,6 @@ oo::class create ::sorma::service::modbus {
     method settle options {
         my give $options
     }
-    method dump {} {
-        return "line [my State]"
-    }
     method selftest {} {
         set options [dict keys [my table]]
         if {$options eq {}} {

@@ -171,9 +171,6 @@ oo::class create ::sorma::service::scpi {
             set option
         }]
     }
-    method dump {} {
-        return "line [my State]"
-    }
     method selftest {} {
         set said [my Text [my Query *TST?]]
         if {![string is integer -strict $said] || $said != 0} {
