@@ -4,6 +4,7 @@
 //     usbtmc.a EXEC write AMSG ...            then EXEC read
 //
 // One EXEC at a time has the device. It runs on a thread of its own, so nobody else in the daemon waits.
+#include <algorithm>
 #include <memory>
 #include <system_error>
 #include <thread>
