@@ -134,9 +134,10 @@ snit::widget ::sorma::circuitEditor {
         }
         ::ttk::checkbutton $head.tools.values -style [::sorma::style own TCheckbutton] -text [::msgcat::mc values] -variable [myvar shown] -underline 0 \
             -command [mymethod Values]
-        grid $head.tools.values -row 0 -column [incr column] -padx [list $pad 0]
+        grid $head.tools.values -row 0 -column [incr column] -padx [list [expr {$pad / 2}] 0]
         ::sorma::notice $head.say -lines 1
-        grid $head.name $head.status $head.tools -sticky ew -padx [list 0 $pad]
+        grid $head.name $head.status -sticky ew -padx [list 0 $pad]
+        grid $head.tools -row 0 -column 2 -sticky ew
         grid $head.say -row 1 -columnspan 3 -sticky ew
         grid columnconfigure $head 1 -weight 1
     }
