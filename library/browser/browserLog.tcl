@@ -35,12 +35,12 @@ snit::widget ::sorma::browserLog {
         ttk::label $win.bar.textLabel -text [::msgcat::mc "Text"]
         ttk::entry $win.bar.text -width 6 -textvariable [myvar wanted]
         ttk::checkbutton $win.bar.pause -style [::sorma::style own TCheckbutton] -text [::msgcat::mc Pause] -variable [myvar paused]
-        pack $win.bar.pause -side right                         ;# the first: entries give way in a small window
-        pack {*}[lsearch -all -inline -not -exact [winfo children $win.bar] $win.bar.pause] -side left -padx [list 0 $pad]
+        grid {*}[winfo children $win.bar] -padx [list 0 $pad] -sticky ew
         foreach name {severity daemon object} {
-            pack configure $win.bar.$name -padx [list 0 $edge]
+            grid configure $win.bar.$name -padx [list 0 $edge]
         }
-        pack configure $win.bar.object $win.bar.text -fill x -expand 1
+        grid configure $win.bar.pause -padx 0
+        grid columnconfigure $win.bar {5 7} -weight 1           ;# entries take the room that there is, and give way where there is none
         install trails using ::sorma::trailview $win.trails -keep 5000 -keys {*@* *}
         pack $win.bar -side top -fill x -padx $edge -pady [list $edge $pad]
         pack $trails -side top -fill both -expand 1 -padx [list $edge 0] -pady [list 0 $edge]
