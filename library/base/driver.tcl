@@ -101,7 +101,7 @@ oo::class create ::sorma::driver::Device {
         set Heard [dict merge $Heard [dict map {option value} $values {string cat 1}]]
         return
     }
-    # An option that the device has not told yet shows no more than a default, or a recipe.
+    # Name the options that the device has not told yet: they show a default, or the recipe.
     method dump {} {
         set unknown [lmap option [my asked [dict keys [my table]]] {
             if {[dict exists $Heard $option]} continue
