@@ -2,12 +2,13 @@
 #
 #     ::sorma::hislipClient::line create NAME WAIT    then open HOST PORT DEVICE MS
 #
-# It has the methods and errors of a line to an instrument, see streamLine.tcl, and asks for WAIT in the same way. A session has two connections: one for
+# It has the methods and errors of a line to an instrument, see instrumentLine.tcl, and asks for WAIT in the same way. A session has two connections: one for
 # messages and answers, and one for the status byte and service requests. A line that was shut begins with a new session, so there is nothing to clear.
 #
 # Source: IVI Foundation, IVI-6.1, High-Speed LAN Instrument Protocol, revision 1.1.
 
 package require sorma::hislipMessage
+package require sorma::instrumentLine
 package provide sorma::hislipClient 1.0
 
 namespace eval ::sorma::hislipClient {
@@ -17,7 +18,7 @@ namespace eval ::sorma::hislipClient {
 }
 
 oo::class create ::sorma::hislipClient::line {
-    variable Wait
+    superclass ::sorma::instrumentLine::line
     variable Channel Async      ;# the two connections; empty: closed
     variable Input Behind       ;# bytes of each that were not used yet
     variable Number             ;# of the next message
@@ -26,20 +27,15 @@ oo::class create ::sorma::hislipClient::line {
     variable Prefix             ;# called when the instrument requests service; empty: nothing
 
     constructor wait {
-        set Wait $wait
-        set Channel [set Async [set Prefix {}]]
+        set Async [set Prefix {}]
+        next $wait
     }
-    destructor {
-        my shut
-    }
-    method isOpen {} { return [expr {$Channel ne {}}] }
     method idle {} { return [expr {![catch {read $Channel} piece] && ![eof $Channel] && $piece eq {} && $Async ne {}}] }
     method requests prefix { set Prefix $prefix }
     method shut {} {
-        foreach channel [list $Channel $Async] {
-            catch {close $channel}
-        }
-        set Channel [set Async [set Input [set Behind {}]]]
+        catch {close $Async}
+        set Async [set Input [set Behind {}]]
+        next
     }
     method open {host port device ms} {
         my shut
@@ -55,28 +51,6 @@ oo::class create ::sorma::hislipClient::line {
         set Number $::sorma::hislipClient::First
         set Taken 0
         chan event $Async readable [namespace code {my Hear}]
-    }
-    method Connect {host port} {
-        if {[catch {socket -async $host $port} channel]} {
-            throw {LINE OPEN} $channel
-        }
-        try {
-            chan configure $channel -blocking 0 -buffering none -translation binary
-            my Await writable $channel
-            if {[set why [chan configure $channel -error]] ne {}} {
-                throw {LINE REACH} $why
-            }
-        } on error {why how} {
-            catch {close $channel}
-            return -options $how $why
-        }
-        return $channel
-    }
-    method Await {event channel} {
-        set what [{*}$Wait $event $channel 0]
-        if {$what ne "ready"} {
-            throw [list LINE WAIT $what] "given up: $what"
-        }
     }
     method Say {channel args} {
         if {[catch {puts -nonewline $channel [::sorma::hislipMessage::make {*}$args]} why]} {
@@ -98,11 +72,7 @@ oo::class create ::sorma::hislipClient::line {
                 }
                 return [list $name {*}$message]
             }
-            my Await readable $channel
-            if {[catch {read $channel 262144} piece] || [eof $channel] && $piece eq {}} {
-                throw {LINE LOST} "the other end has closed it, [string length $input] bytes of an answer had come"
-            }
-            append input $piece
+            append input [my Piece $channel "the other end has closed it, [string length $input] bytes of an answer had come"]
         }
     }
     # Say something, and wait for its answer: control code, parameter, payload.

@@ -4,22 +4,9 @@
 #     ::sorma::streamLine::tcp create NAME WAIT           then open HOST PORT MS
 #     ::sorma::streamLine::serial create NAME WAIT        then open LINE MS, as ::sorma::serial::parse has it
 #
-# All lines to instruments have these methods, which are called within a coroutine. Times are in ms, bytes are binary:
-#
-#     open ARGUMENT ... MS        connect
-#     isOpen                      has it been opened, and not been shut?
-#     idle                        before a message: is it as it was? Bytes that nobody has asked for are dropped
-#     write BYTES MS              send a message
-#     read MOST MS END            the bytes of an answer, which ends with END where the line has no other end
-#     shut                        close it; what was under way is dropped
-#
-# WAIT is a command prefix: it gets readable or writable, a channel, and ms that it may take longer than usual. It suspends the coroutine, and returns
-# ready or the reason why it has given up.
-#
-# Errors have the code LINE and: OPEN, there is nothing to open; REACH, the connection cannot be made; WAIT REASON; UNSENT, it broke before the message
-# was sent; LOST, it broke; BIG, the answer has too many bytes; ERROR, the answer makes no sense. Lines with a protocol also have LOCKED, another
-# client has the lock; and LATE, the instrument says that its time is over. Then shut the line.
+# It has the methods and errors of instrumentLine.tcl.
 
+package require sorma::instrumentLine
 package require sorma::serial
 package provide sorma::streamLine 1.0
 
@@ -39,26 +26,19 @@ proc ::sorma::streamLine::size {input end {seen 0}} {
 }
 
 oo::class create ::sorma::streamLine::line {
-    variable Wait
-    variable Channel            ;# empty: closed
+    superclass ::sorma::instrumentLine::line
+    variable Channel
     variable Rest               ;# characters that may still come of the answer before
     variable Lag                ;# ms that a serial line needs for our message: that long the instrument cannot answer
 
     constructor wait {
-        set Wait $wait
-        set Channel [set Rest {}]
+        set Rest {}
         set Lag 0
+        next $wait
     }
-    destructor {
-        my shut
-    }
-    method isOpen {} { return [expr {$Channel ne {}}] }
-    method idle {} { return [expr {![catch {read $Channel}] && ![eof $Channel]}] }
     method shut {} {
-        if {$Channel ne {}} {
-            ::sorma::serial::close $Channel
-        }
-        set Channel [set Rest {}]
+        set Rest {}
+        next
     }
     method write {bytes ms} {
         set Lag [::sorma::serial::time $Channel [string length $bytes]]
@@ -70,14 +50,7 @@ oo::class create ::sorma::streamLine::line {
         set input {}
         set seen 0
         while 1 {
-            set what [{*}$Wait readable $Channel $Lag]
-            if {$what ne "ready"} {
-                throw [list LINE WAIT $what] "given up: $what"
-            }
-            if {[catch {read $Channel 262144} piece] || [eof $Channel] && $piece eq {}} {
-                throw {LINE LOST} "[string length $input] bytes of the answer had come"
-            }
-            append input $piece
+            append input [my Piece $Channel "[string length $input] bytes of the answer had come" $Lag]
             if {$Rest ne {}} {
                 set input [string trimleft $input $Rest]
                 set Rest [if {$input eq {}} {set Rest}]
@@ -99,24 +72,10 @@ oo::class create ::sorma::streamLine::line {
 
 oo::class create ::sorma::streamLine::tcp {
     superclass ::sorma::streamLine::line
-    variable Wait Channel
+    variable Channel
 
     method open {host port ms} {
-        if {[catch {socket -async $host $port} channel]} {
-            throw {LINE OPEN} $channel
-        }
-        set Channel $channel
-        chan configure $channel -blocking 0 -buffering none -translation binary
-        set what [{*}$Wait writable $channel 0]
-        if {$what ne "ready"} {
-            throw [list LINE WAIT $what] "given up: $what"
-        }
-        if {$Channel eq {}} {
-            throw {LINE LOST} "it was closed"
-        }
-        if {[set why [chan configure $channel -error]] ne {}} {
-            throw {LINE REACH} $why
-        }
+        set Channel [my Connect $host $port]
     }
 }
 
@@ -129,5 +88,11 @@ oo::class create ::sorma::streamLine::serial {
             throw {LINE OPEN} $channel
         }
         set Channel $channel
+    }
+    method shut {} {
+        if {$Channel ne {}} {
+            ::sorma::serial::close $Channel
+        }
+        next
     }
 }

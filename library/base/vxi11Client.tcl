@@ -2,8 +2,9 @@
 #
 #     ::sorma::vxi11Client::line create NAME WAIT      then open, write, read within a coroutine
 #
-# It has the methods and errors of a line to an instrument, see streamLine.tcl, and asks for WAIT in the same way.
+# It has the methods and errors of a line to an instrument, see instrumentLine.tcl, and asks for WAIT in the same way.
 
+package require sorma::instrumentLine
 package require sorma::oncRpc
 package provide sorma::vxi11Client 1.0
 
@@ -16,8 +17,8 @@ namespace eval ::sorma::vxi11Client {
 }
 
 oo::class create ::sorma::vxi11Client::line {
-    variable Wait
-    variable Channel            ;# empty: closed
+    superclass ::sorma::instrumentLine::line
+    variable Channel Opening
     variable Input              ;# bytes of replies
     variable Xid
     variable Link MostWrite     ;# number of the link, and bytes that it takes at once
@@ -25,23 +26,16 @@ oo::class create ::sorma::vxi11Client::line {
     variable Listener Back      ;# where the instrument connects for them, and how it has done so: channel and bytes
 
     constructor wait {
-        set Wait $wait
-        set Channel [set Prefix [set Listener [set Back {}]]]
+        set Prefix [set Listener [set Back {}]]
         set Xid 0
+        next $wait
     }
-    destructor {
-        my shut
-    }
-    method isOpen {} { return [expr {$Channel ne {}}] }
-    method idle {} { return [expr {![catch {read $Channel}] && ![eof $Channel]}] }
     method shut {} {
-        if {$Channel ne {}} {
-            catch {close $Channel}
-        }
         foreach channel [list $Listener [lindex $Back 0]] {
             catch {close $channel}
         }
-        set Channel [set Input [set Listener [set Back {}]]]
+        set Input [set Listener [set Back {}]]
+        next
     }
     # PREFIX is called when the instrument requests service; empty: it shall not. From the next opening on.
     method requests prefix { set Prefix $prefix }
@@ -70,23 +64,23 @@ oo::class create ::sorma::vxi11Client::line {
     }
     method Connect {host port} {
         my shut
-        if {[catch {socket -async $host $port} channel]} {
-            throw {LINE REACH} $channel
-        }
-        set Channel $channel
-        chan configure $Channel -blocking 0 -buffering none -translation binary
-        my Await writable
-        if {[set why [chan configure $Channel -error]] ne {}} {
+        try {
+            set Channel [next $host $port]
+        } trap {LINE OPEN} why {
+            throw {LINE REACH} $why
+        } trap {LINE REACH} why {
             throw {LINE REACH} "$why (port $port)"
         }
     }
-    method Await event {
-        set what [{*}$Wait $event $Channel 0]
-        if {$Channel eq {}} {
-            throw {LINE LOST} "the line was closed"
-        }
-        if {$what ne "ready"} {
-            throw [list LINE WAIT $what] "given up: $what"
+    # A line that was closed meanwhile says so, and not that the instrument is late.
+    method Await args {
+        try {
+            next {*}$args
+        } trap {LINE WAIT} {why how} {
+            if {$Channel eq {} && $Opening eq {}} {
+                throw {LINE LOST} "the line was closed"
+            }
+            return -options $how $why
         }
     }
     # The results of a call. Replies to calls before it are dropped.
@@ -110,11 +104,7 @@ oo::class create ::sorma::vxi11Client::line {
                     throw {LINE ERROR} $why
                 }
             }
-            my Await readable
-            if {[catch {read $Channel 262144} piece] || [eof $Channel] && $piece eq {}} {
-                throw {LINE LOST} "the other end has closed it"
-            }
-            append Input $piece
+            append Input [my Piece $Channel "the other end has closed it"]
         }
     }
     # The status byte.

@@ -41,7 +41,7 @@ proc ::sorma::scpi::option {name type args} {
     uplevel 1 [list ::oo::define::method Row$name {} [list return $row]]
 }
 
-# A line by USB, as streamLine.tcl has it: class usbtmc has the device, and waits on a thread.
+# A line by USB, as instrumentLine.tcl has it: class usbtmc has the device, and waits on a thread.
 oo::class create ::sorma::scpi::usb {
     variable Object Path        ;# of class usbtmc, empty: none was needed yet; its -to
     variable Opened
