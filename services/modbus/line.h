@@ -74,7 +74,7 @@ public:
     Line(const Line&) = delete;
     Line& operator=(const Line&) = delete;
 
-    const Address& address() const { return address_; }
+    const std::string& where() const { return address_.text; }
     // Do them in their order, and return what was read, in the same order. It stops at the first that does not work, and throws a
     // Failure.   patience [s]: so long the opening of the line may take, and each answer.
     std::vector<std::uint16_t> run(const std::vector<Operation>& operations, double patience);

@@ -36,7 +36,7 @@ public:
     Device(const Device&) = delete;
     Device& operator=(const Device&) = delete;
 
-    const std::string& path() const { return path_; }
+    const std::string& where() const { return path_; }
     // All but close() open the file when it is closed.   patience [s]: so long each transfer may take; the driver takes 0.1 s at least.
     void open(double patience);
     void write(std::string_view message, double patience);      // with its end

@@ -3,23 +3,21 @@
 //     usbtmc.a CTRL -to /dev/usbtmc0
 //     usbtmc.a EXEC write AMSG ...            then EXEC read
 //
-// One EXEC at a time has the device. It runs on a thread of its own, so nobody else in the daemon waits.
+// line/blockingLine.h has the line: one EXEC at a time, on a thread of its own.
 #include <algorithm>
+#include <functional>
 #include <memory>
-#include <system_error>
-#include <thread>
 #include <utility>
 
 #include <sorma.h>
 
-#include "bus/signalsBlocked.h"
 #include "device.h"
+#include "line/blockingLine.h"
 
 namespace {
 
 using sorma::Message;
 using sorma::Severity;
-using usbtmc::Trouble;
 
 const sorma::Prototype kAddress{Severity::error, "USBTMC ADDRESS", 1, "{}: {}"};
 const sorma::Prototype kRequest{Severity::error, "USBTMC REQUEST", 1, "{}: {}"};
@@ -29,14 +27,8 @@ const sorma::Prototype kSilent{Severity::error, "USBTMC SILENT", 1, "{}: {}"};
 const sorma::Prototype kAnswer{Severity::error, "USBTMC ANSWER", 1, "{}: {}"};
 const sorma::Prototype kTooBig{Severity::error, "USBTMC TOO_BIG", 1, "{}: {}"};
 const sorma::Prototype kUnsupported{Severity::error, "USBTMC UNSUPPORTED", 1, "{}: {}"};
-const sorma::Prototype kGone{Severity::error, "SERVICE GONE", 1, "{}: the service object has been removed"};
 
-sorma::Error errorOf(const std::string& name, const usbtmc::Failure& f) {
-    static constexpr const sorma::Prototype* kByTrouble[] = {&kUnreachable, &kLost, &kSilent, &kAnswer, &kTooBig, &kUnsupported};
-    return sorma::Error(sorma::makeEntry(*kByTrouble[std::size_t(f.trouble)], {sorma::MessageArg::of(name), sorma::MessageArg::of(f.text)}));
-}
-
-class Usbtmc final : public sorma::Service {
+class Usbtmc final : public line::BlockingLine<usbtmc::Device, usbtmc::Failure> {
 public:
     static sorma::Class describe() {
         using enum sorma::Field;
@@ -54,8 +46,6 @@ public:
             .example("usbtmc.a CTRL -to /dev/usbtmc0");
     }
 
-    ~Usbtmc() override { removing(); }
-
     void exec(Message& m) override {
         if (to_.empty()) sorma::fail(kAddress, name(), "names no device: say \"" + name() + " CTRL -to /dev/usbtmc0\"");
         static constexpr std::string_view kVerbs[] = {"open", "write", "read", "status", "trigger", "clear"};
@@ -64,92 +54,38 @@ public:
             sorma::fail(kRequest, name(), "expected open, write, read, status, trigger or clear, got \"" + (m.words.empty() ? std::string() : m.words[0].substr(0, 100)) + "\"");
         if (*verb == "write" && m.any.empty()) sorma::fail(kRequest, name(), "write expects a message in the any part");
         const std::string& to = to_.use(*this);
-        if (!device_ || device_->path() != to) device_ = std::make_shared<usbtmc::Device>(to);
-        sorma::Charge charge(sorm().budget.ofCaller(), sorma::Account::Use::threads);
-        charge.need(name(), sorma::Account::kThread);
-        start(m, *verb, std::move(charge));
-    }
-
-    // The thread ends by itself: it knows the device and the mailbox, and nothing of the object.
-    void removing() override {
-        if (auto job = std::exchange(job_, nullptr)) job->reply.fail(sorma::Error(sorma::makeEntry(kGone, {sorma::MessageArg::of(name())})));
-    }
-
-    void dumpState(std::string& out) const override { out += "# line " + state() + "\n"; }
-
-private:
-    struct Job {
-        sorma::Reply reply;
-        sorma::Charge charge;               // for its thread
-    };
-    struct Result {
-        std::string bytes;
-        int status = -1;
-        std::unique_ptr<usbtmc::Failure> failure;
-    };
-
-    static void run(usbtmc::Device& device, std::string_view verb, const std::string& message, std::size_t most, double patience, Result& result) {
-        try {
-            if (verb == "open") device.open(patience);
-            else if (verb == "write") device.write(message, patience);
-            else if (verb == "read") result.bytes = device.read(most, patience);
-            else if (verb == "status") result.status = device.status(patience);
-            else if (verb == "trigger") device.trigger(patience);
-            else device.clear(patience);
-        } catch (const usbtmc::Failure& f) {
-            result.failure = std::make_unique<usbtmc::Failure>(f);
-        } catch (const std::exception& e) {
-            result.failure = std::make_unique<usbtmc::Failure>(Trouble::lost, e.what());
-        }
-    }
-
-    void start(Message& m, std::string_view verb, sorma::Charge charge) {
+        if (!line_ || line_->where() != to) line_ = std::make_shared<usbtmc::Device>(to);
         const double patience = m.floats.empty() ? 5 : m.floats[0];
         const std::size_t most = m.ints.empty() ? 67'108'864 : std::size_t(m.ints[0]);
-        std::string message(m.any.begin(), m.any.end());
-        auto job = std::make_shared<Job>();
-        job->charge = std::move(charge);
-        job->reply = later(m);
-        job->reply.message().clear();
-        auto work = [this, box = sorm().mailbox(), weak = std::weak_ptr(job), device = device_, verb, message = std::move(message), most, patience] {
-            auto result = std::make_shared<Result>();
-            run(*device, verb, message, most, patience, *result);
-            // The job is ours while the object lives; it goes before the object does.
-            box->post([this, weak, result] {
-                if (weak.lock()) ended(*result);
-            });
+        onThread(m, [verb = *verb, message = std::string(m.any.begin(), m.any.end()), most, patience](usbtmc::Device& device) {
+            return run(device, verb, message, most, patience);
+        });
+    }
+
+protected:
+    sorma::Error errorOf(const usbtmc::Failure& f) const override {
+        static constexpr const sorma::Prototype* kByTrouble[] = {&kUnreachable, &kLost, &kSilent, &kAnswer, &kTooBig, &kUnsupported};
+        return sorma::Error(sorma::makeEntry(*kByTrouble[std::size_t(f.trouble)], {sorma::MessageArg::of(name()), sorma::MessageArg::of(f.text)}));
+    }
+
+private:
+    using Fill = std::function<void(Message&)>;
+    static Fill run(usbtmc::Device& device, std::string_view verb, const std::string& message, std::size_t most, double patience) {
+        std::string bytes;
+        int status = -1;
+        if (verb == "open") device.open(patience);
+        else if (verb == "write") device.write(message, patience);
+        else if (verb == "read") bytes = device.read(most, patience);
+        else if (verb == "status") status = device.status(patience);
+        else if (verb == "trigger") device.trigger(patience);
+        else device.clear(patience);
+        return [bytes = std::move(bytes), status](Message& m) {
+            m.any.assign(bytes.begin(), bytes.end());
+            if (status >= 0) m.ints.push_back(status);
         };
-        job_ = job;
-        try {
-            sorma::SignalsBlocked blocked;
-            std::thread(std::move(work)).detach();
-        } catch (const std::system_error& e) {
-            job_ = nullptr;
-            job->reply.fail(e);
-        }
     }
-
-    void ended(Result& result) {
-        auto job = std::exchange(job_, nullptr);
-        job->charge.clear();
-        if (std::exchange(closes_, false)) device_->close();
-        if (job->reply.cancelled()) return job->reply.complete();       // nobody waits for it
-        if (result.failure) return job->reply.fail(errorOf(name(), *result.failure));
-        job->reply.message().any.assign(result.bytes.begin(), result.bytes.end());
-        if (result.status >= 0) job->reply.message().ints.push_back(result.status);
-        job->reply.complete();
-    }
-
-    void closeAction(sorma::Args, Message&) {
-        if (job_) closes_ = true;
-        else if (device_) device_->close();
-    }
-    std::string state() const { return device_ && device_->isOpen() ? "open to " + device_->path() : "closed"; }
 
     sorma::Named<sorma::Kind::file> to_;
-    std::shared_ptr<usbtmc::Device> device_;    // null: nobody has needed it yet
-    std::shared_ptr<Job> job_;                  // the request under way
-    bool closes_ = false;                       // when that has ended
 };
 
 }  // namespace
