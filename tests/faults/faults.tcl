@@ -55,7 +55,10 @@ proc promise {text kept} {
 
 # Memory of a process that is its own [bytes].
 proc memoryOf daemon {
-    set f [open /proc/[daemon info $daemon pid]/status]
+    return [memoryOfProcess [daemon info $daemon pid]]
+}
+proc memoryOfProcess pid {
+    set f [open /proc/$pid/status]
     set text [read $f]
     close $f
     regexp {RssAnon:\s+(\d+) kB} $text -> kilobytes

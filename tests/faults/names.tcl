@@ -39,16 +39,9 @@ proc knowAll pipes {
         waitFor {[llength [ask $pipe entries]] == $::names} 120000
     }
 }
-# CPU time of processes [s], in user mode and in the kernel.
+# Processor time of processes [s].
 proc spent pids {
-    set ticks 0
-    foreach pid $pids {
-        set file [open /proc/$pid/stat]
-        set words [lrange [string range [set line [gets $file]] [string last ) $line] end] 12 13]
-        close $file
-        incr ticks [tcl::mathop::+ {*}$words]
-    }
-    return [expr {$ticks / 100.0}]
+    return [tcl::mathop::+ {*}[lmap pid $pids {daemon processor $pid}]]
 }
 proc percent {from to seconds} {
     return [format "%.1f %%" [expr {100 * ($to - $from) / $seconds}]]
@@ -92,12 +85,7 @@ attack {
         for {set i 0} {$i < 100} {incr i} {
             set written($i) [clock microseconds]
             set body "{\"key\": \"[binary encode base64 lab/new.$i]\", \"value\": \"$value\"}"
-            set socket [socket 127.0.0.1 $port]
-            fconfigure $socket -translation binary
-            puts -nonewline $socket "POST /v3/kv/put HTTP/1.0\r\nContent-Length: [string length $body]\r\n\r\n$body"
-            flush $socket
-            read $socket
-            close $socket
+            http::say 127.0.0.1 $port "POST /v3/kv/put HTTP/1.0\r\nContent-Length: [string length $body]\r\n\r\n$body"
             after 20
         }
         set late {}

@@ -6,13 +6,6 @@
 source [file join [file dirname [file normalize [info script]]] faults.tcl]
 source [file join $supportFolder web.tcl]
 
-proc memoryOfWeb w {
-    set f [open /proc/[dict get $w pid]/status]
-    set text [read $f]
-    close $f
-    regexp {RssAnon:\s+(\d+) kB} $text -> kilobytes
-    return [expr {$kilobytes * 1024}]
-}
 # Ask as the owner for so many seconds, and longer when he was served less than that: a list of times [us], and how many requests have failed.
 proc ownerFor {w d s seconds least} {
     set times {}
@@ -40,7 +33,7 @@ attack {
     waitFor {[web::item $s -where] ne {}}
     set least [expr {$seconds < 2 ? 1 : 10}]
     ownerFor $w $d $s 0.5 $least
-    set before [memoryOfWeb $w]
+    set before [memoryOfProcess [dict get $w pid]]
     foreach {kind connections} {stranger 20 forged 20 origin 20 upgrade 20 huge 20 half 100 idle 100} {
         set flooder [open [list | [info nameofexecutable] [file join $supportFolder webFlooder.tcl] [dict get $w port] $kind $connections 2>@stderr] r+]
         fconfigure $flooder -buffering line
@@ -52,7 +45,7 @@ attack {
         puts $flooder count
         lassign [gets $flooder] sent answered good closed
         close $flooder
-        set more [expr {[memoryOfWeb $w] - $before}]
+        set more [expr {[memoryOfProcess [dict get $w pid]] - $before}]
         puts [format "%-9s %8d sent, %8d answered; the owner: %6d served, %d not; p50 %8.2f ms, p99 %8.2f ms; memory + %s" $kind $sent $answered [llength $times] $failed \
             {*}[expr {[llength $times] ? [lmap part {0.5 0.99} {expr {[quantile $times $part] / 1000.0}}] : {0 0}}] [megabytes $more]]
         promise "$kind: the owner is served" [expr {[llength $times] >= $least}]

@@ -5,12 +5,13 @@
 # daemon stop NAME          by SIGTERM; an error unless it exits with 0
 # daemon kill NAME ?SIGNAL? returns when the process is gone
 # daemon stopAll
+# daemon processor PID      processor time that a process has taken, in user mode and in the kernel [s]
 
 namespace eval daemon {
     variable Running    ;# dict: name -> {pipe pid port socket program log}
     variable Count 0
     set Running {}
-    namespace export start info stop kill stopAll
+    namespace export start info stop kill stopAll processor
     namespace ensemble create
 }
 
@@ -98,6 +99,12 @@ proc daemon::Ended pid {
         return 1
     }
     return [regexp {^\d+ \(.*\) Z} $stat]
+}
+
+proc daemon::processor pid {
+    set stat [ReadFile /proc/$pid/stat]
+    lassign [lrange [string range $stat [string last ) $stat] end] 12 13] user kernel
+    return [expr {($user + $kernel) / 100.0}]
 }
 
 proc daemon::ReadFile file {

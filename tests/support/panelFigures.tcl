@@ -40,12 +40,6 @@ set script {
 }
 namespace eval tcltest {proc temporaryDirectory {} {return /tmp}; namespace export *}
 
-proc ticks pid {
-    set channel [open /proc/$pid/stat]
-    set fields [lrange [lindex [split [read $channel] )] end] 0 end]
-    close $channel
-    return [expr {[lindex $fields 11] + [lindex $fields 12]}]
-}
 # pause MS -- the event loop runs meanwhile.
 proc pause ms {
     after $ms {set ::over 1}
@@ -59,11 +53,11 @@ proc until condition {
 # shares MS -- of this process and of the X server, in percent of a core.
 proc shares ms {
     set pids [list [pid] {*}[if {[info exists ::env(XSERVER)]} {set ::env(XSERVER)}]]
-    set before [lmap pid $pids {ticks $pid}]
+    set before [lmap pid $pids {daemon processor $pid}]
     set began [clock milliseconds]
     pause $ms
     set took [expr {[clock milliseconds] - $began}]
-    return [lmap pid $pids b $before {format %.1f%% [expr {([ticks $pid] - $b) * 1000.0 / $took}]}]
+    return [lmap pid $pids b $before {format %.1f%% [expr {([daemon processor $pid] - $b) * 100000.0 / $took}]}]
 }
 proc tell {what value} {
     puts [format "%-70s %s" $what $value]

@@ -42,12 +42,6 @@ proc lively {count rate} {
         method exec message {return {}}
     }\n"
 }
-proc processor pid {
-    set f [open /proc/$pid/stat]
-    set words [read $f]
-    close $f
-    return [expr {([lindex $words 13] + [lindex $words 14]) / 100.0}]
-}
 proc median values {
     return [lindex [lsort -real $values] [expr {[llength $values] / 2}]]
 }
@@ -115,13 +109,13 @@ proc viewers {w place d given} {
     }
     pass 1
     set ::events [set ::bytes 0]
-    set before [processor [dict get $w pid]]
-    set daemonBefore [processor [daemon info $d pid]]
+    set before [daemon processor [dict get $w pid]]
+    set daemonBefore [daemon processor [daemon info $d pid]]
     set began [clock milliseconds]
     pass [dict get $given -seconds]
     set time [expr {([clock milliseconds] - $began) / 1000.0}]
-    set part [expr {100 * ([processor [dict get $w pid]] - $before) / $time}]
-    set daemonPart [expr {100 * ([processor [daemon info $d pid]] - $daemonBefore) / $time}]
+    set part [expr {100 * ([daemon processor [dict get $w pid]] - $before) / $time}]
+    set daemonPart [expr {100 * ([daemon processor [daemon info $d pid]] - $daemonBefore) / $time}]
     measure row "[dict get $given -values] values at $rate Hz to [dict get $given -viewers] viewers, one of them a browser: a core for sorma-web" -wanted "15 %" -target {$part < 15} -measured [format "%.1f %%" $part]
     set each [expr {$::events / $time / [llength $streams]}]
     measure row "the same: pieces of news in a second for each viewer, of [expr {$::events ? $::bytes / $::events : 0}] bytes" -wanted "> 0.8 of the rate" -target {$each > 0.8 * $rate} -measured [format %.1f $each]
