@@ -18,22 +18,32 @@ proc ::sorma::json::texts texts {
 }
 
 proc ::sorma::json::reply reply {
-    set members [list code [number [dict get $reply code]]]
-    if {[dict exists $reply text]} {
-        lappend members text [text [dict get $reply text]]
-    }
-    foreach field {floats ints} {
-        if {[dict exists $reply $field]} {
-            lappend members $field [array [lmap x [dict get $reply $field] {number $x}]]
+    set out {}
+    pieces $reply {append out}
+    return $out
+}
+# ::sorma::json::pieces REPLY COMMAND -- the same, piece by piece: COMMAND is called with each, where pieces is called. A piece takes some
+# milliseconds at most, so that who sends a large reply can do other things between two of them.
+proc ::sorma::json::pieces {reply command} {
+    uplevel 1 [list {*}$command "\{\"code\":[number [dict get $reply code]]"]
+    foreach {field open close size length slice piece} {
+        text \" \" 10000 {string length} {string range} Inner
+        floats \[ \] 5000 llength lrange Numbers
+        ints \[ \] 5000 llength lrange Numbers
+        any \" \" 300000 {string length} {string range} {binary encode base64}
+    } {
+        if {![dict exists $reply $field]} continue
+        set value [dict get $reply $field]
+        uplevel 1 [list {*}$command ",\"$field\":$open"]
+        for {set at 0} {$at < [{*}$length $value]} {incr at $size} {
+            uplevel 1 [list {*}$command [expr {$at > 0 && $open eq "\[" ? "," : {}}][{*}$piece [{*}$slice $value $at [expr {$at + $size - 1}]]]]
         }
+        uplevel 1 [list {*}$command $close]
     }
-    if {[dict exists $reply any]} {
-        lappend members any \"[binary encode base64 [dict get $reply any]]\"
-    }
-    if {[dict exists $reply trail]} {
-        lappend members trail [trail [dict get $reply trail]]
-    }
-    return [object $members]
+    uplevel 1 [list {*}$command [if {[dict exists $reply trail]} {string cat ,\"trail\": [trail [dict get $reply trail]]}]\}]
+}
+proc ::sorma::json::Numbers items {
+    return [join [lmap x $items {number $x}] ,]
 }
 
 proc ::sorma::json::error {message code trail} {
@@ -86,11 +96,14 @@ proc ::sorma::json::number value {
     return [text $value]
 }
 
-# ASCII only, so that no encoding on the way can spoil it.
+# ASCII only, so that no encoding on the way can spoil it. Inner: what stands between the quotes.
 proc ::sorma::json::text text {
+    return \"[Inner $text]\"
+}
+proc ::sorma::json::Inner text {
     set out [string map {\\ \\\\ \" \\\" \n \\n \r \\r \t \\t \b \\b \f \\f} $text]
     if {![regexp {[^\x20-\x7e]} $out]} {
-        return \"$out\"
+        return $out
     }
     set text $out
     set out {}
@@ -107,5 +120,5 @@ proc ::sorma::json::text text {
         }
         set at [expr {$i + 1}]
     }
-    return \"$out[string range $text $at end]\"
+    return $out[string range $text $at end]
 }

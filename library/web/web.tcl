@@ -130,16 +130,16 @@ proc ::sorma::web::onEnd {number command} {
     dict set Ends $number $command
 }
 
-# ::sorma::web::stream NUMBER REQUEST DRAINED ENDED -- answer with events, by send. DRAINED is called each time the client has taken all, ENDED
-# once, after the last one.
-proc ::sorma::web::stream {number request drained ended} {
+# ::sorma::web::stream NUMBER REQUEST DRAINED ENDED ?TYPE? -- answer piece by piece: with events, by send; or with what TYPE says, by write and
+# finish. DRAINED is called each time the client has taken all, ENDED once, after the last one, unless finish was called.
+proc ::sorma::web::stream {number request drained ended {type text/event-stream}} {
     variable Always
     variable Drains
     variable Owners
     dict set Drains $number $drained
     dict set Owners $number [list [dict get $request session] [expr {[dict get $request by] eq "certificate" ? [dict get $request certificate] : {}}]]
     onEnd $number $ended
-    ::sorma::WebServer stream $number 200 [concat $Always {Content-Type text/event-stream X-Accel-Buffering no}]
+    ::sorma::WebServer stream $number 200 [concat $Always [list Content-Type $type X-Accel-Buffering no]]
 }
 # ::sorma::web::send NUMBER EVENT JSON -- one event. waiting NUMBER -- bytes that the client has not taken.
 proc ::sorma::web::send {number event json} {
@@ -147,6 +147,15 @@ proc ::sorma::web::send {number event json} {
 }
 proc ::sorma::web::waiting number {
     return [::sorma::WebServer waiting $number]
+}
+# ::sorma::web::write NUMBER TEXT -- a piece of another stream, ASCII. finish NUMBER -- that was all of it.
+proc ::sorma::web::write {number text} {
+    ::sorma::WebServer write $number $text
+}
+proc ::sorma::web::finish number {
+    variable Ends
+    dict unset Ends $number
+    End $number
 }
 
 # ---- requests ----

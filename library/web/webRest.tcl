@@ -7,7 +7,8 @@
 #     POST /api/NAME@DAEMON/exec         text floats ints any words > the reply
 #     POST /api/NAME@DAEMON/ctrl, dbx    words > the reply; ctrl?page=ID: see webGuard.tcl
 #
-# Each is asked in the name of who is logged in. A client that hangs up has given its request up.
+# Each is asked in the name of who is logged in. A client that hangs up has given its request up. A large reply becomes JSON piece by piece, at
+# the pace of the client, and others are served meanwhile.
 
 package require json
 package require sorma::json
@@ -21,6 +22,9 @@ package provide sorma::webRest 1.0
 namespace eval ::sorma::webRest {
     variable Longest 600        ;# s that a request may take
     variable Largest 4000000    ;# characters of a table: others wait while it becomes JSON
+    variable Piecemeal 10000    ;# characters or numbers of a reply: one with more is sent piece by piece
+    variable Most 50000000      ;# characters and numbers of all such replies together; one alone may have more
+    variable Sending {}         ;# dict: NUMBER -> its characters and numbers
     # Error codes of the bus as a status of HTTP; the first that fits.
     variable Statuses {
         {SORMA COMM DENIED *} 403 {SORMA COMM TIMEOUT *} 504 {SORMA COMM TOO_BIG *} 413 {SORMA COMM LIMIT *} 429 {SORMA COMM CANCELLED *} 499
@@ -162,16 +166,65 @@ proc ::sorma::webRest::Post {number request name method} {
     } on error {message how} {
         return [failed $number [dict get $how -errorcode] $message]
     }
-    ask [dict get $request login] $number $daemon $words [list ::sorma::webRest::Replied $number $begun] $seconds
+    ask [dict get $request login] $number $daemon $words [list ::sorma::webRest::Replied $number $request $begun] $seconds
 }
-proc ::sorma::webRest::Replied {number begun status value} {
+proc ::sorma::webRest::Replied {number request begun status value} {
     if {$begun ne {}} {
         ::sorma::webGuard::heard $begun $status $value
     }
     if {$status ne "ok"} {
         return [failed $number [lindex $value 1] [lindex $value 0] [lindex $value 2]]
     }
-    ::sorma::web::json $number 200 [::sorma::json::reply $value]
+    variable Piecemeal
+    set size [Size $value]
+    if {$size <= $Piecemeal} {
+        ::sorma::web::json $number 200 [::sorma::json::reply $value]
+    } else {
+        SendLarge $number $request $size $value
+    }
+}
+# Characters and numbers of a reply.
+proc ::sorma::webRest::Size reply {
+    return [::tcl::mathop::+ {*}[lmap {field length} {text {string length} any {string length} floats llength ints llength} {
+        if {![dict exists $reply $field]} continue
+        {*}$length [dict get $reply $field]
+    }]]
+}
+proc ::sorma::webRest::SendLarge {number request size reply} {
+    variable Most
+    variable Sending
+    set all [expr {$size + [::tcl::mathop::+ {*}[dict values $Sending]]}]
+    if {$all > $Most && [dict size $Sending] > 0} {
+        return [failed $number {SORMA COMM LIMIT replies} "clients have yet to take replies of [expr {$all - $size}] characters and numbers, and this has $size: try again later"]
+    }
+    dict set Sending $number $size
+    set sender ::sorma::webRest::sender$number
+    ::sorma::web::stream $number $request [list ::sorma::webRest::Go $sender] [list ::sorma::webRest::Sent $number] "application/json; charset=utf-8"
+    coroutine $sender ::sorma::webRest::Send $number $reply
+}
+# A coroutine, which goes on when the client has taken a piece. Between two of them others have their turn.
+proc ::sorma::webRest::Send {number reply} {
+    ::sorma::json::pieces $reply [list ::sorma::webRest::Piece $number]
+    Piece $number \n
+    Sent $number
+    ::sorma::web::finish $number
+}
+proc ::sorma::webRest::Piece {number piece} {
+    ::sorma::web::write $number $piece
+    yield
+}
+proc ::sorma::webRest::Go sender {
+    if {[info commands $sender] ne {}} {
+        $sender
+    }
+}
+proc ::sorma::webRest::Sent number {
+    variable Sending
+    dict unset Sending $number
+    set sender ::sorma::webRest::sender$number
+    if {[info commands $sender] ne {} && [info coroutine] ne $sender} {
+        rename $sender {}
+    }
 }
 
 proc ::sorma::webRest::Seconds request {

@@ -4,6 +4,8 @@
 # web::stop FACTS                           by SIGTERM; an error unless it exits with 0
 # web::ask FACTS METHOD PATH ?HEADERS? ?BODY?   with the key for programs unless HEADERS says who asks: {STATUS HEADERS BODY}
 # web::rest FACTS METHOD PATH ?BODY?        the same with JSON: {STATUS DICT}
+# web::with WORDS SCRIPT                    run it with a daemon `d`, started with WORDS, and a sorma-web `w`
+# web::refused ANSWER                       of web::rest: {STATUS CODE}
 # web::cookie FACTS ?LINK?                  the link exchanged: the cookie
 # web::events FACTS PATH                    a stream that is read in the background: its name. web::items NAME: a dict of what it has
 # web::hangUp NAME
@@ -62,13 +64,41 @@ proc web::ask {facts method path {headers {}} {body {}}} {
         regexp {^([^:]+): *(.*)$} $line -> name value
         dict set known [string tolower $name] $value
     }
+    if {[dict exists $known transfer-encoding]} {
+        set body [Whole $body]
+    }
     # Pictures are bytes.
     set picture [expr {[dict exists $known content-type] && [string match image/* [dict get $known content-type]]}]
     return [list $status $known [expr {$picture ? $body : [encoding convertfrom utf-8 $body]}]]
 }
+# What came in chunks.
+proc web::Whole chunks {
+    set out {}
+    for {set at 0} {[regexp -start $at -indices {\A([0-9A-Fa-f]+)\r\n} $chunks head size] && [scan [string range $chunks {*}$size] %x n] && $n > 0} {} {
+        set at [expr {[lindex $head 1] + 1}]
+        append out [string range $chunks $at [expr {$at + $n - 1}]]
+        incr at [expr {$n + 2}]
+    }
+    return $out
+}
 proc web::rest {facts method path {body {}}} {
     lassign [ask $facts $method $path {} $body] status - text
     return [list $status [json::json2dict $text]]
+}
+proc web::with {words script} {
+    uplevel 1 [list set d [daemon start -make foo.a -make bar.a -make echo.a {*}$words]]
+    uplevel 1 {set w [web::start]}
+    try {
+        uplevel 1 {waitFor {[lindex [web::rest $w GET /api/foo.a@$d] 0] in {200 403}}}
+        return [uplevel 1 $script]
+    } finally {
+        uplevel 1 {web::stop $w}
+        daemon stop [uplevel 1 {set d}]
+    }
+}
+proc web::refused answer {
+    lassign $answer status body
+    return [list $status [lrange [dict get $body error code] 1 2]]
 }
 proc web::cookie {facts {path {}}} {
     lassign [ask $facts GET [expr {$path eq {} ? "/?key=[dict get $facts key]" : $path}] {Authorization none}] status headers
