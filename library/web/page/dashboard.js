@@ -71,7 +71,12 @@ function value() {
         setText(mark, marks[shown.state] ?? '');
         setText(text, shown.text);
         setText(unit, shown.unit ?? '');
-        line.style.setProperty('--letters', Math.max(4, shown.text.length + ((shown.unit ?? '').length + (mark.textContent ? 2 : 0)) / 2));
+        // A text of several lines is a table or a picture of letters.
+        const rows = shown.text.split('\n');
+        const longest = rows.reduce((most, row) => Math.max(most, row.length), 0);
+        room.classList.toggle('rows', rows.length > 1);
+        room.style.setProperty('--lines', rows.length);
+        line.style.setProperty('--letters', Math.max(4, longest + ((shown.unit ?? '').length + (mark.textContent ? 2 : 0)) / 2));
     }};
 }
 
