@@ -118,7 +118,7 @@ proc directory::rows given {
         call desk arm.1@robot
         measure row "desk calls robot, by name alone" -target {$host eq "left"} -wanted "left answers" -body {
             set when [await desk $begin "ok *"]
-            set host [lindex [lsearch -inline -index 0 $directory::Heard desk] 3]
+            set host [lindex [lsearch -inline -index 0 $::directory::Heard desk] 3]
             format "%s, after %.2f s" $host [expr {($when - $begin) / 1000.0}]
         }
 
