@@ -161,11 +161,14 @@ proc tutorial::Clean text {
 
 proc tutorial::end pipe {
     variable Came
-    fileevent $pipe readable {}
+    # Daemons end as they do for a reader, with their sockets. The program kill: that of dash takes no --.
     foreach pid [pid $pipe] {
-        # The program kill: that of dash takes no --.
-        catch {exec kill -KILL -- -$pid}
+        catch {exec kill -TERM -- -$pid}
+        if {[catch {waitFor {[eof $pipe]} 10000}]} {
+            catch {exec kill -KILL -- -$pid}
+        }
     }
+    fileevent $pipe readable {}
     catch {
         fconfigure $pipe -blocking 1
         close $pipe
