@@ -67,6 +67,8 @@ snit::widget ::sorma::circuitEditor {
     variable stands {}          ;# begin, end or nothing, for each wire: where its value stands
     variable redraw 0           ;# have pins changed, so that it is to be drawn again
     variable hint {}            ;# below the picture
+    variable tools {}           ;# the buttons in the head, in their order
+    variable toolRows {}        ;# where they stand: {BESIDE ROWS}
 
     ::sorma::circuitEdits
     ::sorma::circuitClip
@@ -114,11 +116,10 @@ snit::widget ::sorma::circuitEditor {
         ::ttk::label $head.name -text [$subject name] -font [::sorma::style font title]
         ::sorma::status $head.status -name [$subject name] -brief 1
         ::ttk::frame $head.tools
-        set column 0
         foreach {name text method changes} {undo Undo undo 1 redo Redo redo 1 revert Revert revert 1 tidy Tidy tidy 1 probe Probe Probe 0 out \u2212 {Zoom 0.8} 0 in + {Zoom 1.25} 0 fit Fit {Zoom fit} 0} {
             if {$changes && $options(-state) eq "readonly"} continue
             ::ttk::button $head.tools.$name -style Toolbutton -text [::msgcat::mc $text] -command [mymethod {*}$method] -takefocus 1
-            grid $head.tools.$name -row 0 -column [incr column] -sticky ns
+            lappend tools $head.tools.$name
         }
         foreach {name text} {undo "Take the last change back (Ctrl-Z)" redo "Do it again (Ctrl-Y)" revert "Show the circuit as it runs, and forget what it has refused"
                 tidy "Lay all boxes out anew (Ctrl-L)" probe "A chart on the wire that is selected, then a lamp, then neither (w)" out "Smaller (minus)" in "Larger (plus)" fit "All of it (0)"} {
@@ -130,16 +131,53 @@ snit::widget ::sorma::circuitEditor {
             ::ttk::menubutton $head.tools.history -style Toolbutton -text [::msgcat::mc History] -menu $head.tools.history.menu -takefocus 1
             menu $head.tools.history.menu -tearoff 0 -postcommand [mymethod Listed $head.tools.history.menu]
             ::sorma::style tip $head.tools.history "All edits; choose one to go back to it"
-            grid $head.tools.history -row 0 -column [incr column] -sticky ns
+            lappend tools $head.tools.history
         }
         ::ttk::checkbutton $head.tools.values -style [::sorma::style own TCheckbutton] -text [::msgcat::mc values] -variable [myvar shown] -underline 0 \
             -command [mymethod Values]
-        grid $head.tools.values -row 0 -column [incr column] -padx [list [expr {$pad / 2}] 0]
+        lappend tools $head.tools.values
         ::sorma::notice $head.say -lines 1
         grid $head.name $head.status -sticky ew -padx [list 0 $pad]
-        grid $head.tools -row 0 -column 2 -sticky ew
-        grid $head.say -row 1 -columnspan 3 -sticky ew
+        grid $head.say -row 2 -column 0 -columnspan 3 -sticky ew
         grid columnconfigure $head 1 -weight 1
+        foreach window [list $head $head.status $head.tools] {
+            bind $window <Configure> +[mymethod PlaceTools]
+        }
+        $self PlaceTools
+    }
+    # Beside name and state if all fit; else below them, in as many rows as they need.
+    method PlaceTools {} {
+        set head $win.head
+        set space [expr {[winfo width $head] - 2 * [::sorma::style pixels 12]}]
+        if {$tools eq {} || [winfo width $head] <= 1} {
+            set space 1000000
+        }
+        set all [tcl::mathop::+ {*}[lmap tool $tools {winfo reqwidth $tool}]]
+        set beside [expr {[winfo reqwidth $head.name] + [winfo reqwidth $head.status] + 2 * [::sorma::style pixels 8] + $all <= $space}]
+        set used 0
+        set rows [list {}]
+        foreach tool $tools {
+            set width [winfo reqwidth $tool]
+            if {!$beside && $used > 0 && $used + $width > $space} {
+                lappend rows {}
+                set used 0
+            }
+            incr used $width
+            lset rows end [concat [lindex $rows end] $tool]
+        }
+        if {[list $beside $rows] eq $toolRows} return
+        set toolRows [list $beside $rows]
+        destroy {*}[lsearch -all -inline [winfo children $head.tools] *.row*]
+        set n -1
+        foreach row $rows {
+            set frame [::ttk::frame $head.tools.row[incr n]]
+            pack $frame -anchor w
+            pack {*}$row -in $frame -side left -fill y
+            foreach tool $row {
+                raise $tool         ;# above the frame, which is younger
+            }
+        }
+        grid $head.tools {*}[if {$beside} {list -row 0 -column 2 -columnspan 1 -sticky e} else {list -row 1 -column 0 -columnspan 3 -sticky w}]
     }
     method Ended window {
         if {$window eq $win && $subject ne {}} {

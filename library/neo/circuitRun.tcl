@@ -80,7 +80,7 @@ snit::macro ::sorma::circuitRun {} {
         }
         ::ttk::label $frame.stats -textvariable [myvar cycleText]
         pack $frame.stats -side left
-        grid $frame -row 2 -column 0 -columnspan 3 -sticky w
+        grid $frame -row 3 -column 0 -columnspan 3 -sticky w
         set cycleStats [::sorma::world value $cycle {DBX -stats} -every 500 -command [list ::sorma::parts::answer [mymethod CycleStats]]]
     }
     method StopStats {} {

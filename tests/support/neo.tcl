@@ -1,5 +1,7 @@
 # neo.tcl -- a circuit in an editor, for the suites of the circuit editor: windows, places, mouse and keys.
 
+source [file join $supportFolder geometry.tcl]
+
 set behind {}
 interp bgerror {} {apply {{message options} {lappend ::behind [dict get $options -errorinfo]}}}
 
@@ -99,3 +101,17 @@ proc wires {} { return [circuit.t cget -wires] }
 # The wires as the picture shows them, sent or not.
 proc wanted {} { return [sorma::circuitText text [.t.w graph]] }
 proc top {} { return [lindex [.t.w.head.say says] 1] }
+# What is wrong with the tools in the head: those that are cut, or narrower than they ask for, and what overlaps.
+proc headFaults {} {
+    set head .t.w.head
+    set right [expr {[winfo rootx $head] + [winfo width $head]}]
+    set bottom [expr {[winfo rooty $head] + [winfo height $head]}]
+    set bad [overlaps [placed $head]]
+    foreach tool [winfo children $head.tools] {
+        if {[winfo class $tool] ni {Menu TFrame} && ([winfo width $tool] < [winfo reqwidth $tool] || [winfo rootx $tool] + [winfo width $tool] > $right
+                || [winfo rooty $tool] + [winfo height $tool] > $bottom)} {
+            lappend bad "[winfo name $tool] is cut"
+        }
+    }
+    return $bad
+}
