@@ -9,8 +9,10 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <fstream>
+#include <thread>
 #include <vector>
 
 #include "bus/catalogue.h"
@@ -106,10 +108,19 @@ Address lookUp(const Address& address) { return place(address).target; }
 
 bool leadsTo(const Address& address, const ListeningSocket& socket) { return !socket.path.empty() && place(address).target.host == socket.path; }
 
+// Between bind and listen a daemon looks dead, but it has the lock on its folder until it listens. Returns as connect does.
+int reach(const std::string& path, int fd) {
+    if (at(path, connect, fd) == 0) return 0;
+    if (errno != ECONNREFUSED) return -1;
+    const Descriptor lock(open(path.substr(0, path.rfind('/') + 1).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    for (int ms = 0; ms < 50 && lock && flock(lock.get(), LOCK_SH | LOCK_NB) < 0; ++ms) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    return at(path, connect, fd);
+}
+
 Line begin(const Address& address, const std::string& who) {
     const std::string path = where(address);
     Descriptor s = newSocket(AF_UNIX);
-    if (!s || at(path, connect, s.get()) < 0) {
+    if (!s || reach(path, s.get()) < 0) {
         if (errno == ENOENT && isAlias(address)) fail(errors::kUnresolved, who, nobodyListens(address.host, path));
         failConnect(who, path, errno);
     }
