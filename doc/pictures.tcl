@@ -226,6 +226,7 @@ proc pictures::Ready name {
                 gain.valve.out      -> integrator.tank.in
                 integrator.tank.out -> level
             }
+            sum.error@pictures CTRL -signs +-
             circuit.level@pictures EXEC FMSG 1 1.5
             until {[.w value 0] eq "1.5 m" && "sum" in [.w palette classes]}
         }

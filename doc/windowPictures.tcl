@@ -96,6 +96,7 @@ proc windowPictures::Prepare {} {
     variable Wires
     foo.cell@pictures CTRL -where garden -tempo presto -breakfast -freshJuice
     circuit.level@pictures CTRL -inputs {target 1 m} -period 0.1 -wires $Wires
+    sum.error@pictures CTRL -signs +-
     circuit.level@pictures EXEC FMSG 1 1.5
     plant.all@pictures CTRL -dump
     arm.left@pictures CTRL -force 33
