@@ -90,6 +90,7 @@ snit::widget ::sorma::circuitEditor {
         pack $scene -fill both -expand 1
         if {$options(-state) eq "normal"} {
             $win.panes add $palette -weight 0
+            bind $win.panes <Configure> [list ::sorma::circuitEditor::Narrow $win.panes]
         }
         $win.panes add $win.panes.picture -weight 1
         pack $win.head -fill x -padx $pad -pady $pad
@@ -103,10 +104,11 @@ snit::widget ::sorma::circuitEditor {
         set listener [$subject listen [mymethod Told]]
         $self Refresh
     }
-    # The picture gets the room.
+    # The picture gets the room, as soon as there is some.
     proc Narrow panes {
-        if {[winfo exists $panes]} {
+        if {[winfo width $panes] > [::sorma::style pixels 340]} {
             $panes sashpos 0 [::sorma::style pixels 170]
+            bind $panes <Configure> {}
         }
     }
     # Title, state, buttons; then what is wrong.
@@ -206,9 +208,6 @@ snit::widget ::sorma::circuitEditor {
 
     # Values are asked for while the picture can be seen.
     method Begin {} {
-        if {$token eq {} && $subject ne {} && $palette in [$win.panes panes]} {
-            after idle [list ::sorma::circuitEditor::Narrow $win.panes]
-        }
         if {$token eq {} && $subject ne {}} {
             set token [$subject value {DBX -live} $options(-every) [list ::sorma::parts::answer [mymethod Valued]]]
             $self StartProbes
