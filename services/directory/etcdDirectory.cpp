@@ -80,11 +80,13 @@ EtcdDirectory::Settings EtcdDirectory::Settings::of(const std::vector<std::strin
     return out;
 }
 
-EtcdDirectory::EtcdDirectory(sorma::Loop& loop, Settings settings) : settings_(std::move(settings)), http_(loop, settings_.keys), alarms_(loop) {}
+EtcdDirectory::EtcdDirectory(sorma::Loop& loop, Settings settings) : settings_(std::move(settings)), http_(loop, settings_.keys), alarms_(loop),
+      lease_(std::make_unique<Lease>(*this, settings_.lease * 1000 * kMillisecond)) {}
 
 EtcdDirectory::~EtcdDirectory() {
     changed = nullptr;
-    while (!leases_.empty()) release(std::string(leases_.begin()->first));
+    lease_->revoke();
+    giveBack({});
 }
 
 std::string EtcdDirectory::describe() const {
@@ -165,12 +167,17 @@ std::string EtcdDirectory::range() const {
     return "\"key\":" + base64(settings_.prefix + "/") + ",\"range_end\":" + base64(settings_.prefix + "0");      // 0 comes after /
 }
 
-sorma::Directory::Entry EtcdDirectory::entryOf(const std::string& name, const Json& pair, std::string* mark) {
+sorma::Directory::Entry EtcdDirectory::entryOf(const std::string& name, const Json& pair) {
     const Json value = Json::parse(plain(pair["value"].text()));
     Entry entry{name, value["identity"].text(), value["machine"].text(), {}, pair["create_revision"].number()};
     for (auto& address : value["addresses"].items()) entry.addresses.push_back(address.text());
-    if (mark) *mark = value["mark"].text();
     return entry;
+}
+
+std::string EtcdDirectory::valueOf(const Entry& entry) {
+    std::string addresses;
+    for (auto& address : entry.addresses) addresses += (addresses.empty() ? "" : ",") + quoted(address);
+    return "{\"identity\":" + quoted(entry.identity) + ",\"machine\":" + quoted(entry.machine) + ",\"addresses\":[" + addresses + "]}";
 }
 
 void EtcdDirectory::read() {
@@ -182,22 +189,26 @@ void EtcdDirectory::read() {
         reading_ = 0;
         if (!reply.why.empty()) return failed(reply.why);
         const std::int64_t revision = reply.json["header"]["revision"].number();
-        std::map<std::string, Entry> now;
-        for (auto& pair : reply.json["kvs"].items())
-            if (std::string key = plain(pair["key"].text()); key.size() > settings_.prefix.size()) {
-                key.erase(0, settings_.prefix.size() + 1);
-                now.emplace(key, entryOf(key, pair));
-            }
-        std::vector<std::string> gone;
-        for (auto& [name, entry] : names_)
-            if (!now.contains(name)) gone.push_back(name);
-        for (auto& name : gone) note(name, {}, revision);
-        for (auto& [name, entry] : now) note(name, std::move(entry), revision);
+        learn(reply.json, revision);
         const bool first = !std::exchange(read_, true);
         heard(asked);
         watch(revision + 1);
         if (first) tell({});
     });
+}
+
+void EtcdDirectory::learn(const Json& range, std::int64_t revision) {
+    std::map<std::string, Json> now;
+    for (auto& pair : range["kvs"].items())
+        if (std::string key = plain(pair["key"].text()); key.size() > settings_.prefix.size()) {
+            key.erase(0, settings_.prefix.size() + 1);
+            now.emplace(key, pair);
+        }
+    std::vector<std::string> gone;
+    for (auto& [name, entry] : names_)
+        if (!now.contains(name)) gone.push_back(name);
+    for (auto& name : gone) note(name, {}, 0, revision);
+    for (auto& [name, pair] : now) note(name, entryOf(name, pair), pair["lease"].number(), revision);
 }
 
 void EtcdDirectory::watch(std::int64_t revision) {
@@ -219,17 +230,17 @@ void EtcdDirectory::take(std::string_view line) {
         std::string name = plain(pair["key"].text());
         if (name.size() <= settings_.prefix.size()) continue;
         name.erase(0, settings_.prefix.size() + 1);
-        note(name, event["type"].text() == "DELETE" ? Entry{} : entryOf(name, pair), pair["mod_revision"].number());
+        note(name, event["type"].text() == "DELETE" ? Entry{} : entryOf(name, pair), pair["lease"].number(), pair["mod_revision"].number());
     }
 }
 
-void EtcdDirectory::note(const std::string& name, Entry entry, std::int64_t revision) {
+void EtcdDirectory::note(const std::string& name, Entry entry, std::int64_t lease, std::int64_t revision) {
     const auto known = names_.find(name);
     const bool other = known == names_.end() ? entry.epoch != 0 : known->second.epoch != entry.epoch;
     const std::int64_t epoch = entry.epoch;
     if (epoch == 0 && known != names_.end()) names_.erase(known);
     else if (epoch != 0) names_[name] = std::move(entry);
-    if (const auto lease = leases_.find(name); lease != leases_.end()) lease->second->seen(epoch, revision);
+    lease_->seen(name, epoch, lease, revision);
     if (other) tell(name);
 }
 
@@ -237,7 +248,7 @@ void EtcdDirectory::owned(Entry entry, std::int64_t epoch) {
     if (heardAt_ == 0) heardAt_ = sorma::monotonicNow();
     entry.epoch = epoch;
     const std::string name = entry.name;
-    note(name, std::move(entry), epoch);
+    note(name, std::move(entry), 0, epoch);
 }
 
 // A daemon that has just come may be ahead of the watch.
@@ -252,7 +263,7 @@ void EtcdDirectory::confirm(const std::string& name) {
         if (!reply.why.empty()) return failed(reply.why);
         doubt.answered = sorma::monotonicNow();
         const auto& pairs = reply.json["kvs"].items();
-        if (!pairs.empty()) note(name, entryOf(name, pairs.front()), reply.json["header"]["revision"].number());
+        if (!pairs.empty()) note(name, entryOf(name, pairs.front()), pairs.front()["lease"].number(), reply.json["header"]["revision"].number());
         tell(name);
     });
 }
@@ -322,23 +333,18 @@ std::vector<sorma::Directory::Entry> EtcdDirectory::entries() {
 
 void EtcdDirectory::claim(const Entry& wanted) {
     begin();
-    leases_.erase(wanted.name);
-    leases_.emplace(wanted.name, std::make_unique<Lease>(*this, wanted, settings_.lease * 1000 * kMillisecond));
+    lease_->claim(wanted);
 }
 
-sorma::Directory::Claim EtcdDirectory::claimed(const std::string& name) {
-    const auto found = leases_.find(name);
-    return found == leases_.end() ? Claim{} : found->second->claim();
-}
+sorma::Directory::Claim EtcdDirectory::claimed(const std::string& name) { return lease_->claimed(name); }
 
 void EtcdDirectory::release(const std::string& name) {
-    const auto found = leases_.find(name);
-    if (found == leases_.end()) return;
-    const auto lease = std::move(found->second);
-    leases_.erase(found);
-    bool done = false;
-    lease->revoke([&done] { done = true; });
-    for (const auto deadline = sorma::Deadline::in(500); !done && !deadline.passed();) wait(deadline.when());
+    lease_->release(name);
+    giveBack(name);
+}
+
+void EtcdDirectory::giveBack(const std::string& name) {
+    for (const auto deadline = sorma::Deadline::in(500); lease_->gives(name) && !deadline.passed();) wait(deadline.when());
 }
 
 std::unique_ptr<sorma::Directory> row(sorma::Sorm&, sorma::Loop& loop, const std::vector<std::string>& words) {

@@ -3,8 +3,8 @@
 //     @directory  etcd:http://h1:2379,http://h2:2379  ?-prefix lab?  ?-user NAME -password FILE?
 //                 ?-authority FILE?  ?-certificate FILE -key FILE?  ?-lease SECONDS?
 //
-// Each name is the key PREFIX/NAME. Its value is a JSON object with identity, machine, addresses and a random number. The key has the lease of its
-// owner, so that etcd removes it when that does not renew it. The epoch is the revision of the cluster in which the key was made.
+// Each name is the key PREFIX/NAME. Its value is a JSON object with identity, machine and addresses. The key has the lease of the process
+// that owns it, so that etcd removes it when that does not renew it. The epoch is the revision of the cluster in which the key was made.
 //
 // There is one watch for all names, from which find() answers at once. A question with a quorum behind it shows every few seconds whether
 // the answers are still true. A server that was cut off, or is stopped, does not answer it. Then the next server is asked.
@@ -55,14 +55,15 @@ public:
     bool told() override { return begin(), read_; }
     void wait(std::int64_t until) override;
 
-    // ---- for leases ----
+    // ---- for the lease ----
     // Ask the present server; when it does not answer, the next one is the present one from then on. milliseconds: for the answer.
     // Nothing is called after end().
     using Number = std::uint64_t;
     Number ask(const std::string& path, std::string body, long milliseconds, Replied replied);
     void end(Number& number);
     std::string key(const std::string& name) const { return settings_.prefix + "/" + name; }
-    static Entry entryOf(const std::string& name, const Json& pair, std::string* mark = nullptr);
+    static Entry entryOf(const std::string& name, const Json& pair);
+    static std::string valueOf(const Entry& entry);
     void tell(const std::string& name) {
         if (changed) changed(name);
     }
@@ -87,8 +88,10 @@ private:
     void read();                                    // all names, then watch what changes after that
     void watch(std::int64_t revision);
     void take(std::string_view line);
-    void note(const std::string& name, Entry entry, std::int64_t revision);
+    void note(const std::string& name, Entry entry, std::int64_t lease, std::int64_t revision);
     void confirm(const std::string& name);          // that nobody has it
+    void learn(const Json& range, std::int64_t revision);      // all names there are
+    void giveBack(const std::string& name);         // waits
     void probe();
     void heard(std::int64_t asked);
     void failed(const std::string& why);
@@ -110,7 +113,7 @@ private:
         std::int64_t answered = 0;                  // [ns]; 0: not yet
     };
     std::map<std::string, Doubt> doubts_;           // names that nobody has, as far as we know
-    std::map<std::string, std::unique_ptr<Lease>> leases_;
+    std::unique_ptr<Lease> lease_;                  // of this process, with the names that it claims
     bool begun_ = false, read_ = false;             // read_: names_ is what it once said
     std::int64_t heardAt_ = 0;                      // [ns] when the last question was sent that a quorum has answered
     std::size_t failures_ = 0;                      // in a row
