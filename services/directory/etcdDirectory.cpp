@@ -271,7 +271,7 @@ void EtcdDirectory::confirm(const std::string& name) {
 void EtcdDirectory::probe() {
     const std::int64_t asked = sorma::monotonicNow();
     end(probing_);
-    probing_ = ask("kv/range", "{" + range() + ",\"count_only\":true}", kPatience, [this, asked](const Reply& reply) {
+    probing_ = ask("kv/range", "{\"key\":" + base64(key({})) + ",\"count_only\":true}", kPatience, [this, asked](const Reply& reply) {
         probing_ = 0;
         if (reply.why.empty()) heard(asked);
         else failed(reply.why);
