@@ -224,7 +224,10 @@ void EtcdDirectory::watch(std::int64_t revision) {
 void EtcdDirectory::take(std::string_view line) {
     const Json json = Json::parse(line);
     const Json& result = json["result"];
-    if (!result["canceled"].empty() || !json["error"].empty()) return failed("it has cancelled the watch");
+    if (!result["canceled"].empty() || !json["error"].empty()) {
+        http_.end(std::exchange(watching_, 0));
+        return failed("it has cancelled the watch");
+    }
     for (auto& event : result["events"].items()) {
         const Json& pair = event["kv"];
         std::string name = plain(pair["key"].text());
@@ -273,8 +276,8 @@ void EtcdDirectory::probe() {
     end(probing_);
     probing_ = ask("kv/range", "{\"key\":" + base64(key({})) + ",\"count_only\":true}", kPatience, [this, asked](const Reply& reply) {
         probing_ = 0;
-        if (reply.why.empty()) heard(asked);
-        else failed(reply.why);
+        if (!reply.why.empty()) failed(reply.why);
+        else if (watching_ != 0) heard(asked);          // else all names are read again soon
     });
 }
 
