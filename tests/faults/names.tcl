@@ -34,10 +34,9 @@ proc claimAll {pipe number} {
         ask $pipe claim daemon.$number.$i root@host[pid $pipe] /tmp/nowhere.sock
     }
 }
+# By turns: a process whose news nobody reads stands still.
 proc knowAll pipes {
-    foreach pipe $pipes {
-        waitFor {[llength [ask $pipe entries]] == $::names} 120000
-    }
+    waitFor {[set pipes [lmap pipe $pipes {if {[llength [ask $pipe entries]] == $::names} continue; set pipe}]] eq {}} 120000
 }
 # Processor time of processes [s].
 proc spent pids {
