@@ -21,6 +21,8 @@ constexpr std::int64_t kProbe = 2'000 * kMillisecond;       // [ns] between ques
 constexpr std::int64_t kLastPause = 2'000 * kMillisecond;   // [ns] between attempts, at most
 constexpr std::int64_t kConfirmed = 100 * kMillisecond;     // [ns] nobody has a name: for so long after that was heard
 constexpr std::int64_t kStale = 2 * kProbe;                 // [ns] after that nobody has moved the loop
+constexpr std::int64_t kKeep = 10'000 * kMillisecond;       // [ns] between looks whether the cache is still true, at most
+constexpr std::int64_t kKeepAtMost = 60'000'000;            // [us] that it says so without being written again
 constexpr long kPatience = 1500;                            // [ms] for an answer
 constexpr std::size_t kMostDoubts = 1000;
 
@@ -81,7 +83,7 @@ EtcdDirectory::Settings EtcdDirectory::Settings::of(const std::vector<std::strin
 }
 
 EtcdDirectory::EtcdDirectory(sorma::Loop& loop, Settings settings) : settings_(std::move(settings)), http_(loop, settings_.keys), alarms_(loop),
-      lease_(std::make_unique<Lease>(*this, settings_.lease * 1000 * kMillisecond)) {}
+      lease_(std::make_unique<Lease>(*this, settings_.lease * 1000 * kMillisecond)), cache_(describe() + " " + settings_.user) {}
 
 EtcdDirectory::~EtcdDirectory() {
     changed = nullptr;
@@ -193,6 +195,7 @@ void EtcdDirectory::read() {
         const bool first = !std::exchange(read_, true);
         heard(asked);
         watch(revision + 1);
+        keep();
         if (first) tell({});
     });
 }
@@ -209,6 +212,27 @@ void EtcdDirectory::learn(const Json& range, std::int64_t revision) {
         if (!now.contains(name)) gone.push_back(name);
     for (auto& name : gone) note(name, {}, 0, revision);
     for (auto& [name, pair] : now) note(name, entryOf(name, pair), pair["lease"].number(), revision);
+    revision_ = revision;
+}
+
+// One of many processes writes what has changed; and from time to time, that it is still true.
+void EtcdDirectory::keep() {
+    alarms_.set(keep_, jitter(kKeep), [this] { keep(); });
+    const std::int64_t now = sorma::wallNow();
+    const Cache::Head head = cache_.read();
+    if (!fresh() || (head.revision == revision_ && now - head.heard < kKeepAtMost)) return;
+    std::string pairs;
+    for (auto& [name, entry] : names_)
+        pairs += (pairs.empty() ? "" : ",") + ("{\"key\":" + base64(key(name))) + ",\"value\":" + base64(valueOf(entry)) + ",\"create_revision\":\"" + std::to_string(entry.epoch) + "\"}";
+    cache_.write({revision_, now}, "{\"kvs\":[" + pairs + "]}");
+}
+
+void EtcdDirectory::recall() {
+    std::string json;
+    const Cache::Head head = cache_.read(&json);
+    if (head.revision == 0) return;
+    learn(Json::parse(json), head.revision);
+    heardAt_ = sorma::monotonicNow() - std::max<std::int64_t>(sorma::wallNow() - head.heard, 1) * 1000;
 }
 
 void EtcdDirectory::watch(std::int64_t revision) {
@@ -233,6 +257,7 @@ void EtcdDirectory::take(std::string_view line) {
         std::string name = plain(pair["key"].text());
         if (name.size() <= settings_.prefix.size()) continue;
         name.erase(0, settings_.prefix.size() + 1);
+        revision_ = std::max(revision_, pair["mod_revision"].number());
         note(name, event["type"].text() == "DELETE" ? Entry{} : entryOf(name, pair), pair["lease"].number(), pair["mod_revision"].number());
     }
 }
@@ -293,6 +318,7 @@ void EtcdDirectory::failed(const std::string& why) {
     const std::size_t rounds = ++failures_ / settings_.servers.size();
     const std::int64_t pause = rounds == 0 ? 0 : jitter(std::min(kLastPause, 20 * kMillisecond << std::min<std::size_t>(rounds, 10)));
     alarms_.set(next_, pause, [this] { read(); });
+    if (rounds == 1 && revision_ == 0 && names_.empty()) recall();
     if (rounds == 1) tell({});
 }
 

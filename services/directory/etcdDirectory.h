@@ -7,7 +7,8 @@
 // that owns it, so that etcd removes it when that does not renew it. The epoch is the revision of the cluster in which the key was made.
 //
 // There is one watch for all names, from which find() answers at once. A question with a quorum behind it shows every few seconds whether
-// the answers are still true. A server that was cut off, or is stopped, does not answer it. Then the next server is asked.
+// the answers are still true. A server that was cut off, or is stopped, does not answer it. Then the next server is asked. A process that has not
+// heard any of them finds what others have heard before in the cache.
 //
 // Threads: the SORM's.
 #pragma once
@@ -19,6 +20,7 @@
 
 #include "bus/deadline.h"
 #include "alarms.h"
+#include "cache.h"
 #include "comm/directory.h"
 #include "http.h"
 #include "json.h"
@@ -52,7 +54,7 @@ public:
     void release(const std::string& name) override;
     Found find(const std::string& name) override;
     std::vector<Entry> entries() override;
-    bool told() override { return begin(), read_; }
+    bool told() override { return begin(), revision_ != 0; }
     void wait(std::int64_t until) override;
 
     // ---- for the lease ----
@@ -91,6 +93,8 @@ private:
     void note(const std::string& name, Entry entry, std::int64_t lease, std::int64_t revision);
     void confirm(const std::string& name);          // that nobody has it
     void learn(const Json& range, std::int64_t revision);      // all names there are
+    void keep();                                    // what is known, for processes that begin while it is away
+    void recall();
     void giveBack(const std::string& name);         // waits
     void probe();
     void heard(std::int64_t asked);
@@ -114,11 +118,14 @@ private:
     };
     std::map<std::string, Doubt> doubts_;           // names that nobody has, as far as we know
     std::unique_ptr<Lease> lease_;                  // of this process, with the names that it claims
+    const Cache cache_;
+    std::int64_t revision_ = 0;                     // of the latest news
     bool begun_ = false, read_ = false;             // read_: names_ is what it once said
     std::int64_t heardAt_ = 0;                      // [ns] when the last question was sent that a quorum has answered
     std::size_t failures_ = 0;                      // in a row
     std::string why_;                               // of the last one
     Alarms::Number next_ = 0;                       // question
+    Alarms::Number keep_ = 0;
 };
 
 std::unique_ptr<sorma::Directory> row(sorma::Sorm& sorm, sorma::Loop& loop, const std::vector<std::string>& words);

@@ -9,6 +9,7 @@
 # signal PROCESS NAME
 # leaveAll
 # epoch ANSWER                  of one that says owned
+# cacheFiles                    in which they keep what etcd has said
 
 source [file join $supportFolder otherHosts.tcl]
 
@@ -60,4 +61,7 @@ proc leaveAll {} {
 }
 proc epoch said {
     return [lindex $said 1]
+}
+proc cacheFiles {} {
+    return [glob -nocomplain -directory $::env(SORMA_RUNTIME_DIR) directory-*.cache]
 }
