@@ -18,6 +18,10 @@ proc http::say {host port bytes} {
     set channel [socket $host $port]
     fconfigure $channel -translation binary -buffering none
     try {
+        # While nobody listens there yet, the kernel may choose that very port for us: then we are at both ends.
+        if {[fconfigure $channel -sockname] eq [fconfigure $channel -peername]} {
+            error "nobody listens at $host:$port"
+        }
         puts -nonewline $channel $bytes
         return [read $channel]
     } finally {
