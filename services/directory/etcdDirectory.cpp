@@ -87,8 +87,7 @@ EtcdDirectory::EtcdDirectory(sorma::Loop& loop, Settings settings) : settings_(s
 
 EtcdDirectory::~EtcdDirectory() {
     changed = nullptr;
-    lease_->revoke();
-    giveBack({});
+    release(lease_->names());
 }
 
 std::string EtcdDirectory::describe() const {
@@ -367,13 +366,9 @@ void EtcdDirectory::claim(const Entry& wanted) {
 
 sorma::Directory::Claim EtcdDirectory::claimed(const std::string& name) { return lease_->claimed(name); }
 
-void EtcdDirectory::release(const std::string& name) {
-    lease_->release(name);
-    giveBack(name);
-}
-
-void EtcdDirectory::giveBack(const std::string& name) {
-    for (const auto deadline = sorma::Deadline::in(500); lease_->gives(name) && !deadline.passed();) wait(deadline.when());
+void EtcdDirectory::release(const std::vector<std::string>& names) {
+    lease_->release(names);
+    for (const auto deadline = sorma::Deadline::in(500); lease_->gives() && !deadline.passed();) wait(deadline.when());
 }
 
 std::unique_ptr<sorma::Directory> row(sorma::Sorm&, sorma::Loop& loop, const std::vector<std::string>& words) {

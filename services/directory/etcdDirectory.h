@@ -51,7 +51,7 @@ public:
     std::string describe() const override;
     void claim(const Entry& wanted) override;
     Claim claimed(const std::string& name) override;
-    void release(const std::string& name) override;
+    void release(const std::vector<std::string>& names) override;
     Found find(const std::string& name) override;
     std::vector<Entry> entries() override;
     bool told() override { return begin(), revision_ != 0; }
@@ -95,7 +95,6 @@ private:
     void learn(const Json& range, std::int64_t revision);      // all names there are
     void keep();                                    // what is known, for processes that begin while it is away
     void recall();
-    void giveBack(const std::string& name);         // waits
     void probe();
     void heard(std::int64_t asked);
     void failed(const std::string& why);

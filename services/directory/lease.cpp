@@ -27,10 +27,10 @@ void Lease::forget() {
     names_.clear();
 }
 
-std::vector<std::string> Lease::namesThat(State are) const {
+std::vector<std::string> Lease::namesThat(bool (*are)(const Name& own)) const {
     std::vector<std::string> out;
     for (auto& [name, own] : names_)
-        if (own.state == are) out.push_back(name);
+        if (are(own)) out.push_back(name);
     return out;
 }
 
@@ -52,18 +52,20 @@ Lease::Claim Lease::claimed(const std::string& name) const {
     return {State::owned, own.epoch, renewed_, until_, {}};
 }
 
-void Lease::release(const std::string& name) {
-    const auto found = names_.find(name);
-    if (found == names_.end()) return;
-    Name& own = found->second;
-    own.due = own.remove = own.released = true;
-    if (std::all_of(names_.begin(), names_.end(), [](auto& item) { return item.second.released; })) revoke();
+std::vector<std::string> Lease::names() const {
+    return namesThat([](const Name& own) { return !own.released; });
+}
+
+void Lease::release(const std::vector<std::string>& names) {
+    for (auto& name : names)
+        if (const auto found = names_.find(name); found != names_.end()) found->second.due = found->second.remove = found->second.released = true;
+    if (names_.empty()) return;
+    if (Lease::names().empty()) revoke();
     else next();
 }
 
-bool Lease::gives(const std::string& name) const {
-    const auto found = names_.find(name);
-    return found == names_.end() ? revoking_ != 0 : found->second.released;
+bool Lease::gives() const {
+    return revoking_ != 0 || std::any_of(names_.begin(), names_.end(), [](auto& item) { return item.second.released; });
 }
 
 // A question that is still on its way can put nothing after that.
@@ -98,7 +100,7 @@ void Lease::renew() {
 
 void Lease::renewed(std::int64_t asked, const EtcdDirectory::Reply& reply) {
     if (!reply.why.empty()) {
-        for (auto& name : namesThat(State::asking)) become(name, State::asking, reply.why);
+        for (auto& name : namesThat([](const Name& own) { return own.state == State::asking; })) become(name, State::asking, reply.why);
         return directory_.alarms().set(renewal_, directory_.jitter(timeToLive_ / 20), [this] { renew(); });
     }
     const Json lease = id_ == 0 ? reply.json : reply.json["result"];
@@ -122,7 +124,7 @@ void Lease::renewed(std::int64_t asked, const EtcdDirectory::Reply& reply) {
 }
 
 void Lease::lose(const std::string& why) {
-    for (auto& name : namesThat(State::owned)) become(name, State::lost, why);
+    for (auto& name : namesThat([](const Name& own) { return own.state == State::owned; })) become(name, State::lost, why);
 }
 
 // ---- its keys ----

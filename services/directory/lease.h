@@ -31,10 +31,10 @@ public:
 
     void claim(const sorma::Directory::Entry& wanted);
     Claim claimed(const std::string& name) const;                   // at this moment
-    // Give a name back. It goes on when the server does not answer.
-    void release(const std::string& name);
-    bool gives(const std::string& name) const;                      // it has not heard that yet
-    void revoke();                                                  // give all names back
+    std::vector<std::string> names() const;
+    // Give names back. It goes on when the server does not answer.
+    void release(const std::vector<std::string>& names);
+    bool gives() const;                                             // there are some of which it has not heard that yet
     // The directory says whose the name is at a revision: the epoch of its owner, and the lease of the key; 0: nobody's.
     void seen(const std::string& name, std::int64_t epoch, std::int64_t lease, std::int64_t revision);
 
@@ -50,7 +50,8 @@ private:
     };
 
     void forget();
-    std::vector<std::string> namesThat(Claim::State are) const;
+    void revoke();
+    std::vector<std::string> namesThat(bool (*are)(const Name& own)) const;
     void become(const std::string& name, Claim::State state, const std::string& why);
     void renew();
     void renewed(std::int64_t asked, const EtcdDirectory::Reply& reply);

@@ -106,9 +106,7 @@ attack {
         set begun [clock milliseconds]
         for {set i 0} {$i < $processes} {incr i} {
             set pipe [lindex $pipes $i]
-            for {set k 0} {$k < $each} {incr k} {
-                ask $pipe release daemon.$i.$k
-            }
+            ask $pipe release {*}[lmap k [lsearch -all [lrepeat $each x] x] {string cat daemon.$i.$k}]
             ask $pipe turns
             set clients [expr {$clients + [spent [pid $pipe]]}]
             catch {close $pipe}         ;# it may have news to tell
