@@ -24,6 +24,8 @@ constexpr std::int64_t kStale = 2 * kProbe;                 // [ns] after that n
 constexpr std::int64_t kKeep = 10'000 * kMillisecond;       // [ns] between looks whether the cache is still true, at most
 constexpr std::int64_t kKeepAtMost = 60'000'000;            // [us] that it says so without being written again
 constexpr long kPatience = 1500;                            // [ms] for an answer
+// To check a password takes etcd 50 ms of a processor, also for a client that waits no more. After its start all clients log in at once.
+constexpr long kLogIn = 15'000;                             // [ms] for the answer
 constexpr std::size_t kMostDoubts = 1000;
 
 const Prototype kWord{Severity::error, "DIRECTORY SYNTAX", 1,
@@ -117,6 +119,7 @@ void EtcdDirectory::end(Number& number) {
 
 void EtcdDirectory::post(Number number) {
     Question& question = questions_.at(number);
+    question.token = token_;
     question.request = http_.post(settings_.servers[server_] + "/v3/" + question.path, token_, question.body, question.milliseconds,
                                   [this, number, server = server_](Http::Answer answer) { answered(number, server, std::move(answer)); });
 }
@@ -124,7 +127,7 @@ void EtcdDirectory::post(Number number) {
 void EtcdDirectory::logIn() {
     if (loggingIn_ != 0) return;
     loggingIn_ = http_.post(settings_.servers[server_] + "/v3/auth/authenticate", {},
-                            "{\"name\":" + quoted(settings_.user) + ",\"password\":" + quoted(settings_.password) + "}", kPatience,
+                            "{\"name\":" + quoted(settings_.user) + ",\"password\":" + quoted(settings_.password) + "}", kLogIn,
                             [this, server = server_](Http::Answer answer) {
                                 loggingIn_ = 0;
                                 if (answer.status == 200) token_ = Json::parse(answer.body)["token"].text();
@@ -142,7 +145,7 @@ void EtcdDirectory::logIn() {
 void EtcdDirectory::answered(Number number, std::size_t server, Http::Answer answer) {
     const auto found = questions_.find(number);
     if (found == questions_.end()) return;
-    const Question question = std::move(found->second);
+    Question question = std::move(found->second);
     questions_.erase(found);
     Reply reply;
     reply.json = Json::parse(answer.body);
@@ -155,7 +158,14 @@ void EtcdDirectory::answered(Number number, std::size_t server, Http::Answer ans
     else if (answer.status != 200 && !reply.json["message"].empty()) reply.why = reply.json["message"].text();     // etcd 3.5
     else if (answer.status != 200) reply.why = "it answers with HTTP status " + std::to_string(answer.status);
     else if (reply.json.empty()) reply.why = "its answer is no JSON: is it etcd?";
-    if (code == kUnknownUser || answer.status == 401) token_.clear();
+    if ((code == kUnknownUser || answer.status == 401) && !settings_.user.empty()) {
+        if (question.token == token_) token_.clear();
+        if (!std::exchange(question.again, true)) {
+            question.request = 0;
+            questions_.emplace(number, std::move(question));
+            return token_.empty() ? logIn() : post(number);
+        }
+    }
     reply.heard = !silent && !reply.why.empty() && code != kLate && code != kUnavailable && code != kUnknownUser;
     if (!reply.why.empty()) reply.why = settings_.servers[server] + ": " + reply.why;
     if (!reply.why.empty() && !reply.heard && server == server_) server_ = (server_ + 1) % settings_.servers.size();

@@ -79,6 +79,8 @@ private:
         long milliseconds;
         Replied replied;
         Http::Number request = 0;                   // 0: it waits until the user has logged in
+        std::string token = {};                     // with which it was posted
+        bool again = false;                         // its token was refused once
     };
     void post(Number number);
     void answered(Number number, std::size_t server, Http::Answer answer);
