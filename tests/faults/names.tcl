@@ -79,7 +79,7 @@ attack {
             ask $pipe turns
             set news($pipe) {}
         }
-        set value [binary encode base64 {{"identity":"root@elsewhere","machine":"none","mark":"1","addresses":["/tmp/nowhere.sock"]}}]
+        set value [binary encode base64 {{"identity":"root@elsewhere","machine":"none","addresses":["/tmp/nowhere.sock"]}}]
         lassign [dict get $server ports] port
         for {set i 0} {$i < 100} {incr i} {
             set written($i) [clock microseconds]
