@@ -3,8 +3,8 @@
 //     @directory  etcd:http://h1:2379,http://h2:2379  ?-prefix lab?  ?-user NAME -password FILE?
 //                 ?-authority FILE?  ?-certificate FILE -key FILE?  ?-lease SECONDS?
 //
-// Each name is the key PREFIX/NAME. Its value is a JSON object with identity, machine and addresses. The key has the lease of the process
-// that owns it, so that etcd removes it when that does not renew it. The epoch is the revision of the cluster in which the key was made.
+// Each name is the key PREFIX/NAME. Its value is a JSON object with identity, machine and addresses. The key has the lease of its
+// process: etcd removes it when the process does not renew the lease. The epoch is the revision of the cluster in which the key was made.
 //
 // There is one watch for all names, from which find() answers at once. A question with a quorum behind it shows every few seconds whether
 // the answers are still true. A server that was cut off, or is stopped, does not answer it. Then the next server is asked. A process that has not
