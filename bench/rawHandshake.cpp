@@ -29,7 +29,6 @@ Context makeContext(const std::string& own, const std::string& authority) {
     SSL_CTX_set_mode(c, SSL_MODE_NO_AUTO_CHAIN);
     SSL_CTX_set_verify(c, SSL_VERIFY_PEER | SSL_VERIFY_FAIL_IF_NO_PEER_CERT, nullptr);
     SSL_CTX_set_session_id_context(c, reinterpret_cast<const unsigned char*>("raw"), 3);
-    SSL_CTX_set_session_cache_mode(c, SSL_SESS_CACHE_CLIENT | SSL_SESS_CACHE_NO_INTERNAL_STORE);
     SSL_CTX_set_num_tickets(c, 1);
     demand(SSL_CTX_use_certificate_chain_file(c, own.c_str()) == 1 && SSL_CTX_use_PrivateKey_file(c, own.c_str(), SSL_FILETYPE_PEM) == 1, "no key");
     demand(SSL_CTX_load_verify_file(c, authority.c_str()) == 1, "no authority");
@@ -62,6 +61,9 @@ struct RawHandshake::Ends {
 
 RawHandshake::RawHandshake(const std::string& own, const std::string& authority) : ends_(std::make_unique<Ends>()) {
     ends_->client = makeContext(own, authority), ends_->server = makeContext(own, authority);
+    SSL_CTX_set_session_cache_mode(ends_->client.get(), SSL_SESS_CACHE_CLIENT | SSL_SESS_CACHE_NO_INTERNAL_STORE);
+    SSL_CTX_set_options(ends_->server.get(), SSL_OP_NO_TICKET);         // its sessions stay with it, as in comm/tls.cpp
+    SSL_CTX_set_session_cache_mode(ends_->server.get(), SSL_SESS_CACHE_SERVER), SSL_CTX_sess_set_cache_size(ends_->server.get(), 256);
     SSL_CTX_sess_set_new_cb(ends_->client.get(), [](SSL* ssl, SSL_SESSION* session) {
         static_cast<Ends*>(SSL_get_app_data(ssl))->ticket.reset(session);
         return 1;

@@ -113,7 +113,8 @@ Line begin(const Address& address, const std::string& who) {
     auto attempt = std::make_unique<Attempt>();
     attempt->where = address.host + ":" + std::to_string(port);
     const std::string host = bare(address.host), number = std::to_string(port);
-    int code = infoOf(host, number, AI_ADDRCONFIG, attempt->list);
+    int code = infoOf(host, number, AI_NUMERICHOST, attempt->list);     // does not ask which interfaces there are
+    if (code != 0) code = infoOf(host, number, AI_ADDRCONFIG, attempt->list);
     if (code != 0) code = infoOf(host, number, 0, attempt->list);       // without any interface but loopback, AI_ADDRCONFIG knows nothing
     if (code != 0) fail(kHost, who, address.host, gai_strerror(code));
     attempt->next = attempt->list.get();

@@ -21,13 +21,12 @@
 #include "comm/keys.h"
 #include "comm/tlsErrors.h"
 #include "comm/tlsProbe.h"
-
+#include "comm/tlsTickets.h"
 
 namespace sorma::tls {
 
 namespace {
 
-using Session = std::unique_ptr<SSL_SESSION, Freed<SSL_SESSION_free>>;
 using Context = std::unique_ptr<SSL_CTX, Freed<SSL_CTX_free>>;
 // A line may just end: its ticket stays good. OpenSSL would forget it for want of a last word; RFC 8446 asks for none.
 inline void end(SSL* ssl) { SSL_set_shutdown(ssl, SSL_SENT_SHUTDOWN), SSL_free(ssl); }
@@ -35,7 +34,6 @@ using Handle = std::unique_ptr<SSL, Freed<end>>;
 
 constexpr unsigned char kAlpn[] = {6, 's', 'u', 'n', 'r', 'p', 'c'};
 constexpr long kResumeTime = 3600;                      // [s] in which a client may resume
-constexpr std::size_t kMostSessions = 256;              // that a client keeps
 constexpr std::size_t kMostCertificates = 16 * 1024;    // [bytes] of the other end's chain
 
 // ---- keys, loaded ----
@@ -45,8 +43,7 @@ struct Keys {
     Context context;
     std::string own, stamp, authority;  // the name, stampOf(), fingerprint of our own authority
     Certificate certificate;
-    std::mutex mutex;
-    std::map<std::string, Session> sessions;    // a client's, by the daemon's name and address
+    Tickets tickets;
 
     std::string file() const { return keys::file(own + ".pem"); }
 };
@@ -69,8 +66,8 @@ int chooseAlpn(SSL*, const unsigned char** out, unsigned char* size, const unsig
                                                                                                                        : SSL_TLSEXT_ERR_ALERT_FATAL;
 }
 int keepSession(SSL* ssl, SSL_SESSION* session);
+SSL_SESSION* giveSession(SSL* ssl, const unsigned char* ticket, int size, int* shared);
 int writeTicket(SSL* ssl, void*);
-SSL_TICKET_RETURN readTicket(SSL* ssl, SSL_SESSION* session, const unsigned char*, std::size_t, SSL_TICKET_STATUS status, void*);
 
 KeysPointer load(const std::string& own, const std::string& who) {
     auto keys = std::make_shared<Keys>();
@@ -95,10 +92,10 @@ KeysPointer load(const std::string& own, const std::string& who) {
     SSL_CTX_set_verify_depth(c, 3), SSL_CTX_set_max_cert_list(c, kMostCertificates);
     SSL_CTX_set_alpn_protos(c, kAlpn, sizeof kAlpn);
     SSL_CTX_set_alpn_select_cb(c, chooseAlpn, nullptr);
-    SSL_CTX_set_session_cache_mode(c, SSL_SESS_CACHE_CLIENT | SSL_SESS_CACHE_NO_INTERNAL_STORE);
-    SSL_CTX_sess_set_new_cb(c, keepSession);
+    SSL_CTX_set_session_cache_mode(c, SSL_SESS_CACHE_BOTH | SSL_SESS_CACHE_NO_INTERNAL);
+    SSL_CTX_sess_set_new_cb(c, keepSession), SSL_CTX_sess_set_get_cb(c, giveSession);
     SSL_CTX_set_session_id_context(c, kAlpn, sizeof kAlpn);
-    SSL_CTX_set_session_ticket_cb(c, writeTicket, readTicket, nullptr);
+    SSL_CTX_set_session_ticket_cb(c, writeTicket, nullptr, nullptr);
     SSL_CTX_set_timeout(c, kResumeTime), SSL_CTX_set_num_tickets(c, 1);
     SSL_CTX_set_default_passwd_cb(c, noPassword);
     ERR_clear_error();
@@ -133,6 +130,7 @@ struct Secure : Line::Extra {
     std::string where;                  // a client's: the address, for messages and for resuming
     std::string other() const { return client ? where : "the client"; }      // in messages
     const Offer* offer = nullptr;       // a daemon's
+    Identity before;                    // a daemon's: who has connected, as TCP knows it
     std::unique_ptr<Extra> under;       // of TCP, while it connects
     std::string out;                    // in clear, and not yet taken
     KeysPointer keys;
@@ -209,13 +207,9 @@ void startHandshake(Secure& s) {
     SSL_set_app_data(s.ssl.get(), &s);
     if (s.client) {
         SSL_set_connect_state(s.ssl.get());
-        std::lock_guard lock(s.keys->mutex);
-        auto found = s.keys->sessions.find(s.name + ' ' + s.where);
-        if (found != s.keys->sessions.end()) {          // a ticket is used once, so that nobody sees that two connections are of one client
-            SSL_set_session(s.ssl.get(), found->second.get());
-            s.keys->sessions.erase(found);
-        }
+        if (const Session last = s.keys->tickets.take(s.name + ' ' + s.where)) SSL_set_session(s.ssl.get(), last.get());
     } else {
+        SSL_set_options(s.ssl.get(), SSL_OP_NO_TICKET);
         SSL_set_accept_state(s.ssl.get());
     }
     s.phase = Secure::Phase::handshake;
@@ -268,29 +262,30 @@ int verified(int good, X509_STORE_CTX* chain) {
 
 int keepSession(SSL* ssl, SSL_SESSION* session) {
     Secure& s = secureOf(ssl);
-    if (!s.client) return 0;
-    std::lock_guard lock(s.keys->mutex);
-    if (s.keys->sessions.size() >= kMostSessions) s.keys->sessions.clear();
-    s.keys->sessions[s.name + ' ' + s.where].reset(session);
+    unsigned size = 0;
+    const unsigned char* number = SSL_SESSION_get_id(session, &size);
+    if (s.client) s.keys->tickets.keep(s.name + ' ' + s.where, Session(session));
+    else s.keys->tickets.give({reinterpret_cast<const char*>(number), size}, Session(session));
     return 1;
 }
 
-// A ticket says by which authority its client is known: the chain is not in it.
+// A daemon's session, by the ticket of a client. When it does not hold, a full handshake says why.
+SSL_SESSION* giveSession(SSL* ssl, const unsigned char* number, int size, int* shared) {
+    Secure& s = secureOf(ssl);
+    *shared = 0;                        // it is OpenSSL's now
+    Session session = s.keys->tickets.use({reinterpret_cast<const char*>(number), std::size_t(size)});
+    X509* one = session ? SSL_SESSION_get0_peer(session.get()) : nullptr;
+    void* data = nullptr;
+    std::size_t length = 0;
+    if (!one || judge(s, one) != Fault::none || SSL_SESSION_get0_ticket_appdata(session.get(), &data, &length) != 1 || length == 0) return nullptr;
+    s.authority.assign(static_cast<const char*>(data), length);
+    return session.release();
+}
+
+// A session says by which authority its client is known: the chain is not in it.
 int writeTicket(SSL* ssl, void*) {
     const std::string& authority = secureOf(ssl).authority;
     return SSL_SESSION_set1_ticket_appdata(SSL_get_session(ssl), authority.data(), authority.size());
-}
-
-// When a ticket does not hold, a full handshake says why.
-SSL_TICKET_RETURN readTicket(SSL* ssl, SSL_SESSION* session, const unsigned char*, std::size_t, SSL_TICKET_STATUS status, void*) {
-    if (status != SSL_TICKET_SUCCESS && status != SSL_TICKET_SUCCESS_RENEW) return SSL_TICKET_RETURN_IGNORE_RENEW;
-    Secure& s = secureOf(ssl);
-    X509* one = SSL_SESSION_get0_peer(session);
-    void* data = nullptr;
-    std::size_t size = 0;
-    if (!one || judge(s, one) != Fault::none || SSL_SESSION_get0_ticket_appdata(session, &data, &size) != 1 || size == 0) return SSL_TICKET_RETURN_IGNORE_RENEW;
-    s.authority.assign(static_cast<const char*>(data), size);
-    return SSL_TICKET_RETURN_USE_RENEW;
 }
 
 // ---- what has failed ----
@@ -390,9 +385,12 @@ bool pending(const Line& line) { return line.extra && secureOf(line).more; }
 
 std::uint32_t wants(const Line& line, std::uint32_t events) { return line.extra && secureOf(line).stuck ? events | EPOLLOUT : events; }
 
+// Before the other end has shown a certificate. That is asked for once: it needs the kernel, and the files of users.
+Identity identifyBefore(const Line& line) { return secureOf(line).before = tcpTransport.identify(line); }
+
 Identity identify(const Line& line) {
-    Identity out = tcpTransport.identify(line);
     const Secure& s = secureOf(line);
+    Identity out = s.before;
     X509* one = s.ssl ? SSL_get0_peer_certificate(s.ssl.get()) : nullptr;
     if (!one || s.phase != Secure::Phase::done) return out;
     const std::string name = nameOf(one), organisation = part(one, NID_organizationName);
@@ -533,7 +531,7 @@ Transport makeDaemon() {
     Transport made = makeRow();
     made.upgrade = upgradeDaemon;
     made.peek = nullptr;                // before the handshake is over nothing is answered
-    made.identify = tcpTransport.identify;
+    made.identify = identifyBefore;
     return made;
 }
 
