@@ -18,6 +18,7 @@ namespace sorma::tls {
 
 namespace {
 
+constexpr char kClock[] = " (the clock here says ";
 constexpr time_t kSkew = 300;                           // [s] by which clocks may differ when a certificate is new
 
 const Prototype kList{Severity::error, "TLS KEY", 1,
@@ -105,7 +106,12 @@ std::string fingerprint(X509* of) {
     return out;
 }
 
-std::string clockHint() { return " (the clock here says " + nowText() + ": is it right?)"; }
+std::string clockHint() { return kClock + nowText() + ": is it right?)"; }
+
+std::string withoutClock(std::string text) {
+    for (std::size_t at; (at = text.find(kClock)) != std::string::npos;) text.erase(at, text.find(')', at) + 1 - at);
+    return text;
+}
 
 std::vector<Certificate> readCertificates(const std::string& path) {
     std::vector<Certificate> all;

@@ -21,6 +21,7 @@ using Certificate = std::unique_ptr<X509, Freed<X509_free>>;
 std::vector<Certificate> readCertificates(const std::string& path);     // empty: there are none, or there is no file
 std::string timeText(const ASN1_TIME* time);
 std::string clockHint();                                // what the clock says here
+std::string withoutClock(std::string text);             // without hints: the same text tomorrow
 // The organisation, or another part of the subject; what is no letter, digit, _ - or . is shown as ?
 std::string part(const X509* of, int nid);
 // The name for which it was made: the first DNS name, else the common name. Empty: it has none that we take.

@@ -9,6 +9,8 @@
 #include <cstring>
 #include <ctime>
 #include <fstream>
+#include <map>
+#include <mutex>
 #include <sstream>
 
 #include "bus/descriptor.h"
@@ -53,7 +55,7 @@ std::string stamp(std::initializer_list<std::string> names) {
     for (auto& name : names) {
         struct stat s;
         if (stat(file(name).c_str(), &s) == 0)
-            out += ' ' + std::to_string(s.st_ino) + ':' + std::to_string(s.st_mtim.tv_sec) + '.' + std::to_string(s.st_mtim.tv_nsec);
+            out += ' ' + std::to_string(s.st_ino) + ':' + std::to_string(s.st_size) + ':' + std::to_string(s.st_mtim.tv_sec) + '.' + std::to_string(s.st_mtim.tv_nsec);
     }
     return out;
 }
@@ -67,11 +69,20 @@ std::string unreadable(const std::string& name) {
 }
 
 std::string pinned(const std::string& name) {
-    std::ifstream in(file("pins"));
-    std::string line, known, since;
-    while (std::getline(in, line))
-        if (std::istringstream words(line); words >> known >> since && known == name) return since;
-    return {};
+    static std::mutex mutex;
+    static auto& pins = *new std::map<std::string, std::string>;
+    static auto& read = *new std::string;               // stamp() of the file that is in pins
+    std::lock_guard lock(mutex);
+    if (auto now = stamp({"pins"}); now != read) {
+        pins.clear();
+        std::ifstream in(file("pins"));
+        std::string line, one, since;
+        while (std::getline(in, line))
+            if (std::istringstream words(line); words >> one >> since) pins.emplace(one, since);
+        read = now;
+    }
+    auto found = pins.find(name);
+    return found == pins.end() ? std::string() : found->second;
 }
 
 // One write, so that processes that pin at the same time do not mix their lines.

@@ -448,10 +448,11 @@ bool upgradeClient(Line& line, Transport::Stage, const std::string& who) {
     if (s.phase == Secure::Phase::answer) {
         const auto answer = probe::read(line, s.where, who);
         if (answer == probe::Answer::notYet) return false;
-        const std::string since = keys::pinned(s.name);
-        if (answer == probe::Answer::plain && !since.empty()) fail(kStripped, who, s.where, since, s.name);
-        if (answer == probe::Answer::plain && !s.tries) fail(kPlain, who, s.where);
-        if (answer == probe::Answer::plain) return speakClear(line);
+        if (answer == probe::Answer::plain) {
+            if (const std::string since = pinnedSince(s.name, who); !since.empty()) fail(kStripped, who, s.where, since, s.name);
+            if (!s.tries) fail(kPlain, who, s.where);
+            return speakClear(line);
+        }
         startHandshake(s);
     }
     return shakeHands(line, s, who);
@@ -571,9 +572,11 @@ Judge judge(const Offer& offer) {
 
 std::string trouble(const Offer& offer) {
     try {
+        const KeysPointer keys = keysOf(offer.daemon, offer.daemon);
+        checkDates(keys->certificate.get(), keys->file(), offer.daemon);        // it has been good when it was loaded
         return Revocations::now(offer.daemon)->trouble();
     } catch (const Error& e) {
-        return e.what();
+        return withoutClock(e.what());
     }
 }
 

@@ -52,7 +52,8 @@ bool secure(const Line& line);          // is it encrypted?
 using Judge = std::function<std::string(const Line& line)>;
 // Looks at the files of keys, once for all lines of a daemon.
 Judge judge(const Offer& offer);
-// The trouble with the files of revoked certificates, while a daemon goes on with what they said before. Empty: there is none.
+// The trouble with the keys of a daemon that runs: new lines have to do without TLS, or a file of revoked certificates holds what it said before. Empty:
+// there is none.
 std::string trouble(const Offer& offer);
 // Warnings of a client whose line is up, each once in a process: TLS KEY.   who: the name that they begin with.
 Trail remarks(const Line& line, const std::string& who);

@@ -2,6 +2,7 @@
 
 #include <poll.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -19,17 +20,28 @@ namespace {
 const Prototype kPinned{Severity::error, "TLS PINNED", 1,
     "{}: {} has spoken TLS since {}, and the dictionary says -tls no; nothing was sent in clear; remove -tls no there, or: sorma-keys forget {}"};
 
+const Prototype kPins{Severity::error, "TLS KEY", 1,
+    "{}: {} cannot be read: {}; so nobody knows here who has spoken TLS; nothing was sent in clear; mend the file, or remove it"};
+
 constexpr char kToken[] = "STARTTLS";
 constexpr std::size_t kMostAnswer = 1024;      // [bytes]
 constexpr std::uint32_t kXid = 0x544c5331;
 
 }  // namespace
 
+std::string pinnedSince(const std::string& name, const std::string& who) {
+    // A folder that may not even be looked into is another user's, as HOME is under setpriv: then there are no pins of this one.
+    struct stat there;
+    if (auto why = keys::unreadable("pins"); !why.empty() && lstat(keys::file("pins").c_str(), &there) == 0) fail(kPins, who, keys::file("pins"), why);
+    return keys::pinned(name);
+}
+
 bool wanted(const Address& address, const std::string& who) {
-    const std::string since = keys::pinned(address.as);
-    if (!since.empty() && address.tls == Address::Tls::no) fail(kPinned, who, address.as, since, address.as);
-    if (address.tls == Address::Tls::yes || !since.empty()) return true;
-    return address.tls != Address::Tls::no && keys::present();
+    const bool never = address.tls == Address::Tls::no;
+    if (address.tls == Address::Tls::yes || (!never && keys::present())) return true;
+    const std::string since = pinnedSince(address.as, who);
+    if (never && !since.empty()) fail(kPinned, who, address.as, since, address.as);
+    return !since.empty();
 }
 
 namespace probe {

@@ -11,7 +11,9 @@
 
 namespace sorma::tls {
 
-// Does an attempt to reach an address begin with the probe? Fails with TLS PINNED.
+// As keys::pinned(), of a daemon that may be spoken to in clear. Fails with TLS KEY when nobody can say.
+std::string pinnedSince(const std::string& name, const std::string& who);
+// Does an attempt to reach an address begin with the probe? Fails with TLS PINNED, KEY.
 bool wanted(const Address& address, const std::string& who);
 
 namespace probe {
