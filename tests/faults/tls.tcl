@@ -35,11 +35,11 @@ proc recorded host {
     tlsProxy::end $server $port
     return [list $said $answer]
 }
-# A call by TLS in a client of its own, which does not wait for long: its reply, or the error.
-proc called {host port {patience 30000}} {
+# A call by TLS in a client of its own, which does not wait for long: its reply, or the error. words: what its dictionary says of TLS.
+proc called {host port {patience 30000} {words {-tls yes}}} {
     set client [interp create]
     $client eval {package require sorma}
-    $client eval [list sorma::so::dict CTRL -add @cell 127.0.0.1:$port -tls yes]
+    $client eval [list sorma::so::dict CTRL -add @cell 127.0.0.1:$port {*}$words]
     at $host {
         set future [$client eval [list sorma::async -timeout $patience echo@cell EXEC TMSG NobodyHearsThis]]
         waitFor {[$client eval [list $future done]]} [expr {$patience + 30000}]
@@ -171,27 +171,39 @@ attack {
     promise "nor memory" [expr {[memoryOf $d] < $memory + 4 * 1024 * 1024}]
     promise "a client is served as before" [expr {[called desk [daemon info $d port]] eq {RET 0 TMSG NobodyHearsThis}}]
 
-    # Each byte of both sides, until the answer to the call has begun.
+    # Each byte of both sides, until the answer to the call has begun. A client wants TLS because the dictionary says so, because it has keys, or
+    # because it has reached the daemon with TLS before. The first bytes, where all is in clear, are for each of them.
     set kinds {{strip far} {cut far} {flip far} {clear far} {cut near} {flip near}}
-    set answered 0
+    set entries {{-tls yes} {} {-tls try}}
     set wrong {}
     array set counted {}
     for {set i 0} {$i < $stripped} {incr i} {
         lassign [lindex $kinds [expr {$i % [llength $kinds]}]] how side
-        set at [expr {$i < [llength $kinds] ? 0 : $stripped < 1000 ? [random 1200] : $i / [llength $kinds] % 1700}]
+        set round [expr {$i / [llength $kinds]}]
+        set words [lindex $entries [expr {$round % [llength $entries]}]]
+        set at [expr {$round < 3 ? 0 : $stripped < 1000 ? [random 1200] : $round < 600 ? $round / 3 : $round - 400}]
         lassign [proxy $how $side $at] server port
-        set answer [called desk $port 300]
+        set answer [called desk $port 300 $words]
         set sent [tlsProxy::heard $port near]
         tlsProxy::end $server $port
         set good [expr {$answer eq {RET 0 TMSG NobodyHearsThis}}]
-        incr counted([expr {$good ? "answered" : "refused"}])
+        incr counted($how,$side,tries)
+        incr counted($how,$side,[expr {$good ? "answered" : "refused"}])
         # The number of the program is in the probe, and nowhere else.
-        if {[string first NobodyHearsThis $sent] >= 0 || [regexp {\x20SOR\x00\x00\x00\x01} [string map [list $asked {}] $sent]]
-            || (!$good && [string match RET* $answer])} {
-            lappend wrong "$how $side $at: $answer"
+        if {[string first NobodyHearsThis $sent] >= 0 || [regexp {\x20SOR\x00\x00\x00\x01} [string map [list $asked {}] $sent]]} {
+            incr counted($how,$side,clear)
+            lappend wrong "$how $side $at $words: sent in clear"
+        } elseif {!$good && [string match RET* $answer]} {
+            lappend wrong "$how $side $at $words: $answer"
         }
     }
-    puts "$stripped calls through a proxy that strips, cuts and flips: [array get counted]"
+    puts "$stripped calls through a proxy, the last ones at byte $at; answered: what it has done did not matter, or came later"
+    foreach row [list {how side tries answered refused {in clear}} {*}$kinds] {
+        lassign $row how side
+        puts [format {%-6s %-5s %6s %9s %8s %9s} {*}[expr {[llength $row] > 2 ? $row : [list $how $side {*}[lmap what {tries answered refused clear} {
+            expr {[info exists counted($how,$side,$what)] ? $counted($how,$side,$what) : 0}
+        }]]}]]
+    }
     promise "nothing of a request is sent in clear $wrong" [expr {$wrong eq {}}]
     waitFor {[dict get [sorma::health $d] connections] <= 1}
     promise "and no descriptor is left" [expr {[descriptors $d] <= $descriptors}]
