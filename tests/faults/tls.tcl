@@ -185,6 +185,7 @@ attack {
         lassign [proxy $how $side $at] server port
         set answer [called desk $port 300 $words]
         set sent [tlsProxy::heard $port near]
+        incr counted($how,$side,reached) [expr {[string length [expr {$side eq "near" ? $sent : [tlsProxy::heard $port far]}]] > $at}]
         tlsProxy::end $server $port
         set good [expr {$answer eq {RET 0 TMSG NobodyHearsThis}}]
         incr counted($how,$side,tries)
@@ -197,10 +198,10 @@ attack {
             lappend wrong "$how $side $at $words: $answer"
         }
     }
-    puts "$stripped calls through a proxy, the last ones at byte $at; answered: what it has done did not matter, or came later"
-    foreach row [list {how side tries answered refused {in clear}} {*}$kinds] {
+    puts "$stripped calls through a proxy, the last ones at byte $at; reached: the line has come so far; answered: it did not matter"
+    foreach row [list {how side tries reached answered refused {in clear}} {*}$kinds] {
         lassign $row how side
-        puts [format {%-6s %-5s %6s %9s %8s %9s} {*}[expr {[llength $row] > 2 ? $row : [list $how $side {*}[lmap what {tries answered refused clear} {
+        puts [format {%-6s %-5s %6s %8s %9s %8s %9s} {*}[expr {[llength $row] > 2 ? $row : [list $how $side {*}[lmap what {tries reached answered refused clear} {
             expr {[info exists counted($how,$side,$what)] ? $counted($how,$side,$what) : 0}
         }]]}]]
     }
