@@ -4,7 +4,7 @@
 // the session, it would hold the client's certificate. OpenSSL needs as long to read that as for all the rest of such a handshake. And one key would
 // open the tickets of all clients. Each ticket is used once.
 //
-// Both keep kMost of them. The eldest session of a daemon goes first. Who has no ticket needs a full handshake, and no more.
+// Both keep kMost of them. The eldest session of a daemon goes first. Without a ticket a client makes a full handshake.
 //
 // Threads: any.
 #pragma once
