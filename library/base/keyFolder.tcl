@@ -61,9 +61,9 @@ proc ::sorma::keyFolder::own {} {
     return [if {[file exists [path own]]} {lindex [split [text [path own]]] 0}]
 }
 
-# ::sorma::keyFolder::exposed FILE -- may others read it?
-proc ::sorma::keyFolder::exposed file {
-    return [expr {([file attributes $file -permissions] & 0o077) != 0}]
+# ::sorma::keyFolder::exposed FILE ?RIGHTS? -- may others read or write it, or what RIGHTS say, as in 022?
+proc ::sorma::keyFolder::exposed {file {rights 077}} {
+    return [expr {([file attributes $file -permissions] & "0o$rights") != 0}]
 }
 
 # ::sorma::keyFolder::pins -- the daemons that are never spoken to in clear: a dict of names, each with its date.
@@ -130,6 +130,32 @@ proc ::sorma::keyFolder::hosts certificate {
 # ::sorma::keyFolder::parts KIND TEXT -- the certificates, keys or lists that are in the text of a file.
 proc ::sorma::keyFolder::parts {kind text} {
     return [regexp -all -inline -- "-----BEGIN $kind-----.*?-----END $kind-----\n?" $text]
+}
+
+# ::sorma::keyFolder::authorities ?FILE ...? -- the certificates of those that this host knows, or that are in these files of the folder.
+proc ::sorma::keyFolder::authorities args {
+    set all {}
+    foreach name [expr {$args eq {} ? {authority.pem trusted.pem} : $args}] {
+        if {[file exists [path $name]]} {
+            lappend all {*}[parts CERTIFICATE [text [path $name]]]
+        }
+    }
+    return $all
+}
+
+# ::sorma::keyFolder::fits KEY CERTIFICATE -- is it the key of this certificate?
+proc ::sorma::keyFolder::fits {key certificate} {
+    return [expr {[openssl {x509 -noout -pubkey} $certificate] eq [openssl {pkey -pubout -in FILE0} {} $key]}]
+}
+
+# ::sorma::keyFolder::vouched CERTIFICATE AUTHORITIES -- has one of them signed it? When it ends does not matter.
+proc ::sorma::keyFolder::vouched {certificate authorities} {
+    return [expr {![catch {openssl {verify -no_check_time -CAfile FILE0 FILE1} {} [join $authorities \n] $certificate}]}]
+}
+
+# ::sorma::keyFolder::listEnd LIST -- by when a list of revoked certificates has a newer one [s since 1970]; far away when it does not say.
+proc ::sorma::keyFolder::listEnd list {
+    return [if {[regexp {nextUpdate=(\w+ [^\n]*)} [openssl {crl -noout -nextupdate} $list] -> date]} {clock scan [string map {GMT UTC} $date]} else {expr {1 << 40}}]
 }
 
 # ::sorma::keyFolder::signed LIST AUTHORITIES -- has one of them signed this list of revoked certificates?

@@ -212,7 +212,7 @@ proc ::sorma::keys::Accept {key certificate authority into} {
     set name [dict get $about name]
     CheckName $name
     ::sorma::keyFolder::openssl {verify -CAfile FILE0 FILE1} {} $authority $certificate
-    if {[::sorma::keyFolder::openssl {x509 -noout -pubkey -in FILE0} {} $certificate] ne [::sorma::keyFolder::openssl {pkey -pubout -in FILE0} {} $key]} {
+    if {![::sorma::keyFolder::fits $key $certificate]} {
         return -code error "the key is not that of the certificate"
     }
     if {$authority ne {} && $into eq "authority.pem" && [file exists [::sorma::keyFolder::path $into]]} {

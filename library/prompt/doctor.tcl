@@ -13,7 +13,7 @@ namespace eval ::sorma::inspect {
 namespace eval ::sorma::inspect::doctor {
     variable Findings       ;# list of dicts: what state text mend
     # The checks, in this order.
-    variable Checks {Package Folder Sockets Daemons Dictionary Policy Keys SharedMemory Limits Rpcbind}
+    variable Checks {Package Clock Folder Sockets Daemons Dictionary Policy Keys SharedMemory Limits Rpcbind}
 }
 
 # ::sorma::inspect::doctor ?-selftest? ?-data? --
@@ -60,6 +60,32 @@ proc ::sorma::inspect::doctor::CheckPackage {} {
         Note package note "there is another copy in [join [dict keys $found] {, }]; which one a tclsh takes depends on its auto_path" \
             "remove the one that is not wanted"
     }
+}
+
+# Certificates need a clock that is right. One that is wrong is seen when somebody has written or started something later than now.
+proc ::sorma::inspect::doctor::CheckClock {} {
+    set files [list [file join $::sorma::library pkgIndex.tcl]]
+    if {![catch {::sorma::keyFolder::folder} folder]} {
+        lappend files {*}[glob -nocomplain -type f -directory $folder *.pem]
+    }
+    foreach file $files {
+        if {[CheckLater "$file is written on" [file mtime $file]]} return
+    }
+    Note clock ok [Moment [clock seconds]]
+}
+
+# Is that later than now, more than clocks may differ? Then it is said.
+proc ::sorma::inspect::doctor::CheckLater {what seconds} {
+    set later [expr {$seconds > [clock seconds] + 300}]
+    if {$later} {
+        Note clock wrong "$what [Moment $seconds], and here it is [Moment [clock seconds]]: a clock is wrong" \
+            "set the clock that is wrong (date -s), and let NTP keep it; certificates with dates fail until then"
+    }
+    return $later
+}
+
+proc ::sorma::inspect::doctor::Moment seconds {
+    return [clock format $seconds -format {%Y-%m-%d %H:%M UTC} -timezone :UTC]
 }
 
 # ---- where daemons listen ----
@@ -150,6 +176,9 @@ proc ::sorma::inspect::doctor::CheckDaemons {} {
             Note daemon note "$name has[lindex [split $version ,] 1], here is$own" "restart it with the same version, when calls are refused"
         } else {
             lappend well $name
+        }
+        if {![catch {::sorma::health $name -timeout 1000} health]} {
+            CheckLater "the daemon $name says that it has started on" [expr {[dict get $health started] / 1000000}]
         }
         if {![catch {::sorma::await answer $name {sorm CTRL -statistics} 1000} facts] && [string match "*; open (-open 1)*" $facts]} {
             Note daemon note "$name is open: whoever reaches it may call and inspect its objects" \
@@ -257,6 +286,10 @@ proc ::sorma::inspect::doctor::CheckKeys {} {
     } elseif {![file exists [::sorma::keyFolder::path $own.pem]]} {
         Note keys wrong "own names $own, and there is no [::sorma::keyFolder::path $own.pem]" "sorma-keys new $own, or sorma-keys take FILE"
     }
+    CheckKeyFolder
+    foreach file {authority trusted} {
+        CheckAuthorities $file.pem
+    }
     foreach name [::sorma::keyFolder::names] {
         CheckKey $name
     }
@@ -265,20 +298,57 @@ proc ::sorma::inspect::doctor::CheckKeys {} {
     CheckShown $own
 }
 
+# Whoever may write there says whom we trust.
+proc ::sorma::inspect::doctor::CheckKeyFolder {} {
+    set key [::sorma::keyFolder::path authority.key]
+    if {[file exists $key] && [::sorma::keyFolder::exposed $key]} {
+        Note keys wrong "others may read $key: they can make certificates of your authority" "chmod 600 $key; if somebody has read it, make a new authority"
+    }
+    foreach {file rights} [concat [list [::sorma::keyFolder::folder] 700] {*}[lmap file [glob -nocomplain -type f -directory [::sorma::keyFolder::folder] *] {list $file 600}]] {
+        if {$file ne $key && [::sorma::keyFolder::exposed $file 022]} {
+            Note keys wrong "others may write to $file: they can say whom you trust" "chmod $rights $file, and look at what is in it"
+        }
+    }
+}
+
+# When an authority has expired, all certificates of it have.
+proc ::sorma::inspect::doctor::CheckAuthorities file {
+    foreach certificate [::sorma::keyFolder::authorities $file] {
+        if {[catch {::sorma::keyFolder::about $certificate} about]} {
+            Note keys wrong "[::sorma::keyFolder::path $file] holds a certificate that cannot be read: $about" "bring the authority's file again"
+            continue
+        }
+        set until [dict get $about until]
+        if {$until < [clock seconds] + 30 * 86400} {
+            Note keys [expr {$until < [clock seconds] ? "wrong" : "note"}] \
+                "[::sorma::keyFolder::path $file]: the authority [dict get $about organisation] [expr {$until < [clock seconds] ? "has expired" : "ends"}] on [::sorma::keyFolder::date $until]" \
+                "make a new authority, in a new folder (SORMA_KEYS), and give keys of it to each host"
+        }
+    }
+}
+
 proc ::sorma::inspect::doctor::CheckKey name {
     set file [::sorma::keyFolder::path $name.pem]
     if {[::sorma::keyFolder::exposed $file]} {
         return [Note keys wrong "others may read $file; it is not used" "chmod 600 $file; if somebody has: sorma-keys revoke $name"]
     }
     set mend "where the authority is: sorma-keys new $name, or sorma-keys give $name"
-    if {[catch {::sorma::keyFolder::about [::sorma::keyFolder::text $file]} about]} {
-        return [Note keys wrong "$file cannot be read: $about" $mend]
+    if {[catch {
+        set text [::sorma::keyFolder::text $file]
+        set about [::sorma::keyFolder::about $text]
+        set fits [::sorma::keyFolder::fits $text $text]
+    } why]} {
+        return [Note keys wrong "$file cannot be read: $why" $mend]
     }
     set now [clock seconds]
     set left [expr {([dict get $about until] - $now) / 86400.0}]
     set until [::sorma::keyFolder::date [dict get $about until]]
     if {[dict get $about name] ne $name} {
         Note keys wrong "$file is made for the name [dict get $about name]: who calls the daemon $name refuses it" $mend
+    } elseif {!$fits} {
+        Note keys wrong "the key in $file is not that of its certificate" $mend
+    } elseif {![::sorma::keyFolder::vouched [lindex [::sorma::keyFolder::parts CERTIFICATE $text] 0] [::sorma::keyFolder::authorities]]} {
+        Note keys wrong "$file is signed by no authority that this host knows: the others refuse it" $mend
     } elseif {[dict get $about from] > $now + 300} {
         Note keys wrong "$file holds from [::sorma::keyFolder::date [dict get $about from]]; here it is [::sorma::keyFolder::date $now]" "set the clock, or $mend"
     } elseif {$left < 0} {
@@ -295,19 +365,19 @@ proc ::sorma::inspect::doctor::CheckRevoked {} {
         if {[catch {file lstat $file found}]} continue
         if {[catch {::sorma::keyFolder::text $file} text]} {
             Note keys wrong "$file cannot be read" $mend
-        } elseif {$name eq "crl.pem" && [set why [WhyNotSigned [::sorma::keyFolder::parts {X509 CRL} $text]]] ne {}} {
-            Note keys wrong "$file: $why" $mend
+        } elseif {$name eq "crl.pem"} {
+            set lists [::sorma::keyFolder::parts {X509 CRL} $text]
+            if {[set why [WhyNotSigned $lists]] ne {}} {
+                Note keys wrong "$file: $why" $mend
+            } elseif {[set end [lindex [lsort -integer [lmap list $lists {::sorma::keyFolder::listEnd $list}]] 0]] ne {} && $end < [clock seconds]} {
+                Note keys note "$file: a newer list was to be there by [::sorma::keyFolder::date $end]; this one still counts" "put the newer list there"
+            }
         }
     }
 }
 
 proc ::sorma::inspect::doctor::WhyNotSigned lists {
-    set authorities {}
-    foreach known {authority.pem trusted.pem} {
-        if {[file exists [::sorma::keyFolder::path $known]]} {
-            lappend authorities {*}[::sorma::keyFolder::parts CERTIFICATE [::sorma::keyFolder::text [::sorma::keyFolder::path $known]]]
-        }
-    }
+    set authorities [::sorma::keyFolder::authorities]
     foreach list $lists {
         if {![::sorma::keyFolder::signed $list $authorities]} {
             return "no authority that this host knows has signed a list in it"

@@ -18,8 +18,8 @@ proc keys args {
     return [string trim [exec sorma-keys {*}$args]]
 }
 
-# A list of what the authority of a host has revoked, as openssl makes it: of one certificate.
-proc revocations {host certificate} {
+# A list of what the authority of a host has revoked, as openssl makes it with more words: of one certificate.
+proc revocations {host certificate args} {
     global folder
     set work [file join $folder lists]
     file mkdir $work
@@ -29,6 +29,6 @@ proc revocations {host certificate} {
     close [open $work/index w]
     set words [list -config $work/config -cert $folder/$host/authority.pem -keyfile $folder/$host/authority.key]
     exec openssl ca {*}$words -revoke $certificate 2>@1
-    exec openssl ca {*}$words -gencrl -out $work/crl.pem 2>@1
+    exec openssl ca {*}$words -gencrl -out $work/crl.pem {*}$args 2>@1
     return $work/crl.pem
 }
