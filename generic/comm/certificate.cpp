@@ -22,7 +22,7 @@ constexpr char kClock[] = " (the clock here says ";
 constexpr time_t kSkew = 300;                           // [s] by which clocks may differ when a certificate is new
 
 const Prototype kList{Severity::error, "TLS KEY", 1,
-    "{}: {} cannot be used: {}; nobody can say now who is revoked; put a list of your authority there, or remove the file"};
+    "{}: {} cannot be used: {}; nobody can say now who is revoked; {}"};
 
 using Stream = std::unique_ptr<BIO, Freed<BIO_free>>;
 
@@ -159,14 +159,14 @@ std::shared_ptr<const Revocations> Revocations::now(const std::string& who) {
 
 Revocations::Revocations(const std::string& who, const Revocations* before, std::string stamp)
     : stamp_(std::move(stamp)), lists_(std::make_shared<std::vector<List>>()) {
-    const auto keep = [&](const char* name, const std::string& wrong, auto member) {
+    const auto keep = [&](const char* name, const char* mend, const std::string& wrong, auto member) {
         if (wrong.empty()) return;
-        if (!before) fail(kList, who, keys::file(name), wrong);
+        if (!before) fail(kList, who, keys::file(name), wrong, mend);
         this->*member = before->*member;
-        trouble_ += (trouble_.empty() ? "" : "; ") + keys::file(name) + " cannot be used: " + wrong + "; what it said before holds until it is mended";
+        trouble_ += (trouble_.empty() ? "" : "; ") + keys::file(name) + " cannot be used: " + wrong + "; what it said before holds until then: " + mend;
     };
-    keep("revoked", readNames(), &Revocations::named_);
-    keep("crl.pem", readLists(), &Revocations::lists_);
+    keep("revoked", "make the file readable, or remove it", readNames(), &Revocations::named_);
+    keep("crl.pem", "put a list of your authority there, or remove the file", readLists(), &Revocations::lists_);
 }
 
 std::string Revocations::readNames() {
