@@ -298,7 +298,7 @@ proc ::sorma::inspect::doctor::CheckKeys {} {
     CheckShown $own
 }
 
-# Whoever may write there says whom we trust.
+# These files say whom we trust, so nobody else may write to them.
 proc ::sorma::inspect::doctor::CheckKeyFolder {} {
     set key [::sorma::keyFolder::path authority.key]
     if {[file exists $key] && [::sorma::keyFolder::exposed $key]} {

@@ -1,10 +1,11 @@
-// tlsFlood.cpp PORT KEYS COUNT -- a client by TLS that changes its keys again and again, as RFC 8446 lets it, and says nothing else. Then it sends NULL, and
-// waits for the answer. It prints how many changes the daemon has read, and exits with 1 when the line has ended before.
+// tlsFlood.cpp PORT KEYS COUNT ?LINES? -- a client by TLS that changes its keys again and again, as RFC 8446 lets it, and says nothing else. Then it sends
+// NULL, and waits for the answer. It prints how many changes the daemon has read, and exits with 1 when the line has ended before.
 //
-// KEYS: a file with a key and its certificate.
+// KEYS: a file with a key and its certificate. LINES: so many lines do this, one after the other.
 #include <arpa/inet.h>
 #include <openssl/ssl.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
 #include <csignal>
 #include <cstdio>
@@ -22,11 +23,7 @@ namespace {
     std::exit(1);
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-    if (argc != 4) return 2;
-    std::signal(SIGPIPE, SIG_IGN);
+void talk(char** argv) {
     sockaddr_in a{};
     a.sin_family = AF_INET;
     a.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
@@ -53,6 +50,14 @@ int main(int argc, char** argv) {
     sorma::wire::writeNull(null, 2, sorma::wire::kProgram);
     if (SSL_write(s, null.data(), int(null.size())) != int(null.size()) || SSL_read(s, answer, 28) != 28) end("the daemon has ended the line", done);
     std::printf("%d\n", done);
-    SSL_free(s), SSL_CTX_free(c);
+    SSL_free(s), SSL_CTX_free(c), close(fd);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    if (argc != 4 && argc != 5) return 2;
+    std::signal(SIGPIPE, SIG_IGN);
+    for (int n = argc == 5 ? std::atoi(argv[4]) : 1; n > 0; --n) talk(argv);
     return 0;
 }
