@@ -6,6 +6,8 @@
 package require sorma::circuitClip
 package require sorma::circuitEdits
 package require sorma::circuitLayout
+package require sorma::circuitLine
+package require sorma::circuitNotes
 package require sorma::circuitPalette
 package require sorma::circuitProbes
 package require sorma::circuitRun
@@ -35,6 +37,7 @@ package provide sorma::circuitEditor 1.0
 #       value NUMBER                the text on that wire
 #       connect SOURCE SINK, drop CLASS X Y, delete KEYS NUMBERS, move KEYS DX DY, replace NUMBER WIRE, tidy. These edit.
 #       copy, cut, paste, align SIDE   as circuitClip has them
+#       notes, note X Y TEXT, frame KEYS TEXT, retext KEY TEXT, resize KEY WIDTH HEIGHT    as circuitNotes has them
 #       probe NUMBER ?KIND?         as circuitProbes has it
 #       cycle                       the cycle that executes the circuit, or nothing
 #       save FILE                   the picture: .svg, .pdf or .ps, all of it; .png, as it is in the window
@@ -72,6 +75,8 @@ snit::widget ::sorma::circuitEditor {
 
     ::sorma::circuitEdits
     ::sorma::circuitClip
+    ::sorma::circuitLine
+    ::sorma::circuitNotes
     ::sorma::circuitProbes
     ::sorma::circuitRun
 
@@ -197,7 +202,7 @@ snit::widget ::sorma::circuitEditor {
     method subject {} { return $subject }
     method graph {} { return $graph }
     method places {} { return $places }
-    method box key { return [dict get $boxes $key] }
+    method box key { return [$self BoxOf $key] }
     method ways {} { return $ways }
     method said {} { return $hint }
     method value number {
@@ -288,6 +293,7 @@ snit::widget ::sorma::circuitEditor {
             pack $scene -fill both -expand 1
         }
         set fixed [::sorma::circuitText places [dict get $recipe -places]]
+        $self ReadNotes
         $self Complete $fixed
         set places [::sorma::circuitLayout place $graph $fixed]
         $self Arrange
@@ -408,7 +414,7 @@ snit::widget ::sorma::circuitEditor {
         }]
         $scene show [dict map {key node} [dict get $graph nodes] {
             dict replace $node box [dict get $boxes $key] state [$self NodeState $key $wired]
-        }] $wires
+        }] $wires $notes
         $self Values
         $self ShowProbes
         $self Selected

@@ -21,7 +21,6 @@ snit::macro ::sorma::circuitEdits {} {
     variable chosenKeys {}     ;# of the boxes that are selected
     variable chosenWires {}    ;# of the wires that are selected
     variable drag {}            ;# dict: kind (move, wire, band, pan or class), x, y: where it began; and what that kind needs
-    variable typed {}           ;# in the line below the picture
 
     # ---- what changes it ----
 
@@ -178,7 +177,7 @@ snit::macro ::sorma::circuitEdits {} {
                 lappend wires $n
             }
         }
-        set name [expr {$gone ne {} ? "delete [join [lmap key $gone {lindex $key 1}] {, }]" : "delete [llength $wires] wires"}]
+        set name [expr {$gone ne {} ? "delete [Named $gone]" : "delete [llength $wires] wires"}]
         set changes [dict create -wires [::sorma::circuitText remove [dict get $recipe -wires] $wires]]
         foreach option {-inputs -outputs} {
             dict set changes $option [dict get $recipe $option]
@@ -201,14 +200,27 @@ snit::macro ::sorma::circuitEdits {} {
     # move KEYS DX DY -- in steps of the grid.
     method move {moved dx dy} {
         set fresh {}
-        foreach key $moved {
-            lassign [dict get $places $key] x y
+        foreach key [$self WithInner $moved] {
+            lassign [$self BoxOf $key] x y
             dict set fresh $key [list [expr {$x + $dx}] [expr {$y + $dy}]]
         }
-        $self Edit "move [join [lmap key $moved {lindex $key 1}] {, }]" [dict create -places [::sorma::circuitText place [dict get $recipe -places] $fresh]]
+        $self Edit "move [Named $moved]" [dict create -places [::sorma::circuitText place [dict get $recipe -places] $fresh]]
     }
+    # A frame follows the boxes that stand inside of it.
     method tidy {} {
-        $self Edit "lay out" [dict create -places [::sorma::circuitText place [dict get $recipe -places] [::sorma::circuitLayout place $graph]]]
+        set fresh [::sorma::circuitLayout place $graph]
+        set before $boxes
+        set held [dict map {key note} $notes {
+            lmap other [$self WithInner [list $key]] {if {![dict exists $boxes $other]} continue; set other}
+        }]
+        set boxes [dict map {key box} $boxes {concat [dict get $fresh $key] [lrange $box 2 3]}]
+        dict for {key inner} $held {
+            if {$inner ne {}} {
+                dict set fresh $key [concat [$self Around $inner] [list [::sorma::circuitText quote [dict get $notes $key text]]]]
+            }
+        }
+        set boxes $before
+        $self Edit "lay out" [dict create -places [::sorma::circuitText place [dict get $recipe -places] $fresh]]
     }
 
     # replace NUMBER WIRE -- another text for a wire.
@@ -303,11 +315,13 @@ snit::macro ::sorma::circuitEdits {} {
             <Control-c> copy <Control-x> cut <Control-v> paste <Control-p> Print
             <Control-Left> {align left} <Control-Right> {align right} <Control-Up> {align top} <Control-Down> {align bottom}
             <Left> {Arrow -1 0} <Right> {Arrow 1 0} <Up> {Arrow 0 -1} <Down> {Arrow 0 1}
+            <Shift-Left> {Grow -1 0} <Shift-Right> {Grow 1 0} <Shift-Up> {Grow 0 -1} <Shift-Down> {Grow 0 1} <Key-c> Comment <Key-f> Frame
             <plus> {Zoom 1.25} <minus> {Zoom 0.8} <Key-0> {Zoom fit} <Key-n> {Next 1} <Key-p> {Next -1} <Return> Line <Key-v> Flip <Key-w> Probe
         } {
             bind $scene $event [mymethod {*}$method]
         }
         if {$options(-state) eq "readonly"} return
+        ::sorma::style menu $scene $win [mymethod Offer]
         set tree [$palette tree]
         bind $tree <B1-Motion> [mymethod Carry %X %Y]
         bind $tree <ButtonRelease-1> +[mymethod Put %X %Y]
@@ -315,7 +329,7 @@ snit::macro ::sorma::circuitEdits {} {
         bind $tree <Double-ButtonPress-1> [mymethod PutHere]
     }
     method Selected {} {
-        set chosenKeys [lmap key $chosenKeys {if {![dict exists $graph nodes $key]} continue; set key}]
+        set chosenKeys [lmap key $chosenKeys {if {![dict exists $graph nodes $key] && ![dict exists $notes $key]} continue; set key}]
         set chosenWires [lmap n $chosenWires {if {$n >= [llength [dict get $graph wires]]} continue; set n}]
         $scene select $chosenKeys $chosenWires
     }
@@ -335,6 +349,10 @@ snit::macro ::sorma::circuitEdits {} {
                 set drag [dict create kind move x $x y $y]
             }
             wire { lappend chosenWires $what }
+            corner {
+                set chosenKeys [list $what]
+                set drag [dict create kind size x $x y $y key $what]
+            }
             pin { set drag [dict create kind wire x $x y $y key $what side $side name $name] }
         }
         $self Selected
@@ -355,7 +373,12 @@ snit::macro ::sorma::circuitEdits {} {
             band { $scene band [dict get $drag x] [dict get $drag y] $x $y }
             move {
                 if {$options(-state) eq "normal"} {
-                    $scene shift $chosenKeys {*}[$self Steps $dx $dy]
+                    $scene shift [$self WithInner $chosenKeys] {*}[$self Steps $dx $dy]
+                }
+            }
+            size {
+                if {$options(-state) eq "normal"} {
+                    $scene size [dict get $drag key] {*}[$self Sizes $dx $dy]
                 }
             }
             wire {
@@ -370,6 +393,12 @@ snit::macro ::sorma::circuitEdits {} {
     method Steps {dx dy} {
         set step [expr {[::sorma::style pixels 800] / 100.0 * [$scene zoom]}]
         return [list [expr {round($dx / $step)}] [expr {round($dy / $step)}]]
+    }
+    # {width height} of the frame that is dragged at its corner.
+    method Sizes {dx dy} {
+        lassign [$self Steps $dx $dy] right down
+        lassign [dict get $notes [dict get $drag key] size] width height
+        return [list [expr {max(4, $width + $right)}] [expr {max(4, $height + $down)}]]
     }
     # {SOURCE SINK WHY}: the wire that would be made if the button was released here. On empty ground it ends at a new pin of the circuit's own.
     method Target {x y} {
@@ -407,6 +436,11 @@ snit::macro ::sorma::circuitEdits {} {
                     $self move $chosenKeys $right $down
                 }
             }
+            size {
+                if {$options(-state) eq "normal"} {
+                    $self resize [dict get $was key] {*}[$self Sizes $dx $dy]
+                }
+            }
             wire {
                 if {hypot($dx, $dy) > [::sorma::style pixels 8] && $options(-state) eq "normal"} {
                     lassign [$self Target $x $y] source sink why
@@ -424,8 +458,8 @@ snit::macro ::sorma::circuitEdits {} {
         if {hypot($x2 - $x1, $y2 - $y1) < 3} return
         lassign [$scene at [expr {min($x1, $x2)}] [expr {min($y1, $y2)}]] left top
         lassign [$scene at [expr {max($x1, $x2)}] [expr {max($y1, $y2)}]] right bottom
-        dict for {key box} $boxes {
-            lassign $box x y width height
+        foreach key [concat [dict keys $boxes] [dict keys $notes]] {
+            lassign [$self BoxOf $key] x y width height
             if {$x >= $left && $y >= $top && $x + $width <= $right && $y + $height <= $bottom && $key ni $chosenKeys} {
                 lappend chosenKeys $key
             }
@@ -438,6 +472,8 @@ snit::macro ::sorma::circuitEdits {} {
             ::sorma::window panel [$subject place [lindex $what 1]]
         } elseif {$kind eq "wire"} {
             $self Line
+        } elseif {$kind eq "node" && [dict exists $notes $what]} {
+            $self Line $what
         } else {
             $self Press $x $y 0
         }
@@ -447,7 +483,7 @@ snit::macro ::sorma::circuitEdits {} {
         lassign [$scene hit $x $y] kind what side name
         switch -- $kind {
             wire { set hint [$self WireText $what] }
-            node { set hint [lindex $what 1] }
+            node { set hint [if {[dict exists $notes $what]} {string map {\n { }} [dict get $notes $what text]} else {lindex $what 1}] }
             pin {
                 lassign [$self PinFacts [list [if {[lindex $what 0] eq "unit"} {lindex $what 1}] $name {} {} {}] $side] length unit
                 set hint "[if {[lindex $what 0] eq "unit"} {string cat [lindex $what 1] .}]$name[if {$length ne {}} {string cat ", $length elements"}][if {$unit ne {}} {string cat ", $unit"}]"
@@ -496,7 +532,7 @@ snit::macro ::sorma::circuitEdits {} {
         }
     }
     method All {} {
-        set chosenKeys [dict keys $places]
+        set chosenKeys [concat [dict keys $places] [dict keys $notes]]
         $self Selected
     }
     method Escape {} {
@@ -524,39 +560,5 @@ snit::macro ::sorma::circuitEdits {} {
     method Flip {} {
         set shown [expr {!$shown}]
         $self Values
-    }
-    # A line to type in: another text for the wire that is selected, else a new wire, or a class for a new unit.
-    method Line {} {
-        if {$options(-state) eq "readonly"} return
-        set typed [if {$chosenWires ne {}} {lindex [dict get $graph pieces] [lindex [dict get $graph wires] [lindex $chosenWires 0] 0]}]
-        if {![winfo exists $win.line]} {
-            ::ttk::entry $win.line -textvariable [myvar typed]
-            bind $win.line <Return> [mymethod LineDone]
-            bind $win.line <Escape> [mymethod LineEnd]
-        }
-        pack $win.line -side bottom -fill x -padx [::sorma::style pixels 8] -before $win.panes
-        set hint "source -> sink, or a class; Return takes it, Escape ends"
-        focus $win.line
-        $win.line icursor end
-    }
-    method LineEnd {} {
-        pack forget $win.line
-        set hint {}
-        focus $scene
-    }
-    method LineDone {} {
-        set text [string trim $typed]
-        try {
-            if {$chosenWires ne {}} {
-                $self replace [lindex $chosenWires 0] $text
-            } elseif {[regexp {^(\S.*\S|\S)\s+->\s+(\S+)$} $text -> source sink]} {
-                $self connect $source $sink
-            } elseif {$text ne {}} {
-                $self drop $text {*}[$self Middle]
-            }
-            $self LineEnd
-        } on error message {
-            set hint "[::sorma::style mark refused] $message"
-        }
     }
 }

@@ -9,7 +9,7 @@ package require sorma::layers
 package provide sorma::circuitLayout 1.0
 
 namespace eval ::sorma::circuitLayout {
-    namespace export size pin place free
+    namespace export size note pin place free
     namespace ensemble create
     variable Gap $::sorma::layers::gap
     variable Room $::sorma::layers::room
@@ -28,6 +28,12 @@ proc ::sorma::circuitLayout::size {key node} {
     }
     set rows [expr {max(1, [llength [dict get $node ins]], [llength [dict get $node outs]])}]
     return [list [expr {min(36, max(10, ($title * 9 + 9) / 10 + 3, (($ins + $outs) * 9 + 9) / 10 + 4))}] [expr {3 + $Pitch * $rows}]]
+}
+
+# ::sorma::circuitLayout note TEXT -- {width height} of a comment.
+proc ::sorma::circuitLayout::note text {
+    set lines [split $text \n]
+    return [list [expr {max(6, ([tcl::mathfunc::max {*}[lmap line $lines {string length $line}]] * 9 + 9) / 10 + 3)}] [expr {1 + 2 * [llength $lines]}]]
 }
 
 # ::sorma::circuitLayout pin NODE SIDE NAME -- the row of a pin in its box. SIDE: ins or outs.

@@ -11,19 +11,21 @@ package provide sorma::circuitScene 1.0
 # ::sorma::circuitScene .w --
 #       A canvas. Places are counted in steps of the grid, as circuitLayout has them.
 # Methods:
-#       show NODES WIRES    NODES: dict KEY -> {kind ins outs box state}, box: {x y width height}; state: live or one that sorma::style has.
+#       show NODES WIRES ?NOTES?    NODES: dict KEY -> {kind ins outs box state}, box: {x y width height}; state: live or one that sorma::style has.
 #                           WIRES: list of dicts: way (x1 y1 ...), ends {FROM TO} (KEYs), count of elements (empty: not known), state,
-#                           end (1: the value stands at the sink)
+#                           end (1: the value stands at the sink); NOTES: dict KEY -> {kind box text}, kind: note or frame
 #       way NUMBER WAY      another way of that wire, with the same ends
 #       view                {left top right bottom} of what is seen, in the grid; <<ViewChanged>> says that it is another
 #       values TEXTS        a text for each wire, in their order
 #       probes DICT         number of a wire -> {kind samples}, as circuitProbes has them
 #       select KEYS NUMBERS of nodes and wires
-#       hit X Y             what is at a pixel: {node KEY}, {pin KEY ins|outs NAME}, {wire NUMBER}, or nothing
+#       hit X Y             what is at a pixel: {node KEY}, also of a note or frame, {corner KEY} of a frame, {pin KEY ins|outs NAME}, {wire NUMBER},
+#                           or nothing, as inside of a frame
 #       at X Y, pixel X Y   the grid at a pixel of the window; where a place of the grid is
 #       zoom ?FACTOR? ?X Y? the scale; times FACTOR, with this pixel staying where it is
 #       fit                 all of it in the window;  centre KEY: that node in the middle;  follow DX DY: pan by pixels
 #       grey BOOL           are the values old
+#       size KEY WIDTH HEIGHT   of a frame, until the next show
 #       shift KEYS DX DY    these nodes, so many steps from where they are; until the next show. Wires follow without regard to boxes
 #       rubber ?X1 Y1 X2 Y2 WHY?    a wire that is drawn, in pixels; WHY it does not fit, or nothing
 #       band ?X1 Y1 X2 Y2?  a rectangle
@@ -33,6 +35,7 @@ snit::widgetadaptor ::sorma::circuitScene {
     delegate option * to hull
     variable nodes {}
     variable wires {}
+    variable notes {}
     variable texts {}
     variable probes {}
     variable chosen {{} {}}     ;# keys, numbers
@@ -40,7 +43,7 @@ snit::widgetadaptor ::sorma::circuitScene {
     variable old 0
     variable moving {0 0}       ;# steps by which nodes are shifted
     variable fitted 1           ;# all is shown as large as it fits, until somebody zooms
-    variable keys {}            ;# dict: number of a node, as in tags -> KEY
+    variable keys {}            ;# dict: number of a node, as in tags -> KEY; those of notes follow
     typevariable Least 0.08
     typevariable Most 4.0
 
@@ -61,8 +64,9 @@ snit::widgetadaptor ::sorma::circuitScene {
 
     # ---- what programs say ----
 
-    method show {given ways} {
+    method show {given ways {remarks {}}} {
         set nodes $given
+        set notes $remarks
         set wires $ways
         $self Sized
     }
@@ -150,7 +154,8 @@ snit::widgetadaptor ::sorma::circuitScene {
             lassign $tags kind number side name
             switch -- $kind {
                 pin { set found [list pin [dict get $keys $number] $side $name] }
-                node { if {[lindex $found 0] ne "pin"} {set found [list node [dict get $keys $number]]} }
+                corner { if {[lindex $found 0] ne "pin"} {set found [list corner [dict get $keys $number]]} }
+                node { if {[lindex $found 0] ni {pin corner}} {set found [list node [dict get $keys $number]]} }
                 wire - probe { if {$found eq {} || [lindex $found 0] eq "wire"} {set found [list wire $number]} }
             }
         }
@@ -161,7 +166,7 @@ snit::widgetadaptor ::sorma::circuitScene {
         set step [$self Step]
         lassign $moving X Y
         set n -1
-        dict for {key node} $nodes {
+        dict for {key node} [dict merge $nodes $notes] {
             incr n
             if {$key in $moved} {
                 $hull move n$n [expr {($dx - $X) * $step}] [expr {($dy - $Y) * $step}]
@@ -222,7 +227,7 @@ snit::widgetadaptor ::sorma::circuitScene {
     method Extent {} {
         set left [set top 1000000000]
         set right [set bottom -1000000000]
-        dict for {key node} $nodes {
+        dict for {key node} [dict merge $nodes $notes] {
             lassign [dict get $node box] x y width height
             set left [expr {min($left, $x)}]
             set top [expr {min($top, $y)}]
@@ -259,11 +264,16 @@ snit::widgetadaptor ::sorma::circuitScene {
             ::font configure sorma-scene$win-$kind {*}[::font actual $font] -size -$size -weight $weight
         }
         $hull configure -background [::sorma::style token ground] -highlightbackground [::sorma::style token line] -highlightcolor [::sorma::style token accent]
+        set keys {}
+        set n [expr {[dict size $nodes] - 1}]
+        dict for {key note} $notes {
+            dict set keys [incr n] $key
+            $self Draw[dict get {note Note frame Frame} [dict get $note kind]] $n $note
+        }
         set n -1
         foreach wire $wires {
             $self DrawWire [incr n] $wire
         }
-        set keys {}
         set n -1
         dict for {key node} $nodes {
             dict set keys [incr n] $key
@@ -315,6 +325,42 @@ snit::widgetadaptor ::sorma::circuitScene {
             }
         }
     }
+    # A frame lies below all else. Its edge, title and corner can be taken; what is inside is ground.
+    method DrawFrame {n note} {
+        set step [$self Step]
+        lassign [dict get $note box] x y width height
+        lassign [lmap c [list $x $y [expr {$x + $width}] [expr {$y + $height}]] {expr {$c * $step}}] left top right bottom
+        set tags [list node $n n$n]
+        $hull create rectangle $left $top $right $bottom -tags [list ground n$n face]
+        $hull create line $left $top $right $top $right $bottom $left $bottom $left $top -tags [concat $tags rim]
+        set r [expr {min(1.5, $width, $height) * $step}]
+        $hull create polygon $right [expr {$bottom - $r}] $right $bottom [expr {$right - $r}] $bottom -tags [list corner $n n$n grip]
+        if {$zoom < 0.2} return
+        $hull create text [expr {$left + $step}] [expr {$top + 1.6 * $step}] -anchor w -font sorma-scene$win-strong \
+            -text [$self Fit [dict get $note text] strong [expr {$right - $left - 2 * $step}]] -tags [concat $tags remark]
+    }
+    method size {key width height} {
+        set n [lsearch -exact [dict keys [dict merge $nodes $notes]] $key]
+        $hull delete n$n
+        $self DrawFrame $n [dict replace [dict get $notes $key] box [concat [lrange [dict get $notes $key box] 0 1] $width $height]]
+        $hull lower n$n
+        $self Tint
+    }
+    method DrawNote {n note} {
+        set step [$self Step]
+        lassign [dict get $note box] x y width height
+        lassign [lmap c [list $x $y [expr {$x + $width}] [expr {$y + $height}]] {expr {$c * $step}}] left top right bottom
+        set tags [list node $n n$n]
+        $hull create rectangle $left $top $right $bottom -width 0 -tags [concat $tags face]
+        $hull create line $left $top $left $bottom -width [expr {0.4 * $step}] -tags [concat $tags side]
+        if {$zoom < 0.2} return
+        set row [expr {$top + 1.5 * $step}]
+        foreach line [split [dict get $note text] \n] {
+            $hull create text [expr {$left + $step}] $row -anchor w -font sorma-scene$win-plain \
+                -text [$self Fit $line plain [expr {$right - $left - 1.5 * $step}]] -tags [concat $tags remark]
+            set row [expr {$row + 2 * $step}]
+        }
+    }
     method DrawPin {n node side pin x y anchor shift} {
         set step [$self Step]
         set tags [list pin $n $side $pin n$n]
@@ -344,12 +390,21 @@ snit::widgetadaptor ::sorma::circuitScene {
     method Tint {} {
         set line [expr {max(1, round([::sorma::style pixels 1] * min(1.0, $zoom)))}]
         foreach {tag options} [list box {-fill surface -outline edge} title {-fill text} dot {-fill surface -outline quiet} name {-fill quiet} \
-                wire {-fill quiet} value {-fill text}] {
+                wire {-fill quiet} value {-fill text} face {-fill surface -outline line} side {-fill quiet} rim {-fill line} grip {-fill edge} remark {-fill text}] {
             $hull itemconfigure $tag {*}[concat {*}[lmap {option token} $options {
-                list $option [::sorma::style token [if {!$old || $token ni {text quiet} || $tag in {title name}} {set token} else {string cat off}]]
+                list $option [::sorma::style token [if {!$old || $token ni {text quiet} || $tag in {title name side grip remark}} {set token} else {string cat off}]]
             }]]
         }
         $hull itemconfigure box -width $line
+        foreach key [lindex $chosen 0] {
+            if {[dict exists $notes $key]} {
+                set n [expr {[dict size $nodes] + [lsearch -exact [dict keys $notes] $key]}]
+                foreach part {side rim grip} {
+                    $hull itemconfigure n$n&&$part -fill [::sorma::style token accent]
+                }
+                $hull itemconfigure n$n&&face -fill [::sorma::style token tint]
+            }
+        }
         set n -1
         dict for {key node} $nodes {
             incr n

@@ -10,11 +10,14 @@
 #
 #     places  = place ((";" | newline) place)*          comments as among wires
 #     place   = ("unit" | "pin") name x y               whole numbers, in steps of the grid
+#             | "note" number x y text                  a comment in the picture: the rest of the statement
+#             | "frame" number x y width height text    a frame with a title
+#     In text, \n is a line break, \s a semicolon, \h a #, and \b a backslash.
 
 package provide sorma::circuitText 1.0
 
 namespace eval ::sorma::circuitText {
-    namespace export graph node object read text wire end write add remove replace pins undeclare places place drop
+    namespace export graph node object read text wire end write add remove replace pins undeclare places place drop notes quote
     namespace ensemble create
     variable options {-wires -inputs -outputs -places}      ;# of a circuit, that are its recipe
     variable Piece {[ \t\r;\n]+|#[^\n]*|[^ \t\r;\n#](?:[^ \t\r;\n]|[ \t\r]+[^#;\n \t\r])*}
@@ -246,7 +249,31 @@ proc ::sorma::circuitText::places text {
     return $out
 }
 
-# ::sorma::circuitText place TEXT MOVED -- the text of -places with these: a dict KEY -> {x y}; all others stay as they are written.
+# ::sorma::circuitText notes TEXT -- comments and frames in -places: a dict KEY -> {kind note|frame place {x y} size {width height} text}.
+# KEY: {note NUMBER} or {frame NUMBER}; the size of a note is empty. Statements that are neither are left out.
+proc ::sorma::circuitText::notes text {
+    variable Piece
+    set out {}
+    foreach piece [regexp -all -inline $Piece $text] {
+        if {[regexp {^(note|frame)[ \t\r]+(\d+)[ \t\r]+([-+]?\d+)[ \t\r]+([-+]?\d+)(?:[ \t\r]+(.*))?$} $piece -> kind number x y rest]} {
+            set size {}
+            if {$kind eq "frame" && ![regexp {^(\d+)[ \t\r]+(\d+)(?:[ \t\r]+(.*))?$} $rest -> width height rest]} continue
+            if {$kind eq "frame"} {
+                set size [lmap n [list $width $height] {scan $n %d}]
+            }
+            dict set out [list $kind $number] [dict create kind $kind place [lmap n [list $x $y] {scan $n %d}] size $size \
+                text [string map {\\n \n \\s ; \\h # \\b \\} $rest]]
+        }
+    }
+    return $out
+}
+# ::sorma::circuitText quote TEXT -- a text as it is written in a note or frame.
+proc ::sorma::circuitText::quote text {
+    return [string map {\\ \\b \n \\n ; \\s # \\h} [string trim $text]]
+}
+
+# ::sorma::circuitText place TEXT MOVED -- the text of -places with these: a dict KEY -> {x y}, or for notes and frames {x y REST}.
+# All others, and a rest that is not given, stay as they are written.
 proc ::sorma::circuitText::place {text moved} {
     variable Piece
     set pieces [lmap piece [regexp -all -inline $Piece $text] {
@@ -255,6 +282,9 @@ proc ::sorma::circuitText::place {text moved} {
             set piece
         } else {
             set new "$key [join [dict get $moved $key]]"
+            if {[llength [dict get $moved $key]] == 2 && [regexp {^(?:\S+\s+){3}\S+(\s+\S.*)$} $piece -> rest]} {
+                append new $rest
+            }
             dict unset moved $key
             set new
         }
@@ -262,7 +292,7 @@ proc ::sorma::circuitText::place {text moved} {
     set out [join $pieces {}]
     foreach {key place} $moved {
         set gap [expr {[string trim $out] eq {} ? {} : [regexp {\n\s*$|;\s*$} $out] ? {} : [regexp {(?:^|\s)#[^\n]*$|\n} $out] ? "\n" : "; "}]
-        append out $gap "[join $key] [join $place]"
+        append out $gap [string trimright "[join $key] [join $place]"]
     }
     return $out
 }

@@ -54,7 +54,7 @@ proc values {} {
     return [lmap wire [dict get [.t.w graph] wires] {.t.w value [incr n]}]
 }
 # Where something stands in the window, in pixels: a box, or a pin at its edge.
-proc box key { return [.t.w scene pixel {*}[lmap {a b} [.t.w box $key] {expr {$a + 2}}]] }
+proc box key { return [.t.w scene pixel {*}[lmap a [lrange [.t.w box $key] 0 1] {expr {$a + 2}}]] }
 proc title key {
     lassign [.t.w box $key] x y width height
     return [.t.w scene pixel [expr {$x + $width / 2.0}] [expr {$y + 1.5}]]
