@@ -8,6 +8,7 @@ package require sorma::circuitEdits
 package require sorma::circuitLayout
 package require sorma::circuitLine
 package require sorma::circuitNotes
+package require sorma::circuitNests
 package require sorma::circuitPalette
 package require sorma::circuitProbes
 package require sorma::circuitRun
@@ -37,6 +38,7 @@ package provide sorma::circuitEditor 1.0
 #       value NUMBER                the text on that wire
 #       connect SOURCE SINK, drop CLASS X Y, delete KEYS NUMBERS, move KEYS DX DY, replace NUMBER WIRE, tidy. These edit.
 #       copy, cut, paste, align SIDE   as circuitClip has them
+#       nest, unnest        as circuitNests has them
 #       notes, note X Y TEXT, frame KEYS TEXT, retext KEY TEXT, resize KEY WIDTH HEIGHT    as circuitNotes has them
 #       probe NUMBER ?KIND?         as circuitProbes has it
 #       cycle                       the cycle that executes the circuit, or nothing
@@ -77,6 +79,7 @@ snit::widget ::sorma::circuitEditor {
     ::sorma::circuitClip
     ::sorma::circuitLine
     ::sorma::circuitNotes
+    ::sorma::circuitNests
     ::sorma::circuitProbes
     ::sorma::circuitRun
 

@@ -64,7 +64,8 @@ snit::macro ::sorma::circuitLine {} {
             $self Drop $x $y
         }
         foreach {text method key has} [list "Comment\u2026" Comment c 1 "Frame\u2026" Frame f [llength $chosenKeys] Copy copy Ctrl-C [llength $chosenKeys] \
-                Paste paste Ctrl-V 1 Delete Remove Delete [expr {$chosenKeys ne {} || $chosenWires ne {}}]] {
+                Paste paste Ctrl-V 1 \
+                "Circuit inside" nest Ctrl-G [llength $chosenKeys] "Its units" unnest Ctrl-U [string match {unit circuit*} [lindex $chosenKeys 0]] Delete Remove Delete [expr {$chosenKeys ne {} || $chosenWires ne {}}]] {
             $menu add command -label [::msgcat::mc $text] -command [mymethod $method] -accelerator $key -state [expr {$has ? "normal" : "disabled"}]
         }
     }
