@@ -11,6 +11,7 @@ package require sorma::circuitNotes
 package require sorma::circuitNests
 package require sorma::circuitPalette
 package require sorma::circuitProbes
+package require sorma::circuitRates
 package require sorma::circuitRun
 package require sorma::circuitScene
 package require sorma::circuitText
@@ -23,11 +24,12 @@ package require sorma::ways
 package require sorma::window
 package provide sorma::circuitEditor 1.0
 
-# ::sorma::circuitEditor .w NAME ?-every ms? ?-values 0|1? ?-state normal|readonly? --
+# ::sorma::circuitEditor .w NAME ?-every ms? ?-values 0|1? ?-rates 0|1? ?-state normal|readonly? --
 #       A frame with the picture. The circuit need not be there.
 # Arguments:
 #       ms       how often values are asked for, default 200
 #       values   are they shown
+#       rates    does each value have the rate of its wire; the line below the picture always has it
 #       readonly nothing is changed
 # Methods:
 #       subject, scene, palette     its parts
@@ -40,6 +42,7 @@ package provide sorma::circuitEditor 1.0
 #       copy, cut, paste, align SIDE   as circuitClip has them
 #       nest, unnest        as circuitNests has them
 #       notes, note X Y TEXT, frame KEYS TEXT, retext KEY TEXT, resize KEY WIDTH HEIGHT    as circuitNotes has them
+#       rate NUMBER                 of that wire, in Hz
 #       probe NUMBER ?KIND?         as circuitProbes has it
 #       cycle                       the cycle that executes the circuit, or nothing
 #       save FILE                   the picture: .svg, .pdf or .ps, all of it; .png, as it is in the window
@@ -81,6 +84,7 @@ snit::widget ::sorma::circuitEditor {
     ::sorma::circuitNotes
     ::sorma::circuitNests
     ::sorma::circuitProbes
+    ::sorma::circuitRates
     ::sorma::circuitRun
 
     constructor {name args} {
@@ -219,11 +223,13 @@ snit::widget ::sorma::circuitEditor {
         if {$token eq {} && $subject ne {}} {
             set token [$subject value {DBX -live} $options(-every) [list ::sorma::parts::answer [mymethod Valued]]]
             $self StartProbes
+            $self StartRates
             $self StartCycles
         }
     }
     method Rest {} {
         $self StopProbes
+        $self StopRates
         $self StopCycles
         if {$token ne {}} {
             ::sorma::world unwatch $token
@@ -476,7 +482,15 @@ snit::widget ::sorma::circuitEditor {
         return [if {$pin ne {} && [dict get $told age] ne {}} {string cat "$text, [dict get $told age]"} else {set text}]
     }
     method Values {} {
-        $scene values [lmap wire [dict get $graph wires] where $stands {if {$shown && $where ne {}} {$self Text $wire}}]
+        set n -1
+        $scene values [lmap wire [dict get $graph wires] where $stands {
+            incr n
+            if {$shown && $where ne {}} {
+                set text [$self Text $wire]
+                set rate [if {$options(-rates) && $text ne {}} {$self RateText $n}]
+                string cat [if {$rate ne {}} {string cat $rate \n}] $text
+            }
+        }]
         $scene grey [expr {[dict get $told state] in {stale gone refused}}]
     }
     method SetValues {option value} {

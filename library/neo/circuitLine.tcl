@@ -68,5 +68,6 @@ snit::macro ::sorma::circuitLine {} {
                 "Circuit inside" nest Ctrl-G [llength $chosenKeys] "Its units" unnest Ctrl-U [string match {unit circuit*} [lindex $chosenKeys 0]] Delete Remove Delete [expr {$chosenKeys ne {} || $chosenWires ne {}}]] {
             $menu add command -label [::msgcat::mc $text] -command [mymethod $method] -accelerator $key -state [expr {$has ? "normal" : "disabled"}]
         }
+        $menu add checkbutton -label [::msgcat::mc "Rates"] -accelerator r -variable [myvar options](-rates) -command [mymethod Values]
     }
 }

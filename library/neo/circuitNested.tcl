@@ -1,7 +1,7 @@
 # circuitNested.tcl -- some units of a circuit become a circuit inside of it, and back: the texts. It knows no bus and no window.
 #
-# Each wire that leads into the units, or out of them, is replaced in its place: so the order of the circuit's own pins, which is that of its
-# floats, stays. All other wires stay as they are written.
+# A wire that crosses the edge is replaced in its place. So the circuit's own pins, and its floats, keep their order. All other wires stay
+# as they are written.
 
 package require sorma::circuitText
 package provide sorma::circuitNested 1.0
@@ -88,7 +88,7 @@ proc ::sorma::circuitNested::unpack {text name innerText} {
             lappend whole [lindex $pieces $piece]
         }
     }
-    # What drives an input of the circuit inside, from outside.
+    # Wires outside that drive its inputs.
     set feeds {}
     foreach wire [dict get $graph wires] {
         lassign [lindex $wire 2] object pin
@@ -146,7 +146,7 @@ proc ::sorma::circuitNested::Behind {source driving feeds name} {
     }
     return [list [Part $end $source [list {} $pin {} {} {}] $name]]
 }
-# What READ, a pin or a part of it, is of the END outside that drives all of that pin.
+# END outside drives a whole pin, and READ is that pin or a part of it. Returns the same part of END.
 proc ::sorma::circuitNested::Part {end read driven name} {
     if {[lindex $driven 2] ne {}} {
         Refuse $name [lindex $driven 1]

@@ -49,6 +49,7 @@ public:
             .inspection(list("-wires", "source -> sink length unit, as resolved", &Network::listWires))
             .inspection(list("-order", "ask|exec name, in the order of execution", &Network::listOrder))
             .inspection(list("-live", "pin in|out length unit number..., of every pin", &Network::listLive))
+            .inspection(list("-ticks", "circuit ticks seconds; then unit times-executed, of every unit", &Network::listTicks))
             .reads(floats, {}, "", "its inputs, one pin after another; see DBX -pins")
             .writes(floats, {}, "", "its outputs")
             .realtime()

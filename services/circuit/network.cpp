@@ -64,6 +64,7 @@ void Network::failStep(Step& step, Message& m) const {
 void Network::run(Message& m) {
     sorma::RealtimeOwner* here = sorma::RealtimeOwner::current();
     std::swap(m.floats, inputs_);
+    ++begun_;
     try {
         for (Step* s : loops_) {
             current_ = s;
@@ -73,6 +74,7 @@ void Network::run(Message& m) {
         for (Step *s = steps_.data(), *end = s + steps_.size(); s != end; ++s) {
             current_ = s;
             execute(*s, here);
+            ++s->done;
             tidy(*s, m);
         }
     } catch (...) {
@@ -137,6 +139,11 @@ void Network::listLive(std::string& out) const {
             line(s.unit->name() + ".", pin,
                  pin.input ? gathered(s.firstCopy, s.lastCopy, s.in)
                            : s.loop ? s.held : s.message.floats);
+}
+
+void Network::listTicks(std::string& out) const {
+    appendLine(out, {owner_.name(), std::to_string(begun_), sorma::numberText(double(sorma::monotonicNow()) * 1e-9)});
+    for (auto& s : steps_) appendLine(out, {s.unit->name(), std::to_string(s.done)});
 }
 
 }  // namespace circuit

@@ -63,6 +63,7 @@ public:
     void listWires(std::string& out) const;     // source -> sink length unit
     void listOrder(std::string& out) const;     // ask|exec name
     void listLive(std::string& out) const;      // pin in|out length unit number...    of each pin, the circuit's own first
+    void listTicks(std::string& out) const;     // circuit ticks-begun seconds, of the monotonic clock; then unit times-executed
 
 private:
     friend class Wiring;
@@ -81,6 +82,7 @@ private:
         bool exact = true;              // it must write exactly `out` floats; else at least
         bool onlyFloats = false;        // it writes no other part of a message
         bool loop = false;
+        std::uint64_t done = 0;         // ticks in which it has been executed
         std::vector<sorma::Pin> pins;
     };
 
@@ -108,6 +110,7 @@ private:
     std::vector<Copy> outputs_;         // to the circuit's outputs
     std::vector<double> constants_, inputs_;
     std::size_t inputCount_ = 0, outputCount_ = 0;
+    std::uint64_t begun_ = 0;           // ticks; a unit's `done` is less by the ticks that failed before it
     std::vector<sorma::Pin> pins_;
     std::vector<ResolvedWire> resolved_;
 };
