@@ -5,6 +5,7 @@
 
 package require sorma::circuitClip
 package require sorma::circuitEdits
+package require sorma::circuitFlavor
 package require sorma::circuitLayout
 package require sorma::circuitLine
 package require sorma::circuitNotes
@@ -40,6 +41,7 @@ package provide sorma::circuitEditor 1.0
 #       value NUMBER                the text on that wire
 #       connect SOURCE SINK, drop CLASS X Y, delete KEYS NUMBERS, move KEYS DX DY, replace NUMBER WIRE, tidy. These edit.
 #       copy, cut, paste, align SIDE   as circuitClip has them
+#       saveAs, compare, differences    as circuitFlavor has them
 #       nest, unnest        as circuitNests has them
 #       notes, note X Y TEXT, frame KEYS TEXT, retext KEY TEXT, resize KEY WIDTH HEIGHT    as circuitNotes has them
 #       rate NUMBER                 of that wire, in Hz
@@ -80,6 +82,7 @@ snit::widget ::sorma::circuitEditor {
 
     ::sorma::circuitEdits
     ::sorma::circuitClip
+    ::sorma::circuitFlavorParts
     ::sorma::circuitLine
     ::sorma::circuitNotes
     ::sorma::circuitNests

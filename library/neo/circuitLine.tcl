@@ -26,6 +26,7 @@ snit::macro ::sorma::circuitLine {} {
         }
         pack $win.line -side bottom -fill x -padx [::sorma::style pixels 8] -before $win.panes
         set hint [expr {$what eq {} ? "source -> sink, or a class; Return takes it, Escape ends"
+            : $what eq "save" ? "a flavor, such as night, or nothing for its own name; Return saves it, Escape ends"
             : [lindex $what 0] eq "note" ? "a comment, with \\n for a new line; Return takes it, Escape ends"
             : "the title of the frame; Return takes it, Escape ends"}]
         focus $win.line
@@ -39,7 +40,12 @@ snit::macro ::sorma::circuitLine {} {
     method LineDone {} {
         set text [string trim $typed]
         try {
-            if {$lineFor ne {}} {
+            if {$lineFor eq "save"} {
+                $self saveAs $text
+                pack forget $win.line
+                focus $scene
+                return
+            } elseif {$lineFor ne {}} {
                 $self NoteTyped $text
             } elseif {$chosenWires ne {}} {
                 $self replace [lindex $chosenWires 0] $text
@@ -65,7 +71,8 @@ snit::macro ::sorma::circuitLine {} {
         }
         foreach {text method key has} [list "Comment\u2026" Comment c 1 "Frame\u2026" Frame f [llength $chosenKeys] Copy copy Ctrl-C [llength $chosenKeys] \
                 Paste paste Ctrl-V 1 \
-                "Circuit inside" nest Ctrl-G [llength $chosenKeys] "Its units" unnest Ctrl-U [string match {unit circuit*} [lindex $chosenKeys 0]] Delete Remove Delete [expr {$chosenKeys ne {} || $chosenWires ne {}}]] {
+                "Circuit inside" nest Ctrl-G [llength $chosenKeys] "Its units" unnest Ctrl-U [string match {unit circuit*} [lindex $chosenKeys 0]] \
+                "Save as\u2026" SaveAs Ctrl-S 1 "Compare with its recipe" compare d 1 Delete Remove Delete [expr {$chosenKeys ne {} || $chosenWires ne {}}]] {
             $menu add command -label [::msgcat::mc $text] -command [mymethod $method] -accelerator $key -state [expr {$has ? "normal" : "disabled"}]
         }
         $menu add checkbutton -label [::msgcat::mc "Rates"] -accelerator r -variable [myvar options](-rates) -command [mymethod Values]

@@ -1,0 +1,133 @@
+# circuitFlavor.tcl -- ::sorma::circuitFlavor: in the circuit editor, save the circuit as a recipe of the dictionary, and compare it with its recipe.
+
+package require Tk
+package require snit
+package require sorma::circuitText
+package require sorma::parts
+package require sorma::style
+package require sorma::table
+package require sorma::text
+package require sorma::world
+package provide sorma::circuitFlavor 1.0
+
+namespace eval ::sorma::circuitFlavor {
+    namespace export compare
+    namespace ensemble create
+}
+
+# ::sorma::circuitFlavor::compare OLD NEW -- what differs between two recipes, dicts of options: a list of {MARK TEXT}. MARK: + for a wire of the new
+# one, - for a wire of the old one, ~ for another option.
+proc ::sorma::circuitFlavor::compare {old new} {
+    set counts {}
+    foreach recipe [list $old $new] step {-1 1} {
+        set text [if {[dict exists $recipe -wires]} {dict get $recipe -wires}]
+        foreach wire [dict get [::sorma::circuitText read $text] wires] {
+            dict incr counts [join [lmap end [lrange $wire 1 2] {::sorma::circuitText write $end}] " -> "] $step
+        }
+    }
+    set out {}
+    dict for {wire count} $counts {
+        if {$count != 0} {
+            lappend out [list [expr {$count > 0 ? "+" : "-"}] $wire]
+        }
+    }
+    foreach option {-inputs -outputs} {
+        lassign [lmap recipe [list $old $new] {if {[dict exists $recipe $option]} {dict get $recipe $option}}] before after
+        if {[::sorma::circuitText pins $before] ne [::sorma::circuitText pins $after]} {
+            lappend out [list ~ "$option: {$before}, now {$after}"]
+        }
+    }
+    lassign [lmap recipe [list $old $new] {if {[dict exists $recipe -places]} {dict get $recipe -places}}] before after
+    set moved 0
+    foreach read {places notes} {
+        lassign [lmap text [list $before $after] {::sorma::circuitText $read $text}] was is
+        dict for {key what} [dict merge $was $is] {
+            incr moved [expr {![dict exists $was $key] || ![dict exists $is $key] || [dict get $was $key] ne [dict get $is $key]}]
+        }
+    }
+    if {$moved > 0} {
+        lappend out [list ~ "-places: $moved of them differ"]
+    }
+    return $out
+}
+
+snit::macro ::sorma::circuitFlavorParts {} {
+    # saveAs ?FLAVOR? -- write the recipe that runs into the dictionary there, under this flavor or its own name.
+    method saveAs {{flavor {}}} {
+        if {[$self drafts] ne {}} {
+            set hint "[::sorma::style mark refused] save: the circuit has not taken all edits; undo or revert those that it refuses"
+            return
+        }
+        $subject ask [concat [list CTRL -save] $flavor] [list ::sorma::parts::answer [mymethod FlavorSaved]]
+    }
+    method FlavorSaved {status value} {
+        if {$status ne "ok"} {
+            set hint "[::sorma::style mark refused] save: [::sorma::text::clean [lindex $value 0]]"
+            return
+        }
+        set hint "saved in the dictionary: [lindex [dict get $value text] 0]"
+    }
+    method SaveAs {} {
+        $self Line save
+    }
+    # compare -- show what differs from the recipe in the dictionary, and select wires that it does not have; again: no more.
+    method compare {} {
+        if {[winfo exists $win.diff]} {
+            destroy $win.diff
+            return
+        }
+        set where [lindex [::sorma::table locate [$subject name]] 1]
+        set key [::sorma::world use $where]
+        if {$key ne {}} {
+            ::sorma::world ask $key [list dict CTRL -expand [lindex [::sorma::table locate [$subject name]] 0]] \
+                -command [list ::sorma::parts::answer [mymethod Compared]]
+        }
+    }
+    method Compared {status value} {
+        set old {}
+        set name [$subject name]
+        if {$status eq "ok"} {
+            set words [if {[dict exists $value text]} {dict get $value text}]
+            if {[catch {dict size $words}]} {
+                set hint "[::sorma::style mark refused] compare: the recipe of $name has actions, too"
+                return
+            }
+            set old $words
+        } elseif {[lrange [lindex $value 1] 0 2] ne "SORMA DICT UNKNOWN"} {
+            set hint "[::sorma::style mark refused] compare: [::sorma::text::clean [lindex $value 0]]"
+            return
+        }
+        if {[catch {::sorma::circuitFlavor::compare $old $recipe} found]} {
+            set hint "[::sorma::style mark refused] compare: [::sorma::text::clean $found]"
+            return
+        }
+        destroy $win.diff
+        ::text $win.diff -height [expr {min(8, max(1, [llength $found]))}] -width 20 -wrap none -relief flat -takefocus 1 -font [::sorma::style font fixed]
+        foreach {mark state} {+ good - refused ~ theirs} {
+            $win.diff tag configure $mark -foreground [::sorma::style colour $state]
+        }
+        set head [expr {$status eq "ok" ? {} : "no recipe of $name is in the dictionary; all of it is new\n"}]
+        $win.diff insert end $head
+        foreach line $found {
+            $win.diff insert end "[lindex $line 0] [string map {\n { }} [lindex $line 1]]\n" [lindex $line 0]
+        }
+        $win.diff insert end [if {$found eq {}} {string cat "$name is as its recipe says"}]
+        $win.diff configure -state disabled
+        bind $win.diff <Escape> [mymethod compare]
+        pack $win.diff -side bottom -fill x -padx [::sorma::style pixels 8] -before $win.panes
+        # The new ones are seen in the picture.
+        set fresh [lmap line $found {if {[lindex $line 0] ne "+"} continue; lindex $line 1}]
+        set chosenKeys {}
+        set n -1
+        set chosenWires [lmap wire [dict get $graph wires] {
+            incr n
+            if {[join [lmap end [lrange $wire 1 2] {::sorma::circuitText write $end}] " -> "] ni $fresh} continue
+            set n
+        }]
+        $self Selected
+    }
+    # differences -- the lines that compare shows.
+    method differences {} {
+        return [if {[winfo exists $win.diff]} {split [string trim [$win.diff get 1.0 end]] \n}]
+    }
+}
