@@ -11,6 +11,7 @@ package require sorma::circuitLine
 package require sorma::circuitNotes
 package require sorma::circuitNests
 package require sorma::circuitPalette
+package require sorma::circuitPast
 package require sorma::circuitProbes
 package require sorma::circuitRates
 package require sorma::circuitRun
@@ -41,6 +42,7 @@ package provide sorma::circuitEditor 1.0
 #       value NUMBER                the text on that wire
 #       connect SOURCE SINK, drop CLASS X Y, delete KEYS NUMBERS, move KEYS DX DY, replace NUMBER WIRE, tidy. These edit.
 #       copy, cut, paste, align SIDE   as circuitClip has them
+#       record, endRecord, look, moment, present    as circuitPast has them
 #       saveAs, compare, differences    as circuitFlavor has them
 #       nest, unnest        as circuitNests has them
 #       notes, note X Y TEXT, frame KEYS TEXT, retext KEY TEXT, resize KEY WIDTH HEIGHT    as circuitNotes has them
@@ -86,6 +88,7 @@ snit::widget ::sorma::circuitEditor {
     ::sorma::circuitLine
     ::sorma::circuitNotes
     ::sorma::circuitNests
+    ::sorma::circuitPast
     ::sorma::circuitProbes
     ::sorma::circuitRates
     ::sorma::circuitRun
@@ -247,10 +250,15 @@ snit::widget ::sorma::circuitEditor {
     method Valued {what name values} {
         set value [lindex $values 1]
         set told [dict filter $value key state why age]
+        if {$moment ne {}} {
+            dict set told age {}            ;# that of the recording stands beside its scale
+        }
         set text [if {[dict exists $value value text]} {dict get $value value text}]
         if {$text ne {} && $text ne $reply} {
             set reply $text
-            $self ReadLive $text
+            if {$moment eq {}} {
+                $self ReadLive $text
+            }
         }
         $self Values
         $self Say
@@ -490,11 +498,11 @@ snit::widget ::sorma::circuitEditor {
             incr n
             if {$shown && $where ne {}} {
                 set text [$self Text $wire]
-                set rate [if {$options(-rates) && $text ne {}} {$self RateText $n}]
+                set rate [if {$options(-rates) && $text ne {} && $moment eq {}} {$self RateText $n}]
                 string cat [if {$rate ne {}} {string cat $rate \n}] $text
             }
         }]
-        $scene grey [expr {[dict get $told state] in {stale gone refused}}]
+        $scene grey [expr {$moment eq {} && [dict get $told state] in {stale gone refused}}]
     }
     method SetValues {option value} {
         set options($option) $value

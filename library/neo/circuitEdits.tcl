@@ -312,7 +312,7 @@ snit::macro ::sorma::circuitEdits {} {
             <Button-4> {Wheel 0 120} <Button-5> {Wheel 0 -120} <Shift-Button-4> {Wheel 1 120} <Shift-Button-5> {Wheel 1 -120}
             <Control-Button-4> {WheelZoom 120 %x %y} <Control-Button-5> {WheelZoom -120 %x %y}
             <Delete> Remove <BackSpace> Remove <Control-z> undo <Control-y> redo <Control-l> tidy <Control-a> All <Escape> Escape
-            <Control-c> copy <Control-x> cut <Control-v> paste <Control-p> Print <Control-g> nest <Control-u> unnest <Control-s> SaveAs <Key-d> compare
+            <Control-c> copy <Control-x> cut <Control-v> paste <Control-p> Print <Control-g> nest <Control-u> unnest <Control-s> SaveAs <Key-d> compare <Control-r> Record <Control-b> LookBack
             <Control-Left> {align left} <Control-Right> {align right} <Control-Up> {align top} <Control-Down> {align bottom}
             <Left> {Arrow -1 0} <Right> {Arrow 1 0} <Up> {Arrow 0 -1} <Down> {Arrow 0 1}
             <Shift-Left> {Grow -1 0} <Shift-Right> {Grow 1 0} <Shift-Up> {Grow 0 -1} <Shift-Down> {Grow 0 1} <Key-c> Comment <Key-f> Frame

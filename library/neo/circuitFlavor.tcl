@@ -70,7 +70,7 @@ snit::macro ::sorma::circuitFlavorParts {} {
     method SaveAs {} {
         $self Line save
     }
-    # compare -- show what differs from the recipe in the dictionary, and select wires that it does not have; again: no more.
+    # compare -- show what differs from the recipe in the dictionary, and select wires that it does not have. The second call ends that.
     method compare {} {
         if {[winfo exists $win.diff]} {
             destroy $win.diff

@@ -25,12 +25,16 @@ snit::macro ::sorma::circuitLine {} {
             bind $win.line <Escape> [mymethod LineEnd]
         }
         pack $win.line -side bottom -fill x -padx [::sorma::style pixels 8] -before $win.panes
-        set hint [expr {$what eq {} ? "source -> sink, or a class; Return takes it, Escape ends"
+        set file "a file at the circuit's machine; Return takes it, Escape ends"
+        set hint [expr {$what in {record look} ? $file : $what eq {} ? "source -> sink, or a class; Return takes it, Escape ends"
             : $what eq "save" ? "a flavor, such as night, or nothing for its own name; Return saves it, Escape ends"
             : [lindex $what 0] eq "note" ? "a comment, with \\n for a new line; Return takes it, Escape ends"
             : "the title of the frame; Return takes it, Escape ends"}]
         focus $win.line
         $win.line icursor end
+    }
+    method LookBack {} {
+        $self Line look
     }
     method LineEnd {} {
         pack forget $win.line
@@ -40,8 +44,8 @@ snit::macro ::sorma::circuitLine {} {
     method LineDone {} {
         set text [string trim $typed]
         try {
-            if {$lineFor eq "save"} {
-                $self saveAs $text
+            if {$lineFor in {save record look}} {
+                $self [dict get {save saveAs record record look look} $lineFor] $text
                 pack forget $win.line
                 focus $scene
                 return
@@ -72,7 +76,8 @@ snit::macro ::sorma::circuitLine {} {
         foreach {text method key has} [list "Comment\u2026" Comment c 1 "Frame\u2026" Frame f [llength $chosenKeys] Copy copy Ctrl-C [llength $chosenKeys] \
                 Paste paste Ctrl-V 1 \
                 "Circuit inside" nest Ctrl-G [llength $chosenKeys] "Its units" unnest Ctrl-U [string match {unit circuit*} [lindex $chosenKeys 0]] \
-                "Save as\u2026" SaveAs Ctrl-S 1 "Compare with its recipe" compare d 1 Delete Remove Delete [expr {$chosenKeys ne {} || $chosenWires ne {}}]] {
+                "Save as\u2026" SaveAs Ctrl-S 1 "Compare with its recipe" compare d 1 \
+                [expr {$recording eq {} ? "Record\u2026" : "End the recording"}] Record Ctrl-R 1 "Look back\u2026" LookBack Ctrl-B 1 Delete Remove Delete [expr {$chosenKeys ne {} || $chosenWires ne {}}]] {
             $menu add command -label [::msgcat::mc $text] -command [mymethod $method] -accelerator $key -state [expr {$has ? "normal" : "disabled"}]
         }
         $menu add checkbutton -label [::msgcat::mc "Rates"] -accelerator r -variable [myvar options](-rates) -command [mymethod Values]

@@ -61,10 +61,10 @@ snit::macro ::sorma::circuitProbes {} {
         after cancel $sampler
         set sampler {}
     }
-    # Values that are old give no samples.
+    # Values that are old, or of a recording, give no samples.
     method Sample {} {
         set sampler {}
-        if {[dict get $told state] ni {stale gone refused}} {
+        if {$moment eq {} && [dict get $told state] ni {stale gone refused}} {
             foreach wire [dict get $graph wires] {
                 set key [lrange $wire 1 2]
                 set numbers [lrange [lindex [$self Numbers $wire] 1] 0 2]
