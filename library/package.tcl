@@ -15,6 +15,8 @@ apply {{} {
         table table
         await await
         retry retry
+        at at
+        moment moment
         complete complete
         manual {manual manual::pages manual::titles}
         reply {show showDefaults}

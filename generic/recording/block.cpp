@@ -177,6 +177,7 @@ bool Block::add(const Facts& facts, const Message* content) {
     if (records_ == 0) first_ = last_ = facts.time;
     first_ = std::min(first_, facts.time), last_ = std::max(last_, facts.time);
     ++records_;
+    states_ += facts.kind == Kind::state;
     append(head, content, size);
     return true;
 }
@@ -214,7 +215,7 @@ void Block::clear() {
     names_.clear();
     for (auto& text : lastText_) text = {};
     for (auto& number : lastName_) number = 0;
-    records_ = 0;
+    records_ = states_ = 0;
     first_ = last_ = 0;
 }
 

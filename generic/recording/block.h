@@ -45,6 +45,7 @@ public:
     bool full() const { return bytes_.size() >= kBlockBytes; }
     std::size_t size() const { return bytes_.size(); }
     std::uint32_t records() const { return records_; }                  // names are none
+    std::uint32_t states() const { return states_; }                    // of its records
     std::int64_t first() const { return first_; }
     std::int64_t last() const { return last_; }
     const std::vector<std::string_view>& names() const { return names_; }
@@ -63,7 +64,7 @@ private:
     std::vector<std::string_view> names_;       // keys of known_, in the order of their numbers
     std::string_view lastText_[3];              // keys of known_: most records name the same as the one before
     std::uint32_t lastName_[3] = {};
-    std::uint32_t records_ = 0;
+    std::uint32_t records_ = 0, states_ = 0;
     std::int64_t first_ = 0, last_ = 0;
 };
 

@@ -29,8 +29,23 @@ enum class Kind : std::uint8_t {
     loss = 8,       // so many records of a source are missing
     note = 9,       // what the recorder says of itself
     section = 10,   // in the index: consecutive blocks
+    state = 11,     // what an object was like: for questions to a past moment, and not counted among the records
 };
-inline constexpr Kind kLastKind = Kind::section;
+inline constexpr Kind kLastKind = Kind::state;
+
+// The code of a record of kind state.
+enum class State : int {
+    told = 0,       // options have changed: words -option value
+    whole = 1,      // all options of the object
+    gone = 2,       // the object was removed
+    look = 3,       // here begins a look at all objects. Ints: number and time of each request that is under way
+    looked = 4,     // it has ended; span: since it began
+    end = 6,        // the recorder has stopped; all up to here is recorded
+    buffer = 5,     // of a snapshot buffer. Ints: counter and time of its newest record
+};
+// Their words, in look and looked. So the index tells which sections have them.
+inline constexpr const char* kLook = "look at all objects";
+inline constexpr const char* kLooked = "end of the look";
 
 struct FileHead {
     char magic[24] = "sorma-recording 3\n";
@@ -51,7 +66,7 @@ struct BlockHead {
     std::uint32_t records = 0;
     std::uint32_t flags = 0;
     std::int64_t first = 0, last = 0;   // earliest and latest time of its records [ns since 1970]
-    std::uint32_t zero = 0;
+    std::uint32_t states = 0;           // of its records, so many are states
     std::uint32_t check = 0;
 };
 struct RecordHead {

@@ -23,11 +23,22 @@ template <class Head> bool begins(const Head& head) { return std::memcmp(head.ma
 
 }  // namespace
 
-Reader::Reader(std::string file) : file_(std::move(file)), in_(::open(file_.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY)) {
+Reader::Reader(std::string file, Index index) : file_(std::move(file)), sections_(std::move(index.sections)), names_(std::move(index.names)) {
+    open();
+    readHead();
+    seek(0);
+}
+
+void Reader::open() {
+    in_ = Descriptor(::open(file_.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
     struct stat status{};
     if (!in_ || ::fstat(in_.get(), &status) != 0) throw FileError("cannot read " + file_ + ": " + std::strerror(errno));
     if (!S_ISREG(status.st_mode)) throw FileError("cannot read " + file_ + ": it is no file");
     size_ = std::uint64_t(status.st_size);
+}
+
+Reader::Reader(std::string file) : file_(std::move(file)) {
+    open();
     const bool hasHead = readHead();
     readIndex();
     if (!closed_) rebuild();
@@ -171,6 +182,7 @@ bool Reader::takeSection(const Record& record, const BlockReader& block, std::ui
     if (s.at < sizeof head_ || s.at > end || s.bytes > end - s.at) return false;
     s.number = record.number;
     s.blocks = std::uint64_t(m.ints[kBlocks]), s.records = std::uint64_t(m.ints[kRecords]);
+    s.states = std::uint64_t(std::max(0, record.code));
     s.first = record.time, s.last = std::int64_t(std::uint64_t(record.time) + std::uint64_t(record.span));
     s.named = m.ints[kNamed] != 0;
     for (std::size_t i = kNames; i < m.ints.size(); ++i) {
@@ -225,6 +237,7 @@ void Reader::append(const Found& f) {
     s.bytes = std::min(f.end(), size_) - s.at;
     ++s.blocks;
     s.records += f.head.records;
+    s.states += std::min(f.head.states, f.head.records);
     s.first = std::min(s.first, f.head.first);
     s.last = std::max(s.last, f.head.last);
 }

@@ -28,6 +28,8 @@ class Reader {
 public:
     // Fails with a FileError when the file cannot be read, is no recording, or one of a newer version.
     explicit Reader(std::string file);
+    // The same while a writer of this process writes it, which knows what is where.
+    Reader(std::string file, Index index);
 
     const FileHead& head() const { return head_; }
     std::uint64_t bytes() const { return size_; }
@@ -65,6 +67,7 @@ private:
     void leave();
     void damage(std::uint64_t at, std::uint64_t end, std::string what);
 
+    void open();
     const std::string file_;
     Descriptor in_;
     std::uint64_t size_ = 0;

@@ -11,19 +11,28 @@
 #include "bus/signalsBlocked.h"
 #include "bus/sorm.h"
 #include "bus/stream.h"
+#include "recording/look.h"
 
 namespace sorma::recording {
 
 namespace {
 
-// The reasons of losses, in the order of Recorder::Why.
-constexpr const char* kReasons[] = {"they were not taken fast enough", "larger than a record may be", "no memory", "they could not be written"};
-
+// Read again when the thread may have waited in between.
 std::int64_t wallOffset() {
-    timespec t;
-    clock_gettime(CLOCK_REALTIME, &t);
-    return std::int64_t(t.tv_sec) * 1'000'000'000 + t.tv_nsec - monotonicNow();
+    std::int64_t offset = 0, narrowest = INT64_MAX;
+    for (int i = 0; i < 10; ++i) {
+        timespec t;
+        const std::int64_t before = monotonicNow();
+        clock_gettime(CLOCK_REALTIME, &t);
+        const std::int64_t took = monotonicNow() - before;
+        if (took >= narrowest) continue;
+        narrowest = took;
+        offset = std::int64_t(t.tv_sec) * 1'000'000'000 + t.tv_nsec - before - took / 2;
+    }
+    return offset;
 }
+
+}  // namespace
 
 bool fits(const std::string& pattern, std::string_view name) { return pattern == "*" || globMatch(pattern, name); }
 
@@ -42,6 +51,8 @@ Message masked(const Sorm& sorm, const Message& m) {
     return out;
 }
 
+namespace {
+
 // All that is told of a message which may hold any secret.
 Message hidden(const Message& m) {
     Message out;
@@ -59,11 +70,12 @@ Message hidden(const Message& m) {
 }  // namespace
 
 Recorder::Recorder(Sorm& sorm, Selection selection, Sink sink)
-    : Observer((selection.requests.empty() ? 0 : all) | (selection.events.empty() ? 0 : events)), sorm_(sorm), selection_(std::move(selection)),
+    : Observer((selection.requests.empty() ? 0 : all) | (selection.requests.empty() && selection.events.empty() ? 0 : events)), sorm_(sorm), selection_(std::move(selection)),
       allRequests_(selection_.requests == "*" && !selection_.author), offset_(wallOffset()), sink_(std::move(sink)) {
     const SignalsBlocked blocked;
     thread_ = std::thread([this] { run(); });
     sorm_.observers.add(this);
+    if (wishes) look();
 }
 
 void Recorder::stop() {
@@ -76,6 +88,7 @@ void Recorder::stop() {
     }
     work_.notify_one();
     thread_.join();
+    alive_.reset();
 }
 
 Recorder::Figures Recorder::figures() const {
@@ -102,10 +115,13 @@ bool Recorder::wants(const Passage& p) const {
 void Recorder::add(const Facts& facts, const Message& m) {
     try {
         std::lock_guard lock(mutex_);
-        if (!block_.add(facts, &m)) return lose(large, {1, facts.time, facts.time});
+        if (!block_.add(facts, &m)) return lose(large, {facts.kind != Kind::state, facts.time, facts.time, facts.kind == Kind::state});
+        if (facts.kind == Kind::sample) buffers_.insert_or_assign(std::string(facts.object), Mark{facts.number, facts.time});
         if (!block_.full()) [[likely]] return;
+        sinceLook_ += block_.size();
+        if (wishes && sinceLook_ > mostUnlooked()) lookDue_.store(true, std::memory_order_relaxed);       // the thread may be behind
         if (waiting_.size() >= kWaiting) {
-            lose(slow, {block_.records(), block_.first(), block_.last()});
+            lose(slow, {block_.records() - block_.states(), block_.first(), block_.last(), block_.states()});
             return block_.clear();
         }
         waiting_.push_back(std::move(block_));
@@ -133,6 +149,7 @@ void Recorder::came(const Passage& p, const Message& m) {
     static const std::string self = Caller::self().toText();
     const auto from = local ? From::process : origin(p);
     const Facts facts{Kind::request, p.method, selection_.source, p.object, local ? self : p.callers(), int(from), p.begun + offset_, p.number};
+    beginRequest(p.number, facts.time);
     if (!sorm_.hasSecrets()) [[likely]] return add(facts, m);
     const bool awaits = p.method == Method::ctrl && p.service && sorm_.awaitsSecrets(p.service->name());
     add(facts, awaits ? hidden(m) : masked(sorm_, m));
@@ -141,6 +158,7 @@ void Recorder::came(const Passage& p, const Message& m) {
 void Recorder::answered(const Passage& p, const Message& m, std::int64_t ran) {
     if (!open_.empty())
         if (auto found = open_.find(p.number); found != open_.end()) calls_.erase(found->second), open_.erase(found);
+    endRequest(p, m, p.begun + ran + offset_);
     if (!wants(p)) return;
     const Facts facts{Kind::reply, p.method, selection_.source, p.object, {}, m.code, p.begun + ran + offset_, p.number, ran};
     if (!sorm_.hasSecrets()) [[likely]] return add(facts, m);
@@ -150,6 +168,7 @@ void Recorder::answered(const Passage& p, const Message& m, std::int64_t ran) {
 }
 
 void Recorder::published(const Event& e) {
+    if (e.object == "sorm") tellChange(e);
     if (!fits(selection_.events, e.object) || e.object == selection_.without || concealed(e, sorm_, selection_.author)) return;
     if (e.object != "sorm" && !mayTell(e.object)) return;
     const Facts facts{Kind::event, {}, selection_.source, e.object, e.name, e.message.code, now(), e.serial};
@@ -160,9 +179,12 @@ void Recorder::published(const Event& e) {
 // With the lock.
 void Recorder::lose(Why why, const Loss& loss) {
     Loss& all = losses_[why];
-    all.first = all.records == 0 ? loss.first : std::min(all.first, loss.first);
-    all.last = all.records == 0 ? loss.last : std::max(all.last, loss.last);
+    const bool none = all.records + all.states == 0;
+    all.first = none ? loss.first : std::min(all.first, loss.first);
+    all.last = none ? loss.last : std::max(all.last, loss.last);
     all.records += loss.records;
+    all.states += loss.states;
+    lookAgain_ |= loss.states > 0;
     figures_.lost += loss.records;
 }
 
@@ -170,11 +192,13 @@ void Recorder::lose(Why why, const Loss& loss) {
 
 void Recorder::run() {
     for (std::unique_lock lock(mutex_);;) {
-        work_.wait_for(lock, std::chrono::nanoseconds(kFlush), [this] { return stop_ || !waiting_.empty(); });
+        work_.wait_for(lock, std::chrono::nanoseconds(kFlush), [this] { return stop_ || asked_ != done_ || !waiting_.empty(); });
         const bool last = stop_;
+        const std::uint64_t asked = asked_;
         const std::int64_t upTo = now();
         std::deque<Block> blocks = std::exchange(waiting_, {});
-        if (!block_.empty() && (blocks.empty() || last)) {
+        if (!block_.empty() && (blocks.empty() || last || asked != done_)) {
+            sinceLook_ += block_.size();
             blocks.push_back(std::move(block_));
             block_ = Block();
         }
@@ -186,7 +210,10 @@ void Recorder::run() {
         giveLosses();
         Block none;
         give(none, upTo);
+        judgeLook();
         lock.lock();
+        done_ = asked;
+        flushed_.notify_all();
         for (auto& block : blocks)
             if (spares_.size() < 2) spares_.push_back(std::move(block));
         if (last) return;
@@ -195,7 +222,7 @@ void Recorder::run() {
 
 // The block is empty then.
 void Recorder::give(Block& block, std::int64_t upTo) {
-    const Loss all{block.records(), block.first(), block.last()};
+    const Loss all{block.records() - block.states(), block.first(), block.last(), block.states()};
     std::string error;
     try {
         sink_(block, upTo);
@@ -205,7 +232,7 @@ void Recorder::give(Block& block, std::int64_t upTo) {
     }
     std::lock_guard lock(mutex_);
     if (error.empty()) figures_.records += all.records;
-    else if (all.records > 0) figures_.error = error, lose(refused, all);
+    else if (all.records + all.states > 0) figures_.error = error, lose(refused, all);
 }
 
 // A record for each reason. When the sink does not take these, they are told later.
@@ -217,8 +244,8 @@ void Recorder::giveLosses() {
     }
     Block block;
     for (int why = 0; why < kWhys; ++why)
-        if (auto& loss = losses[why]; loss.records > 0)
-            block.add({.kind = Kind::loss, .source = selection_.source, .word = kReasons[why], .time = loss.first, .number = loss.records, .span = loss.last - loss.first});
+        if (auto& loss = losses[why]; loss.records + loss.states > 0)
+            block.add({.kind = Kind::loss, .source = selection_.source, .word = kReasons[why], .code = int(loss.states), .time = loss.first, .number = loss.records, .span = loss.last - loss.first});
     try {
         if (!block.empty()) sink_(block, kUnknown);
         return;
@@ -227,7 +254,7 @@ void Recorder::giveLosses() {
     std::lock_guard lock(mutex_);
     for (int why = 0; why < kWhys; ++why) {
         figures_.lost -= losses[why].records;           // counted before
-        if (losses[why].records > 0) lose(Why(why), losses[why]);
+        if (losses[why].records + losses[why].states > 0) lose(Why(why), losses[why]);
     }
 }
 

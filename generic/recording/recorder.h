@@ -7,14 +7,20 @@
 // The value of a secret option never gets into a block. Neither do objects that the author of the recording has no right to inspect at
 // that moment. Requests to `sorm` and `dict` may tell of any object, so they are recorded for the owner alone.
 //
+// For questions to a past moment it records what objects are like, too (Kind::state): all options when it begins, when an object is made,
+// and again each kLookBytes or kLookTime; in between each change that is told. Such a look is done in slices of kSlice.
+//
 // Threads: the SORM's, but for the sink.
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <map>
+#include <memory>
 #include <mutex>
 #include <string>
 #include <string_view>
@@ -30,10 +36,14 @@
 
 namespace sorma::recording {
 
+// The reasons of losses, in the order of Recorder::Why.
+inline constexpr const char* kReasons[] = {"they were not taken fast enough", "larger than a record may be", "no memory", "they could not be written"};
+
 // Records that are missing, for one reason.
 struct Loss {
-    std::uint64_t records = 0;
+    std::uint64_t records = 0;                  // states are not counted
     std::int64_t first = 0, last = 0;           // over how long [ns since 1970]
+    std::uint64_t states = 0;
 };
 
 // Where a request comes from: the code of its record.
@@ -48,6 +58,9 @@ struct Selection {
     std::string source;                         // name of this process in the records
     std::string without;                        // an object that is not recorded: the one which records
     PrincipalPointer author;                    // who records; null: the owner
+    // Look at all objects after so many bytes and so long [ns]; 0: kLookBytes, kLookTime. For a file that keeps little.
+    std::size_t lookBytes = 0;
+    std::int64_t lookTime = 0;
 };
 
 // May requests to that object, and their replies, be told to an author? null: the owner. sorm and dict may tell of any object.
@@ -62,6 +75,8 @@ public:
     static constexpr std::int64_t kUnknown = INT64_MIN;
     static constexpr std::int64_t kFlush = 50'000'000;          // [ns]
     static constexpr std::size_t kWaiting = 64;                 // blocks
+    static constexpr std::size_t kLookBytes = 4 << 20;          // of records, or four times the bytes of the last look
+    static constexpr std::int64_t kLookTime = 60'000'000'000, kSlice = 2'000'000;      // [ns]
 
     Recorder(Sorm& sorm, Selection selection, Sink sink);
     ~Recorder() override { stop(); }
@@ -75,6 +90,12 @@ public:
     Figures figures() const;
     // The clock of the records: wall time when it began, and from there by the monotonic clock [ns since 1970].
     std::int64_t now() const;
+    // Record what all objects are like, also what has changed by itself. Takes 20 ms at most; the rest comes later.
+    void lookAtAll();
+    // Record that it ends now, and knows all up to here.
+    void tellEnd();
+    // All that was added so far has been given to the sink when this returns true. Waits for that, a second at most. Not on the sink's thread.
+    bool flush();
     // Append a record that comes from elsewhere. Any thread.
     void add(const Facts& facts, const Message& m);
 
@@ -88,6 +109,22 @@ private:
     bool mayTell(std::string_view object) const;
     enum Why : std::uint8_t { slow, large, memory, refused, kWhys };
     void lose(Why why, const Loss& loss);
+    // look.cpp: what objects are like
+    struct Mark {
+        std::uint64_t number;
+        std::int64_t time;
+    };
+    bool tracks(std::string_view object) const;
+    void addState(State state, std::string_view object, std::string_view word, Message& m, std::int64_t time, std::int64_t span = 0);
+    void tellWhole(std::string_view object);
+    void tellChange(const Event& event);
+    void beginRequest(std::uint64_t number, std::int64_t time);
+    void endRequest(const Passage& passage, const Message& reply, std::int64_t time);
+    void look();
+    void askForLook();
+    void tellBuffers();
+    void judgeLook();
+    std::size_t mostUnlooked() const;
     void run();
     void give(Block& block, std::int64_t upTo = kUnknown);
     void giveLosses();
@@ -101,6 +138,14 @@ private:
     // Requests of others that are under way: those of their calls, by their own numbers; and these calls.
     std::unordered_map<std::uint64_t, std::uint64_t> open_;
     std::unordered_set<std::uint64_t> calls_;
+    std::deque<Mark> underWay_;                 // requests, by their numbers; time 0: it was answered
+    std::unordered_map<std::string, Mark> trails_;      // the last reply of each object that has a trail
+    std::vector<std::string> toLook_;           // names of objects
+    std::size_t looked_ = 0;                    // so many of these were looked at
+    std::size_t lookSize_ = 0;                  // bytes of its states
+    std::int64_t lookBegan_ = 0;                // 0: no look is under way
+    std::shared_ptr<Recorder*> alive_ = std::make_shared<Recorder*>(this);      // work in the mailbox asks
+    std::atomic<bool> lookDue_{false};
 
     mutable std::mutex mutex_;                  // of what follows
     std::condition_variable work_;
@@ -110,6 +155,12 @@ private:
     std::array<Loss, kWhys> losses_;            // that are not told yet
     Figures figures_;
     bool stop_ = false;
+    std::condition_variable flushed_;
+    std::uint64_t asked_ = 0, done_ = 0;        // flushes
+    std::map<std::string, Mark, std::less<>> buffers_;  // the newest record of each snapshot buffer
+    std::size_t sinceLook_ = 0, lookBytes_ = 0; // bytes
+    std::int64_t lookEnded_ = 0;                // by the monotonic clock
+    bool lookAgain_ = false;                    // states were lost
     std::thread thread_;                        // last: it uses what is above
 };
 

@@ -98,6 +98,7 @@ std::uint64_t Writer::putBlock(Block& block, std::uint32_t flags) {
     head.flags = packs ? flags | BlockHead::zstd : flags;
     head.first = block.first();
     head.last = block.last();
+    head.states = block.states();
     seal(head);
     const std::uint64_t at = flags & BlockHead::index ? end_ : place(sizeof head + stored.size());
     put(at, &head, sizeof head);
@@ -121,6 +122,7 @@ void Writer::note(const Block& block, std::uint64_t at) {
     s.bytes = next_ - s.at;
     ++s.blocks;
     s.records += block.records();
+    s.states += block.states();
     s.first = std::min(s.first, block.first());
     s.last = std::max(s.last, block.last());
     for (auto& name : block.names()) {
@@ -139,7 +141,7 @@ void Writer::note(const Block& block, std::uint64_t at) {
 void Writer::write(Block& block) {
     if (block.empty()) return;
     const std::uint64_t at = putBlock(block, 0);
-    records_ += block.records();
+    records_ += block.records() - block.states();
     note(block, at);
     block.clear();
 }
@@ -151,12 +153,18 @@ void Writer::putIndex() {
     for (auto& s : sections_) {
         m.ints = {std::int64_t(s.at), std::int64_t(s.bytes), std::int64_t(s.blocks), std::int64_t(s.records), s.named};
         for (auto name : s.names) m.ints.push_back(block.name(*names_[name]));
-        block.add({.kind = Kind::section, .time = s.first, .number = s.number, .span = s.last - s.first}, &m);
+        block.add({.kind = Kind::section, .code = int(std::min<std::uint64_t>(s.states, INT32_MAX)), .time = s.first, .number = s.number, .span = s.last - s.first}, &m);
         if (!block.full()) continue;
         putBlock(block, BlockHead::index);
         block.clear();
     }
     if (!block.empty()) putBlock(block, BlockHead::index);
+}
+
+Index Writer::index() const {
+    Index out{{sections_.begin(), sections_.end()}, {}};
+    for (auto* name : names_) out.names.push_back(*name);
+    return out;
 }
 
 void Writer::close() {

@@ -22,7 +22,7 @@ namespace sorma::recording {
 struct Section {
     std::uint64_t at = 0, bytes = 0;            // in the file
     std::uint64_t number = 0;                   // of its first block
-    std::uint64_t blocks = 0, records = 0;
+    std::uint64_t blocks = 0, records = 0, states = 0;      // states are records, too
     std::int64_t first = 0, last = 0;           // times of its records [ns since 1970]
     std::vector<std::uint32_t> names;           // all texts of its records, by their place in the list of names; in order
     bool named = true;                          // false: it is not known which texts these are
@@ -33,6 +33,12 @@ struct WriterOptions {
     std::int64_t keep = 0;          // [ns] older records may be overwritten; 0: none
     bool compress = false;          // with zstd, where the library is there
     static constexpr std::uint64_t kLeastFile = 4 * kBlockBytes;
+};
+
+// What a recording has where, the oldest first.
+struct Index {
+    std::vector<Section> sections;
+    std::vector<std::string> names;
 };
 
 // Can recordings be compressed here?
@@ -46,6 +52,8 @@ public:
     void write(Block& block);
     // Write the index. Nothing may be written then. Without it, readers look through the file.
     void close();
+    // Of what was written so far.
+    Index index() const;
 
     std::uint64_t id() const { return id_; }
     std::uint64_t bytes() const { return end_; }            // of the file

@@ -4,6 +4,7 @@ package require csv
 package require sorma
 package require sorma::line
 package require sorma::mcap
+package require sorma::moment
 package require sorma::options
 package require sorma::recording
 package require sorma::text
@@ -12,7 +13,7 @@ package provide sorma::replay 1.0
 
 namespace eval ::sorma::replay {
     variable Options {-list flag -typed flag -about flag -play flag -csv {{word {the name of a folder}}} -values {{word {the name of an object}}} -mcap {{word {the name of a file}}}
-        -search any -name {any *} -failed flag -slower {{seconds 0 1000000000}} -from any -until any
+        -at words -search any -name {any *} -failed flag -slower {{seconds 0 1000000000}} -from any -until any
         -daemon any -rename words -speed {{seconds 0 1000} 1} -help flag --help flag -h flag}
     variable Turn           ;# set when it has waited
     variable Heads {
@@ -46,6 +47,9 @@ proc ::sorma::replay::main words {
         if {[llength ${-rename}] % 2} {
             error "-rename expects names in pairs, old and new, got [llength ${-rename}]"
         }
+        if {${-at} ne {} && [llength ${-at}] < 2} {
+            error "-at expects a time and a request, got \"${-at}\""
+        }
         # The bus tells of options of all objects.
         set search [Search [expr {${-values} eq {} ? $settings : [dict replace $settings -name sorm]}]]
     } on error message {
@@ -58,7 +62,9 @@ proc ::sorma::replay::main words {
         foreach damage [dict get $about damages] {
             puts stderr "sorma-replay: [lindex $files 0]: $damage"
         }
-        if {${-about}} {
+        if {${-at} ne {}} {
+            puts [::sorma::text::clean [::sorma::at -recorder recorder.replay {*}${-at}]]
+        } elseif {${-about}} {
             About $about
         } elseif {${-csv} ne {}} {
             Export ${-csv} $search
@@ -97,25 +103,10 @@ proc ::sorma::replay::Search settings {
     }
     foreach option {-from -until} {
         if {[dict get $settings $option] ne {}} {
-            lappend words $option [Time $option [dict get $settings $option]]
+            lappend words $option [::sorma::moment $option [dict get $settings $option]]
         }
     }
     return [expr {${-failed} ? [list {*}$words -failed] : $words}]
-}
-
-# A time as people write it: seconds since 1970, or a day and a time of the day, of which the day may be missing, with fractions.
-proc ::sorma::replay::Time {option text} {
-    if {[string is double -strict $text]} {
-        return $text
-    }
-    if {![regexp {^(.*\d)(\.\d+)$} $text -> whole fraction]} {
-        set whole $text
-        set fraction {}
-    }
-    if {[catch {clock scan $whole} seconds]} {
-        return -code error "$option expects a time, as 12:03:04.125 or {2026-05-01 12:03:04}, got \"$text\""
-    }
-    return $seconds$fraction
 }
 
 # Run a script for each record that a search finds.

@@ -24,6 +24,8 @@ namespace eval ::sorma::complete {
         sorma::piece {dict none}
         sorma::retry {method request word request}
         sorma::inspect::retry {method request word request}
+        sorma::at {request request word request time none}
+        sorma::inspect::at {request request word request time none}
         sorma::trace {script none}
         sorma::classes {pattern class}
         sorma::catalogue {pattern none}

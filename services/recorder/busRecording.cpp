@@ -90,6 +90,7 @@ void RecordText::await(Key key, std::string request) {
 
 void RecordText::add(std::string& out, const rec::Record& r) {
     if (r.time < search_.from || r.time > search_.until) return;
+    if (r.kind == rec::Kind::state || (r.kind == rec::Kind::loss && r.number == 0)) return;         // for History
     const bool named = r.kind == rec::Kind::request || r.kind == rec::Kind::reply || r.kind == rec::Kind::event || r.kind == rec::Kind::sample || r.kind == rec::Kind::shape;
     if (named && search_.name != "*" && !sorma::globMatch(search_.name, r.object)) return;
     if (named && search_.mayTell && !search_.mayTell(r.object)) return;
@@ -136,7 +137,7 @@ std::string describe(const std::string& file, bool names) {
     std::int64_t first = 0, last = 0;
     bool any = false;
     for (auto& s : reader.sections()) {
-        records += s.records;
+        records += s.records - s.states;
         first = any ? std::min(first, s.first) : s.first;
         last = any ? std::max(last, s.last) : s.last;
         any = true;

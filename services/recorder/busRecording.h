@@ -9,6 +9,7 @@
 #include <deque>
 #include <functional>
 #include <map>
+#include <mutex>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -25,10 +26,15 @@ class BusRecording {
 public:
     // Fails with a sorma::recording::FileError.
     BusRecording(sorma::Sorm& sorm, sorma::recording::Selection selection, const std::string& file, sorma::recording::WriterOptions options)
-        : writer_(file, options), recorder_(sorm, std::move(selection), [this](sorma::recording::Block& block, std::int64_t) { writer_.write(block); }) {}
+        : writer_(file, options), recorder_(sorm, std::move(selection), [this](sorma::recording::Block& block, std::int64_t) {
+              std::lock_guard lock(mutex_);
+              writer_.write(block);
+          }) {}
     ~BusRecording() { recorder_.stop(); }
     // Write what has come so far, and the index. The result says what was not possible; the file can be read all the same.
     sorma::recording::Recorder::Figures stop() {
+        recorder_.lookAtAll();
+        recorder_.tellEnd();
         recorder_.stop();
         auto figures = recorder_.figures();
         try {
@@ -39,8 +45,15 @@ public:
         return figures;
     }
     sorma::recording::Recorder& recorder() { return recorder_; }
+    // Where in the file is what. All that has happened so far is there, if the disk is not too slow.
+    sorma::recording::Index index() {
+        recorder_.flush();
+        std::lock_guard lock(mutex_);
+        return writer_.index();
+    }
 
 private:
+    std::mutex mutex_;                          // of writer_, which the recorder's thread uses
     sorma::recording::Writer writer_;
     sorma::recording::Recorder recorder_;
 };

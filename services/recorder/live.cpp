@@ -111,6 +111,7 @@ void Merge::lose(Source& source, const std::string& why) {
 void Merge::note(const Source& source, std::string_view what, const std::string& text) {
     sorma::Message m;
     m.text = text;
+    if (!source.daemon.empty()) m.words = {source.daemon};
     to_.add({.kind = rec::Kind::note, .source = source.name, .word = what, .time = to_.now()}, m);
 }
 
@@ -123,6 +124,7 @@ void Merge::absorb(Source& source, sorma::Message& piece) {
     for (rec::Record r; block.next(r);) {
         Held held{r, std::string(r.source), std::string(r.object), std::string(r.word), {}, r.content.size()};
         if (!r.read(held.message)) continue;
+        if (source.daemon != r.source) source.daemon = r.source;
         held.facts.time = std::int64_t(std::uint64_t(r.time) + std::uint64_t(shift));
         heldBytes_ += held.bytes;
         held_.emplace(held.facts.time, std::move(held));

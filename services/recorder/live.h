@@ -65,6 +65,7 @@ private:
     struct Source {
         std::string name;
         std::unique_ptr<sorma::Reading> reading;
+        std::string daemon;                 // as its records name it; empty: none has come
         std::string lost;                   // why; empty: it is there
         bool heard = false;                 // it has answered, and is not lost
         std::int64_t upTo = INT64_MIN;

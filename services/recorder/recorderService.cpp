@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "busRecording.h"
+#include "history.h"
 #include "live.h"
 #include "tape.h"
 
@@ -26,7 +27,9 @@ const sorma::Prototype kBuffer{Severity::error, "RECORDER BUFFER", 1,
                                "{}: a buffer cannot be written: {}; -buffers chooses, -prefix keeps runs apart"};
 const sorma::Prototype kBusy{Severity::error, "RECORDER BUSY", 1, "{}: it is {} {}; CTRL -stop ends that"};
 const sorma::Prototype kIdle{Severity::error, "RECORDER IDLE", 1, "{}: nothing is under way that could be stopped"};
-const sorma::Prototype kWord{Severity::error, "RECORDER WORD", 2, "{}: bad words \"{}\": must be about, export FOLDER, list, play, records ?OPTION ...?, or as a stream, stream REQUESTS EVENTS"};
+const sorma::Prototype kWord{Severity::error, "RECORDER WORD", 2, "{}: bad words \"{}\": must be about, at TIME REQUEST, export FOLDER, list, play, records ?OPTION ...?, or as a stream, stream REQUESTS EVENTS ?BYTES NS?"};
+const sorma::Prototype kPast{Severity::error, "RECORDER PAST", 1, "{}: {}"};
+const sorma::Prototype kTime{Severity::error, "RECORDER WORD", 2, "{}: at expects seconds since 1970, got \"{}\""};
 const sorma::Prototype kRecords{Severity::error, "RECORDER WORD", 2, "{}: records: {}"};
 
 class Recorder : public sorma::Service {
@@ -54,11 +57,11 @@ public:
             .action("-record", &Recorder::record, "", "begin to record; what is in the file is replaced")
             .action("-stop", &Recorder::stop, "", "end what is under way; says how much that was", 0, 0, sorma::Right::call)
             .concurrency(sorma::Concurrency::concurrent)
-            .words("about | export folder | list | play | records ?option ...? | stream requests events")
+            .words("about | at time request | export folder | list | play | records ?option ...? | stream requests events ?bytes ns?")
             .word("export", &Recorder::makeTables)
             .writes(ints, {}, "", "play, export: records, buffers")
-            .writes(text, {}, "", "about, list, records: what is in the file")
-            .repeatable({"about", "list", "records"})
+            .writes(text, {}, "", "about, at, list, records: what is in the file")
+            .repeatable({"about", "at", "list", "records"})
             .example("recorder.example CTRL -buffers {arm.* lab.clock}");
     }
 
@@ -73,6 +76,7 @@ public:
     void exec(Message& m) override {
         if (execWord(m)) return;
         if (m.words.size() == 1 && m.words[0] == "about") return about(m);
+        if (m.words.size() >= 3 && m.words[0] == "at") return answerPast(m);
         if (auto text = recordText(m)) return gather(*text, m);
         const bool plays = m.words.size() == 1 && m.words[0] == "play";
         if (!plays && !(m.words.size() == 1 && m.words[0] == "list")) {
@@ -90,8 +94,12 @@ public:
     }
 
     std::unique_ptr<sorma::Pieces> inPieces(Message& m) override {
-        if (m.words.size() == 3 && m.words[0] == "stream") {
+        if ((m.words.size() == 3 || m.words.size() == 5) && m.words[0] == "stream") {
             sorma::recording::Selection selection{m.words[1], m.words[2], source(), name(), m.author};
+            std::int64_t bytes = 0;
+            const bool good = m.words.size() == 3 || (sorma::parseNumber(m.words[3], bytes) && bytes >= 0 && sorma::parseNumber(m.words[4], selection.lookTime) && selection.lookTime >= 0);
+            if (!good) return nullptr;
+            selection.lookBytes = std::size_t(bytes);
             return std::make_unique<recorder::LivePieces>(sorm(), std::move(selection));
         }
         std::shared_ptr<recorder::RecordText> text = recordText(m);
@@ -131,6 +139,36 @@ private:
         m.clear();
         m.text = reading([&](const std::string& file) { return recorder::describe(file, names); });
     }
+    // `at TIME REQUEST`. The reader of a file that nobody writes any more is kept.
+    void answerPast(Message& m) {
+        std::int64_t time = 0;
+        if (!recorder::readSeconds(m.words[1], time)) fail(kTime, name(), m.words[1]);
+        const auto question = m.words.size() == 3 ? sorma::splitWords(m.words[2]) : std::vector<std::string>(m.words.begin() + 2, m.words.end());
+        std::function<bool(std::string_view)> mayTell;
+        if (auto reader = sorma::Principal::both(m.author, author("-file")))
+            mayTell = [this, reader](std::string_view object) { return sorma::recording::recordable(object, sorm(), reader); };
+        m.clear();
+        try {
+            history().answer(time, question, mayTell, m);
+        } catch (const recorder::Unknown& e) {
+            m.clear();
+            fail(kPast, name(), e.what());
+        }
+    }
+    recorder::History& history() {
+        return reading([&](const std::string& file) -> recorder::History& {
+            if (bus_) {
+                const std::int64_t now = bus_->recorder().now() - (merge_ ? recorder::Merge::kHold + recorder::Merge::kTurn : 0);
+                history_ = std::make_unique<recorder::History>(std::make_unique<sorma::recording::Reader>(file, bus_->index()), now);
+                past_.clear();
+                return *history_;
+            }
+            std::string version = recorder::versionOf(file);
+            if (!history_ || version != past_) history_ = std::make_unique<recorder::History>(std::make_unique<sorma::recording::Reader>(file));
+            past_ = std::move(version);
+            return *history_;
+        });
+    }
     // The reader of `records`; null: the words are others.
     std::unique_ptr<recorder::RecordText> recordText(const Message& m) {
         if (m.words.empty() || m.words[0] != "records") return nullptr;
@@ -156,11 +194,15 @@ private:
         const auto authors = sorma::Principal::both(by, author("-file"));
         sorma::recording::Selection selection{requests_, events_, source(), name(), authors};
         if (!from.empty()) selection.requests.clear(), selection.events.clear();
+        // A black box shall have some looks of each source.
+        constexpr int kLooks = 4;
+        selection.lookBytes = std::size_t(max_) / (kLooks * std::max<std::size_t>(1, from.size()));
+        selection.lookTime = std::int64_t(seconds_ * 1e9) / kLooks;
         const sorma::recording::WriterOptions options{.most = std::uint64_t(max_), .keep = std::int64_t(seconds_ * 1e9)};
         bus_ = reading([&](const std::string& file) { return std::make_unique<recorder::BusRecording>(sorm(), selection, file, options); });
         if (together_) recordBuffers(plan);
         if (!from.empty())
-            merge_ = std::make_unique<recorder::Merge>(sorm(), from, std::vector<std::string>{"stream", requests_, events_}, sorma::Principal::both(authors, author("-from")),
+            merge_ = std::make_unique<recorder::Merge>(sorm(), from, std::vector<std::string>{"stream", requests_, events_, std::to_string(selection.lookBytes), std::to_string(selection.lookTime)}, sorma::Principal::both(authors, author("-from")),
                                                        bus_->recorder());
     }
     void recordBuffers(Plan& plan) {
@@ -287,6 +329,8 @@ private:
     std::exception_ptr error_;
     std::shared_ptr<Recorder*> alive_ = std::make_shared<Recorder*>(this);      // work in the mailbox asks
     sorma::Charge charge_;                  // for the buffers that are played, on the account of the caller
+    std::unique_ptr<recorder::History> history_;        // of the last question
+    std::string past_;                      // version of its file
     std::unique_ptr<recorder::BusRecording> bus_;
     std::unique_ptr<recorder::Merge> merge_;
     std::unique_ptr<Job> job_;              // last: its thread uses what is above

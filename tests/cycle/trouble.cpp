@@ -28,6 +28,7 @@ public:
             .integer("-removeAt", &Trouble::removeAt_, {.help = "call that removes the object itself; 0: none"})
             .integer("-allocateAt", &Trouble::allocateAt_, {.help = "call that takes memory; 0: none"})
             .integer("-lockAt", &Trouble::lockAt_, {.help = "call that locks a mutex; 0: none"})
+            .integer("-calls", &Trouble::calls_, {.help = "so far: each EXEC counts, and tells nobody"})
             .integer("-value", &Trouble::value_, {.help = "any"})
             .real("-slowChange", &Trouble::slowChange_, {.unit = "s", .low = 0, .help = "a change takes so long"})
             .real("-rival", &Trouble::rivalFor_, {.unit = "s", .low = 0, .help = "another thread can take the processor for so long, once"})

@@ -1,0 +1,19 @@
+# moment.tcl -- moments as people write them.
+
+package provide sorma::moment 1.0
+
+# ::sorma::moment WHAT TEXT -- seconds since 1970 of such a number, or of a day and a time of the day, of which the day may be missing, with fractions.
+# Digits are kept. The error names WHAT.
+proc ::sorma::moment {what text} {
+    if {[string is double -strict $text]} {
+        return $text
+    }
+    if {![regexp {^(.*\d)(\.\d+)$} $text -> whole fraction]} {
+        set whole $text
+        set fraction {}
+    }
+    if {$whole eq {} || [catch {clock scan $whole} seconds]} {
+        return -code error "$what expects a time, as 12:03:04.125 or {2026-05-01 12:03:04}, got \"$text\""
+    }
+    return $seconds$fraction
+}
