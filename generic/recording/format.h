@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <stdexcept>
+#include <string_view>
 
 namespace sorma::recording {
 
@@ -43,9 +44,8 @@ enum class State : int {
     end = 6,        // the recorder has stopped; all up to here is recorded
     buffer = 5,     // of a snapshot buffer. Ints: counter and time of its newest record
 };
-// Their words, in look and looked. So the index tells which sections have them.
-inline constexpr const char* kLook = "look at all objects";
-inline constexpr const char* kLooked = "end of the look";
+// Their words, in look and looked, with the source behind. So the index tells which sources there are, and which sections have their looks.
+inline constexpr std::string_view kLook = "look at all objects of ", kLooked = "end of the look at all objects of ";
 
 struct FileHead {
     char magic[24] = "sorma-recording 3\n";

@@ -80,7 +80,7 @@ void Recorder::look() {
         lookSize_ = 0;
         std::erase_if(underWay_, [](auto& mark) { return mark.time == 0; });
         for (auto& mark : underWay_) m.ints.insert(m.ints.end(), {std::int64_t(mark.number), mark.time});
-        addState(State::look, {}, kLook, m, lookBegan_);
+        addState(State::look, {}, std::string(kLook) + selection_.source, m, lookBegan_);
     }
     while (looked_ < toLook_.size()) {
         tellWhole(toLook_[looked_++]);
@@ -88,7 +88,7 @@ void Recorder::look() {
     }
     const std::int64_t end = now();
     m.clear();
-    addState(State::looked, {}, kLooked, m, end, end - lookBegan_);
+    addState(State::looked, {}, std::string(kLooked) + selection_.source, m, end, end - lookBegan_);
     lookBegan_ = 0;
     toLook_.clear();
     std::lock_guard lock(mutex_);

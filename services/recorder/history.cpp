@@ -64,18 +64,23 @@ History::History(std::unique_ptr<rec::Reader> reader, std::optional<std::int64_t
         lastUpTo_.push_back(last_);
     }
     if (until) last_ = std::max(last_, *until);
-    const std::set<std::string, std::less<>> words{rec::kLook, rec::kLooked, "lost", "found", rec::kReasons[0], rec::kReasons[1], rec::kReasons[2], rec::kReasons[3]};
-    for (std::size_t i = 0; i < reader_->names().size(); ++i)
-        if (words.contains(reader_->names()[i])) marks_.push_back(std::uint32_t(i));
+    const std::set<std::string, std::less<>> words{"lost", "found", rec::kReasons[0], rec::kReasons[1], rec::kReasons[2], rec::kReasons[3]};
+    for (std::uint32_t i = 0; i < reader_->names().size(); ++i) {
+        const std::string& name = reader_->names()[i];
+        if (words.contains(name)) marks_.push_back(i);
+        if (name.starts_with(rec::kLooked)) looks_.emplace(name.substr(rec::kLooked.size()), i);
+    }
+    for (auto& s : reader_->sections()) indexed_ = indexed_ && s.named;
 }
 
 // ---- ways through the file ----
 
-bool History::has(const rec::Section& s, std::string_view name) const {
-    return !s.named || std::any_of(s.names.begin(), s.names.end(), [&](auto n) { return reader_->names()[n] == name; });
+History::Place History::placeOf(std::string_view name) const {
+    const auto found = std::find(reader_->names().begin(), reader_->names().end(), name);
+    return found == reader_->names().end() ? Place() : Place(std::uint32_t(found - reader_->names().begin()));
 }
 
-// May it have looks, losses, or what became of a source?
+// May it have losses, or what became of a source?
 bool History::tells(const rec::Section& s) const {
     return !s.named || std::any_of(marks_.begin(), marks_.end(), [&](auto n) { return std::binary_search(s.names.begin(), s.names.end(), n); });
 }
@@ -152,19 +157,31 @@ std::string History::like(const std::string& name) const { return sorma::didYouM
 
 History::Known History::know(const Subject& subject, std::int64_t time, std::string& source) {
     std::map<std::string, Known, std::less<>> known;
-    auto wants = [&](const rec::Section& s) { return tells(s) || has(s, subject.name); };
-    // Each source has told all of this object, or that it has none. Sources of which nothing was met yet have looks, too: a minute apart.
+    const Place place = placeOf(subject.name);
+    // What matters is newer than this: then each source has told all of this object, or that it has none, or was lost.
+    auto isSettled = [&](const std::string& name, std::int64_t newest) {
+        auto met = sources_.find(name);
+        if (met == sources_.end()) return false;
+        const Source& s = met->second;
+        if (subject.source.empty() && s.lost > s.found && newest < s.lost) return true;
+        auto found = known.find(name);
+        const auto since = std::max(found != known.end() && found->second.whole ? *found->second.whole : INT64_MIN, s.looked.value_or(INT64_MIN));
+        return newest < since;
+    };
+    // Without an index not all sources may be known: they have looks, too, about a minute apart.
     constexpr std::int64_t kSurely = 130 * kSecond;
     auto enough = [&](std::int64_t newest) {
-        if (sources_.empty() || (subject.source.empty() && newest > time - kSurely)) return false;
-        auto settled = [&](const std::string& name, const Source& s) {
-            if (!subject.source.empty() && name != subject.source) return true;
-            auto found = known.find(name);
-            const auto since = std::max(found != known.end() && found->second.whole ? *found->second.whole : INT64_MIN, s.looked.value_or(INT64_MIN));
-            return newest < since;
-        };
-        if (!subject.source.empty() && !sources_.contains(subject.source)) return false;
-        return std::all_of(sources_.begin(), sources_.end(), [&](auto& s) { return settled(s.first, s.second); });
+        if (!subject.source.empty()) return isSettled(subject.source, newest);
+        if (!indexed_ && (sources_.empty() || newest > time - kSurely)) return false;
+        for (auto& [name, word] : looks_)
+            if (!isSettled(name, newest)) return false;
+        return std::all_of(sources_.begin(), sources_.end(), [&](auto& s) { return looks_.contains(s.first) || !s.second.look || isSettled(s.first, newest); });
+    };
+    auto wants = [&](const rec::Section& s) {
+        if (tells(s) || has(s, place)) return true;
+        for (auto& [name, word] : looks_)
+            if ((subject.source.empty() || name == subject.source) && !isSettled(name, s.last) && has(s, word)) return true;
+        return false;
     };
     back(time, wants, enough, [&](const Record& r) {
         note(r);
@@ -223,7 +240,7 @@ void History::judge(const Subject& subject, const std::string& source, const Kno
 
 // Nobody tells when an object changes a value by itself. The next look sees it.
 void History::needSame(const std::string& name, const std::string& source, std::vector<Value> values, std::int64_t time) {
-    auto wants = [&](const rec::Section& s) { return has(s, name); };
+    auto wants = [&, place = placeOf(name)](const rec::Section& s) { return has(s, place); };
     auto enough = [&] { return values.empty(); };
     forth(time, wants, enough, [&](const Record& r) {
         if (values.empty() || r.kind != rec::Kind::state || r.object != name || r.source != source || !r.read(message_)) return;
@@ -281,7 +298,7 @@ void History::buffer(const std::string& key, std::int64_t time, sorma::Message& 
     Mark told;
     std::int64_t toldAt = INT64_MIN;
     std::string source;
-    auto wants = [&](const rec::Section& s) { return has(s, key); };
+    auto wants = [&, place = placeOf(key)](const rec::Section& s) { return has(s, place); };
     auto enough = [&](std::int64_t before) { return before < std::max(newest, toldAt); };
     back(time, wants, enough, [&](const Record& r) {
         if (r.object != key) return;
@@ -312,7 +329,8 @@ void History::underWay(const std::string& pattern, std::int64_t time, const std:
     };
     auto wanted = [&](const Record& r) { return (pattern == "*" || sorma::globMatch(pattern, r.object)) && (!mayTell || mayTell(r.object)); };
     auto enough = [&](std::int64_t newest) {
-        return !sources_.empty() && newest <= time - kSurely && std::all_of(sources_.begin(), sources_.end(), [&](auto& s) { return s.second.look && newest < *s.second.look; });
+        const bool all = indexed_ ? std::all_of(looks_.begin(), looks_.end(), [&](auto& l) { return sources_.contains(l.first); }) : newest <= time - kSurely;
+        return !sources_.empty() && all && std::all_of(sources_.begin(), sources_.end(), [&](auto& s) { return (s.second.lost > s.second.found && newest < s.second.lost) || (s.second.look && newest < *s.second.look) || !looks_.contains(s.first); });
     };
     auto any = [](const rec::Section&) { return true; };
     back(time, any, enough, [&](const Record& r) {
@@ -325,7 +343,7 @@ void History::underWay(const std::string& pattern, std::int64_t time, const std:
         }
     });
     for (auto& [name, s] : sources_) {
-        if (!s.look) continue;
+        if (!s.look || (s.lost > s.found && s.lost >= *s.look)) continue;
         for (auto& m : s.missing)
             if (m.last >= *s.look && m.first <= time)
                 throw Unknown("what was under way at " + clockText(time) + " is not certain: " + std::to_string(m.records) + " records of " + name + " are missing, from " +

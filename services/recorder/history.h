@@ -9,6 +9,7 @@
 
 #include <sorma.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -78,7 +79,10 @@ private:
         std::string name, source;
     };
     using Take = std::function<void(const Record&)>;
-    bool has(const sorma::recording::Section& section, std::string_view name) const;
+    // A name, by its place in the index.
+    using Place = std::optional<std::uint32_t>;
+    Place placeOf(std::string_view name) const;
+    static bool has(const sorma::recording::Section& section, Place name) { return !section.named || (name && std::binary_search(section.names.begin(), section.names.end(), *name)); }
     template <class Wants, class Enough> void back(std::int64_t time, Wants wants, Enough enough, const Take& take);
     template <class Wants, class Enough> void forth(std::int64_t time, Wants wants, Enough enough, const Take& take);
     bool tells(const sorma::recording::Section& section) const;
@@ -100,7 +104,9 @@ private:
 
     const std::unique_ptr<sorma::recording::Reader> reader_;
     std::vector<std::int64_t> lastUpTo_;        // the latest time in this section and all before it
-    std::vector<std::uint32_t> marks_;          // names that stand in sections which tell of looks and losses
+    std::vector<std::uint32_t> marks_;          // names that stand in sections which tell of losses, and of lost sources
+    std::map<std::string, std::uint32_t, std::less<>> looks_;       // sources: the word that ends their looks
+    bool indexed_ = true;                       // then these are all sources
     std::int64_t first_ = INT64_MAX, last_ = INT64_MIN;
     std::map<std::string, Source, std::less<>> sources_;        // that were met for this question
     sorma::Message message_;

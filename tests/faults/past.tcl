@@ -36,6 +36,7 @@ attack {
     set last [clock microseconds]
     recorder.past CTRL -stop
     set about [lindex [recorder.past EXEC about] 3]
+    set source [dict get [lindex [lindex [recorder.past EXEC records -name lamp.0] 3] 0] source]
     set cut $file.cut
     file link -hard $cut $file
     foreach way {index none} {
@@ -64,7 +65,7 @@ attack {
             }
             lappend right $level
             set begun [clock microseconds]
-            catch {recorder.past EXEC at [format %d.%06d [expr {$t / 1000000}] [expr {$t % 1000000}]] lamp.$i cget -level} reply
+            catch {recorder.past EXEC at [format %d.%06d [expr {$t / 1000000}] [expr {$t % 1000000}]] lamp.$i[if {$way eq "none"} {string cat @$source}] cget -level} reply
             lappend times [expr {[clock microseconds] - $begun}]
             if {[lindex $reply 3] ni $right} {
                 incr wrong
