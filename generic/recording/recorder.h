@@ -7,8 +7,8 @@
 // The value of a secret option never gets into a block. Neither do objects that the author of the recording has no right to inspect at
 // that moment. Requests to `sorm` and `dict` may tell of any object, so they are recorded for the owner alone.
 //
-// For questions to a past moment it records what objects are like, too (Kind::state): all options when it begins, when an object is made,
-// and again each kLookBytes or kLookTime; in between each change that is told. Such a look is done in slices of kSlice.
+// It also records what objects are like (Kind::state), for questions to a past moment. It looks at all objects when it begins, and again
+// after each kLookBytes or kLookTime. Objects that are made and changes that are told come in between. A look goes on in slices of kSlice.
 //
 // Threads: the SORM's, but for the sink.
 #pragma once

@@ -35,7 +35,7 @@ struct WriterOptions {
     static constexpr std::uint64_t kLeastFile = 4 * kBlockBytes;
 };
 
-// What a recording has where, the oldest first.
+// The places of sections and their names. The oldest section comes first.
 struct Index {
     std::vector<Section> sections;
     std::vector<std::string> names;
@@ -52,7 +52,7 @@ public:
     void write(Block& block);
     // Write the index. Nothing may be written then. Without it, readers look through the file.
     void close();
-    // Of what was written so far.
+    // The index of all that was written so far.
     Index index() const;
 
     std::uint64_t id() const { return id_; }

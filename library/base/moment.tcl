@@ -2,8 +2,8 @@
 
 package provide sorma::moment 1.0
 
-# ::sorma::moment WHAT TEXT -- seconds since 1970 of such a number, or of a day and a time of the day, of which the day may be missing, with fractions.
-# Digits are kept. The error names WHAT.
+# ::sorma::moment WHAT TEXT -- seconds since 1970. The text is such a number, or a time of the day with fractions, perhaps behind a day.
+# All digits are kept. The error names WHAT.
 proc ::sorma::moment {what text} {
     if {[string is double -strict $text]} {
         return $text

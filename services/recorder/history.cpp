@@ -85,8 +85,8 @@ bool History::tells(const rec::Section& s) const {
     return !s.named || std::any_of(marks_.begin(), marks_.end(), [&](auto n) { return std::binary_search(s.names.begin(), s.names.end(), n); });
 }
 
-// Records up to that time, section by section, the newest section first; a section's records come the oldest first.
-// enough: does nothing matter that is older than this time? It is asked before each section.
+// Take records up to that time. The newest section comes first, but within a section the oldest record.
+// enough: does nothing older than this time matter? It is asked before each section.
 template <class Wants, class Enough> void History::back(std::int64_t time, Wants wants, Enough enough, const Take& take) {
     for (std::size_t i = reader_->sections().size(); i-- > 0;) {
         const rec::Section& s = reader_->sections()[i];
@@ -158,7 +158,7 @@ std::string History::like(const std::string& name) const { return sorma::didYouM
 History::Known History::know(const Subject& subject, std::int64_t time, std::string& source) {
     std::map<std::string, Known, std::less<>> known;
     const Place place = placeOf(subject.name);
-    // What matters is newer than this: then each source has told all of this object, or that it has none, or was lost.
+    // A source is settled when all records that matter are newer: it has told all of this object, or that it has none, or was lost.
     auto isSettled = [&](const std::string& name, std::int64_t newest) {
         auto met = sources_.find(name);
         if (met == sources_.end()) return false;

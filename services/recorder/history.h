@@ -1,8 +1,8 @@
 // history.h -- questions to a past moment, answered from a recording of the bus alone. No object is asked.
 //
-// Going back from that moment, it reads the sections of the file up to the last time when all options of the object were recorded
-// (Kind::state, doc/recording.md). With them, and what changed since, it knows the value. What the recording cannot tell is an Unknown:
-// before its beginning, after its end, when a daemon was lost, where records are missing, and where a value has changed by itself.
+// It reads sections of the file backwards from that moment, up to the last record of all options of the object (Kind::state,
+// doc/recording.md). Changes that came later are applied. An Unknown says that the recording cannot tell: it begins later or has ended,
+// a daemon was lost, records are missing, or a value has changed by itself.
 //
 // Threads: none of its own; an object belongs to one thread at a time.
 #pragma once
@@ -55,7 +55,7 @@ private:
         std::uint64_t number = 0;
         std::int64_t time = 0;
     };
-    // What one source knows of an object.
+    // The facts that one source has told of an object.
     struct Known {
         std::optional<std::int64_t> whole, gone;        // when all its options were recorded last, and when it was removed
         std::string type;                               // its class
