@@ -16,7 +16,6 @@ apply {{} {
         await await
         retry retry
         at at
-        moment moment
         complete complete
         manual {manual manual::pages manual::titles}
         reply {show showDefaults}

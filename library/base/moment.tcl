@@ -2,9 +2,11 @@
 
 package provide sorma::moment 1.0
 
-# ::sorma::moment WHAT TEXT -- seconds since 1970. The text is such a number, or a time of the day with fractions, perhaps behind a day.
+namespace eval ::sorma::moment {}
+
+# ::sorma::moment::parse WHAT TEXT -- seconds since 1970. The text is such a number, or a time of the day with fractions, perhaps behind a day.
 # All digits are kept. The error names WHAT.
-proc ::sorma::moment {what text} {
+proc ::sorma::moment::parse {what text} {
     if {[string is double -strict $text]} {
         return $text
     }

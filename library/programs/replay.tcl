@@ -103,7 +103,7 @@ proc ::sorma::replay::Search settings {
     }
     foreach option {-from -until} {
         if {[dict get $settings $option] ne {}} {
-            lappend words $option [::sorma::moment $option [dict get $settings $option]]
+            lappend words $option [::sorma::moment::parse $option [dict get $settings $option]]
         }
     }
     return [expr {${-failed} ? [list {*}$words -failed] : $words}]

@@ -26,7 +26,7 @@ proc ::sorma::inspect::at args {
 #       Answer a request as it would have been answered at a past moment. No object is asked but the recorder.
 # Arguments:
 #       FILE    a recording;   NAME  the recorder that has it. Without both, the one here that records, or has a file
-#       TIME    see sorma::moment;   REQUEST  one text, or its words
+#       TIME    see sorma::moment::parse;   REQUEST  one text, or its words
 # Results:
 #       As of the request then: a value for cget and configure, a reply for EXEC and DBX; of underway a list of dicts.
 proc ::sorma::at args {
@@ -39,7 +39,7 @@ proc ::sorma::at args {
     if {[llength $request] == 1} {
         set request [lindex $request 0]
     }
-    set time [::sorma::moment {sorma::at} $time]
+    set time [::sorma::moment::parse {sorma::at} $time]
     set recorder [expr {[dict get $settings -file] ne {} ? [at::Reader [dict get $settings -file]] : [dict get $settings -recorder] ne {} ? [dict get $settings -recorder] : [at::Present]}]
     set reply [$recorder EXEC at $time {*}$request]
     if {[lindex $request 0] eq "buffer" || [lindex $request 1] in {EXEC DBX}} {

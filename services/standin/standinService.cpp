@@ -24,7 +24,7 @@ const sorma::Prototype kFile{Severity::error, "STANDIN FILE", 1, "{}: {}"};
 const sorma::Prototype kNone{Severity::error, "STANDIN EMPTY", 2, "{}: {} has no answer of {}{}"};
 const sorma::Prototype kMissing{Severity::error, "OPTION MISSING", 2, "{}: {} is empty: say which recording it answers from, and for which object"};
 const sorma::Prototype kUnknown{Severity::error, "STANDIN UNKNOWN", 2, "{}: \"{}\" was never recorded; the nearest that was is \"{}\""};
-const sorma::Prototype kLarge{Severity::error, "STANDIN LARGE", 2, "{}: the answers of {} in the recording are more than 64 MB"};
+const sorma::Prototype kLarge{Severity::error, "STANDIN LARGE", 2, "{}: the answers of {} in the recording are more than {} bytes; -most allows more"};
 
 // How many characters are other ones. Long texts are compared by their beginnings.
 std::size_t distance(std::string_view a, std::string_view b) {
@@ -57,6 +57,7 @@ public:
             .named("-file", &Standin::file_, {.help = "the recording, of sorma-record or class recorder"})
             .text("-object", &Standin::object_, {.help = "name of the object that it stands for, as in the recording; NAME@SOURCE when several daemons were recorded"})
             .flag("-inPlace", &Standin::inPlace_, {.help = "the name of that object leads here, too", .fixed = true})
+            .integer("-most", &Standin::most_, {.unit = "byte", .low = 0, .high = 1e12, .help = "of all answers, which are in memory"})
             .action("-restart", &Standin::restart, "", "answer from the beginning of the recording")
             .concurrency(sorma::Concurrency::concurrent)
             .words("?word ...?")
@@ -172,7 +173,7 @@ private:
         at_ = 0;
     }
     void read(rec::Reader& reader, const std::string& wanted, const std::string& source, std::set<std::string, std::less<>>& others) {
-        constexpr std::size_t kMost = 64 << 20, kMostOthers = 1000;
+        constexpr std::size_t kMostOthers = 1000;
         std::map<std::pair<std::string, std::uint64_t>, std::string> open;
         std::size_t bytes = 0;
         Message m;
@@ -191,7 +192,7 @@ private:
             auto request = open.find(key);
             if (request == open.end()) continue;
             bytes += r.content.size() + request->second.size();
-            if (bytes > kMost) fail(kLarge, name(), object_);
+            if (bytes > std::size_t(most_)) fail(kLarge, name(), object_, most_);
             known_[request->second].push_back(answers_.size());
             answers_.push_back(m);
             open.erase(request);
@@ -200,6 +201,7 @@ private:
 
     sorma::Named<sorma::Kind::file> file_;
     std::string object_;
+    std::int64_t most_ = 64 << 20;
     bool inPlace_ = true, loaded_ = false;
     std::vector<Message> answers_;                              // in the order of the recording
     std::map<std::string, std::vector<std::size_t>> known_;     // requests as text, without the name: places of their answers
