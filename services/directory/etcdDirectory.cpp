@@ -24,7 +24,7 @@ constexpr std::int64_t kStale = 2 * kProbe;                 // [ns] after that n
 constexpr std::int64_t kKeep = 10'000 * kMillisecond;       // [ns] between looks whether the cache is still true, at most
 constexpr std::int64_t kKeepAtMost = 60'000'000;            // [us] that it says so without being written again
 constexpr long kPatience = 1500;                            // [ms] for an answer
-// A password costs etcd 50 ms of a processor, and it goes on when the client waits no more. After its start all clients log in at once.
+// A password costs etcd 50 ms of a processor, also when the client has gone meanwhile. After its start all clients log in at once.
 constexpr long kLogIn = 15'000;                             // [ms] for the answer
 constexpr std::size_t kMostDoubts = 1000;
 
