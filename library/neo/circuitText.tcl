@@ -290,7 +290,7 @@ proc ::sorma::circuitText::place {text moved} {
         }
     }]
     set out [join $pieces {}]
-    # What stands before the first new one decides; the others follow in the same way.
+    # The text before the first new place decides its separator. The others follow in the same way.
     set gap [expr {[string trim $out] eq {} ? {} : [regexp {\n\s*$|;\s*$} $out] ? {} : [regexp {(?:^|\s)#[^\n]*$|\n} $out] ? "\n" : "; "}]
     set next [expr {[string first \n $out$gap] >= 0 ? "\n" : "; "}]
     foreach {key place} $moved {
