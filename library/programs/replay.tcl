@@ -7,13 +7,14 @@ package require sorma::mcap
 package require sorma::moment
 package require sorma::options
 package require sorma::recording
+package require sorma::replaySuite
 package require sorma::text
 package require sorma::usage
 package provide sorma::replay 1.0
 
 namespace eval ::sorma::replay {
     variable Options {-list flag -typed flag -about flag -play flag -csv {{word {the name of a folder}}} -values {{word {the name of an object}}} -mcap {{word {the name of a file}}}
-        -at words -search any -name {any *} -failed flag -slower {{seconds 0 1000000000}} -from any -until any
+        -as-test {{word {the name of a file}}} -start any -at words -search any -name {any *} -failed flag -slower {{seconds 0 1000000000}} -from any -until any
         -daemon any -rename words -speed {{seconds 0 1000} 1} -help flag --help flag -h flag}
     variable Turn           ;# set when it has waited
     variable Heads {
@@ -41,15 +42,7 @@ proc ::sorma::replay::main words {
             puts [::sorma::usage::program sorma-replay]
             return 0
         }
-        if {[llength $files] != 1} {
-            error "expected the name of one recording, got [llength $files]"
-        }
-        if {[llength ${-rename}] % 2} {
-            error "-rename expects names in pairs, old and new, got [llength ${-rename}]"
-        }
-        if {${-at} ne {} && [llength ${-at}] < 2} {
-            error "-at expects a time and a request, got \"${-at}\""
-        }
+        Check $settings $files
         # The bus tells of options of all objects.
         set search [Search [expr {${-values} eq {} ? $settings : [dict replace $settings -name sorm]}]]
     } on error message {
@@ -78,6 +71,13 @@ proc ::sorma::replay::main words {
             ::sorma::mcap::finish $out
         } elseif {${-play}} {
             return [Play $settings $search]
+        } elseif {${-as-test} ne {}} {
+            set records {}
+            Each record $search {
+                lappend records $record
+            }
+            lassign [::sorma::replaySuite::make [lindex $files 0] ${-as-test} $records ${-start}] tests open
+            puts "${-as-test}: $tests tests, $open leave something open"
         } else {
             Each record $search {
                 puts [if {${-typed}} {Typed $record} else {Line $record}]
@@ -90,6 +90,23 @@ proc ::sorma::replay::main words {
         return 1
     }
     return 0
+}
+
+# Errors of the command line, but those of a search.
+proc ::sorma::replay::Check {settings files} {
+    dict with settings {}
+    if {[llength $files] != 1} {
+        error "expected the name of one recording, got [llength $files]"
+    }
+    if {[llength ${-rename}] % 2} {
+        error "-rename expects names in pairs, old and new, got [llength ${-rename}]"
+    }
+    if {[catch {dict size ${-start}}]} {
+        error "-start expects a list of daemons, and words for each of them, got \"${-start}\""
+    }
+    if {${-at} ne {} && [llength ${-at}] < 2} {
+        error "-at expects a time and a request, got \"${-at}\""
+    }
 }
 
 # The words of `records` for the options of a search.

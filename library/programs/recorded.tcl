@@ -1,0 +1,123 @@
+# recorded.tcl -- for suites that sorma-replay has made: their daemons, their requests, and when a reply is the same.
+#
+# A pattern has a word for each word of a reply, without name and trail: RET 0 TMSG presto FMSG 1 ~0.49..0.51. A word may be
+#     ~A..B   a number from A to B         *   any one word         =TEXT   TEXT, when it begins like one of these
+# and "..." at the end is any rest. An error has its code: RET -1 ERROR {OPTION RANGE}.
+
+package require sorma
+package require sorma::line
+package provide sorma::recorded 1.0
+
+namespace eval ::sorma::recorded {
+    variable Pipes {}       ;# dict: name of a daemon -> pipe of its process
+    variable Folder {}      ;# their sockets
+    variable Before         ;# the runtime folder of before, in a list; empty: there was none
+}
+
+# ::sorma::recorded::begin DAEMONS -- start them, in a folder of their own. DAEMONS: a dict of names and words for sormad.
+proc ::sorma::recorded::begin daemons {
+    variable Pipes
+    variable Before [expr {[info exists ::env(SORMA_RUNTIME_DIR)] ? [list $::env(SORMA_RUNTIME_DIR)] : {}}]
+    variable Folder [exec mktemp -d [file join [expr {[info exists ::env(TMPDIR)] ? $::env(TMPDIR) : "/tmp"}] sorma-recorded-XXXXXX]]
+    set ::env(SORMA_RUNTIME_DIR) $Folder
+    dict for {name words} $daemons {
+        set pipe [open [list | sormad -name $name -until-eof {*}$words 2>@stderr] r+]
+        dict set Pipes $name $pipe
+        while {![string match "ready *" [gets $pipe]]} {
+            if {[eof $pipe]} {
+                end
+                return -code error "sormad -name $name $words: it has ended before it was ready"
+            }
+        }
+        fconfigure $pipe -blocking 0
+        fileevent $pipe readable [list ::sorma::recorded::Drain $pipe]
+    }
+}
+proc ::sorma::recorded::Drain pipe {
+    read $pipe
+    if {[eof $pipe]} {
+        fileevent $pipe readable {}
+    }
+}
+
+# ::sorma::recorded::end -- end them, and wait for that.
+proc ::sorma::recorded::end {} {
+    variable Pipes
+    variable Folder
+    variable Before
+    foreach pipe [dict values $Pipes] {
+        fconfigure $pipe -blocking 1
+        catch {close $pipe}
+    }
+    set Pipes {}
+    file delete -force $Folder
+    if {$Before eq {}} {
+        unset -nocomplain ::env(SORMA_RUNTIME_DIR)
+    } else {
+        set ::env(SORMA_RUNTIME_DIR) [lindex $Before 0]
+    }
+}
+
+# ::sorma::recorded::ask DAEMON REQUEST -- the words of its reply, as a pattern has them.
+proc ::sorma::recorded::ask {daemon request} {
+    lassign [::sorma::line::head $request] object
+    return [fields [::sorma::dispatch $object@$daemon[string range $request [string length $object] end]]]
+}
+
+# ::sorma::recorded::fields REPLY -- of a line NAME RET ...: its words, without name and trail; with the code of an error.
+proc ::sorma::recorded::fields reply {
+    # What is no list was made by no daemon of ours.
+    set words [expr {[string is list $reply] ? [lrange $reply 1 end] : [lrange [split $reply] 1 end]}]
+    set at [lsearch -exact $words TDBX]
+    if {$at < 0} {
+        return $words
+    }
+    set trail [lindex $words $at+1]
+    set code [if {[lindex $trail 0] eq "error"} {list ERROR [lindex $trail 1 0]}]
+    return [concat [lrange $words 0 $at-1] $code]
+}
+
+# ::sorma::recorded::same PATTERN WORDS
+proc ::sorma::recorded::same {pattern words} {
+    if {[lindex $pattern end] eq "..."} {
+        set pattern [lrange $pattern 0 end-1]
+        set words [lrange $words 0 [llength $pattern]-1]
+    }
+    if {[llength $pattern] != [llength $words]} {
+        return 0
+    }
+    foreach one $pattern word $words {
+        if {$one eq "*"} continue
+        if {[regexp {^~(.*)\.\.(.*)$} $one -> low high]} {
+            if {![string is double -strict $word] || $word < $low || $word > $high} {
+                return 0
+            }
+        } elseif {[expr {[string index $one 0] eq "=" ? [string range $one 1 end] : $one}] ne $word} {
+            return 0
+        }
+    }
+    return 1
+}
+
+# ::sorma::recorded::pattern REPLIES -- one that fits all of them, which are lists of words. Numbers may leave their range by ten times its width, to either side.
+proc ::sorma::recorded::pattern replies {
+    set out {}
+    set lengths [lsort -integer -unique [lmap words $replies {llength $words}]]
+    for {set i 0} {$i < [lindex $lengths 0]} {incr i} {
+        set seen [lsort -unique [lmap words $replies {lindex $words $i}]]
+        lappend out [if {[llength $seen] == 1} {
+            expr {[regexp {^[*~=]|^\.\.\.$} [lindex $seen 0]] ? "=[lindex $seen 0]" : [lindex $seen 0]}
+        } elseif {[lsearch -not -regexp $seen {^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$}] < 0} {
+            Range $seen
+        } else {
+            string cat *
+        }]
+    }
+    return [concat $out [if {[llength $lengths] > 1} {list ...}]]
+}
+proc ::sorma::recorded::Range numbers {
+    set sorted [lsort -real $numbers]
+    set low [lindex $sorted 0]
+    set high [lindex $sorted end]
+    return ~[expr {$low - 10 * ($high - $low)}]..[expr {$high + 10 * ($high - $low)}]
+}
