@@ -36,7 +36,8 @@ struct Device {
 };
 std::mutex mutex;
 int locked = -1;                            // the descriptor that has the lock of the file; under the mutex
-std::map<int, Device> devices;              // by descriptor; the mutex is not for what is in one
+// By descriptor; the mutex is not for what is in one. Threads read and write while the process ends: so it is never destroyed.
+auto& devices = *new std::map<int, Device>;
 
 template <class F> F real(const char* name) { return reinterpret_cast<F>(dlsym(RTLD_NEXT, name)); }
 using Io = ssize_t (*)(int, void*, size_t);
