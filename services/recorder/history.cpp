@@ -351,7 +351,7 @@ void History::underWay(const std::string& pattern, std::int64_t time, const std:
         for (auto& mark : s.underWay) {
             const Key key(name, mark.number);
             if (answered.contains(key) || requests.contains(key)) continue;
-            fetch(mark.time, [&](const Record& r) { return r.kind == rec::Kind::request && r.number == mark.number && r.source == name; }, [&](const Record& r) {
+            fetch(mark.time, [&, &source = name](const Record& r) { return r.kind == rec::Kind::request && r.number == mark.number && r.source == source; }, [&](const Record& r) {
                 if (wanted(r) && r.read(message_)) requests[key] = dictOf(r);
             });
         }
