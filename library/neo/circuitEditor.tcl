@@ -169,7 +169,7 @@ snit::widget ::sorma::circuitEditor {
     method PlaceTools {} {
         set head $win.head
         set space [expr {[winfo width $head] - 2 * [::sorma::style pixels 12]}]
-        if {$tools eq {} || [winfo width $head] <= 1} {
+        if {[winfo width $head] <= 1} {
             set space 1000000
         }
         set all [tcl::mathop::+ {*}[lmap tool $tools {winfo reqwidth $tool}]]
@@ -215,7 +215,6 @@ snit::widget ::sorma::circuitEditor {
     method subject {} { return $subject }
     method graph {} { return $graph }
     method places {} { return $places }
-    method box key { return [$self BoxOf $key] }
     method ways {} { return $ways }
     method said {} { return $hint }
     method value number {

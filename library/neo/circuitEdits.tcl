@@ -201,7 +201,7 @@ snit::macro ::sorma::circuitEdits {} {
     method move {moved dx dy} {
         set fresh {}
         foreach key [$self WithInner $moved] {
-            lassign [$self BoxOf $key] x y
+            lassign [$self box $key] x y
             dict set fresh $key [list [expr {$x + $dx}] [expr {$y + $dy}]]
         }
         $self Edit "move [Named $moved]" [dict create -places [::sorma::circuitText place [dict get $recipe -places] $fresh]]
@@ -236,11 +236,18 @@ snit::macro ::sorma::circuitEdits {} {
     method AskPins {name {make 0}} {
         if {!$make && ([dict exists $askedPins $name] || [dict exists $pins $name])} return
         dict set askedPins $name 1
+        $self AskThere [if {$make} {list $name DBX -pins} else {list sorm DBX -look $name -pins}] [mymethod PinsCame $name $make]
+    }
+    # Ask the process that has the circuit. PREFIX is called with {ok REPLY} or {error {TEXT CODE TRAIL}}, while there is this window.
+    method AskThere {request prefix} {
         set key [::sorma::world use [lindex [::sorma::table locate [$subject name]] 1]]
         if {$key ne {}} {
-            ::sorma::world ask $key [if {$make} {list $name DBX -pins} else {list sorm DBX -look $name -pins}] -timeout 30000 \
-                -command [list ::sorma::parts::answer [mymethod PinsCame] $name $make]
+            ::sorma::world ask $key $request -timeout 30000 -command [list ::sorma::parts::answer $prefix]
         }
+    }
+    # The circuit's own name there.
+    method NameThere {} {
+        return [lindex [::sorma::table locate [$subject name]] 0]
     }
     method PinsCame {name made status value} {
         dict unset askedPins $name
@@ -459,7 +466,7 @@ snit::macro ::sorma::circuitEdits {} {
         lassign [$scene at [expr {min($x1, $x2)}] [expr {min($y1, $y2)}]] left top
         lassign [$scene at [expr {max($x1, $x2)}] [expr {max($y1, $y2)}]] right bottom
         foreach key [concat [dict keys $boxes] [dict keys $notes]] {
-            lassign [$self BoxOf $key] x y width height
+            lassign [$self box $key] x y width height
             if {$x >= $left && $y >= $top && $x + $width <= $right && $y + $height <= $bottom && $key ni $chosenKeys} {
                 lappend chosenKeys $key
             }
@@ -526,8 +533,11 @@ snit::macro ::sorma::circuitEdits {} {
     }
     # A free place in the middle of what is seen.
     method Middle {} {
-        lassign [$scene at [expr {[winfo width $scene] / 2}] [expr {[winfo height $scene] / 2}]] x y
-        return [::sorma::circuitLayout free [list [expr {round($x)}] [expr {round($y)}]] 12 9 [dict values $boxes]]
+        return [::sorma::circuitLayout free [$self Centre] 12 9 [dict values $boxes]]
+    }
+    # {X Y} of the middle of what is seen.
+    method Centre {} {
+        return [lmap c [$scene at [expr {[winfo width $scene] / 2}] [expr {[winfo height $scene] / 2}]] {expr {round($c)}}]
     }
 
     # ---- keys ----

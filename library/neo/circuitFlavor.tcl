@@ -5,9 +5,7 @@ package require snit
 package require sorma::circuitText
 package require sorma::parts
 package require sorma::style
-package require sorma::table
 package require sorma::text
-package require sorma::world
 package provide sorma::circuitFlavor 1.0
 
 namespace eval ::sorma::circuitFlavor {
@@ -22,7 +20,7 @@ proc ::sorma::circuitFlavor::compare {old new} {
     foreach recipe [list $old $new] step {-1 1} {
         set text [if {[dict exists $recipe -wires]} {dict get $recipe -wires}]
         foreach wire [dict get [::sorma::circuitText read $text] wires] {
-            dict incr counts [join [lmap end [lrange $wire 1 2] {::sorma::circuitText write $end}] " -> "] $step
+            dict incr counts [::sorma::circuitText between {*}[lrange $wire 1 2]] $step
         }
     }
     set out {}
@@ -76,12 +74,7 @@ snit::macro ::sorma::circuitFlavorParts {} {
             destroy $win.diff
             return
         }
-        set where [lindex [::sorma::table locate [$subject name]] 1]
-        set key [::sorma::world use $where]
-        if {$key ne {}} {
-            ::sorma::world ask $key [list dict CTRL -expand [lindex [::sorma::table locate [$subject name]] 0]] \
-                -command [list ::sorma::parts::answer [mymethod Compared]]
-        }
+        $self AskThere [list dict CTRL -expand [$self NameThere]] [mymethod Compared]
     }
     method Compared {status value} {
         set old {}
@@ -121,7 +114,7 @@ snit::macro ::sorma::circuitFlavorParts {} {
         set n -1
         set chosenWires [lmap wire [dict get $graph wires] {
             incr n
-            if {[join [lmap end [lrange $wire 1 2] {::sorma::circuitText write $end}] " -> "] ni $fresh} continue
+            if {[::sorma::circuitText between {*}[lrange $wire 1 2]] ni $fresh} continue
             set n
         }]
         $self Selected

@@ -68,12 +68,12 @@ proc ::sorma::circuitNested::Pin {first second takenVar} {
 # NESTED} when a wire cannot be written.
 proc ::sorma::circuitNested::unpack {text name innerText} {
     set graph [::sorma::circuitText read $text]
-    set inner [dict get [::sorma::circuitText read $innerText] wires]
-    set pieces [dict get [::sorma::circuitText read $innerText] pieces]
+    set inside [::sorma::circuitText read $innerText]
+    set pieces [dict get $inside pieces]
     set known [::sorma::circuitText object $name]
     # By the pin that they read, or drive; the others stay as they are written.
     set reading [set driving [set whole {}]]
-    foreach wire $inner {
+    foreach wire [dict get $inside wires] {
         lassign $wire piece source sink
         set own 0
         if {[lindex $source 0] eq {} && [lindex $source 1] ne {}} {
@@ -117,7 +117,7 @@ proc ::sorma::circuitNested::unpack {text name innerText} {
                 }
             }
         }
-        lappend changes [list $n [lmap ends $new {join [lmap end $ends {::sorma::circuitText write $end}] " -> "}]]
+        lappend changes [list $n [lmap ends $new {::sorma::circuitText between {*}$ends}]]
     }
     foreach change [lreverse $changes] {
         lassign $change n new

@@ -7,11 +7,8 @@ package require snit
 package require sorma::circuitLayout
 package require sorma::circuitNested
 package require sorma::circuitText
-package require sorma::parts
 package require sorma::style
-package require sorma::table
 package require sorma::text
-package require sorma::world
 package provide sorma::circuitNests 1.0
 
 snit::macro ::sorma::circuitNests {} {
@@ -32,7 +29,7 @@ snit::macro ::sorma::circuitNests {} {
         }
         set changes [dict create -wires [dict get $texts wires] \
             -places [::sorma::circuitText place [::sorma::circuitText drop [dict get $recipe -places] $keys] [list [list unit $name] [list [expr {$left + 3}] [expr {$top + 5}]]]]]
-        $self AskNest [list $name CTRL {*}[dict get $texts inner] -places [::sorma::circuitText place {} $inside]] \
+        $self AskThere [list $name CTRL {*}[dict get $texts inner] -places [::sorma::circuitText place {} $inside]] \
             [mymethod Nested $name $keys $changes [dict get $recipe -wires]]
         return $name
     }
@@ -40,12 +37,6 @@ snit::macro ::sorma::circuitNests {} {
     method NestFacts number {
         set wire [lindex [dict get $graph wires] $number]
         return [list [$self Count $wire] [lindex [$self Live [lindex $wire 1] out] 1]]
-    }
-    method AskNest {request prefix} {
-        set key [::sorma::world use [lindex [::sorma::table locate [$subject name]] 1]]
-        if {$key ne {}} {
-            ::sorma::world ask $key $request -timeout 30000 -command [list ::sorma::parts::answer $prefix]
-        }
     }
     # Has the answer come, and is the text still what it was asked for? Else the line below says why not.
     method NestGoes {what was status value} {
@@ -71,7 +62,7 @@ snit::macro ::sorma::circuitNests {} {
             set hint "[::sorma::style mark refused] units of a circuit: select a circuit of the same daemon first"
             return
         }
-        $self AskNest [list sorm DBX -describe $name] [mymethod Unnested $key [dict get $recipe -wires]]
+        $self AskThere [list sorm DBX -describe $name] [mymethod Unnested $key [dict get $recipe -wires]]
     }
     method Unnested {key was status value} {
         set name [lindex $key 1]

@@ -22,7 +22,7 @@ snit::macro ::sorma::circuitNotes {} {
         return $notes
     }
     # {x y width height} of anything in the picture.
-    method BoxOf key {
+    method box key {
         return [if {[dict exists $notes $key]} {dict get $notes $key box} else {dict get $boxes $key}]
     }
     # The names of these in words.
@@ -44,7 +44,7 @@ snit::macro ::sorma::circuitNotes {} {
     # The box of a frame around these.
     method Around keys {
         set edges [lmap key $keys {
-            lassign [$self BoxOf $key] x y width height
+            lassign [$self box $key] x y width height
             list $x $y [expr {$x + $width}] [expr {$y + $height}]
         }]
         foreach edge {left top right bottom} least {min min max max} at {0 1 2 3} {
@@ -67,9 +67,9 @@ snit::macro ::sorma::circuitNotes {} {
     method WithInner keys {
         foreach key $keys {
             if {[lindex $key 0] ne "frame"} continue
-            lassign [$self BoxOf $key] x y width height
+            lassign [$self box $key] x y width height
             foreach other [concat [dict keys $boxes] [dict keys $notes]] {
-                lassign [$self BoxOf $other] X Y wide high
+                lassign [$self box $other] X Y wide high
                 if {$other ni $keys && $X >= $x && $Y >= $y && $X + $wide <= $x + $width && $Y + $high <= $y + $height} {
                     lappend keys $other
                 }
@@ -79,8 +79,7 @@ snit::macro ::sorma::circuitNotes {} {
     }
     # The text of a new comment or frame is typed in the line; \n is a line break.
     method Comment {} {
-        lassign [$scene at [expr {[winfo width $scene] / 2}] [expr {[winfo height $scene] / 2}]] x y
-        $self Line [list note new [expr {round($x)}] [expr {round($y)}]]
+        $self Line [concat {note new} [$self Centre]]
     }
     method Frame {} {
         if {$chosenKeys eq {}} {

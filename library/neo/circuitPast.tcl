@@ -4,11 +4,8 @@
 
 package require Tk
 package require snit
-package require sorma::parts
 package require sorma::style
-package require sorma::table
 package require sorma::text
-package require sorma::world
 package provide sorma::circuitPast 1.0
 
 snit::macro ::sorma::circuitPast {} {
@@ -19,19 +16,10 @@ snit::macro ::sorma::circuitPast {} {
 
     # record FILE -- at the machine of the circuit. endRecord: so that it can be looked at.
     method record file {
-        $self AskRecorder [list recorder.neo CTRL -file $file -requests [$self RecordedName] -record] [mymethod Recording $file]
+        $self AskThere [list recorder.neo CTRL -file $file -requests [$self NameThere] -record] [mymethod Recording $file]
     }
     method endRecord {} {
-        $self AskRecorder {recorder.neo CTRL -stop} [mymethod Recording {}]
-    }
-    method RecordedName {} {
-        return [lindex [::sorma::table locate [$subject name]] 0]
-    }
-    method AskRecorder {request prefix} {
-        set key [::sorma::world use [lindex [::sorma::table locate [$subject name]] 1]]
-        if {$key ne {}} {
-            ::sorma::world ask $key $request -timeout 30000 -command [list ::sorma::parts::answer $prefix]
-        }
+        $self AskThere {recorder.neo CTRL -stop} [mymethod Recording {}]
     }
     method Recording {file status value} {
         if {$status ne "ok"} {
@@ -50,13 +38,13 @@ snit::macro ::sorma::circuitPast {} {
     }
     # look FILE -- at a recording there. present: back to the values of now.
     method look file {
-        $self AskRecorder [list recorder.neoLook CTRL -file $file] [mymethod LookedFor]
+        $self AskThere [list recorder.neoLook CTRL -file $file] [mymethod LookedFor]
     }
     method LookedFor {status value} {
         if {$status ne "ok"} {
             $self LookFailed $value
         } else {
-            $self AskRecorder [list recorder.neoLook EXEC records -name [$self RecordedName]] [mymethod Found]
+            $self AskThere [list recorder.neoLook EXEC records -name [$self NameThere]] [mymethod Found]
         }
     }
     method LookFailed value {

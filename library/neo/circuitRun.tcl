@@ -57,7 +57,7 @@ snit::macro ::sorma::circuitRun {} {
         }
     }
     method CycleButtons {} {
-        set mine [lindex [::sorma::table locate [$subject name]] 0]
+        set mine [$self NameThere]
         set found [lindex [lmap {name known} $cycles {
             if {[catch {lmap step [dict get $known steps] {lindex $step 0}} steps] || $mine ni $steps} continue
             set name

@@ -17,7 +17,7 @@
 package provide sorma::circuitText 1.0
 
 namespace eval ::sorma::circuitText {
-    namespace export graph node object read text wire end write add remove replace pins undeclare places place drop notes quote
+    namespace export graph node object read text wire end write between add remove replace pins undeclare places place drop notes quote
     namespace ensemble create
     variable options {-wires -inputs -outputs -places}      ;# of a circuit, that are its recipe
     variable Piece {[ \t\r;\n]+|#[^\n]*|[^ \t\r;\n#](?:[^ \t\r;\n]|[ \t\r]+[^#;\n \t\r])*}
@@ -150,6 +150,10 @@ proc ::sorma::circuitText::write end {
     }
     set slice [if {$first ne {}} {string cat \[ $first [if {$last != $first} {string cat : $last}] \]}]
     return [if {$object ne {}} {string cat $object .}]$pin$slice
+}
+# ::sorma::circuitText between SOURCE SINK -- a wire of these ENDs, as it would be written.
+proc ::sorma::circuitText::between {source sink} {
+    return "[write $source] -> [write $sink]"
 }
 
 # ::sorma::circuitText pins TEXT -- what -inputs or -outputs declares: a list of {name length unit}. Statements with errors are left out.
