@@ -66,7 +66,7 @@ proc ::sorma::recorded::ask {daemon request} {
 
 # ::sorma::recorded::fields REPLY -- of a line NAME RET ...: its words, without name and trail; with the code of an error.
 proc ::sorma::recorded::fields reply {
-    # What is no list was made by no daemon of ours.
+    # A daemon of ours answers with a list.
     set words [expr {[string is list $reply] ? [lrange $reply 1 end] : [lrange [split $reply] 1 end]}]
     set at [lsearch -exact $words TDBX]
     if {$at < 0} {

@@ -72,11 +72,11 @@ proc ::sorma::replay::main words {
         } elseif {${-play}} {
             return [Play $settings $search]
         } elseif {${-as-test} ne {}} {
-            set records {}
-            Each record $search {
-                lappend records $record
+            set steps {}
+            EachStep step $search {
+                lappend steps $step
             }
-            lassign [::sorma::replaySuite::make [lindex $files 0] ${-as-test} $records ${-start}] tests open
+            lassign [::sorma::replaySuite::make [lindex $files 0] ${-as-test} $steps ${-start}] tests open
             puts "${-as-test}: $tests tests, $open leave something open"
         } else {
             Each record $search {
@@ -138,6 +138,24 @@ proc ::sorma::replay::Each {recordVar search script} {
         }
     } finally {
         $stream close
+    }
+}
+
+# Run a script for each request from outside that a search finds with its reply: a dict of source, object, time, request and reply.
+proc ::sorma::replay::EachStep {stepVar search script} {
+    upvar 1 $stepVar step
+    set times {}
+    # What is expected of each request stands behind it in the file.
+    Each record $search {
+        set key [list [dict get $record source] [dict get $record number]]
+        if {[dict get $record kind] eq "request" && [dict get $record code] == 0} {
+            dict set times $key [dict get $record time]
+        } elseif {[dict get $record kind] eq "reply" && [dict exists $times $key]} {
+            set step [dict create source [dict get $record source] object [dict get $record object] time [dict get $times $key] \
+                request [dict get $record request] reply [dict get $record text]]
+            dict unset times $key
+            uplevel 1 $script
+        }
     }
 }
 
@@ -248,28 +266,19 @@ proc ::sorma::replay::Changed {record object} {
 
 # Do again what came from outside, one request after the other, and say where the reply is another one. The exit code.
 proc ::sorma::replay::Play {settings search} {
-    set wanted {}
     set begun {}
     set different 0
     set done 0
-    # What is expected of each request stands behind it in the file.
-    Each record $search {
-        set key [list [dict get $record source] [dict get $record number]]
-        if {[dict get $record kind] eq "request" && [dict get $record code] == 0} {
-            dict set wanted $key [dict get $record time]
-        } elseif {[dict get $record kind] eq "reply" && [dict exists $wanted $key]} {
-            set time [dict get $wanted $key]
-            dict unset wanted $key
-            Pace $time [dict get $settings -speed] begun
-            incr done
-            set request [dict get $record request]
-            set answer [Again $request [dict get $record source] $settings]
-            if {[Same $answer] ne [Same [dict get $record text]]} {
-                incr different
-                puts [::sorma::text::clean "different: $request"]
-                puts [::sorma::text::clean "    then: [dict get $record text]"]
-                puts [::sorma::text::clean "    now:  $answer"]
-            }
+    EachStep step $search {
+        dict with step {}
+        Pace $time [dict get $settings -speed] begun
+        incr done
+        set answer [Again $request $source $settings]
+        if {[Same $answer] ne [Same $reply]} {
+            incr different
+            puts [::sorma::text::clean "different: $request"]
+            puts [::sorma::text::clean "    then: $reply"]
+            puts [::sorma::text::clean "    now:  $answer"]
         }
     }
     puts "$done requests, $different with another reply"

@@ -11,14 +11,14 @@ package provide sorma::replaySuite 1.0
 
 namespace eval ::sorma::replaySuite {}
 
-# ::sorma::replaySuite::make FILE OUT RECORDS DAEMONS -- write the suite OUT.
+# ::sorma::replaySuite::make FILE OUT STEPS DAEMONS -- write the suite OUT.
 # Arguments:
-#       FILE     the recording;   RECORDS  those of its records that are wanted, as a list of dicts of recorder EXEC records
+#       FILE     the recording, which recorder.replay has;   STEPS  its requests with their replies, as of sorma::replay::EachStep
 #       DAEMONS  dict: name of a daemon -> words for sormad
 # Results:
 #       {TESTS OPEN}: how many tests it has, and how many of them leave something open.
-proc ::sorma::replaySuite::make {file out records daemons} {
-    set steps [Steps $records]
+proc ::sorma::replaySuite::make {file out steps daemons} {
+    set steps [Wanted $steps]
     if {$steps eq {}} {
         return -code error "the recording has no request from outside that has a reply"
     }
@@ -29,44 +29,35 @@ proc ::sorma::replaySuite::make {file out records daemons} {
         }
     }
     set daemons [dict merge [dict create {*}[concat {*}[lmap name $known {list $name {}}]]] $daemons]
-    ::sorma::recorded::begin $daemons
-    try {
+    During $daemons {
         set begin [Beginning $steps]
         set first [Replies $begin $steps]
-    } finally {
-        ::sorma::recorded::end
     }
-    ::sorma::recorded::begin $daemons
-    try {
+    During $daemons {
         set second [Replies $begin $steps]
-    } finally {
-        ::sorma::recorded::end
     }
     set patterns [lmap step $steps one $first two $second {::sorma::recorded::pattern [list [dict get $step reply] $one $two]}]
     Write $file $out $daemons $begin $steps $patterns
     return [list [llength $steps] [llength [lsearch -all -regexp $patterns {(^| )\{?([*~]|\.\.\.$)}]]]
 }
 
-# Requests from outside, and their replies: dicts source daemon object request reply time. Those of the bus itself and those to SORM are left out.
-# The daemon gets the name of its source, or a part of its address.
-proc ::sorma::replaySuite::Steps records {
-    set wanted {}
-    set steps {}
-    foreach record $records {
-        set key [list [dict get $record source] [dict get $record number]]
-        if {[dict get $record kind] eq "request" && [dict get $record code] == 0} {
-            dict set wanted $key [dict get $record time]
-        } elseif {[dict get $record kind] eq "reply" && [dict exists $wanted $key]} {
-            set request [dict get $record request]
-            if {[dict get $record object] ne "sorm" && ![regexp {^\S+ DBX -info\M} $request]} {
-                set source [dict get $record source]
-                lappend steps [dict create source $source daemon [regsub -all {[^\w-]+} [file rootname [file tail $source]] -] object [dict get $record object] request $request \
-                    reply [::sorma::recorded::fields [dict get $record text]] time [dict get $wanted $key]]
-            }
-            dict unset wanted $key
-        }
+# Run a script while these daemons are there.
+proc ::sorma::replaySuite::During {daemons script} {
+    ::sorma::recorded::begin $daemons
+    try {
+        uplevel 1 $script
+    } finally {
+        ::sorma::recorded::end
     }
-    return $steps
+}
+
+# Those that a suite can ask, with the daemon: it has the name of the source, or a part of its address. Questions of the bus itself and to SORM are left
+# out.
+proc ::sorma::replaySuite::Wanted steps {
+    return [lmap step $steps {
+        if {[dict get $step object] eq "sorm" || [regexp {^\S+ DBX -info\M} [dict get $step request]]} continue
+        dict replace $step daemon [regsub -all {[^\w-]+} [file rootname [file tail [dict get $step source]]] -] reply [::sorma::recorded::fields [dict get $step reply]]
+    }]
 }
 
 # The options that objects had when they were asked first, and do not have from their beginning: requests, as {DAEMON REQUEST}. The daemons have just begun.
