@@ -13,7 +13,7 @@ namespace eval ::sorma::replaySuite {}
 
 # ::sorma::replaySuite::make FILE OUT STEPS DAEMONS -- write the suite OUT.
 # Arguments:
-#       FILE     the recording, which recorder.replay has;   STEPS  its requests with their replies, as of sorma::replay::EachStep
+#       FILE     the recording, which recorder.replay has;   STEPS  its requests with their replies: dicts of source, object, time, request, reply
 #       DAEMONS  dict: name of a daemon -> words for sormad
 # Results:
 #       {TESTS OPEN}: how many tests it has, and how many of them leave something open.
