@@ -450,6 +450,11 @@ const std::vector<Action>& CommonRequests::inspections() {
     return list;
 }
 
+bool Class::takes(Method method, std::string_view word) const {
+    return method == Method::dbx ? CommonRequests::findInspection(*this, word) != nullptr
+                                 : method == Method::ctrl && (findOption(word) >= 0 || CommonRequests::findAction(*this, word));
+}
+
 Class& Class::concurrency(Concurrency concurrency) {
     if (concurrency == Concurrency::exclusive && !findAction("-lock")) {
         action({"-lock", "?seconds?", "keep other clients from EXEC and from setting options, until -unlock, this client's end, or so many seconds "

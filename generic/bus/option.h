@@ -355,6 +355,8 @@ public:
     int findOption(std::string_view name) const;    // index, or -1; abbreviations are not accepted
     const Action* findAction(std::string_view name) const;          // null: there is none
     const Action* findInspection(std::string_view name) const;
+    // Does CTRL or DBX of its objects take this word: an option or action, or an inspection? It counts those that every class has.
+    bool takes(Method method, std::string_view word) const;
     std::unique_ptr<Service> make() const { return make_(); }
 
     // The default of each option: the values of the first object of the class after its construction.

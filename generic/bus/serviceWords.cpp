@@ -81,7 +81,7 @@ void needChangeable(const std::string& name, const Option& o, bool birth) {
 std::vector<WordFault> faultsOf(const Class& type, const std::string& name, const std::vector<std::string>& words) {
     std::vector<WordFault> faults;
     auto known = [&](const std::string& word) {
-        return word == kSubstWord || type.findOption(word) >= 0 || CommonRequests::findAction(type, word);
+        return word == kSubstWord || type.takes(Method::ctrl, word);
     };
     for (std::size_t i = 0; i < words.size();) {
         std::size_t at = i++;
@@ -182,9 +182,7 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, M
     std::vector<std::string> words;
     for (auto& w : recipe) words.push_back(w.text);
 
-    auto known = [&](const std::string& word) {
-        return class_->findOption(word) >= 0 || CommonRequests::findAction(*class_, word);
-    };
+    auto known = [&](const std::string& word) { return class_->takes(Method::ctrl, word); };
     std::size_t i = 0;
     auto take = [&] {
         const std::string& word = words[i];

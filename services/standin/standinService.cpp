@@ -82,15 +82,15 @@ public:
 
     void exec(Message& m) override { answer(Method::exec, m); }
     void ctrl(Message& m) override {
-        const bool own = m.words.empty() || type().findOption(m.words[0]) >= 0 || isOneOf(m.words[0], {"-restart", "-help", "-dump", "-save", "-selftest", "-undo", "-remember", "-forget"});
+        const bool own = m.words.empty() || type().takes(Method::ctrl, m.words[0]);
         if (own && !has(Method::ctrl, m)) return Service::ctrl(m);
         need(m.author, sorma::Right::configure);
         answer(Method::ctrl, m);
     }
     void dbx(Message& m) override {
-        const bool always = !m.words.empty() && isOneOf(m.words[0], {"-info", "-stream"});
-        const bool own = m.words.empty() || isOneOf(m.words[0], {"-audit", "-class", "-diff", "-stats", "-trail", "-verbosity", "-version", "-why", "-pins"}) ||
-                         (m.words[0] == "-get" && m.words.size() > 1 && type().findOption(m.words[1]) >= 0);
+        const std::string word = m.words.empty() ? std::string() : m.words[0];
+        const bool always = word == "-info" || word == "-stream";
+        const bool own = word == "-get" ? m.words.size() > 1 && type().findOption(m.words[1]) >= 0 : m.words.empty() || type().takes(Method::dbx, word);
         if (always || (own && !has(Method::dbx, m))) {
             const bool tellsFacts = m.words.size() == 2 && m.words[0] == "-info" && m.words[1] == "secrets";
             Service::dbx(m);
@@ -115,8 +115,6 @@ private:
             sorm().announce(e.trail);
         }
     }
-    static bool isOneOf(const std::string& word, std::initializer_list<const char*> words) { return std::find(words.begin(), words.end(), word) != words.end(); }
-
     void restart(sorma::Args, Message&) { at_ = 0; }
 
     bool has(Method method, const Message& m) {
@@ -170,7 +168,6 @@ private:
         }
         if (answers_.empty()) fail(kNone, name(), file, object_, sorma::didYouMean(wanted, {others.begin(), others.end()}));
         loaded_ = true;
-        at_ = 0;
     }
     void read(rec::Reader& reader, const std::string& wanted, const std::string& source, std::set<std::string, std::less<>>& others) {
         constexpr std::size_t kMostOthers = 1000;
