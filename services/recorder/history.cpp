@@ -5,10 +5,9 @@
 #include <bus/glob.h>
 #include <bus/listText.h>
 #include <bus/nearest.h>
+#include <bus/statistics.h>
 
 #include <algorithm>
-#include <cstdio>
-#include <ctime>
 #include <set>
 
 namespace recorder {
@@ -18,18 +17,10 @@ namespace rec = sorma::recording;
 namespace {
 
 constexpr std::int64_t kSecond = 1'000'000'000;
+// Without an index not all sources may be known: they have looks, too, about a minute apart.
+constexpr std::int64_t kSurely = 130 * kSecond;
 
-// For people: "2026-05-01 12:03:04.125", in local time.
-std::string clockText(std::int64_t ns) {
-    const std::int64_t whole = ns / kSecond - (ns % kSecond < 0);
-    const auto seconds = std::time_t(whole);
-    std::tm parts{};
-    localtime_r(&seconds, &parts);
-    char text[64], all[96];
-    std::strftime(text, sizeof text, "%Y-%m-%d %H:%M:%S", &parts);
-    std::snprintf(all, sizeof all, "%s.%03d", text, int((ns - whole * kSecond) / 1'000'000));
-    return all;
-}
+std::string clockText(std::int64_t ns) { return sorma::clockText(ns / 1000); }
 
 rec::State stateOf(const rec::Record& r) { return rec::State(r.code); }
 
@@ -168,8 +159,6 @@ History::Known History::know(const Subject& subject, std::int64_t time, std::str
         const auto since = std::max(found != known.end() && found->second.whole ? *found->second.whole : INT64_MIN, s.looked.value_or(INT64_MIN));
         return newest < since;
     };
-    // Without an index not all sources may be known: they have looks, too, about a minute apart.
-    constexpr std::int64_t kSurely = 130 * kSecond;
     auto enough = [&](std::int64_t newest) {
         if (!subject.source.empty()) return isSettled(subject.source, newest);
         if (!indexed_ && (sources_.empty() || newest > time - kSurely)) return false;
@@ -297,12 +286,11 @@ void History::buffer(const std::string& key, std::int64_t time, sorma::Message& 
     std::int64_t newest = INT64_MIN;
     Mark told;
     std::int64_t toldAt = INT64_MIN;
-    std::string source;
     auto wants = [&, place = placeOf(key)](const rec::Section& s) { return has(s, place); };
     auto enough = [&](std::int64_t before) { return before < std::max(newest, toldAt); };
     back(time, wants, enough, [&](const Record& r) {
         if (r.object != key) return;
-        if (r.kind == rec::Kind::sample && r.time >= newest && r.read(out)) newest = r.time, source = r.source;
+        if (r.kind == rec::Kind::sample && r.time >= newest && r.read(out)) newest = r.time;
         if (r.kind == rec::Kind::state && stateOf(r) == rec::State::buffer && r.time >= toldAt && r.read(message_) && message_.ints.size() == 2)
             toldAt = r.time, told = {std::uint64_t(message_.ints[0]), message_.ints[1]};
     });
@@ -318,7 +306,6 @@ void History::underWay(const std::string& pattern, std::int64_t time, const std:
     using Key = std::pair<std::string, std::uint64_t>;
     std::map<Key, std::string> requests;        // as dicts
     std::set<Key> answered;
-    constexpr std::int64_t kSurely = 130 * kSecond;
     auto dictOf = [&](const Record& r) {
         std::string text;
         sorma::appendRequest(text, r.object, r.method.value_or(sorma::Method::exec), message_);
@@ -380,11 +367,9 @@ void History::answer(std::int64_t time, const std::vector<std::string>& q, const
     if (buffers) subject.name = q[0] == "buffer" ? q[1] : q[0].substr(reader.size());
     if (mayTell && !mayTell(subject.name)) throw Unknown("you may not inspect " + subject.name);
     if (buffers) return buffer(subject.name, time, out);
-    if ((is(3, {"cget"}) && q[2].empty()) || (is(4, {"DBX", "-get"}) && q[3].empty())) throw Unknown("the name of the option is empty");
-    if (is(3, {"cget"})) {
-        out.text = valuesOf(subject, q[2], time)[0].value;
-    } else if (is(4, {"DBX", "-get"})) {
-        out.text = valuesOf(subject, q[3], time)[0].value;
+    if ((is(3, {"cget"}) || is(4, {"DBX", "-get"})) && q.back().empty()) throw Unknown("the name of the option is empty");
+    if (is(3, {"cget"}) || is(4, {"DBX", "-get"})) {
+        out.text = valuesOf(subject, q.back(), time)[0].value;
     } else if (is(2, {"configure"})) {
         for (auto& [option, value, since] : valuesOf(subject, {}, time)) sorma::appendListElement(out.text, option), sorma::appendListElement(out.text, value);
     } else if (is(3, {"DBX", "-dump"})) {
