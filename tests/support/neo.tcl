@@ -101,7 +101,7 @@ proc wires {} { return [circuit.t cget -wires] }
 # The wires as the picture shows them, sent or not.
 proc wanted {} { return [sorma::circuitText text [.t.w graph]] }
 proc top {} { return [lindex [.t.w.head.say says] 1] }
-# What is wrong with the tools in the head: those that are cut, or narrower than they ask for, and what overlaps.
+# Faults of the tools in the head: they are cut, too narrow, or overlap.
 proc headFaults {} {
     set head .t.w.head
     set right [expr {[winfo rootx $head] + [winfo width $head]}]

@@ -65,19 +65,21 @@ proc web::ask {facts method path {headers {}} {body {}}} {
         dict set known [string tolower $name] $value
     }
     if {[dict exists $known transfer-encoding]} {
-        set body [Whole $body]
+        set body [Chunks body]
     }
     # Pictures are bytes.
     set picture [expr {[dict exists $known content-type] && [string match image/* [dict get $known content-type]]}]
     return [list $status $known [expr {$picture ? $body : [encoding convertfrom utf-8 $body]}]]
 }
-# What came in chunks.
-proc web::Whole chunks {
+# Take whole chunks of HTTP (a size, its bytes, the end of a line) off a variable. Returns what was in them.
+proc web::Chunks rawVar {
+    upvar 1 $rawVar raw
     set out {}
-    for {set at 0} {[regexp -start $at -indices {\A([0-9A-Fa-f]+)\r\n} $chunks head size] && [scan [string range $chunks {*}$size] %x n] && $n > 0} {} {
-        set at [expr {[lindex $head 1] + 1}]
-        append out [string range $chunks $at [expr {$at + $n - 1}]]
-        incr at [expr {$n + 2}]
+    while {[regexp {^([0-9a-fA-F]+)\r\n} $raw head digits] && [string length $raw] >= [string length $head] + [scan $digits %x] + 2} {
+        set from [string length $head]
+        set to [expr {$from + [scan $digits %x]}]
+        append out [string range $raw $from $to-1]
+        set raw [string range $raw $to+2 end]
     }
     return $out
 }
@@ -138,13 +140,7 @@ proc web::Read channel {
         set Begun($channel) 1
         set Raw($channel) [string range $Raw($channel) $end+4 end]
     }
-    # Chunks of HTTP: a size, its bytes, the end of a line.
-    while {[regexp {^([0-9a-fA-F]+)\r\n} $Raw($channel) head digits] && [string length $Raw($channel)] >= [string length $head] + [scan $digits %x] + 2} {
-        set from [string length $head]
-        set to [expr {$from + [scan $digits %x]}]
-        append Rest($channel) [string range $Raw($channel) $from $to-1]
-        set Raw($channel) [string range $Raw($channel) $to+2 end]
-    }
+    append Rest($channel) [Chunks Raw($channel)]
     set lines [split $Rest($channel) \n]
     set Rest($channel) [lindex $lines end]
     foreach line [lrange $lines 0 end-1] {
