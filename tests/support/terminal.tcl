@@ -7,6 +7,8 @@
 # terminal until CONDITION            reads what comes until the expression is true; fails with the screen in its message
 # terminal shows TEXT                 the same until the text stands somewhere on the screen
 # terminal prompts PROMPT             the same until, after what was typed last, the last row is a prompt and nothing else
+# terminal hinted                     the same until there is a hint below the line, and the cursor is back at the line's end. Only then Ctrl-C:
+#                                     at an interrupt the kernel drops what a terminal has not shown yet
 # terminal resize COLUMNS ROWS
 # terminal settings WORD ...          what stty says, or does
 # terminal pid                        of the program
@@ -30,7 +32,7 @@ namespace eval terminal {
     variable Bells 0
     variable Came 0         ;# has anything come since the last thing typed?
     variable Returns 0      ;# lines typed last, less the line feeds that came since
-    namespace export open type screen row until shows prompts resize settings pid end hangup kill
+    namespace export open type screen row until shows prompts hinted resize settings pid end hangup kill
     namespace ensemble create
 }
 
@@ -107,6 +109,11 @@ proc terminal::shows text {
 proc terminal::prompts prompt {
     # The first bytes may belong to the prompt before.
     uplevel 1 [list terminal::until "\$::terminal::Came && \$::terminal::Returns <= 0 && \[terminal::row end\] eq {$prompt}"]
+}
+
+proc terminal::hinted {} {
+    until {[screen] ne {} && $::terminal::Y == [llength [screen]] - 2
+        && $::terminal::X == [string length [lindex [screen] $::terminal::Y]]}
 }
 
 proc terminal::resize {columns rows} {
