@@ -33,7 +33,6 @@ snit::widget ::sorma::browser {
     variable panel {}           ;# the panel that is shown; empty: none
     variable timer {}           ;# until the choice rests
     variable at {}              ;# option at which the panel is to be opened
-    variable announced {}       ;# as sorma::announced has them
     variable entering 0         ;# its first field gets the keyboard
     typevariable Help {apply {text {dict get [::sorma::table parse $text] help}}}
     typevariable Titles {overview Overview panel Panel help Help statistics Statistics audit Audit
@@ -108,26 +107,23 @@ snit::widget ::sorma::browser {
             $win.menu.$menu add command -label [::msgcat::mc $label] -accelerator $shown -command $script
             bind $top <Control-$key> "$script; break"
         }
-        set network [menu $win.menu.file.network -tearoff 0 -postcommand [mymethod Network]]
-        $win.menu.file insert last cascade -label [::msgcat::mc "Announced in the network"] -menu $network
-        ::sorma::announced::ask [list ::sorma::parts::answer [mymethod Announced]]
+        $win.menu.file insert last cascade -label [::msgcat::mc "Announced in the network"] -menu [menu $win.menu.file.network -tearoff 0]
+        # Avahi is asked when somebody comes near, not by each browser that is opened.
+        $win.menu.file configure -postcommand [list ::sorma::announced::ask [list ::sorma::parts::answer [mymethod Announced]]]
+        $self Announced {}
         ttk::notebook::enableTraversal $tabs
         $top configure -menu $win.menu
     }
     # Daemons that others announce, as they were heard last. One that is chosen is called, no other one.
-    method Network {} {
+    method Announced found {
         set menu $win.menu.file.network
         $menu delete 0 end
-        foreach one $announced {
+        foreach one $found {
             $menu add command -label [::sorma::text::clean [join $one {  }]] -command [list ::sorma::world add [lindex $one 1]]
         }
-        if {$announced eq {}} {
+        if {$found eq {}} {
             $menu add command -label [::msgcat::mc "None, as far as Avahi knows"] -state disabled
         }
-        ::sorma::announced::ask [list ::sorma::parts::answer [mymethod Announced]]
-    }
-    method Announced found {
-        set announced $found
     }
 
     # ---- what programs say ----
