@@ -59,6 +59,7 @@ public:
         return std::ptrdiff_t(size);
     }
     bool full() const { return written_ - taken_ == RingMemory::kSize; }        // as last seen
+    bool room() { return !look() || !full(); }                                  // by now, or the other end makes no sense
     // The reader is to wake us. False: there is room already.
     bool waits() {
         memory_->writer.store(1, std::memory_order_seq_cst);       // before taken is read

@@ -49,7 +49,9 @@ struct Shared : Line::Extra {
     RingReader in;
     RingWriter out;
     bool ended = false;                 // the other end has closed the socket
-    Spinner spinner;                    // a client's, where it waits in read()
+    Spinner spinner;                    // a client's, where it waits in read() for an answer
+    Spinner within, room;               // for the rest of what is long, and for room for it: the other end is at work
+    bool isLong = false;                // what came last was a whole piece
     std::optional<Dozer> dozer;
 };
 
@@ -85,7 +87,7 @@ void sleep(Line& line, std::int64_t most) {
 // Wait until something comes, for so many nanoseconds at most.
 void wait(Line& line, std::int64_t most) {
     Shared& s = sharedOf(line);
-    if (s.spinner.wait([&] { return s.in.look() != 0; }, most)) return;
+    if ((s.isLong ? s.within : s.spinner).wait([&] { return s.in.look() != 0; }, most)) return;
     s.out.rest();
     try {
         if (!s.dozer) s.dozer.emplace(line.descriptor(), s.in.mark());
@@ -181,7 +183,7 @@ ssize_t read(Line& line, char* room, std::size_t size, std::int64_t most) {
     for (bool waited = false;; waited = true) {
         const std::ptrdiff_t n = s.in.take(room, size);
         if (n > 0 && s.in.wakes()) ring(line);
-        if (n > 0) return n;
+        if (n > 0) return s.isLong = std::size_t(n) == RingMemory::kPiece, n;
         if (n < 0) return errno = EPROTO, -1;
         if (s.ended) return 0;
         if (waited) return errno = EAGAIN, -1;
@@ -195,6 +197,7 @@ ssize_t write(Line& line, const char* data, std::size_t size) {
     std::size_t done = 0;
     for (std::ptrdiff_t n = 1; n > 0 && done < size; done += std::size_t(n)) {
         n = s.out.put(data + done, size - done);
+        if (n == 0 && s.room.wait([&] { return s.out.room(); })) n = s.out.put(data + done, size - done);
         if (n == 0 && done == 0 && !s.out.waits()) n = s.out.put(data, size);
         if (n < 0) return errno = EPROTO, -1;
         if (n > 0 && s.out.wakes()) ring(line);
