@@ -15,7 +15,8 @@
 #     ./env tclsh ../tests/faults/directory.tcl -leaders 200 -stops 100 -cuts 100 -longest 30 -away 600
 #
 # The judge: each request that arm.1 takes is a line of a journal, in the order in which they were taken. etcd keeps all its history. So the owners
-# by the journal must be the owners by etcd, in the same order. Clocks are not asked.
+# by the journal must be the owners by etcd, in the same order. Clocks are not asked. A daemon that was suspended within a request would write its line
+# when it goes on, after those of the next owner. So daemons suspend themselves, between two requests.
 
 source [file join [file dirname [file normalize [info script]]] faults.tcl]
 set demo [file join [file dirname [file dirname $supportFolder]] demos directory]
@@ -85,6 +86,22 @@ proc killLeader {} {
     return $::led
 }
 
+# The script of the daemons: an arm, and something that suspends the daemon when there is a file `suspend` in its folder.
+proc writeScript {} {
+    set file [open [file join [hosts::folder switch] arm.tcl] w]
+    puts $file [list source [file join $::demo arm.tcl]]
+    puts $file {
+        proc heed file {
+            if {[file exists $file]} {
+                file delete $file
+                exec kill -STOP [pid]
+            }
+            after 5 heed $file
+        }
+        heed [file join $env(SORMA_RUNTIME_DIR) suspend]
+    }
+    close $file
+}
 # host -> pipe of its daemon
 proc startDaemon {host how} {
     set name [lindex [split $host -] 0]
@@ -92,12 +109,26 @@ proc startDaemon {host how} {
     if {$name eq "gamma"} {
         lappend words LD_PRELOAD=[file join [hosts::folder switch] timer.so]:$::faketime FAKETIME_TIMESTAMP_FILE=[file join [hosts::folder switch] jump] FAKETIME_NO_CACHE=1 FAKETIME_DONT_FAKE_MONOTONIC=1
     }
-    set ::daemons($host) [hosts::start $host {*}$words sormad -name $name -until-eof -script [file join $::demo arm.tcl] -make arm.1 -owned arm.* {*}$how]
+    set ::daemons($host) [hosts::start $host {*}$words sormad -name $name -until-eof -script [file join [hosts::folder switch] arm.tcl] -make arm.1 -owned arm.* {*}$how]
     return [gets $::daemons($host)]
 }
 proc killDaemon host {
     exec kill -KILL {*}[pid $::daemons($host)]
     catch {close $::daemons($host)}
+}
+proc suspend host {
+    close [open [file join [hosts::folder $host] suspend] w]
+    waitFor {[state $host] eq "T"} 10000
+}
+proc resume host {
+    exec kill -CONT {*}[pid $::daemons($host)]
+}
+# As ps tells it: T when it is suspended.
+proc state host {
+    set file [open /proc/[pid $::daemons($host)]/stat]
+    regexp {\) (\w)} [read $file] -> state
+    close $file
+    return $state
 }
 # heard(CALLER): list: when [ms], ok or error, what, why
 proc startCaller {host object what} {
@@ -141,16 +172,21 @@ proc allServed {} {
     }
     return 1
 }
-proc runs name {
+# The lines of a journal, and by turns: the number of a line, and the host that took requests from there on.
+proc journal name {
     set file [open [file join [hosts::folder switch] journal.$name]]
-    set hosts {}
-    while {[gets $file line] >= 0} {
-        if {[lindex $line 1] ne [lindex $hosts end]} {
-            lappend hosts [lindex $line 1]
+    set lines [split [string trim [read $file]] \n]
+    close $file
+    return $lines
+}
+proc runs lines {
+    set runs {}
+    for {set n 0} {$n < [llength $lines]} {incr n} {
+        if {[lindex $lines $n 1] ne [lindex $runs end]} {
+            lappend runs $n [lindex $lines $n 1]
         }
     }
-    close $file
-    return $hosts
+    return $runs
 }
 # dict: name -> hosts that etcd has granted it to, in this order.
 proc grants {} {
@@ -170,17 +206,26 @@ proc grants {} {
     catch {close $pipe}
     return $found
 }
-# Is a list what remains of another one when some are left out?
-proc within {some all} {
+# Are runs what remains of a list of hosts when some are left out? Where not: the number of the line.
+proc wrong {runs hosts} {
     set at 0
-    foreach item $some {
-        while {[lindex $all $at] ne $item} {
-            if {[incr at] >= [llength $all]} {
-                return 0
+    foreach {line host} $runs {
+        while {[lindex $hosts $at] ne $host} {
+            if {[incr at] >= [llength $hosts]} {
+                return $line
             }
         }
     }
-    return 1
+}
+# The lines about each run of less than ten.
+proc brief {lines runs} {
+    set found {}
+    foreach {line host} $runs {next -} [concat [lrange $runs 2 end] [llength $lines] end] {
+        if {$next - $line < 10} {
+            lappend found $line [lrange $lines [expr {$line - 2}] [expr {$next + 1}]]
+        }
+    }
+    return $found
 }
 proc random {low high} {
     return [expr {$low + rand() * ($high - $low)}]
@@ -265,6 +310,7 @@ attack {
             hosts::run $host sorma-keys take $file
         }
         jump 0
+        writeScript
         # faketime changes timers that follow the monotonic clock, too, though we ask it not to: those go straight to the kernel.
         exec cc -shared -fPIC -x c -o [file join [hosts::folder switch] timer.so] - << {
             #include <sys/syscall.h>
@@ -324,7 +370,7 @@ attack {
             say "$often(-leaders) leaders of etcd killed"
         }
         if {$often(-stops) > 0} {
-            torment $often(-stops) 5 {apply {host {exec kill -STOP {*}[pid $::daemons($host)]}}} {apply {host {exec kill -CONT {*}[pid $::daemons($host)]}}}
+            torment $often(-stops) 5 suspend resume
             say "$often(-stops) daemons suspended"
         }
         if {$often(-cuts) > 0} {
@@ -377,9 +423,13 @@ attack {
         promise "each name is served again" [expr {![catch {waitFor {[allServed]} 60000}]}]
         set granted [grants]
         foreach name $names {
-            set took [runs $name]
-            say "$name: granted [llength [dict get $granted $name]] times, taken by [llength $took] owners one after another"
-            promise "requests to $name went to its owner alone" [within $took [dict get $granted $name]]
+            set runs [runs [set lines [journal $name]]]
+            say "$name: granted [llength [dict get $granted $name]] times, taken by [expr {[llength $runs] / 2}] owners one after another"
+            set line [wrong $runs [dict get $granted $name]]
+            promise "requests to $name went to its owner alone" [expr {$line eq {}}]
+            if {$line ne {}} {
+                puts "from line $line on it is not in order; few requests in a row: [brief $lines $runs]"
+            }
         }
     } finally {
         hosts::end
