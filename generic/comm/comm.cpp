@@ -51,7 +51,9 @@ Comm::Comm(Sorm& sorm, std::shared_ptr<Settings> own) : settings(*own), sorm_(so
 Comm::~Comm() {
     healthResponder_.reset();
     folder_.reset();
-    for (auto& [name, directory] : claims_) directory->release(name);
+    std::map<std::shared_ptr<Directory>, std::vector<std::string>> claimed;
+    for (auto& [name, directory] : claims_) claimed[directory].push_back(name);
+    for (auto& [directory, names] : claimed) directory->release(names);
     claims_.clear();
     for (auto& [name, ownership] : ownerships_) sorm_.fences.remove(ownership.get());
     servers_.clear();
@@ -183,7 +185,7 @@ void Comm::claim(Server& server, const Server::Wanted& wanted) {
         server.setFence(fence(wanted, entry));
         return;
     }
-    directory->release(entry.name);
+    directory->release({entry.name});
     if (got.state == Directory::Claim::State::taken) failTaken("the name " + entry.name + " of " + directory->describe(), got.why);
     fail(kSilent, entry.name, directory->describe(), got.why);
 }
@@ -297,7 +299,7 @@ void Comm::unserve(std::string name, const std::string& reason) {
     if (standbys_.erase(name) > 0) return;
     auto found = servers_.find(name);
     if (found == servers_.end()) fail(kNotServed, name);
-    if (const auto claimed = claims_.extract(name)) claimed.mapped()->release(name);
+    if (const auto claimed = claims_.extract(name)) claimed.mapped()->release({name});
     std::unique_ptr<Server> server;
     {
         ServerLock::Held held(lock_);

@@ -57,8 +57,8 @@ public:
     // that this process has claimed before is replaced. The row says how long a grant lasts.
     virtual void claim(const Entry& wanted) = 0;
     virtual Claim claimed(const std::string& name) = 0; // what has become of it, at this very moment
-    // Give the name back. Waits for half a second at most, so that it is free at once.
-    virtual void release(const std::string& name) = 0;
+    // Give names back. Waits for half a second at most, so that they are free at once.
+    virtual void release(const std::vector<std::string>& names) = 0;
     virtual Found find(const std::string& name) = 0;
     virtual std::vector<Entry> entries() = 0;           // all that is known now
     virtual bool told() { return true; }                // has it ever said what there is?

@@ -21,7 +21,11 @@ constexpr std::int64_t kProbe = 2'000 * kMillisecond;       // [ns] between ques
 constexpr std::int64_t kLastPause = 2'000 * kMillisecond;   // [ns] between attempts, at most
 constexpr std::int64_t kConfirmed = 100 * kMillisecond;     // [ns] nobody has a name: for so long after that was heard
 constexpr std::int64_t kStale = 2 * kProbe;                 // [ns] after that nobody has moved the loop
+constexpr std::int64_t kKeep = 10'000 * kMillisecond;       // [ns] between looks whether the cache is still true, at most
+constexpr std::int64_t kKeepAtMost = 60'000'000;            // [us] that it says so without being written again
 constexpr long kPatience = 1500;                            // [ms] for an answer
+// A password costs etcd 50 ms of a processor, also when the client has gone meanwhile. After its start all clients log in at once.
+constexpr long kLogIn = 15'000;                             // [ms] for the answer
 constexpr std::size_t kMostDoubts = 1000;
 
 const Prototype kWord{Severity::error, "DIRECTORY SYNTAX", 1,
@@ -80,11 +84,12 @@ EtcdDirectory::Settings EtcdDirectory::Settings::of(const std::vector<std::strin
     return out;
 }
 
-EtcdDirectory::EtcdDirectory(sorma::Loop& loop, Settings settings) : settings_(std::move(settings)), http_(loop, settings_.keys), alarms_(loop) {}
+EtcdDirectory::EtcdDirectory(sorma::Loop& loop, Settings settings) : settings_(std::move(settings)), http_(loop, settings_.keys), alarms_(loop),
+      lease_(std::make_unique<Lease>(*this, settings_.lease * 1000 * kMillisecond)), cache_(describe() + " " + settings_.user) {}
 
 EtcdDirectory::~EtcdDirectory() {
     changed = nullptr;
-    while (!leases_.empty()) release(std::string(leases_.begin()->first));
+    release(lease_->names());
 }
 
 std::string EtcdDirectory::describe() const {
@@ -114,6 +119,7 @@ void EtcdDirectory::end(Number& number) {
 
 void EtcdDirectory::post(Number number) {
     Question& question = questions_.at(number);
+    question.token = token_;
     question.request = http_.post(settings_.servers[server_] + "/v3/" + question.path, token_, question.body, question.milliseconds,
                                   [this, number, server = server_](Http::Answer answer) { answered(number, server, std::move(answer)); });
 }
@@ -121,7 +127,7 @@ void EtcdDirectory::post(Number number) {
 void EtcdDirectory::logIn() {
     if (loggingIn_ != 0) return;
     loggingIn_ = http_.post(settings_.servers[server_] + "/v3/auth/authenticate", {},
-                            "{\"name\":" + quoted(settings_.user) + ",\"password\":" + quoted(settings_.password) + "}", kPatience,
+                            "{\"name\":" + quoted(settings_.user) + ",\"password\":" + quoted(settings_.password) + "}", kLogIn,
                             [this, server = server_](Http::Answer answer) {
                                 loggingIn_ = 0;
                                 if (answer.status == 200) token_ = Json::parse(answer.body)["token"].text();
@@ -139,7 +145,7 @@ void EtcdDirectory::logIn() {
 void EtcdDirectory::answered(Number number, std::size_t server, Http::Answer answer) {
     const auto found = questions_.find(number);
     if (found == questions_.end()) return;
-    const Question question = std::move(found->second);
+    Question question = std::move(found->second);
     questions_.erase(found);
     Reply reply;
     reply.json = Json::parse(answer.body);
@@ -152,7 +158,14 @@ void EtcdDirectory::answered(Number number, std::size_t server, Http::Answer ans
     else if (answer.status != 200 && !reply.json["message"].empty()) reply.why = reply.json["message"].text();     // etcd 3.5
     else if (answer.status != 200) reply.why = "it answers with HTTP status " + std::to_string(answer.status);
     else if (reply.json.empty()) reply.why = "its answer is no JSON: is it etcd?";
-    if (code == kUnknownUser || answer.status == 401) token_.clear();
+    if ((code == kUnknownUser || answer.status == 401) && !settings_.user.empty()) {
+        if (question.token == token_) token_.clear();
+        if (!std::exchange(question.again, true)) {
+            question.request = 0;
+            questions_.emplace(number, std::move(question));
+            return token_.empty() ? logIn() : post(number);
+        }
+    }
     reply.heard = !silent && !reply.why.empty() && code != kLate && code != kUnavailable && code != kUnknownUser;
     if (!reply.why.empty()) reply.why = settings_.servers[server] + ": " + reply.why;
     if (!reply.why.empty() && !reply.heard && server == server_) server_ = (server_ + 1) % settings_.servers.size();
@@ -165,12 +178,17 @@ std::string EtcdDirectory::range() const {
     return "\"key\":" + base64(settings_.prefix + "/") + ",\"range_end\":" + base64(settings_.prefix + "0");      // 0 comes after /
 }
 
-sorma::Directory::Entry EtcdDirectory::entryOf(const std::string& name, const Json& pair, std::string* mark) {
+sorma::Directory::Entry EtcdDirectory::entryOf(const std::string& name, const Json& pair) {
     const Json value = Json::parse(plain(pair["value"].text()));
     Entry entry{name, value["identity"].text(), value["machine"].text(), {}, pair["create_revision"].number()};
     for (auto& address : value["addresses"].items()) entry.addresses.push_back(address.text());
-    if (mark) *mark = value["mark"].text();
     return entry;
+}
+
+std::string EtcdDirectory::valueOf(const Entry& entry) {
+    std::string addresses;
+    for (auto& address : entry.addresses) addresses += (addresses.empty() ? "" : ",") + quoted(address);
+    return "{\"identity\":" + quoted(entry.identity) + ",\"machine\":" + quoted(entry.machine) + ",\"addresses\":[" + addresses + "]}";
 }
 
 void EtcdDirectory::read() {
@@ -182,22 +200,48 @@ void EtcdDirectory::read() {
         reading_ = 0;
         if (!reply.why.empty()) return failed(reply.why);
         const std::int64_t revision = reply.json["header"]["revision"].number();
-        std::map<std::string, Entry> now;
-        for (auto& pair : reply.json["kvs"].items())
-            if (std::string key = plain(pair["key"].text()); key.size() > settings_.prefix.size()) {
-                key.erase(0, settings_.prefix.size() + 1);
-                now.emplace(key, entryOf(key, pair));
-            }
-        std::vector<std::string> gone;
-        for (auto& [name, entry] : names_)
-            if (!now.contains(name)) gone.push_back(name);
-        for (auto& name : gone) note(name, {}, revision);
-        for (auto& [name, entry] : now) note(name, std::move(entry), revision);
+        learn(reply.json, revision);
         const bool first = !std::exchange(read_, true);
         heard(asked);
         watch(revision + 1);
+        keep();
         if (first) tell({});
     });
+}
+
+void EtcdDirectory::learn(const Json& range, std::int64_t revision) {
+    std::map<std::string, Json> now;
+    for (auto& pair : range["kvs"].items())
+        if (std::string key = plain(pair["key"].text()); key.size() > settings_.prefix.size()) {
+            key.erase(0, settings_.prefix.size() + 1);
+            now.emplace(key, pair);
+        }
+    std::vector<std::string> gone;
+    for (auto& [name, entry] : names_)
+        if (!now.contains(name)) gone.push_back(name);
+    for (auto& name : gone) note(name, {}, 0, revision);
+    for (auto& [name, pair] : now) note(name, entryOf(name, pair), pair["lease"].number(), revision);
+    revision_ = revision;
+}
+
+// One of many processes writes what has changed; and from time to time, that it is still true.
+void EtcdDirectory::keep() {
+    alarms_.set(keep_, jitter(kKeep), [this] { keep(); });
+    const std::int64_t now = sorma::wallNow();
+    const Cache::Head head = cache_.read();
+    if (!fresh() || (head.revision == revision_ && now - head.heard < kKeepAtMost)) return;
+    std::string pairs;
+    for (auto& [name, entry] : names_)
+        pairs += (pairs.empty() ? "" : ",") + ("{\"key\":" + base64(key(name))) + ",\"value\":" + base64(valueOf(entry)) + ",\"create_revision\":\"" + std::to_string(entry.epoch) + "\"}";
+    cache_.write({revision_, now}, "{\"kvs\":[" + pairs + "]}");
+}
+
+void EtcdDirectory::recall() {
+    std::string json;
+    const Cache::Head head = cache_.read(&json);
+    if (head.revision == 0) return;
+    learn(Json::parse(json), head.revision);
+    heardAt_ = sorma::monotonicNow() - std::max<std::int64_t>(sorma::wallNow() - head.heard, 1) * 1000;
 }
 
 void EtcdDirectory::watch(std::int64_t revision) {
@@ -213,23 +257,27 @@ void EtcdDirectory::watch(std::int64_t revision) {
 void EtcdDirectory::take(std::string_view line) {
     const Json json = Json::parse(line);
     const Json& result = json["result"];
-    if (!result["canceled"].empty() || !json["error"].empty()) return failed("it has cancelled the watch");
+    if (!result["canceled"].empty() || !json["error"].empty()) {
+        http_.end(std::exchange(watching_, 0));
+        return failed("it has cancelled the watch");
+    }
     for (auto& event : result["events"].items()) {
         const Json& pair = event["kv"];
         std::string name = plain(pair["key"].text());
         if (name.size() <= settings_.prefix.size()) continue;
         name.erase(0, settings_.prefix.size() + 1);
-        note(name, event["type"].text() == "DELETE" ? Entry{} : entryOf(name, pair), pair["mod_revision"].number());
+        revision_ = std::max(revision_, pair["mod_revision"].number());
+        note(name, event["type"].text() == "DELETE" ? Entry{} : entryOf(name, pair), pair["lease"].number(), pair["mod_revision"].number());
     }
 }
 
-void EtcdDirectory::note(const std::string& name, Entry entry, std::int64_t revision) {
+void EtcdDirectory::note(const std::string& name, Entry entry, std::int64_t lease, std::int64_t revision) {
     const auto known = names_.find(name);
     const bool other = known == names_.end() ? entry.epoch != 0 : known->second.epoch != entry.epoch;
     const std::int64_t epoch = entry.epoch;
     if (epoch == 0 && known != names_.end()) names_.erase(known);
     else if (epoch != 0) names_[name] = std::move(entry);
-    if (const auto lease = leases_.find(name); lease != leases_.end()) lease->second->seen(epoch, revision);
+    lease_->seen(name, epoch, lease, revision);
     if (other) tell(name);
 }
 
@@ -237,7 +285,7 @@ void EtcdDirectory::owned(Entry entry, std::int64_t epoch) {
     if (heardAt_ == 0) heardAt_ = sorma::monotonicNow();
     entry.epoch = epoch;
     const std::string name = entry.name;
-    note(name, std::move(entry), epoch);
+    note(name, std::move(entry), 0, epoch);
 }
 
 // A daemon that has just come may be ahead of the watch.
@@ -252,7 +300,7 @@ void EtcdDirectory::confirm(const std::string& name) {
         if (!reply.why.empty()) return failed(reply.why);
         doubt.answered = sorma::monotonicNow();
         const auto& pairs = reply.json["kvs"].items();
-        if (!pairs.empty()) note(name, entryOf(name, pairs.front()), reply.json["header"]["revision"].number());
+        if (!pairs.empty()) note(name, entryOf(name, pairs.front()), pairs.front()["lease"].number(), reply.json["header"]["revision"].number());
         tell(name);
     });
 }
@@ -260,10 +308,10 @@ void EtcdDirectory::confirm(const std::string& name) {
 void EtcdDirectory::probe() {
     const std::int64_t asked = sorma::monotonicNow();
     end(probing_);
-    probing_ = ask("kv/range", "{" + range() + ",\"count_only\":true}", kPatience, [this, asked](const Reply& reply) {
+    probing_ = ask("kv/range", "{\"key\":" + base64(key({})) + ",\"count_only\":true}", kPatience, [this, asked](const Reply& reply) {
         probing_ = 0;
-        if (reply.why.empty()) heard(asked);
-        else failed(reply.why);
+        if (!reply.why.empty()) failed(reply.why);
+        else if (watching_ != 0) heard(asked);          // else all names are read again soon
     });
 }
 
@@ -279,6 +327,7 @@ void EtcdDirectory::failed(const std::string& why) {
     const std::size_t rounds = ++failures_ / settings_.servers.size();
     const std::int64_t pause = rounds == 0 ? 0 : jitter(std::min(kLastPause, 20 * kMillisecond << std::min<std::size_t>(rounds, 10)));
     alarms_.set(next_, pause, [this] { read(); });
+    if (rounds == 1 && revision_ == 0 && names_.empty()) recall();
     if (rounds == 1) tell({});
 }
 
@@ -322,23 +371,14 @@ std::vector<sorma::Directory::Entry> EtcdDirectory::entries() {
 
 void EtcdDirectory::claim(const Entry& wanted) {
     begin();
-    leases_.erase(wanted.name);
-    leases_.emplace(wanted.name, std::make_unique<Lease>(*this, wanted, settings_.lease * 1000 * kMillisecond));
+    lease_->claim(wanted);
 }
 
-sorma::Directory::Claim EtcdDirectory::claimed(const std::string& name) {
-    const auto found = leases_.find(name);
-    return found == leases_.end() ? Claim{} : found->second->claim();
-}
+sorma::Directory::Claim EtcdDirectory::claimed(const std::string& name) { return lease_->claimed(name); }
 
-void EtcdDirectory::release(const std::string& name) {
-    const auto found = leases_.find(name);
-    if (found == leases_.end()) return;
-    const auto lease = std::move(found->second);
-    leases_.erase(found);
-    bool done = false;
-    lease->revoke([&done] { done = true; });
-    for (const auto deadline = sorma::Deadline::in(500); !done && !deadline.passed();) wait(deadline.when());
+void EtcdDirectory::release(const std::vector<std::string>& names) {
+    lease_->release(names);
+    for (const auto deadline = sorma::Deadline::in(500); lease_->gives() && !deadline.passed();) wait(deadline.when());
 }
 
 std::unique_ptr<sorma::Directory> row(sorma::Sorm&, sorma::Loop& loop, const std::vector<std::string>& words) {

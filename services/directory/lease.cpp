@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "bus/statistics.h"
-#include "comm/random.h"
 
 namespace etcd {
 
@@ -12,155 +11,228 @@ using State = sorma::Directory::Claim::State;
 namespace {
 
 constexpr std::int64_t kSecond = 1'000'000'000;
+constexpr const char* kLate = "it was not renewed in time";
 
 std::string number(std::int64_t n) { return '"' + std::to_string(n) + '"'; }
 
 }  // namespace
 
-Lease::Lease(EtcdDirectory& directory, sorma::Directory::Entry wanted, std::int64_t timeToLive)
-    : directory_(directory), wanted_(std::move(wanted)), timeToLive_(std::max(timeToLive, kSecond)), mark_(std::to_string(sorma::randomNumber())) {
-    claim_.state = State::asking;
-    claim_.why = "the directory has not answered yet";
-    grant();
+Lease::Lease(EtcdDirectory& directory, std::int64_t timeToLive) : directory_(directory), timeToLive_(timeToLive) {}
+
+Lease::~Lease() { forget(); }
+
+void Lease::forget() {
+    for (auto* question : {&renewing_, &asking_, &revoking_}) directory_.end(*question);
+    for (auto* alarm : {&renewal_, &end_, &again_}) directory_.alarms().cancel(*alarm);
+    names_.clear();
 }
 
-Lease::~Lease() {
-    directory_.end(asking_);
-    directory_.alarms().cancel(timer_);
-    directory_.alarms().cancel(end_);
-}
-
-// The clock decides, not a timer: a process that was stopped handles requests before its timers.
-Lease::Claim Lease::claim() const {
-    if (claim_.state != State::owned || sorma::bootNow() < claim_.until) return claim_;
-    Claim out;
-    out.state = State::lost;
-    out.why = "it was not renewed in time";
+std::vector<std::string> Lease::namesThat(bool (*are)(const Name& own)) const {
+    std::vector<std::string> out;
+    for (auto& [name, own] : names_)
+        if (are(own)) out.push_back(name);
     return out;
 }
 
-void Lease::become(State state, const std::string& why) {
-    const bool other = claim_.state != state || claim_.why != why;
-    claim_.state = state;
-    claim_.why = why;
-    if (state != State::owned) claim_.epoch = claim_.until = 0;
-    if (other) directory_.tell(wanted_.name);
+// ---- what is wanted ----
+
+void Lease::claim(const sorma::Directory::Entry& wanted) {
+    const bool other = names_.contains(wanted.name);
+    names_[wanted.name] = Name{.wanted = wanted, .remove = other};
+    next();
 }
 
-void Lease::later(std::int64_t nanoseconds, void (Lease::*what)()) {
-    directory_.alarms().set(timer_, nanoseconds, [this, what] { (this->*what)(); });
+// The clock decides, not a timer: a process that was stopped handles requests before its timers.
+Lease::Claim Lease::claimed(const std::string& name) const {
+    const auto found = names_.find(name);
+    if (found == names_.end() || found->second.released) return {};
+    const Name& own = found->second;
+    if (own.state != State::owned) return {own.state, 0, 0, 0, own.why};
+    if (sorma::bootNow() >= until_) return {State::lost, 0, 0, 0, kLate};
+    return {State::owned, own.epoch, renewed_, until_, {}};
 }
+
+std::vector<std::string> Lease::names() const {
+    return namesThat([](const Name& own) { return !own.released; });
+}
+
+void Lease::release(const std::vector<std::string>& names) {
+    for (auto& name : names)
+        if (const auto found = names_.find(name); found != names_.end()) found->second.due = found->second.remove = found->second.released = true;
+    if (names_.empty()) return;
+    if (Lease::names().empty()) revoke();
+    else next();
+}
+
+bool Lease::gives() const {
+    return revoking_ != 0 || std::any_of(names_.begin(), names_.end(), [](auto& item) { return item.second.released; });
+}
+
+// A question that is still on its way can put nothing after that.
+void Lease::revoke() {
+    forget();
+    if (id_ == 0) return;
+    revoking_ = directory_.ask("lease/revoke", "{\"ID\":" + number(std::exchange(id_, 0)) + "}", 500, [this](const EtcdDirectory::Reply&) { revoking_ = 0; });
+}
+
+void Lease::become(const std::string& name, State state, const std::string& why) {
+    const auto found = names_.find(name);
+    if (found == names_.end()) return;
+    const bool other = found->second.state != state || found->second.why != why;
+    found->second.state = state;
+    found->second.why = why;
+    if (other) directory_.tell(name);
+}
+
+// ---- the lease ----
 
 // An answer is awaited for a sixth of the time to live: then there is time for another server.
-void Lease::ask(const char* path, std::string body, void (Lease::*answered)(const EtcdDirectory::Reply&)) {
-    asked_ = sorma::bootNow();
-    directory_.end(asking_);
-    asking_ = directory_.ask(path, std::move(body), long(timeToLive_ / 6'000'000), [this, answered](const EtcdDirectory::Reply& reply) {
-        asking_ = 0;
-        (this->*answered)(reply);
+void Lease::renew() {
+    const std::int64_t asked = sorma::bootNow();
+    directory_.alarms().cancel(renewal_);
+    directory_.end(renewing_);
+    const std::string body = id_ == 0 ? "{\"TTL\":" + number(timeToLive_ / kSecond) + "}" : "{\"ID\":" + number(id_) + "}";
+    renewing_ = directory_.ask(id_ == 0 ? "lease/grant" : "lease/keepalive", body, patience(), [this, asked](const EtcdDirectory::Reply& reply) {
+        renewing_ = 0;
+        renewed(asked, reply);
     });
 }
 
-void Lease::grant() {
-    if (lease_ != 0) return put();
-    ask("lease/grant", "{\"TTL\":" + number((timeToLive_ + kSecond - 1) / kSecond) + "}", &Lease::granted);
-}
-
-void Lease::granted(const EtcdDirectory::Reply& reply) {
+void Lease::renewed(std::int64_t asked, const EtcdDirectory::Reply& reply) {
     if (!reply.why.empty()) {
-        if (claim_.state == State::asking) become(State::asking, reply.why);
-        return later(directory_.jitter(timeToLive_ / 10), &Lease::grant);
+        for (auto& name : namesThat([](const Name& own) { return own.state == State::asking; })) become(name, State::asking, reply.why);
+        return directory_.alarms().set(renewal_, directory_.jitter(timeToLive_ / 20), [this] { renew(); });
     }
-    lease_ = reply.json["ID"].number();
-    claim_.asked = asked_;
-    claim_.until = asked_ + timeToLive_ * 4 / 5;
-    put();
-}
-
-void Lease::put() {
-    std::string addresses;
-    for (auto& address : wanted_.addresses) addresses += (addresses.empty() ? "" : ",") + quoted(address);
-    const std::string value = "{\"identity\":" + quoted(wanted_.identity) + ",\"machine\":" + quoted(wanted_.machine) + ",\"mark\":" + quoted(mark_) +
-                              ",\"addresses\":[" + addresses + "]}";
-    const std::string key = base64(directory_.key(wanted_.name));
-    ask("kv/txn", "{\"compare\":[{\"target\":\"CREATE\",\"key\":" + key + ",\"create_revision\":\"0\"}],"
-        "\"success\":[{\"requestPut\":{\"key\":" + key + ",\"value\":" + base64(value) + ",\"lease\":" + number(lease_) + "}}],"
-        "\"failure\":[{\"requestRange\":{\"key\":" + key + "}}]}", &Lease::judge);
-}
-
-void Lease::judge(const EtcdDirectory::Reply& reply) {
-    if (!reply.why.empty()) {
-        // Perhaps the lease has ended. Its mark tells an entry that we have put by a question without an answer.
-        if (reply.heard) lease_ = 0;
-        if (claim_.state == State::asking) become(State::asking, reply.why);
-        return later(directory_.jitter(timeToLive_ / 10), &Lease::grant);
+    const Json lease = id_ == 0 ? reply.json : reply.json["result"];
+    const std::int64_t seconds = lease["TTL"].number();
+    if (seconds <= 0) {
+        id_ = 0;
+        directory_.end(asking_);
+        lose("its lease has ended");
+        return renew();
     }
-    if (!reply.json["succeeded"].empty()) return own(reply.json["header"]["revision"].number());
-    const auto& answers = reply.json["responses"].items();
-    const auto pairs = answers.empty() ? std::vector<Json>() : answers.front()["response_range"]["kvs"].items();
-    const Json pair = pairs.empty() ? Json() : pairs.front();
-    std::string mark;
-    const auto other = EtcdDirectory::entryOf(wanted_.name, pair, &mark);
-    if (mark == mark_ && pair["lease"].number() == lease_) return own(other.epoch);
-    become(State::taken, other.identity);
-    renew();                            // the lease, so that it is there when the name is free
-}
-
-void Lease::own(std::int64_t epoch) {
-    claim_.epoch = epoch;
-    if (sorma::bootNow() >= claim_.until) return renew();       // the answers took too long: ask whether the lease is still there
-    const bool gained = claim_.state != State::owned;
-    become(State::owned, {});
-    // The directory may go away before its watch has told that.
-    if (gained) directory_.owned(wanted_, epoch);
-    directory_.alarms().set(end_, claim_.until - sorma::bootNow(), [this] {
-        if (claim_.state == State::owned && sorma::bootNow() >= claim_.until) lose("it was not renewed in time");
+    id_ = lease["ID"].number();
+    renewed_ = asked;
+    until_ = asked + std::min(timeToLive_, seconds * kSecond) * 4 / 5;
+    directory_.alarms().set(renewal_, directory_.jitter(timeToLive_ / 3), [this] { renew(); });
+    directory_.alarms().set(end_, until_ - sorma::bootNow(), [this] {
+        if (sorma::bootNow() < until_) return;
+        lose(kLate);
+        renew();
     });
-    later(directory_.jitter(timeToLive_ / 3), &Lease::renew);
+    askAgain();
 }
 
 void Lease::lose(const std::string& why) {
-    become(State::lost, why);
-    renew();
+    for (auto& name : namesThat([](const Name& own) { return own.state == State::owned; })) become(name, State::lost, why);
 }
 
-void Lease::renew() { ask("lease/keepalive", "{\"ID\":" + number(lease_) + "}", &Lease::renewed); }
+// ---- its keys ----
 
-void Lease::renewed(const EtcdDirectory::Reply& reply) {
-    directory_.alarms().cancel(timer_);
-    if (!reply.why.empty()) return later(directory_.jitter(timeToLive_ / 20), &Lease::renew);
-    const std::int64_t seconds = reply.json["result"]["TTL"].number();
-    if (seconds <= 0) {
-        lease_ = 0;
-        if (claim_.state == State::owned) become(State::lost, "its lease has ended");
-        return grant();
+void Lease::next() {
+    if (id_ == 0 && renewing_ == 0) renew();
+    if (id_ == 0 || asking_ != 0) return;
+    std::vector<std::string> due;
+    for (auto& [name, own] : names_) {
+        if (!own.due) continue;
+        if (own.remove) return remove(name);
+        if (due.size() < most_) due.push_back(name);
     }
-    claim_.asked = asked_;
-    claim_.until = asked_ + std::min(timeToLive_, seconds * kSecond) * 4 / 5;
-    if (claim_.state == State::owned) own(claim_.epoch);
-    else if (claim_.state == State::taken) later(directory_.jitter(timeToLive_ / 3), &Lease::grant);
-    else grant();
+    if (!due.empty()) put(due);
 }
 
-void Lease::seen(std::int64_t epoch, std::int64_t revision) {
-    if (claim_.state == State::taken && epoch == 0) later(directory_.jitter(kSecond / 100), &Lease::grant);
-    // Nobody but an operator does that. The lease is still there: so put the key again, if nobody else has.
-    if (claim_.state == State::owned && epoch != claim_.epoch && revision > claim_.epoch) {
-        become(State::lost, "its key was removed from the directory");
-        put();
-    }
+void Lease::askAgain() {
+    for (auto& [name, own] : names_) own.due = own.remove || own.state != State::owned;
+    next();
 }
 
-void Lease::revoke(std::function<void()> done) {
-    directory_.alarms().cancel(timer_);
-    directory_.alarms().cancel(end_);
-    claim_ = {};
-    directory_.end(asking_);
-    if (lease_ == 0) return done();
-    asking_ = directory_.ask("lease/revoke", "{\"ID\":" + number(lease_) + "}", 500, [this, done = std::move(done)](const EtcdDirectory::Reply&) {
+void Lease::ask(const std::vector<std::string>& names, std::string body, std::function<void(const Json& json)> answered) {
+    for (auto& name : names) names_.at(name).due = false;
+    asking_ = directory_.ask("kv/txn", std::move(body), patience(), [this, names, answered = std::move(answered)](const EtcdDirectory::Reply& reply) {
         asking_ = 0;
-        done();
+        if (reply.why.empty()) {
+            answered(reply.json);
+        } else if (reply.heard && names.size() > 1) {       // perhaps for one of them alone
+            most_ = 1;
+            for (auto& name : names) names_.at(name).due = true;
+        } else {
+            for (auto& name : names)
+                if (claimed(name).state == State::asking) become(name, State::asking, reply.why);
+            directory_.alarms().set(again_, directory_.jitter(timeToLive_ / 10), [this] { askAgain(); });
+        }
+        next();
     });
+}
+
+// The lease that a key has tells whether it is ours.
+void Lease::remove(const std::string& name) {
+    const std::string key = base64(directory_.key(name));
+    ask({name}, "{\"compare\":[{\"target\":\"LEASE\",\"key\":" + key + ",\"lease\":" + number(id_) + "}],"
+        "\"success\":[{\"requestDeleteRange\":{\"key\":" + key + "}}]}", [this, name](const Json&) {
+        const auto found = names_.find(name);
+        if (found->second.released) names_.erase(found);
+        else found->second.due = true, found->second.remove = false;
+    });
+}
+
+void Lease::put(const std::vector<std::string>& names) {
+    std::string compare, success, failure, comma;
+    for (auto& name : names) {
+        const std::string key = base64(directory_.key(name));
+        compare += comma + "{\"target\":\"CREATE\",\"key\":" + key + ",\"create_revision\":\"0\"}";
+        success += comma + "{\"requestPut\":{\"key\":" + key + ",\"value\":" + base64(EtcdDirectory::valueOf(names_.at(name).wanted)) + ",\"lease\":" + number(id_) + "}}";
+        failure += comma + "{\"requestRange\":{\"key\":" + key + "}}";
+        comma = ",";
+    }
+    ask(names, "{\"compare\":[" + compare + "],\"success\":[" + success + "],\"failure\":[" + failure + "]}", [this, names](const Json& json) {
+        const auto answers = json["responses"].items();
+        const bool all = !json["succeeded"].empty();
+        for (std::size_t k = 0; k < std::min(names.size(), answers.size()); ++k) {
+            const auto pairs = answers[k]["response_range"]["kvs"].items();
+            if (!names_.contains(names[k])) return;
+            if (all) owned(names[k], json["header"]["revision"].number());
+            else if (pairs.empty()) names_.at(names[k]).due = true;     // it is free, but another one of them is not
+            else found(names[k], pairs.front());
+        }
+    });
+}
+
+void Lease::found(const std::string& name, const Json& pair) {
+    Name& own = names_.at(name);
+    const auto other = EtcdDirectory::entryOf(name, pair);
+    if (pair["lease"].number() != id_) return become(name, State::taken, other.identity);
+    if (plain(pair["value"].text()) == EtcdDirectory::valueOf(own.wanted)) return owned(name, other.epoch);
+    own.due = own.remove = true;
+}
+
+// When the lease has ended here before that, the answer to a renewal makes us ask again.
+void Lease::owned(const std::string& name, std::int64_t epoch) {
+    Name& own = names_.at(name);
+    if (own.remove || sorma::bootNow() >= until_) return;
+    own.epoch = epoch;
+    own.due = false;
+    const auto wanted = own.wanted;
+    become(name, State::owned, {});
+    // The directory may go away before its watch has told that.
+    directory_.owned(wanted, epoch);
+}
+
+void Lease::seen(const std::string& name, std::int64_t epoch, std::int64_t lease, std::int64_t revision) {
+    const auto known = names_.find(name);
+    if (known == names_.end()) {
+        if (lease == 0 || lease != id_) return;
+        // A question that was given up has put it after all.
+        names_[name] = Name{.wanted = {name}, .remove = true, .released = true};
+    } else {
+        Name& own = known->second;
+        const bool free = own.state == State::taken && epoch == 0;
+        // Nobody but an operator does that. The lease is still there: so put the key again, if nobody else has.
+        const bool taken = own.state == State::owned && epoch != own.epoch && revision > own.epoch;
+        if (own.remove || (!free && !taken)) return;
+        own.due = true;
+        if (taken) become(name, State::lost, "its key was removed from the directory");
+    }
+    next();
 }
 
 }  // namespace etcd

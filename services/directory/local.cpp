@@ -44,11 +44,13 @@ public:
         return {Claim::State::owned, own.entry.epoch, sorma::bootNow(), 0, {}};
     }
 
-    void release(const std::string& name) override {
-        const auto found = held_.find(name);
-        if (found == held_.end()) return;
-        if (found->second.file) unlink(path(name).c_str());
-        held_.erase(found);
+    void release(const std::vector<std::string>& names) override {
+        for (auto& name : names) {
+            const auto found = held_.find(name);
+            if (found == held_.end()) continue;
+            if (found->second.file) unlink(path(name).c_str());
+            held_.erase(found);
+        }
     }
 
     Found find(const std::string& name) override {
@@ -71,7 +73,7 @@ public:
     void wait(std::int64_t until) override { poll(nullptr, 0, int(std::clamp<std::int64_t>((until - sorma::monotonicNow()) / 1'000'000, 0, 10))); }
 
     ~LocalDirectory() override {
-        while (!held_.empty()) release(std::string(held_.begin()->first));
+        while (!held_.empty()) release({held_.begin()->first});
     }
 
 private:

@@ -6,7 +6,7 @@
 //     claimed NAME                        none | asking WHY | owned EPOCH | taken WHOSE | lost WHY
 //     find NAME                           known EPOCH AGE IDENTITY ADDRESS ... | asking WHY | absent WHY | away WHY;   AGE: 0, or old
 //     finds NAME NUMBER                   how long a find takes [ns], of so many
-//     release NAME                        {}
+//     release NAME ...                    {}
 //     entries                             NAME ...
 //     turns                               how often the loop has turned: after two of them all news so far are known
 //     place NAME                          known ADDRESS | asks WHY | absent WHY, as requests see it
@@ -63,7 +63,12 @@ std::string ask(Comm& comm, std::istringstream& in) {
         const std::int64_t took = monotonicNow() - begin;
         return known == std::size_t(number) ? std::to_string(double(took) / double(number)) : "it is not known";
     }
-    if (command == "release") return directory.release(name), "{}";
+    if (command == "release") {
+        std::vector<std::string> names{name};
+        while (in >> name) names.push_back(name);
+        directory.release(names);
+        return "{}";
+    }
     if (command == "entries") {
         std::string out;
         for (auto& entry : directory.entries()) out += (out.empty() ? "" : " ") + entry.name;

@@ -6,7 +6,7 @@
 #     -leaders 20     kill the leader of etcd
 #     -stops 30       suspend an owner for 1 to 5 s
 #     -cuts 30        cut the host of a daemon off, for 1 s to -longest (8); in a third of them it can send, in another third hear
-#     -stalls 1       suspend the leader of etcd for 10 s
+#     -stalls 1       freeze the disk of the leader of etcd for 10 s; where there are no loop devices, suspend the leader
 #     -jumps 4        the clocks of the daemons of one name jump by an hour
 #     -away 20        suspend all servers, for so many seconds
 #
@@ -62,6 +62,23 @@ proc signalServer {server signal} {
 }
 proc ctl {server args} {
     return [hosts::run $server env ETCDCTL_API=3 etcdctl --dial-timeout 1s --command-timeout 2s --endpoints [url $server] {*}$args]
+}
+# A disk of its own for the data of a server, which can be frozen: a file. False: not on this machine.
+proc ownDisk server {
+    set file [file join [hosts::folder $server] disk]
+    set data [file join [hosts::folder $server] data]
+    file mkdir $data
+    close [open $file w]
+    return [expr {![catch {
+        hosts::run $server truncate --size 1G $file
+        hosts::run $server mkfs.ext4 -q $file
+        hosts::run $server mount -o loop $file $data
+        file attributes $data -permissions 0700
+    }]}]
+}
+# It melts also when we are killed meanwhile.
+proc freeze {server seconds} {
+    hosts::run $server setsid sh -c {fsfreeze --freeze "$1" && { (sleep $2; fsfreeze --unfreeze "$1") > /dev/null 2>&1 & }} sh [file join [hosts::folder $server] data] $seconds
 }
 # The server that leads; empty: none that we can ask.
 proc leader {} {
@@ -320,6 +337,7 @@ attack {
                 return syscall(SYS_timerfd_settime, fd, flags, now, old);
             }
         }
+        set disks [expr {$often(-stalls) > 0 && [ownDisk one] && [ownDisk two] && [ownDisk three]}]
         foreach server $servers {
             startServer $server
         }
@@ -379,12 +397,20 @@ attack {
         }
         for {set i 0} {$i < $often(-stalls)} {incr i} {
             waitFor {[set led [leader]] ne {}} 60000
-            signalServer $led STOP
-            after 10000 {set pause 1}
+            if {$disks} {
+                freeze $led 10
+                catch {ctl $led put elsewhere/key written}          ;# a leader that has nothing to write needs no disk
+            } else {
+                signalServer $led STOP
+            }
+            after 11000 {set pause 1}
             vwait pause
-            signalServer $led CONT
+            if {!$disks} {
+                signalServer $led CONT
+            }
+            set other [leader]
             waitFor {[allServe] && [allServed]} 60000
-            say "leader suspended for 10 s"
+            say "leader $led of etcd [expr {$disks ? "with a frozen disk" : "suspended"}] for 10 s; then $other led"
         }
         for {set i 0} {$i < $often(-jumps)} {incr i} {
             set before [llength $heard(gamma)]
@@ -432,6 +458,9 @@ attack {
             }
         }
     } finally {
+        foreach server $servers {
+            catch {hosts::run $server umount --lazy [file join [hosts::folder $server] data]}
+        }
         hosts::end
     }
 }

@@ -34,10 +34,9 @@ proc claimAll {pipe number} {
         ask $pipe claim daemon.$number.$i root@host[pid $pipe] /tmp/nowhere.sock
     }
 }
+# By turns: a process whose news nobody reads stands still.
 proc knowAll pipes {
-    foreach pipe $pipes {
-        waitFor {[llength [ask $pipe entries]] == $::names} 120000
-    }
+    waitFor {[set pipes [lmap pipe $pipes {if {[llength [ask $pipe entries]] == $::names} continue; set pipe}]] eq {}} 120000
 }
 # Processor time of processes [s].
 proc spent pids {
@@ -80,7 +79,7 @@ attack {
             ask $pipe turns
             set news($pipe) {}
         }
-        set value [binary encode base64 {{"identity":"root@elsewhere","machine":"none","mark":"1","addresses":["/tmp/nowhere.sock"]}}]
+        set value [binary encode base64 {{"identity":"root@elsewhere","machine":"none","addresses":["/tmp/nowhere.sock"]}}]
         lassign [dict get $server ports] port
         for {set i 0} {$i < 100} {incr i} {
             set written($i) [clock microseconds]
@@ -107,9 +106,7 @@ attack {
         set begun [clock milliseconds]
         for {set i 0} {$i < $processes} {incr i} {
             set pipe [lindex $pipes $i]
-            for {set k 0} {$k < $each} {incr k} {
-                ask $pipe release daemon.$i.$k
-            }
+            ask $pipe release {*}[lmap k [lsearch -all [lrepeat $each x] x] {string cat daemon.$i.$k}]
             ask $pipe turns
             set clients [expr {$clients + [spent [pid $pipe]]}]
             catch {close $pipe}         ;# it may have news to tell

@@ -2,7 +2,7 @@
 #
 # etcd::available           is there such a program?
 # etcd::start ?FOLDER PORTS? ?OPTION ...?   -> dict: url, pid, folder, ports, pipe; when it answers. FOLDER PORTS: of one that has ended,
-#                           with its data. With options of etcd for TLS its url is https, and that it takes connections is enough
+#                           with its data. With --cert-file its url is https, and that it takes connections is enough
 # etcd::signal SERVER NAME  STOP, CONT ...
 # etcd::end SERVER          by SIGKILL; returns when it is gone. Its folder stays until etcd::endAll
 # etcd::endAll
@@ -41,7 +41,7 @@ proc etcd::start {{folder {}} {given {}} args} {
     }
     foreach attempt {1 2 3 4 5 6 7 8} {
         lassign [set ports [if {$given ne {}} {set given} else {FreePorts}]] client peer
-        set url [expr {[llength $args] > 0 ? "https" : "http"}]://127.0.0.1:$client
+        set url [expr {"--cert-file" in $args ? "https" : "http"}]://127.0.0.1:$client
         set here http://127.0.0.1:$peer
         set pipe [open [list | etcd --name one --data-dir [file join $folder data] --listen-client-urls $url --advertise-client-urls $url \
             --listen-peer-urls $here --initial-advertise-peer-urls $here --initial-cluster one=$here --logger zap \
@@ -52,7 +52,7 @@ proc etcd::start {{folder {}} {given {}} args} {
             if {![catch {http::get 127.0.0.1 $client /health {Connection: close}} answer] && [string match *true* [lindex $answer 1]]} {
                 return $server
             }
-            if {[llength $args] > 0 && ![catch {socket 127.0.0.1 $client} channel]} {
+            if {"--cert-file" in $args && ![catch {socket 127.0.0.1 $client} channel]} {
                 close $channel
                 return $server
             }
