@@ -15,6 +15,12 @@ constexpr const char* kLate = "it was not renewed in time";
 
 std::string number(std::int64_t n) { return '"' + std::to_string(n) + '"'; }
 
+// The keys of the first range in a transaction.
+std::vector<Json> firstPairs(const Json& json) {
+    const auto answers = json["responses"].items();
+    return answers.empty() ? std::vector<Json>() : answers.front()["response_range"]["kvs"].items();
+}
+
 }  // namespace
 
 Lease::Lease(EtcdDirectory& directory, std::int64_t timeToLive) : directory_(directory), timeToLive_(timeToLive) {}
@@ -164,15 +170,22 @@ void Lease::ask(const std::vector<std::string>& names, std::string body, std::fu
     });
 }
 
-// The lease that a key has tells whether it is ours.
+// The lease that a key has tells whether it is ours. A question that was given up may arrive after the name was put again: so it removes
+// the key of one grant.
 void Lease::remove(const std::string& name) {
     const std::string key = base64(directory_.key(name));
-    ask({name}, "{\"compare\":[{\"target\":\"LEASE\",\"key\":" + key + ",\"lease\":" + number(id_) + "}],"
-        "\"success\":[{\"requestDeleteRange\":{\"key\":" + key + "}}]}", [this, name](const Json&) {
+    const auto removed = [this, name] {
         const auto found = names_.find(name);
         if (found->second.released) names_.erase(found);
         else found->second.due = true, found->second.remove = false;
-    });
+    };
+    ask({name}, "{\"compare\":[{\"target\":\"LEASE\",\"key\":" + key + ",\"lease\":" + number(id_) + "}],\"success\":[{\"requestRange\":{\"key\":" + key + "}}]}",
+        [this, name, key, removed](const Json& json) {
+            const auto pairs = firstPairs(json);
+            if (pairs.empty()) return removed();
+            ask({name}, "{\"compare\":[{\"target\":\"CREATE\",\"key\":" + key + ",\"create_revision\":" + number(pairs.front()["create_revision"].number()) + "}],"
+                "\"success\":[{\"requestDeleteRange\":{\"key\":" + key + "}}]}", [removed](const Json&) { removed(); });
+        });
 }
 
 void Lease::put(const std::vector<std::string>& names) {
