@@ -153,7 +153,7 @@ void Lease::askAgain() {
 }
 
 void Lease::ask(const std::vector<std::string>& names, std::string body, std::function<void(const Json& json)> answered) {
-    for (auto& name : names) names_.at(name).due = false;
+    for (auto& name : names) names_.at(name).due = false, names_.at(name).told = {};
     asking_ = directory_.ask("kv/txn", std::move(body), patience(), [this, names, answered = std::move(answered)](const EtcdDirectory::Reply& reply) {
         asking_ = 0;
         if (reply.why.empty()) {
@@ -222,6 +222,10 @@ void Lease::found(const std::string& name, const Json& pair) {
 void Lease::owned(const std::string& name, std::int64_t epoch) {
     Name& own = names_.at(name);
     if (own.remove || sorma::bootNow() >= until_) return;
+    if (own.told.revision > epoch && own.told.epoch != epoch) {
+        own.due = true;                 // the watch was faster than the answer, and the key has gone since
+        return;
+    }
     own.epoch = epoch;
     own.due = false;
     const auto wanted = own.wanted;
@@ -238,6 +242,7 @@ void Lease::seen(const std::string& name, std::int64_t epoch, std::int64_t lease
         names_[name] = Name{.wanted = {name}, .remove = true, .released = true};
     } else {
         Name& own = known->second;
+        own.told = {epoch, revision};
         const bool free = own.state == State::taken && epoch == 0;
         // Nobody but an operator does that. The lease is still there: so put the key again, if nobody else has.
         const bool taken = own.state == State::owned && epoch != own.epoch && revision > own.epoch;

@@ -47,6 +47,9 @@ private:
         bool due = true;                    // to be asked about
         bool remove = false;                // its key must go first
         bool released = false;              // and then it is not wanted any more
+        struct {
+            std::int64_t epoch = 0, revision = 0;
+        } told = {};                        // whose it was at a revision, since the last question about it was sent
     };
 
     void forget();
