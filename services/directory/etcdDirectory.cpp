@@ -148,6 +148,7 @@ void EtcdDirectory::answered(Number number, std::size_t server, Http::Answer ans
     Question question = std::move(found->second);
     questions_.erase(found);
     Reply reply;
+    reply.server = server;
     reply.json = Json::parse(answer.body);
     const Json& error = reply.json["error"];
     const bool silent = answer.status == 0;
@@ -308,7 +309,7 @@ void EtcdDirectory::confirm(const std::string& name) {
 void EtcdDirectory::probe() {
     const std::int64_t asked = sorma::monotonicNow();
     end(probing_);
-    probing_ = ask("kv/range", "{\"key\":" + base64(key({})) + ",\"count_only\":true}", kPatience, [this, asked](const Reply& reply) {
+    probing_ = ask("kv/range", quorum(), kPatience, [this, asked](const Reply& reply) {
         probing_ = 0;
         if (!reply.why.empty()) failed(reply.why);
         else if (watching_ != 0) heard(asked);          // else all names are read again soon

@@ -42,6 +42,7 @@ public:
         Json json;
         std::string why;                            // empty: it is good; else for people
         bool heard = false;                         // a server has said no, and another one would say the same
+        std::size_t server = 0;                     // which one
     };
     using Replied = std::function<void(const Reply& reply)>;
 
@@ -64,6 +65,7 @@ public:
     Number ask(const std::string& path, std::string body, long milliseconds, Replied replied);
     void end(Number& number);
     std::string key(const std::string& name) const { return settings_.prefix + "/" + name; }
+    std::string quorum() const { return "{\"key\":" + base64(key({})) + ",\"count_only\":true}"; }     // for kv/range: needs one, and costs little
     static Entry entryOf(const std::string& name, const Json& pair);
     static std::string valueOf(const Entry& entry);
     void tell(const std::string& name) {

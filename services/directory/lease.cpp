@@ -97,9 +97,21 @@ void Lease::renew() {
     const std::int64_t asked = sorma::bootNow();
     directory_.alarms().cancel(renewal_);
     directory_.end(renewing_);
-    const std::string body = id_ == 0 ? "{\"TTL\":" + number(timeToLive_ / kSecond) + "}" : "{\"ID\":" + number(id_) + "}";
-    renewing_ = directory_.ask(id_ == 0 ? "lease/grant" : "lease/keepalive", body, patience(), [this, asked](const EtcdDirectory::Reply& reply) {
+    const bool grant = id_ == 0;
+    const std::string body = grant ? "{\"TTL\":" + number(timeToLive_ / kSecond) + "}" : directory_.quorum();
+    renewing_ = directory_.ask(grant ? "lease/grant" : "kv/range", body, patience(), [this, asked, grant](const EtcdDirectory::Reply& reply) {
         renewing_ = 0;
+        if (grant || !reply.why.empty()) return renewed(asked, reply);
+        keepAlive(asked, reply.server);
+    });
+}
+
+// A server may believe that it leads when another one does. Until it hears of that one it keeps leases alive in vain. But then it
+// cannot answer for a quorum. The next leader gives each lease its whole time again. So the time counts from that question, to the same server.
+void Lease::keepAlive(std::int64_t asked, std::size_t server) {
+    renewing_ = directory_.ask("lease/keepalive", "{\"ID\":" + number(id_) + "}", patience(), [this, asked, server](EtcdDirectory::Reply reply) {
+        renewing_ = 0;
+        if (reply.why.empty() && reply.server != server) reply.why = "another server has answered";
         renewed(asked, reply);
     });
 }

@@ -1,6 +1,6 @@
 // lease.h -- the lease of this process at etcd, and the names that it keeps with it.
 //
-//     renew: grant a lease, or keep it alive, each third of the time to live
+//     renew: grant a lease, or keep it alive, each third of the time to live, by a server behind which a quorum stands
 //     put:   put the keys of names with that lease, if nobody has them     > owned, or taken: then again when the name is free
 //
 // One question asks for all names that are due. When one of them is taken, nothing was put; the next question asks for the others.
@@ -57,6 +57,7 @@ private:
     std::vector<std::string> namesThat(bool (*are)(const Name& own)) const;
     void become(const std::string& name, Claim::State state, const std::string& why);
     void renew();
+    void keepAlive(std::int64_t asked, std::size_t server);
     void renewed(std::int64_t asked, const EtcdDirectory::Reply& reply);
     void lose(const std::string& why);
     void next();

@@ -5,12 +5,14 @@
 #     question TEXT     keep the next piece that a client sends with this text in it                {}
 #     answer TEXT       let such a piece through, and keep what the server says to it               {}
 #     kept              how many bytes are kept; empty: none
+#     silence TEXT      swallow all pieces that clients send with this text in them                 {}
 #     deliver           deliver them now; tell when the server has answered, or the client has heard it     {}
 
 set target [lindex $argv 0]
 set text {}
 set what {}
 array set kept {}
+set silence {}
 set answered 0
 
 proc accept {near args} {
@@ -30,6 +32,7 @@ proc carry {from to client} {
         }
         return
     }
+    if {$client && $::silence ne {} && [string first $::silence $bytes] >= 0} return
     if {$client && $::text ne {} && [string first $::text $bytes] >= 0} {
         set ::kept([expr {$::what eq "question" ? $from : $to}]) {}
         set ::text {}
@@ -53,6 +56,9 @@ proc obey {} {
     switch [lindex $line 0] {
         question - answer {
             lassign $line ::what ::text
+        }
+        silence {
+            set ::silence [lindex $line 1]
         }
         kept {
             foreach {from bytes} [array get ::kept] {
