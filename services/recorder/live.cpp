@@ -65,6 +65,13 @@ std::size_t Merge::connected() const {
     return std::size_t(std::count_if(sources_.begin(), sources_.end(), [](auto& s) { return s->heard; }));
 }
 
+std::vector<std::pair<std::string, std::string>> Merge::away() const {
+    std::vector<std::pair<std::string, std::string>> out;
+    for (auto& source : sources_)
+        if (!source->lost.empty()) out.emplace_back(source->name, source->lost);
+    return out;
+}
+
 void Merge::open(Source& source) {
     try {
         sorma::Message request;

@@ -60,6 +60,7 @@ public:
     // The same, when all that has happened so far has come. Runs the event loop, for 2 s at most.
     void drain();
     std::size_t connected() const;          // recorders that have answered, and are not lost
+    std::vector<std::pair<std::string, std::string>> away() const;      // those that are lost, and why
 
 private:
     struct Source {

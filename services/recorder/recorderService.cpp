@@ -5,6 +5,7 @@
 //     recorder.run EXEC export tables                             tables/arm.state.csv and so on
 #include <sorma.h>
 
+#include <algorithm>
 #include <sstream>
 
 #include "busRecording.h"
@@ -110,7 +111,13 @@ public:
     void dumpState(std::string& out) const override {
         out += "# state " + (busy() ? what_ : "idle") + "\n";
         if (!bus_) return;
-        if (merge_) out += "# connected " + std::to_string(merge_->connected()) + "\n";
+        if (merge_) {
+            out += "# connected " + std::to_string(merge_->connected()) + "\n";
+            for (auto [who, why] : merge_->away()) {
+                std::replace_if(why.begin(), why.end(), [](unsigned char c) { return c < ' '; }, ' ');      // else it would be a line of its own
+                out += "# away " + who + ": " + why + "\n";
+            }
+        }
         const auto figures = bus_->recorder().figures();
         out += "# records " + std::to_string(figures.records) + "\n# lost " + std::to_string(figures.lost) + "\n";
     }
