@@ -51,7 +51,6 @@ proc ::sorma::at args {
 # The object that reads a file.
 proc ::sorma::at::Reader file {
     variable Files
-    package require sorma::service::recorder
     set file [file normalize $file]
     if {![dict exists $Files $file] || [dict get $Files $file] ni [::sorma::names recorder.*]} {
         for {set n 1} {"recorder.past$n" in [::sorma::names recorder.*]} {incr n} {}
