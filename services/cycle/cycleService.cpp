@@ -15,6 +15,7 @@
 #include <sorma.h>
 
 #include "bus/incident.h"
+#include "byHand.h"
 #include "runner.h"
 
 namespace {
@@ -77,6 +78,8 @@ public:
                          }})
             .inspection({"-incidents", "", "object, kind, count: what the steps and their units could not use, what they missed, what has stopped them", 0, 0,
                          [](Service& s, Args, Message& m) { m.text += static_cast<Cycle&>(s).incidentsText(); }})
+            .inspection({"-due", "", "floats: when the next tick is due, and the time now, by its clock [s]; ints: 1 while it runs", 0, 0,
+                         [](Service& s, Args, Message& m) { static_cast<Cycle&>(s).tellDue(m); }})
             .writes(sorma::Field::ints, sorma::exactly(1), "", "number of the tick")
             .example("cycle CTRL -period 0.01 -steps nop");
     }
@@ -93,6 +96,8 @@ public:
 
     void changed(std::span<const sorma::Option* const> options) override {
         Plan next = plan();
+        for (auto* o : options)
+            if (o->name == "-clock") hand_.forget();
         if (!runner_) return;
         for (auto* o : options)
             for (auto* fixed : {"-priority", "-cpu", "-lockMemory", "-clock"})
@@ -108,7 +113,9 @@ public:
         if (runner_) fail(kRunning, name(), "EXEC runs one tick while it is stopped");
         Plan once = plan();
         if (once.steps.empty()) fail(kNoSteps, name(), "-steps");
-        sorma::Tick tick{sorma::monotonicNow(), period_, ++byHand_};
+        const std::int64_t now = clockNow();
+        sorma::Tick tick{hand_.due(now, once.period), period_, ++byHand_};
+        hand_.ticked(tick.time, now);
         sorma::Tick::Scope scope(tick);
         for (auto& step : once.steps) step.run(nullptr);
         m.ints.assign(1, std::int64_t(byHand_));
@@ -202,6 +209,23 @@ private:
         publishText("started", steps_);
     }
 
+    // Time by its clock. The machine's clock stands while the cycle is stopped, as all of its time does; so does a clock whose buffer is away.
+    std::int64_t clockNow() const {
+        if (!clock_.empty()) {
+            try {
+                return cycle::snapshotClock(clock_.use(*this))->now();
+            } catch (const std::runtime_error&) {
+            }
+        }
+        return runner_ || !hand_.any() ? sorma::monotonicNow() : hand_.last();
+    }
+
+    void tellDue(Message& m) {
+        const std::int64_t now = clockNow(), due = runner_ ? runner_->due() : hand_.after(now, std::llround(period_ * 1e9));
+        m.floats = {double(due) * 1e-9, double(now) * 1e-9};
+        m.ints.assign(1, runner_ ? 1 : 0);
+    }
+
     void stopNow(Args, Message&) {
         if (!runner_) fail(kNotRunning, name());
         halt();
@@ -223,6 +247,7 @@ private:
     void halt() {
         if (!runner_->stop()) fail(kHangs, name(), runner_->busyWith());
         last_ = figures();
+        if (const auto before = runner_->due() - std::llround(period_ * 1e9); runner_->ticks() > 0) hand_.ticked(before, before);
         rest();
         cycle::Runner::dismiss(std::move(runner_));
         memory_.release();
@@ -374,6 +399,7 @@ private:
     Fault fault_;                                   // the last one since it was started
     Message last_ = [] { Message m; m.text = "it has not run yet"; return m; }();       // figures when it was stopped
     std::uint64_t byHand_ = 0;
+    cycle::ByHand hand_;                    // when they are due
 
     struct Known {
         std::uint64_t seen = 0, sum = 0, told = 0;  // as its object counts; since the cycle was started; named in the trail

@@ -377,6 +377,7 @@ void Runner::startClock() {
     current_ = this;
     time_ = clock_->now();
     next_ = {time_ + plan_.period, plan_.period, true};
+    nextDue_.store(next_.due, std::memory_order_relaxed);
     due_.store(nanoseconds() + plan_.period, std::memory_order_relaxed);
     quarter_.store(plan_.period / 4, std::memory_order_relaxed);
 }
@@ -416,7 +417,7 @@ Runner::Rest Runner::rest() {
         if (stop_) return Rest::stop;
         std::int64_t now = clock_->now();
         if (!machine) {
-            if (now < time_) next_.due = now + next_.period;        // it has begun anew
+            if (now < time_) nextDue_ = next_.due = now + next_.period;         // it has begun anew
             if (now != time_) {
                 moved = nanoseconds();
                 stands_ = false;
@@ -518,6 +519,7 @@ void Runner::schedule(std::int64_t end, bool& faulty) {
         figures_.skipped += std::uint64_t(skipped);
         next_.due += skipped * plan_.period;
     }
+    nextDue_.store(next_.due, std::memory_order_relaxed);
     due_.store(next_.due, std::memory_order_relaxed);
     quarter_.store(plan_.period / 4, std::memory_order_relaxed);
 }

@@ -85,6 +85,7 @@ public:
 
     bool ended() const { return Turn::holder(turn_.look()) == Turn::ended; }        // the ticks have ended, after a fault or stop()
     Figures figures();                  // fails with SERVICE STUCK
+    std::int64_t due() const { return nextDue_.load(std::memory_order_relaxed); }       // [ns] the next tick, by the clock
     void resetFigures();
     std::uint64_t ticks() const { return number_.load(std::memory_order_relaxed); }     // so far
     std::string busyWith() const;       // for people: "gain.k since 1.2 s"; empty between two ticks
@@ -162,6 +163,7 @@ private:
     std::atomic<bool> stop_{false};
     std::atomic<std::uint64_t> number_{0};
     std::atomic<std::int64_t> due_{0};              // [ns] monotonic clock: the next tick, as far as it is known
+    std::atomic<std::int64_t> nextDue_{0};          // [ns] the same by the clock, for who asks; nothing depends on it
     std::atomic<std::int64_t> quarter_{0};          // [ns] a quarter of the period
     std::atomic<std::int64_t> reserve_{0};          // [ns] a request begins only when more time than this is left to the next tick
     std::atomic<int> passed_{0};                    // gaps between ticks in which the waiting request did not begin
