@@ -49,6 +49,7 @@ package provide sorma::circuitEditor 1.0
 #       rate NUMBER                 of that wire, in Hz
 #       probe NUMBER ?KIND?         as circuitProbes has it
 #       cycle                       the cycle that executes the circuit, or nothing
+#       run, pause, step            what its buttons do
 #       save FILE                   the picture: .svg, .pdf or .ps, all of it; .png, as it is in the window
 #       undo, redo, revert, return COUNT
 #       history                     names of the edits that can be undone
@@ -253,14 +254,17 @@ snit::widget ::sorma::circuitEditor {
             dict set told age {}            ;# that of the recording stands beside its scale
         }
         set text [if {[dict exists $value value text]} {dict get $value value text}]
+        $self NewValues $text
+        $self Values
+        $self Say
+    }
+    method NewValues text {
         if {$text ne {} && $text ne $reply} {
             set reply $text
             if {$moment eq {}} {
                 $self ReadLive $text
             }
         }
-        $self Values
-        $self Say
     }
     method Redraw {} {
         set redraw 1

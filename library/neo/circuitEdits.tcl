@@ -323,7 +323,7 @@ snit::macro ::sorma::circuitEdits {} {
             <Control-Left> {align left} <Control-Right> {align right} <Control-Up> {align top} <Control-Down> {align bottom}
             <Left> {Arrow -1 0} <Right> {Arrow 1 0} <Up> {Arrow 0 -1} <Down> {Arrow 0 1}
             <Shift-Left> {Grow -1 0} <Shift-Right> {Grow 1 0} <Shift-Up> {Grow 0 -1} <Shift-Down> {Grow 0 1} <Key-c> Comment <Key-f> Frame
-            <plus> {Zoom 1.25} <minus> {Zoom 0.8} <Key-0> {Zoom fit} <Key-n> {Next 1} <Key-p> {Next -1} <Return> Line <Key-v> Flip <Key-r> FlipRates <Key-w> Probe
+            <plus> {Zoom 1.25} <minus> {Zoom 0.8} <Key-0> {Zoom fit} <Key-n> {Next 1} <Key-p> {Next -1} <Return> Line <Key-v> Flip <Key-r> FlipRates <Key-w> Probe <Key-s> step
         } {
             bind $scene $event [mymethod {*}$method]
         }
