@@ -13,14 +13,16 @@ namespace eval ::sorma::ways {
     variable Most 4000          ;# wires; more of them go straight to their ends, through boxes
 }
 
-# ::sorma::ways::of BOXES WIRES ?KEPT? -- a list: x1 y1 x2 y2 ... of each wire.
+# ::sorma::ways::of BOXES WIRES ?KEPT? ?COUNT? -- a list: x1 y1 x2 y2 ... of each wire.
 # Arguments:
 #       BOXES   list of {x y width height}
 #       WIRES   list of {NET x1 y1 x2 y2}: from where to where; those of one NET may lie on each other
 #       KEPT    list of {NET way}: of wires that stay as they are
-proc ::sorma::ways::of {boxes wires {kept {}}} {
+#       COUNT   of all wires, of which these are a part that shall look like the others; default: that of WIRES
+proc ::sorma::ways::of {boxes wires {kept {}} {count {}}} {
     variable Most
-    if {[llength $wires] > $Most} {
+    set count [expr {$count eq {} ? [llength $wires] : $count}]
+    if {$count > $Most} {
         return [lmap wire $wires {
             lassign $wire net x1 y1 x2 y2
             Direct $x1 $y1 $x2 $y2
@@ -29,7 +31,7 @@ proc ::sorma::ways::of {boxes wires {kept {}}} {
     set map [dict create rows [Blocked $boxes 1 3 0 2] columns [Blocked $boxes 0 2 1 3]]
     array set rows {}
     array set columns {}
-    if {[simple $wires]} {
+    if {[simple $count]} {
         return [lmap wire $wires {Way $map {*}$wire 1}]
     }
     foreach item $kept {
@@ -51,11 +53,11 @@ proc ::sorma::ways::of {boxes wires {kept {}}} {
     return [lrange $out 0 [llength $wires]-1]
 }
 
-# ::sorma::ways::simple WIRES -- are these so many that `of` does not look for the best way of each? They may then go through boxes, and lie on
+# ::sorma::ways::simple COUNT -- are these so many wires that `of` does not look for the best way of each? They may then go through boxes, and lie on
 # each other. Ask again for those few that somebody looks at.
-proc ::sorma::ways::simple wires {
+proc ::sorma::ways::simple count {
     variable Many
-    return [expr {[llength $wires] > $Many}]
+    return [expr {$count > $Many}]
 }
 
 # The stretches that boxes block, as a dict line -> {starts ends}, sorted, none touching another. ACROSS, SIZE, ALONG, LENGTH: indices into a

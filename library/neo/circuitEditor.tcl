@@ -17,12 +17,12 @@ package require sorma::circuitRates
 package require sorma::circuitRun
 package require sorma::circuitScene
 package require sorma::circuitText
+package require sorma::circuitWays
 package require sorma::lamp
 package require sorma::notice
 package require sorma::parts
 package require sorma::subject
 package require sorma::text
-package require sorma::ways
 package require sorma::window
 package provide sorma::circuitEditor 1.0
 
@@ -67,11 +67,10 @@ snit::widget ::sorma::circuitEditor {
     variable recipe {}          ;# dict: -wires -inputs -outputs -places, as shown
     variable running {}         ;# the same, as the circuit has it
     variable graph {nodes {} wires {} pieces {}}
+    variable read {}            ;# {TEXTS GRAPH}: the last recipe that was read, before Complete
+    variable there {{} {}}      ;# {TEXT WIRES}: those of the circuit as it runs; a dict {SOURCE SINK} -> 1
     variable places {}          ;# dict: KEY -> {x y}
     variable boxes {}           ;# dict: KEY -> {x y width height}
-    variable ways {}            ;# of the wires, in their order
-    variable rough {}           ;# dict: number of a wire -> 1, whose way is a simple one so far
-    variable finer {}           ;# the timer of Finer
     variable pins {}            ;# dict: name of a unit -> {ins dict outs dict}, each name -> {length unit}; own pins: under the name {}
     variable live {}            ;# dict: {NAME in|out} -> {length unit number ...}
     variable reply {}           ;# the text that live was read from
@@ -93,6 +92,7 @@ snit::widget ::sorma::circuitEditor {
     ::sorma::circuitProbes
     ::sorma::circuitRates
     ::sorma::circuitRun
+    ::sorma::circuitWays
 
     constructor {name args} {
         $self configurelist $args
@@ -115,7 +115,7 @@ snit::widget ::sorma::circuitEditor {
         pack $win.head -fill x -padx $pad -pady $pad
         pack $win.hint -side bottom -fill x
         pack $win.panes -fill both -expand 1 -padx $pad
-        bind $scene <<ViewChanged>> [mymethod Looked]
+        bind $scene <<ViewChanged>> [mymethod Viewed]
         bind $win <Map> [mymethod Begin]
         bind $win <Unmap> [mymethod Rest]
         bind $win <Destroy> +[list ::sorma::parts::ended $win [mymethod Ended %W]]
@@ -299,18 +299,26 @@ snit::widget ::sorma::circuitEditor {
         }
         if {$now ne $recipe || $redraw} {
             set recipe $now
+            set fresh $redraw
             set redraw 0
-            $self Picture
+            $self Picture $fresh
         }
         $self Sent
         $self Say
     }
-    method Picture {} {
-        try {
-            set graph [::sorma::circuitText graph [dict get $recipe -wires] [dict get $recipe -inputs] [dict get $recipe -outputs]]
-        } on error {message how} {
-            return [$self AsText $message [dict get $how -errorcode]]
+    # FRESH: pins of units have come or gone.
+    method Picture fresh {
+        set texts [lmap option {-wires -inputs -outputs} {dict get $recipe $option}]
+        set same [expr {!$fresh && [lindex $read 0] eq $texts}]
+        if {[lindex $read 0] ne $texts} {
+            try {
+                set read [list $texts [::sorma::circuitText graph {*}$texts]]
+            } on error {message how} {
+                return [$self AsText $message [dict get $how -errorcode]]
+            }
         }
+        lassign [list [dict keys [dict get $graph nodes]] $places] before stood
+        set graph [lindex $read 1]
         if {[winfo manager $scene] eq {}} {
             pack forget $win.panes.picture.text
             pack $scene -fill both -expand 1
@@ -319,7 +327,12 @@ snit::widget ::sorma::circuitEditor {
         $self ReadNotes
         $self Complete $fixed
         set places [::sorma::circuitLayout place $graph $fixed]
-        $self Arrange
+        # In a large circuit only the wires of boxes that have moved get new ways.
+        if {$same && [::sorma::ways::simple [llength $ends]] && [dict keys [dict get $graph nodes]] eq $before} {
+            $self Arrange 1 [dict keys [dict filter $places script {key place} {expr {$place ne [dict get $stood $key]}}]]
+        } else {
+            $self Arrange
+        }
     }
     # All pins of the units that are known, in the order of their class; and units that have a place and no wire yet.
     method Complete fixed {
@@ -341,91 +354,20 @@ snit::widget ::sorma::circuitEditor {
             set node
         }]
     }
-    # The ways of all wires; with KEYS only of those at these boxes.
-    method Arrange {{moved {}}} {
-        set nodes [dict get $graph nodes]
-        set boxes [dict map {key node} $nodes {concat [dict get $places $key] [::sorma::circuitLayout size $key $node]}]
-        set asked [set numbers [set kept {}]]
-        set n -1
-        foreach wire [dict get $graph wires] {
-            incr n
-            lassign [$self Ends $wire] net from to
-            if {$moved ne {} && $from ni $moved && $to ni $moved && $n < [llength $ways]} {
-                lappend kept [list $net [lindex $ways $n]]
-                continue
-            }
-            lappend numbers $n
-            lappend asked [$self Asked $wire]
-        }
-        if {$moved eq {}} {
-            set ways [lrepeat [expr {max(1, [llength [dict get $graph wires]])}] {}]
-        }
-        foreach number $numbers way [::sorma::ways::of [dict values $boxes] $asked $kept] {
-            lset ways $number $way
-        }
-        set rough [if {[::sorma::ways::simple $asked]} {concat {*}[lmap number $numbers {list $number 1}]}]
-        $self Show
-        $self Looked
-    }
-    # Simple ways become good ones where somebody looks: those between two boxes in the window, few at a time, while nothing else is to be done.
-    method Looked {} {
-        after cancel $finer
-        set finer [if {[dict size $rough] > 0 && [$scene zoom] >= 0.2} {after 100 [mymethod Finer]}]
-    }
-    method Finer {} {
-        set numbers [lrange [lmap number [dict keys $rough] {
-            lassign [$self Ends [lindex [dict get $graph wires] $number]] - from to
-            if {![$self Seen $from] || ![$self Seen $to]} continue
-            set number
-        }] 0 39]
-        if {$numbers eq {}} return
-        set kept {}
-        set n -1
-        foreach wire [dict get $graph wires] way $ways {
-            if {![dict exists $rough [incr n]]} {
-                lappend kept [list [lindex [$self Ends $wire] 0] $way]
-            }
-        }
-        set asked [lmap number $numbers {$self Asked [lindex [dict get $graph wires] $number]}]
-        foreach number $numbers way [::sorma::ways::of [dict values $boxes] $asked $kept] {
-            lset ways $number $way
-            dict unset rough $number
-            $scene way $number $way
-        }
-        $self Looked
-    }
-    # Is that box in the window, at least a part of it? Constants have none.
-    method Seen key {
-        lassign [$scene view] left top right bottom
-        lassign [if {$key ne {}} {dict get $boxes $key} else {list $left $top 0 0}] x y width height
-        return [expr {$x <= $right && $x + $width >= $left && $y <= $bottom && $y + $height >= $top}]
-    }
-    # {NET FROM TO} of a wire; constants have a net of their own, and no box.
-    method Ends wire {
-        lassign $wire - source sink
-        set to [::sorma::circuitText node $sink]
-        if {[lindex $source 1] eq {}} {
-            return [list $wire {} $to]
-        }
-        return [list [lrange $source 0 1] [::sorma::circuitText node $source] $to]
-    }
-    # The wire as the routes take it. Constants stand left of their pin.
-    method Asked wire {
-        lassign [$self Ends $wire] net from to
-        lassign [dict get $boxes $to] X Y
-        set Y [expr {$Y + [::sorma::circuitLayout pin [dict get $graph nodes $to] ins [lindex $wire 2 1]]}]
-        if {$from eq {}} {
-            return [list $net [expr {$X - 3}] $Y $X $Y]
-        }
-        lassign [dict get $boxes $from] x y width
-        return [list $net [expr {$x + $width}] [expr {$y + [::sorma::circuitLayout pin [dict get $graph nodes $from] outs [lindex $wire 1 1]]}] $X $Y]
-    }
     method Show {} {
-        set there [lmap wire [if {[catch {::sorma::circuitText read [dict get $running -wires]} known]} {} else {dict get $known wires}] {lrange $wire 1 2}]
+        set text [dict get $running -wires]
+        if {[lindex $there 0] ne $text} {
+            set known {}
+            foreach wire [if {[catch {::sorma::circuitText read $text} found]} {} else {dict get $found wires}] {
+                dict set known [lrange $wire 1 2] 1
+            }
+            set there [list $text $known]
+        }
+        set known [lindex $there 1]
         set named [set wired [set stands {}]]
-        set wires [lmap wire [dict get $graph wires] way $ways {
+        set wires [lmap wire [dict get $graph wires] way $ways end $ends {
             if {$wire eq {}} break
-            lassign [$self Ends $wire] net from to
+            lassign $end net from to
             dict set wired $from 1
             dict set wired $to 1
             lassign $wire - source sink
@@ -433,7 +375,7 @@ snit::widget ::sorma::circuitEditor {
             set part [expr {[lindex $source 1] eq {} || [lindex $source 2] ne {}}]
             lappend stands [expr {$part ? "end" : [dict exists $named $net] ? {} : "begin"}]
             dict set named $net 1
-            dict create way $way ends [list $from $to] end $part count [$self Count $wire] state [expr {[lrange $wire 1 2] in $there ? "live" : "mine"}]
+            dict create way $way ends [list $from $to] end $part count [$self Count $wire] state [expr {[dict exists $known [lrange $wire 1 2]] ? "live" : "mine"}]
         }]
         $scene show [dict map {key node} [dict get $graph nodes] {
             dict replace $node box [dict get $boxes $key] state [$self NodeState $key $wired]
@@ -497,9 +439,12 @@ snit::widget ::sorma::circuitEditor {
     }
     method Values {} {
         set n -1
-        $scene values [lmap wire [dict get $graph wires] where $stands {
+        set wires [dict get $graph wires]
+        # Of many wires only those that somebody sees.
+        set seen [if {[set many [::sorma::ways::simple [llength $wires]]] && [$scene writes]} {$self SeenKeys 0}]
+        $scene values [lmap wire $wires where $stands end $ends {
             incr n
-            if {$shown && $where ne {}} {
+            if {$shown && $where ne {} && (!$many || [dict exists $seen [lindex $end 1]] || [dict exists $seen [lindex $end 2]])} {
                 set text [$self Text $wire]
                 set rate [if {$options(-rates) && $text ne {} && $moment eq {}} {$self RateText $n}]
                 string cat [if {$rate ne {}} {string cat $rate \n}] $text

@@ -48,8 +48,11 @@ proc ::sorma::circuitLayout::pin {node side name} {
 # ::sorma::circuitLayout place GRAPH ?FIXED? -- a dict KEY -> {x y} of all nodes. FIXED: those that have a place.
 proc ::sorma::circuitLayout::place {graph {fixed {}}} {
     set nodes [dict get $graph nodes]
-    set edges [Edges $graph]
     set fixed [dict filter $fixed script {key -} {dict exists $nodes $key}]
+    if {[dict size $fixed] == [dict size $nodes]} {
+        return $fixed
+    }
+    set edges [Edges $graph]
     if {[dict size $fixed] > 0} {
         return [Fit $nodes $edges $fixed]
     }
@@ -79,11 +82,19 @@ proc ::sorma::circuitLayout::Fit {nodes edges fixed} {
     variable Room
     set places $fixed
     set sizes [dict map {key node} $nodes {size $key $node}]
+    set beside {}               ;# dict: KEY without a place -> its edges
+    foreach edge $edges {
+        foreach key [lsort -unique [lrange $edge 0 1]] {
+            if {![dict exists $places $key]} {
+                dict lappend beside $key $edge
+            }
+        }
+    }
     foreach key [dict keys $nodes] {
         if {[dict exists $places $key]} continue
         lassign [dict get $sizes $key] width height
         set at {}
-        foreach edge $edges {
+        foreach edge [if {[dict exists $beside $key]} {dict get $beside $key}] {
             lassign $edge from to out in
             if {$to eq $key && [dict exists $places $from]} {
                 lassign [dict get $places $from] x y

@@ -37,6 +37,10 @@ snit::widgetadaptor ::sorma::circuitScene {
     variable wires {}
     variable notes {}
     variable texts {}
+    variable outlines {}        ;# dict: number of a node -> the item of its outline
+    variable written {}         ;# dict: number of a wire -> the item of its value
+    variable drawn {}           ;# {ZOOM NODES WIRES NOTES}, as they stand on the canvas; nothing: draw all anew
+    variable shifted {}         ;# keys of nodes that shift has moved since
     variable probes {}
     variable chosen {{} {}}     ;# keys, numbers
     variable zoom 1.0
@@ -53,7 +57,7 @@ snit::widgetadaptor ::sorma::circuitScene {
         foreach kind {plain strong small} {
             ::font create sorma-scene$win-$kind
         }
-        bind $win <<ThemeChanged>> [mymethod Draw]
+        bind $win <<ThemeChanged>> [mymethod Anew]
         bind $win <Configure> [mymethod Sized]
     }
     destructor {
@@ -74,6 +78,9 @@ snit::widgetadaptor ::sorma::circuitScene {
         set step [$self Step]
         lset wires $number [dict replace [lindex $wires $number] way $way]
         $hull coords w$number&&wire [lmap c $way {expr {$c * $step}}]
+        if {[llength $drawn] > 0} {
+            lset drawn 2 $wires
+        }
     }
     method save file {
         set edge [::sorma::style pixels 8]
@@ -87,19 +94,25 @@ snit::widgetadaptor ::sorma::circuitScene {
         set n -1
         foreach text $given before $texts {
             incr n
-            if {$text ne $before} {
-                $hull itemconfigure v$n -text $text
+            if {$text ne $before && [dict exists $written $n]} {
+                $hull itemconfigure [dict get $written $n] -text $text
             }
         }
         set texts $given
+    }
+    # Are values written at this zoom?
+    method writes {} {
+        return [expr {$zoom >= 0.45}]
     }
     method probes given {
         set probes $given
         $self DrawProbes
     }
     method select {these numbers} {
-        set chosen [list $these $numbers]
-        $self Tint
+        if {$chosen ne [list $these $numbers]} {
+            set chosen [list $these $numbers]
+            $self Tint
+        }
     }
     method grey bool {
         if {$old != $bool} {
@@ -173,6 +186,7 @@ snit::widgetadaptor ::sorma::circuitScene {
             }
         }
         set moving [list $dx $dy]
+        set shifted $moved
         set n -1
         foreach wire $wires {
             incr n
@@ -256,9 +270,58 @@ snit::widgetadaptor ::sorma::circuitScene {
         $self Draw
         $self Move [expr {($left + $right) / 2.0}] [expr {($top + $bottom) / 2.0}] [expr {[winfo width $win] / 2}] [expr {[winfo height $win] / 2}]
     }
+    method Anew {} {
+        set drawn {}
+        $self Draw
+    }
+    # Few that differ from what stands there are drawn again, at the same zoom; else all.
     method Draw {} {
-        $hull delete all
+        if {![$self Patch]} {
+            $self DrawAll
+        }
         set moving {0 0}
+        set shifted {}
+        set drawn [list $zoom $nodes $wires $notes]
+        $self Tint
+    }
+    method Patch {} {
+        lassign $drawn size stood led noted
+        if {[llength $drawn] == 0 || $size != $zoom || $noted ne $notes || [llength $led] != [llength $wires] || [dict keys $stood] ne [dict keys $nodes]} {
+            return 0
+        }
+        set n -1
+        set boxes [set lines {}]
+        dict for {key node} $nodes {
+            incr n
+            if {$key in $shifted || $node ne [dict get $stood $key]} {
+                lappend boxes $n $key $node
+            }
+        }
+        set n -1
+        foreach wire $wires before $led {
+            incr n
+            if {$wire ne $before || $shifted ne {} && ([lindex [dict get $wire ends] 0] in $shifted || [lindex [dict get $wire ends] 1] in $shifted)} {
+                lappend lines $n $wire
+            }
+        }
+        if {[llength $boxes] + [llength $lines] > 300 || [lsearch -exact $shifted {note *}] >= 0} {
+            return 0
+        }
+        foreach {n wire} $lines {
+            $hull delete w$n v$n
+            $self DrawWire $n $wire
+            $hull lower w$n box
+            $hull lower v$n box
+        }
+        foreach {n key node} $boxes {
+            $hull delete n$n
+            $self DrawNode $n $key $node
+        }
+        return 1
+    }
+    method DrawAll {} {
+        $hull delete all
+        set written {}
         foreach {kind font weight} {plain TkDefaultFont normal strong TkDefaultFont bold small TkSmallCaptionFont normal} {
             set size [expr {max(1, round([::font metrics $font -ascent] * 1.05 * $zoom))}]
             ::font configure sorma-scene$win-$kind {*}[::font actual $font] -size -$size -weight $weight
@@ -279,7 +342,6 @@ snit::widgetadaptor ::sorma::circuitScene {
             dict set keys [incr n] $key
             $self DrawNode $n $key $node
         }
-        $self Tint
     }
     method DrawWire {n wire} {
         set step [$self Step]
@@ -290,8 +352,8 @@ snit::widgetadaptor ::sorma::circuitScene {
         $hull create line [lmap c $way {expr {$c * $step}}] -width $thick -tags [list wire $n w$n] -joinstyle round {*}$dash
         if {$zoom < 0.45} return
         lassign [if {[dict get $wire end]} {list {*}[lrange $way end-1 end] se -0.6} else {list {*}[lrange $way 0 1] sw 0.6}] x y anchor shift
-        $hull create text [expr {($x + $shift) * $step}] [expr {$y * $step - $thick}] -anchor $anchor -tags [list value $n v$n] \
-            -font sorma-scene$win-small -text [lindex $texts $n]
+        dict set written $n [$hull create text [expr {($x + $shift) * $step}] [expr {$y * $step - $thick}] -anchor $anchor -tags [list value $n v$n] \
+            -font sorma-scene$win-small -text [lindex $texts $n]]
     }
     method DrawNode {n key node} {
         set step [$self Step]
@@ -300,12 +362,12 @@ snit::widgetadaptor ::sorma::circuitScene {
         lassign [lmap c [list $x $y [expr {$x + $width}] [expr {$y + $height}]] {expr {$c * $step}}] left top right bottom
         set tags [list node $n n$n]
         if {$kind eq "unit"} {
-            $hull create polygon [Round $left $top $right $bottom [expr {0.8 * $step}]] -smooth 1 -tags [concat $tags box]
+            dict set outlines $n [$hull create polygon [Round $left $top $right $bottom [expr {0.8 * $step}]] -smooth 1 -tags [concat $tags box]]
         } else {
             # A flag that points with the signal.
             set tip [expr {1.6 * $step}]
-            $hull create polygon $left $top [expr {$right - $tip}] $top $right [expr {($top + $bottom) / 2}] [expr {$right - $tip}] $bottom $left $bottom \
-                -tags [concat $tags box]
+            dict set outlines $n [$hull create polygon $left $top [expr {$right - $tip}] $top $right [expr {($top + $bottom) / 2}] \
+                [expr {$right - $tip}] $bottom $left $bottom -tags [concat $tags box]]
         }
         if {$zoom < 0.2} return
         set title [lindex $key 1]
@@ -406,14 +468,18 @@ snit::widgetadaptor ::sorma::circuitScene {
             }
         }
         set n -1
+        set these {}
+        foreach key [lindex $chosen 0] {
+            dict set these $key 1
+        }
         dict for {key node} $nodes {
             incr n
             set state [dict get $node state]
             if {$state ne "live"} {
-                $hull itemconfigure n$n&&box -outline [::sorma::style colour $state]
+                $hull itemconfigure [dict get $outlines $n] -outline [::sorma::style colour $state]
             }
-            if {$key in [lindex $chosen 0]} {
-                $hull itemconfigure n$n&&box -outline [::sorma::style token accent] -fill [::sorma::style token tint] -width [expr {2 * $line}]
+            if {[dict exists $these $key]} {
+                $hull itemconfigure [dict get $outlines $n] -outline [::sorma::style token accent] -fill [::sorma::style token tint] -width [expr {2 * $line}]
             }
         }
         set n -1
