@@ -16,6 +16,7 @@ package require sorma::circuitProbes
 package require sorma::circuitRates
 package require sorma::circuitRun
 package require sorma::circuitScene
+package require sorma::circuitStored
 package require sorma::circuitText
 package require sorma::circuitWays
 package require sorma::lamp
@@ -92,6 +93,7 @@ snit::widget ::sorma::circuitEditor {
     ::sorma::circuitProbes
     ::sorma::circuitRates
     ::sorma::circuitRun
+    ::sorma::circuitStored
     ::sorma::circuitWays
 
     constructor {name args} {
@@ -231,9 +233,11 @@ snit::widget ::sorma::circuitEditor {
             $self StartProbes
             $self StartRates
             $self StartCycles
+            $self Told
         }
     }
     method Rest {} {
+        $self StopStored
         $self StopProbes
         $self StopRates
         $self StopCycles
@@ -294,9 +298,13 @@ snit::widget ::sorma::circuitEditor {
         set now [set running {}]
         foreach option $::sorma::circuitText::options {
             set known [$subject get $option]
-            dict set now $option [if {[$self Wants $option]} {dict get $wanted $option} else {dict get $known value}]
+            set gone [expr {[dict get $known state] eq "gone"}]
+            dict set now $option [if {[$self Wants $option]} {dict get $wanted $option} elseif {$gone && [dict exists $stored $option]} {dict get $stored $option} else {
+                dict get $known value
+            }]
             dict set running $option [dict get $known live]
         }
+        $self LookStored $gone
         if {$now ne $recipe || $redraw} {
             set recipe $now
             set fresh $redraw

@@ -134,6 +134,9 @@ proc ::sorma::circuitText::end text {
     if {![regexp $Pin $pin] || $dot >= 0 && ![regexp {^[A-Za-z]\w*(?:[.@].|$)} $object]} {
         return -code error "\"$text\" is no pin: must be OBJECT.PIN, or a pin of the circuit's own, with \[i\] or \[i:j\] behind it when it is a part"
     }
+    if {[regexp {^[^@]*?([][\{\}$"\\])} $object -> special]} {
+        return -code error "\"$text\" is no pin: $special cannot stand in a name, since it is special to Tcl"
+    }
     if {$first ne {}} {
         set last [expr {$last eq {} ? $first : $last}]
         scan "$first $last" "%d %d" first last              ;# without zeros before them
