@@ -206,6 +206,7 @@ snit::widget ::sorma::circuitEditor {
         if {$window eq $win && $subject ne {}} {
             after cancel $timer
             after cancel $finer
+            after cancel $viewed
             $self Rest
             $subject unlisten $listener
             $subject release

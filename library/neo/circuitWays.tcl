@@ -12,6 +12,7 @@ snit::macro ::sorma::circuitWays {} {
     variable ends {}            ;# {NET FROM TO} of each wire, as Ends has them
     variable rough {}           ;# dict: number of a wire -> 1, whose way is a simple one so far
     variable finer {}           ;# the timer of Finer
+    variable viewed {}          ;# that of values, after the picture was moved
 
     # The ways of all wires; with PART only of those at the boxes MOVED.
     method Arrange {{part 0} {moved {}}} {
@@ -46,10 +47,12 @@ snit::macro ::sorma::circuitWays {} {
         $self Show
         $self Looked
     }
+    # Of a large circuit, values are written where somebody looks; while the picture moves, none.
     method Viewed {} {
         $self Looked
         if {[::sorma::ways::simple [llength $ends]]} {
-            $self Values
+            after cancel $viewed
+            set viewed [after 50 [mymethod Values]]
         }
     }
     # Simple ways become good ones where somebody looks: those between two boxes in the window, few at a time, while nothing else is to be done.
