@@ -48,6 +48,7 @@ package provide sorma::circuitEditor 1.0
 #       nest, unnest        as circuitNests has them
 #       notes, note X Y TEXT, frame KEYS TEXT, retext KEY TEXT, resize KEY WIDTH HEIGHT    as circuitNotes has them
 #       rate NUMBER                 of that wire, in Hz
+#       illness UNIT                {refused WHY} of a unit that fails, {stale WHY} of one behind it
 #       probe NUMBER ?KIND?         as circuitProbes has it
 #       cycle                       the cycle that executes the circuit, or nothing
 #       run, pause, step            what its buttons do
@@ -106,7 +107,7 @@ snit::widget ::sorma::circuitEditor {
         install palette using ::sorma::circuitPalette $win.panes.palette -where [lindex [::sorma::table locate $name] 1]
         ::ttk::frame $win.panes.picture
         install scene using ::sorma::circuitScene $win.panes.picture.scene
-        ::text $win.panes.picture.text -wrap word -width 20 -height 10 -font [::sorma::style font fixed] -relief flat
+        ::text $win.panes.picture.text -wrap word -width 20 -height 10 -font [::sorma::style font fixed] -relief flat -padx $pad -pady $pad
         ::ttk::label $win.hint -style Page.TLabel -textvariable [myvar hint] -anchor w -padding [list $pad [::sorma::style pixels 4]]
         pack $scene -fill both -expand 1
         if {$options(-state) eq "normal"} {
@@ -394,6 +395,9 @@ snit::widget ::sorma::circuitEditor {
         $self Selected
     }
     method NodeState {key wired} {
+        if {[lindex $key 0] eq "unit" && [$self illness [lindex $key 1]] ne {}} {
+            return [lindex [$self illness [lindex $key 1]] 0]
+        }
         return [expr {[dict exists $wired $key] || [lindex $key 0] eq "pin" ? "live" : "asking"}]
     }
     # How many elements a wire has; empty: not known.

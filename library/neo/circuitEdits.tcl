@@ -495,7 +495,10 @@ snit::macro ::sorma::circuitEdits {} {
         lassign [$scene hit $x $y] kind what side name
         switch -- $kind {
             wire { set hint [$self WireText $what] }
-            node { set hint [if {[dict exists $notes $what]} {string map {\n { }} [dict get $notes $what text]} else {lindex $what 1}] }
+            node {
+                lassign [if {[lindex $what 0] eq "unit"} {$self illness [lindex $what 1]}] state why
+                set hint [if {[dict exists $notes $what]} {string map {\n { }} [dict get $notes $what text]} else {lindex $what 1}][if {$state ne {}} {string cat ": " $why}]
+            }
             pin {
                 lassign [$self PinFacts [list [if {[lindex $what 0] eq "unit"} {lindex $what 1}] $name {} {} {}] $side] length unit
                 set hint "[if {[lindex $what 0] eq "unit"} {string cat [lindex $what 1] .}]$name[if {$length ne {}} {string cat ", $length elements"}][if {$unit ne {}} {string cat ", $unit"}]"
