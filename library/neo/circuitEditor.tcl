@@ -453,7 +453,7 @@ snit::widget ::sorma::circuitEditor {
     method Values {} {
         set n -1
         set wires [dict get $graph wires]
-        # Of many wires only those that somebody sees.
+        # If there are many wires, only those that somebody sees have values.
         set seen [if {[set many [::sorma::ways::simple [llength $wires]]] && [$scene writes]} {$self SeenKeys 0}]
         $scene values [lmap wire $wires where $stands end $ends {
             incr n

@@ -1,7 +1,7 @@
 # circuitRun.tcl -- ::sorma::circuitRun: buttons of the circuit editor that run, pause and step the cycle that executes the circuit.
 #
-# The model tells of cycles at the circuit's daemon. The first one with the circuit among its steps has the buttons. If its clock is the lab time
-# of an object of class simlab, they act on lab time: it goes on, stands, or goes on until the next tick.
+# The model tells of cycles at the circuit's daemon. The first one with the circuit among its steps has the buttons. Its clock may be the lab time
+# of an object of class simlab. Then the buttons act on lab time: it goes on, stands, or goes on until the next tick.
 
 package require snit
 package require sorma::actions
@@ -176,7 +176,7 @@ snit::macro ::sorma::circuitRun {} {
             $self CycleRan $status $value
         }
     }
-    # Who has set -watchdog has said how long the clock may stand: that cycle waits for lab time. Another one would take this for a fault.
+    # Option -watchdog says how long the clock may stand: such a cycle waits for lab time. Another one would take this for a fault.
     method PausedLab {status value} {
         if {[$self CycleRan $status $value] && ![$self Waits]} {
             $self AskRun $cycle {CTRL -stop} [mymethod CycleStopped]

@@ -47,7 +47,7 @@ snit::macro ::sorma::circuitWays {} {
         $self Show
         $self Looked
     }
-    # Of a large circuit, values are written where somebody looks; while the picture moves, none.
+    # Values of a large circuit are written where somebody looks. While the picture moves, none are.
     method Viewed {} {
         $self Looked
         if {[::sorma::ways::simple [llength $ends]]} {

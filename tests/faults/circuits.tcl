@@ -1,5 +1,7 @@
-# circuits.tcl ?edits? ?seconds? -- figures of the circuit editor, on an X server of its own: processor time with 200 wires whose values change, a
-# click while the daemon is stopped, so many random edits and undos of a circuit that runs at 1 kHz, and how large circuits open and move.
+# circuits.tcl ?edits? ?seconds? -- figures of the circuit editor, on an X server of its own.
+#
+# It measures processor time with 200 wires that change, and a click while the daemon is stopped. So many random edits and undos change a circuit
+# that runs at 1 kHz. Then large circuits are opened, moved and edited.
 #
 # Printed with their targets, not judged, for the machine has its part in them: times. Ticks count as late when the next one was due, or a
 # request has delayed them. Promised: what random edits leave. The circuit is then what its recipe says, and undo gives the first recipe.
