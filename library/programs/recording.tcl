@@ -2,15 +2,18 @@
 
 package require sorma
 package require sorma::options
+package require sorma::recordTrigger
 package require sorma::text
 package require sorma::usage
 package provide sorma::recording 1.0
 
 namespace eval ::sorma::recording {
     variable Options {-o {{word {the name of a file}} sorma.rec} -daemon words -requests {any *} -events {any *} -buffers any -max {{word {a number of bytes, as 500M}}}
-        -seconds {{seconds 0 1000000000}} -for {{seconds 0 1000000}} -help flag --help flag -h flag}
+        -seconds {{seconds 0 1000000000}} -for {{seconds 0 1000000}} -on words -when any -after {{seconds 0 1000000} 1} -saves {{whole 1 100000} 20} -help flag --help flag -h flag}
     variable End            ;# set by a signal
-    variable Turn           ;# set when it has waited
+    variable Turn           ;# set when it has waited, and when there is something to do
+    variable Reasons {}     ;# why files are to be saved
+    variable Number 0       ;# of the recorders that there were: recorder.recordN
 }
 
 # ::sorma::recording::main WORDS -- run the program: the exit code.
@@ -24,6 +27,7 @@ proc ::sorma::recording::main words {
     try {
         set settings [::sorma::options::parse $Options $words]
         set most [Bytes [dict get $settings -max]]
+        ::sorma::recordTrigger::check [dict get $settings -on] [dict get $settings -when]
     } on error message {
         puts stderr "sorma-record: $message\n[::sorma::usage::program sorma-record]"
         return 2
@@ -35,26 +39,71 @@ proc ::sorma::recording::main words {
     }
     try {
         set daemons [expr {${-daemon} ne {} ? ${-daemon} : [Daemons]}]
-        ::sorma::atSignal {set ::sorma::recording::End signal}
-        set from [lmap daemon $daemons {string cat recorder@ $daemon}]
-        ::sorma::create recorder.record -file ${-o} -requests ${-requests} -events ${-events} -max $most -seconds [expr {${-seconds} eq {} ? 0 : ${-seconds}}] -from $from \
-            -buffers ${-buffers} -together [expr {${-buffers} ne {}}]
-        recorder.record CTRL -record
-        Await $daemons
+        ::sorma::atSignal {set ::sorma::recording::End [set ::sorma::recording::Turn signal]}
+        Begin ${-o} $settings $most $daemons
+        if {${-on} ne {} || ${-when} ne {}} {
+            ::sorma::recordTrigger::begin $daemons ${-on} ${-when} ${-after} ${-saves} ::sorma::recording::Wanted
+        }
         puts ready
         flush stdout
         if {${-for} ne {}} {
-            after [expr {round(1000 * ${-for})}] {set ::sorma::recording::End time}
+            after [expr {round(1000 * ${-for})}] {set ::sorma::recording::End [set ::sorma::recording::Turn time]}
         }
-        if {![info exists ::sorma::recording::End]} {
-            vwait ::sorma::recording::End
-        }
-        puts [lindex [recorder.record CTRL -stop] 3]
+        Run $settings $most $daemons
+        puts [string map [list ${-o}.next ${-o}] [lindex [[Recorder] CTRL -stop] 3]]
     } on error message {
         puts stderr "sorma-record: $message"
         return 1
     }
     return 0
+}
+
+# The one that records now.
+proc ::sorma::recording::Recorder {} {
+    variable Number
+    return recorder.record$Number
+}
+# Record into a file, and wait until the daemons have answered.
+proc ::sorma::recording::Begin {file settings most daemons} {
+    variable Number
+    incr Number
+    dict with settings {}
+    ::sorma::create [Recorder] -file $file -requests ${-requests} -events ${-events} -max $most -seconds [expr {${-seconds} eq {} ? 0 : ${-seconds}}] \
+        -from [lmap daemon $daemons {string cat recorder@ $daemon}] -buffers ${-buffers} -together [expr {${-buffers} ne {}}]
+    [Recorder] CTRL -record
+    Await $daemons
+}
+# Until the end: save files that are wanted.
+proc ::sorma::recording::Run {settings most daemons} {
+    variable End
+    variable Reasons
+    while {![info exists End]} {
+        if {$Reasons eq {}} {
+            vwait ::sorma::recording::Turn
+        } else {
+            set Reasons [lassign $Reasons reason]
+            Save $settings $most $daemons $reason
+        }
+    }
+}
+proc ::sorma::recording::Wanted reason {
+    variable Reasons
+    variable Turn 1
+    lappend Reasons $reason
+}
+# The next recorder begins before the present one ends: so nothing is lost between their files, and some records are in both.
+proc ::sorma::recording::Save {settings most daemons reason} {
+    set before [Recorder]
+    set file [dict get $settings -o]
+    Begin $file.next $settings $most $daemons
+    $before CTRL -stop
+    ::sorma::remove $before
+    set now [clock milliseconds]
+    set saved [file rootname $file]-[clock format [expr {$now / 1000}] -format %Y%m%d-%H%M%S].[format %03d [expr {$now % 1000}]][file extension $file]
+    file rename $file $saved
+    file rename $file.next $file
+    puts "saved $saved: [::sorma::text::clean $reason]"
+    flush stdout
 }
 
 # The daemons of this user on this host.
@@ -87,7 +136,7 @@ proc ::sorma::recording::Await daemons {
     }
 }
 proc ::sorma::recording::Connected {} {
-    regexp -line {^# connected (\d+)$} [lindex [recorder.record CTRL -dump] 3] -> n
+    regexp -line {^# connected (\d+)$} [lindex [[Recorder] CTRL -dump] 3] -> n
     return $n
 }
 
