@@ -2,7 +2,7 @@
 
 package require sorma
 package require sorma::inspect
-package require sorma::options
+package require sorma::text
 package require sorma::world
 package provide sorma::recordTrigger 1.0
 
@@ -11,21 +11,31 @@ namespace eval ::sorma::recordTrigger {
     variable After 1        ;# s from a trigger until then
     variable Left 0         ;# files that may still be saved
     variable Timer {}       ;# id of after, while one is waited for
-    variable Holds {}       ;# dict: condition -> does it hold
+    variable Holds {}       ;# dict: condition -> does it hold; those whose option has been seen
+    variable Said {}        ;# dict whose keys are the conditions of which something was said
 }
 
-# ::sorma::recordTrigger::check ON WHEN -- an error when these are no lists of events and of conditions.
+# ::sorma::recordTrigger::check ON WHEN -- an error when these are no lists of events and of conditions. Returns the conditions, as a list.
 proc ::sorma::recordTrigger::check {on when} {
+    set operators {< <= > >= == !=}
+    # One condition alone needs no braces.
+    if {[string is list $when] && [llength $when] == 4 && [lindex $when 2] in $operators} {
+        set when [list $when]
+    }
     foreach item $on {
         if {![regexp {^([^:\s]+:)?[^:\s]+$} $item]} {
             return -code error "-on expects EVENT or OBJECT:EVENT, got \"$item\""
         }
     }
     foreach item $when {
-        if {![string is list $item] || [llength $item] != 4 || [lindex $item 1] eq {} || [string index [lindex $item 1] 0] ne "-" || [lindex $item 2] ni {< <= > >= == !=}} {
-            return -code error "-when expects {NAME -option OP VALUE}, OP one of < <= > >= == !=, got \"$item\""
+        if {![string is list $item] || [llength $item] != 4 || ![string match -?* [lindex $item 1]] || [lindex $item 2] ni $operators} {
+            return -code error "-when expects {NAME -option OP VALUE}, OP one of $operators, got \"$item\""
+        }
+        if {![string match ?*@?* [lindex $item 0]]} {
+            return -code error "-when expects a name with its daemon, as [lindex $item 0]@lab, got \"[lindex $item 0]\""
         }
     }
+    return $when
 }
 
 # ::sorma::recordTrigger::begin DAEMONS ON WHEN AFTER SAVES COMMAND -- look out. DAEMONS: names or addresses of those that are recorded.
@@ -47,6 +57,23 @@ proc ::sorma::recordTrigger::begin {daemons on when after saves command} {
     foreach item $when {
         ::sorma::inspect::watch [lindex $item 0] -every 100 -command [list ::sorma::recordTrigger::Changed $item]
     }
+    after 5000 [list ::sorma::recordTrigger::Seen $when]
+}
+# What never triggers is said: a name may be mistyped.
+proc ::sorma::recordTrigger::Seen when {
+    variable Holds
+    foreach item $when {
+        if {![dict exists $Holds $item]} {
+            Say $item "has not been seen yet"
+        }
+    }
+}
+proc ::sorma::recordTrigger::Say {condition what} {
+    variable Said
+    if {![dict exists $Said $condition]} {
+        puts stderr [::sorma::text::clean "sorma-record: -when {$condition}: $what; it is waited for"]
+    }
+    dict set Said $condition 1
 }
 proc ::sorma::recordTrigger::Happened {object daemon event} {
     if {![string match sorma.* [dict get $event event]]} {
@@ -56,8 +83,11 @@ proc ::sorma::recordTrigger::Happened {object daemon event} {
 # It fires when a condition begins to hold.
 proc ::sorma::recordTrigger::Changed {condition told} {
     variable Holds
-    if {![dict exists $told changes]} return
     lassign $condition name option op bound
+    if {[dict exists $told error]} {
+        Say $condition [dict get $told error]
+    }
+    if {![dict exists $told changes]} return
     foreach change [dict get $told changes] {
         lassign $change what old new
         if {$what eq $option} {
@@ -67,6 +97,9 @@ proc ::sorma::recordTrigger::Changed {condition told} {
             }
             dict set Holds $condition $holds
         }
+    }
+    if {![dict exists $Holds $condition]} {
+        Say $condition "$name has no option $option"
     }
 }
 # Another trigger while one is waited for belongs to it.

@@ -27,7 +27,7 @@ proc ::sorma::recording::main words {
     try {
         set settings [::sorma::options::parse $Options $words]
         set most [Bytes [dict get $settings -max]]
-        ::sorma::recordTrigger::check [dict get $settings -on] [dict get $settings -when]
+        dict set settings -when [::sorma::recordTrigger::check [dict get $settings -on] [dict get $settings -when]]
     } on error message {
         puts stderr "sorma-record: $message\n[::sorma::usage::program sorma-record]"
         return 2
