@@ -60,8 +60,25 @@ proc ::sorma::recorded::end {} {
 
 # ::sorma::recorded::ask DAEMON REQUEST -- the words of its reply, as a pattern has them.
 proc ::sorma::recorded::ask {daemon request} {
+    set request [renamed $request]
     lassign [::sorma::line::head $request] object
     return [fields [::sorma::dispatch $object@$daemon[string range $request [string length $object] end]]]
+}
+
+# ::sorma::recorded::renamed REQUEST -- the same with the names that options have now: the dictionary has CLASS.-OLD -NEW for each.
+proc ::sorma::recorded::renamed request {
+    set words [lindex [dict get [::sorma::line::read $request] commands] 0]
+    set class [lindex [split [lindex $words 0 2] .@] 0]
+    if {[lindex $words 1 2] ni {CTRL DBX}} {
+        return $request
+    }
+    foreach word [lreverse [lrange $words 2 end]] {
+        lassign $word from to value quote
+        if {$quote eq {} && [regexp {^-[A-Za-z]} $value] && ![catch {::sorma::so::dict CTRL -expand $class.$value} found]} {
+            set request [string replace $request $from $to-1 [lindex $found end]]
+        }
+    }
+    return $request
 }
 
 # ::sorma::recorded::fields REPLY -- of a line NAME RET ...: its words, without name and trail; with the code of an error.

@@ -71,6 +71,7 @@ proc ::sorma::replaySuite::Beginning steps {
         # Objects that do not tell, or are not in the recording at that time, begin as they are.
         if {[catch {::sorma::at -recorder recorder.replay $time [list $object@$source configure]} then]} continue
         dict for {option value} $then {
+            set option [lindex [::sorma::recorded::renamed [list $object CTRL $option]] end]
             if {![catch {$object@$daemon cget $option} now] && $now ne $value} {
                 set request [list $object CTRL $option $value]
                 if {[lrange [::sorma::recorded::ask $daemon $request] 0 1] eq {RET 0}} {
