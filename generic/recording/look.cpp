@@ -163,4 +163,12 @@ bool Recorder::flush() {
     return flushed_.wait_for(lock, std::chrono::seconds(1), [&] { return done_ >= mine || stop_; });
 }
 
+void Recorder::push() {
+    {
+        std::lock_guard lock(mutex_);
+        ++asked_;
+    }
+    work_.notify_one();
+}
+
 }  // namespace sorma::recording

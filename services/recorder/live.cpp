@@ -94,7 +94,10 @@ void Merge::take(Source& source) {
     try {
         for (sorma::Message piece;;) {
             const auto taken = source.reading->take(piece);
-            if (taken == sorma::Reading::Taken::notYet) return await(source);
+            if (taken == sorma::Reading::Taken::notYet) {
+                settle();
+                return await(source);
+            }
             if (taken == sorma::Reading::Taken::end) return lose(source, "its stream has ended");
             if (!source.lost.empty()) note(source, "found", source.name);
             source.lost.clear();
@@ -166,9 +169,16 @@ void Merge::drain() {
     stop();
 }
 
-void Merge::turn() {
+// What is in order by now goes to the file at once: it has waited for kFlush in its daemon already.
+void Merge::settle() {
     const std::int64_t now = to_.now();
+    const std::size_t before = held_.size();
     give(std::max(now - kHold, std::min(now, complete())));
+    if (held_.size() != before) to_.push();
+}
+
+void Merge::turn() {
+    settle();
     turn_ = sorm_.loop().after(sorma::monotonicNow() + kTurn, [this] { turn(); });
 }
 

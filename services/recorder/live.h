@@ -85,6 +85,7 @@ private:
     void absorb(Source& source, sorma::Message& piece);
     void note(const Source& source, std::string_view what, const std::string& text);
     void give(std::int64_t until);
+    void settle();
     void turn();
     std::int64_t complete() const;
 
