@@ -116,6 +116,7 @@ void Recorder::add(const Facts& facts, const Message& m) {
     try {
         std::lock_guard lock(mutex_);
         if (!block_.add(facts, &m)) return lose(large, {facts.kind != Kind::state, facts.time, facts.time, facts.kind == Kind::state});
+        if (facts.kind == Kind::loss) figures_.lost += facts.number;        // where they come from
         if (facts.kind == Kind::sample) buffers_.insert_or_assign(std::string(facts.object), Mark{facts.number, facts.time});
         if (!block_.full()) [[likely]] return;
         sinceLook_ += block_.size();
@@ -207,9 +208,10 @@ void Recorder::run() {
             giveLosses();
             give(block);
         }
-        giveLosses();
+        // While losses are not told, not all has been given.
+        const bool told = giveLosses();
         Block none;
-        give(none, upTo);
+        give(none, told ? upTo : kUnknown);
         judgeLook();
         lock.lock();
         done_ = asked;
@@ -235,8 +237,8 @@ void Recorder::give(Block& block, std::int64_t upTo) {
     else if (all.records + all.states > 0) figures_.error = error, lose(refused, all);
 }
 
-// A record for each reason. When the sink does not take these, they are told later.
-void Recorder::giveLosses() {
+// A record for each reason. False: the sink does not take these; they are told later.
+bool Recorder::giveLosses() {
     std::array<Loss, kWhys> losses{};
     {
         std::lock_guard lock(mutex_);
@@ -248,7 +250,7 @@ void Recorder::giveLosses() {
             block.add({.kind = Kind::loss, .source = selection_.source, .word = kReasons[why], .code = int(loss.states), .time = loss.first, .number = loss.records, .span = loss.last - loss.first});
     try {
         if (!block.empty()) sink_(block, kUnknown);
-        return;
+        return true;
     } catch (const std::exception&) {
     }
     std::lock_guard lock(mutex_);
@@ -256,6 +258,7 @@ void Recorder::giveLosses() {
         figures_.lost -= losses[why].records;           // counted before
         if (losses[why].records + losses[why].states > 0) lose(Why(why), losses[why]);
     }
+    return false;
 }
 
 }  // namespace sorma::recording

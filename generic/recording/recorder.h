@@ -129,7 +129,7 @@ private:
     std::size_t mostUnlooked() const;
     void run();
     void give(Block& block, std::int64_t upTo = kUnknown);
-    void giveLosses();
+    bool giveLosses();
 
     Sorm& sorm_;
     const Selection selection_;

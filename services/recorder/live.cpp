@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <stdexcept>
+#include <utility>
 
 namespace recorder {
 
@@ -10,6 +11,7 @@ namespace rec = sorma::recording;
 // ---- the writer ----
 
 void LivePieces::take(rec::Block& block, std::int64_t upTo) {
+    if (block.empty() && upTo == rec::Recorder::kUnknown) return;
     {
         std::lock_guard lock(mutex_);
         if (block.empty() && !blocks_.empty()) {
@@ -128,6 +130,7 @@ void Merge::note(const Source& source, std::string_view what, const std::string&
 // Its bytes may be anything.
 void Merge::absorb(Source& source, sorma::Message& piece) {
     constexpr std::size_t kMostHeld = 64 << 20;
+    ++source.pieces;
     if (piece.ints.size() != 3) throw std::runtime_error("what it sends is no piece of a recording");
     const std::int64_t shift = to_.now() - sorma::monotonicNow() - piece.ints[1];
     rec::BlockReader block(std::string(piece.any.begin(), piece.any.end()), 0, std::uint64_t(piece.ints[0]));
@@ -164,8 +167,16 @@ std::int64_t Merge::complete() const {
 
 void Merge::drain() {
     const std::int64_t now = to_.now();
-    const auto deadline = sorma::Deadline::in(2000);
-    while (complete() < now && !deadline.passed()) sorm_.turn(sorma::Deadline::in(50));
+    constexpr int kIdle = 2000, kMost = 60'000;         // [ms]
+    const auto most = sorma::Deadline::in(kMost);
+    std::uint64_t before = 0;
+    for (auto idle = sorma::Deadline::in(kIdle); complete() < now && !idle.passed() && !most.passed();) {
+        sorm_.turn(sorma::Deadline::in(50));
+        std::uint64_t pieces = 1;
+        for (auto& source : sources_)
+            if (source->heard && source->upTo < now) pieces += source->pieces;
+        if (std::exchange(before, pieces) != pieces) idle = sorma::Deadline::in(kIdle);
+    }
     stop();
 }
 

@@ -57,7 +57,7 @@ public:
     ~Merge();
     // All that has come is given on, in order; then nothing more is taken.
     void stop();
-    // The same, when all that has happened so far has come. Runs the event loop, for 2 s at most.
+    // The same, when all that has happened so far has come. Runs the event loop, until nothing of it has come for 2 s; a minute at most.
     void drain();
     std::size_t connected() const;          // recorders that have answered, and are not lost
     std::vector<std::pair<std::string, std::string>> away() const;      // those that are lost, and why
@@ -70,6 +70,7 @@ private:
         std::string lost;                   // why; empty: it is there
         bool heard = false;                 // it has answered, and is not lost
         std::int64_t upTo = INT64_MIN;
+        std::uint64_t pieces = 0;           // that have come
         sorma::Timer retry;
     };
     struct Held {
