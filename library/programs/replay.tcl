@@ -169,6 +169,11 @@ proc ::sorma::replay::Took seconds {
     return [format {%.3f ms} [expr {1000.0 * $seconds}]]
 }
 
+# Of the clock of a host: seconds, and the ns of their largest error.
+proc ::sorma::replay::Ahead {seconds bound} {
+    return "its clock is $seconds s ahead, to [format %.6f [expr {$bound / 1e9}]] s"
+}
+
 # A record in one line, without control characters.
 proc ::sorma::replay::Line record {
     dict with record {}
@@ -178,6 +183,7 @@ proc ::sorma::replay::Line record {
         sample { set what "$object record $number $text" }
         event { set what "$object event $word $text" }
         loss { set what "$number records are missing here, of [format %.3f $span] s: $word" }
+        source { set what [Ahead $span $number] }
         default { set what "$word: $text" }
     }
     return [::sorma::text::clean "[Clock $time] $source $kind $what"]
@@ -224,6 +230,7 @@ proc ::sorma::replay::Export {folder search} {
                 sample { puts [dict get $channels buffers.csv] [::csv::join [list $time $source $object $number $text]] }
                 loss { puts [dict get $channels losses.csv] [::csv::join [list $time $source $number $span $word]] }
                 note { puts [dict get $channels notes.csv] [::csv::join [list $time $source $word $text]] }
+                source { puts [dict get $channels notes.csv] [::csv::join [list $time $source clock [Ahead $span $number]]] }
             }
         }
     } finally {

@@ -1,6 +1,8 @@
 #include "live.h"
 
 #include <algorithm>
+#include <cmath>
+#include <cstdlib>
 #include <stdexcept>
 #include <utility>
 
@@ -59,7 +61,7 @@ Merge::~Merge() { stop(); }
 void Merge::stop() {
     turn_.cancel();
     alive_.reset();
-    for (auto& source : sources_) source->retry.cancel(), source->reading.reset();
+    for (auto& source : sources_) source->retry.cancel(), source->compare.cancel(), source->reading.reset();
     give(INT64_MAX);
 }
 
@@ -76,10 +78,66 @@ std::vector<std::pair<std::string, std::string>> Merge::away() const {
 
 void Merge::open(Source& source) {
     try {
+        source.clock.forget();
+        source.ahead = 0, source.told = source.floor = source.newest = INT64_MIN;
+        source.recorder = sorm_.get(source.name, author_, sorma::Probe::later);
+        compare(source);
+    } catch (const std::exception& e) {
+        lose(source, e.what());
+    }
+}
+
+void Merge::compare(Source& source) {
+    sorma::Message request;
+    request.words = {"now"};
+    const std::int64_t sent = sorma::monotonicNow();
+    source.recorder->async(sorma::Method::exec, std::move(request)).then([this, &source, sent, round = source.round, weak = std::weak_ptr<Merge*>(alive_)](const sorma::Future& answer) {
+        if (weak.lock() && source.round == round) compared(source, sent, answer);
+    });
+}
+
+void Merge::compared(Source& source, std::int64_t sent, const sorma::Future& answer) {
+    const std::int64_t back = sorma::monotonicNow();
+    try {
+        const sorma::Message& m = answer.result();
+        if (m.ints.size() != 1) throw std::runtime_error("what it answers is no time");
+        const double then = double(m.ints[0]) * 1e-9;
+        // After a step of one of the clocks, what was known is forgotten.
+        if (!source.clock.add(timing::sampleOf({double(sent) * 1e-9, then, then, double(back) * 1e-9}))) source.told = INT64_MIN;
+    } catch (const std::exception& e) {
+        return lose(source, e.what());
+    }
+    setAhead(source);
+    if (!source.reading && source.clock.samples() >= kCompares) begin(source);
+    if (!source.recorder) return;           // it was lost meanwhile
+    if (!source.reading) return compare(source);
+    source.compare = sorm_.loop().after(back + kCompare, [this, &source] { compare(source); });
+}
+
+// Processes of one host have one clock: their difference is smaller than its error. Small changes are not followed.
+void Merge::setAhead(Source& source) {
+    const std::int64_t now = sorma::monotonicNow();
+    const double mine = double(now) * 1e-9;
+    const auto offset = std::int64_t(std::llround(source.clock.offset(mine) * 1e9)), bound = std::int64_t(std::ceil(source.clock.bound(mine) * 1e9));
+    const std::int64_t known = source.ahead;
+    if (std::abs(offset - known) > bound) {
+        source.ahead = offset;
+        constexpr std::int64_t kStep = 1'000'000'000;
+        source.floor = std::abs(offset - known) < kStep ? source.newest : INT64_MIN;       // its records stay in their order
+    }
+    if (source.ahead == 0 || source.clock.samples() < kCompares || (source.told != INT64_MIN && now - source.told < kTellClock)) return;
+    source.told = now;
+    sorma::Message m;
+    m.text = source.name;
+    if (!source.daemon.empty()) m.words = {source.daemon};
+    to_.add({.kind = rec::Kind::source, .source = source.name, .time = to_.now(), .number = std::uint64_t(bound), .span = source.ahead}, m);
+}
+
+void Merge::begin(Source& source) {
+    try {
         sorma::Message request;
         request.words = request_;
-        source.reading = std::make_unique<sorma::Reading>(sorm_.get(source.name, author_, sorma::Probe::later), request,
-                                                          sorma::Reading::How{.most = sorma::Reading::kMostPiece, .ahead = 4});
+        source.reading = std::make_unique<sorma::Reading>(source.recorder, request, sorma::Reading::How{.most = sorma::Reading::kMostPiece, .ahead = 4});
         await(source);
     } catch (const std::exception& e) {
         lose(source, e.what());
@@ -114,6 +172,9 @@ void Merge::take(Source& source) {
 // The same reason again is no news.
 void Merge::lose(Source& source, const std::string& why) {
     source.reading.reset();
+    source.recorder = {};
+    source.compare.cancel();
+    ++source.round;
     source.heard = false;
     if (source.lost != why) note(source, "lost", why);
     source.lost = why;
@@ -132,13 +193,14 @@ void Merge::absorb(Source& source, sorma::Message& piece) {
     constexpr std::size_t kMostHeld = 64 << 20;
     ++source.pieces;
     if (piece.ints.size() != 3) throw std::runtime_error("what it sends is no piece of a recording");
-    const std::int64_t shift = to_.now() - sorma::monotonicNow() - piece.ints[1];
+    const std::int64_t shift = to_.now() - sorma::monotonicNow() - piece.ints[1] - source.ahead;
     rec::BlockReader block(std::string(piece.any.begin(), piece.any.end()), 0, std::uint64_t(piece.ints[0]));
     for (rec::Record r; block.next(r);) {
         Held held{r, std::string(r.source), std::string(r.object), std::string(r.word), {}, r.content.size()};
         if (!r.read(held.message)) continue;
         if (source.daemon != r.source) source.daemon = r.source;
-        held.facts.time = std::int64_t(std::uint64_t(r.time) + std::uint64_t(shift));
+        held.facts.time = std::max(source.floor, std::int64_t(std::uint64_t(r.time) + std::uint64_t(shift)));
+        source.newest = std::max(source.newest, held.facts.time);
         heldBytes_ += held.bytes;
         held_.emplace(held.facts.time, std::move(held));
     }

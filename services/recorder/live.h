@@ -2,7 +2,8 @@
 //
 // A piece is a block of records as it stands in a file (doc/recording.md). Its bytes are `any`. The ints are the number of the block
 // and an offset: the clock of its records less the monotonic clock of the host. A third one is the time up to which all has been sent. Processes of one host have the same monotonic clock.
-// So their records can be put on one clock, also when the wall time steps between the beginnings of two recorders.
+// So their records can be put on one clock, also when the wall time steps between the beginnings of two recorders. The clock of another
+// host is compared as class clock does it.
 //
 // Threads: the SORM's, but for LivePieces::take.
 #pragma once
@@ -17,6 +18,8 @@
 #include <vector>
 
 #include <recording/recorder.h>
+
+#include "clock/difference.h"
 
 namespace recorder {
 
@@ -47,10 +50,13 @@ private:
 
 // Reads such streams of several recorders, and gives their records to a recorder here, ordered by time. A record waits kHold for
 // earlier ones of others. One that comes later than that is not moved. When a daemon is lost a note says so, and it is tried
-// again each kRetry.
+// again each kRetry. The clock of each is compared kCompares times before its records are taken, and then each kCompare. A difference that
+// is larger than its error is in the file (Kind::source).
 class Merge {
 public:
     static constexpr std::int64_t kHold = 500'000'000, kRetry = 1'000'000'000, kTurn = 50'000'000;     // [ns]
+    static constexpr std::int64_t kCompare = 1'000'000'000, kTellClock = 60'000'000'000;                // [ns]
+    static constexpr std::size_t kCompares = 4;
     // names: of the recorders; request: the words that each of them gets.   to: gets the records, and lives longer.
     Merge(sorma::Sorm& sorm, const std::vector<std::string>& names, std::vector<std::string> request, const sorma::PrincipalPointer& author,
           sorma::recording::Recorder& to);
@@ -72,6 +78,13 @@ private:
         std::int64_t upTo = INT64_MIN;
         std::uint64_t pieces = 0;           // that have come
         sorma::Timer retry;
+        sorma::Reference recorder;
+        timing::Difference clock;           // of its monotonic clock from ours
+        std::int64_t ahead = 0;             // by which its clock is taken to be ahead [ns]
+        std::int64_t told = INT64_MIN;      // when that was written, by our monotonic clock
+        std::int64_t newest = INT64_MIN, floor = INT64_MIN;     // times of its records; none that comes is before floor
+        sorma::Timer compare;
+        std::uint64_t round = 0;            // answers to earlier ones are not wanted
     };
     struct Held {
         sorma::recording::Facts facts;      // its texts are those below
@@ -80,6 +93,10 @@ private:
         std::size_t bytes;
     };
     void open(Source& source);
+    void compare(Source& source);
+    void compared(Source& source, std::int64_t sent, const sorma::Future& answer);
+    void setAhead(Source& source);
+    void begin(Source& source);
     void await(Source& source);
     void take(Source& source);
     void lose(Source& source, const std::string& why);

@@ -28,7 +28,7 @@ const sorma::Prototype kBuffer{Severity::error, "RECORDER BUFFER", 1,
                                "{}: a buffer cannot be written: {}; -buffers chooses, -prefix keeps runs apart"};
 const sorma::Prototype kBusy{Severity::error, "RECORDER BUSY", 1, "{}: it is {} {}; CTRL -stop ends that"};
 const sorma::Prototype kIdle{Severity::error, "RECORDER IDLE", 1, "{}: nothing is under way that could be stopped"};
-const sorma::Prototype kWord{Severity::error, "RECORDER WORD", 2, "{}: bad words \"{}\": must be about, at TIME REQUEST, export FOLDER, list, play, records ?OPTION ...?, or as a stream, stream REQUESTS EVENTS ?BYTES NS?"};
+const sorma::Prototype kWord{Severity::error, "RECORDER WORD", 2, "{}: bad words \"{}\": must be about, at TIME REQUEST, export FOLDER, list, now, play, records ?OPTION ...?, or as a stream, stream REQUESTS EVENTS ?BYTES NS?"};
 const sorma::Prototype kPast{Severity::error, "RECORDER PAST", 1, "{}: {}"};
 const sorma::Prototype kTime{Severity::error, "RECORDER WORD", 2, "{}: at expects seconds since 1970, got \"{}\""};
 const sorma::Prototype kRecords{Severity::error, "RECORDER WORD", 2, "{}: records: {}"};
@@ -58,11 +58,11 @@ public:
             .action("-record", &Recorder::record, "", "begin to record; what is in the file is replaced")
             .action("-stop", &Recorder::stop, "", "end what is under way; says how much that was", 0, 0, sorma::Right::call)
             .concurrency(sorma::Concurrency::concurrent)
-            .words("about | at time request | export folder | list | play | records ?option ...? | stream requests events ?bytes ns?")
+            .words("about | at time request | export folder | list | now | play | records ?option ...? | stream requests events ?bytes ns?")
             .word("export", &Recorder::makeTables)
             .writes(ints, {}, "", "play, export: records, buffers")
             .writes(text, {}, "", "about, at, list, records: what is in the file")
-            .repeatable({"about", "at", "list", "records"})
+            .repeatable({"about", "at", "list", "now", "records"})
             .example("recorder.example CTRL -buffers {arm.* lab.clock}");
     }
 
@@ -77,6 +77,7 @@ public:
     void exec(Message& m) override {
         if (execWord(m)) return;
         if (m.words.size() == 1 && m.words[0] == "about") return about(m);
+        if (m.words.size() == 1 && m.words[0] == "now") return m.clear(), void(m.ints = {sorma::monotonicNow()});
         if (m.words.size() >= 3 && m.words[0] == "at") return answerPast(m);
         if (auto text = recordText(m)) return gather(*text, m);
         const bool plays = m.words.size() == 1 && m.words[0] == "play";
