@@ -44,6 +44,20 @@ void replace(const std::string& file, const std::string& bytes) {
     std::ofstream(file, std::ios::binary | std::ios::trunc).write(bytes.data(), std::streamsize(bytes.size()));
 }
 
+// The value of RFC 3720, appendix B.4; with the processor's instruction and without it, for all lengths and places.
+void testSums() {
+    const std::string digits = "123456789";
+    CHECK(crc32c(digits.data(), digits.size()) == 0xe3069283);
+    CHECK(~sorma::detail::crcByTables(reinterpret_cast<const unsigned char*>(digits.data()), digits.size(), ~0u) == 0xe3069283);
+    std::string bytes;
+    for (int i = 0; i < 300; ++i) bytes += char(i * i * 7 + i);
+    int different = 0;
+    for (std::size_t at = 0; at < 16; ++at)
+        for (std::size_t n = 0; at + n <= bytes.size(); ++n)
+            different += crc32c(bytes.data() + at, n, 0x12345678) != ~sorma::detail::crcByTables(reinterpret_cast<const unsigned char*>(bytes.data()) + at, n, ~0x12345678u);
+    CHECK(different == 0);
+}
+
 Message full(int i) {
     Message m;
     m.text = "t\xc3\xa4xt " + std::to_string(i);
@@ -378,7 +392,7 @@ void testLosses() {
     }
 }
 
-constexpr Group kGroups[] = {{"records", testRecords}, {"cuts", testCuts}, {"flips", testFlips}, {"rebuilt", testRebuilt}, {"blackBox", testBlackBox}, {"refusals", testRefusals}, {"noRoom", testNoRoom}, {"losses", testLosses}};
+constexpr Group kGroups[] = {{"sums", testSums}, {"records", testRecords}, {"cuts", testCuts}, {"flips", testFlips}, {"rebuilt", testRebuilt}, {"blackBox", testBlackBox}, {"refusals", testRefusals}, {"noRoom", testNoRoom}, {"losses", testLosses}};
 
 }  // namespace
 
