@@ -149,13 +149,15 @@ void Reader::readIndex() {
 
 bool Reader::readSections(std::uint64_t begin, std::uint64_t end) {
     if (begin < sizeof head_ || begin > end) return false;
+    Message message;                    // its memory is used again
     for (std::uint64_t at = begin; at < end;) {
         Found f;
         BlockReader block;
         std::string why;
         if (!takeHead(at, f) || !(f.head.flags & BlockHead::index) || f.end() > end || !load(f, block, why)) return false;
+        places_.clear();
         for (Record r; block.next(r);)
-            if (!takeSection(r, block, begin)) return false;
+            if (!takeSection(r, block, begin, message)) return false;
         if (!block.whole()) return false;
         at = f.end();
     }
@@ -168,14 +170,13 @@ bool Reader::readSections(std::uint64_t begin, std::uint64_t end) {
     return true;
 }
 
-bool Reader::takeSection(const Record& record, const BlockReader& block, std::uint64_t end) {
+bool Reader::takeSection(const Record& record, const BlockReader& block, std::uint64_t end, Message& m) {
     enum { kAt,
            kBytes,
            kBlocks,
            kRecords,
            kNamed,
            kNames };
-    Message m;
     if (record.kind != Kind::section || !record.read(m) || m.ints.size() < kNames) return false;
     Section s;
     s.at = std::uint64_t(m.ints[kAt]), s.bytes = std::uint64_t(m.ints[kBytes]);
@@ -185,15 +186,20 @@ bool Reader::takeSection(const Record& record, const BlockReader& block, std::ui
     s.states = std::uint64_t(std::max(0, record.code));
     s.first = record.time, s.last = std::int64_t(std::uint64_t(record.time) + std::uint64_t(record.span));
     s.named = m.ints[kNamed] != 0;
+    s.names.reserve(m.ints.size() - kNames);
     for (std::size_t i = kNames; i < m.ints.size(); ++i) {
         if (m.ints[i] < 1 || std::uint64_t(m.ints[i]) > block.names().size()) return false;
-        const std::string_view text = block.names()[std::size_t(m.ints[i]) - 1];
-        auto known = known_.find(text);
-        if (known == known_.end()) {
-            known = known_.emplace(std::string(text), std::uint32_t(names_.size())).first;
-            names_.push_back(known->first);
+        // Each name of a block is looked up once: a large file has thousands of sections.
+        while (places_.size() < block.names().size()) {
+            const std::string_view text = block.names()[places_.size()];
+            auto known = known_.find(text);
+            if (known == known_.end()) {
+                known = known_.emplace(std::string(text), std::uint32_t(names_.size())).first;
+                names_.push_back(known->first);
+            }
+            places_.push_back(known->second);
         }
-        s.names.push_back(known->second);
+        s.names.push_back(places_[std::size_t(m.ints[i]) - 1]);
     }
     std::sort(s.names.begin(), s.names.end());
     sections_.push_back(std::move(s));

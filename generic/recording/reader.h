@@ -61,7 +61,7 @@ private:
     bool readHead();
     void readIndex();
     bool readSections(std::uint64_t at, std::uint64_t end);
-    bool takeSection(const Record& record, const BlockReader& block, std::uint64_t end);
+    bool takeSection(const Record& record, const BlockReader& block, std::uint64_t end, Message& m);
     void rebuild();
     void append(const Found& found);
     void leave();
@@ -77,6 +77,7 @@ private:
     std::vector<Section> sections_;
     std::vector<std::string> names_;
     std::map<std::string, std::uint32_t, std::less<>> known_;       // places in names_
+    std::vector<std::uint32_t> places_;     // those of the names of the block of the index in hand
     std::vector<Damage> damages_;
 
     // Reading records.
