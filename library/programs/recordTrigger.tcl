@@ -59,7 +59,7 @@ proc ::sorma::recordTrigger::begin {daemons on when after saves command} {
     }
     after 5000 [list ::sorma::recordTrigger::Seen $when]
 }
-# What never triggers is said: a name may be mistyped.
+# A condition that was not seen is told: its name may be mistyped.
 proc ::sorma::recordTrigger::Seen when {
     variable Holds
     foreach item $when {

@@ -169,7 +169,7 @@ proc ::sorma::replay::Took seconds {
     return [format {%.3f ms} [expr {1000.0 * $seconds}]]
 }
 
-# Of the clock of a host: seconds, and the ns of their largest error.
+# How far the clock of a host is ahead [s], and the largest error of that [ns].
 proc ::sorma::replay::Ahead {seconds bound} {
     return "its clock is $seconds s ahead, to [format %.6f [expr {$bound / 1e9}]] s"
 }

@@ -1,7 +1,7 @@
 # storm.tcl ?RATE? ?SECONDS? ?DAEMONS? -- daemons publish so many events/s in all, more than can be recorded; are all losses counted?
 #
-# For each daemon the events in the file of sorma-record and the losses that stand in it must be as many as the daemon has published. What
-# the program says at its end must be the same.
+# For each daemon the events in the file of sorma-record and the losses that stand in it must be as many as the daemon has published. The
+# program must say the same numbers at its end.
 
 source [file join [file dirname [file normalize [info script]]] faults.tcl]
 package require sorma::service::recorder
