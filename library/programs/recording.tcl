@@ -130,7 +130,7 @@ proc ::sorma::recording::Await daemons {
     }
     if {![info exists End]} {
         puts stderr "sorma-record: [Connected] of [llength $daemons] daemons have answered; the others are recorded when they are there"
-        foreach {- who why} [regexp -all -inline -line {^# away (\S+): (.*)$} [lindex [recorder.record CTRL -dump] 3]] {
+        foreach {- who why} [regexp -all -inline -line {^# away (\S+): (.*)$} [lindex [[Recorder] CTRL -dump] 3]] {
             puts stderr "sorma-record: [::sorma::text::clean "$who: $why"]"
         }
     }
