@@ -24,7 +24,7 @@ package require sorma::worldDaemon
 package provide sorma::value 1.0
 
 namespace eval ::sorma::value {
-    namespace export new forget
+    namespace export new forget taken
     namespace ensemble create
     variable Overdue 2000       ;# ms without an answer, then values may be old
     variable Sources            ;# dict: {object@daemon what} -> object. what: options, or a request
@@ -69,6 +69,15 @@ proc ::sorma::value::forget token {
         lassign [dict get $Tokens $token] source option
         dict unset Tokens $token
         $source leave $token $option
+    }
+}
+
+# ::sorma::value::taken NAME CHANGES -- an object has taken these values, a dict of options; NAME has its daemon. What was told of them before is
+# older. The event that tells them all may come after the reply.
+proc ::sorma::value::taken {name changes} {
+    variable Sources
+    if {[dict exists $Sources $name options]} {
+        [dict get $Sources $name options] objectChanged $changes {}
     }
 }
 
@@ -284,7 +293,8 @@ oo::define ::sorma::value::reading {
         if {[dict exists $values $item]} {
             set before [dict get $values $item]
             if {[dict get $before value] eq $value} {
-                if {[dict get $before state] eq $state && [dict get $before why] eq $why} return
+                set known [expr {$by eq {} || [dict get $before by] ne {}}]     ;# the reply to one who sets a value may be faster than the event
+                if {[dict get $before state] eq $state && [dict get $before why] eq $why && $known} return
                 if {$by eq {}} {
                     set by [dict get $before by]
                     set at [dict get $before at]

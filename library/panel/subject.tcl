@@ -419,6 +419,7 @@ oo::define ::sorma::subject::Subject {
                 if {[dict exists $drafts $option] && [lindex [dict get $drafts $option] 0] eq $sent} {
                     dict unset drafts $option
                     dict set values $option [dict merge {by {} at 0} [my Known $option] [dict create value $sent state live why {}]]
+                    ::sorma::value taken $service@$key [dict create $option $sent]
                 }
             } elseif {[llength $named] == 0 || $option in $named} {
                 set locked [expr {[string match "SORMA COMM DENIED*" $code] || [string match "SORMA ACCESS*" $code]}]
