@@ -1,6 +1,6 @@
 # elsewhere.tcl INDEX PART FOLDER ?PART FOLDER ...? -- the end of the index of package sorma, for standard output.
 #
-# INDEX is pkgIndex.tcl. A PART is one of Debian's packages, with Tcl packages in FOLDER. Whoever asks for one of these while the part is not
+# INDEX is pkgIndex.tcl. A PART is one of Debian's packages, with Tcl packages in FOLDER. A program that asks for one of these while the part is not
 # installed reads where it is. When it is there, 1.0 is taken. All are forgotten after an error: a running process looks again, and
 # finds the part when it was installed meanwhile.
 
@@ -20,7 +20,7 @@ set elsewhere {apply {all {
     }
 }}}
 
-# What the index finds in a folder. It has 0.1 of what was left out of the build.
+# The packages that the index finds in a folder. Version 0.1 stands for one that was left out of the build.
 proc found {index dir} {
     set looking [interp create]
     try {

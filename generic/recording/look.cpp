@@ -157,18 +157,15 @@ void Recorder::tellBuffers() {
 }
 
 bool Recorder::flush() {
+    const std::uint64_t mine = push();
     std::unique_lock lock(mutex_);
-    const std::uint64_t mine = ++asked_;
-    work_.notify_one();
     return flushed_.wait_for(lock, std::chrono::seconds(1), [&] { return done_ >= mine || stop_; });
 }
 
-void Recorder::push() {
-    {
-        std::lock_guard lock(mutex_);
-        ++asked_;
-    }
+std::uint64_t Recorder::push() {
+    std::lock_guard lock(mutex_);
     work_.notify_one();
+    return ++asked_;
 }
 
 }  // namespace sorma::recording

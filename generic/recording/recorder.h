@@ -96,8 +96,8 @@ public:
     void tellEnd();
     // All that was added so far has been given to the sink when this returns true. Waits for that, a second at most. Not on the sink's thread.
     bool flush();
-    // The same without waiting: it comes soon.
-    void push();
+    // The same without waiting: it comes soon. Returns how often that was asked for.
+    std::uint64_t push();
     // Append a record that comes from elsewhere. Any thread.
     void add(const Facts& facts, const Message& m);
 

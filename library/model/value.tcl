@@ -72,8 +72,8 @@ proc ::sorma::value::forget token {
     }
 }
 
-# ::sorma::value::taken NAME CHANGES -- an object has taken these values, a dict of options; NAME has its daemon. What was told of them before is
-# older. The event that tells them all may come after the reply.
+# ::sorma::value::taken NAME CHANGES -- an object has taken these values, a dict of options; NAME has its daemon. The event that tells of
+# them may come after the reply. News from before are older.
 proc ::sorma::value::taken {name changes} {
     variable Sources
     if {[dict exists $Sources $name options]} {

@@ -240,7 +240,10 @@ snit::macro ::sorma::circuitEdits {} {
     }
     # Ask the process that has the circuit. PREFIX is called with {ok REPLY} or {error {TEXT CODE TRAIL}}, while there is this window.
     method AskThere {request prefix} {
-        set key [::sorma::world use [lindex [::sorma::table locate [$subject name]] 1]]
+        $self AskAt [lindex [::sorma::table locate [$subject name]] 1] $request $prefix
+    }
+    method AskAt {where request prefix} {
+        set key [::sorma::world use $where]
         if {$key ne {}} {
             ::sorma::world ask $key $request -timeout 30000 -command [list ::sorma::parts::answer $prefix]
         }

@@ -161,7 +161,7 @@ snit::macro ::sorma::circuitRun {} {
     # Ask the process of the cycle, or of the laboratory. NAME is as it is shown here.
     method AskRun {name request prefix} {
         lassign [::sorma::table locate $name] there where
-        ::sorma::world ask [::sorma::world use $where] [list $there {*}$request] -timeout 30000 -command [list ::sorma::parts::answer $prefix]
+        $self AskAt $where [list $there {*}$request] $prefix
     }
 
     # ---- lab time ----

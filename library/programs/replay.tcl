@@ -145,7 +145,7 @@ proc ::sorma::replay::Each {recordVar search script} {
 proc ::sorma::replay::EachStep {stepVar search script} {
     upvar 1 $stepVar step
     set times {}
-    # What is expected of each request stands behind it in the file.
+    # A reply stands behind its request in the file.
     Each record $search {
         set key [list [dict get $record source] [dict get $record number]]
         if {[dict get $record kind] eq "request" && [dict get $record code] == 0} {

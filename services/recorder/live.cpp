@@ -242,7 +242,7 @@ void Merge::drain() {
     stop();
 }
 
-// What is in order by now goes to the file at once: it has waited for kFlush in its daemon already.
+// Records whose order is known go to the file at once. They have waited for kFlush in their daemon already.
 void Merge::settle() {
     const std::int64_t now = to_.now();
     const std::size_t before = held_.size();
