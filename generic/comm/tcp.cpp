@@ -141,6 +141,7 @@ ListeningSocket listen(const std::string& host, int port, bool) {
     if (!s) failListen(where, std::strerror(errno));
     int on = 1;
     setsockopt(s.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+    tuneTcp(s.get(), true);                             // lines that are accepted inherit it
     if (bind(s.get(), list->ai_addr, list->ai_addrlen) < 0) {
         if (errno == EADDRINUSE) failTaken(where, "another process");
         failListen(where, std::strerror(errno));
@@ -156,7 +157,6 @@ ListeningSocket listen(const std::string& host, int port, bool) {
 Line accept(int fd) {
     Descriptor came(accept4(fd, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
     if (!came) return {};
-    tuneTcp(came.get(), true);
     return {raiseDescriptor(std::move(came)), tcpTransport};
 }
 
