@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "bus/nearest.h"
 #include "bus/requestText.h"
 #include "comm/comm.h"
 #include "comm/runtimeFolder.h"
@@ -21,8 +22,7 @@ namespace {
 
 constexpr std::string_view kSharing[] = {"auto", "shm", "unix"};      // in the order of Sharing
 const Prototype kBadSharing{Severity::error, "OPTION VALUE", 1, "-transport expects auto, shm or unix, got \"{}\""};
-const Prototype kServeOption{Severity::error, "REQUEST SYNTAX", 0,
-    "bad option \"{}\": must be -allow, -connection, -directory, -host, -listen, -open, -owned, -policy, -port, -program, -rpcbind, -share, -socket, -standby, -tls, or -wait"};
+const Prototype kServeOption{Severity::error, "REQUEST SYNTAX", 0, "bad option \"{}\"{}: must be {}"};
 const Prototype kServeValue{Severity::error, "REQUEST SYNTAX", 0, "{} expects {}, got \"{}\""};
 const Prototype kServeConnection{Severity::error, "REQUEST SYNTAX", 0, "{} does not go with -connection: that is served, and nothing listened to"};
 const Prototype kServeStandby{Severity::error, "REQUEST SYNTAX", 0, "-standby does not go with {}: a standby daemon listens nowhere until it owns its name"};
@@ -128,54 +128,73 @@ bool waitForEnd(Interpreter& i, Comm& comm, const std::string& name) {
     return true;
 }
 
-// sorma::serve name ?-port P? ?-host H? ?-socket PATH? ?-rpcbind bool? ?-program N? ?-listen FDS? ?-connection FD?
-//
-// ?-allow LINE ...? ?-policy FILE? ?-open bool? ?-share bool? ?-tls no|yes|only? ?-directory bool? ?-standby bool? ?-owned PATTERN ...? ?-wait?
+// The words after sorma::serve's name.
+struct ServeWords {
+    Server::Wanted wanted;
+    std::string address;                                // the last option that says where to listen
+    std::vector<std::string> lines;                     // of the policy
+    std::string policy;
+    bool open = false, host = false, standby = false, wait = false;
+};
+struct ServeOption {
+    std::string_view name, value;                       // value: for the usage; empty: it has none
+    bool listens;                                       // it says how to listen, so it does not go with -connection
+    void (*take)(ServeWords& to, const std::string& option, Tcl_Obj* value);
+};
+constexpr ServeOption kServeOptions[] = {
+    {"-port", "number", true, [](auto& to, auto& option, Tcl_Obj* v) {
+        const std::string value = toUtf8(v);
+        to.wanted.port = value.empty() ? -1 : int(wholeNumber(option, value, 0, 65535));
+    }},
+    {"-host", "name", true, [](auto& to, auto&, Tcl_Obj* v) { to.wanted.host = toUtf8(v), to.host = true; }},
+    {"-socket", "path", true, [](auto& to, auto&, Tcl_Obj* v) { to.wanted.socket = toUtf8(v); }},
+    {"-rpcbind", "boolean", true, [](auto& to, auto&, Tcl_Obj* v) { to.wanted.rpcbind = toBoolean(v); }},
+    {"-program", "number", true, [](auto& to, auto& option, Tcl_Obj* v) { to.wanted.program = std::uint32_t(wholeNumber(option, toUtf8(v), 1, 0x1fffffff)); }},
+    {"-listen", "descriptors", true, [](auto& to, auto& option, Tcl_Obj* v) { to.wanted.listen = descriptors(option, v); }},
+    {"-connection", "descriptor", false, [](auto& to, auto& option, Tcl_Obj* v) { to.wanted.connection = int(wholeNumber(option, toUtf8(v), 0, INT_MAX)); }},
+    {"-allow", "line", false, [](auto& to, auto&, Tcl_Obj* v) { to.lines.push_back(toUtf8(v)); }},
+    {"-policy", "file", false, [](auto& to, auto&, Tcl_Obj* v) { to.policy = toUtf8(v); }},
+    {"-open", "boolean", false, [](auto& to, auto&, Tcl_Obj* v) { to.open = toBoolean(v); }},
+    {"-share", "boolean", true, [](auto& to, auto&, Tcl_Obj* v) { to.wanted.share = toBoolean(v); }},
+    {"-tls", "no|yes|only", true, [](auto& to, auto&, Tcl_Obj* v) { to.wanted.tls = tlsOf(toUtf8(v)); }},
+    {"-directory", "boolean", true, [](auto& to, auto&, Tcl_Obj* v) { to.wanted.directory = toBoolean(v); }},
+    {"-standby", "boolean", true, [](auto& to, auto&, Tcl_Obj* v) { to.standby = toBoolean(v); }},
+    {"-owned", "pattern", true, [](auto& to, auto&, Tcl_Obj* v) { to.wanted.owned.push_back(toUtf8(v)); }},
+    {"-wait", "", false, [](auto& to, auto&, Tcl_Obj*) { to.wait = true; }},
+};
+
+std::string serveUsage() {
+    std::string out = "name";
+    for (auto& option : kServeOptions) out += " ?" + std::string(option.name) + (option.value.empty() ? "" : " ") + std::string(option.value) + '?';
+    return out;
+}
+
+const ServeOption& serveOption(const std::string& name) {
+    std::vector<std::string> names;
+    for (auto& option : kServeOptions) {
+        if (option.name == name) return option;
+        names.emplace_back(option.name);
+    }
+    fail(kServeOption, name, didYouMean(name, names), oneOf(names));
+}
+
+// sorma::serve name ?OPTION VALUE ...?, as kServeOptions says
 int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const objv[]) {
     auto& i = *static_cast<Interpreter*>(data);
     return guarded(i, objc, objv, [&] {
         if (objc < 2) {
-            Tcl_WrongNumArgs(interp, 1, objv, "name ?-port number? ?-host name? ?-socket path? ?-rpcbind boolean? ?-program number? "
-                                              "?-listen descriptors? ?-connection descriptor? ?-allow line? ?-policy file? ?-open boolean? ?-share boolean? ?-tls no|yes|only? ?-directory boolean? ?-standby boolean? ?-owned pattern? ?-wait?");
+            Tcl_WrongNumArgs(interp, 1, objv, serveUsage().c_str());
             return TCL_ERROR;
         }
-        Server::Wanted wanted;
-        bool wait = false;
+        ServeWords words;
+        auto& [wanted, address, lines, policy, open, host, standby, wait] = words;
         wanted.name = toUtf8(objv[1]);
-        std::string address;                            // an option that says where to listen
-        std::vector<std::string> lines;                 // of the policy
-        std::string policy;
-        bool open = false, host = false, standby = false;
-        for (int at = 2; at < objc; at += 2) {
-            std::string option = toUtf8(objv[at]);
-            if (option == "-wait") {
-                wait = true;
-                --at;                                   // it has no value
-                continue;
-            }
-            bool known = option == "-port" || option == "-host" || option == "-socket" || option == "-rpcbind" ||
-                         option == "-program" || option == "-listen" || option == "-connection" || option == "-allow" ||
-                         option == "-policy" || option == "-open" || option == "-share" || option == "-tls" || option == "-directory" || option == "-standby" || option == "-owned";
-            if (!known) fail(kServeOption, option);
-            if (at + 1 == objc) fail(kServeMissing, option);
-            std::string value = toUtf8(objv[at + 1]);
-            const bool policyWord = option == "-allow" || option == "-policy" || option == "-open";
-            if (option != "-connection" && !policyWord) address = option;
-            if (option == "-allow") lines.push_back(value);
-            else if (option == "-policy") policy = value;
-            else if (option == "-open") open = toBoolean(objv[at + 1]);
-            else if (option == "-share") wanted.share = toBoolean(objv[at + 1]);
-            else if (option == "-directory") wanted.directory = toBoolean(objv[at + 1]);
-            else if (option == "-owned") wanted.owned.push_back(value);
-            else if (option == "-standby") standby = toBoolean(objv[at + 1]);
-            else if (option == "-tls") wanted.tls = tlsOf(value);
-            else if (option == "-port") wanted.port = value.empty() ? -1 : int(wholeNumber(option, value, 0, 65535));
-            else if (option == "-host") wanted.host = value, host = true;
-            else if (option == "-socket") wanted.socket = value;
-            else if (option == "-listen") wanted.listen = descriptors(option, objv[at + 1]);
-            else if (option == "-connection") wanted.connection = int(wholeNumber(option, value, 0, INT_MAX));
-            else if (option == "-rpcbind") wanted.rpcbind = toBoolean(objv[at + 1]);
-            else wanted.program = std::uint32_t(wholeNumber(option, value, 1, 0x1fffffff));
+        for (int at = 2; at < objc; ++at) {
+            const std::string name = toUtf8(objv[at]);
+            const ServeOption& option = serveOption(name);
+            if (!option.value.empty() && ++at == objc) fail(kServeMissing, name);
+            option.take(words, name, objv[at]);
+            if (option.listens) address = name;
         }
         if (wanted.connection >= 0 && !address.empty()) fail(kServeConnection, address);
         if (standby && (wanted.connection >= 0 || !wanted.listen.empty())) fail(kServeStandby, wanted.connection >= 0 ? "-connection" : "-listen");

@@ -9,13 +9,16 @@ package require sorma::usage
 package provide sorma::daemon 1.0
 
 namespace eval ::sorma::daemon {
-    # The options in the manual of sormad; the last ones are those of sorma::serve, which checks them.
-    variable Options {
+    # Options of sorma::serve, which checks their values.
+    variable ForServe {
+        -port any  -host any  -socket any  -rpcbind any  -program any  -allow collect  -policy any  -open any  -share any  -tls any  -directory any  -standby any  -owned collect
+    }
+    # The options in the manual of sormad.
+    variable Options [concat {
         -name {{word {a name}}}  -dict words  -path words  -package words  -make words  -script word  -log word  -idle {{seconds 0 1e9} 0}  -grace {{seconds 0 86400} 5}
         -selftest {{seconds 0 86400} 0}  -interactive flag  -until-eof flag  -inetd flag  -strict {boolean 0}  -metrics {{whole 0 65535}}  -scpi {{a place}}  -vxi11 {{a place}}
         -help flag  --help flag
-        -port any  -host any  -socket any  -rpcbind any  -program any  -allow collect  -policy any  -open any  -share any  -tls any  -directory any  -standby any  -owned collect
-    }
+    } $ForServe]
     variable End            ;# set once: how the daemon ended
     variable Grace 5        ;# s for requests to end when the daemon has been told to
     variable Waits          ;# set while this daemon stands by: its name
@@ -118,8 +121,8 @@ proc ::sorma::daemon::EndBySignal {} {
 # Read the command line into a dict: option -> value; -serve: those for sorma::serve.
 proc ::sorma::daemon::Parse words {
     variable Options
-    set forServe {-port -host -socket -rpcbind -program -allow -policy -open -share -tls -directory -standby -owned}
-    set settings [dict remove [::sorma::options::defaults $Options] {*}$forServe]
+    variable ForServe
+    set settings [dict remove [::sorma::options::defaults $Options] {*}[dict keys $ForServe]]
     set settings [::sorma::options::take $Options $settings $words]
     if {[dict get $settings -name] eq {}} {
         return -code error "-name is missing"
@@ -135,9 +138,9 @@ proc ::sorma::daemon::Parse words {
         }
     }
     dict set settings -serve {}
-    foreach option $forServe {
+    dict for {option type} $ForServe {
         if {[dict exists $settings $option]} {
-            foreach value [if {$option in {-allow -owned}} {dict get $settings $option} else {list [dict get $settings $option]}] {
+            foreach value [if {$type eq {collect}} {dict get $settings $option} else {list [dict get $settings $option]}] {
                 dict lappend settings -serve $option $value
             }
         }
