@@ -34,6 +34,8 @@ using Handle = std::unique_ptr<SSL, Freed<end>>;
 
 constexpr unsigned char kAlpn[] = {6, 's', 'u', 'n', 'r', 'p', 'c'};
 constexpr long kResumeTime = 3600;                      // [s] in which a client may resume
+constexpr std::size_t kReadSize = 128 * 1024;            // [bytes] of records that are read at once
+constexpr std::size_t kPushSize = 64 * 1024;            // [bytes] of records that are written at once
 constexpr std::size_t kMostCertificates = 16 * 1024;    // [bytes] of the other end's chain
 
 // ---- keys, loaded ----
@@ -87,7 +89,7 @@ KeysPointer load(const std::string& own, const std::string& who) {
     SSL_CTX_set_ciphersuites(c, "TLS_AES_128_GCM_SHA256:TLS_AES_256_GCM_SHA384:TLS_CHACHA20_POLY1305_SHA256");
     SSL_CTX_set1_groups_list(c, "X25519:P-256");
     SSL_CTX_set_mode(c, SSL_MODE_ENABLE_PARTIAL_WRITE | SSL_MODE_ACCEPT_MOVING_WRITE_BUFFER | SSL_MODE_RELEASE_BUFFERS | SSL_MODE_NO_AUTO_CHAIN);
-    SSL_CTX_set_read_ahead(c, 1);
+    SSL_CTX_set_read_ahead(c, 1), SSL_CTX_set_default_read_buffer_len(c, kReadSize);
     SSL_CTX_set_verify(c, SSL_VERIFY_PEER | SSL_VERIFY_FAIL_IF_NO_PEER_CERT, verified);
     SSL_CTX_set_verify_depth(c, 3), SSL_CTX_set_max_cert_list(c, kMostCertificates);
     SSL_CTX_set_alpn_protos(c, kAlpn, sizeof kAlpn);
@@ -132,7 +134,9 @@ struct Secure : Line::Extra {
     const Offer* offer = nullptr;       // a daemon's
     Identity before;                    // a daemon's: who has connected, as TCP knows it
     std::unique_ptr<Extra> under;       // of TCP, while it connects
-    std::string out;                    // in clear, and not yet taken
+    std::string out;                    // for the socket, and not yet taken: the probe in clear, then records
+    std::size_t begun = 0;              // [bytes] that write() was given and that are in out
+    bool gathers = false;               // records go to out
     KeysPointer keys;
     RevocationsPointer revoked;
     std::string unpinned;               // a warning: the name could not be written to the pins
@@ -163,10 +167,26 @@ Secure& ready(Line& line, std::int64_t wait = 0) {
 }
 Secure& secureOf(const SSL* ssl) { return *static_cast<Secure*>(SSL_get_app_data(ssl)); }
 
+// Write what is in out. False: not all is taken (errno).
+bool push(Line& line, Secure& s) {
+    std::size_t taken = 0;
+    ssize_t n = 0;
+    while (taken < s.out.size() && (n = writeSocket(line, s.out.data() + taken, s.out.size() - taken)) >= 0) taken += std::size_t(n);
+    const int error = errno;
+    s.out.erase(0, taken);
+    s.stuck = n < 0 && error == EAGAIN;
+    errno = error;
+    return s.out.empty();
+}
+
 // Our BIO: the socket, so that nothing raises SIGPIPE, and a client may wait in it.
 int bioWrite(BIO* bio, const char* data, int size) {
     Secure& s = *static_cast<Secure*>(BIO_get_data(bio));
     BIO_clear_retry_flags(bio);
+    if (s.gathers || !s.out.empty()) {
+        s.out.append(data, std::size_t(size));
+        return size;
+    }
     const ssize_t n = writeSocket(*s.line, data, std::size_t(size));
     s.stuck = n < 0 && errno == EAGAIN;
     if (s.stuck) BIO_set_retry_write(bio);
@@ -310,14 +330,9 @@ void explain(Secure& s, const std::string& who) {
 
 // Write what waits in clear. False: not all is taken.
 bool pushClear(Line& line, Secure& s, const std::string& who) {
-    while (!s.out.empty()) {
-        const ssize_t n = writeSocket(line, s.out.data(), s.out.size());
-        if (n < 0 && errno == EAGAIN) return s.stuck = true, false;
-        if (n < 0) fail(errors::kRefused, who, s.other(), std::strerror(errno), "it may be ending, or full");
-        s.out.erase(0, std::size_t(n));
-    }
-    s.stuck = false;
-    return true;
+    if (push(line, s)) return true;
+    if (!s.stuck) fail(errors::kRefused, who, s.other(), std::strerror(errno), "it may be ending, or full");
+    return false;
 }
 
 // ---- rows ----
@@ -352,22 +367,37 @@ ssize_t read(Line& line, char* room, std::size_t size, std::int64_t wait) {
     return have > 0 || size == 0 ? ssize_t(have) : (errno = EAGAIN, -1);
 }
 
+// Records of the next bytes go to out. Returns how many bytes: no more than belong into one push.
+std::size_t seal(Secure& s, const char* data, std::size_t size) {
+    std::size_t done = 0, n = 0;
+    s.gathers = size > SSL3_RT_MAX_PLAIN_LENGTH;
+    while (done < size && s.out.size() < kPushSize && SSL_write_ex(s.ssl.get(), data + done, size - done, &n) == 1) {
+        done += n;
+        if (!s.gathers) break;
+    }
+    s.gathers = false;
+    return done;
+}
+
 ssize_t write(Line& line, const char* data, std::size_t size) {
     Secure& s = ready(line);
-    std::size_t written = 0;
+    if (!push(line, s)) return -1;
+    std::size_t written = std::exchange(s.begun, 0);
     while (written < size) {
-        std::size_t n = 0;
-        ERR_clear_error();
-        if (SSL_write_ex(s.ssl.get(), data + written, size - written, &n) == 1) {
-            written += n;
-            continue;
+        const std::size_t n = seal(s, data + written, size - written);
+        if (n == 0) {
+            const int error = SSL_get_error(s.ssl.get(), 0);
+            ERR_clear_error();
+            if (written > 0 || error == SSL_ERROR_WANT_WRITE || error == SSL_ERROR_WANT_READ) break;
+            return errno = EPIPE, -1;
         }
-        const int error = SSL_get_error(s.ssl.get(), 0);
-        if (error == SSL_ERROR_WANT_WRITE || error == SSL_ERROR_WANT_READ) break;
-        ERR_clear_error();
-        if (written > 0) break;
-        return errno = EPIPE, -1;
+        if (!push(line, s)) {
+            s.begun = n;
+            break;
+        }
+        written += n;
     }
+    if (s.out.empty()) s.out.shrink_to_fit();
     return written > 0 || size == 0 ? ssize_t(written) : (errno = EAGAIN, -1);
 }
 

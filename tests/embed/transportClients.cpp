@@ -1,4 +1,6 @@
 // transportClients.cpp -- cases of the client: each has a daemon that follows a script, in a thread of its own.
+#include <sys/socket.h>
+
 #include <atomic>
 #include <thread>
 
@@ -292,9 +294,14 @@ void restartConnecting(const Row& row) {
 // Both send much and read slowly: nothing is lost, and neither waits for the other.
 void slowReaders(const Row& row) {
     bothWays([&](bool blocking) {
-        const std::string text(kLimit / 2, 'x');
+        std::string text;                               // no piece of it is like another one
+        while (text.size() < kLimit / 2) text += std::to_string(text.size()) + ' ';
         converse(row, [&text](Scripted& d) {
             End end = d.greet();
+            for (int buffer : {SO_RCVBUF, SO_SNDBUF}) {     // so that neither side's socket takes a message at once
+                const int small = 65536;
+                setsockopt(end.line.descriptor(), SOL_SOCKET, buffer, &small, sizeof small);
+            }
             std::string bytes;
             char few[1000];
             while (true) {                              // a few bytes at a time
@@ -307,6 +314,7 @@ void slowReaders(const Row& row) {
                 if (!records.next(record)) continue;
                 XdrReader r(record);
                 const auto envelope = wire::readEnvelope(r);
+                check(record.find(text) != record.npos, "the request is another one");
                 end.say(Scripted::reply(envelope.xid, text));
                 bytes.erase(0, std::size_t(records.at() - bytes.data()));
             }
