@@ -6,6 +6,7 @@ package require sorma::line
 package require sorma::mcap
 package require sorma::moment
 package require sorma::options
+package require sorma::recorded
 package require sorma::recording
 package require sorma::replaySuite
 package require sorma::text
@@ -281,7 +282,7 @@ proc ::sorma::replay::Play {settings search} {
         Pace $time [dict get $settings -speed] begun
         incr done
         set answer [Again $request $source $settings]
-        if {[Same $answer] ne [Same $reply]} {
+        if {[::sorma::recorded::fields $answer] ne [::sorma::recorded::fields $reply]} {
             incr different
             puts [::sorma::text::clean "different: $request"]
             puts [::sorma::text::clean "    then: $reply"]
@@ -323,14 +324,4 @@ proc ::sorma::replay::Again {request source settings} {
         append object @$daemon
     }
     return [::sorma::dispatch $object$rest]
-}
-
-# The part of a reply that has to be the same: all but its name and its trail, which has times.
-proc ::sorma::replay::Same reply {
-    set words [lrange [::sorma::line::words $reply] 1 end]
-    set at [lsearch -exact $words TDBX]
-    if {$at < 0} {
-        return $words
-    }
-    return [lrange $words 0 $at-1]
 }
