@@ -2,6 +2,7 @@
 #
 # A pattern has a word for each word of a reply, without name and trail: RET 0 TMSG presto FMSG 1 ~0.49..0.51. A word may be
 #     ~A..B   a number from A to B         *   any one word         =TEXT   TEXT, when it begins like one of these
+#     ~N:U    the number N, or the numbers N, as near as the tolerance of the unit U says
 # and "..." at the end is any rest. An error has its code: RET -1 ERROR {OPTION RANGE}.
 
 package require sorma
@@ -12,6 +13,7 @@ namespace eval ::sorma::recorded {
     variable Pipes {}       ;# dict: name of a daemon -> pipe of its process
     variable Folder {}      ;# their sockets
     variable Before         ;# the runtime folder of before, in a list; empty: there was none
+    variable Tolerances {}  ;# dict: unit -> how far a number of it may be off; relative -> the same, as a part of the number
 }
 
 # ::sorma::recorded::begin DAEMONS -- start them, in a folder of their own. DAEMONS: a dict of names and words for sormad.
@@ -94,6 +96,35 @@ proc ::sorma::recorded::fields reply {
     return [concat [lrange $words 0 $at-1] $code]
 }
 
+# ::sorma::recorded::tolerances DICT -- how far numbers may be off from now on: dict of units, and of relative. Others are exact.
+proc ::sorma::recorded::tolerances dict {
+    variable Tolerances $dict
+}
+# ::sorma::recorded::off UNIT NUMBER TOLERANCES -- how far this number may be off. A unit whose tolerance is 0 is exact.
+proc ::sorma::recorded::off {unit number tolerances} {
+    if {![dict exists $tolerances $unit] || [dict get $tolerances $unit] == 0} {
+        return 0
+    }
+    set part [expr {[dict exists $tolerances relative] ? [dict get $tolerances relative] : 0}]
+    return [expr {max([dict get $tolerances $unit], $part * abs($number))}]
+}
+# ::sorma::recorded::areNumbers TEXT -- is it a list of finite numbers?
+proc ::sorma::recorded::areNumbers text {
+    return [expr {[string is list $text] && [lsearch -not -regexp $text {^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$}] < 0}]
+}
+proc ::sorma::recorded::Near {numbers unit word} {
+    variable Tolerances
+    if {![areNumbers $word] || [llength $word] != [llength $numbers]} {
+        return 0
+    }
+    foreach number $numbers is $word {
+        if {abs($is - $number) > [off $unit $number $Tolerances]} {
+            return 0
+        }
+    }
+    return 1
+}
+
 # ::sorma::recorded::same PATTERN WORDS
 proc ::sorma::recorded::same {pattern words} {
     if {[lindex $pattern end] eq "..."} {
@@ -107,6 +138,10 @@ proc ::sorma::recorded::same {pattern words} {
         if {$one eq "*"} continue
         if {[regexp {^~(.*)\.\.(.*)$} $one -> low high]} {
             if {![string is double -strict $word] || $word < $low || $word > $high} {
+                return 0
+            }
+        } elseif {[regexp {^~(.*?):(.*)$} $one -> numbers unit]} {
+            if {![Near $numbers $unit $word]} {
                 return 0
             }
         } elseif {[expr {[string index $one 0] eq "=" ? [string range $one 1 end] : $one}] ne $word} {
@@ -124,7 +159,7 @@ proc ::sorma::recorded::pattern replies {
         set seen [lsort -unique [lmap words $replies {lindex $words $i}]]
         lappend out [if {[llength $seen] == 1} {
             expr {[regexp {^[*~=]|^\.\.\.$} [lindex $seen 0]] ? "=[lindex $seen 0]" : [lindex $seen 0]}
-        } elseif {[lsearch -not -regexp $seen {^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$}] < 0} {
+        } elseif {[lsearch -not -regexp $seen {^\S+$}] < 0 && [areNumbers $seen]} {
             Range $seen
         } else {
             string cat *

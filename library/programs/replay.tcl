@@ -15,7 +15,7 @@ package provide sorma::replay 1.0
 
 namespace eval ::sorma::replay {
     variable Options {-list flag -typed flag -about flag -play flag -csv {{word {the name of a folder}}} -values {{word {the name of an object}}} -mcap {{word {the name of a file}}}
-        -as-test {{word {the name of a file}}} -start any -at words -search any -name {any *} -failed flag -slower {{seconds 0 1000000000}} -from any -until any
+        -as-test {{word {the name of a file}}} -start any -tolerance any -at words -search any -name {any *} -failed flag -slower {{seconds 0 1000000000}} -from any -until any
         -daemon any -rename words -speed {{seconds 0 1000} 1} -help flag --help flag -h flag}
     variable Turn           ;# set when it has waited
     variable Heads {
@@ -77,7 +77,7 @@ proc ::sorma::replay::main words {
             EachStep step $search {
                 lappend steps $step
             }
-            lassign [::sorma::replaySuite::make [lindex $files 0] ${-as-test} $steps ${-start}] tests open
+            lassign [::sorma::replaySuite::make [lindex $files 0] ${-as-test} $steps ${-start} ${-tolerance}] tests open
             puts "${-as-test}: $tests tests, $open leave something open"
         } else {
             Each record $search {
@@ -104,6 +104,9 @@ proc ::sorma::replay::Check {settings files} {
     }
     if {[catch {dict size ${-start}}]} {
         error "-start expects a list of daemons, and words for each of them, got \"${-start}\""
+    }
+    if {![string is list ${-tolerance}] || [llength ${-tolerance}] % 2 || [lsearch -not -regexp [dict values ${-tolerance}] {^(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$}] >= 0} {
+        error "-tolerance expects units, and for each how far its numbers may be off, as \"V 0.01 relative 1e-4\", got \"${-tolerance}\""
     }
     if {${-at} ne {} && [llength ${-at}] < 2} {
         error "-at expects a time and a request, got \"${-at}\""

@@ -1,23 +1,24 @@
 # replaySuite.tcl -- sorma-replay -as-test: a suite of tcltest from a recording.
 #
 # The requests from outside are sent twice more, each time to new daemons. The suite has a range for numbers that differ then, and leaves other
-# differences open.
+# differences open. Numbers that have a unit may be off by its tolerance (replayUnits.tcl).
 
 package require sorma
 package require sorma::at
 package require sorma::options
 package require sorma::recorded
+package require sorma::replayUnits
 package provide sorma::replaySuite 1.0
 
 namespace eval ::sorma::replaySuite {}
 
-# ::sorma::replaySuite::make FILE OUT STEPS DAEMONS -- write the suite OUT.
+# ::sorma::replaySuite::make FILE OUT STEPS DAEMONS TOLERANCES -- write the suite OUT.
 # Arguments:
 #       FILE     the recording, which recorder.replay has;   STEPS  its requests with their replies: dicts of source, object, time, request, reply
-#       DAEMONS  dict: name of a daemon -> words for sormad
+#       DAEMONS  dict: name of a daemon -> words for sormad;   TOLERANCES  dict: unit, or relative -> how far such numbers may be off, in place of what is usual
 # Results:
 #       {TESTS OPEN}: how many tests it has, and how many of them leave something open.
-proc ::sorma::replaySuite::make {file out steps daemons} {
+proc ::sorma::replaySuite::make {file out steps daemons tolerances} {
     set steps [Wanted $steps]
     if {$steps eq {}} {
         return -code error "the recording has no request from outside that has a reply"
@@ -32,13 +33,43 @@ proc ::sorma::replaySuite::make {file out steps daemons} {
     During $daemons {
         set begin [Beginning $steps]
         set first [Replies $begin $steps]
+        set units [Units $steps]
     }
     During $daemons {
         set second [Replies $begin $steps]
     }
     set patterns [lmap step $steps one $first two $second {::sorma::recorded::pattern [list [dict get $step reply] $one $two]}]
-    Write $file $out $daemons $begin $steps $patterns
-    return [list [llength $steps] [llength [lsearch -all -regexp $patterns {(^| )\{?([*~]|\.\.\.$)}]]]
+    set known [lsort -unique [concat {*}[lmap table [dict values $units] {dict values $table}]]]
+    foreach unit [dict keys $tolerances] {
+        if {$unit ni [concat relative $known]} {
+            return -code error "-tolerance: no number of the recording has the unit \"$unit\"; expected [::sorma::options::oneOf [concat relative $known]]"
+        }
+    }
+    set tolerances [::sorma::replayUnits::chosen $tolerances $known]
+    set patterns [lmap step $steps pattern $patterns {
+        ::sorma::replayUnits::put [dict get $units [Key $step]] [dict get $step request] $pattern $tolerances
+    }]
+    Write $file $out $daemons $begin $steps $patterns [Used $tolerances $patterns]
+    return [list [llength $steps] [llength [lsearch -all -regexp $patterns {(^| )\{?(\*|~[^:]*\.\.|\.\.\.$)}]]]
+}
+
+# Dict: daemon and object -> the units of its numbers.
+proc ::sorma::replaySuite::Units steps {
+    set units {}
+    foreach step $steps {
+        if {![dict exists $units [Key $step]]} {
+            dict set units [Key $step] [::sorma::replayUnits::of [dict get $step daemon] [dict get $step object]]
+        }
+    }
+    return $units
+}
+proc ::sorma::replaySuite::Key step {
+    return [list [dict get $step daemon] [dict get $step object]]
+}
+# The tolerances that patterns need.
+proc ::sorma::replaySuite::Used {tolerances patterns} {
+    set used [lsort -unique [lmap word [concat {*}$patterns] {if {![regexp {^~[^:]*:(.*)$} $word -> unit]} continue; set unit}]]
+    return [expr {$used eq {} ? {} : [dict filter $tolerances script {unit -} {expr {$unit eq "relative" || $unit in $used}}]}]
 }
 
 # Run a script while these daemons are there.
@@ -90,13 +121,21 @@ proc ::sorma::replaySuite::Replies {begin steps} {
     return [lmap step $steps {::sorma::recorded::ask [dict get $step daemon] [dict get $step request]}]
 }
 
-proc ::sorma::replaySuite::Write {file out daemons begin steps patterns} {
+proc ::sorma::replaySuite::Write {file out daemons begin steps patterns tolerances} {
     set name [file rootname [file tail $out]]
     set lines [list "# $name.test -- what was recorded in [file tail $file] is answered still. Made by sorma-replay -as-test; sorma::manual sorma-replay has the patterns." \
         {} "package require tcltest" "namespace import ::tcltest::*" "package require sorma::recorded" "customMatch recorded ::sorma::recorded::same" \
         {} "# The daemons, and the options that their objects had." "::sorma::recorded::begin [list $daemons]"]
     foreach item $begin {
         lappend lines "::sorma::recorded::ask $item"
+    }
+    if {$tolerances ne {}} {
+        lappend lines {} "# How far a number ~N:UNIT may be off: by so much in its unit, or by this part of it (relative), whichever is more. 0: not at all." \
+            "::sorma::recorded::tolerances {"
+        dict for {unit most} $tolerances {
+            lappend lines "    [list $unit $most]"
+        }
+        lappend lines "}"
     }
     set n 0
     foreach step $steps pattern $patterns {
