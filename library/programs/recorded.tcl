@@ -108,9 +108,9 @@ proc ::sorma::recorded::off {unit number tolerances} {
     set part [expr {[dict exists $tolerances relative] ? [dict get $tolerances relative] : 0}]
     return [expr {max([dict get $tolerances $unit], $part * abs($number))}]
 }
-# ::sorma::recorded::areNumbers TEXT -- is it a list of finite numbers?
+# ::sorma::recorded::areNumbers TEXT -- is it a list of finite numbers? 08 is none for Tcl.
 proc ::sorma::recorded::areNumbers text {
-    return [expr {[string is list $text] && [lsearch -not -regexp $text {^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$}] < 0}]
+    return [expr {[string is list $text] && [lsearch -not -regexp $text {^[-+]?((0|[1-9]\d*)(\.\d*)?|\.\d+)([eE][-+]?\d+)?$}] < 0}]
 }
 proc ::sorma::recorded::Near {numbers unit word} {
     variable Tolerances
@@ -144,7 +144,7 @@ proc ::sorma::recorded::same {pattern words} {
             if {![Near $numbers $unit $word]} {
                 return 0
             }
-        } elseif {[expr {[string index $one 0] eq "=" ? [string range $one 1 end] : $one}] ne $word} {
+        } elseif {[if {[string index $one 0] eq "="} {string range $one 1 end} else {set one}] ne $word} {
             return 0
         }
     }
@@ -158,7 +158,8 @@ proc ::sorma::recorded::pattern replies {
     for {set i 0} {$i < [lindex $lengths 0]} {incr i} {
         set seen [lsort -unique [lmap words $replies {lindex $words $i}]]
         lappend out [if {[llength $seen] == 1} {
-            expr {[regexp {^[*~=]|^\.\.\.$} [lindex $seen 0]] ? "=[lindex $seen 0]" : [lindex $seen 0]}
+            # Not by expr, which writes inf and 1e-05 in another way.
+            string cat [if {[regexp {^[*~=]|^\.\.\.$} [lindex $seen 0]]} {string cat =}] [lindex $seen 0]
         } elseif {[lsearch -not -regexp $seen {^\S+$}] < 0 && [areNumbers $seen]} {
             Range $seen
         } else {
