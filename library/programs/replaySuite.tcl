@@ -19,17 +19,21 @@ namespace eval ::sorma::replaySuite {}
 # Results:
 #       {TESTS OPEN}: how many tests it has, and how many of them leave something open.
 proc ::sorma::replaySuite::make {file out steps daemons tolerances} {
+    # Also those that are asked nothing but questions of the bus: others may need them.
+    set known [lsort -unique [lmap step $steps {Daemon $step}]]
     set steps [Wanted $steps]
     if {$steps eq {}} {
         return -code error "the recording has no request from outside that has a reply"
     }
-    set known [lsort -unique [lmap step $steps {dict get $step daemon}]]
     foreach name [dict keys $daemons] {
         if {$name ni $known} {
             return -code error "-start: no request went to a daemon \"$name\"; expected [::sorma::options::oneOf $known]"
         }
     }
-    set daemons [dict merge [dict create {*}[concat {*}[lmap name $known {list $name {}}]]] $daemons]
+    # They are started in this order.
+    foreach name [lsort -unique [lmap step $steps {dict get $step daemon}]] {
+        dict append daemons $name
+    }
     During $daemons {
         set begin [Beginning $steps]
         set first [Replies $begin $steps]
@@ -87,8 +91,12 @@ proc ::sorma::replaySuite::During {daemons script} {
 proc ::sorma::replaySuite::Wanted steps {
     return [lmap step $steps {
         if {[dict get $step object] eq "sorm" || [regexp {^\S+ DBX -info\M} [dict get $step request]]} continue
-        dict replace $step daemon [regsub -all {[^\w-]+} [file rootname [file tail [dict get $step source]]] -] reply [::sorma::recorded::fields [dict get $step reply]]
+        dict replace $step daemon [Daemon $step] reply [::sorma::recorded::fields [dict get $step reply]]
     }]
+}
+
+proc ::sorma::replaySuite::Daemon step {
+    return [regsub -all {[^\w-]+} [file rootname [file tail [dict get $step source]]] -]
 }
 
 # The options that objects had when they were asked first, and do not have from their beginning: requests, as {DAEMON REQUEST}. The daemons have just begun.
