@@ -1,7 +1,7 @@
 # hour.tcl ?MINUTES? ?QUESTIONS? ?SEED? ?FILE? -- the daemons of the demos are recorded for an hour of real time, and then asked about that hour.
 #
-# The laboratory, the eyes of the tracker, and voice and player of the draughts run at a twentieth of their speed. 50 requests a second change and ask
-# options; now and then a new object comes, and one is refused. That needs a few per cent of a processor. A journal of our own says what each option
+# The laboratory, the eyes of the tracker, and voice and player of the draughts run at a twentieth of their speed. 50 requests a second change
+# and ask options. Some are refused, and now and then a new object comes. That needs a few per cent of a processor. A journal of our own says what each option
 # was when. No answer of sorma::at may be wrong, and each must come within 50 ms. One that took longer is asked again, twice at most: other
 # programs of the machine may have held it up. SIGTERM ends the recording early. FILE keeps it, and FILE.journal what
 # happened.
@@ -19,7 +19,7 @@ proc subjects objects {
     foreach object $objects {
         dict for {option row} [demoDaemons options $object {int double}] {
             if {![regexp {^(\S+) \.\. (\S+)$} [lindex $row 3] -> low high]} continue
-            # What makes work for the simulation stays as it is.
+            # Options that make work for the simulation stay as they are.
             if {$object eq "simlab@lab" && $option ni {-light -seed}} continue
             lappend found [list $object $option $low $high [expr {[lindex $row 1] eq "int"}]]
         }

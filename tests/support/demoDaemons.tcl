@@ -19,7 +19,7 @@ proc demoDaemons::of {file args} {
         set settings [lindex [dict values [dict get $settings members]] 0]
         set words {}
         foreach option {-dict -package -script -make -allow} {
-            # Of several files, each has its option.
+            # Each of several files has its option.
             foreach value [expr {$option eq "-script" ? [list [dict get $settings -script]] : [dict get $settings $option]}] {
                 if {$value ne {}} {
                     lappend words $option $value
