@@ -151,7 +151,8 @@ proc ::sorma::recorded::same {pattern words} {
     return 1
 }
 
-# ::sorma::recorded::pattern REPLIES -- one that fits all of them, which are lists of words. Numbers may leave their range by ten times its width, to either side.
+# ::sorma::recorded::pattern REPLIES -- one that fits all of them, which are lists of words. Numbers may leave their range by ten times
+# its width, to either side. Codes may not.
 proc ::sorma::recorded::pattern replies {
     set out {}
     set lengths [lsort -integer -unique [lmap words $replies {llength $words}]]
@@ -161,16 +162,17 @@ proc ::sorma::recorded::pattern replies {
             # Not by expr, which writes inf and 1e-05 in another way.
             string cat [if {[regexp {^[*~=]|^\.\.\.$} [lindex $seen 0]]} {string cat =}] [lindex $seen 0]
         } elseif {[lsearch -not -regexp $seen {^\S+$}] < 0 && [areNumbers $seen]} {
-            Range $seen
+            # A code stays as it was seen: 0, or 1 with a warning, is never an error.
+            Range $seen [expr {$i == 1 ? 0 : 10}]
         } else {
             string cat *
         }]
     }
     return [concat $out [if {[llength $lengths] > 1} {list ...}]]
 }
-proc ::sorma::recorded::Range numbers {
+proc ::sorma::recorded::Range {numbers wider} {
     set sorted [lsort -real $numbers]
     set low [lindex $sorted 0]
     set high [lindex $sorted end]
-    return ~[expr {$low - 10 * ($high - $low)}]..[expr {$high + 10 * ($high - $low)}]
+    return ~[expr {$low - $wider * ($high - $low)}]..[expr {$high + $wider * ($high - $low)}]
 }
