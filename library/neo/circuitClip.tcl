@@ -74,7 +74,7 @@ snit::macro ::sorma::circuitClip {} {
     }
     # A name of this class that no unit and no object has, WHERE it is: @PLACE, or nothing.
     method FreeName {class where {taken {}}} {
-        set there [::sorma::table objects [lindex [::sorma::table locate [$subject name]] 1]]
+        set there [::sorma::table objects [expr {$where ne {} ? [string range $where 1 end] : [lindex [::sorma::table locate [$subject name]] 1]}]]
         for {set n 1} {[dict exists $graph nodes [list unit $class.$n$where]] || "$class.$n" in $there || "$class.$n$where" in $taken} {incr n} {}
         return $class.$n$where
     }

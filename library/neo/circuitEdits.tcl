@@ -160,9 +160,10 @@ snit::macro ::sorma::circuitEdits {} {
         }
         $self Edit "wire $source -> $sink" [dict create -wires [::sorma::circuitText add [dict get $recipe -wires] $source $sink]]
     }
-    # drop CLASS X Y -- a new unit, its corner at this place of the grid. Returns its name.
+    # drop CLASS X Y -- a new unit, its corner at this place of the grid; CLASS@PLACE: a service elsewhere. Returns its name.
     method drop {class x y} {
-        set name [$self FreeName $class {}]
+        regexp {^([^@]*)(@.*)?$} $class -> class where
+        set name [$self FreeName $class $where]
         $self AskPins $name 1
         $self Edit "add $name" [dict create -places [::sorma::circuitText place [dict get $recipe -places] [list [list unit $name] [list [expr {round($x)}] [expr {round($y)}]]]]]
         return $name
@@ -236,7 +237,11 @@ snit::macro ::sorma::circuitEdits {} {
     method AskPins {name {make 0}} {
         if {!$make && ([dict exists $askedPins $name] || [dict exists $pins $name])} return
         dict set askedPins $name 1
-        $self AskThere [if {$make} {list $name DBX -pins} else {list sorm DBX -look $name -pins}] [mymethod PinsCame $name $make]
+        # A daemon answers for its own objects alone.
+        set elsewhere [regexp {^([^@]+)@(.+)$} $name -> object place]
+        $self AskAt [if {$elsewhere} {$palette key $place} else {lindex [::sorma::table locate [$subject name]] 1}] \
+            [if {$make} {list [expr {$elsewhere ? $object : $name}] DBX -pins} else {list sorm DBX -look [expr {$elsewhere ? $object : $name}] -pins}] \
+            [mymethod PinsCame $name $make]
     }
     # Ask the process that has the circuit. PREFIX is called with {ok REPLY} or {error {TEXT CODE TRAIL}}, while there is this window.
     method AskThere {request prefix} {

@@ -1,4 +1,5 @@
-# circuits.tcl ?edits? ?seconds? -- figures of the circuit editor, on an X server of its own.
+# circuits.tcl ?edits? ?seconds? ?parts? ?seed? -- figures of the circuit editor, on an X server of its own. Parts: a list of tracker, values,
+# large and random; default: all.
 #
 # It measures processor time with 200 wires that change, and a click while the daemon is stopped. So many random edits and undos change a circuit
 # that runs at 1 kHz. Then large circuits are opened, moved and edited.
@@ -125,7 +126,7 @@ proc edit i {
         }
     }
 }
-proc random {d count} {
+proc random {d count seed} {
     set first {
     2                  -> sum.error.in1
     integrator.arm.out -> sum.error.in2      # where it is
@@ -136,7 +137,6 @@ proc random {d count} {
     circuit.edited@$d CTRL -wires $first
     cycle.edited@$d CTRL -period 0.001 -afterFault continue -steps circuit.edited -priority 0 -lockMemory 0
     opened circuit.edited@$d
-    set seed [expr {[clock seconds] % 100000}]
     expr {srand($seed)}
     set start [clock milliseconds]
     set with [lateIn $d {
@@ -221,11 +221,16 @@ proc tracker {} {
 attack {
     set edits [expr {$argc > 0 ? [lindex $argv 0] : 10000}]
     set seconds [expr {$argc > 1 ? [lindex $argv 1] : 10}]
+    set parts [expr {$argc > 2 ? [lindex $argv 2] : "tracker values large random"}]
+    set seed [expr {$argc > 3 ? [lindex $argv 3] : [clock seconds] % 100000}]
     set d [serve $classes]
-    tracker
-    values $d
-    foreach count {1000 10000} {
-        large $d $count
+    foreach part $parts {
+        switch $part {
+            tracker { tracker }
+            values { values $d }
+            large { foreach count {1000 10000} {large $d $count} }
+            random { random $d $edits $seed }
+            default { error "no part $part: must be tracker, values, large, or random" }
+        }
     }
-    random $d $edits
 }
