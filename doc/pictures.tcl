@@ -1,7 +1,8 @@
 # pictures.tcl FOLDER ?-widgets|-all? -- pictures of windows for the web pages.
 #
 # They show real objects of a daemon, light in NAME.png and dark in NAME-dark.png. The laboratory and the demos have lab-WHAT.png,
-# checkers-WHAT.png and tracker-WHAT.png, as their pictures.tcl in demos make them, where their services are.
+# checkers-WHAT.png and tracker-WHAT.png, as their pictures.tcl in demos make them, where their services are. The tracker's circuit is a drawing,
+# tracker-circuit.svg.
 # -widgets    without the laboratory and the demos
 # -all        of widgets also at 192 dots per inch, NAME-192.png and NAME-dark-192.png; and windows as a whole at two sizes,
 #             NAME-SHADE-DPI-SIZE.png (windowPictures.tcl)
@@ -349,9 +350,9 @@ proc pictures::make {folder demos all} {
             } {
                 # A sanitizer is too slow for a whole demo.
                 if {[info exists ::env(LD_PRELOAD)] && [string match *-window $name]} continue
-                set fixed [expr {$name in {lab-scene lab-reading tracker-circuit}}]
+                set fixed [expr {$name in {lab-scene lab-reading}}]
                 foreach shade [expr {$fixed ? "light" : "light dark"}] {
-                    set file [file join $folder $name[expr {$shade eq "dark" ? "-dark" : {}}].png]
+                    set file [file join $folder $name[expr {$shade eq "dark" ? "-dark" : {}}][expr {$name eq "tracker-circuit" ? ".svg" : ".png"}]]
                     exec timeout 120 [info nameofexecutable] [file join $Demos $demo pictures.tcl] {*}[string map [list FILE $file] $arguments] $shade 2>@1
                 }
                 if {!$all || $fixed} continue

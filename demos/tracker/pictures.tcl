@@ -1,11 +1,11 @@
-# pictures.tcl WHAT FILE ?THEME? ?PLOT? -- a picture of the tracker for a page, as PNG.
+# pictures.tcl WHAT FILE ?THEME? ?PLOT? -- a picture of the tracker for a page.
 #
-# WHAT is circuit, the units and wires of circuit.tracker as they are resolved; or window, the demo's, while all runs. Then the file PLOT
-# gets the places of ball and tool on the sine.
+# WHAT is circuit, circuit.tracker as the circuit editor draws it, all of it in an SVG file, or its window as PNG. Or WHAT is window, the demo's, as PNG
+# while all runs. Then the file PLOT gets the places of ball and tool on the sine.
 #
-#     xvfb-run -a -s "-screen 0 1600x1200x24" tclsh8.6 pictures.tcl circuit circuit.png
+#     xvfb-run -a -s "-screen 0 1600x1200x24" tclsh8.6 pictures.tcl circuit circuit.svg dark
 #
-# It needs a display and Tk's package Img; for window a runtime folder where no daemon has the name of one of the tracker's.
+# It needs a display, and for PNG Tk's package Img; for window a runtime folder where no daemon has the name of one of the tracker's.
 
 package require Tk
 package require sorma
@@ -29,95 +29,34 @@ proc tracker::pictures::own folder {
     return $folder
 }
 
-# ---- a circuit: units in columns, each behind all that it reads ----
+# ---- the circuit, as the circuit editor draws it ----
 
 proc tracker::pictures::circuit {file folder} {
+    package require sorma::circuitEditor
     sorma::so::dict CTRL -load [file join [own $folder] tracker.dict]
     foreach name {robot shmem} {
         package require sorma::service::$name
     }
-    set links {}                ;# dict: {FROM TO} -> pins of FROM
-    set constants {}            ;# dict: unit -> numbers
-    set column {}               ;# dict: unit -> its column
-    foreach line [split [lindex [circuit.tracker DBX -order] 3] \n] {
-        dict set column [lindex $line 1] 0
-    }
-    foreach line [split [lindex [circuit.tracker DBX -wires] 3] \n] {
-        set arrow [lsearch -exact $line ->]
-        set to [Unit [lindex $line $arrow+1] $column]
-        if {$arrow > 1 || [set from [Unit [lindex $line 0] $column]] eq {}} {
-            dict lappend constants $to [concat {*}[lrange $line 0 $arrow-1]]
-            continue
+    circuit.tracker DBX -units
+    wm geometry . [sorma::style pixels 1240]x[sorma::style pixels 760]
+    pack [sorma::circuitEditor .w circuit.tracker -state readonly] -fill both -expand 1
+    set units [llength [split [lindex [circuit.tracker DBX -units] 3] \n]]
+    set shown {dict size [dict filter [dict get [.w graph] nodes] key "unit *"]}
+    set end [expr {[clock milliseconds] + 20000}]
+    while {[eval $shown] < $units} {
+        if {[clock milliseconds] > $end} {
+            error "the picture has [eval $shown] of $units units: [.w said]"
         }
-        dict lappend links [list $from $to] [regsub -all {\[.*} [string range [lindex $line 0] [string length $from]+1 end] {}]
+        sorma::await sleep 20
     }
-    # In the order of execution, so that what a unit reads has its column already.
-    dict for {unit -} $column {
-        dict for {ends -} $links {
-            if {[lindex $ends 1] eq $unit} {
-                dict set column $unit [expr {max([dict get $column $unit], [dict get $column [lindex $ends 0]] + 1)}]
-            }
-        }
+    # Pins of all units have come, and the picture fits.
+    update
+    if {[file extension $file] eq ".svg"} {
+        .w save $file
+    } else {
+        picture save $file
     }
-    # A unit that is read late stands beside its reader.
-    foreach unit [lreverse [dict keys $column]] {
-        set readers [lmap ends [dict keys $links] {if {[lindex $ends 0] ne $unit} continue; dict get $column [lindex $ends 1]}]
-        if {$readers ne {}} {
-            dict set column $unit [expr {[::tcl::mathfunc::min {*}$readers] - 1}]
-        }
-    }
-    Draw $column $links $constants
-    picture save $file
     return 0
-}
-# The unit that a pin belongs to; none: it is a number.
-proc tracker::pictures::Unit {pin units} {
-    foreach unit [dict keys $units] {
-        if {[string match $unit.* $pin]} {
-            return $unit
-        }
-    }
-}
-proc tracker::pictures::Draw {column links constants} {
-    set px sorma::style::pixels
-    set font [sorma::style font small]
-    set width [expr {[::tcl::mathfunc::max {*}[lmap unit [dict keys $column] {font measure $font $unit}]] + [$px 12]}]
-    set height [expr {2 * [font metrics $font -linespace]}]
-    set across [expr {$width + [$px 42]}]
-    set down [expr {$height + [$px 26]}]
-    foreach unit [dict keys $column] {
-        dict lappend columns [dict get $column $unit] $unit
-    }
-    set most [::tcl::mathfunc::max {*}[lmap units [dict values $columns] {llength $units}]]
-    pack [canvas .c -background white -highlightthickness 0 -width [expr {[dict size $columns] * $across}] -height [expr {$most * $down}]]
-    dict for {x units} $columns {
-        set y [expr {($most - [llength $units]) * $down / 2.0 + $down / 2.0}]
-        foreach unit $units {
-            dict set at $unit [list [expr {$x * $across + $across / 2.0}] $y]
-            set y [expr {$y + $down}]
-        }
-    }
-    dict for {ends pins} $links {
-        lassign [dict get $at [lindex $ends 0]] x y
-        lassign [dict get $at [lindex $ends 1]] u v
-        set begin [expr {$x + $width / 2.0}]
-        set end [expr {$u - $width / 2.0}]
-        # Past other columns it goes between their rows.
-        set between [expr {[dict get $column [lindex $ends 1]] > [dict get $column [lindex $ends 0]] + 1 ? [list [expr {$begin + [$px 20]}] [expr {$y + $down / 2.0}] \
-            [expr {$end - [$px 20]}] [expr {$y + $down / 2.0}]] : {}}]
-        .c create line [concat $begin $y $between $end $v] -arrow last -fill #1a5fb4
-        # Beside its begin, where lines of one unit have not parted yet.
-        .c create text [expr {$x + $width / 2.0 + [$px 3]}] [expr {$y + ($v < $y ? -1 : 1) * [$px 2]}] -anchor [expr {$v < $y ? "sw" : "nw"}] \
-            -text [join [lsort -unique $pins] ", "] -font $font -fill #606060
-    }
-    dict for {unit place} $at {
-        lassign $place x y
-        .c create rectangle [expr {$x - $width / 2.0}] [expr {$y - $height / 2.0}] [expr {$x + $width / 2.0}] [expr {$y + $height / 2.0}] -fill #f4f4f2
-        .c create text $x $y -text $unit -font $font
-        if {[dict exists $constants $unit]} {
-            .c create text $x [expr {$y + $height / 2.0}] -anchor n -text [join [lmap numbers [dict get $constants $unit] {join $numbers}] "; "] -font $font -fill #606060
-        }
-    }
 }
 
 # ---- the window ----

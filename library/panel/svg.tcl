@@ -49,7 +49,7 @@ proc ::sorma::svg::Rectangle {canvas item coords} {
     return "<rect x=\"$x\" y=\"$y\" width=\"[expr {$X - $x}]\" height=\"[expr {$Y - $y}]\"\
         fill=\"[Colour $canvas [$canvas itemcget $item -fill]]\"[Stroke $canvas $item -outline]/>"
 }
-# Each line of it, where the canvas has it.
+# Each line of it, where the canvas has it, and as wide as there: another font that a viewer may take would go beyond its box.
 proc ::sorma::svg::Text {canvas item coords} {
     set font [$canvas itemcget $item -font]
     lassign [$canvas bbox $item] x y
@@ -59,7 +59,8 @@ proc ::sorma::svg::Text {canvas item coords} {
     set out {}
     foreach line [split [$canvas itemcget $item -text] \n] {
         if {$line ne {}} {
-            lappend out "<text x=\"[expr {$x + 1}]\" y=\"$y\" font-family=\"sans-serif\" font-size=\"$size\" font-weight=\"[::font actual $font -weight]\"\
+            lappend out "<text x=\"[expr {$x + 1}]\" y=\"$y\" textLength=\"[::font measure $font -displayof $canvas $line]\" lengthAdjust=\"spacingAndGlyphs\"\
+                font-family=\"[string map {& &amp; < &lt; \" &quot;} [::font actual $font -family]], sans-serif\" font-size=\"$size\" font-weight=\"[::font actual $font -weight]\"\
                 fill=\"[Colour $canvas [$canvas itemcget $item -fill]]\">[string map {& &amp; < &lt; > &gt;} $line]</text>"
         }
         incr y [::font metrics $font -linespace]
