@@ -176,7 +176,8 @@ snit::macro ::sorma::circuitRun {} {
             $self CycleRan $status $value
         }
     }
-    # Option -watchdog says how long the clock may stand: such a cycle waits for lab time. Another one would take this for a fault.
+    # A cycle with option -watchdog, as that of pino, waits for lab time: to stop it would stop the arm, too. The laboratory tells it that time is paused.
+    # Without that option, a machine that is busy for ten periods would be a fault meanwhile.
     method PausedLab {status value} {
         if {[$self CycleRan $status $value] && ![$self Waits]} {
             $self AskRun $cycle {CTRL -stop} [mymethod CycleStopped]

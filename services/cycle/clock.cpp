@@ -20,6 +20,7 @@ public:
     void sleep(std::uint32_t bell, std::int64_t due, std::int64_t until) noexcept override { bell_.wait(bell, std::min(due, until)); }
     void ring() noexcept override { bell_.increase(); }
     bool monotonic() const override { return true; }
+    std::uint64_t record() const noexcept override { return 0; }
 
 private:
     Futex bell_;
@@ -52,6 +53,7 @@ public:
     }
     void ring() noexcept override { bell_.increase(); }
     bool monotonic() const override { return false; }
+    std::uint64_t record() const noexcept override { return seen_; }
 
 private:
     void attach() {

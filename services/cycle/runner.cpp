@@ -376,6 +376,7 @@ void Runner::checkBudget(Service& service, const sorma::ThreadEffort& since) con
 void Runner::startClock() {
     current_ = this;
     time_ = clock_->now();
+    record_ = clock_->record();
     next_ = {time_ + plan_.period, plan_.period, true};
     nextDue_.store(next_.due, std::memory_order_relaxed);
     due_.store(nanoseconds() + plan_.period, std::memory_order_relaxed);
@@ -404,32 +405,33 @@ void Runner::run() {
     leave();
 }
 
-// Sleep until the next tick is due, or the clock stands still.
+// Sleep until the next tick is due, or no record of the clock has come for too long.
 Runner::Rest Runner::rest() {
     if (turn_.requestWaits()) {
         bool urgent = passed_.fetch_add(1, std::memory_order_relaxed) >= kMostPassed;
         if (urgent || fits()) turn_.offer(urgent ? nanoseconds() + quarter_.load(std::memory_order_relaxed) : 0);
     }
     const bool machine = clock_->monotonic();
-    std::int64_t moved = machine ? 0 : nanoseconds();
+    std::int64_t heard = machine ? 0 : nanoseconds();
     for (;;) {
         std::uint32_t bell = clock_->bell();
         if (stop_) return Rest::stop;
         std::int64_t now = clock_->now();
         if (!machine) {
             if (now < time_) nextDue_ = next_.due = now + next_.period;         // it has begun anew
-            if (now != time_) {
-                moved = nanoseconds();
+            time_ = now;
+            if (clock_->record() != record_) {
+                heard = nanoseconds();
                 stands_ = false;
-                time_ = now;
-            } else if (!stands_ && nanoseconds() - moved >= limit_.load(std::memory_order_relaxed)) {
+                record_ = clock_->record();
+            } else if (!stands_ && nanoseconds() - heard >= limit_.load(std::memory_order_relaxed)) {
                 stands_ = true;
                 return Rest::still;
             }
             now += kTolerance;
         }
         if (now >= next_.due) return Rest::due;
-        clock_->sleep(bell, next_.due, machine ? INT64_MAX : moved + limit_.load(std::memory_order_relaxed));
+        clock_->sleep(bell, next_.due, machine ? INT64_MAX : heard + limit_.load(std::memory_order_relaxed));
     }
 }
 

@@ -157,6 +157,7 @@ private:
     } next_;
     std::int64_t start_ = 0;            // [ns] start of the present tick, monotonic clock
     std::int64_t time_ = 0;             // [ns] last reading of the clock
+    std::uint64_t record_ = 0;          // of the clock, the last one that was seen
     bool stands_ = false;               // it has reported that the clock stands still
 
     Turn turn_;

@@ -131,14 +131,17 @@ void Laboratory::run() {
             takeSetPoint();
             takeOthers();
             pace.restart();
+            // Who waits for lab time knows by this that it is paused, and that the laboratory lives.
+            if (!broken_) tellTime();
             rest(lock, shmem::nanoseconds() + kNap);
             for (Input* in : {&armSet_, &handSet_, &cameraSet_, &laserSet_}) in->lookNow();
             continue;
         }
         try {
             step(lock);
+            broken_ = false;
         } catch (const std::exception& e) {
-            settings_.paused = true;
+            settings_.paused = broken_ = true;
             endWaits(true, INFINITY);
             event_("failed", std::string("the physics has stopped: ") + e.what() + "; lab time is paused", {});
             continue;
@@ -266,7 +269,7 @@ void Laboratory::write() {
     for (int servo : scene.fingerServo) handState_.put(data->actuator_force[servo]);
     handState_.put(tips).write();
     // Last: who is woken by the clock finds the others.
-    clock_.at(now).put(pace.speed()).put(pace.skipped()).write();
+    tellTime();
 
     if (drive.cause() != toldCause_) {
         toldCause_ = drive.cause();
@@ -286,6 +289,8 @@ void Laboratory::write() {
         drive.place(*data, setup_.posture);
     }
 }
+
+void Laboratory::tellTime() { clock_.at(time_).put(pace.speed()).put(pace.skipped()).write(); }
 
 // After a reset the table may go on bearing what it bears, until that has been below the limit once: the arm could not leave otherwise.
 void Laboratory::guard(double load) {

@@ -95,6 +95,7 @@ private:
     void control();
     void guard(double load);
     void write();
+    void tellTime();
     void showCamera(std::unique_lock<std::mutex>& lock);
     bool grab(std::unique_lock<std::mutex>& lock);
     // Lab time waits for pictures, unless the wall clock drives it: then they are late, or left out.
@@ -113,6 +114,7 @@ private:
     std::condition_variable wake_;
     std::atomic<int> wanted_{0};
     bool news_ = false, stop_ = false;
+    bool broken_ = false;               // the physics has stopped
     double time_ = 0;
 
     Input armSet_, handSet_, cameraSet_, laserSet_;
