@@ -10,6 +10,8 @@
 //     circuit.loop EXEC FMSG 1 0.5        -> FMSG 1 position
 //
 // wires.h says how wires are written, network.h what they mean. A circuit has pins as every object: circuits nest.
+#include <algorithm>
+#include <atomic>
 #include <cmath>
 
 #include <sorma.h>
@@ -27,6 +29,30 @@ using sorma::Severity;
 
 const Prototype kFloats{Severity::error, "REQUEST SIGNATURE", 1, "{}: EXEC expects {} floats{}, got {}"};
 const Prototype kBusy{Severity::error, "CIRCUIT BUSY", 1, "{}: it is in the middle of an EXEC, and cannot {} before that has ended"};
+const Prototype kInputs{Severity::error, "CIRCUIT INPUTS", 2,
+                        "{}: {} would break the cycle that runs it: each tick sends it {}, and it would read {}; stop the cycle first"};
+const Prototype kPins{Severity::error, "CIRCUIT PINS", 2,
+                      "{}: {} would break the wires of a circuit that runs in a cycle with this one inside; stop the cycle first"};
+
+std::string floatsText(std::size_t n) { return std::to_string(n) + (n == 1 ? " float" : " floats"); }
+
+// The first pin that differs, in words; empty: none.
+std::string differenceOf(const std::vector<sorma::Pin>& old, const std::vector<sorma::Pin>& fresh, bool inputsAlone) {
+    auto find = [](const std::vector<sorma::Pin>& pins, const sorma::Pin& pin) {
+        return std::find_if(pins.begin(), pins.end(), [&](auto& p) { return p.name == pin.name && p.input == pin.input; });
+    };
+    auto text = [](const char* what, const sorma::Pin& pin) { return what + std::string(pin.input ? " input " : " output ") + pin.name; };
+    for (auto& pin : old)
+        if ((pin.input || !inputsAlone) && find(fresh, pin) == fresh.end()) return text("to remove", pin);
+    for (auto& pin : fresh) {
+        if (!pin.input && inputsAlone) continue;
+        auto before = find(old, pin);
+        if (before == old.end()) return text("the new", pin);
+        if (before->length != pin.length) return text("another length of", pin);
+        if (before->at != pin.at && !inputsAlone) return text("another place of", pin);
+    }
+    return {};
+}
 
 class Circuit : public sorma::Service, public sorma::HasIncidents {
 public:
@@ -70,6 +96,8 @@ public:
     void changed(std::span<const sorma::Option* const>) override { anchor(); }
 
     void exec(Message& m) override {
+        // Relaxed: it orders nothing, a change is compared with ticks that have been.
+        if (sorma::RealtimeOwner::current()) given_.store(m.floats.size(), std::memory_order_relaxed);
         if (m.floats.size() != network_->inputs()) [[unlikely]] failFloats(m.floats.size());
         if (running_) [[unlikely]] fail(kBusy, name(), "begin another one");
         Running running(running_);
@@ -144,10 +172,33 @@ private:
                             const sorma::PrincipalPointer& author) {
         circuit::Description description{circuit::parseWires(name(), wires), circuit::parsePins(name(), "-inputs", inputs),
                                          circuit::parsePins(name(), "-outputs", outputs), author};
-        return [this, fresh = std::make_shared<Network>(*this, description)]() mutable {
+        auto made = std::make_shared<Network>(*this, description);
+        if (realtimeOwner()) needFit(*made);
+        return [this, fresh = std::move(made)]() mutable {
             if (running_) fail(kBusy, name(), "be wired again");
             std::swap(network_, fresh);
         };
+    }
+
+    // A change that would let ticks fail which succeed now is refused.
+    void needFit(const Network& fresh) const {
+        const std::size_t given = given_.load(std::memory_order_relaxed);
+        if (given == kNever || given != network_->inputs()) return;
+        const bool inside = isInside();
+        const std::string what = differenceOf(network_->pins(), fresh.pins(), !inside);
+        if (inside && !what.empty()) fail(kPins, name(), what);
+        if (fresh.inputs() != given) fail(kInputs, name(), what, floatsText(given), floatsText(fresh.inputs()));
+    }
+
+    // Is it a unit of another circuit that the same cycle runs?
+    bool isInside() const {
+        for (auto& other : sorm().names("circuit*")) {
+            const auto* circuit = dynamic_cast<const Circuit*>(sorm().find(other));
+            if (!circuit || circuit->realtimeOwner() != realtimeOwner()) continue;
+            for (auto& part : circuit->parts())
+                if (part.get() == this) return true;
+        }
+        return false;
     }
 
     void rewire() {
@@ -198,6 +249,8 @@ private:
     std::string wires_, inputs_, outputs_, places_;
     double period_ = 0;
     std::shared_ptr<Network> network_;      // from birth on
+    static constexpr std::size_t kNever = std::size_t(-1);
+    std::atomic<std::size_t> given_{kNever};        // floats that the last tick of a cycle has sent
     bool running_ = false;                  // a unit may come back to us, or let others do so while it waits
     sorma::Tick tick_;                      // when no cycle drives us: the next one, with the period of the last
     std::int64_t anchor_ = 0;               // [ns] time of tick anchorNumber_
