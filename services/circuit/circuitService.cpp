@@ -217,6 +217,7 @@ private:
 
     void resetAction(sorma::Args, Message&) {
         if (running_) fail(kBusy, name(), "be reset");
+        if (!network_) return;              // a recipe says it before birth, when there is nothing to reset
         for (auto& unit : network_->units()) {
             if (!unit->type().findAction("-reset")) continue;
             Message m;
