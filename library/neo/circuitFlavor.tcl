@@ -74,20 +74,12 @@ snit::macro ::sorma::circuitFlavorParts {} {
             destroy $win.diff
             return
         }
-        $self AskThere [list dict CTRL -expand [$self NameThere]] [mymethod Compared]
+        $self AskStored [mymethod Compared]
     }
-    method Compared {status value} {
-        set old {}
+    method Compared {has old why} {
         set name [$subject name]
-        if {$status eq "ok"} {
-            set words [if {[dict exists $value text]} {dict get $value text}]
-            if {[catch {dict size $words}]} {
-                set hint "[::sorma::style mark refused] compare: the recipe of $name has actions, too"
-                return
-            }
-            set old $words
-        } elseif {[lrange [lindex $value 1] 0 2] ne "SORMA DICT UNKNOWN"} {
-            set hint "[::sorma::style mark refused] compare: [::sorma::text::clean [lindex $value 0]]"
+        if {$why ne {}} {
+            set hint "[::sorma::style mark refused] compare: [::sorma::text::clean $why]"
             return
         }
         if {[catch {::sorma::circuitFlavor::compare $old $recipe} found]} {
@@ -99,7 +91,7 @@ snit::macro ::sorma::circuitFlavorParts {} {
         foreach {mark state} {+ good - refused ~ theirs} {
             $win.diff tag configure $mark -foreground [::sorma::style colour $state]
         }
-        set head [expr {$status eq "ok" ? {} : "no recipe of $name is in the dictionary; all of it is new\n"}]
+        set head [expr {$has ? {} : "no recipe of $name is in the dictionary; all of it is new\n"}]
         $win.diff insert end $head
         foreach line $found {
             $win.diff insert end "[lindex $line 0] [string map {\n { }} [lindex $line 1]]\n" [lindex $line 0]

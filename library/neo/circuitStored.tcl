@@ -1,6 +1,6 @@
-# circuitStored.tcl -- ::sorma::circuitStored: in the circuit editor, the recipe that the dictionary has of a circuit, while there is no such object.
+# circuitStored.tcl -- ::sorma::circuitStored: in the circuit editor, the recipe that the dictionary has of a circuit. Looking makes no object.
 #
-# So a recipe that makes no circuit can be seen, and what is wrong with it. Looking makes no object.
+# It is shown while there is no such object. So a recipe that makes no circuit can be seen, and what is wrong with it. circuitFlavor.tcl compares with it.
 
 package require snit
 package require sorma::parts
@@ -17,24 +17,37 @@ snit::macro ::sorma::circuitStored {} {
             set stored {}
         } elseif {$storedTimer eq {} && $token ne {}} {
             set storedTimer asked
-            $self AskThere [list dict CTRL -expand [$self NameThere]] [mymethod StoredCame]
+            $self AskStored [mymethod StoredCame]
         }
+    }
+    # Ask for the recipe. PREFIX is called with {FOUND RECIPE WHY}: a dict of the options of circuitText that it has. FOUND 0: there is none, or nobody
+    # has told, and WHY says why.
+    method AskStored prefix {
+        $self AskThere [list dict CTRL -expand [$self NameThere]] [mymethod StoredRead $prefix]
+    }
+    method StoredRead {prefix status value} {
+        set content {}
+        if {$status ne "ok"} {
+            set none [expr {[lrange [lindex $value 1] 0 2] eq "SORMA DICT UNKNOWN"}]
+            return [{*}$prefix 0 {} [if {!$none} {lindex $value 0}]]
+        }
+        # Actions may stand among the options: nobody needs them here.
+        set words [if {[dict exists $value text]} {dict get $value text}]
+        foreach option $::sorma::circuitText::options {
+            if {![catch {lsearch -exact $words $option} at] && $at >= 0} {
+                dict set content $option [lindex $words $at+1]
+            }
+        }
+        {*}$prefix 1 $content {}
     }
     method StopStored {} {
         after cancel $storedTimer
         set storedTimer {}
     }
-    method StoredCame {status value} {
+    method StoredCame {found content why} {
         if {$storedTimer ne "asked"} return
-        set words [if {$status eq "ok" && [dict exists $value text]} {dict get $value text}]
         set before $stored
-        # Actions may stand among the options: nobody needs them here.
-        set stored {}
-        foreach option $::sorma::circuitText::options {
-            if {![catch {lsearch -exact $words $option} at] && $at >= 0} {
-                dict set stored $option [lindex $words $at+1]
-            }
-        }
+        set stored $content
         set storedTimer [after 1000 [mymethod StoredAgain]]
         if {$stored ne $before} {
             $self Told
