@@ -84,6 +84,8 @@ snit::widget ::sorma::circuitEditor {
     variable tools {}           ;# the buttons in the head, in their order
     variable toolRows {}        ;# where they stand: {BESIDE ROWS}
 
+    typevariable Tags {wrong refused + good - refused ~ theirs}     ;# tags of texts -> states, whose colours they have
+
     ::sorma::circuitEdits
     ::sorma::circuitClip
     ::sorma::circuitFlavorParts
@@ -119,12 +121,27 @@ snit::widget ::sorma::circuitEditor {
         pack $win.hint -side bottom -fill x
         pack $win.panes -fill both -expand 1 -padx $pad
         bind $scene <<ViewChanged>> [mymethod Viewed]
+        bind $win <<ThemeChanged>> [mymethod Looks]
         bind $win <Map> [mymethod Begin]
         bind $win <Unmap> [mymethod Rest]
         bind $win <Destroy> +[list ::sorma::parts::ended $win [mymethod Ended %W]]
         $self Bind
         set listener [$subject listen [mymethod Told]]
         $self Refresh
+    }
+    # Texts do not follow the theme by themselves.
+    method Looks {} {
+        foreach view [list $win.panes.picture.text $win.diff] {
+            if {![winfo exists $view]} continue
+            foreach {option token} {-background surface -foreground text -selectbackground tint -selectforeground text -highlightcolor accent -highlightbackground line} {
+                $view configure $option [::sorma::style token $token]
+            }
+            foreach tag [$view tag names] {
+                if {[dict exists $Tags $tag]} {
+                    $view tag configure $tag -foreground [::sorma::style colour [dict get $Tags $tag]]
+                }
+            }
+        }
     }
     # The picture gets the room, as soon as there is some.
     proc Narrow panes {
@@ -504,7 +521,7 @@ snit::widget ::sorma::circuitEditor {
         $view configure -state normal
         $view delete 1.0 end
         $view insert end [dict get $recipe -wires]
-        $view tag configure wrong -foreground [::sorma::style colour refused] -underline 1
+        $view tag configure wrong -foreground [::sorma::style colour [dict get $Tags wrong]] -underline 1
         lassign [lrange $code 4 5] first last
         if {[string is integer -strict $last]} {
             $view tag add wrong "1.0 + $first chars" "1.0 + [expr {$last + 1}] chars"

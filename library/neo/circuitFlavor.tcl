@@ -88,8 +88,8 @@ snit::macro ::sorma::circuitFlavorParts {} {
         }
         destroy $win.diff
         ::text $win.diff -height [expr {min(8, max(1, [llength $found]))}] -width 20 -wrap none -relief flat -takefocus 1 -font [::sorma::style font fixed]
-        foreach {mark state} {+ good - refused ~ theirs} {
-            $win.diff tag configure $mark -foreground [::sorma::style colour $state]
+        foreach mark {+ - ~} {
+            $win.diff tag configure $mark -foreground [::sorma::style colour [dict get $Tags $mark]]
         }
         set head [expr {$has ? {} : "no recipe of $name is in the dictionary; all of it is new\n"}]
         $win.diff insert end $head
