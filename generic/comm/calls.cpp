@@ -92,13 +92,13 @@ void Calls::call(std::string_view name, Method method, Message& m, Deadline dead
     if (CallContext::current() || relayFor || link_.epoch() != 0) [[unlikely]] {
         wire::Behalf behalf = wire::behalfOf(relayFor, link_.epoch());
         if (behalf.trace.number) trace(slot, CallContext::current()->span);
-        slots_.write(index, method, m, now, &behalf);
+        slots_.write(index, method, m, now, &behalf, true);
     } else {
-        slots_.write(index, method, m, now, nullptr);
+        slots_.write(index, method, m, now, nullptr, true);
     }
     // A call counts as sent when the kernel has taken its last byte: the daemon cannot execute a part of it.
     std::size_t taken = 0;
-    if (link_.live() && link_.write(slot.request.data(), slot.request.size(), deadline, &taken)) slots_.sent(index);
+    if (link_.live() && link_.write(slot.request, slot.lent, deadline, taken)) slots_.sent(index);
     else slot.cut = taken > 0;
     const AtEnd forget([this, outer = std::exchange(link_.callTime, now)] { link_.callTime = outer; });
     await(index, deadline.none() ? deadline.left() : slot.budget);

@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <cstring>
 #include <ctime>
+#include <utility>
 
 #include "bus/atEnd.h"
 #include "bus/call.h"
@@ -257,6 +258,7 @@ void Link::disconnect() {
     line_ = {};
     timer_.cancel();
     in_.clear();
+    apart_.end();
     inAt_ = 0;
     shares_ = false;
     const bool was = std::exchange(state_, State::lost) == State::live;
@@ -360,6 +362,7 @@ bool Link::receive(std::int64_t wait) {
 }
 
 ssize_t Link::read(std::int64_t wait) {
+    if (apart_.filling()) [[unlikely]] return readApart(wait);
     std::size_t half = in_.size();
     std::size_t size = std::max(kReadSize, std::min(half, kMostGrowth));
     char* room = in_.extend(size);
@@ -368,10 +371,19 @@ ssize_t Link::read(std::int64_t wait) {
     return n;
 }
 
+ssize_t Link::readApart(std::int64_t wait) {
+    std::size_t size = kReadSize;
+    char* room = apart_.room(size);
+    const ssize_t n = line_.read(room, size, wait);
+    if (n > 0) apart_.came(static_cast<std::size_t>(n));
+    return n;
+}
+
 // Have the whole ones taken. False: they are no records, or the line was lost.
 bool Link::takeRecords() {
-    std::int64_t now = callTime;
+    lastHeard_ = callTime != 0 ? callTime : monotonicNow();
     for (std::string_view record;;) {
+        if (apart_.filling()) return true;
         record::Reader next(in_.data() + inAt_, in_.size() - inAt_, static_cast<std::size_t>(settings_.maxMessage));
         if (!next.next(record)) {
             if (!next.wrong()) break;
@@ -380,25 +392,33 @@ bool Link::takeRecords() {
             return false;
         }
         inAt_ = static_cast<std::size_t>(next.at() - in_.data());
-        XdrReader r(record);
-        auto envelope = wire::readEnvelope(r);
-        if (now == 0) now = monotonicNow();
-        lastHeard_ = now;
-        if (r.good() && envelope.kind == 0) {
-            auto header = wire::readCallHeader(r, envelope.xid);
-            if (header.procedure == wire::kGoodbye) lastWords_ = std::string(r.text());
-            if (header.procedure == wire::kEvent) user_.event(r);
-            if (header.procedure == wire::kOutdated) user_.outdated();
-            if (header.procedure == wire::kTraced) user_.traced(r);
-        } else {
-            user_.replied(r, envelope.xid);
-        }
+        if (apart_.size() == 0) [[likely]] take(XdrReader(record));
+        else takeLong(record);
         if (!live()) return false;
     }
     in_.drop(inAt_);
     inAt_ = 0;
     if (in_.empty() && in_.capacity() > kKeepBuffer) in_.release();
+    else if (in_.size() > 0 && apart_.size() == 0) apart_.begin(in_, 0);
     return true;
+}
+
+// Those who take it may begin to read another one.
+void Link::takeLong(std::string_view record) {
+    record::Apart numbers = std::exchange(apart_, {});
+    take(XdrReader(record, numbers));
+    numbers.end();
+    if (apart_.size() == 0 && numbers.capacity() <= kKeepBuffer) apart_ = std::move(numbers);
+}
+
+void Link::take(XdrReader r) {
+    auto envelope = wire::readEnvelope(r);
+    if (!r.good() || envelope.kind != 0) return user_.replied(r, envelope.xid);
+    auto header = wire::readCallHeader(r, envelope.xid);
+    if (header.procedure == wire::kGoodbye) lastWords_ = std::string(r.text());
+    if (header.procedure == wire::kEvent) user_.event(r);
+    if (header.procedure == wire::kOutdated) user_.outdated();
+    if (header.procedure == wire::kTraced) user_.traced(r);
 }
 
 void Link::look() {
@@ -458,6 +478,19 @@ bool Link::write(const char* data, std::size_t size, Deadline deadline, std::siz
         else if (!waitToWrite(deadline)) lose("the daemon did not read the request in time");
     }
     return false;
+}
+
+bool Link::writeLong(const Buffer& record, const record::Lent& lent, Deadline deadline, std::size_t& taken) {
+    record::Source source(record, lent);
+    while (source.left() > 0) {
+        const std::string_view piece = source.next();
+        std::size_t some = 0;
+        const bool whole = write(piece.data(), piece.size(), deadline, &some);
+        source.took(some);
+        taken += some;
+        if (!whole) return false;
+    }
+    return true;
 }
 
 bool Link::append(Tag tag, const Buffer& bytes) {

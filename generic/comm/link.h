@@ -32,6 +32,7 @@
 #include "bus/loop.h"
 #include "bus/name.h"
 #include "bus/trail.h"
+#include "comm/apart.h"
 #include "comm/reactor.h"
 #include "comm/settings.h"
 #include "comm/transport.h"
@@ -119,6 +120,10 @@ public:
 
     // Write all of it, blocking, past the queue, which must be empty. False: the line is lost. taken: counts what it took.
     bool write(const char* data, std::size_t size, Deadline deadline, std::size_t* taken = nullptr);
+    // The same with numbers that are lent to the record.
+    bool write(const Buffer& record, const record::Lent& lent, Deadline deadline, std::size_t& taken) {
+        return lent.data ? writeLong(record, lent, deadline, taken) : write(record.data(), record.size(), deadline, &taken);
+    }
     // Write the queue, blocking, until enough() is true.
     template <class Enough> void drainUntil(Deadline deadline, Enough enough) {
         while (live() && !enough()) {
@@ -173,7 +178,11 @@ private:
     void unwatch();
     bool receive(std::int64_t wait);    // false: nothing has come
     ssize_t read(std::int64_t wait);
+    ssize_t readApart(std::int64_t wait);
+    bool writeLong(const Buffer& record, const record::Lent& lent, Deadline deadline, std::size_t& taken);
     bool takeRecords();
+    void takeLong(std::string_view record);
+    void take(XdrReader r);
     // The attempt.
     void advance();
     void sayHello();
@@ -196,6 +205,7 @@ private:
     Line line_;
     Buffer in_;                         // bytes that have come
     std::size_t inAt_ = 0;              // of in_: what has been handled
+    record::Apart apart_;               // numbers of the record with which in_ begins
     std::deque<Item> queue_;
     std::size_t written_ = 0;           // of the first one: bytes that the line has taken
     bool watched_ = false;

@@ -162,6 +162,11 @@ void Server::Peer::receive() {
     if (server_.scratch_.size() <= server_.depth_) server_.scratch_.push_back(std::make_unique<Scratch>());
     Scratch& scratch = *server_.scratch_[server_.depth_];
 
+    if (apart_ && apart_->filling()) [[unlikely]] {
+        if (!receiveApart()) return server_.closePeer(this, {}, false);
+        if (apart_->filling()) return;
+    }
+
     // Requests that a turn before left here are served before more is read.
     bool inPeer = !in_.empty();
     char* room = scratch.in;
@@ -210,6 +215,27 @@ void Server::Peer::receive() {
     if (ended && !complete()) server_.closePeer(this, {}, false);
 }
 
+// Numbers of a long request go to where they belong. False: the line has ended.
+bool Server::Peer::receiveApart() {
+    const std::int64_t began = monotonicNow();
+    ssize_t n = 1;
+    for (std::size_t got = 0; n > 0 && apart_->filling() && got < kMostGrowth; got += std::size_t(n)) {
+        std::size_t size = kReadSize;
+        char* room = apart_->room(size);
+        errno = EAGAIN;
+        n = line_.read(room, size);
+        if (n > 0) apart_->came(std::size_t(n));
+    }
+    if (n == 0 || (n < 0 && errno != EAGAIN)) return false;
+    arrived_ = monotonicNow();
+    server_.reactor_.seen(arrived_);
+    server_.shares_.took(share_, arrived_ - began);
+    server_.shares_.leave(share_, false);
+    if (line_.pending()) server_.reactor_.again(this);
+    interest();
+    return true;
+}
+
 // The turn is over. What was not served stays, and is charged.   more: of it could have been served.
 [[gnu::always_inline]] inline void Server::Peer::leave(Frame& frame, std::size_t coming, bool more, bool served) {
     std::size_t left = static_cast<std::size_t>(frame.end - frame.at);
@@ -224,11 +250,27 @@ void Server::Peer::receive() {
     else if (halfSince_ == 0 || served) halfSince_ = arrived_;
     if (slow()) server_.watchSlow(this);
     // For what is here, and for the rest of a long request. Requests that will soon be served are charged in any case.
-    if (std::size_t held = pieces_.size() + std::max(coming, unread()); held != request_.bytes()) {
+    if (std::size_t held = begun() + std::max(coming, unread()); held != request_.bytes()) {
         if (!half) request_.force(held);
         else if (!stretch(request_, held)) server_.closePeer(this, requests.overBudget(server_.name_, held).what(), true);
     }
+    if (coming >= record::kLong && open() && begun() == 0) beginApart();
     interest();
+}
+
+// The request that has begun may have long numbers. Its bytes are charged.
+void Server::Peer::beginApart() {
+    auto numbers = server_.spareApart_ ? std::move(server_.spareApart_) : std::make_unique<record::Apart>();
+    if (numbers->begin(in_, taken_)) apart_ = std::move(numbers);
+    else server_.spareApart_ = std::move(numbers);
+}
+
+void Server::Peer::handle(std::string_view record, Scratch& scratch, Frame& frame) {
+    if (!apart_) [[likely]] return requests.handle(XdrReader(record), record, record.size(), scratch, frame);
+    auto numbers = std::move(apart_);           // a service may run the event loop
+    requests.handle(XdrReader(record, *numbers), {}, record.size() + numbers->size(), scratch, frame);
+    numbers->end();
+    if (numbers->capacity() <= kKeepSpare) server_.spareApart_ = std::move(numbers);
 }
 
 void Server::Peer::serve(Frame& frame, Scratch& scratch) {
@@ -253,7 +295,7 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
             continue;
         }
         if (!piece.whole) {
-            if (piece.length > kReadSize && !request_.set(size)) [[unlikely]] {
+            if (piece.length > kReadSize && !apart_ && !request_.set(size)) [[unlikely]] {
                 if (!skip(frame, scratch, piece.length, requests.overBudget(server_.name_, piece.length))) break;
                 continue;
             }
@@ -273,9 +315,9 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
         if (whole || ++count % kPieces == 0) ++served;
         if (!whole) continue;
         const std::size_t before = scratch.out.size();
-        requests.handle(record, scratch, frame);
+        handle(record, scratch, frame);
         if (scratch.out.size() > before + kShort) frame.ran = 0;
-        if (scratch.out.size() > kFlushAt) flush(scratch);
+        if (scratch.out.size() > kFlushAt || scratch.lent.data) flush(scratch);
     }
     if (heapOf(scratch.message) > kKeepSpare) freeMemory(scratch.message);
     if (more && held_.size() + scratch.out.size() < kHold) hold(scratch);
@@ -320,7 +362,7 @@ void Server::Peer::pay(Frame& frame) {
 void Server::Peer::lookAhead(Frame& frame) {
     dwelt_ = false;
     looked_ = monotonicNow();
-    if (pieces_.dropping() > 0) return;     // in the middle of a record
+    if (pieces_.dropping() > 0 || (apart_ && apart_->filling())) return;        // in the middle of a record
     frame.scanned = std::max(frame.scanned, frame.at);
     pollfd state{line_.descriptor(), POLLRDHUP, 0};
     if (poll(&state, 1, 0) > 0) ended_ = true;
@@ -361,7 +403,12 @@ bool Server::Peer::skip(Frame& frame, Scratch& scratch, std::size_t length, cons
 // ---- sending ----
 
 void Server::Peer::flush(Scratch& scratch) {
-    if (!(scratch.out.empty() && held_.empty()) && open()) push(scratch.out.data(), scratch.out.size());
+    if (scratch.lent.data) [[unlikely]] {
+        record::Source source(scratch.out, std::exchange(scratch.lent, {}));
+        if (open()) push(source);
+    } else if (!(scratch.out.empty() && held_.empty()) && open()) {
+        push(scratch.out.data(), scratch.out.size());
+    }
     scratch.out.clear();
     if (scratch.out.capacity() > kKeepSpare) scratch.out.release();
 }
@@ -386,21 +433,44 @@ void Server::Peer::push(const char* data, std::size_t size) {
         if (size == 0) return;
     }
     queue(data, size);
+    watchQueue();
+}
+
+void Server::Peer::push(record::Source& source) {
+    if (!held_.empty()) push(nullptr, 0);
+    while (open() && queued() == 0 && source.left() > 0) {
+        const std::string_view piece = source.next();
+        const char* at = piece.data();
+        std::size_t left = piece.size();
+        if (!line_.writeMost(at, left)) return server_.closePeer(this, {}, false);
+        source.took(piece.size() - left);
+        if (left > 0) break;
+    }
+    if (!open() || source.left() == 0) return;
+    source.appendTo(roomToQueue(source.left()));
+    interest();
+    watchQueue();
+}
+
+void Server::Peer::watchQueue() {
     if (!stretch(queue_, out_.size())) return server_.closePeer(this, {}, false);
     server_.watchSlow(this);
 }
 
 // Keep it until the line takes more.
 void Server::Peer::queue(const char* data, std::size_t size) {
-    if (queued() == 0) {
-        stuckSince_ = monotonicNow();
-        if (server_.spare_.capacity() >= size) {
-            std::swap(out_, server_.spare_);
-            out_.clear();
-        }
-    }
-    out_.append(data, size);
+    roomToQueue(size).append(data, size);
     interest();
+}
+
+Buffer& Server::Peer::roomToQueue(std::size_t size) {
+    if (queued() > 0) return out_;
+    stuckSince_ = monotonicNow();
+    if (server_.spare_.capacity() >= size) {
+        std::swap(out_, server_.spare_);
+        out_.clear();
+    }
+    return out_;
 }
 
 void Server::Peer::drain() {
@@ -483,6 +553,7 @@ void Server::Peer::peek() {
     if (unserved > kLookSize) return;
     Buffer& seen = server_.peeked_;
     seen.clear();
+    if (apart_ && apart_->filling()) return;            // behind a long request, which has not come
     seen.append(begin, unserved);
     ssize_t n = line_.peek(seen.extend(kLookSize), kLookSize);
     seen.resize(unserved + (n > 0 ? static_cast<std::size_t>(n) : 0));

@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "bus/budget.h"
+#include "comm/apart.h"
 #include "comm/requests.h"
 #include "comm/server.h"
 #include "comm/transport.h"
@@ -37,6 +38,7 @@ inline constexpr std::size_t kKeepSpare = 4 << 20;      // the shared buffer may
 struct Server::Scratch {
     char in[kReadSize];
     Buffer out;
+    record::Lent lent;          // numbers of the message that belong into out: it is sent before the message is used again
     Message message;
 };
 
@@ -91,7 +93,7 @@ public:
     // Why this peer has been slow for too long; empty when it has not.
     std::string tooSlow(std::int64_t now) const;
     // Does it owe nothing and get nothing? Then it may be closed to make room.
-    bool idle() const { return in_.empty() && pieces_.size() == 0 && queued() == 0 && requests.idle(); }
+    bool idle() const { return in_.empty() && begun() == 0 && queued() == 0 && requests.idle(); }
     std::int64_t lastHeard() const { return arrived_ != 0 ? arrived_ : since; }     // [ns]
     bool slow() const { return halfSince_ != 0 || queued() > 0; }       // to be watched: see tooSlow
 
@@ -119,7 +121,12 @@ private:
     std::size_t appetite() const;       // [bytes] to read now
     record::Piece front() const { return record::front(in_.data() + taken_, in_.data() + in_.size()); }     // the first that is not served
     std::size_t unread() const { return in_.size() - taken_; }      // [bytes] of in_ that are not served
-    bool complete() const { return front().whole && unread() > record::kMarkSize; }
+    bool complete() const { return front().whole && unread() > record::kMarkSize && !(apart_ && apart_->filling()); }
+    std::size_t begun() const { return pieces_.size() + (apart_ ? apart_->size() : 0); }        // [bytes] of a record that are not in in_
+    bool receiveApart();
+    void beginApart();
+    void handle(std::string_view record, Scratch& scratch, Frame& frame);
+    void push(record::Source& source);
     void serve(Frame& frame, Scratch& scratch);         // the complete requests of a turn
     bool mayKeep(std::size_t size, std::size_t kept, Scratch& scratch);
     void leave(Frame& frame, std::size_t coming, bool more, bool served);
@@ -133,6 +140,8 @@ private:
     void pump();                        // write events while the queue is empty
     void interest();                    // tell the reactor what to wait for
     void queue(const char* data, std::size_t size);
+    Buffer& roomToQueue(std::size_t size);
+    void watchQueue();                  // closes the peer when it may not have so much
 
     Server& server_;
     Line line_;
@@ -142,6 +151,7 @@ private:
     Buffer in_;                         // requests that have come and are not served, the last one perhaps in part
     std::size_t taken_ = 0;             // [bytes] of in_ that were served. They are removed when more is read, not in each turn
     record::Assembler pieces_;          // of a record whose last one has not come, or that is refused
+    std::unique_ptr<record::Apart> apart_;      // numbers of the record with which what is unread begins; null: none
     Buffer out_;                        // replies that the socket has not taken
     std::size_t sent_ = 0;              // [bytes] of out_ that were sent
     Buffer held_;                       // replies that are sent with those of its next turn

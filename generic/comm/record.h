@@ -29,8 +29,8 @@ inline std::size_t open(Buffer& out) {
     out.extend(kMarkSize);
     return start;
 }
-inline void close(Buffer& out, std::size_t start) {
-    XdrWriter::put(out.data() + start, kLast | static_cast<std::uint32_t>(out.size() - start - kMarkSize));
+inline void close(Buffer& out, std::size_t start, std::size_t lent = 0) {          // lent: [bytes] that do not stand there
+    XdrWriter::put(out.data() + start, kLast | static_cast<std::uint32_t>(out.size() - start - kMarkSize + lent));
 }
 
 // ---- reading ----

@@ -83,12 +83,13 @@ Error Server::Requests::overBudget(std::string_view object, std::size_t bytes) c
 
 // ---- what it is ----
 
-[[gnu::always_inline]] inline void Server::Requests::dispatch(XdrReader& r, const wire::CallHeader& header, std::string_view record, Scratch& scratch, Frame& frame) {
+[[gnu::always_inline]] inline void Server::Requests::dispatch(XdrReader& r, const wire::CallHeader& header, std::string_view record, std::size_t size,
+                                                                  Scratch& scratch, Frame& frame) {
     switch (header.procedure) {
         case wire::kNull: return wire::writeEmptyReply(scratch.out, header.xid);
-        case wire::kCall: return call(r, header, record, scratch, frame);
+        case wire::kCall: return call(r, header, record, size, scratch, frame);
         case wire::kHello: return hello(r, header.xid, scratch.out, peer_.arrived());
-        case wire::kOneway: return oneway(r, header, scratch, frame);
+        case wire::kOneway: return oneway(r, header, size, scratch, frame);
         case wire::kCancel: return cancel(r);
         case wire::kClock:
             if (std::int64_t sent; wire::readClock(r, sent)) clock_.sample(sent, peer_.arrived());
@@ -102,8 +103,7 @@ Error Server::Requests::overBudget(std::string_view object, std::size_t bytes) c
     }
 }
 
-void Server::Requests::handle(std::string_view record, Scratch& scratch, Frame& frame) {
-    XdrReader r(record);
+void Server::Requests::handle(XdrReader r, std::string_view record, std::size_t size, Scratch& scratch, Frame& frame) {
     auto envelope = wire::readEnvelope(r);
     if (!r.good()) return server_.closePeer(&peer_, "what came is not a message of ONC RPC", true);
     if (envelope.kind != 0) return;                 // a reply: we have asked nothing
@@ -117,7 +117,7 @@ void Server::Requests::handle(std::string_view record, Scratch& scratch, Frame& 
     if (header.version != wire::kVersion) return wire::writeRefusal(scratch.out, header.xid, wire::Refusal::programMismatch);
     if (!answered_.empty() && std::erase(answered_, header.xid) > 0) return;       // by the health responder
     try {
-        dispatch(r, header, record, scratch, frame);
+        dispatch(r, header, record, size, scratch, frame);
     } catch (const Error& e) {
         refuse(header.xid, scratch.out, e);
     }
@@ -262,10 +262,10 @@ void Server::Requests::subscribe(XdrReader& r, const wire::CallHeader& header, B
 
 // ---- calls ----
 
-void Server::Requests::call(XdrReader& r, const wire::CallHeader& header, std::string_view record, Scratch& scratch, Frame& frame) {
+void Server::Requests::call(XdrReader& r, const wire::CallHeader& header, std::string_view record, std::size_t size, Scratch& scratch, Frame& frame) {
     wire::Request request;
     Message& m = scratch.message;
-    const std::size_t words = wordsOf(r, record.size());
+    const std::size_t words = wordsOf(r, size);
     if (!wire::readRequest(r, request, m)) return wire::writeRefusal(scratch.out, header.xid, wire::Refusal::garbage);
     ReplySlot* slot = nullptr;
     SessionKey key;
@@ -276,7 +276,7 @@ void Server::Requests::call(XdrReader& r, const wire::CallHeader& header, std::s
         if (!slot->begins(request.sequence)) return server_.sessions_->repeat(*slot, request, header.xid, scratch.out);
         if (peer_.ended()) return;              // nobody waits for it; a client that comes back sends it again
     }
-    needRoom(request.name, record.size(), slot);
+    needRoom(request.name, size, slot);
     if (slot) {
         slot->sequence = request.sequence;
         slot->state = ReplySlot::State::running;
@@ -284,20 +284,19 @@ void Server::Requests::call(XdrReader& r, const wire::CallHeader& header, std::s
     }
     ++calls;
     wire::Times times;
-    auto later = [&] { return Later{&peer_, peer_.number, key, request.slot, request.sequence, header.xid, record.size() + words, 0, frame.span}; };
+    auto later = [&] { return Later{&peer_, peer_.number, key, request.slot, request.sequence, header.xid, size + words, 0, frame.span}; };
     bool pending = execute(request, header, record, m, times, slot, scratch, frame);
     // A service may have run the event loop: the session may have another connection now, or may have been removed.
     if (slot && frame.spilled) [[unlikely]] slot = server_.sessions_->find(later());
     if (slot) slot->call = nullptr;
     if (pending) return server_.replyLater(later(), times, std::exchange(m.later, nullptr));
-    reply(header.xid, times, request.name, m, slot, scratch.out, frame.span);
+    reply(header.xid, times, request.name, m, slot, scratch.out, frame.span, &scratch.lent);
     if (slot) server_.sessions_->replyAgain(*slot, &peer_);
 }
 
-void Server::Requests::oneway(XdrReader& r, const wire::CallHeader& header, Scratch& scratch, Frame& frame) {
+void Server::Requests::oneway(XdrReader& r, const wire::CallHeader& header, std::size_t bytes, Scratch& scratch, Frame& frame) {
     wire::Request request;
     Message& m = scratch.message;
-    const std::size_t bytes = r.left();
     std::size_t words = 0;                      // [bytes] of their memory
     try {
         words = wordsOf(r, bytes);
@@ -436,30 +435,34 @@ void Server::Requests::failed(const wire::Request& request, std::string_view rec
 }
 
 // With its spans, when there is room for them.
-void Server::Requests::writeTraced(std::uint32_t xid, const wire::Times& times, const Message& m, const Span& span, Buffer& out, std::size_t start) {
+void Server::Requests::writeTraced(std::uint32_t xid, const wire::Times& times, const Message& m, const Span& span, Buffer& out, std::size_t start, record::Lent* lent) {
     auto shown = [this](const std::string& name) { return bool(server_.sorm_.access.rights(principal, name) & Rights(Right::inspect)); };
     const Buffer spans = wire::spansOf(span, shown, !principal);
-    if (out.size() - start + spans.size() + 8 > maxReply_) return;
+    if (out.size() - start + (lent ? lent->size() : 0) + spans.size() + 8 > maxReply_) return;
     out.resize(start);
-    wire::writeReply(out, xid, times, m, &spans);
+    if (lent) *lent = {};
+    wire::writeReply(out, xid, times, m, &spans, lent);
 }
 
-void Server::Requests::reply(std::uint32_t xid, const wire::Times& times, std::string_view name, Message& m, ReplySlot* slot, Buffer& out, const SpanPointer& span) {
+void Server::Requests::reply(std::uint32_t xid, const wire::Times& times, std::string_view name, Message& m, ReplySlot* slot, Buffer& out, const SpanPointer& span,
+                             record::Lent* lent) {
     peer_.executed();
+    if (slot && 8 * (m.floats.size() + m.ints.size()) <= static_cast<std::size_t>(server_.settings_.keepReply)) lent = nullptr;     // all of it is kept
     std::size_t start = out.size();
-    wire::writeReply(out, xid, times, m);
-    if (span) [[unlikely]] writeTraced(xid, times, m, *span, out, start);
-    std::size_t size = out.size() - start;
+    wire::writeReply(out, xid, times, m, nullptr, lent);
+    if (span) [[unlikely]] writeTraced(xid, times, m, *span, out, start, lent);
+    std::size_t size = out.size() - start + (lent ? lent->size() : 0);
     auto instead = [&](const Error& why) {
         out.resize(start);
+        if (lent) *lent = {};
         refuse(xid, out, why);
         size = out.size() - start;
     };
     if (size > maxReply_) [[unlikely]]
         instead(errors::errorOf(errors::kTooBig, server_.name_, "reply", size, "the client", maxReply_));
-    else if (size > kReadSize && !account->fits(out.size())) [[unlikely]]
+    else if (size > kReadSize && !account->fits(start + size)) [[unlikely]]
         instead(errors::errorOf(kNoRoom, name, size, account->name(), account->limit(), account->used()));
-    if (slot) server_.sessions_->keep(*slot, out.data() + start, size);
+    if (slot) server_.sessions_->keep(*slot, lent && lent->data ? nullptr : out.data() + start, size);
 }
 
 }  // namespace sorma

@@ -22,15 +22,17 @@ class Server::Requests {
 public:
     Requests(Server& server, Peer& peer, ClientPointer who, std::int64_t user);
 
-    // Deal with one record. Immediate answers are appended to scratch.out. May run a service, and so the event loop.
-    void handle(std::string_view record, Scratch& scratch, Frame& frame);
+    // Deal with one record, which has so many bytes on the wire. Immediate answers are appended to scratch.out. May run a service, and so the
+    // event loop.   record: empty when not all of it is there, see comm/apart.h.
+    void handle(XdrReader r, std::string_view record, std::size_t size, Scratch& scratch, Frame& frame);
     // Answer what needs no service, while the SORM's thread is elsewhere. handle() then skips it. False: it is no request.
     bool answerBusy(std::string_view record, Buffer& out);
     // Note which calls are cancelled by whole records that have come and wait for their turn. Returns the size of those.
     std::size_t scan(const char* at, const char* end);
-    // Append an answer.
+    // Append an answer.   lent: as XdrWriter's; null: all of it is to be in out.
     void refuse(std::uint32_t xid, Buffer& out, const Error& error);
-    void reply(std::uint32_t xid, const wire::Times& times, std::string_view name, Message& m, ReplySlot* slot, Buffer& out, const SpanPointer& span = nullptr);
+    void reply(std::uint32_t xid, const wire::Times& times, std::string_view name, Message& m, ReplySlot* slot, Buffer& out, const SpanPointer& span = nullptr,
+               record::Lent* lent = nullptr);
     // A call without a slot is answered later: it is cancelled with the connection.
     void owe(const PendingPointer& pending);
     void closed();                      // the connection is
@@ -50,12 +52,12 @@ public:
 
 private:
     // One function for each procedure. Each appends its answer to the scratch buffer, or throws why it refuses.
-    void dispatch(XdrReader& r, const wire::CallHeader& header, std::string_view record, Scratch& scratch, Frame& frame);
+    void dispatch(XdrReader& r, const wire::CallHeader& header, std::string_view record, std::size_t size, Scratch& scratch, Frame& frame);
     void hello(XdrReader& r, std::uint32_t xid, Buffer& out, std::int64_t now);
     void cancel(XdrReader& r);
     void subscribe(XdrReader& r, const wire::CallHeader& header, Buffer& out);
-    void call(XdrReader& r, const wire::CallHeader& header, std::string_view record, Scratch& scratch, Frame& frame);
-    void oneway(XdrReader& r, const wire::CallHeader& header, Scratch& scratch, Frame& frame);
+    void call(XdrReader& r, const wire::CallHeader& header, std::string_view record, std::size_t size, Scratch& scratch, Frame& frame);
+    void oneway(XdrReader& r, const wire::CallHeader& header, std::size_t size, Scratch& scratch, Frame& frame);
     // Call the service, without the lock. m becomes the reply, also when the service throws. True: it answers later, by
     // m.later.
     bool execute(const wire::Request& request, const wire::CallHeader& header, std::string_view record, Message& m, wire::Times& times, ReplySlot* slot,
@@ -76,7 +78,8 @@ private:
     void needRoom(std::string_view name, std::size_t bytes, bool slot);
     bool crowded();
     bool wrongCredentials(const wire::CallHeader& header, Buffer& out) const;
-    void writeTraced(std::uint32_t xid, const wire::Times& times, const Message& m, const Span& span, Buffer& out, std::size_t start);
+    void writeTraced(std::uint32_t xid, const wire::Times& times, const Message& m, const Span& span, Buffer& out, std::size_t start,
+                     record::Lent* lent);
 
     Server& server_;
     Peer& peer_;

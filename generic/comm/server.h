@@ -179,6 +179,7 @@ private:
     std::vector<std::unique_ptr<Scratch>> scratch_;             // one for each depth
     std::size_t depth_ = 0;                                     // of turns on the stack
     Buffer spare_;                                              // for the next peer with a long message
+    std::unique_ptr<record::Apart> spareApart_;                 // likewise
     Buffer events_, peeked_;                                    // scratch of Peer::pump, of Peer::peek
     Activity* activity_ = nullptr;                              // the innermost request; null: none
     std::uint64_t peersSeen_ = 0;

@@ -223,13 +223,13 @@ void Server::Sessions::answerLater(ReplySlot& slot, PendingPointer pending) {
 // The memory is charged. It stays from one reply to the next, so replies of the same size cost nothing more.
 void Server::Sessions::keep(ReplySlot& slot, const char* record, std::size_t size) {
     if (slot.reply.capacity() > kKeepBuffer && size <= kKeepBuffer) freeReply(slot);
-    if (size > slot.reply.capacity()) {
+    if (size > slot.reply.capacity() || !record) {
         freeReply(slot);
         // Some room stays for requests, without which kept replies are of no use.
         auto& held = slot.of->held;
         const Account& account = *held.account();
         bool fits = size <= ReplySlot::kSmall ||
-                    (size <= static_cast<std::size_t>(server_.settings_.keepReply) &&
+                    (record && size <= static_cast<std::size_t>(server_.settings_.keepReply) &&
                      account.used() + size <= account.limit() - account.limit() / 4 && account.fits(size));
         if (!fits) {
             slot.state = ReplySlot::State::tooLarge;

@@ -117,7 +117,7 @@ public:
     void repeat(ReplySlot& slot, const wire::Request& request, std::uint32_t xid, Buffer& out);
     ReplySlot* find(const Later& later);         // of a call that is under way; null: it has none, or its session is no more
     void answerLater(ReplySlot& slot, PendingPointer pending);
-    void keep(ReplySlot& slot, const char* record, std::size_t size);       // the reply, as it was sent
+    void keep(ReplySlot& slot, const char* record, std::size_t size);       // the reply, as it was sent. null: it is too long
     // A reply is there. Has the client asked again while the call ran? Then it goes where he is now, unless it went there already.
     void replyAgain(ReplySlot& slot, const Peer* answered);
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "comm/apart.h"
 #include "comm/clock.h"
 #include "comm/errors.h"
 
@@ -56,12 +57,13 @@ void Slots::abandon(std::uint32_t index) {
     }
 }
 
-void Slots::write(std::uint32_t index, Method method, const Message& m, std::int64_t now, const wire::Behalf* behalf) {
+void Slots::write(std::uint32_t index, Method method, const Message& m, std::int64_t now, const wire::Behalf* behalf, bool lend) {
     Slot& slot = *slots_[index];
     const wire::Welcome& daemon = link_.daemon();
     wire::Request request{index, ++slot.sequence, 0, method, slot.name};
     ++calls_;
     slot.request.clear();
+    slot.lent = {};
     if (!slot.deadline.none()) {
         slot.budget = std::max<std::int64_t>(slot.deadline.when() - now, 0);
         if (daemon.clock.empty()) {
@@ -72,8 +74,8 @@ void Slots::write(std::uint32_t index, Method method, const Message& m, std::int
         }
     }
     const std::size_t before = slot.request.size();
-    wire::writeCall(slot.request, xidOf(index, slot.sequence), link_.program(), request, m, wire::kCall, behalf);
-    std::size_t size = slot.request.size() - before - record::kMarkSize;
+    wire::writeCall(slot.request, xidOf(index, slot.sequence), link_.program(), request, m, wire::kCall, behalf, lend ? &slot.lent : nullptr);
+    std::size_t size = slot.request.size() + slot.lent.size() - before - record::kMarkSize;
     std::size_t most = std::min<std::size_t>(daemon.maxMessage, static_cast<std::size_t>(settings_.maxMessage));
     if (size > most) {
         --slot.sequence;
@@ -117,6 +119,7 @@ void Slots::probe(std::uint32_t index) {
     Message m;
     m.words = {"-info", "name"};
     slot.request.release();
+    slot.lent = {};
     wire::writeCall(slot.request, xidOf(index, slot.sequence), link_.program(), {index, slot.sequence, 0, Method::dbx, "sorm"}, m);
 }
 
@@ -124,7 +127,14 @@ bool Slots::toResend(std::uint32_t index) {
     Slot& slot = *slots_[index];
     if (slot.state == Slot::State::unwanted) return probe(index), true;
     if (slot.state == Slot::State::unsent && slot.orphan) return give(index), false;
-    return slot.awaited();
+    if (!slot.awaited()) return false;
+    if (slot.lent.data) {                               // the line takes bytes
+        Buffer all;
+        record::Source(slot.request, slot.lent).appendTo(all);
+        slot.request = std::move(all);
+        slot.lent = {};
+    }
+    return true;
 }
 
 }  // namespace sorma

@@ -31,6 +31,7 @@ struct Slot {
     Deadline deadline;
     std::int64_t budget = 0;        // [ns] time left to the deadline when it was written
     Buffer request;                 // the record, kept until the reply has come
+    record::Lent lent;              // numbers of it, which the caller keeps that long
     Message* into = nullptr;        // where a blocking caller wants the reply; null: in result
     Message result;
     Trail failure;                  // when failed: why, on this side of the wire
@@ -72,8 +73,8 @@ public:
         if (slot.state == Slot::State::done && !slot.unsure) [[likely]] free(index);
         else abandon(index);
     }
-    // Encode a call into its slot. Throws COMM TOO_BIG.
-    void write(std::uint32_t index, Method method, const Message& m, std::int64_t now, const wire::Behalf* behalf);
+    // Encode a call into its slot. Throws COMM TOO_BIG.   lend: m stays as it is until the reply has come, and is not copied where it is long.
+    void write(std::uint32_t index, Method method, const Message& m, std::int64_t now, const wire::Behalf* behalf, bool lend = false);
     void sent(std::uint32_t index) {
         Slot& slot = *slots_[index];
         if (slot.state != Slot::State::unsent) return;  // sent again after a broken connection

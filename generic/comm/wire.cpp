@@ -20,13 +20,14 @@ constexpr std::uint32_t kMaxCredential = 400;       // RFC 5531, section 8.2
 // Writes a whole record.
 class Record : public XdrWriter {
 public:
-    explicit Record(Buffer& out) : XdrWriter(out), out_(out), start_(record::open(out)) {}
-    ~Record() { record::close(out_, start_); }
+    explicit Record(Buffer& out, record::Lent* lent = nullptr) : XdrWriter(out, lent), out_(out), lent_(lent), start_(record::open(out)) {}
+    ~Record() { record::close(out_, start_, lent_ ? lent_->size() : 0); }
     Record(const Record&) = delete;
     Record& operator=(const Record&) = delete;
 
 private:
     Buffer& out_;
+    record::Lent* const lent_;
     const std::size_t start_;
 };
 
@@ -195,16 +196,16 @@ bool readBehalf(std::string_view body, Behalf& behalf) {
 }
 
 void writeCall(Buffer& out, std::uint32_t xid, std::uint32_t program, const Request& request, const Message& m,
-               std::uint32_t procedure, const Behalf* behalf) {
-    Record w(out);
+               std::uint32_t procedure, const Behalf* behalf, record::Lent* lent) {
+    Record w(out, lent);
     writeCallHeader(w, {xid, 2, program, kVersion, procedure}, behalf);
     w.words(request.slot, request.sequence, request.deadline, request.method);
     w.text(request.name);
     writeMessage(w, m);
 }
 
-void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Message& m, const Buffer* spans) {
-    Record w(out);
+void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Message& m, const Buffer* spans, record::Lent* lent) {
+    Record w(out, lent);
     writeAccepted(w, xid, 0);
     w.words(m.code, times.waited, times.ran, times.sub);
     writeMessage(w, m);
@@ -415,15 +416,34 @@ Extent extentOf(XdrReader r) {
     Extent extent;
     extent.name = r.text().size();
     r.text();
-    for (int i = 0; i < 2; ++i) {                                   // floats, ints
-        std::size_t n = r.u32();
-        if (n > r.left() / 8) return {};
-        r.skip(8 * n);
-    }
+    r.skip64();                                                     // floats
+    r.skip64();                                                     // ints
+    if (!r.good()) return {};
     r.text();
     extent.words = r.count(4);
     extent.bytes = r.left();
     return extent;
+}
+
+Numbers findNumbers(XdrReader& r) {
+    const Envelope envelope = readEnvelope(r);
+    if (!r.good()) return {};
+    if (envelope.kind == kCallKind) {
+        const CallHeader header = readCallHeader(r, envelope.xid);
+        if (header.procedure != kCall && header.procedure != kOneway) return {};
+        r.skip(16);
+        r.text();                                                   // the name
+    } else {
+        if (!r.skipZeros(16)) return {};
+        r.skip(16);
+    }
+    r.text();
+    for (const bool floats : {true, false}) {
+        const std::size_t n = r.u32();
+        if (!r.good() || 8 * n >= record::kLong) return {floats, r.good() ? n : 0};
+        r.skip(8 * n);
+    }
+    return {};
 }
 
 bool readReply(XdrReader& r, Times& times, Message& m, Span* span) {

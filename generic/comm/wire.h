@@ -124,10 +124,10 @@ struct EventBody {              // the part that is the same for all subscribers
 // Change the xid of a record that was written.
 inline void setXid(char* record, std::uint32_t xid) { XdrWriter::put(record + record::kMarkSize, xid); }
 
-// xid: chosen by the caller, returned with the answer.   program: kProgram, or the daemon's own number.
+// xid: chosen by the caller, returned with the answer.   program: kProgram, or the daemon's own number.   lent: as XdrWriter's.
 void writeCallHeader(XdrWriter& w, const CallHeader& header, const Behalf* behalf = nullptr);
 void writeCall(Buffer& out, std::uint32_t xid, std::uint32_t program, const Request& request, const Message& m,
-               std::uint32_t procedure = kCall, const Behalf* behalf = nullptr);        // kCall or kOneway
+               std::uint32_t procedure = kCall, const Behalf* behalf = nullptr, record::Lent* lent = nullptr);        // kCall or kOneway
 void writeCancel(Buffer& out, std::uint32_t program, const Cancel& cancel);
 void writeHealthRequest(Buffer& out, std::uint32_t xid, std::uint32_t program);
 void writeHealth(Buffer& out, std::uint32_t xid, const Health& health);
@@ -138,7 +138,7 @@ void writeEventBody(Buffer& out, const EventBody& body, const Message& content);
 void writeEvent(Buffer& out, const EventHeader& header, const Buffer& body);            // body: from writeEventBody
 // The event with this header, which comes next, is part of a trace. A client that does not know it ignores it.
 void writeTraced(Buffer& out, const EventHeader& header, const TraceOrigin& origin);
-void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Message& m, const Buffer* spans = nullptr);
+void writeReply(Buffer& out, std::uint32_t xid, const Times& times, const Message& m, const Buffer* spans = nullptr, record::Lent* lent = nullptr);
 void writeHello(Buffer& out, std::uint32_t xid, std::uint32_t program, const Hello& hello);
 void writeWelcome(Buffer& out, std::uint32_t xid, const Welcome& welcome);
 void writeClock(Buffer& out, std::uint32_t program, std::int64_t sent);
@@ -180,6 +180,13 @@ struct Extent {
 };
 inline constexpr Extent kMost{64 * 1024, 64 * 1024, 1 << 20};           // that a request may have
 Extent extentOf(XdrReader r);                           // r: where readRequest would begin; it is a copy
+// The first long floats or ints of a call or a reply, see apart.h. Moves r to them. count 0: none are found in what is here.
+// r: at the beginning of a record that need not be whole.
+struct Numbers {
+    bool floats = true;
+    std::size_t count = 0;
+};
+Numbers findNumbers(XdrReader& r);
 bool readReply(XdrReader& r, Times& times, Message& m, Span* span = nullptr);     // span: of the call; null: it has no trace
 bool readClock(XdrReader& r, std::int64_t& sent);
 bool readCancel(XdrReader& r, Cancel& cancel);

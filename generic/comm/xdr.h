@@ -31,6 +31,10 @@ inline std::uint64_t swapped(std::uint64_t v) {
     return std::endian::native == std::endian::big ? v : __builtin_bswap64(v);
 }
 
+// Change the byte order of so many words of 8 bytes. to may be from; otherwise they do not overlap. Neither has to be aligned. Nothing happens to
+// the order where the machine has that of the wire.
+void swapWords(char* to, const char* from, std::size_t words);
+
 // Bytes that grow at the end. New bytes are undefined, since clearing them would cost more than writing them. Growing moves
 // the bytes: pointers into a buffer are valid until the next append, extend, reserve or resize. May be moved, not copied.
 class Buffer {
@@ -86,10 +90,26 @@ private:
     std::size_t size_ = 0, capacity_ = 0;
 };
 
+namespace record {
+
+inline constexpr std::size_t kLong = 64 * 1024;                     // [bytes] of numbers that are worth being moved apart
+class Apart;
+
+// Numbers of 64 bits that belong into a record, and do not stand there: see apart.h.
+struct Lent {
+    std::size_t at = 0;                                             // how far in the buffer of the record they belong
+    const char* data = nullptr;                                     // in the byte order of this machine; null: none
+    std::size_t count = 0;
+    std::size_t size() const { return 8 * count; }                  // [bytes]
+};
+
+}  // namespace record
+
 // Appends to a buffer, which must outlive it.
 class XdrWriter {
 public:
-    explicit XdrWriter(Buffer& out) : out_(out) {}
+    // lent: the first long numbers are not copied. They must stay as they are until the record is sent.
+    explicit XdrWriter(Buffer& out, record::Lent* lent = nullptr) : out_(out), lent_(lent) {}
 
     void u32(std::uint32_t v) { put(out_.extend(4), v); }
     void i32(std::int32_t v) { u32(static_cast<std::uint32_t>(v)); }
@@ -110,16 +130,14 @@ public:
     void text(std::string_view s) { bytes(s.data(), s.size()); }
     template <class T> void array64(const std::vector<T>& v) {      // counted 64-bit elements
         static_assert(sizeof(T) == 8);
+        if (8 * v.size() >= record::kLong && lent_ && !lent_->data) [[unlikely]] {
+            u32(static_cast<std::uint32_t>(v.size()));
+            *lent_ = {out_.size(), reinterpret_cast<const char*>(v.data()), v.size()};
+            return;
+        }
         char* at = out_.extend(4 + 8 * v.size());
         put(at, static_cast<std::uint32_t>(v.size()));
-        at += 4;
-        for (const T& x : v) {
-            std::uint64_t w;
-            std::memcpy(&w, &x, 8);
-            w = swapped(w);
-            std::memcpy(at, &w, 8);
-            at += 8;
-        }
+        if (!v.empty()) swapWords(at + 4, reinterpret_cast<const char*>(v.data()), v.size());
     }
     void texts(const std::vector<std::string>& v) {
         u32(static_cast<std::uint32_t>(v.size()));
@@ -132,6 +150,7 @@ public:
 
 private:
     Buffer& out_;
+    record::Lent* const lent_;
 };
 
 // Reads from the front of a record, which must outlive it and the views that it returns. A copy reads on by itself.
@@ -139,6 +158,8 @@ class XdrReader {
 public:
     XdrReader(const char* data, std::size_t size) : at_(data), end_(data + size) {}
     explicit XdrReader(std::string_view record) : XdrReader(record.data(), record.size()) {}
+    // apart: numbers of the record that do not stand in it. It must outlive the reader, and gives them to the first that reads them.
+    XdrReader(std::string_view record, record::Apart& apart);
 
     bool good() const { return good_; }                             // check it before you use what was read
     bool atEnd() const { return at_ == end_; }
@@ -195,17 +216,20 @@ public:
     template <class T> void array64(std::vector<T>& out) {
         static_assert(sizeof(T) == 8);
         std::size_t n = u32();
+        if (at_ == hole_) [[unlikely]] return takeApart(out);
         if (n > left() / 8) return spoil();
         if (n == 0) return out.clear();
         out.resize(n);
-        for (std::size_t i = 0; i < n; ++i) {
-            std::uint64_t w;
-            std::memcpy(&w, at_ + 8 * i, 8);
-            w = swapped(w);
-            std::memcpy(&out[i], &w, 8);
-        }
+        swapWords(reinterpret_cast<char*>(out.data()), at_, n);
         at_ += 8 * n;
     }
+    void skip64() {                                                 // past counted 64-bit elements
+        std::size_t n = u32();
+        if (at_ == hole_) return void(hole_ = nullptr);
+        if (n > left() / 8) return spoil();
+        at_ += 8 * n;
+    }
+    bool hasApart() const { return apart_; }
     // The count of elements that follow, of which each has at least `least` bytes on the wire. If the record is too short for
     // the count, the reader becomes bad. So no peer can make us reserve memory for elements that do not come.
     std::size_t count(std::size_t least) {
@@ -234,9 +258,14 @@ private:
         spoil();
         return false;
     }
+    void takeApart(std::vector<double>& out);
+    void takeApart(std::vector<std::int64_t>& out);
+
     const char* at_;
     const char* end_;
     bool good_ = true;
+    const char* hole_ = nullptr;                                    // where the numbers that are apart belong; null: nowhere
+    record::Apart* apart_ = nullptr;
 };
 
 }  // namespace sorma

@@ -1,12 +1,17 @@
 // records.cpp -- checks of records in a stream of bytes, without a connection.
 //
 //     records GROUP      runs one group; tests/record.test has a test for each. See checks.h.
+#include <algorithm>
+#include <bit>
 #include <cstring>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
+#include "comm/apart.h"
 #include "comm/record.h"
+#include "comm/wire.h"
 #include "checks.h"
 #include "divided.h"
 
@@ -109,8 +114,133 @@ void testEmpty() {
     for (int i = 0; i <= record::kMostEmpty; ++i) CHECK(!others.add(front(nothing), own, record) && !others.tooEmpty() && others.add(front(piece("a", true)), own, record) && record == "a");
 }
 
+// ---- numbers that are moved apart ----
+
+void testSwap() {
+    std::string bytes;
+    for (int i = 0; i < 1100; ++i) bytes += char(i * 7 + i / 256);
+    for (std::size_t words = 0; words < 130; ++words)
+        for (std::size_t from = 0; from < 9; ++from) {
+            std::string wanted = bytes;
+            for (std::size_t i = 0; std::endian::native != std::endian::big && i < words; ++i)
+                for (std::size_t k = 0; k < 8; ++k) wanted[from + 8 * i + k] = bytes[from + 8 * i + 7 - k];
+            std::string there(bytes.size(), ' '), same = bytes;
+            swapWords(there.data() + 3, bytes.data() + from, words);
+            swapWords(same.data() + from, same.data() + from, words);
+            CHECK(there.substr(3, 8 * words) == wanted.substr(from, 8 * words) && there.substr(3 + 8 * words) == std::string(there.size() - 3 - 8 * words, ' '));
+            CHECK(same == wanted);
+        }
+}
+
+Message longMessage(std::size_t floats, std::size_t ints) {
+    Message m;
+    m.text = "some";
+    m.words = {"word", "another"};
+    m.any = {1, 2, 3};
+    for (std::size_t i = 0; i < floats; ++i) m.floats.push_back(double(i) + 1 / 3.0);
+    for (std::size_t i = 0; i < ints; ++i) m.ints.push_back(std::int64_t(i) << 33 | 5);
+    return m;
+}
+
+// The first record of a stream that comes in parts, as it was read; the others are not looked at.
+struct Read {
+    bool apart = false, good = false;
+    std::size_t size = 0;           // [bytes] of it on the wire
+    Message message;
+    std::string rest;               // the bytes behind it
+};
+Read readInParts(std::string_view stream, std::size_t part, bool reply) {
+    Read read;
+    Buffer in;
+    record::Apart apart;
+    while (!stream.empty()) {
+        std::size_t size = std::min(part, stream.size());
+        char* room = apart.filling() ? apart.room(size) : in.extend(size);
+        std::memcpy(room, stream.data(), size);
+        stream.remove_prefix(size);
+        if (apart.filling()) apart.came(size);
+        else if (apart.size() == 0 && apart.begin(in, 0)) read.apart = true;
+    }
+    const record::Piece whole = record::front(in.data(), in.data() + in.size());
+    if (!whole.whole || apart.filling()) return read;
+    XdrReader r = read.apart ? XdrReader(whole.text(), apart) : XdrReader(whole.text());
+    read.size = whole.size() + apart.size();
+    read.rest.assign(in.data() + whole.size(), in.size() - whole.size());
+    const auto envelope = wire::readEnvelope(r);
+    if (reply) {
+        wire::Times times;
+        read.good = wire::readReplyHeader(r).empty() && wire::readReply(r, times, read.message);
+    } else {
+        wire::Request request;
+        wire::readCallHeader(r, envelope.xid);
+        const XdrReader before = r;
+        const wire::Extent extent = wire::extentOf(before);
+        read.good = extent.words == 2 && extent.name == 4 && wire::readRequest(r, request, read.message) && request.name == "echo";
+    }
+    return read;
+}
+
+// What is lent is the same on the wire, wherever the line stops taking, and comes back the same, wherever it is cut.
+void testApart() {
+    constexpr std::size_t kMany = 20'000, kFew = 100;
+    for (const bool reply : {false, true})
+        for (const auto& [floats, ints] : {std::pair(kMany, kFew), std::pair(kFew, kMany), std::pair(kMany, kMany), std::pair(kFew, kFew)}) {
+            const Message m = longMessage(floats, ints);
+            Buffer whole, bytes;
+            record::Lent lent;
+            const wire::Request request{1, 2, 3, Method::exec, "echo"};
+            if (reply) wire::writeReply(whole, 7, {}, m), wire::writeReply(bytes, 7, {}, m, nullptr, &lent);
+            else wire::writeCall(whole, 7, wire::kProgram, request, m), wire::writeCall(bytes, 7, wire::kProgram, request, m, wire::kCall, nullptr, &lent);
+            CHECK((lent.data != nullptr) == (floats == kMany || ints == kMany));
+            CHECK(!lent.data || bytes.size() < whole.size() - 8 * kMany + 8);
+            std::string stream;
+            std::size_t take = 1;
+            for (record::Source source(bytes, lent); source.left() > 0; take = take * 5 % 9973) {
+                CHECK(source.left() == whole.size() - stream.size());
+                const auto next = source.next().substr(0, take);
+                CHECK(next == source.next().substr(0, take));
+                stream += next;
+                source.took(next.size());
+            }
+            CHECK(stream == std::string_view(whole.data(), whole.size()));
+            Buffer all;
+            record::Source(bytes, lent).appendTo(all);
+            CHECK(std::string_view(all.data(), all.size()) == stream);
+            const std::string more = stream + piece("next", true);
+            for (const std::size_t part : {std::size_t(61), std::size_t(4099), std::size_t(16384), std::size_t(65536), stream.size() - 1, more.size()}) {
+                const Read read = readInParts(more, part, reply);
+                note(read.good && read.message == m && read.size == whole.size(), __LINE__, "in parts of " + std::to_string(part));
+                CHECK(read.apart == (lent.data && part < 8 * kMany) && read.rest == piece("next", true));
+            }
+        }
+}
+
+// Numbers that are said to come and do not, or would not fit into their record, cost nothing.
+void testClaims() {
+    const Message m = longMessage(20'000, 0);
+    Buffer whole;
+    wire::writeReply(whole, 7, {}, m);
+    record::Apart apart;
+    auto begins = [&](std::size_t size, std::uint32_t mark) {
+        Buffer in = bufferOf({whole.data(), size});
+        XdrWriter::put(in.data(), mark);
+        const bool begun = apart.begin(in, 0);
+        apart.end();
+        return begun;
+    };
+    const auto length = std::uint32_t(whole.size() - record::kMarkSize);
+    const std::size_t before = 4 + 24 + 16 + 8 + 4;        // mark, header, code and times, text, count
+    CHECK(begins(before, record::kLast | length) && begins(before + 999, record::kLast | length) && !begins(before - 1, record::kLast | length));
+    CHECK(!begins(before, length) && !begins(whole.size(), record::kLast | length));
+    CHECK(begins(before, record::kLast | std::uint32_t(before - 4 + 160'000)) && !begins(before, record::kLast | std::uint32_t(before - 5 + 160'000)));
+    XdrWriter::put(whole.data() + before - 4, std::uint32_t(100'000'000));
+    apart = {};
+    CHECK(begins(before, record::kLast | 900'000'000) && apart.capacity() <= 64 * 1024);
+}
+
 constexpr Group kGroups[] = {
     {"marks", testMarks}, {"reader", testReader}, {"pieces", testPieces}, {"dropping", testDropping}, {"empty", testEmpty},
+    {"swap", testSwap}, {"apart", testApart}, {"claims", testClaims},
 };
 
 }  // namespace
