@@ -379,6 +379,17 @@ ssize_t Link::readApart(std::int64_t wait) {
     return n;
 }
 
+inline void Link::take(XdrReader r) {
+    if (wire::skipEventHeader(r)) return user_.event(r);
+    auto envelope = wire::readEnvelope(r);
+    if (!r.good() || envelope.kind != 0) return user_.replied(r, envelope.xid);
+    auto header = wire::readCallHeader(r, envelope.xid);
+    if (header.procedure == wire::kGoodbye) lastWords_ = std::string(r.text());
+    if (header.procedure == wire::kEvent) user_.event(r);           // written by another implementation
+    if (header.procedure == wire::kOutdated) user_.outdated();
+    if (header.procedure == wire::kTraced) user_.traced(r);
+}
+
 // Have the whole ones taken. False: they are no records, or the line was lost.
 bool Link::takeRecords() {
     lastHeard_ = callTime != 0 ? callTime : monotonicNow();
@@ -409,16 +420,6 @@ void Link::takeLong(std::string_view record) {
     take(XdrReader(record, numbers));
     numbers.end();
     if (apart_.size() == 0 && numbers.capacity() <= kKeepBuffer) apart_ = std::move(numbers);
-}
-
-void Link::take(XdrReader r) {
-    auto envelope = wire::readEnvelope(r);
-    if (!r.good() || envelope.kind != 0) return user_.replied(r, envelope.xid);
-    auto header = wire::readCallHeader(r, envelope.xid);
-    if (header.procedure == wire::kGoodbye) lastWords_ = std::string(r.text());
-    if (header.procedure == wire::kEvent) user_.event(r);
-    if (header.procedure == wire::kOutdated) user_.outdated();
-    if (header.procedure == wire::kTraced) user_.traced(r);
 }
 
 void Link::look() {

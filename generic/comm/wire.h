@@ -166,6 +166,12 @@ inline bool isCancel(std::string_view record) {
     constexpr std::size_t kProcedure = 20;
     return record.size() > kProcedure && XdrReader(record.substr(kProcedure)).u32() == kCancel && XdrReader(record.substr(4)).u32() == 0;
 }
+// Is r at the beginning of an EVENT, as writeEvent() begins it? Then moves it to what readEvent() reads. Quick: many may come.
+inline bool skipEventHeader(XdrReader& r) {
+    static constexpr char kHeader[] = "\0\0\0\0" "\0\0\0\0" "\0\0\0\2" "\x20SOR" "\0\0\0\1" "\0\0\0\x11" "\0\0\0\0\0\0\0\0" "\0\0\0\0\0\0\0";
+    static_assert(sizeof kHeader == 40 && kProgram == 0x20534f52 && kVersion == 1 && kEvent == 17);
+    return r.skipBytes(kHeader, sizeof kHeader);
+}
 CallHeader readCallHeader(XdrReader& r, std::uint32_t xid);             // skips credentials other than Behalf; check r.good()
 // Empty when the peer accepted and executed the call; else its refusal, for people.
 std::string readReplyHeader(XdrReader& r);

@@ -31,9 +31,19 @@ inline std::uint64_t swapped(std::uint64_t v) {
     return std::endian::native == std::endian::big ? v : __builtin_bswap64(v);
 }
 
-// Change the byte order of so many words of 8 bytes. to may be from; otherwise they do not overlap. Neither has to be aligned. Nothing happens to
-// the order where the machine has that of the wire.
-void swapWords(char* to, const char* from, std::size_t words);
+// Change the byte order of so many words of 8 bytes, between this machine's and that of the wire. to may be from; otherwise they do not
+// overlap. Neither has to be aligned.
+void swapMany(char* to, const char* from, std::size_t words);
+inline void swapWords(char* to, const char* from, std::size_t words) {
+    constexpr std::size_t kFew = 16;                                // are not worth a call
+    if (words > kFew) return swapMany(to, from, words);
+    for (; words > 0; --words, to += 8, from += 8) {
+        std::uint64_t w;
+        std::memcpy(&w, from, 8);
+        w = swapped(w);
+        std::memcpy(to, &w, 8);
+    }
+}
 
 // Bytes that grow at the end. New bytes are undefined, since clearing them would cost more than writing them. Growing moves
 // the bytes: pointers into a buffer are valid until the next append, extend, reserve or resize. May be moved, not copied.
@@ -195,7 +205,10 @@ public:
     }
     bool skipZeros(std::size_t n) {                                 // false: something else is there, and nothing is skipped
         static constexpr char kZeros[16] = {};
-        if (n > sizeof kZeros || left() < n || std::memcmp(at_, kZeros, n) != 0) return false;
+        return n <= sizeof kZeros && skipBytes(kZeros, n);
+    }
+    bool skipBytes(const char* bytes, std::size_t n) {              // likewise
+        if (left() < n || std::memcmp(at_, bytes, n) != 0) return false;
         at_ += n;
         return true;
     }

@@ -233,6 +233,15 @@ void testOthers() {
         }), "0");
     Buffer body;
     writeEventBody(body, {9, "name", 11}, full());
+    Buffer event, traced;
+    writeEvent(event, {3, 4, 5}, body);
+    writeTraced(traced, {3, 4, 0}, {});
+    XdrReader quick(event.data() + record::kMarkSize, event.size() - record::kMarkSize), other(traced.data() + record::kMarkSize, traced.size() - record::kMarkSize);
+    EventHeader header;
+    EventBody read;
+    Message content;
+    CHECK(skipEventHeader(quick) && readEvent(quick, header, read, content) && header.id == 3 && read.name == "name" && content == full());
+    CHECK(!skipEventHeader(other) && other.left() == traced.size() - record::kMarkSize);
     // One that ends before the number of its request is an old daemon's.
     EQUAL(accepted(written([&](Buffer& out) { writeEvent(out, {3, std::uint64_t{1} << 33, (std::uint64_t{1} << 34) + 1}, body); }), [](std::string_view bytes) {
         return isCall(bytes, kEvent, [](XdrReader& r, auto&) {
