@@ -47,6 +47,12 @@ proc ::sorma::recorded::end {} {
     variable Pipes
     variable Folder
     variable Before
+    # Proxies remember what they have set, and the first reply of the next daemons would have a warning of it.
+    foreach daemon [dict keys $Pipes] {
+        foreach name [::sorma::names *@$daemon] {
+            ::sorma::remove $name
+        }
+    }
     foreach pipe [dict values $Pipes] {
         fconfigure $pipe -blocking 1
         catch {close $pipe}
