@@ -3,10 +3,12 @@
 # By turns the daemons of lab, checkers and tracker are started from a copy of their folder, and a random session of requests is recorded. As a panel
 # does, it first reads options of each object. A suite is made of the recording, and is run twice on the same tree: a test that fails is a false
 # failure. Then one fault is planted: a default in a dictionary, or a line in the source of a class that was asked. A source in C++ is compiled into a
-# module of its own. The suite must fail now, in a test of the object that has the fault. Sessions and faults stand in suites.list; a session
-# does not know the fault. Laboratories are paused: lab time passes by requests. The draughts have no arm (dry.dict) and no person,
-# who would play by himself. KEEP: a folder for the suites that have failed falsely or noticed
-# nothing. SIGTERM ends it after the present one.
+# module of its own. The suite must fail now, in a test of the object that has the fault. Sessions and faults stand in suites.list; a session does not
+# know the fault. A fault is hidden when it changes no reply of the session, such as a limit that no value has reached. It is counted, and another
+# one is planted.
+#
+# Laboratories are paused: lab time passes by requests. The draughts have no arm (dry.dict) and no person, who would play by himself. SIGTERM ends it
+# after the present suite. KEEP: a folder for the suites that have failed falsely or noticed nothing.
 
 source [file join [file dirname [file normalize [info script]]] faults.tcl]
 source [file join $supportFolder demoDaemons.tcl]
@@ -72,7 +74,7 @@ proc filled template {
 proc prepare folder {
     file delete -force $folder
     file mkdir $folder/run
-    exec cp -r $::Source/demos $folder/demos
+    exec cp -rL $::Source/demos $folder/demos
     exec cp -r -P $::env(SORMA_BUILD)/pkg $folder/pkg
     # Buffers have names of their own, and laboratories stand still.
     foreach dict [glob $folder/demos/*/*.dict] {
@@ -96,16 +98,17 @@ proc clean folder {
     file mkdir $folder/run
     cd $folder/run
 }
-proc ask request {
-    if {[catch {sorma::line::translate $request} script]} {
-        error "$request: $script"
-    }
-    catch {uplevel #0 $script}
+# Send requests, and return their replies or errors.
+proc sent requests {
+    return [lmap request $requests {
+        catch {uplevel #0 [sorma::line::translate $request]} said
+        set said
+    }]
 }
 
-# Record a session. Returns the options that were read: list of {OBJECT ROW VALUE}.
+# Record a session: {READ REQUESTS REPLIES}. READ: the options that were read, a list of {OBJECT ROW VALUE}.
 proc recorded {demo folder daemons} {
-    set read {}
+    set read [set requests [set replies {}]]
     ::sorma::recorded::begin $daemons
     set pipe {}
     try {
@@ -119,25 +122,44 @@ proc recorded {demo folder daemons} {
         foreach object $objects {
             foreach item [lrange [lsort -index 0 -real [lmap item [lsearch -all -inline -index 0 -exact $rows $object] {list [expr {rand()}] $item}]] 0 7] {
                 lassign [lindex $item 1] object row
-                if {![catch {$object DBX -get [lindex $row 0]} reply]} {
-                    lappend read [list $object $row [lindex $reply 3]]
+                lappend requests "$object DBX -get [lindex $row 0]"
+                lappend replies {*}[sent [lrange $requests end end]]
+                if {[string match "RET *" [lindex $replies end]]} {
+                    lappend read [list $object $row [lindex $replies end 3]]
                 }
             }
         }
         # Each request once, and then by weight.
         foreach item [lsort -index 0 -real [lmap item [dict get $::Sessions $demo] {list [expr {rand()}] [lindex $item 1]}]] {
-            ask [filled [lindex $item 1]]
+            lappend more [filled [lindex $item 1]]
         }
         for {set n 0} {$n < 60} {incr n} {
-            ask [filled [weighed [dict get $::Sessions $demo]]]
+            lappend more [filled [weighed [dict get $::Sessions $demo]]]
         }
+        lappend requests {*}$more
+        lappend replies {*}[sent $more]
         exec kill -INT [pid $pipe]
         read $pipe
     } finally {
         catch {close $pipe}
         ::sorma::recorded::end
     }
-    return $read
+    return [list $read $requests $replies]
+}
+# Does any reply of this object differ from what it was? Then a suite can notice it.
+proc shows {object folder daemons requests replies} {
+    clean $folder
+    ::sorma::recorded::begin $daemons
+    try {
+        foreach request $requests before $replies now [sent $requests] {
+            if {[lindex [split $request] 0] eq $object && $now ne $before} {
+                return 1
+            }
+        }
+    } finally {
+        ::sorma::recorded::end
+    }
+    return 0
 }
 
 # Run a suite: {EXITED TESTS FAILING}, the titles of those that fail.
@@ -238,7 +260,7 @@ proc compiled {file text} {
 proc trial {demo folder} {
     prepare $folder
     set daemons [daemonsOf $demo $folder]
-    set read [recorded $demo $folder $daemons]
+    lassign [recorded $demo $folder $daemons] read requests replies
     clean $folder
     regexp {: (\d+) tests, (\d+) leave} [exec sorma-replay $folder/run.rec -as-test $folder/again.test -start $daemons 2>@1] -> tests open
     set failing {}
@@ -246,11 +268,18 @@ proc trial {demo folder} {
         lassign [ran $folder $folder/again.test] finished - titles
         lappend failing {*}$titles
     }
-    lassign [plant $demo $folder $daemons $read] kind object what
-    lassign [ran $folder $folder/again.test] finished - noticed
-    lassign [split $object @] name daemon
-    set there [lsearch -all -inline -glob $noticed "$daemon: $name *"]
-    return [dict create demo $demo kind $kind object $object what $what tests $tests open $open false $failing caught [expr {$there ne {}}] fails [llength $noticed] \
+    # A fault that changes no reply of this session is taken back, and counted.
+    exec cp -r -P $folder/pkg $folder/demos $folder/..
+    for {set hidden 0} {$hidden < 10} {incr hidden} {
+        lassign [plant $demo $folder $daemons $read] kind object what
+        lassign [ran $folder $folder/again.test] finished - noticed
+        lassign [split $object @] name daemon
+        set there [lsearch -all -inline -glob $noticed "$daemon: $name *"]
+        if {$noticed ne {} || [shows $object $folder $daemons $requests $replies]} break
+        file delete -force $folder/pkg $folder/demos
+        exec cp -r -P $folder/../pkg $folder/../demos $folder
+    }
+    return [dict create demo $demo kind $kind object $object what $what tests $tests open $open hidden $hidden false $failing caught [expr {$there ne {}}] fails [llength $noticed] \
         elsewhere [expr {$there eq {} && $noticed ne {}}]]
 }
 proc add {table demo args} {
@@ -274,7 +303,7 @@ attack {
         set demo [lindex {lab checkers tracker} [expr {$i % 3}]]
         set found [trial $demo $folder]
         dict with found {}
-        add sums $demo suites 1 tests $tests open $open false [expr {$false ne {}}] caught $caught elsewhere $elsewhere
+        add sums $demo suites 1 tests $tests open $open hidden $hidden false [expr {$false ne {}}] caught $caught elsewhere $elsewhere
         add kinds $kind suites 1 caught $caught
         if {$false eq {} && $caught} {
             puts "suite [expr {$i + 1}] $demo, $kind at $object: caught by $fails of $tests"
@@ -289,12 +318,12 @@ attack {
         flush stdout
         update
     }
-    puts [format "%-12s%8s%8s%8s%16s%10s%12s" demo suites tests open "failed falsely" caught elsewhere]
+    puts [format "%-12s%8s%8s%8s%16s%10s%12s%10s" demo suites tests open "failed falsely" caught elsewhere hidden]
     foreach demo [dict keys $sums] {
         if {$demo eq "all"} continue
-        puts [format "%-12s%8s%8s%8s%16s%10s%12s" $demo {*}[lmap what {suites tests open false caught elsewhere} {dict get $sums $demo $what}]]
+        puts [format "%-12s%8s%8s%8s%16s%10s%12s%10s" $demo {*}[lmap what {suites tests open false caught elsewhere hidden} {dict get $sums $demo $what}]]
     }
-    puts [format "%-12s%8s%8s%8s%16s%10s%12s" all {*}[lmap what {suites tests open false caught elsewhere} {dict get $sums all $what}]]
+    puts [format "%-12s%8s%8s%8s%16s%10s%12s%10s" all {*}[lmap what {suites tests open false caught elsewhere hidden} {dict get $sums all $what}]]
     puts [join [lmap kind [lsort [dict keys $kinds]] {
         if {$kind eq "all"} continue
         string cat "$kind [dict get $kinds $kind caught] of [dict get $kinds $kind suites]"
