@@ -40,16 +40,16 @@ proc tracker::pictures::circuit {file folder} {
     circuit.tracker DBX -units
     wm geometry . [sorma::style pixels 1240]x[sorma::style pixels 760]
     pack [sorma::circuitEditor .w circuit.tracker -state readonly] -fill both -expand 1
-    set units [llength [split [lindex [circuit.tracker DBX -units] 3] \n]]
-    set shown {dict size [dict filter [dict get [.w graph] nodes] key "unit *"]}
     set end [expr {[clock milliseconds] + 20000}]
-    while {[eval $shown] < $units} {
+    set pins [split [lindex [circuit.tracker DBX -live] 3] \n]
+    while {[set missing [Missing $pins [dict get [.w graph] nodes]]] ne {}} {
         if {[clock milliseconds] > $end} {
-            error "the picture has [eval $shown] of $units units: [.w said]"
+            error "the picture has no $missing: [.w said]"
         }
-        sorma::await sleep 20
+        # Events of the window, too.
+        after 20 {set ::tracker::pictures::tick 1}
+        vwait ::tracker::pictures::tick
     }
-    # Pins of all units have come, and the picture fits.
     update
     if {[file extension $file] eq ".svg"} {
         .w save $file
@@ -57,6 +57,17 @@ proc tracker::pictures::circuit {file folder} {
         picture save $file
     }
     return 0
+}
+
+# Pins of units that the picture does not have yet.
+proc tracker::pictures::Missing {pins nodes} {
+    return [lmap line $pins {
+        lassign $line pin way
+        set dot [string last . $pin]
+        set key [list unit [string range $pin 0 $dot-1]]
+        if {[dict exists $nodes $key] && [string range $pin $dot+1 end] in [dict get $nodes $key ${way}s]} continue
+        set pin
+    }]
 }
 
 # ---- the window ----

@@ -132,14 +132,18 @@ snit::widget ::sorma::circuitEditor {
     # Texts do not follow the theme by themselves.
     method Looks {} {
         foreach view [list $win.panes.picture.text $win.diff] {
-            if {![winfo exists $view]} continue
-            foreach {option token} {-background surface -foreground text -selectbackground tint -selectforeground text -highlightcolor accent -highlightbackground line} {
-                $view configure $option [::sorma::style token $token]
+            if {[winfo exists $view]} {
+                Paint $view $Tags
             }
-            foreach tag [$view tag names] {
-                if {[dict exists $Tags $tag]} {
-                    $view tag configure $tag -foreground [::sorma::style colour [dict get $Tags $tag]]
-                }
+        }
+    }
+    proc Paint {view tags} {
+        foreach {option token} {-background surface -foreground text -selectbackground tint -selectforeground text -highlightcolor accent -highlightbackground line} {
+            $view configure $option [::sorma::style token $token]
+        }
+        foreach tag [$view tag names] {
+            if {[dict exists $tags $tag]} {
+                $view tag configure $tag -foreground [::sorma::style colour [dict get $tags $tag]]
             }
         }
     }

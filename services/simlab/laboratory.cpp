@@ -131,7 +131,7 @@ void Laboratory::run() {
             takeSetPoint();
             takeOthers();
             pace.restart();
-            // Who waits for lab time knows by this that it is paused, and that the laboratory lives.
+            // This tells readers of lab.clock that time is paused, and that the laboratory lives.
             if (!broken_) tellTime();
             rest(lock, shmem::nanoseconds() + kNap);
             for (Input* in : {&armSet_, &handSet_, &cameraSet_, &laserSet_}) in->lookNow();
