@@ -25,14 +25,43 @@ const char* toText(rec::Kind kind) {
     }
 }
 
-// [s since 1970], with all its digits.
+}  // namespace
+
 std::string seconds(std::int64_t ns) {
     constexpr std::int64_t kBillion = 1'000'000'000;
     const std::string digits = std::to_string(std::abs(ns % kBillion));
     return (ns < 0 ? "-" : "") + std::to_string(std::abs(ns / kBillion)) + "." + std::string(9 - digits.size(), '0') + digits;
 }
 
-}  // namespace
+std::string textOf(const rec::Record& r, sorma::Message& m) {
+    if (!r.read(m)) m.text = "its parts cannot be read";
+    std::string text;
+    if (r.kind == rec::Kind::request) {
+        sorma::appendRequest(text, r.object, r.method.value_or(sorma::Method::exec), m);
+    } else if (r.kind == rec::Kind::reply) {
+        sorma::appendReply(text, r.object, m);
+    } else {
+        sorma::appendParts(text, m);
+        for (auto& word : m.words) sorma::appendWord(text, word, true);
+    }
+    return text;
+}
+
+std::string dictOf(const rec::Record& r, const std::string& text, const std::string& request) {
+    sorma::DictText dict;
+    dict.put("kind", toText(r.kind));
+    dict.put("time", seconds(r.time));
+    dict.put("source", r.source);
+    dict.put("number", std::to_string(r.number));
+    dict.put("object", r.object);
+    dict.put("word", r.word);
+    if (r.method) dict.put("method", sorma::toText(*r.method));
+    dict.put("code", std::to_string(r.code));
+    dict.put("span", seconds(r.span));
+    dict.put("text", text);
+    if (!request.empty()) dict.put("request", request);
+    return dict.text();
+}
 
 std::string Search::read(const std::vector<std::string>& words, std::size_t at) {
     for (; at < words.size(); ++at) {
@@ -94,41 +123,20 @@ void RecordText::add(std::string& out, const rec::Record& r) {
     const bool named = r.kind == rec::Kind::request || r.kind == rec::Kind::reply || r.kind == rec::Kind::event || r.kind == rec::Kind::sample || r.kind == rec::Kind::shape;
     if (named && search_.name != "*" && !sorma::globMatch(search_.name, r.object)) return;
     if (named && search_.mayTell && !search_.mayTell(r.object)) return;
-    if (!r.read(message_)) message_.text = "its parts cannot be read";
-    std::string text, request;
-    const auto method = r.method.value_or(sorma::Method::exec);
+    std::string request;
+    const std::string text = textOf(r, message_);
     const Key key(r.source, r.number);
-    if (r.kind == rec::Kind::request) {
-        sorma::appendRequest(text, r.object, method, message_);
-        await(key, text);
-    } else if (r.kind == rec::Kind::reply) {
-        sorma::appendReply(text, r.object, message_);
-        if (auto found = awaited_.find(key); found != awaited_.end()) {
-            awaitedBytes_ -= found->second.size();
-            request = std::move(found->second);
-            awaited_.erase(found);
-        }
-    } else {
-        sorma::appendParts(text, message_);
-        for (auto& word : message_.words) sorma::appendWord(text, word, true);
+    if (r.kind == rec::Kind::request) await(key, text);
+    if (auto found = awaited_.find(key); r.kind == rec::Kind::reply && found != awaited_.end()) {
+        awaitedBytes_ -= found->second.size();
+        request = std::move(found->second);
+        awaited_.erase(found);
     }
     if ((search_.failed || search_.slower >= 0) && r.kind != rec::Kind::reply) return;
     if (search_.failed && r.code >= 0) return;
     if (r.span < search_.slower) return;
     if (!search_.text.empty() && text.find(search_.text) == text.npos && request.find(search_.text) == request.npos) return;
-    sorma::DictText dict;
-    dict.put("kind", toText(r.kind));
-    dict.put("time", seconds(r.time));
-    dict.put("source", r.source);
-    dict.put("number", std::to_string(r.number));
-    dict.put("object", r.object);
-    dict.put("word", r.word);
-    if (r.method) dict.put("method", sorma::toText(*r.method));
-    dict.put("code", std::to_string(r.code));
-    dict.put("span", seconds(r.span));
-    dict.put("text", text);
-    if (!request.empty()) dict.put("request", request);
-    sorma::appendListElement(out, dict.text());
+    sorma::appendListElement(out, dictOf(r, text, request));
 }
 
 std::string describe(const std::string& file, bool names) {

@@ -58,6 +58,13 @@ private:
     sorma::recording::Recorder recorder_;
 };
 
+// [s since 1970], with all its digits.
+std::string seconds(std::int64_t ns);
+// A request as it can be typed, a reply, or the content of another record.   m: for its parts.
+std::string textOf(const sorma::recording::Record& record, sorma::Message& m);
+// A record as a dict, see `records` in doc/recorder.man.   text: of textOf;   request: that of a reply; empty: not known.
+std::string dictOf(const sorma::recording::Record& record, const std::string& text, const std::string& request = {});
+
 // Which records are wanted of a file.
 struct Search {
     std::string name = "*";             // of the object, a pattern as Tcl's string match

@@ -12,6 +12,7 @@
 #include "history.h"
 #include "live.h"
 #include "tape.h"
+#include "timeline.h"
 
 namespace {
 
@@ -28,9 +29,10 @@ const sorma::Prototype kBuffer{Severity::error, "RECORDER BUFFER", 1,
                                "{}: a buffer cannot be written: {}; -buffers chooses, -prefix keeps runs apart"};
 const sorma::Prototype kBusy{Severity::error, "RECORDER BUSY", 1, "{}: it is {} {}; CTRL -stop ends that"};
 const sorma::Prototype kIdle{Severity::error, "RECORDER IDLE", 1, "{}: nothing is under way that could be stopped"};
-const sorma::Prototype kWord{Severity::error, "RECORDER WORD", 2, "{}: bad words \"{}\": must be about, at TIME REQUEST, export FOLDER, list, now, play, records ?OPTION ...?, or as a stream, stream REQUESTS EVENTS ?BYTES NS?"};
+const sorma::Prototype kWord{Severity::error, "RECORDER WORD", 2, "{}: bad words \"{}\": must be about, at TIME REQUEST, export FOLDER, list, now, play, records ?OPTION ...?, timeline ?WHAT ...?, or as a stream, stream REQUESTS EVENTS ?BYTES NS?"};
 const sorma::Prototype kPast{Severity::error, "RECORDER PAST", 1, "{}: {}"};
 const sorma::Prototype kTime{Severity::error, "RECORDER WORD", 2, "{}: at expects seconds since 1970, got \"{}\""};
+const sorma::Prototype kTimeline{Severity::error, "RECORDER WORD", 2, "{}: timeline: {}"};
 const sorma::Prototype kRecords{Severity::error, "RECORDER WORD", 2, "{}: records: {}"};
 
 class Recorder : public sorma::Service {
@@ -58,11 +60,11 @@ public:
             .action("-record", &Recorder::record, "", "begin to record; what is in the file is replaced")
             .action("-stop", &Recorder::stop, "", "end what is under way; says how much that was", 0, 0, sorma::Right::call)
             .concurrency(sorma::Concurrency::concurrent)
-            .words("about | at time request | export folder | list | now | play | records ?option ...? | stream requests events ?bytes ns?")
+            .words("about | at time request | export folder | list | now | play | records ?option ...? | stream requests events ?bytes ns? | timeline ?what ...?")
             .word("export", &Recorder::makeTables)
             .writes(ints, {}, "", "play, export: records, buffers")
-            .writes(text, {}, "", "about, at, list, records: what is in the file")
-            .repeatable({"about", "at", "list", "now", "records"})
+            .writes(text, {}, "", "about, at, list, records, timeline: what is in the file")
+            .repeatable({"about", "at", "list", "now", "records", "timeline"})
             .example("recorder.example CTRL -buffers {arm.* lab.clock}");
     }
 
@@ -79,6 +81,7 @@ public:
         if (m.words.size() == 1 && m.words[0] == "about") return about(m);
         if (m.words.size() == 1 && m.words[0] == "now") return m.clear(), void(m.ints = {sorma::monotonicNow()});
         if (m.words.size() >= 3 && m.words[0] == "at") return answerPast(m);
+        if (!m.words.empty() && m.words[0] == "timeline") return answerTimeline(m);
         if (auto text = recordText(m)) return gather(*text, m);
         const bool plays = m.words.size() == 1 && m.words[0] == "play";
         if (!plays && !(m.words.size() == 1 && m.words[0] == "list")) {
@@ -176,6 +179,25 @@ private:
             past_ = std::move(version);
             return *history_;
         });
+    }
+    // `timeline ...`. What was read of the file stays until it shall be read again, or -file is another one.
+    void answerTimeline(Message& m) {
+        std::function<bool(std::string_view)> mayTell;
+        if (auto reader = sorma::Principal::both(m.author, author("-file")))
+            mayTell = [this, reader](std::string_view object) { return sorma::recording::recordable(object, sorm(), reader); };
+        const bool again = m.words.size() == 2 && m.words[1] == "read";
+        const auto words = again ? std::vector<std::string>{"timeline"} : std::move(m.words);
+        m.clear();
+        reading([&](const std::string& file) {
+            if (again || !timeline_ || file != timelineOf_) {
+                std::optional<sorma::recording::Index> index;
+                if (bus_) index = bus_->index();
+                timeline_.reset();
+                timeline_ = std::make_unique<recorder::Timeline>([file, index] { return index ? std::make_unique<sorma::recording::Reader>(file, *index) : std::make_unique<sorma::recording::Reader>(file); });
+                timelineOf_ = file;
+            }
+        });
+        if (auto wrong = timeline_->answer(words, 1, mayTell, m.text); !wrong.empty()) fail(kTimeline, name(), wrong);
     }
     // The reader of `records`; null: the words are others.
     std::unique_ptr<recorder::RecordText> recordText(const Message& m) {
@@ -339,6 +361,8 @@ private:
     sorma::Charge charge_;                  // for the buffers that are played, on the account of the caller
     std::unique_ptr<recorder::History> history_;        // of the last question
     std::string past_;                      // version of its file
+    std::unique_ptr<recorder::Timeline> timeline_;
+    std::string timelineOf_;                // its file
     std::unique_ptr<recorder::BusRecording> bus_;
     std::unique_ptr<recorder::Merge> merge_;
     std::unique_ptr<Job> job_;              // last: its thread uses what is above
