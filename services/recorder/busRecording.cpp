@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "history.h"
+
 namespace recorder {
 
 namespace rec = sorma::recording;
@@ -79,6 +81,12 @@ std::string Search::read(const std::vector<std::string>& words, std::size_t at) 
         else {
             constexpr double kMost = 9e9;       // [s]
             double number = 0;
+            std::int64_t exact = 0;
+            // Times of a recording have more digits than a double.
+            if (option != "-slower" && readSeconds(value, exact) && std::abs(exact) <= std::int64_t(kMost * 1e9)) {
+                (option == "-from" ? from : until) = exact;
+                continue;
+            }
             if (!sorma::parseNumber(value, number) || !(std::abs(number) <= kMost)) return option + " expects a number of seconds, got " + sorma::shown(value);
             (option == "-from" ? from : option == "-until" ? until : slower) = std::int64_t(std::llround(number * 1e9));
         }
