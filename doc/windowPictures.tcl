@@ -14,7 +14,9 @@ package require sorma::console
 package require sorma::dashboard
 package require sorma::form
 package require sorma::panel
+package require sorma::service::recorder
 package require sorma::theme
+package require sorma::timeline
 package require img::window
 package require img::png
 
@@ -59,6 +61,7 @@ namespace eval windowPictures {
         editing     {sorma::dashboard .w}                               {.w read $Board; Forces; .w edit 1}
         wall        {sorma::dashboard .w -wall 1}                       {.w read $Board; Forces}
         chart       {sorma::stripchart .w -span 60}                     Lines
+        timeline    {sorma::timeline .w -file [Recorded]}               {until {[.w idle]}; .w fold recording; .w failed next; until {[.w idle] && [.w text] ne {}}}
         console     {sorma::console .w}                                 Typed
         circuit     {sorma::circuitEditor .w circuit.level@pictures}    {until {[.w value 0] eq "1.5 m" && "sum" in [.w palette classes]}}
         overview    {sorma::browser .w}                                 {Chosen; .w tab overview select}
@@ -122,6 +125,20 @@ proc windowPictures::Lines {} {
             .w sample $trace [expr {100 * sin($i / 40.0 + $shift) * exp($i / -500.0)}] [expr {$i / 10.0 - 60}]
         }
     }
+}
+# A recording of some requests, of which some have failed: its file.
+proc windowPictures::Recorded {} {
+    set file [file join $::env(SORMA_RUNTIME_DIR) pictures.rec]
+    catch {sorma::remove recorder.pictures}
+    sorma::create recorder.pictures -file $file -requests *
+    recorder.pictures CTRL -record
+    for {set i 0} {$i < 400} {incr i} {
+        catch {echo.[expr {$i % 5}] EXEC IMSG 1 $i}
+        catch {arm.left@pictures CTRL -speed [expr {$i % 40 == 0 ? 7 : 0.5}]}
+        catch {foo.cell CTRL -tempo [expr {$i % 90 == 0 ? "slow" : "largo"}]}
+    }
+    recorder.pictures CTRL -stop
+    return $file
 }
 proc windowPictures::Typed {} {
     foreach line {{foo.cell@pictures EXEC} {arm.left@pictures CTRL -speed 7} {ls *@pictures} {foo.cell@pictures CTRL -dump}} {

@@ -95,7 +95,7 @@ snit::widget ::sorma::browser {
             file "Listen to the events, or stop" Ctrl+L l [mymethod Do events listen] file "Pause the log, or go on" Ctrl+P p [mymethod Do log pause] \
             \
             file "New dashboard" Ctrl+N n {::sorma::window dashboard} file "Open a dashboard\u2026" Ctrl+O o [mymethod AskDashboard] \
-            file Quit Ctrl+Q q [list destroy $top] view Search Ctrl+F f [list focus $win.left.search.bar.entry] \
+            file "Open a recording\u2026" Ctrl+R r [mymethod AskRecording] file Quit Ctrl+Q q [list destroy $top] view Search Ctrl+F f [list focus $win.left.search.bar.entry] \
             view Tree Ctrl+T t [list focus $tree.tree]]
         set number -1
         dict for {name title} $Titles {
@@ -198,6 +198,13 @@ snit::widget ::sorma::browser {
     method AskDashboard {} {
         set file [tk_getOpenFile -parent $win -filetypes {{Dashboard .dash} {All *}}]
         if {$file ne {} && [catch {::sorma::window dashboard $file} message]} {
+            tk_messageBox -parent $win -icon error -message $message
+        }
+    }
+
+    method AskRecording {} {
+        set file [tk_getOpenFile -parent $win -filetypes {{Recording .rec} {All *}}]
+        if {$file ne {} && [catch {::sorma::window timeline $file} message]} {
             tk_messageBox -parent $win -icon error -message $message
         }
     }

@@ -286,6 +286,10 @@ snit::widget ::sorma::panel {
 
     method Actions table {
         ::sorma::actions fill $win.actions $win.head.stop [$subject name] $table [mymethod AskAct]
+        if {[dict get $table class] eq "recorder"} {
+            package require sorma::recorderState
+            grid [::sorma::recorderState $win.actions.recorder [$subject name]] -row [lindex [grid size $win.actions] 1] -column 0 -columnspan 4 -sticky w -pady [list [::sorma::style pixels 4] 0]
+        }
         if {[winfo children $win.actions] ne {}} {
             grid $win.actions
         } else {

@@ -51,6 +51,7 @@ snit::widget ::sorma::timeline {
     variable whole 1            ;# all of it is seen, also when it grows
     variable selected {}        ;# {SOURCE OBJECT TIME}
     variable said {}            ;# text below
+    variable asks 0             ;# questions without an answer
     variable waiting 0          ;# drawings that were asked for, and have not come
     variable again 0            ;# what is drawn is not what is wanted any more
     variable round 0            ;# answers to earlier searches are not wanted
@@ -154,14 +155,17 @@ snit::widget ::sorma::timeline {
 
     # The answer goes to PREFIX, ok or error and the text; not when this window is gone.
     method Ask {prefix args} {
+        incr asks
         if {[catch {::sorma::async -timeout 60000 -command [list ::sorma::parts::answer [mymethod Answered] $prefix] $recorder EXEC timeline {*}$args} message]} {
             after idle [list ::sorma::parts::answer [mymethod Failure] $prefix $message]
         }
     }
     method Failure {prefix message} {
+        incr asks -1
         {*}$prefix error $message
     }
     method Answered {prefix future} {
+        incr asks -1
         if {[catch {$future take} answer]} {
             {*}$prefix error $answer
         } else {
@@ -203,7 +207,7 @@ snit::widget ::sorma::timeline {
         set first [::sorma::timelineText::ns [dict get $facts first]]
         set last [::sorma::timelineText::ns [dict get $facts last]]
         set beside [expr {($last - $first) / 100 + 1000}]
-        lassign [list [expr {$first - $beside}] [expr {$last + $beside}]] from until
+        lassign [list [expr {max(0, $first - $beside)}] [expr {$last + $beside}]] from until
     }
     method Trouble {} {
         return [expr {$trouble ne {} ? $trouble : [dict get $facts error]}]
@@ -228,7 +232,7 @@ snit::widget ::sorma::timeline {
         set state [::sorma::text::clean [join $parts {   }]]
     }
     method idle {} {
-        return [expr {!$waiting && !$again && !$seeking && ($trouble ne {} || [dict get $facts done] >= 1)}]
+        return [expr {!$asks && !$waiting && !$again && !$seeking && ($trouble ne {} || [dict get $facts done] >= 1)}]
     }
 
     # ---- rows ----
@@ -240,13 +244,11 @@ snit::widget ::sorma::timeline {
         $self Rows
     }
     method Rows {} {
-        set rows [lsearch -all -inline -not -exact [lmap track $tracks {
+        set rows [lmap track $tracks {
             lassign $track source object
-            if {$wanted ne {} ? ($object ne {} && ![string match -nocase *[::sorma::text::escape $wanted]* $object@$source]) : ($object ne {} && $source in $folded)} {
-                continue
-            }
+            if {$object ne {} && ($wanted eq {} ? $source in $folded : ![string match -nocase *[::sorma::text::escape $wanted]* $object@$source])} continue
             set track
-        }] {}]
+        }]
         set row [expr {max(0, min($row, [llength $rows] - 1))}]
         $self See
         $self Redraw
@@ -306,7 +308,7 @@ snit::widget ::sorma::timeline {
         set middle [expr {($first + $last) / 2}]
         set low [expr {[::sorma::timelineText::ns [dict get $facts first]] - $span}]
         set most [expr {[::sorma::timelineText::ns [dict get $facts last]] + $span}]
-        set from [expr {max($low, min($middle - $span / 2, $most - $span))}]
+        set from [expr {max(0, $low, min($middle - $span / 2, $most - $span))}]
         set until [expr {$from + $span}]
         $self Placed $was
         $self Axis
@@ -362,10 +364,8 @@ snit::widget ::sorma::timeline {
     }
     # Once in a turn of the event loop, and one question at a time.
     method Redraw {} {
-        if {$waiting} {
-            set again 1
-            return
-        }
+        set again $waiting
+        if {$waiting} return
         set waiting 1
         after idle [list ::sorma::parts::answer [mymethod AskRows]]
     }
@@ -490,16 +490,13 @@ snit::widget ::sorma::timeline {
 
     # ---- the next one ----
 
+    # Is there one that has failed, as far as is known? After the last one, Tab goes on.
     method Tabbed {direction window} {
-        if {![$self Wrong $direction]} {
+        if {[dict get $none $direction] eq [$self Where $direction] || [tcl::mathop::+ {*}[lmap item $rows {lindex $item 3}]] == 0} {
             return -code continue
         }
         $self failed $direction
         return -code break
-    }
-    # Is there one that has failed, as far as is known: after the last one, Tab goes on.
-    method Wrong direction {
-        return [expr {[dict get $none $direction] ne [$self Where $direction] && [tcl::mathop::+ {*}[lmap item $rows {lindex $item 3}]] > 0}]
     }
     method Where direction {
         return [expr {$selected ne {} ? [lindex $selected 2] : $direction eq "next" ? $from - 1 : $until}]
@@ -575,9 +572,10 @@ snit::widget ::sorma::timeline {
         if {$wanted ne {}} {
             lappend words -name *[::sorma::text::escape $wanted]*
         }
+        incr asks
         set prefix [list ::sorma::parts::answer [mymethod Answered] [mymethod Sliced $number $text [expr {$begin + $part}]]]
         if {[catch {::sorma::async -timeout 60000 -command $prefix $recorder EXEC {*}$words} message]} {
-            $self Sliced $number $text 0 error $message
+            $self Failure [mymethod Sliced $number $text 0] $message
         }
     }
     method Sliced {number text next status records} {

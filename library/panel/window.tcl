@@ -6,7 +6,7 @@ package require sorma::style
 package provide sorma::window 1.0
 
 namespace eval ::sorma::window {
-    namespace export panel chart form dashboard offer open place geometry all file remember recall
+    namespace export panel chart form dashboard offer open place geometry all file remember timeline recall
     namespace ensemble create
     variable Geometries         ;# dict: toplevel -> {KEY geometry}, as it was last
     variable Last
@@ -20,6 +20,7 @@ namespace eval ::sorma::window {
 #       panel NAME                              the panel of an object
 #       chart NAME WHAT ?-option value ...?     numbers of it over time, as stripchart plot has them; -index may be several
 #       form FILE                               a form
+#       timeline FILE, or timeline -name NAME   a recording, or what an object of class recorder has recorded
 # It returns the toplevel, the same one when it is open already. The keys of these windows are those that
 # arrangement.tcl has for the same.
 proc ::sorma::window::panel name {
@@ -39,6 +40,15 @@ proc ::sorma::window::form path {
     package require sorma::form
     set path [::file normalize $path]
     return [open [list form -file $path] [::file rootname [::file tail $path]] ::sorma::form -file $path]
+}
+
+proc ::sorma::window::timeline {path {name {}}} {
+    package require sorma::timeline
+    if {$path eq "-name"} {
+        return [open [list timeline -name $name] "$name [::msgcat::mc "Time line"]" ::sorma::timeline -name $name]
+    }
+    set path [::file normalize $path]
+    return [open [list timeline -file $path] [::file tail $path] ::sorma::timeline -file $path]
 }
 
 # ::sorma::window dashboard ?FILE? ?WALL? -- a window with that dashboard, or with an empty one; WALL 1: full-screen and read-only.

@@ -2,6 +2,7 @@
 
 package require csv
 package require sorma
+package require sorma::graphical
 package require sorma::line
 package require sorma::mcap
 package require sorma::moment
@@ -14,7 +15,7 @@ package require sorma::usage
 package provide sorma::replay 1.0
 
 namespace eval ::sorma::replay {
-    variable Options {-list flag -typed flag -about flag -play flag -csv {{word {the name of a folder}}} -values {{word {the name of an object}}} -mcap {{word {the name of a file}}}
+    variable Options {-list flag -typed flag -about flag -window flag -play flag -csv {{word {the name of a folder}}} -values {{word {the name of an object}}} -mcap {{word {the name of a file}}}
         -as-test {{word {the name of a file}}} -start any -tolerance any -at words -search any -name {any *} -failed flag -slower {{seconds 0 1000000000}} -from any -until any
         -daemon any -rename words -speed {{seconds 0 1000} 1} -help flag --help flag -h flag}
     variable Turn           ;# set when it has waited
@@ -49,6 +50,9 @@ proc ::sorma::replay::main words {
     } on error message {
         puts stderr "sorma-replay: $message\n[::sorma::usage::program sorma-replay]"
         return 2
+    }
+    if {${-window}} {
+        return [Window [lindex $files 0]]
     }
     try {
         ::sorma::create recorder.replay -file [lindex $files 0]
@@ -161,6 +165,18 @@ proc ::sorma::replay::EachStep {stepVar search script} {
             uplevel 1 $script
         }
     }
+}
+
+# The time line, until its window is closed. The exit code.
+proc ::sorma::replay::Window file {
+    set code [::sorma::graphical::display sorma-replay {} "there is no display to open a window on (%s); set DISPLAY, or leave -window out"]
+    if {$code ne {}} {
+        return $code
+    }
+    package require sorma::window
+    wm withdraw .
+    tkwait window [::sorma::window timeline $file]
+    return 0
 }
 
 # ---- for people ----
