@@ -115,6 +115,7 @@ namespace eval pictures {
         notice     {sorma::notice -lines 2}
         status     {sorma::status -name arm.left@pictures}
         stripchart {sorma::stripchart -span 20 -width 420 -height 160}
+        timeline   {sorma::timeline -name recorder.pictures}
         display    {sorma::display -name arm.left@pictures -option -force}
         dashboard  {sorma::dashboard}
         image      {sorma::image -name camera.hand@pictures -every 200 -width 320 -height 240 -zoom 2}
@@ -171,6 +172,7 @@ proc pictures::draw {folder shade dpi} {
     }
     arm.left@pictures CTRL -speed 0.5 -force 12
     foo.cell@pictures CTRL -where garden -tempo presto -breakfast -freshJuice
+    Record
     foreach {name words} $Widgets {
         if {$name eq "painter" && [catch {hsvtable.board@pictures CTRL -dump}]} continue       ;# built without OpenCV
         destroy {*}[winfo children .]
@@ -183,6 +185,17 @@ proc pictures::draw {folder shade dpi} {
         $picture write [file join $folder $name$end] -format png
         image delete $picture
     }
+}
+
+# Some requests, of which some have failed, in the file of recorder.pictures.
+proc pictures::Record {} {
+    package require sorma::service::recorder
+    sorma::create recorder.pictures -file [file join $::env(SORMA_RUNTIME_DIR) pictures.rec] -requests echo.*
+    recorder.pictures CTRL -record
+    for {set i 0} {$i < 300} {incr i} {
+        catch {echo.[expr {$i % 4}] {*}[expr {$i % 41 == 7 ? "CTRL -loud 1" : "EXEC IMSG 1 $i"}]}
+    }
+    recorder.pictures CTRL -stop
 }
 
 # The window is so large, in pixels at 96 dots per inch.
@@ -240,6 +253,11 @@ proc pictures::Ready name {
                     .w sample $trace [expr {sin($i / 20.0 + ($trace eq "y")) * exp($i / -300.0)}] [expr {$i / 10.0 - 20}]
                 }
             }
+        }
+        timeline {
+            until {[.w idle] && [llength [.w rows]] > 2}
+            .w failed next
+            until {[.w idle] && [.w text] ne {}}
         }
         display {
             Sized 260 120

@@ -61,7 +61,7 @@ namespace eval windowPictures {
         editing     {sorma::dashboard .w}                               {.w read $Board; Forces; .w edit 1}
         wall        {sorma::dashboard .w -wall 1}                       {.w read $Board; Forces}
         chart       {sorma::stripchart .w -span 60}                     Lines
-        timeline    {sorma::timeline .w -file [Recorded]}               {until {[.w idle]}; .w fold recording; .w failed next; until {[.w idle] && [.w text] ne {}}}
+        timeline    {sorma::timeline .w -file [Recorded]}               {until {[.w idle]}; .w failed next; until {[.w idle] && [.w text] ne {}}}
         console     {sorma::console .w}                                 Typed
         circuit     {sorma::circuitEditor .w circuit.level@pictures}    {until {[.w value 0] eq "1.5 m" && "sum" in [.w palette classes]}}
         overview    {sorma::browser .w}                                 {Chosen; .w tab overview select}
@@ -133,9 +133,7 @@ proc windowPictures::Recorded {} {
     sorma::create recorder.pictures -file $file -requests *
     recorder.pictures CTRL -record
     for {set i 0} {$i < 400} {incr i} {
-        catch {echo.[expr {$i % 5}] EXEC IMSG 1 $i}
-        catch {arm.left@pictures CTRL -speed [expr {$i % 40 == 0 ? 7 : 0.5}]}
-        catch {foo.cell CTRL -tempo [expr {$i % 90 == 0 ? "slow" : "largo"}]}
+        catch {echo.[expr {$i % 5}] {*}[expr {$i % 41 == 7 ? "CTRL -loud 1" : "EXEC IMSG 1 $i"}]}
     }
     recorder.pictures CTRL -stop
     return $file

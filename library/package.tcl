@@ -26,6 +26,7 @@ apply {{} {
         field {entry slider vector choice check field button}
         execform execform
         chart stripchart
+        timeline timeline
         form form
         lamp {led meter reading status}
         image image

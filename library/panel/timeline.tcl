@@ -330,7 +330,7 @@ snit::widget ::sorma::timeline {
         set first [expr {$time - round($span * $part)}]
         $self Show $first [expr {$first + $span}]
     }
-    # What is chosen stays where it is, if it is seen; else the middle.
+    # The chosen mark stays at its place, if it is seen; else the middle does.
     method Anchor {} {
         set x [if {$selected ne {}} {$self X [lindex $selected 2]} else {string cat -1}]
         return [expr {$x >= $left && $x <= [winfo width $canvas] ? $x : $left + [$self Wide] / 2}]
@@ -432,7 +432,7 @@ snit::widget ::sorma::timeline {
         if {$held eq {} || [lindex $held 2] || [$self RowAt $y] < 0} return
         $self show [$self RowAt $y] [$self TimeAt $x]
     }
-    # What is chosen, or next to the middle.
+    # The chosen mark, or the one next to the middle.
     method Enter {} {
         if {$rows ne {}} {
             $self show $row [$self TimeAt [$self Anchor]] [expr {$selected ne {} ? {} : ($until - $from) / 2}]

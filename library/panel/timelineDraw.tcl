@@ -1,7 +1,7 @@
 # timelineDraw.tcl -- how a time line is drawn: names at the left, a row for each daemon and object, the axis below.
 #
 # The recorder makes the outlines, in columns of pixels, so little is drawn however many records there are. A daemon's objects are below it when it
-# is unfolded. What has failed has its colour, and is as high as its row; others are lower.
+# is unfolded. Failed ones have a colour of their own, and are as high as their row; others are lower.
 
 package require snit
 package require sorma::chartAxis
@@ -50,7 +50,7 @@ snit::macro ::sorma::timelineDraw {} {
     method Ground {} {
         return [ttk::style lookup TEntry -fieldbackground {} white]
     }
-    # answers: of `timeline draw`, one for each of these rows. What is drawn was for another view, perhaps: then it is moved there.
+    # answers: of `timeline draw`, one for each of these rows. The answers may be for another view: then they are moved.
     method Paint {which view answers} {
         $canvas delete marks grid none
         set n 0
@@ -102,7 +102,7 @@ snit::macro ::sorma::timelineDraw {} {
             }
         }
     }
-    # What was drawn for that view comes to where it is in this one: at once, and the rest later.
+    # The drawing of another view moves at once; the fine one comes later.
     method Placed view {
         lassign $view was end
         if {$was == $from && $end == $until} return

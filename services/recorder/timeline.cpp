@@ -19,7 +19,7 @@ constexpr int kMostColumns = 20'000;
 
 std::int64_t within(std::int64_t time) { return std::clamp(time, View::kLeast, View::kMost); }
 
-// Of a record that has failed by what it is.
+// Is a record a failure by its kind?
 bool hasFailed(const rec::Record& r) {
     return r.kind == rec::Kind::loss || (r.kind == rec::Kind::reply && r.code < 0) || (r.kind == rec::Kind::note && (r.word == "lost" || r.word == "broken"));
 }
@@ -127,7 +127,7 @@ void Timeline::take(const Record& r, std::uint32_t section) {
     found_.push_back({names_.of(r.source), names_.of(r.object), mark});
 }
 
-// What waits for its reply is given as it is.
+// Requests without a reply become marks of their own.
 void Timeline::giveUp() {
     for (auto& [source, awaited] : awaited_)
         for (auto& [number, a] : awaited) {

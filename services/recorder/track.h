@@ -44,7 +44,7 @@ struct View {
     std::int64_t begins(int column) const { return from + std::int64_t(double(until - from) * column / columns); }
 };
 
-// What a column shows. covered: by a request that began before it.
+// The marks of a column. covered: by a request that began before it.
 struct Column {
     std::uint32_t marks = 0, failed = 0;
     bool covered = false;
@@ -60,7 +60,7 @@ public:
     const Mark& at(std::size_t i) const { return marks_[i]; }
     std::size_t bytes() const { return marks_.capacity() * sizeof(Mark); }
 
-    // What follows needs the order of time: settle() makes it.
+    // The others need the order of time: settle() makes it.
     void settle();
     // Add what it has in these columns to what is in them.
     void draw(const View& view, std::vector<Column>& columns) const;
@@ -69,8 +69,8 @@ public:
     // The next one that has failed, behind a time, or before it; kNone: there is none.
     std::size_t failedAfter(std::int64_t time) const;
     std::size_t failedBefore(std::int64_t time) const;
-    // The mark that a person means who points at a time, within so many ns: one that has failed, then the longest of those that begin
-    // there, then the last one that has begun before and lasts until then.
+    // The mark at a time, within so many ns, for a person with a pointer. One that has failed comes first. Then comes the longest one of
+    // those that begin there, and then the last one that began before and goes on until then.
     std::size_t nearest(std::int64_t time, std::int64_t within) const;
 
 private:
