@@ -1,7 +1,6 @@
 #include "comm/tls.h"
 
 #include <openssl/err.h>
-#include <openssl/pem.h>
 #include <openssl/ssl.h>
 #include <openssl/x509v3.h>
 #include <sys/epoll.h>
@@ -9,7 +8,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <map>
 #include <mutex>
 #include <optional>
 #include <set>
@@ -20,47 +18,25 @@
 #include "comm/errors.h"
 #include "comm/keys.h"
 #include "comm/tlsErrors.h"
+#include "comm/tlsKeys.h"
 #include "comm/tlsProbe.h"
-#include "comm/tlsTickets.h"
 
 namespace sorma::tls {
 
 namespace {
 
-using Context = std::unique_ptr<SSL_CTX, Freed<SSL_CTX_free>>;
 // A line may just end: its ticket stays good. OpenSSL would forget it for want of a last word; RFC 8446 asks for none.
 inline void end(SSL* ssl) { SSL_set_shutdown(ssl, SSL_SENT_SHUTDOWN), SSL_free(ssl); }
 using Handle = std::unique_ptr<SSL, Freed<end>>;
 
 constexpr unsigned char kAlpn[] = {6, 's', 'u', 'n', 'r', 'p', 'c'};
 constexpr long kResumeTime = 3600;                      // [s] in which a client may resume
-constexpr std::size_t kReadSize = 64 * 1024;             // [bytes] of records that are read at once
+constexpr std::size_t kReadSize = 64 * 1024;            // [bytes] of records that are read at once
 constexpr std::size_t kPushSize = 64 * 1024;            // [bytes] of records that are written at once
-constexpr std::size_t kMostCertificates = 16 * 1024;    // [bytes] of the other end's chain
 
-// ---- keys, loaded ----
+// ---- contexts ----
 
-// Connections keep theirs when the files change.
-struct Keys {
-    Context context;
-    std::string own, stamp, authority;  // the name, stampOf(), fingerprint of our own authority
-    Certificate certificate;
-    Tickets tickets;
-
-    std::string file() const { return keys::file(own + ".pem"); }
-};
-using KeysPointer = std::shared_ptr<Keys>;
 using RevocationsPointer = std::shared_ptr<const Revocations>;
-
-std::string stampOf(const std::string& own) { return keys::stamp({"authority.pem", "trusted.pem", own + ".pem"}); }
-
-std::string errorText() {
-    const unsigned long code = ERR_peek_error();
-    const char* text = code ? ERR_reason_error_string(code) : nullptr;
-    return text ? text : "no reason is known";
-}
-
-int noPassword(char*, int, int, void*) { return -1; }
 
 int verified(int good, X509_STORE_CTX* chain);
 int chooseAlpn(SSL*, const unsigned char** out, unsigned char* size, const unsigned char* in, unsigned length, void*) {
@@ -71,27 +47,9 @@ int keepSession(SSL* ssl, SSL_SESSION* session);
 SSL_SESSION* giveSession(SSL* ssl, const unsigned char* ticket, int size, int* shared);
 int writeTicket(SSL* ssl, void*);
 
-KeysPointer load(const std::string& own, const std::string& who) {
-    auto keys = std::make_shared<Keys>();
-    keys->own = own;
-    keys->stamp = stampOf(own);
-    if (own.empty())
-        fail(kMissing, who, "TLS needs a certificate, and there is none in " + keys::folder() + "; where the authority is: sorma-keys give NAME FILE; here: sorma-keys take FILE");
-    const std::string file = keys->file();
-    auto chain = readCertificates(file);
-    if (chain.empty()) fail(kMissing, who, "there is no certificate in " + file + "; where the authority is: sorma-keys give " + own + " FILE; here: sorma-keys take FILE");
-    if (auto why = keys::exposed(file); !why.empty()) fail(kKey, who, file, why);
-    checkDates(chain[0].get(), file, who);
-    keys->context.reset(SSL_CTX_new(TLS_method()));
-    SSL_CTX* c = keys->context.get();
-    if (!c) fail(kKey, who, file, errorText());
-    SSL_CTX_set_min_proto_version(c, TLS1_3_VERSION), SSL_CTX_set_max_proto_version(c, TLS1_3_VERSION);
-    SSL_CTX_set_ciphersuites(c, "TLS_AES_128_GCM_SHA256:TLS_AES_256_GCM_SHA384:TLS_CHACHA20_POLY1305_SHA256");
-    SSL_CTX_set1_groups_list(c, "X25519:P-256");
-    SSL_CTX_set_mode(c, SSL_MODE_ENABLE_PARTIAL_WRITE | SSL_MODE_ACCEPT_MOVING_WRITE_BUFFER | SSL_MODE_RELEASE_BUFFERS | SSL_MODE_NO_AUTO_CHAIN);
+void prepare(SSL_CTX* c) {
     SSL_CTX_set_read_ahead(c, 1), SSL_CTX_set_default_read_buffer_len(c, kReadSize);
     SSL_CTX_set_verify(c, SSL_VERIFY_PEER | SSL_VERIFY_FAIL_IF_NO_PEER_CERT, verified);
-    SSL_CTX_set_verify_depth(c, 3), SSL_CTX_set_max_cert_list(c, kMostCertificates);
     SSL_CTX_set_alpn_protos(c, kAlpn, sizeof kAlpn);
     SSL_CTX_set_alpn_select_cb(c, chooseAlpn, nullptr);
     SSL_CTX_set_session_cache_mode(c, SSL_SESS_CACHE_BOTH | SSL_SESS_CACHE_NO_INTERNAL);
@@ -99,29 +57,9 @@ KeysPointer load(const std::string& own, const std::string& who) {
     SSL_CTX_set_session_id_context(c, kAlpn, sizeof kAlpn);
     SSL_CTX_set_session_ticket_cb(c, writeTicket, nullptr, nullptr);
     SSL_CTX_set_timeout(c, kResumeTime), SSL_CTX_set_num_tickets(c, 1);
-    SSL_CTX_set_default_passwd_cb(c, noPassword);
-    ERR_clear_error();
-    if (SSL_CTX_use_certificate_chain_file(c, file.c_str()) != 1) fail(kKey, who, file, errorText());
-    if (SSL_CTX_use_PrivateKey_file(c, file.c_str(), SSL_FILETYPE_PEM) != 1 || SSL_CTX_check_private_key(c) != 1)
-        fail(kKey, who, file, errorText() + "; it must be the key of the first certificate there");
-    keys->authority = trust(SSL_CTX_get_cert_store(c));     // an empty list trusts nobody
-    // The chain that we show is built once, not for each handshake. The other end knows the root.
-    SSL_CTX_build_cert_chain(c, SSL_BUILD_CHAIN_FLAG_NO_ROOT | SSL_BUILD_CHAIN_FLAG_IGNORE_ERROR | SSL_BUILD_CHAIN_FLAG_CLEAR_ERROR);
-    ERR_clear_error();
-    keys->certificate = std::move(chain[0]);
-    return keys;
 }
 
-// Those of the files as they are now. Fails as load.
-KeysPointer keysOf(const std::string& daemon, const std::string& who) {
-    static std::mutex mutex;
-    static auto& known = *new std::map<std::string, KeysPointer>;
-    const std::string own = keys::ownName(daemon);
-    std::lock_guard lock(mutex);
-    KeysPointer& mine = known[own];
-    if (!mine || mine->stamp != stampOf(own)) mine = load(own, who);
-    return mine;
-}
+KeysPointer keysOf(const std::string& daemon, const std::string& who) { return tls::keysOf(daemon, who, prepare); }
 
 // ---- a line ----
 
@@ -367,7 +305,7 @@ ssize_t read(Line& line, char* room, std::size_t size, std::int64_t wait) {
     return have > 0 || size == 0 ? ssize_t(have) : (errno = EAGAIN, -1);
 }
 
-// Records of the next bytes go to out. Returns how many bytes: no more than belong into one push.
+// Records of the next bytes go to out, as many as belong into one push. Returns how many bytes are in them.
 std::size_t seal(Secure& s, const char* data, std::size_t size) {
     std::size_t done = 0, n = 0;
     s.gathers = size > SSL3_RT_MAX_PLAIN_LENGTH;

@@ -1,4 +1,4 @@
-// tlsTickets.h -- sessions of TLS that may be resumed. Only tls.cpp includes it.
+// tlsTickets.h -- sessions of TLS that may be resumed. Only tlsKeys.h includes it.
 //
 // A client keeps the ticket of a daemon until its next line there. A daemon keeps the session, and its ticket is a number. If the ticket held all of
 // the session, it would hold the client's certificate. OpenSSL needs as long to read that as for all the rest of such a handshake. And one key would
