@@ -236,7 +236,7 @@ proc compiled {file text} {
         return [dict get $::Modules $text]
     }
     set name [file tail [file dirname $file]]
-    set folder $::env(SORMA_RUNTIME_DIR)/module[dict size $::Modules]
+    set folder $::Work/module[dict size $::Modules]
     file mkdir $folder
     writeAll $folder/[file tail $file] $text
     set before [pwd]
@@ -294,7 +294,9 @@ attack {
     expr {srand($seed)}
     source [file join [file dirname [file normalize [info script]]] suites.list]
     set libraries [expr {[info exists env(TCLLIBPATH)] ? $env(TCLLIBPATH) : {}}]
-    set folder $env(SORMA_RUNTIME_DIR)/trial
+    set Work $env(SORMA_RUNTIME_DIR)/suites
+    set folder $Work/trial
+    set before [pwd]
     set sums [set kinds {}]
     sorma::atSignal {set stopped 1}
     for {set i 0} {$i < $number && ![info exists stopped]} {incr i} {
@@ -316,6 +318,8 @@ attack {
         flush stdout
         update
     }
+    cd $before
+    file delete -force $Work
     puts [format "%-12s%8s%8s%8s%16s%10s%12s%10s" demo suites tests open "failed falsely" caught elsewhere hidden]
     foreach demo [dict keys $sums] {
         if {$demo eq "all"} continue
