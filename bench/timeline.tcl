@@ -52,6 +52,28 @@ proc views {first last} {
     return $views
 }
 
+# Turns the wheel in a window of 1280x800, which has read all of it.
+proc wheel file {
+    package require sorma::timeline
+    wm geometry . 1280x800
+    pack [sorma::timeline .line -file $file] -fill both -expand 1
+    drawn
+    for {set i 0} {$i < 70} {incr i} {
+        lappend times [ms {
+            event generate .line.panes.line.canvas <Button-4> -x 600 -y 50
+            drawn
+        }]
+    }
+    return $times
+}
+proc drawn {} {
+    while {![winfo ismapped .line.panes.line.canvas] || ![.line idle]} {
+        after 1 {set ::looked 1}
+        vwait ::looked
+    }
+    update idletasks
+}
+
 try {
     exec [file join $env(SORMA_BUILD) bench manyRecords] $file $records
     puts "[file size $file] bytes, $records records"
@@ -98,6 +120,9 @@ try {
         }
     }
     row "a click: request and reply" 50 $times
+    if {[info exists env(DISPLAY)]} {
+        row "the wheel, until the window is drawn" 50 [wheel $file]
+    }
 } finally {
     file delete $file
 }
