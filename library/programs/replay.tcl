@@ -2,7 +2,6 @@
 
 package require csv
 package require sorma
-package require sorma::graphical
 package require sorma::line
 package require sorma::mcap
 package require sorma::moment
@@ -169,6 +168,12 @@ proc ::sorma::replay::EachStep {stepVar search script} {
 
 # The time line, until its window is closed. The exit code.
 proc ::sorma::replay::Window file {
+    try {
+        package require sorma::graphical
+    } trap {TCL PACKAGE UNFOUND} message {
+        puts stderr "sorma-replay: $message; Debian has windows in the package sorma-tk"
+        return 1
+    }
     set code [::sorma::graphical::display sorma-replay {} "there is no display to open a window on (%s); set DISPLAY, or leave -window out"]
     if {$code ne {}} {
         return $code
