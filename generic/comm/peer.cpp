@@ -265,10 +265,10 @@ void Server::Peer::beginApart() {
     else server_.spareApart_ = std::move(numbers);
 }
 
-void Server::Peer::handle(std::string_view record, Scratch& scratch, Frame& frame) {
-    if (!apart_) [[likely]] return requests.handle(XdrReader(record), record, record.size(), scratch, frame);
+void Server::Peer::handleLong(std::string_view record, Scratch& scratch, Frame& frame) {
     auto numbers = std::move(apart_);           // a service may run the event loop
-    requests.handle(XdrReader(record, *numbers), {}, record.size() + numbers->size(), scratch, frame);
+    XdrReader r(record, *numbers);
+    requests.handle(r, {}, record.size() + numbers->size(), scratch, frame);
     numbers->end();
     if (numbers->capacity() <= kKeepSpare) server_.spareApart_ = std::move(numbers);
 }
@@ -315,7 +315,12 @@ void Server::Peer::serve(Frame& frame, Scratch& scratch) {
         if (whole || ++count % kPieces == 0) ++served;
         if (!whole) continue;
         const std::size_t before = scratch.out.size();
-        handle(record, scratch, frame);
+        if (!apart_) [[likely]] {
+            XdrReader r(record);
+            requests.handle(r, record, record.size(), scratch, frame);
+        } else {
+            handleLong(record, scratch, frame);
+        }
         if (scratch.out.size() > before + kShort) frame.ran = 0;
         if (scratch.out.size() > kFlushAt || scratch.lent.data) flush(scratch);
     }

@@ -125,7 +125,7 @@ private:
     std::size_t begun() const { return pieces_.size() + (apart_ ? apart_->size() : 0); }        // [bytes] of a record that are not in in_
     bool receiveApart();
     void beginApart();
-    void handle(std::string_view record, Scratch& scratch, Frame& frame);
+    void handleLong(std::string_view record, Scratch& scratch, Frame& frame);       // the numbers of the record are in apart_
     void push(record::Source& source);
     void serve(Frame& frame, Scratch& scratch);         // the complete requests of a turn
     bool mayKeep(std::size_t size, std::size_t kept, Scratch& scratch);

@@ -103,7 +103,7 @@ Error Server::Requests::overBudget(std::string_view object, std::size_t bytes) c
     }
 }
 
-void Server::Requests::handle(XdrReader r, std::string_view record, std::size_t size, Scratch& scratch, Frame& frame) {
+void Server::Requests::handle(XdrReader& r, std::string_view record, std::size_t size, Scratch& scratch, Frame& frame) {
     auto envelope = wire::readEnvelope(r);
     if (!r.good()) return server_.closePeer(&peer_, "what came is not a message of ONC RPC", true);
     if (envelope.kind != 0) return;                 // a reply: we have asked nothing
@@ -447,7 +447,8 @@ void Server::Requests::writeTraced(std::uint32_t xid, const wire::Times& times, 
 void Server::Requests::reply(std::uint32_t xid, const wire::Times& times, std::string_view name, Message& m, ReplySlot* slot, Buffer& out, const SpanPointer& span,
                              record::Lent* lent) {
     peer_.executed();
-    if (slot && 8 * (m.floats.size() + m.ints.size()) <= static_cast<std::size_t>(server_.settings_.keepReply)) lent = nullptr;     // all of it is kept
+    const std::size_t numbers = 8 * (m.floats.size() + m.ints.size());
+    if (numbers < record::kLong || (slot && numbers <= static_cast<std::size_t>(server_.settings_.keepReply))) lent = nullptr;     // all of it is kept
     std::size_t start = out.size();
     wire::writeReply(out, xid, times, m, nullptr, lent);
     if (span) [[unlikely]] writeTraced(xid, times, m, *span, out, start, lent);

@@ -24,7 +24,7 @@ public:
 
     // Deal with one record, which has so many bytes on the wire. Immediate answers are appended to scratch.out. May run a service, and so the
     // event loop.   record: empty when not all of it is there, see comm/apart.h.
-    void handle(XdrReader r, std::string_view record, std::size_t size, Scratch& scratch, Frame& frame);
+    void handle(XdrReader& r, std::string_view record, std::size_t size, Scratch& scratch, Frame& frame);
     // Answer what needs no service, while the SORM's thread is elsewhere. handle() then skips it. False: it is no request.
     bool answerBusy(std::string_view record, Buffer& out);
     // Note which calls are cancelled by whole records that have come and wait for their turn. Returns the size of those.

@@ -20,14 +20,13 @@ constexpr std::uint32_t kMaxCredential = 400;       // RFC 5531, section 8.2
 // Writes a whole record.
 class Record : public XdrWriter {
 public:
-    explicit Record(Buffer& out, record::Lent* lent = nullptr) : XdrWriter(out, lent), out_(out), lent_(lent), start_(record::open(out)) {}
+    explicit Record(Buffer& out, record::Lent* lent = nullptr) : XdrWriter(out, lent), out_(out), start_(record::open(out)) {}
     ~Record() { record::close(out_, start_, lent_ ? lent_->size() : 0); }
     Record(const Record&) = delete;
     Record& operator=(const Record&) = delete;
 
 private:
     Buffer& out_;
-    record::Lent* const lent_;
     const std::size_t start_;
 };
 

@@ -37,14 +37,11 @@ XdrReader::XdrReader(std::string_view record, record::Apart& apart) : XdrReader(
     apart_ = &apart;
 }
 
-void XdrReader::takeApart(std::vector<double>& out) {
+template <class T> void XdrReader::takeApart(std::vector<T>& out) {
     hole_ = nullptr;
     if (!apart_ || !apart_->give(out)) spoil();
 }
-
-void XdrReader::takeApart(std::vector<std::int64_t>& out) {
-    hole_ = nullptr;
-    if (!apart_ || !apart_->give(out)) spoil();
-}
+template void XdrReader::takeApart(std::vector<double>& out);
+template void XdrReader::takeApart(std::vector<std::int64_t>& out);
 
 }  // namespace sorma

@@ -119,7 +119,7 @@ struct Lent {
 class XdrWriter {
 public:
     // lent: the first long numbers are not copied. They must stay as they are until the record is sent.
-    explicit XdrWriter(Buffer& out, record::Lent* lent = nullptr) : out_(out), lent_(lent) {}
+    explicit XdrWriter(Buffer& out, record::Lent* lent = nullptr) : lent_(lent), out_(out) {}
 
     void u32(std::uint32_t v) { put(out_.extend(4), v); }
     void i32(std::int32_t v) { u32(static_cast<std::uint32_t>(v)); }
@@ -158,9 +158,11 @@ public:
     static void put(char* at, std::uint32_t v) { v = swapped(v); std::memcpy(at, &v, 4); }
     static void put(char* at, std::uint64_t v) { v = swapped(v); std::memcpy(at, &v, 8); }
 
+protected:
+    record::Lent* const lent_;
+
 private:
     Buffer& out_;
-    record::Lent* const lent_;
 };
 
 // Reads from the front of a record, which must outlive it and the views that it returns. A copy reads on by itself.
@@ -271,8 +273,7 @@ private:
         spoil();
         return false;
     }
-    void takeApart(std::vector<double>& out);
-    void takeApart(std::vector<std::int64_t>& out);
+    template <class T> void takeApart(std::vector<T>& out);
 
     const char* at_;
     const char* end_;
