@@ -6,6 +6,7 @@
 #
 #     nice ionice ./env tclsh8.6 ../bench/largeRecording.tcl 10 /tmp
 
+source [file join [file dirname [file normalize [info script]]] times.tcl]
 package require sorma
 package require sorma::service::recorder
 package require sorma::service::echo
@@ -14,18 +15,6 @@ lassign [concat $argv [lrange {10 /tmp} [llength $argv] end]] gigabytes folder
 set file [file join $folder large[pid].rec]
 set failures 0
 
-proc processor {} {
-    set f [open /proc/thread-self/schedstat]
-    set line [gets $f]
-    close $f
-    return [lindex $line 0]
-}
-proc ms script {
-    set processor [processor]
-    set before [clock microseconds]
-    uplevel #0 $script
-    return [list [expr {([clock microseconds] - $before) / 1000.0}] [expr {([processor] - $processor) / 1e6}]]
-}
 # The quickest of five, each with an object that has not seen the file.
 proc best script {
     set times {}

@@ -6,6 +6,7 @@
 #
 #     nice ./env tclsh8.6 ../bench/timeline.tcl 10000000 /tmp
 
+source [file join [file dirname [file normalize [info script]]] times.tcl]
 package require sorma
 package require sorma::service::recorder
 
@@ -13,18 +14,6 @@ lassign [concat $argv [lrange {10000000 /tmp} [llength $argv] end]] records fold
 set file [file join $folder many[pid].rec]
 set failures 0
 
-proc processor {} {
-    set f [open /proc/thread-self/schedstat]
-    set line [gets $f]
-    close $f
-    return [lindex $line 0]
-}
-proc ms script {
-    set processor [processor]
-    set before [clock microseconds]
-    uplevel #0 $script
-    return [list [expr {([clock microseconds] - $before) / 1000.0}] [expr {([processor] - $processor) / 1e6}]]
-}
 proc memory {} {
     set f [open /proc/self/status]
     regexp {VmRSS:\s+(\d+)} [read $f] -> kB
