@@ -81,6 +81,7 @@ bool globMatch(std::string_view pattern, std::string_view text) {
     while (plain < pattern.size() && plain < text.size() && pattern[plain] == text[plain] && standsForItself(pattern[plain])) ++plain;
     pattern.remove_prefix(plain);
     text.remove_prefix(plain);
+    if (pattern.empty() && text.empty()) return true;
     if (pattern.find("-]") != pattern.npos) return matchEveryWay(pattern, text);
     std::string_view afterStar, retry;
     for (;;) {

@@ -186,9 +186,9 @@ private:
     bool stopping_ = false;
     bool watched_ = false;                                      // the health responder's thread is inside, not the SORM's
     std::shared_ptr<Server*> self_ = std::make_shared<Server*>(this);   // callbacks that may outlive us have weak ones
-    // The body of the event that is being sent, shared by all subscriptions, and the event's serial number.
+    // The event that is being sent, shared by all subscriptions, and its serial number.
     std::uint64_t encoded_ = 0;
-    std::shared_ptr<const Buffer> encodedBody_;
+    std::shared_ptr<const wire::EncodedEvent> encodedEvent_;
     Shares shares_;                                             // of the time for requests
     tls::Offer offer_;
     std::string keyTrouble_;                                    // tls::trouble() at the last look

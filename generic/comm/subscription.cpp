@@ -10,10 +10,10 @@ namespace sorma {
 
 namespace {
 
-std::shared_ptr<const Buffer> bodyOf(const wire::EventBody& event, const Message& content) {
-    auto body = std::make_shared<Buffer>();
-    wire::writeEventBody(*body, event, content);
-    return body;
+std::shared_ptr<const wire::EncodedEvent> encode(const wire::EventBody& event, const Message& content, const TraceOrigin& origin = {}) {
+    auto encoded = std::make_shared<wire::EncodedEvent>(Buffer(), origin);
+    wire::writeEventBody(encoded->body, event, content);
+    return encoded;
 }
 
 }  // namespace
@@ -42,13 +42,13 @@ void Server::Subscription::event(const Event& event) {
     if (author_ && concealed(event, server_.sorm_, author_)) [[unlikely]] {
         Message bare;
         bare.words = bareWords(event);
-        return push(bodyOf({event.time, std::string(event.name), event.request}, bare), event.origin);
+        return push(encode({event.time, std::string(event.name), event.request}, bare, event.origin));
     }
     if (server_.encoded_ != event.serial) {             // the first of this server's listeners
-        server_.encodedBody_ = bodyOf({event.time, std::string(event.name), event.request}, event.message);
+        server_.encodedEvent_ = encode({event.time, std::string(event.name), event.request}, event.message, event.origin);
         server_.encoded_ = event.serial;
     }
-    push(server_.encodedBody_, event.origin);
+    push(server_.encodedEvent_);
 }
 
 std::string Server::Subscription::who() const { return session_.client->caller.toText(); }
@@ -67,7 +67,7 @@ void Server::Subscription::end(const char* event, std::string why) {
     object_ = Reference();
     Message m;
     m.text = std::move(why);
-    push(bodyOf({wallNow(), event, 0}, m));
+    push(encode({wallNow(), event, 0}, m));
 }
 
 void Server::Subscription::judge() {
@@ -87,28 +87,24 @@ bool Server::Subscription::mayListen() {
     }
 }
 
-void Server::Subscription::push(std::shared_ptr<const Buffer> body, const TraceOrigin& origin) {
+void Server::Subscription::push(Item item) {
     ++number_;
     if (!session_.peer) {
         ++lost_, ++server_.eventsLost_;
         return;
     }
-    Item item{std::move(body), number_, 0, origin};
     const std::size_t size = sizeOf(item);
-    if (waiting_->items.size() >= keep_) dropOldest();
-    while (!fits(size)) {
-        if (waiting_->items.empty()) {
-            ++lost_, ++server_.eventsLost_;
-            return;
-        }
-        dropOldest();
-    }
-    item.lost = std::exchange(lost_, 0);
     waiting_.edit([&](Waiting& w) {
-        w.items.push_back(std::move(item));
-        w.bytes += size;
+        if (w.items.size() >= keep_) dropOldest(w);
+        while (!fits(size) && !w.items.empty()) dropOldest(w);
+        if (fits(size)) {
+            w.items.push_back(std::move(item));
+            w.bytes += size;
+        } else {
+            ++lost_, ++server_.eventsLost_;
+        }
     });
-    if (!scheduled) session_.peer->schedule(*this);
+    if (!scheduled && waiting()) session_.peer->schedule(*this);
 }
 
 bool Server::Subscription::fits(std::size_t more) const {
@@ -116,24 +112,20 @@ bool Server::Subscription::fits(std::size_t more) const {
     return then <= now || waiting_.account()->fits(then - now);
 }
 
-// The next event says how many were lost before it.
-void Server::Subscription::dropOldest() {
-    waiting_.edit([&](Waiting& w) {
-        lost_ += 1 + w.items.front().lost;
-        ++server_.eventsLost_;
-        w.bytes -= sizeOf(w.items.front());
-        w.items.pop_front();
-        if (!w.items.empty()) w.items.front().lost += std::exchange(lost_, 0);
-    });
+void Server::Subscription::dropOldest(Waiting& w) {
+    ++lost_, ++server_.eventsLost_;
+    w.bytes -= sizeOf(w.items.front());
+    w.items.pop_front();
 }
 
 bool Server::Subscription::pump(Buffer& out) {
     waiting_.edit([&](Waiting& w) {
         while (!w.items.empty() && out.size() < kEventWindow) {
-            auto& item = w.items.front();
-            if (item.origin) [[unlikely]] wire::writeTraced(out, {id, item.number, 0}, item.origin);
-            wire::writeEvent(out, {id, item.number, item.lost}, *item.body);
-            w.bytes -= sizeOf(item);
+            const auto& event = *w.items.front();
+            const wire::EventHeader header{id, number_ - w.items.size() + 1, std::exchange(lost_, 0)};
+            if (event.origin) [[unlikely]] wire::writeTraced(out, header, event.origin);
+            wire::writeEvent(out, header, event.body);
+            w.bytes -= sizeOf(w.items.front());
             w.items.pop_front();
         }
     });
@@ -142,8 +134,7 @@ bool Server::Subscription::pump(Buffer& out) {
 
 void Server::Subscription::stopKeeping() {
     waiting_.edit([&](Waiting& w) {
-        for (auto& item : w.items) lost_ += 1 + item.lost;
-        server_.eventsLost_ += w.items.size();
+        lost_ += w.items.size(), server_.eventsLost_ += w.items.size();
         w.items.clear();
         w.bytes = 0;
     });

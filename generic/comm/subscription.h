@@ -39,14 +39,11 @@ public:
     bool scheduled = false;                 // it is in its peer's list events_
 
 private:
-    struct Item {
-        std::shared_ptr<const Buffer> body;     // shared by all subscriptions that get the event
-        std::uint64_t number, lost;
-        TraceOrigin origin;
-    };
+    // Shared by all subscriptions that get the event.
+    using Item = std::shared_ptr<const wire::EncodedEvent>;
     // The client's account pays for these.
     struct Waiting {
-        std::deque<Item> items;             // events that wait for the peer
+        std::deque<Item> items;             // events that wait for the peer: the last ones, up to number_
         std::size_t own = 0, bytes = 0;     // of the subscription itself; of the items
         std::size_t heap() const { return own + charged(bytes); }
         // One or two small ones are on their way in a moment: they cost nothing. The others are charged in steps, since several
@@ -55,11 +52,11 @@ private:
         static constexpr std::size_t kStep = 1024;
     };
     bool fits(std::size_t more) const;      // may so many bytes of events wait in addition?
-    void push(std::shared_ptr<const Buffer> body, const TraceOrigin& origin = {});
+    void push(Item item);
     void end(const char* event, std::string why);
     bool mayListen();                       // check the right again after the policy has changed
-    static std::size_t sizeOf(const Item& item) { return sizeof(Item) + item.body->size(); }
-    void dropOldest();
+    static std::size_t sizeOf(const Item& item) { return sizeof(Item) + item->body.size(); }
+    void dropOldest(Waiting& w);
 
     Server& server_;
     Session& session_;
@@ -69,7 +66,7 @@ private:
     const std::string pattern_;
     Reference object_;                      // empty once it was removed or the right was lost
     std::size_t keep_;                      // events kept, at most
-    std::uint64_t number_ = 0, lost_ = 0;   // of the last event; events lost since the last that was sent
+    std::uint64_t number_ = 0, lost_ = 0;   // of the last event; events lost before the first that waits
 };
 
 }  // namespace sorma

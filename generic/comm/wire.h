@@ -118,6 +118,10 @@ struct EventBody {              // the part that is the same for all subscribers
     std::string name;
     std::uint64_t request = 0;  // in which it was published; 0: outside of any
 };
+struct EncodedEvent {           // as all subscribers get it
+    Buffer body;                // by writeEventBody
+    TraceOrigin origin;         // when the event is traced
+};
 
 // ---- writing: each appends one whole record to out ----
 
