@@ -20,7 +20,7 @@ namespace sorma {
 
 namespace {
 
-constexpr std::size_t kReadSize = 64 * 1024, kMostGrowth = 8 << 20;
+constexpr std::size_t kMostGrowth = 8 << 20;
 constexpr std::size_t kKeepBuffer = 4 << 20;            // a longer message's memory is given back
 constexpr std::int64_t kOpenTime = 5'000'000'000;       // [ns] for an address to be connected and the daemon to greet
 constexpr std::int64_t kFirstPause = 2'000'000, kLastPause = 100'000'000;      // [ns] between attempts; each is twice the one before

@@ -30,7 +30,6 @@
 namespace sorma {
 
 // [bytes]
-inline constexpr std::size_t kReadSize = 64 * 1024;     // of one read
 inline constexpr std::size_t kEventWindow = 64 * 1024;  // of events that are written to a peer's queue at a time
 inline constexpr std::size_t kKeepSpare = 4 << 20;      // the shared buffer may stay this large, for the next long message
 

@@ -31,7 +31,6 @@ using Handle = std::unique_ptr<SSL, Freed<end>>;
 
 constexpr unsigned char kAlpn[] = {6, 's', 'u', 'n', 'r', 'p', 'c'};
 constexpr long kResumeTime = 3600;                      // [s] in which a client may resume
-constexpr std::size_t kReadSize = 64 * 1024;            // [bytes] of records that are read at once
 constexpr std::size_t kPushSize = 64 * 1024;            // [bytes] of records that are written at once
 
 // ---- contexts ----

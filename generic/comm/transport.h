@@ -41,6 +41,8 @@
 
 namespace sorma {
 
+inline constexpr std::size_t kReadSize = 64 * 1024;     // [bytes] that are read from a line at a time
+
 struct Transport;
 extern const Transport noTransport;     // the row of a line that is closed: nothing is pending there, and nothing can be peeked
 
