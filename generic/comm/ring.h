@@ -58,6 +58,7 @@ public:
         memory_->written.store(written_, std::memory_order_seq_cst);    // after the bytes; before the reader's mark is read
         return std::ptrdiff_t(size);
     }
+    std::size_t left() { return look() ? std::size_t(written_ - taken_) : 0; }          // what the reader has not taken
     bool full() const { return written_ - taken_ == RingMemory::kSize; }        // as last seen
     bool room() { return !look() || !full(); }                                  // by now, or the other end makes no sense
     // The reader is to wake us. False: there is room already.
@@ -136,6 +137,8 @@ public:
         awake();
     }
     std::atomic<std::uint32_t>& mark() { return memory_->reader; }
+    // The socket is closed. Whoever writes now rings the bell, and learns that from the socket.
+    void leave() { memory_->reader.store(RingMemory::kSleeps, std::memory_order_seq_cst); }
     void awake() { memory_->reader.store(RingMemory::kAwake, std::memory_order_relaxed); }      // woken once too often does no harm
     // Is the writer to be woken? Says so once, when half of the ring is free at the latest: so it is not woken for each piece.
     bool wakes() { return left_ <= RingMemory::kSize / 2 && memory_->writer.load(std::memory_order_seq_cst) != 0 && memory_->writer.exchange(0) != 0; }

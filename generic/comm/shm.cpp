@@ -43,7 +43,10 @@ constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL;       // so no
 struct Shared : Line::Extra {
     Shared(Rings* at, bool client)
         : rings(at), in(client ? at->toClient : at->toDaemon), out(client ? at->toDaemon : at->toClient) {}
-    ~Shared() override { munmap(rings, sizeof *rings); }
+    ~Shared() override {
+        in.leave();
+        munmap(rings, sizeof *rings);
+    }
 
     Rings* const rings;
     RingReader in;
@@ -68,7 +71,8 @@ Descriptor makeMemory() {
     return fd;
 }
 
-void ring(Line& line) { (void)send(line.descriptor(), &kBell, 1, MSG_NOSIGNAL | MSG_DONTWAIT); }       // full: there are bells enough
+// False: nobody is there to hear it.
+bool ring(Line& line) { return send(line.descriptor(), &kBell, 1, MSG_NOSIGNAL | MSG_DONTWAIT) == 1 || errno == EAGAIN; }      // full: there are bells enough
 
 // Take the bells. wait [ns]: block for one.
 void hear(Line& line, std::int64_t wait = 0) {
@@ -200,7 +204,11 @@ ssize_t write(Line& line, const char* data, std::size_t size) {
         if (n == 0 && s.room.wait([&] { return s.out.room(); })) n = s.out.put(data + done, size - done);
         if (n == 0 && done == 0 && !s.out.waits()) n = s.out.put(data, size);
         if (n < 0) return errno = EPROTO, -1;
-        if (n > 0 && s.out.wakes()) ring(line);
+        if (n > 0 && s.out.wakes() && !ring(line)) {
+            done += std::size_t(n);
+            done -= std::min(s.out.left(), done);       // of these bytes nobody will take any more
+            return done > 0 ? ssize_t(done) : (errno = EPIPE, -1);
+        }
     }
     if (done > 0 || size == 0) return ssize_t(done);
     hear(line);                         // perhaps nobody reads now. wants() and brought() look again
