@@ -43,12 +43,12 @@ constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL;       // so no
 struct Shared : Line::Extra {
     Shared(Rings* at, bool client)
         : rings(at), in(client ? at->toClient : at->toDaemon), out(client ? at->toDaemon : at->toClient) {}
-    ~Shared() override {
-        in.leave();
-        munmap(rings, sizeof *rings);
-    }
+    ~Shared() override { in.leave(); }
 
-    Rings* const rings;
+    struct Unmap {
+        void operator()(Rings* at) const { munmap(at, sizeof *at); }
+    };
+    const std::unique_ptr<Rings, Unmap> rings;          // the first: whatever looks into it has ended then
     RingReader in;
     RingWriter out;
     bool ended = false;                 // the other end has closed the socket
@@ -198,6 +198,7 @@ ssize_t read(Line& line, char* room, std::size_t size, std::int64_t most) {
 
 ssize_t write(Line& line, const char* data, std::size_t size) {
     Shared& s = sharedOf(line);
+    if (s.ended) return errno = EPIPE, -1;
     std::size_t done = 0;
     for (std::ptrdiff_t n = 1; n > 0 && done < size; done += std::size_t(n)) {
         n = s.out.put(data + done, size - done);
@@ -205,6 +206,7 @@ ssize_t write(Line& line, const char* data, std::size_t size) {
         if (n == 0 && done == 0 && !s.out.waits()) n = s.out.put(data, size);
         if (n < 0) return errno = EPROTO, -1;
         if (n > 0 && s.out.wakes() && !ring(line)) {
+            s.ended = true;
             done += std::size_t(n);
             done -= std::min(s.out.left(), done);       // of these bytes nobody will take any more
             return done > 0 ? ssize_t(done) : (errno = EPIPE, -1);
