@@ -124,7 +124,7 @@ Inbox::Item Inbox::Spares::take() {
 }
 
 void Inbox::Spares::give(Item event) {
-    constexpr std::size_t kMost = 256, kSmall = 1024;   // events; [bytes] of each
+    constexpr std::size_t kMost = 512, kSmall = 1024;   // events, as a piece of shared memory may hold; [bytes] of each
     if (events_.size() < kMost && heapOf(event->message) <= kSmall) events_.push_back(std::move(event));
 }
 
