@@ -137,7 +137,7 @@ public:
         awake();
     }
     std::atomic<std::uint32_t>& mark() { return memory_->reader; }
-    // The socket is closed. Whoever writes now rings the bell, and learns that from the socket.
+    // The socket is closed. A writer rings the bell now, and learns that from the socket.
     void leave() { memory_->reader.store(RingMemory::kSleeps, std::memory_order_seq_cst); }
     void awake() { memory_->reader.store(RingMemory::kAwake, std::memory_order_relaxed); }      // woken once too often does no harm
     // Is the writer to be woken? Says so once, when half of the ring is free at the latest: so it is not woken for each piece.
