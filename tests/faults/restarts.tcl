@@ -1,6 +1,6 @@
-# restarts.tcl ?KILLS? ?SEED? ?MOST? -- a daemon is killed at random, within MOST ms, and started again.
+# restarts.tcl ?KILLS? ?SEED? ?MOST? ?TRANSPORT? -- a daemon is killed at random, within MOST ms, and started again.
 #
-# A client calls it all the time, by Unix socket.
+# A client calls it all the time. TRANSPORT: as sorma::configure -transport has it, unix at first.
 #
 # Each call is answered or reported as LOST, and none executed twice; the books are in a file, so that they outlive daemons.
 # An object with a recipe of the client's own must look the same at each daemon (CTRL -dump). How long it took from the daemon's
@@ -9,7 +9,8 @@
 source [file join [file dirname [file normalize [info script]]] faults.tcl]
 
 attack {
-    lassign [concat $argv [lrange {20 4711 400} [llength $argv] end]] kills seed most
+    lassign [concat $argv [lrange {20 4711 400 unix} [llength $argv] end]] kills seed most transport
+    sorma::configure -transport $transport
     set ledger [file join $env(SORMA_RUNTIME_DIR) ledger]
     set env(LEDGER) $ledger
     # Says "ready MICROSECONDS" for each daemon, and at the end "killed N".
