@@ -17,6 +17,10 @@ namespace {
 
 constexpr std::size_t kWindow = 1024 * 1024;        // read at a time while a block is searched
 constexpr std::size_t kMostDamages = 1000;          // that are listed
+constexpr std::uint64_t kMostGrowth = 64 * 1024 * 1024;     // bytes in a call
+constexpr int kMostMisses = 3;
+
+std::int64_t changeOf(const struct stat& s) { return std::int64_t(s.st_mtim.tv_sec) * 1'000'000'000 + s.st_mtim.tv_nsec; }
 
 template <class Head> bool agrees(const Head& head) { return head.check == crc32c(&head, offsetof(Head, check)); }
 template <class Head> bool begins(const Head& head) { return std::memcmp(head.magic, Head().magic, sizeof head.magic) == 0; }
@@ -35,6 +39,7 @@ void Reader::open() {
     if (!in_ || ::fstat(in_.get(), &status) != 0) throw FileError("cannot read " + file_ + ": " + std::strerror(errno));
     if (!S_ISREG(status.st_mode)) throw FileError("cannot read " + file_ + ": it is no file");
     size_ = std::uint64_t(status.st_size);
+    changed_ = changeOf(status);
 }
 
 Reader::Reader(std::string file) : file_(std::move(file)) {
@@ -221,6 +226,7 @@ void Reader::rebuild() {
         if ((!found || f.at > at) && !seam) damage(at, found ? f.at : to, found ? "no block begins here: it is broken" : "no block begins here: the file was cut, or is broken");
         if (!found) break;
         if (first) wrapped = f.head.number > 0 && f.at == sizeof head_;
+        if (first || f.head.number > newest_.head.number) newest_ = f;
         first = false;
         newest = f.head.number;
         if (!(f.head.flags & BlockHead::index)) append(f);
@@ -228,8 +234,9 @@ void Reader::rebuild() {
     std::sort(sections_.begin(), sections_.end(), [](auto& a, auto& b) { return a.number < b.number; });
 }
 
-void Reader::append(const Found& f) {
-    const bool follows = !sections_.empty() && sections_.back().bytes < kBlockBytes && sections_.back().at + sections_.back().bytes == f.at &&
+// from: earlier sections stay as they are.
+void Reader::append(const Found& f, std::size_t from) {
+    const bool follows = sections_.size() > from && sections_.back().bytes < kBlockBytes && sections_.back().at + sections_.back().bytes == f.at &&
                          sections_.back().number + sections_.back().blocks == f.head.number;
     if (!follows) {
         Section s;
@@ -246,6 +253,68 @@ void Reader::append(const Found& f) {
     s.states += std::min(f.head.states, f.head.records);
     s.first = std::min(s.first, f.head.first);
     s.last = std::max(s.last, f.head.last);
+}
+
+// ---- a file that grows ----
+
+// Is it the file that was opened, and not shorter? Then its size is that of now.
+bool Reader::isSame() {
+    struct stat named{}, ours{};
+    if (::stat(file_.c_str(), &named) != 0 || ::fstat(in_.get(), &ours) != 0 || named.st_dev != ours.st_dev || named.st_ino != ours.st_ino) return false;
+    const std::int64_t changed = changeOf(ours);
+    misses_ = changed == changed_ && std::uint64_t(ours.st_size) == size_ ? 0 : misses_ + 1;
+    changed_ = changed;
+    if (std::uint64_t(ours.st_size) < size_) return false;
+    looked_ = size_;
+    size_ = std::uint64_t(ours.st_size);
+    FileHead head;
+    return !knowsId_ || !get(0, &head, sizeof head) || !begins(head) || !agrees(head) || head.id == head_.id;
+}
+
+// The block behind the newest one. The writer goes on there, at the beginning of the file, or at its end.
+bool Reader::findNext(std::uint64_t end, Found& out) {
+    const std::uint64_t number = sections_.empty() ? 0 : sections_.back().number + sections_.back().blocks;
+    const std::uint64_t behind = sections_.empty() ? sizeof head_ : sections_.back().at + sections_.back().bytes;
+    for (auto at : {behind, std::uint64_t(sizeof head_), end, looked_})
+        if (takeHead(at, out) && out.head.number == number) return true;
+    return false;
+}
+
+bool Reader::isWhole(const Found& f) const {
+    BlockReader block;
+    std::string why;
+    if (f.end() > size_ || !load(f, block, why)) return false;
+    for (Record r; block.next(r);) {}
+    return block.whole() && block.records() == f.head.records;
+}
+
+// What stood where this block is now.
+void Reader::forget(const Found& f) {
+    for (auto& s : sections_) {
+        if (s.bytes == 0 || s.at >= f.end() || s.at + s.bytes <= f.at) continue;
+        s.bytes = s.records = s.states = 0;
+        ++gone_;
+    }
+}
+
+bool Reader::grow() {
+    if (!isSame()) return false;
+    if (closed_) return true;
+    if (newest_.at > 0 && std::any_of(damages_.begin(), damages_.end(), [&](auto& d) { return d.at == newest_.at; })) return !isWhole(newest_) && misses_ < kMostMisses;
+    const std::size_t before = sections_.size();
+    std::uint64_t end = sizeof head_, taken = 0;
+    for (auto& s : sections_) end = std::max(end, s.at + s.bytes);
+    for (Found f; taken < kMostGrowth && findNext(end, f);) {
+        closed_ = f.head.flags & BlockHead::index;
+        if (closed_ || !isWhole(f)) break;
+        if (f.at < end) forget(f);
+        append(f, before);
+        end = std::max(end, f.end());
+        taken += f.end() - f.at;
+    }
+    if (sections_.size() > before) newest_ = {};        // what was added is whole
+    if (sections_.size() > before || closed_) misses_ = 0;
+    return misses_ < kMostMisses && gone_ <= sections_.size() - gone_;
 }
 
 // ---- records ----

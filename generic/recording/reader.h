@@ -47,6 +47,13 @@ public:
     void seek(std::size_t section);
     std::size_t section() const { return section_; }        // of the last record
 
+    // Take in blocks that were written since, at most some 64 MB of them: they are new sections, behind those that there are. A
+    // section whose place they took has no bytes any more; the others stay where they are in sections(). A block that is
+    // not complete yet is left for the next call. Reading goes on by seek().
+    // False: the file has to be opened anew. It is another one or shorter, its last block was read before it was complete, or
+    // more of its sections are gone than left.
+    bool grow();
+
 private:
     struct Found {
         BlockHead head;
@@ -63,7 +70,11 @@ private:
     bool readSections(std::uint64_t at, std::uint64_t end);
     bool takeSection(const Record& record, const BlockReader& block, std::uint64_t end, Message& m);
     void rebuild();
-    void append(const Found& found);
+    void append(const Found& found, std::size_t from = 0);
+    bool isSame();
+    bool findNext(std::uint64_t end, Found& out);
+    bool isWhole(const Found& found) const;
+    void forget(const Found& found);
     void leave();
     void damage(std::uint64_t at, std::uint64_t end, std::string what);
 
@@ -79,6 +90,13 @@ private:
     std::map<std::string, std::uint32_t, std::less<>> known_;       // places in names_
     std::vector<std::uint32_t> places_;     // those of the names of the block of the index in hand
     std::vector<Damage> damages_;
+
+    // A file that grows.
+    Found newest_;                      // the block with the highest number, as rebuild() has found it
+    std::uint64_t looked_ = 0;          // size of the file before
+    std::int64_t changed_ = 0;          // when it was written [ns]
+    std::size_t gone_ = 0;              // sections without bytes
+    int misses_ = 0;                    // it was written, and no block was found
 
     // Reading records.
     std::size_t section_ = 0;

@@ -185,16 +185,19 @@ private:
         std::function<bool(std::string_view)> mayTell;
         if (auto reader = sorma::Principal::both(m.author, author("-file")))
             mayTell = [this, reader](std::string_view object) { return sorma::recording::recordable(object, sorm(), reader); };
-        const bool again = m.words.size() == 2 && m.words[1] == "read";
-        const auto words = again ? std::vector<std::string>{"timeline"} : std::move(m.words);
+        const bool again = m.words.size() == 2 && m.words[1] == "read", more = m.words.size() == 2 && m.words[1] == "more";
+        const auto words = again || more ? std::vector<std::string>{"timeline"} : std::move(m.words);
         m.clear();
         reading([&](const std::string& file) {
             if (again || !timeline_ || file != timelineOf_) {
                 std::optional<sorma::recording::Index> index;
                 if (bus_) index = bus_->index();
                 timeline_.reset();
-                timeline_ = std::make_unique<recorder::Timeline>([file, index] { return index ? std::make_unique<sorma::recording::Reader>(file, *index) : std::make_unique<sorma::recording::Reader>(file); });
+                timeline_ = std::make_unique<recorder::Timeline>(file, std::move(index));
                 timelineOf_ = file;
+            } else if (more) {
+                if (bus_) bus_->recorder().flush();
+                timeline_->more();
             }
         });
         if (auto wrong = timeline_->answer(words, 1, mayTell, m.text); !wrong.empty()) fail(kTimeline, name(), wrong);

@@ -31,11 +31,21 @@ const char* toText(unsigned kind) {
 
 }  // namespace
 
-Timeline::Timeline(Open open) : thread_([this, open = std::move(open)] { run(open); }) {}
+Timeline::Timeline(std::string file, std::optional<rec::Index> index) : file_(std::move(file)), index_(std::move(index)), thread_([this] { run(false); }) {}
 
 Timeline::~Timeline() {
     stop_ = true;
     thread_.join();
+}
+
+void Timeline::more() {
+    {
+        std::lock_guard lock(mutex_);
+        if (!ended_) return;
+        ended_ = false;
+    }
+    thread_.join();
+    thread_ = std::thread([this] { run(true); });
 }
 
 // ---- the thread ----
@@ -49,25 +59,63 @@ std::uint32_t Timeline::Names::of(std::string_view text) {
     return found->second;
 }
 
-void Timeline::run(const Open& open) {
+void Timeline::forget() {
+    {
+        std::scoped_lock both(mutex_, reading_);
+        reader_.reset();
+        sources_.clear();
+        error_.clear();
+        sections_ = done_ = marks_ = tracks_ = 0;
+        first_ = View::kMost, last_ = View::kLeast;
+        full_ = false;
+    }
+    names_ = {};
+    places_.clear();
+    found_.clear();
+    awaited_.clear();
+    waiting_ = 0;
+}
+
+// Returns the first section that was not read.
+std::size_t Timeline::open(bool more) {
+    if (more) {
+        std::lock_guard lock(reading_);
+        const std::size_t before = reader_ ? reader_->sections().size() : 0;
+        if (reader_ && reader_->grow()) return before;
+    }
+    forget();
+    refused_ = versionOf(file_);
+    auto reader = index_ ? std::make_unique<rec::Reader>(file_, std::move(*index_)) : std::make_unique<rec::Reader>(file_);
+    index_.reset();
+    refused_.clear();
+    std::lock_guard lock(reading_);
+    reader_ = std::move(reader);
+    return 0;
+}
+
+void Timeline::run(bool more) {
     std::string why;
     try {
-        auto reader = open();
-        std::size_t sections = 0;
+        if (more && !refused_.empty() && versionOf(file_) == refused_) {
+            std::lock_guard lock(mutex_);
+            ended_ = true;
+            return;
+        }
+        std::size_t s = open(more), sections = 0;
         {
             std::lock_guard lock(reading_);
-            reader_ = std::move(reader);
             sections = std::min<std::size_t>(reader_->sections().size(), Mark::kMostSection);
         }
         {
             std::lock_guard lock(mutex_);
             sections_ = sections;
+            done_ = s;
         }
-        for (std::size_t s = 0; s < sections && !stop_ && !full_; ++s) {
+        for (; s < sections && !stop_ && !full_; ++s) {
             read(s);
             merge();
         }
-        giveUp();
+        tellOpen();
         merge();
     } catch (const std::exception& e) {
         why = e.what();
@@ -93,7 +141,7 @@ void Timeline::take(const Record& r, std::uint32_t section) {
     switch (r.kind) {
         case rec::Kind::request: {
             if (waiting_ >= kMostAwaited) giveUp();
-            waiting_ += awaited_[names_.of(r.source)].emplace(r.number, Awaited{mark.time, names_.of(r.object), section}).second;
+            waiting_ += awaited_[names_.of(r.source)].emplace(r.number, Awaited{mark.time, names_.of(r.object), section, false}).second;
             return;
         }
         case rec::Kind::reply: {
@@ -110,7 +158,7 @@ void Timeline::take(const Record& r, std::uint32_t section) {
             mark.span = spanOf(mark.time - found->second.time);
             mark.time = found->second.time;
             mark.section = found->second.section;
-            found_.push_back({source, found->second.object, mark});
+            found_.push_back({source, found->second.object, mark, found->second.told});
             awaited.erase(found);
             --waiting_;
             return;
@@ -127,16 +175,22 @@ void Timeline::take(const Record& r, std::uint32_t section) {
     found_.push_back({names_.of(r.source), names_.of(r.object), mark});
 }
 
-// Requests without a reply become marks of their own.
-void Timeline::giveUp() {
+// Requests without a reply so far become marks of their own. A reply that comes later completes them.
+void Timeline::tellOpen() {
     for (auto& [source, awaited] : awaited_)
         for (auto& [number, a] : awaited) {
+            if (a.told) continue;
             Mark mark;
             mark.time = a.time;
             mark.section = a.section;
             mark.kind = Mark::open;
             found_.push_back({source, a.object, mark});
+            a.told = true;
         }
+}
+
+void Timeline::giveUp() {
+    tellOpen();
     awaited_.clear();
     waiting_ = 0;
 }
@@ -144,10 +198,8 @@ void Timeline::giveUp() {
 void Timeline::merge() {
     std::lock_guard lock(mutex_);
     for (auto& f : found_) {
-        if (marks_ >= kMostMarks) {
-            full_ = true;
-            break;
-        }
+        if (!f.completes && marks_ >= kMostMarks) full_ = true;
+        if (f.completes || full_) continue;
         Place& place = places_[std::uint64_t(f.source) << 32 | f.object];
         if (!place.source) {
             place.source = &sources_[*names_.texts[f.source]];
@@ -160,13 +212,17 @@ void Timeline::merge() {
         place.source->all.add(f.mark);
         place.track->add(f.mark);
         ++marks_;
-        first_ = std::min(first_, f.mark.time);
-        last_ = std::max(last_, f.mark.end());
     }
     // Here, and not by the next question: what is in order already costs little.
     for (auto& f : found_) {
-        Place& place = places_[std::uint64_t(f.source) << 32 | f.object];
-        if (place.source) place.source->all.settle(), place.track->settle();
+        const auto found = places_.find(std::uint64_t(f.source) << 32 | f.object);
+        if (found == places_.end()) continue;
+        for (Track* track : {&found->second.source->all, found->second.track}) {
+            track->settle();
+            if (f.completes) track->complete(f.mark);
+        }
+        first_ = std::min(first_, f.mark.time);
+        last_ = std::max(last_, f.mark.end());
     }
     found_.clear();
     ++done_;

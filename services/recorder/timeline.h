@@ -1,7 +1,7 @@
 // timeline.h -- a recording of the bus as marks on a line of time, by source and object; for windows, `timeline` in doc/recorder.man.
 //
-// A thread reads the file once, section by section. Meanwhile questions are answered from what it has read. A question costs what
-// it shows, and not what is in the file. A mark has 16 bytes, and is kept for its object and for its source.
+// A thread reads the file once, section by section, and later what was written since. Meanwhile questions are answered from what
+// it has read. A question costs what it shows, and not what is in the file. A mark has 16 bytes, and is kept for its object and for its source.
 //
 // Threads: the SORM's, but for that thread.
 #pragma once
@@ -12,6 +12,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -26,14 +27,16 @@ namespace recorder {
 
 class Timeline {
 public:
-    using Open = std::function<std::unique_ptr<sorma::recording::Reader>()>;
     using MayTell = std::function<bool(std::string_view object)>;
-    // open: makes a reader, on the thread. When it fails with a FileError, that is told.
-    explicit Timeline(Open open);
+    // index: as the writer has it, while this process writes the file. A file that cannot be read is told by `about`.
+    explicit Timeline(std::string file, std::optional<sorma::recording::Index> index = {});
     ~Timeline();
     Timeline(const Timeline&) = delete;
     Timeline& operator=(const Timeline&) = delete;
 
+    // Read what was written since, behind the scenes: new blocks alone. A file that was replaced, became shorter, or a black box that
+    // has few of its old blocks is read anew. While it is being read, nothing happens.
+    void more();
     // Answer a question: the words behind `timeline`. Returns what is wrong with them; empty: nothing. mayTell: others are not
     // told of; empty: all are.
     std::string answer(const std::vector<std::string>& words, std::size_t at, const MayTell& mayTell, std::string& out);
@@ -50,10 +53,12 @@ private:
     struct Found {
         std::uint32_t source, object;
         Mark mark;
+        bool completes = false;             // an open mark that was told before
     };
     struct Awaited {
         std::int64_t time;
         std::uint32_t object, section;
+        bool told = false;                  // as an open mark
     };
     // The names of the file, by numbers of ours. The thread's alone.
     struct Names {
@@ -65,10 +70,13 @@ private:
         std::unordered_map<std::string, std::uint32_t, Hash, std::equal_to<>> known;
         std::vector<const std::string*> texts;
     };
-    void run(const Open& open);
+    void run(bool more);
+    std::size_t open(bool more);
+    void forget();
     void read(std::size_t section);
     void take(const Record& record, std::uint32_t section);
     void merge();
+    void tellOpen();
     void giveUp();
     // With the lock.
     void about(const MayTell& mayTell, std::string& out) const;
@@ -80,7 +88,8 @@ private:
     // The tracks that stand for a row. object: empty for all of the source.
     void each(Source& source, std::string_view object, const MayTell& mayTell, const std::function<void(std::string_view object, Track& track)>& body);
 
-    std::mutex reading_;                    // of reader_
+    const std::string file_;
+    std::mutex reading_;                    // of reader_; after mutex_, where both are held
     std::unique_ptr<sorma::recording::Reader> reader_;
     mutable std::mutex mutex_;              // of what follows
     std::map<std::string, Source, std::less<>> sources_;
@@ -90,6 +99,8 @@ private:
     std::int64_t first_ = View::kMost, last_ = View::kLeast;
     bool ended_ = false, full_ = false;
     // The thread's alone.
+    std::optional<sorma::recording::Index> index_;
+    std::string refused_;                   // the version of the file that could not be opened
     Names names_;
     std::vector<Found> found_;
     std::map<std::uint32_t, std::unordered_map<std::uint64_t, Awaited>> awaited_;       // by sources, then by the numbers of requests

@@ -36,6 +36,21 @@ void Track::settle() {
     rebuild(changed);
 }
 
+// Sums of an open mark have nothing but its beginning, so what is new is added.
+void Track::complete(const Mark& mark) {
+    constexpr std::size_t kMostSame = 10'000;       // of one time: a file may say anything
+    const std::size_t begin = first(mark.time);
+    for (std::size_t i = begin; i < sorted_ && i - begin < kMostSame && marks_[i].time == mark.time; ++i) {
+        if (marks_[i].kind != Mark::open || marks_[i].section != mark.section) continue;
+        marks_[i] = mark;
+        failed_ += mark.failed;
+        longest_ = std::max(longest_, mark.span);
+        std::size_t at = i;
+        for (auto& sums : levels_) sums[at /= kFan].add(mark);
+        return;
+    }
+}
+
 void Track::rebuild(std::size_t from) {
     std::size_t below = marks_.size();
     for (std::size_t level = 0; below > kFan; ++level) {

@@ -62,6 +62,8 @@ public:
 
     // The others need the order of time: settle() makes it.
     void settle();
+    // The reply of an open mark came: that of this time and section becomes this one.
+    void complete(const Mark& mark);
     // Add what it has in these columns to what is in them.
     void draw(const View& view, std::vector<Column>& columns) const;
     // The marks that are seen in a view, the oldest first. False: they are more than most.
