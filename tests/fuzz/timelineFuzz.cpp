@@ -12,7 +12,7 @@
 #include "fuzz.h"
 
 #include "bus/listText.h"
-#include "bus/message.h"
+#include "bus/requestText.h"
 #include "recording/crc32c.h"
 #include "recording/writer.h"
 #include "recorder/timeline.h"
@@ -91,7 +91,7 @@ std::string blockOf(Input& input, std::uint64_t number) {
     Message m;
     m.text = "text";
     for (int n = input.below(12); n >= 0 && !input.done(); --n) {
-        const std::int64_t time = kTimes[input.below(7)] + std::int64_t(input.byte() << input.below(24)) * (input.below(2) ? 0 : 1);
+        const std::int64_t time = std::int64_t(std::uint64_t(kTimes[input.below(7)]) + (input.byte() << input.below(24)));
         block.add({.kind = kKinds[input.below(9)], .method = Method::exec, .source = kNames[input.below(5)], .object = kNames[input.below(5)], .word = "w", .code = input.below(3) - 1,
                    .time = time, .number = std::uint64_t(input.below(5)), .span = kTimes[input.below(7)]}, &m);
     }
