@@ -10,6 +10,7 @@ package require sorma::browserLog
 package require sorma::browserOverview
 package require sorma::browserSearch
 package require sorma::browserText
+package require sorma::browserTimeline
 package require sorma::browserTree
 package require sorma::panel
 package require sorma::text
@@ -36,7 +37,7 @@ snit::widget ::sorma::browser {
     variable entering 0         ;# its first field gets the keyboard
     typevariable Help {apply {text {dict get [::sorma::table parse $text] help}}}
     typevariable Titles {overview Overview panel Panel help Help statistics Statistics audit Audit
-        dictionary Dictionary events Events graph Graph launch Launch log Log circuit Circuit}
+        dictionary Dictionary events Events graph Graph launch Launch log Log circuit Circuit timeline "Time line"}
 
     constructor {} {
         set pad [::sorma::style pixels 8]
@@ -60,8 +61,9 @@ snit::widget ::sorma::browser {
         ::sorma::browserLaunch $tabs.launch
         ::sorma::browserLog $tabs.log
         ::sorma::browserCircuit $tabs.circuit
+        ::sorma::browserTimeline $tabs.timeline
         dict for {name title} $Titles {
-            $tabs add $tabs.$name -text [::msgcat::mc $title] -underline [expr {$name in {launch circuit} ? 2 : 0}]
+            $tabs add $tabs.$name -text [::msgcat::mc $title] -underline [expr {$name in {launch circuit timeline} ? 2 : 0}]
         }
         ttk::label $tabs.panel.none -justify left -anchor nw -padding $pad -text [::msgcat::mc "Choose an object at the left, or search (Ctrl-F)."]
         pack $tabs.panel.none -fill both -expand 1
@@ -99,8 +101,8 @@ snit::widget ::sorma::browser {
             view Tree Ctrl+T t [list focus $tree.tree]]
         set number -1
         dict for {name title} $Titles {
-            # The digits first, then a letter.
-            set key [if {[incr number] < 10} {set number} else {string cat u}]
+            # The digits first, then letters.
+            set key [if {[incr number] < 10} {set number} else {dict get {circuit u timeline m} $name}]
             lappend entries view $title Ctrl+[string toupper $key] Key-$key [mymethod tab $name select]
         }
         foreach {menu label shown key script} $entries {
@@ -231,7 +233,9 @@ snit::widget ::sorma::browser {
         $tabs.dictionary about $key
         $tabs.events about [if {$kind in {object flavor}} {$self Name $key $name} elseif {$kind eq "subscription"} {$self Name $key [lindex $name 0]}]
         set object [if {$kind eq "object"} {::sorma::world get $name@$key}]
-        $tabs.circuit about [if {[dict exists $object class] && [dict get $object class] eq "circuit"} {$self Name $key $name}]
+        foreach {tab class} {circuit circuit timeline recorder} {
+            $tabs.$tab about [if {[dict exists $object class] && [dict get $object class] eq $class} {$self Name $key $name}]
+        }
         $self Show[string totitle $kind] $key $name
     }
     method Name {key name} {

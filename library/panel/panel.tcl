@@ -4,6 +4,7 @@
 # it stand still: its fields turn stale, and say why.
 
 package require sorma::actions
+package require sorma::classPart
 package require sorma::field
 package require sorma::fold
 package require sorma::layout
@@ -286,9 +287,9 @@ snit::widget ::sorma::panel {
 
     method Actions table {
         ::sorma::actions fill $win.actions $win.head.stop [$subject name] $table [mymethod AskAct]
-        if {[dict get $table class] eq "recorder"} {
-            package require sorma::recorderState
-            grid [::sorma::recorderState $win.actions.recorder [$subject name]] -row [lindex [grid size $win.actions] 1] -column 0 -columnspan 4 -sticky w -pady [list [::sorma::style pixels 4] 0]
+        set make [::sorma::classPart of [dict get $table class]]
+        if {$make ne {}} {
+            grid [{*}$make $win.actions.class [$subject name]] -row [lindex [grid size $win.actions] 1] -column 0 -columnspan 4 -sticky w -pady [list [::sorma::style pixels 4] 0]
         }
         if {[winfo children $win.actions] ne {}} {
             grid $win.actions

@@ -3,6 +3,7 @@
 package require Tk
 package require snit
 package require sorma
+package require sorma::classPart
 package require sorma::parts
 package require sorma::style
 package require sorma::text
@@ -61,3 +62,5 @@ snit::widget ::sorma::recorderState {
         $win.text configure -text [::sorma::text::clean [regsub -all {, \n} [join $text {, }] \n]]
     }
 }
+
+::sorma::classPart register recorder ::sorma::recorderState

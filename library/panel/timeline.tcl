@@ -11,6 +11,8 @@ package require sorma::parts
 package require sorma::style
 package require sorma::text
 package require sorma::timelineDraw
+package require sorma::timelineFollow
+package require sorma::timelineSearch
 package require sorma::timelineText
 package provide sorma::timeline 1.0
 
@@ -21,6 +23,7 @@ package provide sorma::timeline 1.0
 # Methods:
 #       view ?FROM UNTIL?       the times that are seen [ns since 1970]; or be it those
 #       all                     all of the recording; again: read it again
+#       follow ?BOOLEAN?        read what is written meanwhile, each second while it can be seen, and keep the end in sight
 #       zoom FACTOR ?X?         about a pixel; go PART: of what is seen, to the right
 #       fold SOURCE             its objects away, or again
 #       failed next|previous    the next one, from the chosen one on
@@ -29,13 +32,15 @@ package provide sorma::timeline 1.0
 #       facts                   what the recorder says of the file; rows: {SOURCE OBJECT MARKS FAILED SLOWEST ...}; text: what stands below
 #       idle                    nothing is under way
 # Wheel: zoom; Shift-wheel: rows; drag: earlier, later; a click shows what is there. Keys: arrows, + - Home End, 0 all, Tab and Shift-Tab from one
-# that has failed to the next one, Return shows, space folds, F5 reads again.
+# that has failed to the next one, Return shows, space folds, F follows, F5 reads again.
 snit::widget ::sorma::timeline {
     hulltype ttk::frame
     option -file -default {} -readonly 1
     option -name -default {} -readonly 1
     component canvas
     ::sorma::timelineDraw
+    ::sorma::timelineFollow
+    ::sorma::timelineSearch
     typevariable Last 0
     typevariable Most 100000    ;# characters of a record that are shown
     variable recorder {}
@@ -54,11 +59,9 @@ snit::widget ::sorma::timeline {
     variable asks 0             ;# questions without an answer
     variable waiting 0          ;# drawings that were asked for, and have not come
     variable again 0            ;# what is drawn is not what is wanted any more
-    variable round 0            ;# answers to earlier searches are not wanted
     variable timer {}
     variable grip {}            ;# {x from moved}, where the picture is held
     variable wanted {}          ;# part of the names
-    variable needle {}          ;# text to be searched for
     variable seeking 0
     variable state {}           ;# what the line says
     variable none {next {} previous {}}     ;# times behind which there was none that has failed
@@ -83,6 +86,7 @@ snit::widget ::sorma::timeline {
     method Ended window {
         if {$window ne $win} return
         after cancel $timer
+        after cancel $followTimer
         if {$options(-file) ne {} && $recorder ne {}} {
             catch {::sorma::remove $recorder}
         }
@@ -99,6 +103,7 @@ snit::widget ::sorma::timeline {
         ttk::button $win.bar.previous -text "\u25c2 [::msgcat::mc "Failed"]" -command [mymethod failed previous]
         ttk::button $win.bar.next -text "[::msgcat::mc "Failed"] \u25b8" -command [mymethod failed next]
         ttk::button $win.bar.all -text [::msgcat::mc "All"] -command [mymethod all]
+        ttk::checkbutton $win.bar.follow -style [::sorma::style own TCheckbutton] -text [::msgcat::mc "Follow"] -variable [myvar following] -command [mymethod Followed]
         ttk::button $win.bar.again -text [::msgcat::mc "Read again"] -command [mymethod again]
         grid {*}[winfo children $win.bar] -sticky ew -padx [list 0 $pad]
         grid columnconfigure $win.bar {1 3} -weight 1
@@ -129,7 +134,7 @@ snit::widget ::sorma::timeline {
         bind $canvas <ButtonRelease-1> [mymethod Released %x %y]
         foreach {event script} {
             <Left> {go -0.25} <Right> {go 0.25} <Up> {Step -1} <Down> {Step 1} <Prior> {Step -10} <Next> {Step 10} <plus> {zoom 0.5} <KP_Add> {zoom 0.5}
-            <minus> {zoom 2} <KP_Subtract> {zoom 2} <Home> {Edge 0} <End> {Edge 1} <Key-0> all <Return> {Enter} <space> {Fold} <F5> again
+            <minus> {zoom 2} <KP_Subtract> {zoom 2} <Home> {Edge 0} <End> {Edge 1} <Key-0> all <Return> {Enter} <space> {Fold} <Key-f> {follow toggle} <F5> again
             <Shift-MouseWheel> {Turn %D} <MouseWheel> {Wheel %x %D} <Button-4> {Wheel %x 120} <Button-5> {Wheel %x -120}
             <Shift-Button-4> {Turn 120} <Shift-Button-5> {Turn -120}
         } {
@@ -140,6 +145,7 @@ snit::widget ::sorma::timeline {
         bind $canvas <<PrevWindow>> [mymethod Tabbed previous %W]
         bind $canvas <Control-Tab> {tk::TabToWindow [tk_focusNext %W]; break}
         bind $canvas <FocusIn> [mymethod Looks]
+        bind $canvas <Map> +[mymethod Followed]
     }
     method Looks {} {
         set ground [$self Ground]
@@ -175,10 +181,12 @@ snit::widget ::sorma::timeline {
     method Begun {status answer} {
         if {$status eq "error"} {
             set trouble $answer
+            set growing 0
             $self Say
             return [$self Redraw]
         }
         set trouble {}
+        if {[$self Unchanged $answer]} return
         set facts $answer
         $self Ask [mymethod Tracks] tracks
     }
@@ -198,9 +206,12 @@ snit::widget ::sorma::timeline {
             $self Whole
         }
         $self Rows
+        $self KeepEnd
         $self Say
         if {[dict get $facts done] < 1} {
             set timer [after 200 [mymethod Ask [mymethod Begun] about]]
+        } else {
+            set growing 0
         }
     }
     method Whole {} {
@@ -217,7 +228,7 @@ snit::widget ::sorma::timeline {
         if {[$self Trouble] ne {}} {
             lappend parts "[::sorma::style mark refused] [$self Trouble]"
         }
-        if {$trouble eq {} && [dict get $facts done] < 1} {
+        if {$trouble eq {} && !$growing && [dict get $facts done] < 1} {
             lappend parts "[::msgcat::mc "reading"] [expr {int(100 * [dict get $facts done])}] %"
         }
         if {[dict exists $facts marks]} {
@@ -232,7 +243,7 @@ snit::widget ::sorma::timeline {
         set state [::sorma::text::clean [join $parts {   }]]
     }
     method idle {} {
-        return [expr {!$asks && !$waiting && !$again && !$seeking && ($trouble ne {} || [dict get $facts done] >= 1)}]
+        return [expr {!$asks && !$waiting && !$again && !$seeking && !$growing && ($trouble ne {} || [dict get $facts done] >= 1)}]
     }
 
     # ---- rows ----
@@ -310,6 +321,7 @@ snit::widget ::sorma::timeline {
         set most [expr {[::sorma::timelineText::ns [dict get $facts last]] + $span}]
         set from [expr {max(0, $low, min($middle - $span / 2, $most - $span))}]
         set until [expr {$from + $span}]
+        $self Left $was
         $self Placed $was
         $self Axis
         $self Select
@@ -353,6 +365,7 @@ snit::widget ::sorma::timeline {
     }
     method again {} {
         after cancel $timer
+        set growing 0
         $self Ask [mymethod Begun] read
     }
 
@@ -541,58 +554,5 @@ snit::widget ::sorma::timeline {
         } else {
             $self Redraw
         }
-    }
-
-    # ---- a text ----
-
-    # The recorder reads a part of the file at a time, so that others get their turns.
-    method Seek {} {
-        $self search $needle
-    }
-    method search text {
-        if {$text eq {} || [dict get $facts last] <= 0} return
-        incr round
-        set begin [expr {$selected ne {} ? [lindex $selected 2] + 1 : [::sorma::timelineText::ns [dict get $facts first]]}]
-        incr seeking
-        $self Slice $round $text $begin
-    }
-    method Slice {number text begin} {
-        set first [::sorma::timelineText::ns [dict get $facts first]]
-        set end [expr {[::sorma::timelineText::ns [dict get $facts last]] + 1000}]
-        if {$number != $round || $begin > $end} {
-            incr seeking -1
-            if {$number == $round} {
-                $self Put [list plain [::msgcat::mc "That text does not come behind this place."]]
-            }
-            return
-        }
-        set part [expr {max(1000000, ($end - $first) / 500)}]
-        set state "[::msgcat::mc "searching"] [expr {100 * ($begin - $first) / ($end - $first + 1)}] %"
-        set words [list records -text $text -from [::sorma::timelineText::seconds $begin] -until [::sorma::timelineText::seconds [expr {$begin + $part}]]]
-        if {$wanted ne {}} {
-            lappend words -name *[::sorma::text::escape $wanted]*
-        }
-        incr asks
-        set prefix [list ::sorma::parts::answer [mymethod Answered] [mymethod Sliced $number $text [expr {$begin + $part}]]]
-        if {[catch {::sorma::async -timeout 60000 -command $prefix $recorder EXEC {*}$words} message]} {
-            $self Failure [mymethod Sliced $number $text 0] $message
-        }
-    }
-    method Sliced {number text next status records} {
-        if {$status eq "error"} {
-            incr seeking -1
-            return [$self Put [list error $records]]
-        }
-        if {$records eq {} || $number != $round} {
-            return [$self Slice $number $text $next]
-        }
-        incr seeking -1
-        set record [lindex $records 0]
-        set at [::sorma::timelineText::ns [dict get $record time]]
-        $self GoTo [list [dict get $record source] [dict get $record object]] $at
-        set selected [list {*}[lrange [lindex $rows $row] 0 1] $at]
-        $self Select
-        $self Put [::sorma::timelineText::record $record]
-        $self Say
     }
 }

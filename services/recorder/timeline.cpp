@@ -17,6 +17,8 @@ namespace {
 constexpr std::size_t kMostRows = 1000, kMostList = 300;
 constexpr int kMostColumns = 20'000;
 
+// As a mark has it; a file may say anything.
+float spanOf(std::int64_t ns) { return std::clamp(float(ns), 0.0F, 2e18F); }
 std::int64_t within(std::int64_t time) { return std::clamp(time, View::kLeast, View::kMost); }
 
 // Is a record a failure by its kind?
@@ -68,6 +70,7 @@ void Timeline::forget() {
         sections_ = done_ = marks_ = tracks_ = 0;
         first_ = View::kMost, last_ = View::kLeast;
         full_ = false;
+        ++version_;
     }
     names_ = {};
     places_.clear();
@@ -132,8 +135,6 @@ void Timeline::read(std::size_t section) {
 }
 
 void Timeline::take(const Record& r, std::uint32_t section) {
-    static constexpr float kMostSpan = 2e18F;       // [ns]
-    const auto spanOf = [](std::int64_t ns) { return std::clamp(float(ns), 0.0F, kMostSpan); };
     Mark mark;
     mark.section = section;
     mark.time = within(r.time);
@@ -224,6 +225,7 @@ void Timeline::merge() {
         first_ = std::min(first_, f.mark.time);
         last_ = std::max(last_, f.mark.end());
     }
+    version_ += !found_.empty();
     found_.clear();
     ++done_;
 }
@@ -301,6 +303,7 @@ void Timeline::about(const MayTell& mayTell, std::string& out) const {
     dict.put("last", seconds(marks_ ? last_ : 0));
     dict.put("tracks", std::to_string(tracks_));
     dict.put("complete", full_ ? "0" : "1");
+    dict.put("version", std::to_string(version_));
     if (!mayTell) dict.put("marks", std::to_string(marks_));
     out = dict.text();
 }
@@ -381,7 +384,7 @@ std::string Timeline::recordsOf(const std::string& source, std::string_view obje
     reader_->seek(mark.section);
     for (rec::Record r; !found && reader_->next(r, mark.section + 1);) {
         if (r.kind != kind || r.source != source || (!object.empty() && r.object != object) || (mayTell && r.object != object)) continue;
-        const std::int64_t time = mark.kind == Mark::answer ? within(within(r.time) - std::int64_t(float(std::max<std::int64_t>(0, r.span)))) : within(r.time);
+        const std::int64_t time = mark.kind == Mark::answer ? within(within(r.time) - std::int64_t(spanOf(r.span))) : within(r.time);
         if (time != mark.time) continue;
         found = true;
         number = r.number;

@@ -96,6 +96,7 @@ private:
     std::string error_;
     std::size_t sections_ = 0, done_ = 0;
     std::size_t marks_ = 0, tracks_ = 0;
+    std::uint64_t version_ = 0;             // another one when something came
     std::int64_t first_ = View::kMost, last_ = View::kLeast;
     bool ended_ = false, full_ = false;
     // The thread's alone.
