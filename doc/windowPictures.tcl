@@ -63,6 +63,8 @@ namespace eval windowPictures {
         chart       {sorma::stripchart .w -span 60}                     Lines
         timeline    {sorma::timeline .w -file [Recorded]}               {until {[.w idle]}; .w failed next; until {[.w idle] && [.w text] ne {}}}
         console     {sorma::console .w}                                 Typed
+        recording   {sorma::browser .w}                                 {Chosen; .w tab timeline select; [.w tab timeline] open [Recorded]; update; until {[[.w tab timeline] line] ne {} && [[[.w tab timeline] line] idle]}; [[.w tab timeline] line] failed next; until {[.w text] ne {}}}
+        norecording {sorma::browser .w}                                 {Chosen; .w tab timeline select}
         circuit     {sorma::circuitEditor .w circuit.level@pictures}    {until {[.w value 0] eq "1.5 m" && "sum" in [.w palette classes]}}
         overview    {sorma::browser .w}                                 {Chosen; .w tab overview select}
         object      {sorma::browser .w}                                 {Chosen; .w tab panel select; after 300 {set ::tick 1}; vwait ::tick}

@@ -24,14 +24,15 @@ snit::widget ::sorma::browserTimeline {
     variable line {}
 
     constructor {} {
+        $hull configure -style Page.TFrame
         set none [::msgcat::mc "Choose a recorder at the left or in the list, or type the name of a recording's file and press Return."]
         bind $win <Map> [mymethod Show]
     }
     method Build {} {
         set pad [::sorma::style pixels 8]
         set edge [::sorma::style pixels 16]
-        ttk::frame $win.bar
-        ttk::label $win.bar.label -text [::msgcat::mc "Recording"]
+        ttk::frame $win.bar -style Page.TFrame
+        ttk::label $win.bar.label -style Page.TLabel -text [::msgcat::mc "Recording"]
         ttk::combobox $win.bar.file -style [::sorma::style own TCombobox] -width 6 -textvariable [myvar typed] -postcommand [mymethod Recorders]
         ttk::button $win.bar.read -text [::msgcat::mc "Show"] -command [mymethod Open]
         ttk::button $win.bar.browse -text [::msgcat::mc "Browse\u2026"] -command [mymethod Browse]
@@ -40,7 +41,7 @@ snit::widget ::sorma::browserTimeline {
         pack $win.bar.file -side left -fill x -expand 1         ;# the last: it gives way in a small window
         raise $win.bar.read $win.bar.file
         raise $win.bar.browse $win.bar.read
-        ttk::label $win.none -justify left -anchor nw -padding [list $edge $pad] -text $none
+        ttk::label $win.none -style Page.TLabel -justify left -anchor nw -padding [list $edge $pad] -text $none
         pack $win.bar -side top -fill x -padx $edge -pady [list $edge 0]
         pack $win.none -fill both -expand 1
         bind $win.bar.file <Return> [mymethod Open]

@@ -100,13 +100,17 @@ snit::widget ::sorma::timeline {
         ttk::entry $win.bar.name -width 14 -textvariable [myvar wanted]
         ttk::label $win.bar.textLabel -text [::msgcat::mc "Text"] -style Page.TLabel
         ttk::entry $win.bar.text -width 14 -textvariable [myvar needle]
-        ttk::button $win.bar.previous -text "\u25c2 [::msgcat::mc "Failed"]" -command [mymethod failed previous]
-        ttk::button $win.bar.next -text "[::msgcat::mc "Failed"] \u25b8" -command [mymethod failed next]
-        ttk::button $win.bar.all -text [::msgcat::mc "All"] -command [mymethod all]
-        ttk::checkbutton $win.bar.follow -style [::sorma::style own TCheckbutton] -text [::msgcat::mc "Follow"] -variable [myvar following] -command [mymethod Followed]
-        ttk::button $win.bar.again -text [::msgcat::mc "Read again"] -command [mymethod again]
-        grid {*}[winfo children $win.bar] -sticky ew -padx [list 0 $pad]
+        ttk::frame $win.bar.do -style Page.TFrame
+        ttk::button $win.bar.do.previous -text "\u25c2 [::msgcat::mc "Failed"]" -command [mymethod failed previous]
+        ttk::button $win.bar.do.next -text "[::msgcat::mc "Failed"] \u25b8" -command [mymethod failed next]
+        ttk::button $win.bar.do.all -text [::msgcat::mc "All"] -command [mymethod all]
+        ttk::checkbutton $win.bar.do.follow -style Page.TCheckbutton -text [::msgcat::mc "Follow"] -variable [myvar following] -command [mymethod Followed]
+        ttk::button $win.bar.do.again -text [::msgcat::mc "Read again"] -command [mymethod again]
+        pack {*}[winfo children $win.bar.do] -side left -padx [list 0 $pad]
+        grid $win.bar.nameLabel $win.bar.name $win.bar.textLabel $win.bar.text -sticky ew -padx [list 0 $pad]
         grid columnconfigure $win.bar {1 3} -weight 1
+        bind $win.bar <Configure> [mymethod Bar %w]
+        $self Bar 10000
         ttk::panedwindow $win.panes -orient vertical
         ttk::frame $win.panes.line
         install canvas using canvas $win.panes.line.canvas -width [::sorma::style pixels 720] -height [::sorma::style pixels 300] -highlightthickness [::sorma::style pixels 2] -takefocus 1 -borderwidth 0
@@ -146,6 +150,15 @@ snit::widget ::sorma::timeline {
         bind $canvas <Control-Tab> {tk::TabToWindow [tk_focusNext %W]; break}
         bind $canvas <FocusIn> [mymethod Looks]
         bind $canvas <Map> +[mymethod Followed]
+    }
+    # In a narrow window the buttons have a row of their own.
+    method Bar width {
+        set need [expr {[winfo reqwidth $win.bar.nameLabel] + [winfo reqwidth $win.bar.textLabel] + [winfo reqwidth $win.bar.do] + [::sorma::style pixels 240]}]
+        if {$width >= $need} {
+            grid $win.bar.do -row 0 -column 4 -columnspan 1 -sticky w -pady 0
+        } else {
+            grid $win.bar.do -row 1 -column 0 -columnspan 4 -sticky w -pady [list [::sorma::style pixels 8] 0]
+        }
     }
     method Looks {} {
         set ground [$self Ground]

@@ -37,7 +37,7 @@ static_assert(sizeof(Mark) == 16);
 
 // A window of time, and in how many columns it is drawn. Its times are within kLeast and kMost, and until is later than from.
 struct View {
-    static constexpr std::int64_t kLeast = -(std::int64_t(1) << 62), kMost = std::int64_t(1) << 62;
+    static constexpr std::int64_t kLeast = -(std::int64_t(1) << 62), kMost = (std::int64_t(1) << 62) - 1;      // their difference is a number, too
     std::int64_t from = 0, until = 1;   // [ns since 1970]
     int columns = 1;
     double at(std::int64_t time) const { return double(time - from) * columns / double(until - from); }
