@@ -34,6 +34,7 @@ apply {{} {
         notice notice
         trailview trailview
         panel panel
+        classPart classPart
         window window
         display display
         dashboard dashboard
