@@ -288,7 +288,7 @@ bool Reader::isWhole(const Found& f) const {
     return block.whole() && block.records() == f.head.records;
 }
 
-// What stood where this block is now.
+// Sections that had the place of this block.
 void Reader::forget(const Found& f) {
     for (auto& s : sections_) {
         if (s.bytes == 0 || s.at >= f.end() || s.at + s.bytes <= f.at) continue;
