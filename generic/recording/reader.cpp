@@ -292,8 +292,8 @@ bool Reader::isWhole(const Found& f) const {
 void Reader::forget(const Found& f) {
     for (auto& s : sections_) {
         if (s.bytes == 0 || s.at >= f.end() || s.at + s.bytes <= f.at) continue;
+        gone_ += s.bytes;
         s.bytes = s.records = s.states = 0;
-        ++gone_;
     }
 }
 
@@ -314,7 +314,7 @@ bool Reader::grow() {
     }
     if (sections_.size() > before) newest_ = {};        // what was added is whole
     if (sections_.size() > before || closed_) misses_ = 0;
-    return misses_ < kMostMisses && gone_ <= sections_.size() - gone_;
+    return misses_ < kMostMisses && gone_ <= size_;
 }
 
 // ---- records ----

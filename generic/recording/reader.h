@@ -51,7 +51,7 @@ public:
     // section whose place they took has no bytes any more; the others stay where they are in sections(). A block that is
     // not complete yet is left for the next call. Reading goes on by seek().
     // False: the file has to be opened anew. It is another one or shorter, its last block was read before it was complete, or
-    // more of its sections are gone than left.
+    // more of it was overwritten since than there is.
     bool grow();
 
 private:
@@ -95,7 +95,7 @@ private:
     Found newest_;                      // the block with the highest number, as rebuild() has found it
     std::uint64_t looked_ = 0;          // size of the file before
     std::int64_t changed_ = 0;          // when it was written [ns]
-    std::size_t gone_ = 0;              // sections without bytes
+    std::uint64_t gone_ = 0;            // bytes of sections that were overwritten
     int misses_ = 0;                    // it was written, and no block was found
 
     // Reading records.
