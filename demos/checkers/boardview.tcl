@@ -18,8 +18,13 @@ package require sorma::options
 package provide checkers::boardview 1.0
 
 oo::class create ::checkers::boardview {
+    variable Canvas Settings
+    variable Lies               ;# what is shown: place -> stack
+    variable Certain Marked     ;# as they were told last
+    variable Dragged            ;# {place x y} of the token that the mouse holds; empty: none
+    variable Cursor Lifted      ;# of the keys: {column rank}, and the place of the token that they hold
+    variable Flights            ;# number of what is drawn: tokens on their way stop when there is another one
     constructor {canvas args} {
-        my variable Canvas Settings Lies Certain Dragged Marked Cursor Lifted Flights
         set Settings [sorma::options::parse {-width {any 8} -drop any -goals any -heaps {boolean 0} -size {any 400}} $args]
         set size [dict get $Settings -size]
         set Canvas [canvas $canvas -height $size -highlightthickness 0 -takefocus 0 -background [ttk::style lookup TFrame -background] \
@@ -47,21 +52,19 @@ oo::class create ::checkers::boardview {
         }
     }
     destructor {
-        my variable Canvas
         if {[winfo exists $Canvas]} {
             foreach event [bind $Canvas] {
                 bind $Canvas $event {}
             }
         }
     }
-    method path {} { my variable Canvas; return $Canvas }
-    method themed {} { my variable Canvas; $Canvas configure -background [ttk::style lookup TFrame -background] }
+    method path {} { return $Canvas }
+    method themed {} { $Canvas configure -background [ttk::style lookup TFrame -background] }
 
-    method lie lies { my variable Lies Flights; incr Flights; set Lies $lies; my draw }
-    method certain values { my variable Certain; set Certain $values; my draw }
-    method mark places { my variable Marked; set Marked $places; my draw }
+    method lie lies { incr Flights; set Lies $lies; my draw }
+    method certain values { set Certain $values; my draw }
+    method mark places { set Marked $places; my draw }
     method resize width {
-        my variable Settings Cursor Certain Marked
         dict set Settings -width $width
         set Cursor {3 3}
         my escape
@@ -71,17 +74,15 @@ oo::class create ::checkers::boardview {
 
     # ---- where things are: around the board is room for the letters, and perhaps for the heaps ----
 
-    method Width {} { my variable Settings; return [dict get $Settings -width] }
-    method Heaps {} { my variable Settings; return [dict get $Settings -heaps] }
+    method Width {} { return [dict get $Settings -width] }
+    method Heaps {} { return [dict get $Settings -heaps] }
     # Fields that have room beside each other.
     method Across {} { return [expr {[my Width] + ([my Heaps] ? 2.9 : 1.2)}] }
     method Field {} {
-        my variable Canvas
         return [expr {min([winfo width $Canvas] / [my Across], [winfo height $Canvas] / ([my Width] + 1.2))}]
     }
     # The middle of a place, in pixels.
     method At {file rank} {
-        my variable Canvas
         set field [my Field]
         set width [my Width]
         return [list [expr {[winfo width $Canvas] / 2.0 + ($file - ($width + 1) / 2.0) * $field}] \
@@ -100,7 +101,6 @@ oo::class create ::checkers::boardview {
     # ---- drawing ----
 
     method draw {} {
-        my variable Canvas Lies Certain Marked Dragged Lifted Settings
         if {$Lifted ne {} && ![dict exists $Lies $Lifted]} {
             set Lifted {}
         }
@@ -150,7 +150,6 @@ oo::class create ::checkers::boardview {
     method OnBoard place { return [expr {[lindex $place 0] >= 1 && [lindex $place 0] <= [my Width]}] }
     # A frame within a field, as thick as a part of it.
     method Frame {place colour part tag} {
-        my variable Canvas
         lassign [my At {*}$place] x y
         set h [expr {[my Field] * (0.5 - $part / 2)}]
         $Canvas create rectangle [expr {$x - $h}] [expr {$y - $h}] [expr {$x + $h}] [expr {$y + $h}] -outline $colour -width [expr {max(1, [my Field] * $part)}] \
@@ -158,7 +157,6 @@ oo::class create ::checkers::boardview {
     }
     # The cursor, what is carried with the keys, and where it may go.
     method Carried {} {
-        my variable Canvas Cursor Lifted Lies Dragged Settings
         $Canvas delete cursor goal
         set from [expr {$Dragged ne {} ? [lindex $Dragged 0] : $Lifted}]
         set field [my Field]
@@ -182,13 +180,11 @@ oo::class create ::checkers::boardview {
         my Frame $place [expr {$Lifted eq {} ? "#2f7fe0" : "#f09020"}] 0.09 cursor
     }
     method Rounded {x1 y1 x2 y2 r colour} {
-        my variable Canvas
         $Canvas create polygon [expr {$x1 + $r}] $y1 [expr {$x2 - $r}] $y1 $x2 $y1 $x2 [expr {$y1 + $r}] $x2 [expr {$y2 - $r}] $x2 $y2 \
             [expr {$x2 - $r}] $y2 [expr {$x1 + $r}] $y2 $x1 $y2 $x1 [expr {$y2 - $r}] $x1 [expr {$y1 + $r}] $x1 $y1 -smooth 1 -fill $colour
     }
     # Less than certain: a bar at the field's bottom, shorter and redder.
     method Bar {x y field value} {
-        my variable Canvas
         set value [expr {max(0, min(1, $value))}]
         set length [expr {$field * 0.8 * $value}]
         set y [expr {$y + $field * 0.43}]
@@ -196,7 +192,6 @@ oo::class create ::checkers::boardview {
             -fill [expr {$value >= 0.8 ? "#7fd08a" : $value >= 0.6 ? "#e8c050" : "#e05040"}]
     }
     method Token {place stack} {
-        my variable Canvas
         set tag [my Tag $place]
         set r [expr {[my Field] * 0.39}]
         lassign [my At {*}$place] x y
@@ -235,7 +230,6 @@ oo::class create ::checkers::boardview {
 
     # In 25 steps, slower at both ends.
     method travel {from to} {
-        my variable Canvas Flights
         lassign [my At {*}$from] x y
         lassign [my At {*}$to] u v
         $Canvas raise [my Tag $from]
@@ -243,14 +237,12 @@ oo::class create ::checkers::boardview {
     }
     # Items that were drawn again meanwhile are at their places.
     method Step {flight tag dx dy n} {
-        my variable Canvas Flights
         if {![winfo exists $Canvas] || $flight != $Flights || $n > 25} return
         set part [expr {(cos(($n - 1) * 0.12566370614) - cos($n * 0.12566370614)) / 2}]
         $Canvas move $tag [expr {$dx * $part}] [expr {$dy * $part}]
         after 20 [list catch [list [namespace which my] Step $flight $tag $dx $dy [expr {$n + 1}]]]
     }
     method become lies {
-        my variable Lies Flights Canvas
         set pairs [my Moves $Lies $lies]
         # So many at once are a new game.
         if {$pairs eq {} || [llength $pairs] > 8} {
@@ -266,7 +258,6 @@ oo::class create ::checkers::boardview {
         after 540 [list catch [list [namespace which my] Landed $Flights]]
     }
     method Landed flight {
-        my variable Flights
         if {$flight == $Flights} {
             my draw
         }
@@ -305,7 +296,6 @@ oo::class create ::checkers::boardview {
     # ---- a person's mouse ----
 
     method take {x y} {
-        my variable Lies Dragged Canvas Cursor
         my escape
         set place [my PlaceOf $x $y]
         set Dragged [expr {[dict exists $Lies $place] ? [list $place $x $y] : {}}]
@@ -316,7 +306,6 @@ oo::class create ::checkers::boardview {
         }
     }
     method drag {x y} {
-        my variable Dragged Canvas
         if {$Dragged ne {}} {
             lassign $Dragged place u v
             $Canvas move [my Tag $place] [expr {$x - $u}] [expr {$y - $v}]
@@ -324,7 +313,6 @@ oo::class create ::checkers::boardview {
         }
     }
     method drop {x y} {
-        my variable Dragged
         if {$Dragged ne {}} {
             set from [lindex $Dragged 0]
             set Dragged {}
@@ -333,7 +321,6 @@ oo::class create ::checkers::boardview {
     }
     # The token may have been taken away meanwhile.
     method Put {from to} {
-        my variable Settings Lies Cursor
         set Cursor [my Column $to]
         if {$from ne $to && [dict exists $Lies $from]} {
             {*}[dict get $Settings -drop] $from $to
@@ -349,16 +336,14 @@ oo::class create ::checkers::boardview {
         set edge [expr {[my Heaps] ? 0 : 1}]
         return [list [expr {max($edge, min($width + 1 - $edge, round([lindex $place 0])))}] [expr {max(1, min($width, [lindex $place 1]))}]]
     }
-    method cursor {} { my variable Cursor; return [my Place {*}$Cursor] }
-    method lifted {} { my variable Lifted; return $Lifted }
+    method cursor {} { return [my Place {*}$Cursor] }
+    method lifted {} { return $Lifted }
     method go {dx dy} {
-        my variable Cursor
         lassign $Cursor column rank
         set Cursor [my Column [list [expr {$column + $dx}] [expr {$rank + $dy}]]]
         my Carried
     }
     method press {} {
-        my variable Lifted Lies
         set place [my cursor]
         if {$Lifted ne {}} {
             set from $Lifted
@@ -371,7 +356,6 @@ oo::class create ::checkers::boardview {
     }
     # Is there something that was put back?
     method escape {} {
-        my variable Lifted
         if {$Lifted eq {}} {
             return 0
         }

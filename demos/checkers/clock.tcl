@@ -4,12 +4,12 @@ package provide checkers::clock 1.0
 
 # The part that all players share.
 oo::class create ::checkers::clock {
+    variable Game Trouble       ;# of the player
     variable Ticked     ;# [s] the time up to here has been counted; empty: the clock has not begun to run
 
     # The time since the last call belongs to the side whose turn it is. While the robot waits in its own turn for a board that
     # is in disorder, the clock stands.
     method Tick {} {
-        my variable Game Trouble
         set now [expr {[clock milliseconds] / 1e3}]
         if {[info exists Ticked] && $Ticked ne {} && ($Trouble eq {} || [$Game side] ne [my Setting -robot])} {
             $Game spend [$Game side] [expr {max(0, $now - $Ticked)}]
@@ -21,7 +21,6 @@ oo::class create ::checkers::clock {
 
     # A side without time has lost.
     method Late {} {
-        my variable Game
         my Tick
         if {[$Game late] ne {}} {
             throw {CHECKERS ORDER time} "[$Game late] is out of time"

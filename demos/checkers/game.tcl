@@ -7,9 +7,15 @@ package require checkers::tokens
 package provide checkers::game 1.0
 
 oo::class create ::checkers::game {
+    variable Draughts File
+    variable Lies               ;# place -> colours, as tokens.tcl has it
+    variable Before             ;# the same before the last move; empty: it is not known
+    variable Intended Step      ;# the move that is being carried out, and how many of its transfers have been done
+    variable Robot              ;# the colour that it plays; empty: as it was at the beginning
+    variable Clock              ;# dict: white black limit [s]
+    variable Ended              ;# a result that is not by the rules; empty: none
     # draughts: name of an object of class draughts; file: to keep the game in, empty: nowhere.
     constructor {draughts file} {
-        my variable Draughts File Lies Intended Before Step Robot Clock Ended
         set Before [set Robot [set Ended {}]]
         set Clock {white 0 black 0 limit 0}
         set Step 0
@@ -21,7 +27,6 @@ oo::class create ::checkers::game {
 
     # Begin with a position, and what lies beside the board: place -> colours.
     method begin {position {heap {}}} {
-        my variable Draughts Lies Robot Clock Ended
         set Robot [set Ended {}]
         set Clock [dict replace $Clock white 0 black 0]
         if {$position eq {}} {
@@ -35,7 +40,6 @@ oo::class create ::checkers::game {
 
     # Go on where the file says that a game was interrupted. False when there is none.
     method resume {} {
-        my variable Draughts File Lies Intended Step Robot Clock
         if {$File eq {} || ![file exists $File]} {
             return 0
         }
@@ -63,7 +67,6 @@ oo::class create ::checkers::game {
 
     # Written beside it and moved there: a crash leaves the game before this half-move, or after it.
     method Keep {} {
-        my variable Draughts File Lies Intended Step Robot Clock
         if {$File eq {}} {
             return
         }
@@ -75,19 +78,17 @@ oo::class create ::checkers::game {
     }
 
     method forget {} {
-        my variable File
         if {$File ne {}} {
             file delete $File
         }
     }
 
-    method draughts {} { my variable Draughts; return $Draughts }
-    method lies {} { my variable Lies; return $Lies }
-    method width {} { my variable Draughts; return [expr {[$Draughts cget -variant] eq "intl" ? 10 : 8}] }
-    method position {} { my variable Draughts; return [dict get [$Draughts exec fen] text] }
+    method draughts {} { return $Draughts }
+    method lies {} { return $Lies }
+    method width {} { return [expr {[$Draughts cget -variant] eq "intl" ? 10 : 8}] }
+    method position {} { return [dict get [$Draughts exec fen] text] }
     # With the result, also when it is not one by the rules of the game.
     method pdn {} {
-        my variable Draughts Ended
         set pdn [dict get [$Draughts exec pdn] text]
         if {$Ended ne {}} {
             set pdn [string map [list {[Result "*"]} "\[Result \"$Ended\"\]"] $pdn]
@@ -96,19 +97,17 @@ oo::class create ::checkers::game {
         return $pdn
     }
     # The game is over: by the rules, by agreement, or because a side is out of time.
-    method end result { my variable Ended; set Ended $result }
-    method state what { my variable Draughts; return [dict get [dict get [$Draughts exec state] text] $what] }
+    method end result { set Ended $result }
+    method state what { return [dict get [dict get [$Draughts exec state] text] $what] }
     method side {} { return [my state side] }
     method over {} { return [expr {[my state result] ne "*"}] }
 
     # The transfers for a move, and the tokens' places after it, in the form of tokens transfers. Nothing is played.
     method plan move {
-        my variable Draughts Lies
         lassign [my Path $move] stops victims crowned
         return [::checkers::tokens transfers [my width] $Lies $stops $victims $crowned]
     }
     method Path move {
-        my variable Draughts Lies
         set came [dict get [$Draughts exec path $move] ints]
         set stops [lrange $came 1 [lindex $came 0]]
         set victims [lrange $came [lindex $came 0]+1 end]
@@ -125,7 +124,6 @@ oo::class create ::checkers::game {
 
     # The tokens' places after a move, when nobody knows the heaps.
     method after move {
-        my variable Draughts Lies
         set width [my width]
         $Draughts exec play $move
         set lies [::checkers::tokens lie $width [my position]]
@@ -135,26 +133,23 @@ oo::class create ::checkers::game {
 
     # The move that is being carried out: whoever continues the game goes on with it. Empty: none.
     method intend move {
-        my variable Intended Step
         set Intended $move
         set Step 0
         my Keep
     }
-    method intended {} { my variable Intended; return $Intended }
+    method intended {} { return $Intended }
 
     # So many of its transfers have been done; the next one may have been begun.
     method begun step {
-        my variable Step
         if {$step != $Step} {
             set Step $step
             my Keep
         }
     }
-    method step {} { my variable Step; return $Step }
+    method step {} { return $Step }
 
     # The colour that the robot plays in this game; empty: as it was at the beginning.
     method robot {{colour {}}} {
-        my variable Robot
         if {$colour ne {}} {
             set Robot $colour
             my Keep
@@ -164,32 +159,28 @@ oo::class create ::checkers::game {
 
     # ---- the clocks: a dict, white and black: how long each side has taken [s]; limit: what each one has, 0: as much as it wants ----
 
-    method clock {} { my variable Clock; return $Clock }
-    method limit seconds { my variable Clock; dict set Clock limit $seconds; my Keep }
-    method spend {side seconds} { my variable Clock; dict set Clock $side [expr {[dict get $Clock $side] + $seconds}] }
+    method clock {} { return $Clock }
+    method limit seconds { dict set Clock limit $seconds; my Keep }
+    method spend {side seconds} { dict set Clock $side [expr {[dict get $Clock $side] + $seconds}] }
     # The side that is out of time; empty: none.
     method late {} {
-        my variable Clock
         dict with Clock {}
         return [expr {$limit == 0 ? {} : $white >= $limit ? "white" : $black >= $limit ? "black" : {}}]
     }
     # The players change sides, and each keeps his time.
     method exchange {} {
-        my variable Clock
         set Clock [dict replace $Clock white [dict get $Clock black] black [dict get $Clock white]]
         my Keep
     }
 
     # Tokens lie elsewhere than was believed, but the position is the same.
     method correct lies {
-        my variable Lies
         set Lies $lies
         my Keep
     }
 
     # Play a move, after which LIES is where the tokens are.
     method play {move lies} {
-        my variable Draughts Lies Intended Before Step
         set played [dict get [$Draughts exec play $move] text]
         set Before $Lies
         set Lies $lies
@@ -200,11 +191,10 @@ oo::class create ::checkers::game {
     }
 
     # Where the tokens lay before the last move; empty: that is not known.
-    method before {} { my variable Before; return $Before }
+    method before {} { return $Before }
 
     # Somebody else plays this game, and says where it stands.
     method follow {pdn lies} {
-        my variable Draughts Lies
         if {$lies ne $Lies || $pdn ne [my pdn]} {
             $Draughts exec -text $pdn pdn
             set Lies $lies
@@ -214,7 +204,6 @@ oo::class create ::checkers::game {
 
     # The last move is taken back.
     method back {} {
-        my variable Draughts Lies Before
         $Draughts exec undo
         set Lies $Before
         set Before {}

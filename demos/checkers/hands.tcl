@@ -10,6 +10,8 @@ package provide checkers::hands 1.0
 
 # The part that all players share.
 oo::class create ::checkers::hands {
+    variable Game Stages Transfers      ;# of the player
+
     # How many tokens lie at a place.
     method Height place {
         my Enter feel place $place
@@ -39,7 +41,6 @@ oo::class create ::checkers::hands {
     # heap is otherwise than the game says, the game is put right, and what is still to be carried, too. Empty: it is none of them, or it
     # cannot be felt; that has been told.
     method Felt {near fits} {
-        my variable Stages Transfers
         try {
             while {[llength $fits] > 1} {
                 set place [my Differing {*}[lmap k [lrange $fits 0 1] {lindex $Stages $k}]]
@@ -72,7 +73,6 @@ oo::class create ::checkers::hands {
     }
     # The heap at a place is as high as it is felt, from stage K on.
     method Correct {k place there} {
-        my variable Game Stages Transfers
         set lies [lindex $Stages $k]
         my Note heap place $place tokens $there
         my Say "On [my Named $place] I feel [my Count $there], there should be [my Tokens $lies $place]. I go on without what is missing."
@@ -97,7 +97,6 @@ oo::class create ::checkers::hands {
     # Carry what lies elsewhere than it should. On a field with too many tokens the hand feels one token, or as many as the
     # field should have.
     method Tidy {sight should} {
-        my variable Game
         set width [$Game width]
         my Enter tidy
         my Say "I put the board in order."
@@ -135,7 +134,6 @@ oo::class create ::checkers::hands {
         return [expr {[dict exists $lies $place] ? [llength [dict get $lies $place]] : 0}]
     }
     method OnBoard place {
-        my variable Game
         return [expr {[lindex $place 0] >= 1 && [lindex $place 0] <= [$Game width]}]
     }
     # A place in words.

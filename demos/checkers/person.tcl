@@ -6,10 +6,16 @@ package provide checkers::person 1.0
 # Before some of his moves he does something wrong.
 oo::class create ::checkers::person {
     superclass ::checkers::player
+    variable Game Order         ;# of the player
+    variable Lab Faults Kinds
+    variable Heard              ;# what the robot has said since he erred
+    variable Runs               ;# whose clock runs: white or black; empty: it is not known
+    variable Carried            ;# transfers of this move
+    variable Erring             ;# he is about to do something wrong
+    variable Turned             ;# how he has turned the board last, 1 or -1
 
     # faults: how often, 0 to 1; kinds: which; lab: the laboratory
     constructor {game lab faults kinds args} {
-        my variable Lab Faults Kinds Heard Runs Carried Erring
         set Erring 0
         set Runs [set Carried {}]
         set Lab $lab
@@ -19,14 +25,13 @@ oo::class create ::checkers::person {
         next $game {*}$args
     }
     # The robot has said that something is wrong.
-    method heard text { my variable Heard; lappend Heard $text }
+    method heard text { lappend Heard $text }
 
     # Whose clock runs: white or black.
-    method clock side { my variable Runs; set Runs $side }
+    method clock side { set Runs $side }
 
     # The tokens' places after a move that the robot has said, as people spell it; empty: there is no such move.
     method meant spelled {
-        my variable Game
         if {[$Game side] eq [my Setting -robot] || [$Game over]} {
             return
         }
@@ -39,7 +44,6 @@ oo::class create ::checkers::person {
 
     # Sides are changed when the robot says so. It has seen no move: one that he has begun he takes back.
     method Obey {} {
-        my variable Order Game Carried
         next
         if {$Order eq "sides"} {
             if {[$Game intended] ne {}} {
@@ -53,7 +57,6 @@ oo::class create ::checkers::person {
         }
     }
     method Carry {transfer lies} {
-        my variable Carried
         set done [next $transfer $lies]
         if {$done} {
             lappend Carried $transfer
@@ -72,7 +75,6 @@ oo::class create ::checkers::person {
     }
 
     method Answer {} {
-        my variable Faults Kinds Game Runs Carried Erring
         set Carried {}
         # The robot looks once more before it presses its clock.
         set end [expr {[clock milliseconds] + 20000}]
@@ -91,17 +93,15 @@ oo::class create ::checkers::person {
         next
     }
     # He is about to do something wrong, and knows it.
-    method errs {} { my variable Erring; return $Erring }
+    method errs {} { return $Erring }
 
     # He does it now. Later messages are about that. PLACES: the fields of which one should be named.
     method Doing {kind places {state fault}} {
-        my variable Heard
         set Heard {}
         my Note $state kind $kind fields [lmap place $places {my Field {*}$place}]
     }
     # Until he has been told what is wrong; for so long he insists.
     method Listen {} {
-        my variable Heard
         set end [expr {[clock milliseconds] + 180000}]
         while {$Heard eq {} && [clock milliseconds] < $end} {
             sorma::await sleep 20
@@ -115,13 +115,11 @@ oo::class create ::checkers::person {
     }
     # One of his tokens, and a field that is empty, as places.
     method Own {} {
-        my variable Game
         set colour [expr {[my Setting -robot] eq "white" ? "yellow" : "red"}]
         set own [dict keys [dict filter [$Game lies] script {place stack} {expr {[my OnBoard $place] && $stack eq $colour}}]]
         return [lindex $own [expr {int(rand() * [llength $own])}]]
     }
     method Empty {} {
-        my variable Game
         while 1 {
             set place [list [expr {1 + int(rand() * [$Game width])}] [expr {1 + int(rand() * [$Game width])}]]
             if {[tcl::mathop::+ {*}$place] % 2 == 0 && ![dict exists [$Game lies] $place]} {
@@ -131,7 +129,6 @@ oo::class create ::checkers::person {
     }
     # A displacement does not look like a legal move.
     method Wrong {from to} {
-        my variable Game
         set lies [::checkers::tokens after [$Game lies] [list {*}$from 0 {*}$to 0]]
         return [expr {[dict get [[$Game draughts] exec -text [$Game sight $lies] explain] code] == 3}]
     }
@@ -149,7 +146,6 @@ oo::class create ::checkers::person {
         }
     }
     method Faultnudged {} {
-        my variable Game
         set from [my Own]
         if {$from eq {}} return
         set beside [list [expr {[lindex $from 0] + ([lindex $from 0] > [$Game width] / 2 ? -0.55 : 0.55)}] [lindex $from 1]]
@@ -159,7 +155,6 @@ oo::class create ::checkers::person {
         my Move $beside $from
     }
     method Faulttwo {} {
-        my variable Game
         set moves [lrange [dict get [[$Game draughts] exec legal] text] 0 end]
         set width [$Game width]
         set done {}
@@ -182,7 +177,6 @@ oo::class create ::checkers::person {
     }
     # He moves, and takes it back before anybody believes it.
     method Faultback {} {
-        my variable Game
         set move [lindex [dict get [[$Game draughts] exec legal] text] 0]
         if {![regexp {^(\d+)-(\d+)$} $move -> from to]} return
         set from [::checkers::tokens place [$Game width] $from]
@@ -195,7 +189,6 @@ oo::class create ::checkers::person {
     }
     # A token of the robot's disappears, and comes back when he is told.
     method Faultstolen {} {
-        my variable Game Lab
         set other [expr {[my Setting -robot] eq "white" ? "red" : "yellow"}]
         set tokens [::checkers::tokens seen [$Lab exec tokens]]
         set first [expr {int(rand() * [llength $tokens])}]
@@ -216,12 +209,10 @@ oo::class create ::checkers::person {
     }
     # Does a token lie neither on the board nor on a heap?
     method Stolen name {
-        my variable Lab Game
         lassign [lsearch -inline -index 0 [::checkers::tokens seen [$Lab exec tokens]] $name] - file rank
         return [expr {![::checkers::tokens there [$Game width] $file $rank]}]
     }
     method Faultturned {} {
-        my variable Lab Turned Game
         my Doing turned {} harmless
         set Turned [expr {[info exists Turned] ? -$Turned : 1}]
         ::checkers::moveBoard $Lab 0 [expr {0.012 * $Turned}] [expr {0.05 * $Turned}] [$Game width]

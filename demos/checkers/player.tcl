@@ -18,6 +18,16 @@ package provide checkers::player 1.0
 oo::class create ::checkers::player {
     superclass ::checkers::hands ::checkers::ponder ::checkers::clock
 
+    variable Game Settings
+    variable State              ;# of the plot
+    variable Told Since         ;# the trouble that was told last, and when [s]
+    variable Trouble            ;# since when there is trouble [s]; empty: there is none
+    variable Order              ;# as a person has given it; empty: none
+    variable Score Level        ;# [men] the robot's last judgement; for so many moves nobody has been ahead
+    variable Offered            ;# the robot has offered a draw
+    variable Thought            ;# [men] what the engine has said last
+    variable Stages Transfers   ;# of the move that is carried: what lies where before and after each transfer
+
     # -carry, -sight, -engine    objects that carry tokens, see the board, and find a move
     # -robot       the colour that it plays
     # -still       so many equal looks are believed
@@ -30,7 +40,6 @@ oo::class create ::checkers::player {
     # -ponder      an engine that thinks on the person's time
     # -feel        is a token on the last row really a queen?
     constructor {game args} {
-        my variable Game Settings State Told Since Trouble Order Score Level Offered
         set Game $game
         set State begin
         set Told [set Order [set Since [set Trouble {}]]]
@@ -48,16 +57,15 @@ oo::class create ::checkers::player {
         my Unponder
     }
 
-    method Setting name { my variable Settings; return [dict get $Settings $name] }
-    method state {} { my variable State; return $State }
+    method Setting name { return [dict get $Settings $name] }
+    method state {} { return $State }
     method robot {} { return [my Setting -robot] }
 
     # Gives the player an order. new, resign and draw end play with the error {CHECKERS ORDER word} as soon as the hand is
     # empty. So does time, when a side has no time left. sides changes sides when nobody has begun a move. order puts the board
     # in order.
-    method order word { my variable Order; set Order $word }
+    method order word { set Order $word }
     method Obey {} {
-        my variable Order
         my Late
         if {$Order eq "draw"} {
             set Order {}
@@ -68,13 +76,11 @@ oo::class create ::checkers::player {
     }
     # Nobody has begun a move: sides may be changed.
     method Quiet {} {
-        my variable Order
         if {$Order eq "sides"} {
             my Interrupt
         }
     }
     method Interrupt {} {
-        my variable Order
         set word $Order
         set Order {}
         throw [list CHECKERS ORDER $word] "the game is interrupted: $word"
@@ -82,7 +88,6 @@ oo::class create ::checkers::player {
 
     # The plot is there now; whoever watches hears it.
     method Enter {state args} {
-        my variable State
         my Tick
         set State $state
         my Note $state {*}$args
@@ -99,7 +104,6 @@ oo::class create ::checkers::player {
     }
     # Trouble is told once, as long as it stays the same, and after -remind again. The field that is named first is pointed at.
     method Trouble {text args} {
-        my variable Told Since Trouble
         set now [clock seconds]
         if {$Trouble eq {}} {
             set Trouble $now
@@ -127,7 +131,6 @@ oo::class create ::checkers::player {
         return $text
     }
     method Well {} {
-        my variable Told Trouble
         my Tick
         if {$Told ne {}} {
             my Note well
@@ -136,7 +139,6 @@ oo::class create ::checkers::player {
     }
     # Shall the robot put the board in order now?
     method Wanted {} {
-        my variable Order Trouble
         set tidy [my Setting -tidy]
         if {$Order eq "order" || ($tidy > 0 && $Trouble ne {} && [clock seconds] - $Trouble >= $tidy)} {
             set Order {}
@@ -148,7 +150,6 @@ oo::class create ::checkers::player {
 
     # Play until the game is over. Returns its result.
     method play {} {
-        my variable Game
         while {![$Game over]} {
             try {
                 if {[$Game side] eq [my Setting -robot]} {
@@ -174,7 +175,6 @@ oo::class create ::checkers::player {
     }
     # The game is over, by the rules or by agreement. Returns its result.
     method end {result reason} {
-        my variable Game
         my Unponder
         $Game end $result
         my Enter over result $result reason $reason
@@ -183,14 +183,12 @@ oo::class create ::checkers::player {
     }
     # For a new game.
     method sides colour {
-        my variable Settings Level Offered Score
         my Unclock
         set Score [set Level [set Offered 0]]
         dict set Settings -robot $colour
     }
     # The players change colours.
     method Sides {} {
-        my variable Settings Game Score
         my Unponder
         set colour [expr {[my Setting -robot] eq "black" ? "white" : "black"}]
         dict set Settings -robot $colour
@@ -212,7 +210,6 @@ oo::class create ::checkers::player {
 
     # The person offers a draw, or accepts the robot's offer.
     method Asked {} {
-        my variable Score Offered Game
         if {$Offered || $Score < -0.3 || ($Score <= 0.3 && [$Game state moves] >= [my Setting -drawAfter])} {
             throw {CHECKERS ORDER draw} "the players have agreed on a draw"
         }
@@ -222,7 +219,6 @@ oo::class create ::checkers::player {
     }
     # After a while in which nobody is ahead the robot offers one; once in 20 moves of both.
     method Offer score {
-        my variable Score Level Offered Game
         set Score $score
         set Level [expr {abs($score) <= 0.1 ? $Level + 1 : 0}]
         set Offered 0
@@ -264,7 +260,6 @@ oo::class create ::checkers::player {
 
     # A position that was set up by hand, as FEN: the eye sees the pieces, and the hand feels the queens. SIDE moves first.
     method survey side {
-        my variable Game
         my Enter survey
         my Say "I look at what lies on the board."
         while 1 {
@@ -291,7 +286,6 @@ oo::class create ::checkers::player {
 
     # Until the board shows a legal move, and shows it -still times.
     method Await {} {
-        my variable Game
         my Enter person
         my Well
         my Ponder
@@ -339,7 +333,6 @@ oo::class create ::checkers::player {
     }
     # The person's move is played, unless it must be crowned first.
     method Believed move {
-        my variable Game
         if {[catch {$Game plan $move} planned how]} {
             if {[lindex [dict get $how -errorcode] 1] ni {SPARE HEAP}} {
                 return -options $how $planned
@@ -365,7 +358,6 @@ oo::class create ::checkers::player {
 
     # A move as people say it: origin and target.
     method Spelled move {
-        my variable Game
         lassign [regexp -inline {^(\d+)([-x])(\d+)} $move] - from sign to
         return [my Field {*}[::checkers::tokens place [$Game width] $from]]$sign[my Field {*}[::checkers::tokens place [$Game width] $to]]
     }
@@ -373,7 +365,6 @@ oo::class create ::checkers::player {
         return [string index abcdefghij [expr {$file - 1}]]$rank
     }
     method Legal {} {
-        my variable Game
         set moves [lmap move [dict get [[$Game draughts] exec legal] text] {my Spelled $move}]
         return [join [lrange $moves 0 5] ", "][expr {[llength $moves] > 6 ? ", and others" : ""}]
     }
@@ -381,7 +372,6 @@ oo::class create ::checkers::player {
     # ---- the robot's turn ----
 
     method Answer {} {
-        my variable Game Stages Transfers
         my Well
         my Obey
         set again [expr {[$Game intended] ne {}}]
@@ -426,7 +416,6 @@ oo::class create ::checkers::player {
     }
     # The transfers for a move. When there is no token for a queen, or no room on the heap, it is told, and felt until there is.
     method Planned move {
-        my variable Game
         while 1 {
             try {
                 return [lindex [$Game plan $move] 0]
@@ -444,7 +433,6 @@ oo::class create ::checkers::player {
     }
     # After it the engine is ahead of the game by the robot's move.
     method Think {} {
-        my variable Thought
         my Load [my Setting -engine]
         lassign [my Foreseen] move score seconds
         if {$move ne {} && ![catch {[my Setting -engine] exec play $move}]} {
@@ -460,11 +448,9 @@ oo::class create ::checkers::player {
     }
     # The robot's last judgement of its position, in men.
     method Judged {} {
-        my variable Thought Score
         return [expr {[info exists Thought] ? $Thought : $Score}]
     }
     method Load engine {
-        my variable Game
         set draughts [$Game draughts]
         $engine configure -variant [$draughts cget -variant] -colours [$draughts cget -colours]
         $engine exec -text [$Game pdn] pdn
@@ -489,7 +475,6 @@ oo::class create ::checkers::player {
     # How many transfers are done, as the board looks; waits until it looks as after one of them. NEAR was the last that is known. DOUBT:
     # the next one may have been begun. Then what the hand holds is put down, and what the camera cannot know is felt.
     method Found {near doubt} {
-        my variable Game Stages Transfers
         set finish $doubt
         while 1 {
             if {$finish && $near < [llength $Transfers]} {
@@ -537,7 +522,6 @@ oo::class create ::checkers::player {
     }
     # The stages that look so, by their numbers.
     method Fits sight {
-        my variable Game Stages
         set n -1
         return [lmap lies $Stages {
             incr n
@@ -556,14 +540,12 @@ oo::class create ::checkers::player {
 
     # Fields of which the eye is not certain.
     method Unclear sight {
-        my variable Game
         set width [$Game width]
         return [join [lmap i [lsearch -all [split $sight {}] {[?]}] {my Field [expr {$i % $width + 1}] [expr {$width - $i / $width}]}] ", "]
     }
 
     # Fields that differ, in words.
     method Difference {seen expected} {
-        my variable Game
         set width [$Game width]
         set fields {}
         for {set i 0} {$i < $width * $width} {incr i} {

@@ -38,10 +38,9 @@ oo::class create ::checkers::ponder {
         my Unponder
     }
     method Unponder {} {
-        my variable Settings
         set coroutine [self namespace]::Ponders
         if {[info commands $coroutine] ne {}} {
-            catch {[dict get $Settings -ponder] CTRL -stop}
+            catch {[my Setting -ponder] CTRL -stop}
             rename $coroutine {}
         }
         set Plan {}
