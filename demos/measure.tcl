@@ -10,6 +10,7 @@
 #
 # README.md beside this file has the commands.
 
+package require fileutil
 package require sorma
 package require sorma::await
 package require sorma::json
@@ -152,7 +153,5 @@ proc measure::Json {file seed} {
         string cat "\{" [join [list {*}[lmap key {name measured wanted} {string cat "\"$key\":" [sorma::json::text [dict get $row $key]]}] \
             "\"met\":[dict get {{} null 0 false 1 true} [dict get $row met]]" "\"figures\":\{[join $figures ,]\}"] ,] "\}"
     }]
-    set out [open $file w]
-    puts $out "\{\"seed\":$seed,\"rows\":\[\n[join $rows ,\n]\n\]\}"
-    close $out
+    fileutil::writeFile $file "\{\"seed\":$seed,\"rows\":\[\n[join $rows ,\n]\n\]\}\n"
 }

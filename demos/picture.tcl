@@ -3,11 +3,13 @@
 #
 #     picture begin THEME       before the first window; an empty theme: the desktop's
 #     picture save FILE         of the main window, PNG; FILE without .png, -SIZE.png: of another size
+#     picture copy ...          files of a demo with buffers of their own
 
+package require fileutil
 package require Tk
 
 namespace eval picture {
-    namespace export begin save
+    namespace export begin save copy
     namespace ensemble create
 }
 
@@ -46,4 +48,12 @@ proc picture::One file {
     set image [image create photo -format window -data .]
     $image write $file -format png
     image delete $image
+}
+
+# picture copy TO FROM NAMES PATTERN -- copies of files whose buffers have names of their own: another demo may run beside. PATTERN: the beginning of such a
+# name in these files; what is in its first parentheses stays.
+proc picture::copy {to from names pattern} {
+    foreach name $names {
+        fileutil::writeFile [file join $to $name] [regsub -all $pattern [fileutil::cat [file join $from $name]] "\\1picture[pid]."]
+    }
 }

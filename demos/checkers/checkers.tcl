@@ -109,9 +109,7 @@ proc checkers::program::run {} {
     set go [expr {[dict get $o -go] && [file exists $file]}]
     if {$go} {
         # The rules, and so the size of the board, are those of the game.
-        set in [open $file]
-        dict set o -variant [dict get [read $in] variant]
-        close $in
+        dict set o -variant [dict get [fileutil::cat -encoding utf-8 $file] variant]
     }
     if {$windows} {
         uplevel #0 [list source [file join $::checkers::session::Here window.tcl]]

@@ -2,6 +2,7 @@
 #
 # The game keeps what a camera cannot see: from above a queen looks like a man, and tokens of a colour look alike.
 
+package require fileutil
 package require sorma
 package require checkers::tokens
 package provide checkers::game 1.0
@@ -43,13 +44,7 @@ oo::class create ::checkers::game {
         if {$File eq {} || ![file exists $File]} {
             return 0
         }
-        set in [open $File]
-        fconfigure $in -encoding utf-8
-        try {
-            set kept [read $in]
-        } finally {
-            close $in
-        }
+        set kept [fileutil::cat -encoding utf-8 $File]
         if {[catch {dict get $kept version} version] || $version ne 1} {
             return -code error -errorcode [list CHECKERS FILE $File] "$File is no game of this program; move it away to begin a new one"
         }
@@ -70,10 +65,8 @@ oo::class create ::checkers::game {
         if {$File eq {}} {
             return
         }
-        set out [open $File.new w]
-        fconfigure $out -encoding utf-8
-        puts $out [dict create version 1 variant [$Draughts cget -variant] pdn [my pdn] lies $Lies intended $Intended step $Step robot $Robot clock $Clock]
-        close $out
+        fileutil::writeFile -encoding utf-8 $File.new [dict create version 1 variant [$Draughts cget -variant] pdn [my pdn] lies $Lies intended $Intended step $Step \
+            robot $Robot clock $Clock]
         file rename -force $File.new $File
     }
 

@@ -7,6 +7,7 @@
 # words (event said) and whose clock runs (event clock). He never knows its beliefs. Only where a real person plays (-mouse) the
 # game is taken from it.
 
+package require fileutil
 package require sorma
 package require sorma::service::draughts
 package require checkers::person
@@ -74,16 +75,12 @@ oo::class create ::sorma::service::human {
         regexp {@(.+)$} [my cget -lab] -> daemon
         set file [expr {[my cget -file] eq {} ? {} : "[my cget -file].lab"}]
         if {$Began eq {} && $file ne {} && [file exists $file]} {
-            set in [open $file]
-            set Began [gets $in]
-            close $in
+            set Began [fileutil::cat $file]
         }
         set began [dict get [sorma::health $daemon] started]
         set other [expr {$Began ni [list {} $began]}]
         if {$file ne {} && $Began ne $began} {
-            set out [open $file w]
-            puts $out $began
-            close $out
+            fileutil::writeFile $file $began
         }
         set Began $began
         return $other
@@ -185,23 +182,13 @@ oo::class create ::sorma::service::human {
         }
         if {$move eq {}} {
             file delete [my cget -file].said
-            return
+        } else {
+            fileutil::writeFile [my cget -file].said $move
         }
-        set out [open [my cget -file].said w]
-        puts $out $move
-        close $out
     }
     method Kept {} {
         set file [my cget -file].said
-        if {![file exists $file]} {
-            return
-        }
-        set in [open $file]
-        try {
-            return [gets $in]
-        } finally {
-            close $in
-        }
+        return [if {[file exists $file]} {fileutil::cat $file}]
     }
     # What the robot says.
     method Heard event {

@@ -10,17 +10,13 @@ set argv [lassign $argv picture theme]
 set picture [file normalize $picture]         ;# the game goes to a folder of its own
 source [file join [file dirname [file dirname [file normalize [info script]]]] picture.tcl]
 picture begin $theme
-# A copy of the demo whose buffers have names of their own: another one may run.
+# A copy of the demo whose buffers have names of their own.
 proc own folder {
     set demos [file dirname [file dirname [file normalize [info script]]]]
     foreach name {measure.tcl lab checkers} {
         file copy [file join $demos $name] $folder
     }
-    set in [open [file join $demos checkers checkers.dict]]
-    set out [open [file join $folder checkers checkers.dict] w]
-    puts -nonewline $out [regsub -all {(-prefix|-key) checkers\.} [read $in] "\\1 picture[pid]."]
-    close $in
-    close $out
+    picture copy [file join $folder checkers] [file join $demos checkers] checkers.dict {((?:-prefix|-key) )checkers\.}
 }
 set folder [exec mktemp -d]
 own $folder

@@ -4,6 +4,7 @@
 #     checkers::session::play ?SECONDS?                     until the game is over, or so much wall time; a dict of figures
 #     checkers::session::end
 
+package require fileutil
 package require sorma
 foreach file {lab/lab lab/colours checkers/packages measure} {
     source [file join [file dirname [file dirname [file normalize [info script]]]] $file.tcl]
@@ -44,9 +45,7 @@ proc checkers::session::settle {folder settings} {
     if {!$::checkers::session::Dry && ![file exists board.hsv]} {
         lab::colours::learn board.hsv
     }
-    set out [open settings w]
-    puts $out $settings
-    close $out
+    fileutil::writeFile settings $settings
 }
 
 # -intl: the board has 10 x 10 fields; -dry: without arm, hand and eye.
@@ -78,27 +77,21 @@ proc checkers::session::LaunchFile {intl dry} {
     if {!$intl && !$dry} {
         return $file
     }
-    set in [open $file]
-    set lines [split [read $in] \n]
-    close $in
     set dicts "-dict [file join $Here checkers.dict]"
     foreach {used name} [list $intl intl $dry dry] {
         if {$used} {
             append dicts " -dict [file join $Here $name.dict]"
         }
     }
-    set out [open game.launch w]
-    foreach line $lines {
+    fileutil::writeFile game.launch [join [lmap line [split [fileutil::cat $file] \n] {
         if {$dry && [regexp {^daemon (\S+)} $line -> name]} {
             if {$name ni {lab voice player human judge}} continue
             if {$name eq "player"} {
                 regsub -- {-after .*} $line {-after lab} line
             }
         }
-        puts $out [string map [list "-dict ../lab/lab.dict" "-dict [file join [file dirname $Here] lab lab.dict]" \
-            "-dict checkers.dict" $dicts "-script " "-script $Here/"] $line]
-    }
-    close $out
+        string map [list "-dict ../lab/lab.dict" "-dict [file join [file dirname $Here] lab lab.dict]" "-dict checkers.dict" $dicts "-script " "-script $Here/"] $line
+    }] \n]
     return [file join [pwd] game.launch]
 }
 
@@ -149,12 +142,7 @@ proc checkers::session::remember folder {
     if {[file exists [file join $folder human.game]]} {
         return
     }
-    set in [open [file join $folder checkers.game]]
-    set kept [read $in]
-    close $in
-    set out [open [file join $folder human.game] w]
-    puts $out [dict replace $kept intended {}]
-    close $out
+    fileutil::writeFile -encoding utf-8 [file join $folder human.game] [dict replace [fileutil::cat -encoding utf-8 [file join $folder checkers.game]] intended {}]
 }
 proc checkers::session::end {} {
     variable Launch

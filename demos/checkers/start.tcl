@@ -3,16 +3,12 @@
 # The file "settings" in the daemon's folder has a dict, name of an object -> its options. Objects get these, and one of them begins to
 # play. A daemon that they need may just be away: they wait for it.
 
+package require fileutil
+
 namespace eval ::checkers {}
 proc ::checkers::settle {} {
     if {[file exists settings]} {
-        set in [open settings]
-        try {
-            set settings [read $in]
-        } finally {
-            close $in
-        }
-        dict for {object options} $settings {
+        dict for {object options} [fileutil::cat settings] {
             if {[lindex [split $object .] 0] in [sorma::classes]} {
                 Patiently [list $object configure {*}$options]
             }

@@ -78,9 +78,7 @@ proc directory::await {caller after patterns} {
 }
 # Hosts in the order in which they took requests.
 proc directory::owners {} {
-    set file [open [file join [hosts::folder switch] journal]]
-    set lines [lsort -integer -index 0 [split [string trim [read $file]] \n]]
-    close $file
+    set lines [lsort -integer -index 0 [split [string trim [fileutil::cat [file join [hosts::folder switch] journal]]] \n]]
     set hosts {}
     foreach line $lines {
         if {[lindex $line 1] ne [lindex $hosts end]} {

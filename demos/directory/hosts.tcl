@@ -9,6 +9,8 @@
 #
 # Needs root, and ip, nsenter and unshare.
 
+package require fileutil
+
 namespace eval hosts {
     variable Folder {}
     variable Holders {}     ;# dict: host -> the pipe to the process that keeps its namespace
@@ -34,9 +36,7 @@ proc hosts::Make {names line} {
     variable Holders
     set mounts [Mounts]
     set number 0
-    set file [open [file join $Folder hosts] w]
-    puts $file "127.0.0.1 localhost\n[join [lmap host $names {string cat "192.168.7.[incr number] $host"}] \n]"
-    close $file
+    fileutil::writeFile [file join $Folder hosts] "127.0.0.1 localhost\n[join [lmap host $names {string cat "192.168.7.[incr number] $host"}] \n]\n"
     set number 0
     foreach host $names {
         file mkdir [file join $Folder $host]
@@ -50,9 +50,7 @@ proc hosts::Make {names line} {
             return -code error -errorcode {HOSTS RIGHTS} "a host cannot be made: $said; this needs root, as by sudo"
         }
         dict set Holders $host $holder
-        set file [open [file join $Folder $host dict] w]
-        puts $file $line
-        close $file
+        fileutil::writeFile [file join $Folder $host dict] $line\n
         run $host ip link set lo up
         set address 192.168.7.[incr number]/24
         if {$host eq "switch"} {

@@ -33,9 +33,7 @@ proc lab::figures::launch {daemon class recipes} {
     variable Running
     close [file tempfile dict]
     try {
-        set file [open $dict w]
-        puts $file $recipes
-        close $file
+        fileutil::writeFile $dict $recipes
         set pipe [open [list | sormad -name $daemon -package sorma::service::$class -dict $dict -until-eof 2>@stderr] r+]
         if {![string match "ready *" [gets $pipe]]} {
             return -code error "sormad -name $daemon did not start"

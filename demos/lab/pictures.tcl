@@ -63,16 +63,10 @@ proc lab::pictures::panel {file theme} {
         file delete -force $folder
     }
 }
-# The laboratory with buffers of its own: another one may run. Returns its launch file.
+# The laboratory with buffers of its own. Returns its launch file.
 proc lab::pictures::own folder {
     variable Here
-    foreach name {lab.launch lab.dict} {
-        set in [open [file join $Here $name]]
-        set out [open [file join $folder $name] w]
-        puts -nonewline $out [string map [list demo. picture[pid].] [read $in]]
-        close $in
-        close $out
-    }
+    picture copy $folder $Here {lab.launch lab.dict} {demo\.}
     return [file join $folder lab.launch]
 }
 

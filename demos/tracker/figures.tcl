@@ -1,6 +1,7 @@
 # figures.tcl -- the tracker's table, each row for a minute and more; and daemons killed while the arm follows. Options as those of tracker.tcl,
 # and -rows {NAME ...}: these alone. Exit code 0: each row met its target.
 
+package require fileutil
 source [file join [file dirname [file normalize [info script]]] tracker.tcl]
 
 namespace eval tracker {
@@ -420,16 +421,14 @@ proc tracker::rows::calls seconds {
         sample $seconds
         catch {close $watch}
         set ticks [expr {[Ticked] - $ticks}]
-        set channel [open $log]
         set counts {}
         set else 0
-        foreach line [split [read $channel] \n] {
+        foreach line [split [fileutil::cat $log] \n] {
             if {[regexp {^(\w+)\((?:[^,]*, (FUTEX_WAIT|FUTEX_WAKE))?} $line - call kind]} {
                 dict incr counts [expr {$kind eq {} ? $call : $kind}]
                 incr else [expr {$call ni {futex membarrier restart_syscall}}]
             }
         }
-        close $channel
     } finally {
         file delete $log
     }

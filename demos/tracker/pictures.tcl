@@ -16,16 +16,10 @@ namespace eval tracker::pictures {
 }
 source [file join $::tracker::pictures::Here .. picture.tcl]
 
-# A copy of the demo whose buffers have names of their own: another one may run. Returns its folder.
+# A copy of the demo whose buffers have names of their own. Returns its folder.
 proc tracker::pictures::own folder {
     variable Here
-    foreach name [glob -tails -directory $Here *] {
-        set in [open [file join $Here $name]]
-        set out [open [file join $folder $name] w]
-        puts -nonewline $out [regsub -all {tracker\.(?!tcl|launch|dict)} [read $in] picture[pid].]
-        close $in
-        close $out
-    }
+    picture copy $folder $Here [glob -tails -directory $Here *] {tracker\.(?!tcl|launch|dict)}
     return $folder
 }
 
