@@ -1,37 +1,14 @@
-# graphical.tcl -- how a program with windows begins: its command line, Tk, and its theme.
+# graphical.tcl -- how a program with windows begins: Tk, and its theme.
 
 package require sorma
-package require sorma::options
-package require sorma::usage
 package provide sorma::graphical 1.0
 
 namespace eval ::sorma::graphical {}
 
-# ::sorma::graphical::begin PROGRAM OPTIONS WORDSVAR CHECK TEXT --
-#       Read the command line, and load Tk. --help, and errors, are answered here.
-# Arguments:
-#       OPTIONS     as sorma::options has them, with --theme, --help and -h
-#       WORDSVAR    name of the caller's words, from which options are removed
-#       CHECK       prefix that is called with each word that is left; fails if that is no good
-#       TEXT        as for display
-# Results:
-#       {CODE SETTINGS}. CODE: the exit code; empty: go on.
-proc ::sorma::graphical::begin {program options wordsVar check text} {
-    upvar 1 $wordsVar words
-    try {
-        set settings [::sorma::options::leading $options words]
-        foreach word $words {
-            {*}$check $word
-        }
-    } on error message {
-        puts stderr "$program: $message\n[::sorma::usage::program $program]"
-        return {2 {}}
-    }
-    if {[dict get $settings --help] || [dict get $settings -h]} {
-        puts [::sorma::usage::program $program]
-        return {0 {}}
-    }
-    return [list [display $program [dict get $settings --theme] $text] $settings]
+# ::sorma::graphical::themes -- what may stand behind --theme.
+proc ::sorma::graphical::themes {} {
+    catch {package require no.such.package}     ;# `package names` knows what has been looked for
+    return [concat {alt auto clam classic dark default light} [lmap name [lsearch -all -inline -glob [package names] ttk::theme::*] {namespace tail $name}]]
 }
 
 # ::sorma::graphical::display PROGRAM THEME TEXT --

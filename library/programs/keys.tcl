@@ -3,57 +3,44 @@
 # See generic/comm/keys.h for the files of the folder. The program openssl makes and reads them.
 
 package require sorma
+package require sorma::commandLine
 package require sorma::keyFolder
-package require sorma::options
-package require sorma::usage
 package provide sorma::keys 1.0
 
 namespace eval ::sorma::keys {
-    variable Options {-days {{whole 1 36500}} -help flag --help flag -h flag}
+    variable Options {-days {{whole 1 36500}}}
     variable Commands {new-authority {name} new {name} give {name ?file?} take {file} list {} revoke {name} forget {name} import {certificate key ?authority?}}
     variable Days {authority 3650 name 825}     ;# that a certificate holds, unless -days says it
 }
 
 # ::sorma::keys::main WORDS -- run the program: the exit code.
 proc ::sorma::keys::main words {
-    ::sorma::options::suggest ::sorma::DidYouMean
     variable Options
+    return [::sorma::commandLine::run sorma-keys $Options $words ::sorma::keys::Run -check ::sorma::keys::Check -complete ::sorma::keys::Complete]
+}
+proc ::sorma::keys::Check {settings words} {
     variable Commands
-    if {[lindex $words 0] eq "--complete"} {
-        puts [join [lsearch -all -inline -glob [expr {[llength $words] <= 2 ? [dict keys $Commands] : [::sorma::keyFolder::names]}] [lindex $words end]*] \n]
-        return 0
+    set rest [lassign $words command]
+    if {![dict exists $Commands $command]} {
+        error "expected [join [dict keys $Commands] {, }], got \"$command\"[::sorma::DidYouMean $command [dict keys $Commands]]"
     }
-    try {
-        set rest {}
-        set settings [::sorma::options::parse $Options $words rest]
-        if {[dict get $settings -help] || [dict get $settings --help] || [dict get $settings -h]} {
-            puts [::sorma::usage::program sorma-keys]
-            return 0
-        }
-        set rest [lassign $rest command]
-        if {![dict exists $Commands $command]} {
-            error "expected [join [dict keys $Commands] {, }], got \"$command\"[::sorma::DidYouMean $command [dict keys $Commands]]"
-        }
-        set takes [dict get $Commands $command]
-        set least [llength [lsearch -all -not $takes {\?*}]]
-        if {[llength $rest] < $least || [llength $rest] > [llength $takes]} {
-            error "$command expects [expr {$takes eq {} ? {nothing more} : [join $takes]}], got \"[join $rest]\""
-        }
-    } on error message {
-        puts stderr "sorma-keys: $message\n[::sorma::usage::program sorma-keys]"
-        return 2
+    set takes [dict get $Commands $command]
+    set least [llength [lsearch -all -not $takes {\?*}]]
+    if {[llength $rest] < $least || [llength $rest] > [llength $takes]} {
+        error "$command expects [expr {$takes eq {} ? {nothing more} : [join $takes]}], got \"[join $rest]\""
     }
-    try {
-        file mkdir [::sorma::keyFolder::folder]
-        file attributes [::sorma::keyFolder::folder] -permissions 0700
-        puts -nonewline [[dict get {
-            new-authority NewAuthority new New give Give take Take list List revoke Revoke forget Forget import Import
-        } $command] {*}$rest [dict get $settings -days]]
-    } on error message {
-        puts stderr "sorma-keys: $message"
-        return 1
-    }
-    return 0
+}
+proc ::sorma::keys::Run {settings words} {
+    set rest [lassign $words command]
+    file mkdir [::sorma::keyFolder::folder]
+    file attributes [::sorma::keyFolder::folder] -permissions 0700
+    puts -nonewline [[dict get {
+        new-authority NewAuthority new New give Give take Take list List revoke Revoke forget Forget import Import
+    } $command] {*}$rest [dict get $settings -days]]
+}
+proc ::sorma::keys::Complete words {
+    variable Commands
+    return [if {[llength $words] <= 1} {dict keys $Commands} else {::sorma::keyFolder::names}]
 }
 
 # ---- the folder ----

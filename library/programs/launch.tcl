@@ -5,11 +5,11 @@
 # hands that end on. Processes that are left in the session of an ended daemon are killed.
 
 package require sorma
+package require sorma::commandLine
 package require sorma::keys
 package require sorma::launchDaemon
 package require sorma::launchFile
 package require sorma::launchMembers
-package require sorma::options
 package require sorma::packages
 package require sorma::usage
 package provide sorma::launch 1.0
@@ -26,6 +26,7 @@ proc ::sorma::launch::ControlMap {} {
 }
 
 namespace eval ::sorma::launch {
+    variable Flags {--times flag  --only {{collect {the name of a daemon}}}  --until-eof flag  --ready flag  --check flag  --list flag  --keys flag  --options flag}
     variable Daemons {}     ;# dict: name, or name and host -> object of class Daemon, in the order of the file
     variable Started {}     ;# names in the order in which they were started first
     variable Told {}        ;# dict: name -> 1, once it has been said that it is ready
@@ -49,28 +50,20 @@ namespace eval ::sorma::launch {
 # Results:
 #       Exit code of the program, as the manual says.
 proc ::sorma::launch::main words {
-    ::sorma::options::suggest ::sorma::DidYouMean
-    variable Times
-    try {
-        set settings [::sorma::options::leading {
-            --times flag  --only {{collect {the name of a daemon}}}  --until-eof flag  --ready flag  --check flag  --list flag  --keys flag  --options flag  --help flag  -help flag  -h flag
-        } words]
-    } trap {SORMA REQUEST SYNTAX} message {
-        return [Misused $message]
+    variable Flags
+    return [::sorma::commandLine::run sorma-launch $Flags $words ::sorma::launch::Main -check ::sorma::launch::Files -leading 1]
+}
+proc ::sorma::launch::Files {settings words} {
+    if {[llength $words] != 1 && ![dict get $settings --options]} {
+        error "expects one FILE"
     }
+}
+proc ::sorma::launch::Main {settings words} {
     dict with settings {}
-    if {${--help} || ${-help} || ${-h}} {
-        puts [::sorma::usage::program sorma-launch]
-        return 0
-    }
     if {${--options}} {
-        puts [::sorma::usage::listed sorma-launch {THE FILE}]
-        return 0
+        return [puts [::sorma::usage::listed sorma-launch {THE FILE}]]
     }
-    if {[llength $words] != 1} {
-        return [Misused "expects one FILE"]
-    }
-    set Times ${--times}
+    variable Times ${--times}
     variable Tells ${--ready}
     variable Shown [expr {$Tells ? "stderr" : "stdout"}]
     set file [lindex $words 0]
@@ -83,7 +76,8 @@ proc ::sorma::launch::main words {
     if {[llength ${--only}] > 0} {
         foreach name ${--only} {
             if {![dict exists $daemons $name]} {
-                return [Misused "--only \"$name\"[::sorma::DidYouMean $name [dict keys $daemons]]: $file has no such daemon; it has [join [dict keys $daemons] {, }]"]
+                puts stderr "sorma-launch: --only \"$name\"[::sorma::DidYouMean $name [dict keys $daemons]]: $file has no such daemon; it has [join [dict keys $daemons] {, }]"
+                return 2
             }
         }
         # Those that are left out run already, or are not wanted.
@@ -92,28 +86,18 @@ proc ::sorma::launch::main words {
             dict replace $settings -after $after members [dict map {label own} [dict get $settings members] {dict replace $own -after $after}]
         }]
     }
-    try {
-        if {${--check}} {
-            return [Check $file $daemons]
-        } elseif {${--list}} {
-            return [List $daemons]
-        } elseif {${--keys}} {
-            return [BringKeys $file $daemons]
-        }
-        if {${--until-eof}} {
-            fconfigure stdin -blocking 0
-            fileevent stdin readable ::sorma::launch::Input
-        }
-        return [Run $daemons]
-    } trap {SORMA COMM DENIED} message {        ;# the runtime folder
-        puts stderr "sorma-launch: $message"
-        return 1
+    if {${--check}} {
+        return [Check $file $daemons]
+    } elseif {${--list}} {
+        return [List $daemons]
+    } elseif {${--keys}} {
+        return [BringKeys $file $daemons]
     }
-}
-
-proc ::sorma::launch::Misused message {
-    puts stderr "sorma-launch: $message\n[::sorma::usage::program sorma-launch]"
-    return 2
+    if {${--until-eof}} {
+        fconfigure stdin -blocking 0
+        fileevent stdin readable ::sorma::launch::Input
+    }
+    return [Run $daemons]
 }
 
 # ---- --check and --list ----

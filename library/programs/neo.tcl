@@ -1,36 +1,33 @@
 # neo.tcl -- the program sorma-neo: circuits as pictures, each in a window.
 
 package require sorma
+package require sorma::commandLine
 package require sorma::graphical
-package require sorma::options
-package require sorma::text
 package require sorma::world
 package provide sorma::neo 1.0
 
 namespace eval ::sorma::neo {
-    variable Options {--theme {{word {light, dark, auto, or a theme of ttk}}} --readonly flag --help flag -h flag}
+    variable Options {--theme {{word {light, dark, auto, or a theme of ttk}}} --readonly flag}
 }
 
 # ::sorma::neo::main WORDS -- run the program: the exit code, once all its windows are closed.
 proc ::sorma::neo::main words {
-    ::sorma::options::suggest ::sorma::DidYouMean
     variable Options
-    if {[lindex $words 0] eq "--complete"} {
-        foreach word [Complete [lrange $words 1 end]] {
-            puts $word
-        }
-        return 0
+    return [::sorma::commandLine::run sorma-neo $Options $words ::sorma::neo::Run -check ::sorma::neo::Check -complete ::sorma::neo::Complete]
+}
+proc ::sorma::neo::Check {settings names} {
+    foreach name $names {
+        ::sorma::resolve $name
     }
-    lassign [::sorma::graphical::begin sorma-neo $Options words ::sorma::resolve "there is no display to open a window on (%s); set DISPLAY"] code settings
+}
+proc ::sorma::neo::Run {settings names} {
+    set code [::sorma::graphical::display sorma-neo [dict get $settings --theme] "there is no display to open a window on (%s); set DISPLAY"]
     if {$code ne {}} {
         return $code
     }
     package require sorma::window
     wm withdraw .
-    Windows $words [expr {[dict get $settings --readonly] ? "readonly" : "normal"}]
-    return 0
-}
-proc ::sorma::neo::Windows {names state} {
+    set state [expr {[dict get $settings --readonly] ? "readonly" : "normal"}]
     foreach name $names {
         Open $state $name
     }
@@ -47,16 +44,12 @@ proc ::sorma::neo::Open {state name} {
     ::sorma::window open [list circuit -name $name] $name ::sorma::circuitEditor $name -state $state
 }
 
-# Candidates for the last word of a command line: see library/scott.bash.
 proc ::sorma::neo::Complete words {
     variable Options
-    set word [lindex $words end]
     if {[lindex $words end-1] eq "--theme"} {
-        set found {auto dark light}
-    } elseif {[regexp {^(.*@)} $word -> name]} {
-        set found [lmap daemon [::sorma::world names] {string cat $name$daemon}]
-    } else {
-        set found [concat [dict keys $Options --*] circuit. [lsearch -all -inline -glob [::sorma::names] circuit*]]
+        return [::sorma::graphical::themes]
+    } elseif {[regexp {^(.*@)} [lindex $words end] -> name]} {
+        return [lmap daemon [::sorma::world names] {string cat $name$daemon}]
     }
-    return [lsort -unique [lsearch -all -inline -glob $found [::sorma::text::escape $word]*]]
+    return [concat [dict keys $Options] --help circuit. [lsearch -all -inline -glob [::sorma::names] circuit*]]
 }

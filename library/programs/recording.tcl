@@ -1,15 +1,14 @@
 # recording.tcl -- the program sorma-record: what passes at daemons, in a file. An object of class recorder does the work.
 
 package require sorma
-package require sorma::options
+package require sorma::commandLine
 package require sorma::recordTrigger
 package require sorma::text
-package require sorma::usage
 package provide sorma::recording 1.0
 
 namespace eval ::sorma::recording {
     variable Options {-o {{word {the name of a file}} sorma.rec} -daemon words -requests {any *} -events {any *} -buffers any -max {{word {a number of bytes, as 500M}}}
-        -seconds {{seconds 0 1000000000}} -for {{seconds 0 1000000}} -on words -when any -after {{seconds 0 1000000} 1} -saves {{whole 1 100000} 20} -help flag --help flag -h flag}
+        -seconds {{seconds 0 1000000000}} -for {{seconds 0 1000000}} -on words -when any -after {{seconds 0 1000000} 1} -saves {{whole 1 100000} 20}}
     variable End            ;# set by a signal
     variable Turn           ;# set when it has waited, and when there is something to do
     variable Reasons {}     ;# why files are to be saved
@@ -18,44 +17,34 @@ namespace eval ::sorma::recording {
 
 # ::sorma::recording::main WORDS -- run the program: the exit code.
 proc ::sorma::recording::main words {
-    ::sorma::options::suggest ::sorma::DidYouMean
     variable Options
-    if {[lindex $words 0] eq "--complete"} {
-        puts [join [complete $Options -daemon [lrange $words 1 end]] \n]
-        return 0
+    return [::sorma::commandLine::run sorma-record $Options $words ::sorma::recording::Record -check ::sorma::recording::Check \
+        -complete [list ::sorma::recording::complete $Options -daemon]]
+}
+proc ::sorma::recording::Check {settings words} {
+    if {$words ne {}} {
+        error "expected options alone, got \"[lindex $words 0]\""
     }
-    try {
-        set settings [::sorma::options::parse $Options $words]
-        set most [Bytes [dict get $settings -max]]
-        dict set settings -when [::sorma::recordTrigger::check [dict get $settings -on] [dict get $settings -when]]
-    } on error message {
-        puts stderr "sorma-record: $message\n[::sorma::usage::program sorma-record]"
-        return 2
-    }
+    Bytes [dict get $settings -max]
+    ::sorma::recordTrigger::check [dict get $settings -on] [dict get $settings -when]
+}
+proc ::sorma::recording::Record {settings words} {
     dict with settings {}
-    if {${-help} || ${--help} || ${-h}} {
-        puts [::sorma::usage::program sorma-record]
-        return 0
+    set most [Bytes ${-max}]
+    set when [::sorma::recordTrigger::check ${-on} ${-when}]
+    set daemons [expr {${-daemon} ne {} ? ${-daemon} : [Daemons]}]
+    ::sorma::atSignal {set ::sorma::recording::End [set ::sorma::recording::Turn signal]}
+    Begin ${-o} $settings $most $daemons
+    if {${-on} ne {} || $when ne {}} {
+        ::sorma::recordTrigger::begin $daemons ${-on} $when ${-after} ${-saves} ::sorma::recording::Wanted
     }
-    try {
-        set daemons [expr {${-daemon} ne {} ? ${-daemon} : [Daemons]}]
-        ::sorma::atSignal {set ::sorma::recording::End [set ::sorma::recording::Turn signal]}
-        Begin ${-o} $settings $most $daemons
-        if {${-on} ne {} || ${-when} ne {}} {
-            ::sorma::recordTrigger::begin $daemons ${-on} ${-when} ${-after} ${-saves} ::sorma::recording::Wanted
-        }
-        puts ready
-        flush stdout
-        if {${-for} ne {}} {
-            after [expr {round(1000 * ${-for})}] {set ::sorma::recording::End [set ::sorma::recording::Turn time]}
-        }
-        Run $settings $most $daemons
-        puts [string map [list ${-o}.next ${-o}] [lindex [[Recorder] CTRL -stop] 3]]
-    } on error message {
-        puts stderr "sorma-record: $message"
-        return 1
+    puts ready
+    flush stdout
+    if {${-for} ne {}} {
+        after [expr {round(1000 * ${-for})}] {set ::sorma::recording::End [set ::sorma::recording::Turn time]}
     }
-    return 0
+    Run $settings $most $daemons
+    puts [string map [list ${-o}.next ${-o}] [lindex [[Recorder] CTRL -stop] 3]]
 }
 
 # The one that records now.

@@ -6,15 +6,15 @@
 # tclsh.
 
 package require sorma
+package require sorma::commandLine
 package require sorma::line
-package require sorma::options
 package require sorma::shell
 package require sorma::text
 package require sorma::usage
 package provide sorma::scott 1.0
 
 namespace eval ::sorma::scott {
-    variable Options {-c {{collect {a request}}}  --json flag  --version flag  --help flag  -h flag}
+    variable Options {-c {{collect {a request}}}  --json flag  --version flag}
     variable Json 0
     variable Outcome        ;# of the command that was typed last, once it is there: list of catch's code, result, options
     variable Waited         ;# set now and then, while a watch goes on
@@ -29,31 +29,20 @@ namespace eval ::sorma::scott {
 # Results:
 #       Exit code of the program.
 proc ::sorma::scott::main words {
-    ::sorma::options::suggest ::sorma::DidYouMean
     variable Options
-    variable Json
-    if {[lindex $words 0] eq "--complete"} {
-        ShellWords [lrange $words 1 end]        ;# for the shells: see library/scott.bash
-        return 0
+    return [::sorma::commandLine::run scott $Options $words ::sorma::scott::Run -check ::sorma::scott::Check -complete ::sorma::scott::Complete -leading 1]
+}
+proc ::sorma::scott::Check {settings words} {
+    if {[dict get $settings -c] ne {} && $words ne {}} {
+        error "either -c or a file, not both: \"[lindex $words 0]\""
     }
-    try {
-        set settings [::sorma::options::leading $Options words]
-    } trap {SORMA REQUEST SYNTAX} message {
-        return [Misused $message]
-    }
-    if {[dict get $settings --help] || [dict get $settings -h]} {
-        puts [::sorma::usage::program scott]
-        return 0
-    }
+}
+proc ::sorma::scott::Run {settings words} {
+    variable Json [dict get $settings --json]
     if {[dict get $settings --version]} {
-        puts "scott, SORMA [package present sorma], Tcl [info patchlevel]"
-        return 0
+        return [puts "scott, SORMA [package present sorma], Tcl [info patchlevel]"]
     }
-    set Json [dict get $settings --json]
     set requests [dict get $settings -c]
-    if {[llength $requests] > 0 && [llength $words] > 0} {
-        return [Misused "either -c or a file, not both: \"[lindex $words 0]\""]
-    }
     ::sorma::shell::prepare
     # These words were for scott: Tk, loaded by a request, would read them too.
     set ::argv {}
@@ -79,45 +68,27 @@ proc ::sorma::scott::main words {
     return [Piped]
 }
 
-# ::sorma::scott::ShellWords --
-#       Print what can stand for the last word of a command line of scott, a line each. They come from where those of the prompt come
-#       from; nothing is listed twice. Names of files are the shell's.
-proc ::sorma::scott::ShellWords words {
+# What the last word of a command line may be. It comes from where that of the prompt comes from. Names of files are the shell's.
+proc ::sorma::scott::Complete words {
     package require sorma::complete
     set partial [lindex $words end]
     set words [lrange $words 0 end-1]
     while {[string match -* [lindex $words 0]]} {
         set words [lassign $words option]
         if {$option eq "-c" && [llength $words] == 0} {
-            return [PutWords $partial]                  ;# one word holds the whole request
+            return [Endings $partial]                   ;# one word holds the whole request
         } elseif {$option eq "-c"} {
             set words [lrange $words 1 end]
         }
     }
     if {[llength $words] > 0} {
-        if {[lindex $words 0] in [::sorma::shell::commands]} {
-            PutWords $partial [list {*}$words]\ 
-        }
-        return
+        return [if {[lindex $words 0] in [::sorma::shell::commands]} {Endings $partial [list {*}$words]\ }]
     }
-    Put [lsearch -all -inline -glob [concat [::sorma::shell::commands] [dict keys [::sorma::usage::options scott]]] [::sorma::text::escape $partial]*]
+    return [concat [::sorma::shell::commands] [dict keys [::sorma::usage::options scott]]]
 }
-
-proc ::sorma::scott::PutWords {line {before {}}} {
+proc ::sorma::scott::Endings {line {before {}}} {
     ::sorma::shell::prepare
-    Put [::sorma::shell::endings $line $before]
-}
-
-proc ::sorma::scott::Put words {
-    if {[llength $words] > 0} {
-        puts [join [lsort -unique $words] \n]
-    }
-}
-
-proc ::sorma::scott::Misused message {
-    puts stderr "scott: $message"
-    puts stderr [::sorma::usage::program scott]
-    return 2
+    return [::sorma::shell::endings $line $before]
 }
 
 # Only a terminal has a line speed.

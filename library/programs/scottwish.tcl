@@ -1,14 +1,14 @@
 # scottwish.tcl -- the program scottwish: scott's prompt in a window, with panels beside it. The same as scott, for who has a display.
 
 package require sorma
+package require sorma::commandLine
 package require sorma::graphical
-package require sorma::options
 package require sorma::shell
 package require sorma::usage
 package provide sorma::scottwish 1.0
 
 namespace eval ::sorma::scottwish {
-    variable Options {-panel {{word {a file}}}  --theme {{word {light, dark, auto, or a theme of ttk}}}  --version flag  --help flag  -h flag}
+    variable Options {-panel {{word {a file}}}  --theme {{word {light, dark, auto, or a theme of ttk}}}  --version flag}
     variable File {}        ;# the arrangement that was opened or saved last
     variable Ended          ;# set when the window is closed
     variable Ready 0        ;# has each daemon said what it has
@@ -21,27 +21,13 @@ namespace eval ::sorma::scottwish {
 # Results:
 #       Exit code of the program.
 proc ::sorma::scottwish::main words {
-    ::sorma::options::suggest ::sorma::DidYouMean
     variable Options
+    return [::sorma::commandLine::run scottwish $Options $words ::sorma::scottwish::Run -complete ::sorma::scottwish::Complete]
+}
+proc ::sorma::scottwish::Run {settings names} {
     variable Ended
-    if {[lindex $words 0] eq "--complete"} {
-        ShellWords [lrange $words 1 end]
-        return 0
-    }
-    try {
-        set settings [::sorma::options::leading $Options words]
-    } trap {SORMA REQUEST SYNTAX} message {
-        puts stderr "scottwish: $message"
-        puts stderr [::sorma::usage::program scottwish]
-        return 2
-    }
-    if {[dict get $settings --help] || [dict get $settings -h]} {
-        puts [::sorma::usage::program scottwish]
-        return 0
-    }
     if {[dict get $settings --version]} {
-        puts "scottwish, SORMA [package present sorma], Tcl [info patchlevel]"
-        return 0
+        return [puts "scottwish, SORMA [package present sorma], Tcl [info patchlevel]"]
     }
     set code [::sorma::graphical::display scottwish [dict get $settings --theme] "it cannot open a window: %s; scott does the same in a terminal"]
     if {$code ne {}} {
@@ -51,7 +37,7 @@ proc ::sorma::scottwish::main words {
     if {[dict get $settings -panel] ne {}} {
         Open [dict get $settings -panel]
     }
-    foreach name $words {
+    foreach name $names {
         Try [list panel $name]
     }
     if {![info exists Ended]} {
@@ -61,24 +47,19 @@ proc ::sorma::scottwish::main words {
         ::sorma::record::stop
     }
     destroy .
-    return 0
 }
 
-# Candidates for the last word of a command line, a line each; the shell adds names of files.
-proc ::sorma::scottwish::ShellWords words {
+# The shell adds names of files.
+proc ::sorma::scottwish::Complete words {
+    variable Options
+    switch -glob -- [lindex $words end-1],[lindex $words end] {
+        -panel,* { return }
+        --theme,* { return [::sorma::graphical::themes] }
+        *,-* { return [concat [dict keys $Options] --help] }
+    }
     package require sorma::complete
-    set partial [lindex $words end]
-    if {[lindex $words end-1] eq "-panel"} return
-    if {[lindex $words end-1] eq "--theme"} {
-        puts [join [lsearch -all -inline -glob {alt auto clam classic dark default light} $partial*] \n]
-        return
-    }
-    if {[string match -* $partial]} {
-        puts [join [lsearch -all -inline -glob [dict keys [::sorma::usage::options scottwish]] $partial*] \n]
-        return
-    }
     ::sorma::shell::prepare
-    puts [join [::sorma::shell::endings $partial "::sorma::scottwish::panel "] \n]
+    return [::sorma::shell::endings [lindex $words end] "::sorma::scottwish::panel "]
 }
 
 # The window with the console, and its menu.
