@@ -54,14 +54,14 @@ proc checkers::program::Begin {o folder go windows} {
     if {$go} {
         # A simulated laboratory begins as for a new game.
         checkers::session::ready
-        $::checkers::session::Human CTRL -setOut
+        human.sim@human CTRL -setOut
     }
     if {$windows} {
         checkers::window::begin
     }
     set ::checkers::session::Watch [list checkers::program::Show $windows]
     # The plot may have begun before somebody watched.
-    set now [dict get [$::checkers::session::Checkers exec state] text]
+    set now [dict get [checkers@player exec state] text]
     if {[dict exists $now position]} {
         Show $windows $now
     }

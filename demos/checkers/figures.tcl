@@ -29,7 +29,7 @@ proc checkers::figures::uniform most {
 proc checkers::figures::shift width {
     variable Place
     set place [list [uniform 0.02] [uniform 0.03] [uniform 0.15]]
-    ::checkers::moveBoard $::checkers::session::Lab {*}[lmap to $place from $Place {expr {$to - $from}}] $width
+    ::checkers::moveBoard simlab@lab {*}[lmap to $place from $Place {expr {$to - $from}}] $width
     set Place $place
 }
 # While the person thinks, now and then.
@@ -73,7 +73,7 @@ proc checkers::figures::run given {
                 checkers::session::again $settings
             }
             shift $width
-            $::checkers::session::Lab CTRL -light [expr {1 + [uniform 0.2]}] -shadows [expr {rand() < 0.3}]
+            simlab@lab CTRL -light [expr {1 + [uniform 0.2]}] -shadows [expr {rand() < 0.3}]
             set Shifts ${-shifts}
             set figures [checkers::session::play ${-most}]
             lappend rows $figures

@@ -51,7 +51,7 @@ proc checkers::incidents::heard pattern {
 
 # The game as the robot has it.
 proc checkers::incidents::Learn {} {
-    set state [dict get [$::checkers::session::Checkers exec state] text]
+    set state [dict get [checkers@player exec state] text]
     draughts.incidents exec -text [dict get $state pdn] pdn
 }
 # A legal move of the person, at once; then the robot has answered, and waits again.
@@ -62,7 +62,7 @@ proc checkers::incidents::go {} {
     set places [lmap square $stops {::checkers::tokens place 8 $square}]
     drycarry.incidents exec -floats [concat [lindex $places 0] 0 [lindex $places end] 0]
     foreach square $victims {
-        $::checkers::session::Lab CTRL -steal [At {*}[::checkers::tokens place 8 $square]]
+        simlab@lab CTRL -steal [At {*}[::checkers::tokens place 8 $square]]
     }
 }
 proc checkers::incidents::Path move {
@@ -70,7 +70,7 @@ proc checkers::incidents::Path move {
     return [list [lrange $came 1 [lindex $came 0]] [lrange $came [lindex $came 0]+1 end]]
 }
 proc checkers::incidents::At {file rank} {
-    foreach token [::checkers::tokens seen [$::checkers::session::Lab exec tokens]] {
+    foreach token [::checkers::tokens seen [simlab@lab exec tokens]] {
         lassign $token name f r
         if {abs($f - $file) < 0.3 && abs($r - $rank) < 0.3} {
             return $name
@@ -82,7 +82,7 @@ proc checkers::incidents::answered {} {
     until "the robot has played" {[lsearch -glob $Told "*state played*"] >= 0}
     until "it waits for the person" {[dict get [lindex $Told end] state] in {person ponder}}
     # The judge's own line from the robot may be slower than ours.
-    set look [$::checkers::session::Judge exec -text [lindex $Told end] look]
+    set look [judge@judge exec -text [lindex $Told end] look]
     if {[lindex [dict get $look ints] 0] > 0} {
         return -code error -errorcode {CHECKERS INCIDENT} "the tokens do not lie as the game says: [dict get $look text]"
     }
@@ -94,9 +94,9 @@ proc checkers::incidents::never {} {
     return [heard "It is your turn."]
 }
 proc checkers::incidents::covered {} {
-    $::checkers::session::Lab CTRL -occluder 0.615 0 0.47
+    simlab@lab CTRL -occluder 0.615 0 0.47
     set said [heard "*"]
-    $::checkers::session::Lab CTRL -occluder away
+    simlab@lab CTRL -occluder away
     go
     answered
     return $said
@@ -105,12 +105,12 @@ proc checkers::incidents::many {} {
     set added {}
     foreach {colour file rank} {yellow 1 5 yellow 3 5 yellow 5 5 yellow 7 5 red 2 4 red 4 4 red 6 4 red 8 4 yellow 2 6} {
         if {[At $file $rank] eq {}} {
-            lappend added [lindex [$::checkers::session::Lab CTRL -add $colour $file $rank] 3]
+            lappend added [lindex [simlab@lab CTRL -add $colour $file $rank] 3]
         }
     }
     set said [heard "*come to*"]
     foreach name $added {
-        $::checkers::session::Lab CTRL -steal $name
+        simlab@lab CTRL -steal $name
     }
     go
     answered
@@ -118,7 +118,7 @@ proc checkers::incidents::many {} {
 }
 # The arm is pushed when it carries.
 proc checkers::incidents::touched {} {
-    dict set ::checkers::incidents::Then carry { after 400 {$::checkers::session::Lab CTRL -push 0 100 0 0.3} }
+    dict set ::checkers::incidents::Then carry { after 400 {simlab@lab CTRL -push 0 100 0 0.3} }
     go
     set said [heard "Something has touched my arm*"]
     answered
@@ -144,20 +144,19 @@ proc checkers::incidents::killed {} {
 }
 # The laser points at a token on a wrong field. A picture with this field in its middle must have the spot in the middle.
 proc checkers::incidents::laser {} {
-    set lab $::checkers::session::Lab
     set name [At 1 1]
-    lassign [lsearch -inline -index 0 [::checkers::tokens seen [$lab exec tokens]] $name] - - - x y z
+    lassign [lsearch -inline -index 0 [::checkers::tokens seen [simlab@lab exec tokens]] $name] - - - x y z
     laser@laser CTRL -blinks 0
-    $lab CTRL -steal $name
+    simlab@lab CTRL -steal $name
     until "the laser is on" {[lindex [dict get [laser@laser exec status] floats] 0] == 1}
-    $lab exec -floats 0.05 step
+    simlab@lab exec -floats 0.05 step
     set lit [View $x $y]
-    set seen [dict get [$lab exec camera] any]
+    set seen [dict get [simlab@lab exec camera] any]
     laser@laser EXEC off
-    $lab exec -floats 0.05 step
+    simlab@lab exec -floats 0.05 step
     set off [Spot $lit [View $x $y]]
-    set camera [Spot $seen [dict get [$lab exec camera] any]]
-    $lab CTRL -move $name 1 1
+    set camera [Spot $seen [dict get [simlab@lab exec camera] any]]
+    simlab@lab CTRL -move $name 1 1
     lassign $off dx dy pixels
     if {$pixels == 0 || hypot($dx, $dy) > 4} {
         return -code error -errorcode {CHECKERS INCIDENT} "the spot is $off pixels from the middle of the picture"
@@ -168,7 +167,7 @@ proc checkers::incidents::laser {} {
 }
 # From the side, since the arm is above.
 proc checkers::incidents::View {x y} {
-    return [dict get [$::checkers::session::Lab exec -floats [list 200 -40 0.35 $x $y 0] view] any]
+    return [dict get [simlab@lab exec -floats [list 200 -40 0.35 $x $y 0] view] any]
 }
 # Where two pictures (PPM) differ: the middle of what is redder in the first, from the picture's middle, and how many pixels.
 proc checkers::incidents::Spot {a b} {
@@ -201,15 +200,15 @@ proc checkers::incidents::run given {
     try {
         checkers::session::begin $folder $settings ${-speed}
         set ::checkers::session::Watch checkers::incidents::Watch
-        sorma::subscribe $::checkers::session::Checkers -event said -queue 10000 -command checkers::incidents::Said
+        sorma::subscribe checkers@player -event said -queue 10000 -command checkers::incidents::Said
         checkers::session::ready
-        $::checkers::session::Judge exec begin
-        drycarry.incidents configure -lab $::checkers::session::Lab
+        judge@judge exec begin
+        drycarry.incidents configure -lab simlab@lab
         draughts.incidents configure -variant braz -colours yr
-        sorma::async -timeout 0 $::checkers::session::Checkers exec play
-        until "the game begins" {[dict exists [dict get [$::checkers::session::Checkers exec state] text] position]}
+        sorma::async -timeout 0 checkers@player exec play
+        until "the game begins" {[dict exists [dict get [checkers@player exec state] text] position]}
         foreach name ${-only} {
-            set Told [list [dict get [$::checkers::session::Checkers exec state] text]]
+            set Told [list [dict get [checkers@player exec state] text]]
             set Spoken {}
             measure row $name -error {} -body $name
         }

@@ -30,7 +30,7 @@ proc photograph args {
         return
     }
     trace remove variable ::checkers::window::State write photograph
-    $::checkers::session::Lab CTRL -paused 1
+    simlab@lab CTRL -paused 1
     after 1500 develop
 }
 proc develop {} {
@@ -38,7 +38,7 @@ proc develop {} {
     try {
         picture save $::picture
     } finally {
-        $::checkers::session::Lab CTRL -paused 0
+        simlab@lab CTRL -paused 0
         checkers::program::Closed .
     }
 }

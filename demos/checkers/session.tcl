@@ -13,14 +13,9 @@ package require checkers::tokens
 
 namespace eval checkers::session {
     variable Here [file dirname [file normalize [info script]]]
-    variable Lab simlab@lab
-    variable Checkers checkers@player
-    variable Human human.sim@human
-    variable Sight sight@player
     variable Launch {}          ;# pipe of the launcher
     variable Hears {}           ;# subscriptions of what the daemons tell
     variable Watch {}           ;# command that gets what the plot tells: a dict
-    variable Judge judge@judge
     variable Dry 0              ;# there is no arm, hand and eye
     variable State {}           ;# where the plot stands: what it told last
     variable Counts {}          ;# state of the plot -> how often it was entered, in this game
@@ -50,10 +45,7 @@ proc checkers::session::settle {folder settings} {
 
 # -intl: the board has 10 x 10 fields; -dry: without arm, hand and eye.
 proc checkers::session::begin {folder settings speed args} {
-    variable Lab
     variable Launch
-    variable Checkers
-    variable Human
     variable Dry
     set args [sorma::options::parse {-intl {boolean 0} -dry {boolean 0}} $args]
     set Dry [dict get $args -dry]
@@ -62,13 +54,13 @@ proc checkers::session::begin {folder settings speed args} {
     variable Speed $speed
     variable Earlier 0
     variable Forgotten 0
-    $Lab CTRL -speed $speed
+    simlab@lab CTRL -speed $speed
     variable Began [Started]
-    variable Hears [list [sorma::subscribe $Lab -event sorma.reconnected -command checkers::session::Anew] \
-        [sorma::subscribe $Checkers -event plot -queue 10000 -command checkers::session::Plot] \
-        [sorma::subscribe $Checkers -event said -queue 10000 -command checkers::session::Said] \
-        [sorma::subscribe $Human -event person -queue 10000 -command checkers::session::Person] \
-        [sorma::subscribe $::checkers::session::Judge -event found -command checkers::session::Found]]
+    variable Hears [list [sorma::subscribe simlab@lab -event sorma.reconnected -command checkers::session::Anew] \
+        [sorma::subscribe checkers@player -event plot -queue 10000 -command checkers::session::Plot] \
+        [sorma::subscribe checkers@player -event said -queue 10000 -command checkers::session::Said] \
+        [sorma::subscribe human.sim@human -event person -queue 10000 -command checkers::session::Person] \
+        [sorma::subscribe judge@judge -event found -command checkers::session::Found]]
 }
 # The launch file of this game. Other recipes, or fewer daemons, make another one of it, in this folder.
 proc checkers::session::LaunchFile {intl dry} {
@@ -97,17 +89,14 @@ proc checkers::session::LaunchFile {intl dry} {
 
 # Another game with the same daemons.
 proc checkers::session::again settings {
-    variable Human
-    variable Checkers
-    variable Sight
     settle [pwd] $settings
-    $Human configure {*}[dict get $settings human.sim]
-    $Human CTRL -new
-    $Checkers CTRL -new
+    human.sim@human configure {*}[dict get $settings human.sim]
+    human.sim@human CTRL -new
+    checkers@player CTRL -new
     # The person waits as long as the arm is low over the board.
-    catch {$Sight exec}
+    catch {sight@player exec}
     Until idle
-    sorma::async -timeout 0 -command checkers::session::Played $Human exec play
+    sorma::async -timeout 0 -command checkers::session::Played human.sim@human exec play
     ready
 }
 proc checkers::session::Played future {
@@ -121,10 +110,9 @@ proc checkers::session::ready {} {
 }
 # His daemon may be killed, and be back soon; then he goes on with the game that he was to give up.
 proc checkers::session::Until state {
-    variable Human
     measure until {[catch {
-        if {[set is [dict get [$Human exec state] text]] eq "play" && $state eq "idle"} {
-            catch {$Human CTRL -new}
+        if {[set is [dict get [human.sim@human exec state] text]] eq "play" && $state eq "idle"} {
+            catch {human.sim@human CTRL -new}
         }
         set is
     } is] == 0 && $is eq $state} -within 120 -every 50 -else {the person should be in state $state, and for two minutes it was: $is}
@@ -162,9 +150,7 @@ proc checkers::session::interrupt {} {
     variable Ended interrupted
 }
 proc checkers::session::play {{most 0}} {
-    variable Checkers
     variable State
-    variable Judge
     variable Remembered 0
     variable Faults 0
     variable Named 0
@@ -174,11 +160,11 @@ proc checkers::session::play {{most 0}} {
     variable Counts {}
     set begun [clock milliseconds]
     set labTime [labTime]
-    set count [lindex [dict get [$Judge exec begin] floats] 0]
+    set count [lindex [dict get [judge@judge exec begin] floats] 0]
     set timer [if {$most > 0} {after [expr {int(1e3 * $most)}] {set ::checkers::session::Ended timeout}}]
     try {
         while 1 {
-            set call [sorma::async -timeout 0 -command {set ::checkers::session::Ended} $Checkers exec play]
+            set call [sorma::async -timeout 0 -command {set ::checkers::session::Ended} checkers@player exec play]
             vwait ::checkers::session::Ended
             if {$::checkers::session::Ended in {timeout interrupted}} {
                 if {$::checkers::session::Ended eq "timeout"} {
@@ -216,11 +202,10 @@ proc checkers::session::play {{most 0}} {
 }
 # The judge's counts. It waits for a laboratory that is dead, or whose tokens have not been set out.
 proc checkers::session::Judged count {
-    variable Judge
     set end [expr {[clock milliseconds] + 60000}]
     while 1 {
         try {
-            return [dict get [$Judge exec -floats $count counts] text]
+            return [dict get [judge@judge exec -floats $count counts] text]
         } trap {CHECKERS COUNT} {text how} {
             return -options $how $text
         } on error {text how} {
@@ -237,18 +222,15 @@ proc checkers::session::Found event {
     }
 }
 proc checkers::session::labTime {} {
-    variable Lab
     variable Earlier
-    return [expr {$Earlier + [lindex [dict get [$Lab exec time] floats] 0]}]
+    return [expr {$Earlier + [lindex [dict get [simlab@lab exec time] floats] 0]}]
 }
 
 proc checkers::session::Started {} {
-    variable Lab
-    return [dict get [sorma::health [lindex [split $Lab @] 1]] started]
+    return [dict get [sorma::health lab] started]
 }
 # Another laboratory, which knows nothing of this one's time and tokens. A connection may also have been away for long.
 proc checkers::session::Anew event {
-    variable Lab
     variable Speed
     variable Began
     variable Forgotten
@@ -256,7 +238,7 @@ proc checkers::session::Anew event {
         set Began $began
         set Forgotten 1
         forgotten
-        sorma::async -command {apply {future {catch {$future take}}}} $Lab CTRL -speed $Speed
+        sorma::async -command {apply {future {catch {$future take}}}} simlab@lab CTRL -speed $Speed
     }
 }
 

@@ -15,8 +15,6 @@ package require sorma::service::shmem
 source [file join [file dirname [file normalize [info script]]] .. measure.tcl]
 
 namespace eval lab::figures {
-    variable Lab simlab@figuresLab[pid]
-    variable At @figuresRobot[pid]
     variable Prefix figures[pid].
     variable Down {0 1 0 0}                         ;# the tool points at the table
     variable Room {0.25 0.85 -0.5 0.5 -0.02 0.9}    ;# where the tool may be: the guard
@@ -28,16 +26,17 @@ namespace eval lab::figures {
 
 # ---- daemons ----
 
-# launch DAEMON CLASS RECIPES -- of a class's package. It ends with this script, however that ends.
+# launch DAEMON CLASS RECIPES -- of a class's package, under a name of its own; here it is DAEMON. It ends with this script, however that ends.
 proc lab::figures::launch {daemon class recipes} {
     variable Running
     close [file tempfile dict]
     try {
         fileutil::writeFile $dict $recipes
-        set pipe [open [list | sormad -name $daemon -package sorma::service::$class -dict $dict -until-eof 2>@stderr] r+]
-        if {![string match "ready *" [gets $pipe]]} {
-            return -code error "sormad -name $daemon did not start"
+        set pipe [open [list | sormad -name $daemon[pid] -package sorma::service::$class -dict $dict -until-eof 2>@stderr] r+]
+        if {![regexp {^ready .* unix=(\S+)} [gets $pipe] -> socket]} {
+            return -code error "sormad -name $daemon[pid] did not start"
         }
+        sorma::so::dict CTRL -add @$daemon $socket
         dict set Running $daemon $pipe
     } finally {
         file delete $dict
@@ -54,29 +53,26 @@ proc lab::figures::signal {daemon name} {
 proc lab::figures::startLab {{recipe {}}} {
     variable Prefix
     variable Settings
-    variable Lab
     if {$recipe eq {}} {
         set recipe "-lockstep arm.set -speed [dict get $Settings -speed]"
     }
-    launch figuresLab[pid] simlab "simlab -prefix $Prefix -seed [dict get $Settings -seed] $recipe"
-    $Lab CTRL -dump
+    launch lab simlab "simlab -prefix $Prefix -seed [dict get $Settings -seed] $recipe"
+    simlab@lab CTRL -dump
 }
 proc lab::figures::startRobot {} {
     variable Prefix
     variable Room
-    variable At
-    launch figuresRobot[pid] robot [string map [list %prefix $Prefix %room $Room] {
+    launch robot robot [string map [list %prefix $Prefix %room $Room] {
         wspc.room -inside {%room}
         pino -prefix %prefix -labTime -guards wspc.room
         mvpos.joints -as pose -move joints -jointSpeed 0.8
         mvpos.line -as pose -move line
         push -approachSpeed 0.03 -contactForce 2
     }]
-    pino$At CTRL -start
+    pino@robot CTRL -start
 }
 proc lab::figures::powerOn {} {
-    variable At
-    pino$At EXEC power on
+    pino@robot EXEC power on
 }
 
 # ---- what is random ----
@@ -142,9 +138,8 @@ proc lab::figures::fromLine {p a b} {
     return [distance $p [lmap u [lrange $a 0 2] v [lrange $b 0 2] {expr {$u + $part * ($v - $u)}}]]
 }
 proc lab::figures::tool {} {
-    variable At
     # While the robot hears nothing of its hardware it does not know.
-    waitUntil {[dict exists [set reply [pino$At exec]] floats]}
+    waitUntil {[dict exists [set reply [pino@robot exec]] floats]}
     return [lrange [dict get $reply floats] 0 6]
 }
 proc lab::figures::waitUntil condition {
@@ -171,15 +166,14 @@ proc lab::figures::millimetres metres { return [format %.2f [expr {1e3 * $metres
 # ---- the sections of the table ----
 
 proc lab::figures::lines n {
-    variable At
     set worst [set sum [set samples 0]]
-    go mvpos.line$At {*}[place]
+    go mvpos.line@robot {*}[place]
     for {set i 0} {$i < $n} {incr i} {
         set from [tool]
         poses
         set to [place]
-        mvpos.line$At CTRL -speed [uniform 0.05 0.5]
-        go mvpos.line$At {*}$to
+        mvpos.line@robot CTRL -speed [uniform 0.05 0.5]
+        go mvpos.line@robot {*}$to
         foreach {t x y z - - - - - - - - - -} [poses] {
             set off [fromLine [list $x $y $z] $from $to]
             set worst [expr {max($worst, $off)}]
@@ -187,22 +181,21 @@ proc lab::figures::lines n {
             incr samples
         }
     }
-    mvpos.line$At CTRL -speed 0.2
+    mvpos.line@robot CTRL -speed 0.2
     measure row "$n Cartesian lines, 0.05 to 0.5 m/s" -wanted "off the line <= 0.5 mm" -target {$worst <= 0.5e-3} \
         -measured "at most [millimetres $worst] mm, mean [millimetres [expr {$sum / max(1, $samples)}]] mm of $samples places"
 }
 
 proc lab::figures::motions n {
-    variable At
     set worst 0
     set outcomes {}
     set wrong 0
-    go mvpos.line$At {*}[place]
+    go mvpos.line@robot {*}[place]
     poses
     for {set i 0} {$i < $n} {incr i} {
         # Ten motions: two through forbidden space, one cancelled, one stopped.
         set kind [lindex {forbidden forbidden cancelled stopped plain plain plain plain plain plain} [expr {$i % 10}]]
-        set mover mvpos.[expr {rand() < 0.5 ? "line" : "joints"}]$At
+        set mover mvpos.[expr {rand() < 0.5 ? "line" : "joints"}]@robot
         set to [expr {$kind eq "forbidden" ? [forbidden] : [place]}]
         set from [tool]
         set future [sorma::async $mover EXEC FMSG 7 {*}$to]
@@ -217,7 +210,7 @@ proc lab::figures::motions n {
             default { set came [outcome $future] }
         }
         if {$kind eq "cancelled"} {
-            waitUntil {[lindex [dict get [pino$At exec] ints] 2] == 0}
+            waitUntil {[lindex [dict get [pino@robot exec] ints] 2] == 0}
         }
         dict incr outcomes "$kind: $came"
         # A motion may be over before it is stopped. Forbidden ones are refused with their reason, and nothing moves.
@@ -238,17 +231,16 @@ proc lab::figures::motions n {
 }
 
 proc lab::figures::descents n {
-    variable At
     variable Down
     set heights {}
     set peak 0
     # The hand is weighed where there is room for its turns.
-    go mvpos.line$At 0.55 0 0.3 {*}$Down
-    go calibrate$At
+    go mvpos.line@robot 0.55 0 0.3 {*}$Down
+    go calibrate@robot
     for {set i 0} {$i < $n} {incr i} {
         lassign [beside] x y
-        go mvpos.line$At $x $y 0.03 {*}$Down
-        set floats [lrange [go push$At $x $y 0.0155 $x $y 0.0035] end-4 end]
+        go mvpos.line@robot $x $y 0.03 {*}$Down
+        set floats [lrange [go push@robot $x $y 0.0155 $x $y 0.0035] end-4 end]
         lappend heights [lindex $floats 2]
         set peak [expr {max($peak, [lindex $floats 4])}]
     }
@@ -261,39 +253,36 @@ proc lab::figures::descents n {
 # ---- real time: nothing waits for the arm ----
 
 proc lab::figures::minutes n {
-    variable At
-    variable Lab
     variable Prefix
     startLab {-speed 1 -cameraRate 20}
     startRobot
     powerOn
     set before [skipped]
-    cycle.pino$At CTRL -reset
+    cycle.pino@robot CTRL -reset
     set end [expr {[clock seconds] + 60 * $n}]
     while {[clock seconds] < $end} {
-        go mvpos.joints$At {*}[place]
+        go mvpos.joints@robot {*}[place]
     }
-    set told [cycle.pino$At DBX -stats]
+    set told [cycle.pino@robot DBX -stats]
     lassign [lrange $told end-1 end] ticks skipped
     set late "[format %.2g [expr {1e3 * [lindex $told 8]}]] ms at most"
     set lost [expr {[skipped] - $before}]
     measure row "$n min in real time, 20 pictures/s" -wanted "0 skipped ticks" -target {$skipped == 0} \
-        -measured "$skipped of $ticks ticks, [format %.3f $lost] s of lab time; [dict get [$Lab exec time] ints] pictures; ticks late by $late"
+        -measured "$skipped of $ticks ticks, [format %.3f $lost] s of lab time; [dict get [simlab@lab exec time] ints] pictures; ticks late by $late"
     # How fast it can go, alone: the robot has no power.
-    pino$At EXEC power off
+    pino@robot EXEC power off
     foreach {what rate} {"with 20 pictures/s" 20 "without pictures" 0} {
-        $Lab CTRL -speed 0 -cameraRate $rate
-        set microseconds [lindex [time {$Lab EXEC FMSG 1 5}] 0]
+        simlab@lab CTRL -speed 0 -cameraRate $rate
+        set microseconds [lindex [time {simlab@lab EXEC FMSG 1 5}] 0]
         measure row "as fast as it goes, $what" -wanted factor -target 1 -measured [format %.1f [expr {5e6 / $microseconds}]]
     }
-    foreach daemon [list figuresRobot[pid] figuresLab[pid]] {
+    foreach daemon [list robot lab] {
         signal $daemon TERM
     }
 }
 # [s] of lab time.
 proc lab::figures::skipped {} {
-    variable Lab
-    return [lindex [dict get [$Lab exec time] floats] 1]
+    return [lindex [dict get [simlab@lab exec time] floats] 1]
 }
 
 # ---- faults: in a random motion, at a random moment, the arm must come to rest by itself, and not move again before a person's reset ----
@@ -312,8 +301,6 @@ proc lab::figures::waitStopped {} {
 
 # Power is refused until the hardware has been reset.
 proc lab::figures::resetFirst {} {
-    variable Lab
-    variable At
     waitStopped
     set before [tool]
     if {![catch {powerOn} message options]} {
@@ -325,8 +312,8 @@ proc lab::figures::resetFirst {} {
     if {[distance [tool] $before] > 1e-3} {
         return -code error "the arm moved by [millimetres [distance [tool] $before]] mm without a reset"
     }
-    $Lab CTRL -reset
-    pino$At EXEC reset
+    simlab@lab CTRL -reset
+    pino@robot EXEC reset
     powerOn
 }
 
@@ -334,30 +321,28 @@ proc lab::figures::resetFirst {} {
 proc lab::figures::kinds {} {
     return {
         "-stop" {stops; the arm holds} STOPPED {$Mover CTRL -stop} {}
-        "emergency stop" {category 0, measured} POWER {$Lab CTRL -emergencyStop} {resetFirst}
+        "emergency stop" {category 0, measured} POWER {simlab@lab CTRL -emergencyStop} {resetFirst}
         "set-points lost" {category 1, <= 0.25 s} POWER {
-            signal figuresRobot[pid] STOP
+            signal robot STOP
             waitStopped
-            signal figuresRobot[pid] CONT
+            signal robot CONT
         } {resetFirst}
-        "robot daemon killed" {category 1, <= 0.25 s} LOST {signal figuresRobot[pid] KILL; waitStopped} {startRobot; resetFirst}
-        "simlab killed" {brakes; silent is said} SILENT {signal figuresLab[pid] KILL} {
+        "robot daemon killed" {category 1, <= 0.25 s} LOST {signal robot KILL; waitStopped} {startRobot; resetFirst}
+        "simlab killed" {brakes; silent is said} SILENT {signal lab KILL} {
             startLab
-            if {![catch {go mvpos.line$At {*}[place]}]} {
+            if {![catch {go mvpos.line@robot {*}[place]}]} {
                 return -code error "the arm moved before it was given power"
             }
             powerOn
         }
         "table force" {category 0, measured} {[PO][OV][WE]*} {} {
             resetFirst
-            go mvpos.line$At {*}[lreplace [tool] 2 2 0.1]
+            go mvpos.line@robot {*}[lreplace [tool] 2 2 0.1]
         }
     }
 }
 
 proc lab::figures::faults n {
-    variable At
-    variable Lab
     variable Down
     variable Stopped
     variable Settings
@@ -367,16 +352,16 @@ proc lab::figures::faults n {
         set wrong 0
         for {set i 1} {$i <= $n} {incr i} {
             try {
-                go mvpos.line$At {*}[place 0.15]
+                go mvpos.line@robot {*}[place 0.15]
                 set Stopped {}
                 set from [tool]
                 if {$what eq "table force"} {
-                    go mvpos.line$At {*}[beside] 0.05 {*}$Down
-                    set Mover mvpos.line$At
+                    go mvpos.line@robot {*}[beside] 0.05 {*}$Down
+                    set Mover mvpos.line@robot
                     set to [lreplace [tool] 2 2 -0.015]
-                    mvpos.line$At CTRL -speed [uniform 0.05 0.3]
+                    mvpos.line@robot CTRL -speed [uniform 0.05 0.3]
                 } else {
-                    set Mover mvpos.joints$At
+                    set Mover mvpos.joints@robot
                     set to [place 0.15]
                 }
                 set future [sorma::async $Mover EXEC FMSG 7 {*}$to]
@@ -393,7 +378,7 @@ proc lab::figures::faults n {
                 }
                 set came [outcome $future]
                 eval $recover
-                mvpos.line$At CTRL -speed 0.2
+                mvpos.line@robot CTRL -speed 0.2
                 if {$make ne {} && $came eq "done" && [distance [tool] $to] < 1e-3} {       # before anything happened: another one
                     incr i -1
                     continue
@@ -426,7 +411,6 @@ proc lab::figures::faults n {
 proc lab::figures::run settings {
     variable Settings $settings
     variable Prefix
-    variable Lab
     variable Unseen
     variable Running
     sorma::create shmem_r.pose -key ${Prefix}tool.pose
@@ -436,7 +420,7 @@ proc lab::figures::run settings {
         }
         startLab
         startRobot
-        sorma::subscribe $Lab -event stopped -command lab::figures::Heard
+        sorma::subscribe simlab@lab -event stopped -command lab::figures::Heard
         powerOn
         foreach section {lines motions descents faults} {
             set n [dict get $Settings -$section]

@@ -11,8 +11,6 @@ package require sorma::trailview
 package require sorma::world
 
 namespace eval lab::panel {
-    variable Hardware simlab@lab
-    variable Arm pino@robot
     variable Jogging {}                 ;# the request of the button that is held down
     variable Said {}                    ;# what the last one has said
     variable Watched {}                 ;# values that are told while there is a window
@@ -96,12 +94,11 @@ proc lab::panel::Lamp {lamp guard state} {
 
 # What is seen and felt, as large as the window leaves room.
 proc lab::panel::View {} {
-    variable Hardware
     set gap [sorma::style pixels 8]
     foreach {w text} {seen "The scene" felt "What the hand feels"} {
         ttk::labelframe .$w -style Page.TLabelframe -text $text -padding $gap
     }
-    sorma::image .picture -name $Hardware -request {EXEC view} -every 200 -brief 1 -zoom fit -width [sorma::style pixels 640] -height [sorma::style pixels 480]
+    sorma::image .picture -name simlab@lab -request {EXEC view} -every 200 -brief 1 -zoom fit -width [sorma::style pixels 640] -height [sorma::style pixels 480]
     sorma::stripchart .chart -span 20 -low -15 -high 15 -width 480 -height 140
     # Seen on light and on dark backgrounds.
     foreach {axis colour} {x #e0443c y #2fa04a z #4a86f0} {
@@ -114,19 +111,18 @@ proc lab::panel::View {} {
 }
 # Emergency stop and power.
 proc lab::panel::Power {} {
-    variable Hardware
-    variable Arm
     set gap [sorma::style pixels 8]
     # Never hidden: it stands above all else, and the window is as tall as it at least.
     button .side.stop -text "EMERGENCY STOP" -background #c03028 -activebackground #e04038 -foreground white -activeforeground white \
-        -font TkHeadingFont -relief flat -borderwidth 0 -highlightbackground #c03028 -pady [sorma::style pixels 10] -command [list lab::panel::send $Hardware CTRL -emergencyStop] -takefocus 1
+        -font TkHeadingFont -relief flat -borderwidth 0 -highlightbackground #c03028 -pady [sorma::style pixels 10] -command {lab::panel::send simlab@lab CTRL -emergencyStop} -takefocus 1
     pack .side.stop -fill x
     ttk::frame .side.power -style Page.TFrame
     set column 0
-    foreach {text name request} [list Reset $Hardware {CTRL -reset} "Power on" $Arm {EXEC power on} "Power off" $Arm {EXEC power off} \
-            Park $Arm {EXEC park} Stop $Arm {CTRL -stop}] {
+    foreach {text request} {
+        Reset {simlab@lab CTRL -reset} "Power on" {pino@robot EXEC power on} "Power off" {pino@robot EXEC power off} Park {pino@robot EXEC park} Stop {pino@robot CTRL -stop}
+    } {
         set w .side.power.b[incr column]
-        grid [ttk::button $w -text $text -command [list lab::panel::send $name {*}$request]] -row [expr {($column - 1) / 3}] -column [expr {($column - 1) % 3}] \
+        grid [ttk::button $w -text $text -command [list lab::panel::send {*}$request]] -row [expr {($column - 1) / 3}] -column [expr {($column - 1) % 3}] \
             -sticky ew -padx 2 -pady 2
     }
     grid columnconfigure .side.power {0 1 2} -weight 1 -uniform third
@@ -202,14 +198,12 @@ proc lab::panel::Arrange {} {
 }
 
 proc lab::panel::build {} {
-    variable Hardware
-    variable Arm
     variable Watched
     variable Place "where is the arm?"
     set gap [sorma::style pixels 8]
     wm title . "Laboratory"
     sorma::theme program
-    sorma::notice .notice -lines 1 -daemons [lmap name [list $Hardware $Arm] {lindex [split $name @] 1}] -style Page.TFrame
+    sorma::notice .notice -lines 1 -daemons {lab robot} -style Page.TFrame
     .notice.text configure -style Page.TLabel
     pack [ttk::frame .f -style Page.TFrame -padding [list [expr {$gap / 2}] $gap]] -fill both -expand 1
     sorma::trailview .trail -height 4 -style Page.TFrame
@@ -221,9 +215,9 @@ proc lab::panel::build {} {
     pack [ttk::label .side.place -style Page.TLabel -textvariable ::lab::panel::Place] -anchor w -pady $gap
     View
     Arrange
-    lappend Watched [sorma::world value $Arm {EXEC status} -every 50 -command ::lab::panel::Felt]
+    lappend Watched [sorma::world value pino@robot {EXEC status} -every 50 -command ::lab::panel::Felt]
     bind .side <Destroy> {foreach token $::lab::panel::Watched {sorma::world unwatch $token}}
-    bind . <Escape> [list lab::panel::send $Arm CTRL -stop]
+    bind . <Escape> {lab::panel::send pino@robot CTRL -stop}
     update idletasks
     wm minsize . [winfo reqwidth .side.power] [winfo reqheight .side.stop]
 }

@@ -6,19 +6,15 @@
 source [file join [file dirname [file normalize [info script]]] .. measure.tcl]
 
 namespace eval lab::programme {
-    variable Lab simlab@lab             ;# the hardware
-    variable At @robot                  ;# where the arm's objects are
     variable Down {0 1 0 0}             ;# the tool points at the table
 }
 
 # The tool's position now, and lab time.
 proc lab::programme::tool {} {
-    variable At
-    return [lrange [dict get [pino$At exec status] floats] 0 2]
+    return [lrange [dict get [pino@robot exec status] floats] 0 2]
 }
 proc lab::programme::labTime {} {
-    variable Lab
-    return [lindex [dict get [$Lab exec time] floats] 0]
+    return [lindex [dict get [simlab@lab exec time] floats] 0]
 }
 
 # lab::programme::step WHAT EXPECTED SCRIPT -- one row: the script returns what was measured; EXPECTED: the error code's pattern.
@@ -31,51 +27,49 @@ proc lab::programme::step {what expected script} {
 }
 
 proc lab::programme::run given {
-    variable At
-    variable Lab
     variable Down
-    $Lab CTRL -speed [dict get $given -speed]
-    step "power on" {} {pino$At EXEC power on; set - "the arm holds"}
+    simlab@lab CTRL -speed [dict get $given -speed]
+    step "power on" {} {pino@robot EXEC power on; set - "the arm holds"}
     step "to the middle of the table" {} {
-        mvpos.line$At exec -floats [concat {0.55 0 0.3} $Down]
+        mvpos.line@robot exec -floats [concat {0.55 0 0.3} $Down]
         away {0.55 0 0.3}
     }
     step "the hand is weighed" {} {
-        set found [calibrate$At exec]
+        set found [calibrate@robot exec]
         set - "[format %.3f [lindex [dict get $found floats] 0]] kg"
     }
     foreach corner {{0.45 0.15 0.25} {0.65 0.15 0.25} {0.65 -0.15 0.25} {0.45 -0.15 0.25}} {
         step "line to $corner" {} {
-            mvpos.line$At exec -floats [concat $corner $Down]
+            mvpos.line@robot exec -floats [concat $corner $Down]
             away $corner
         }
     }
     step "a dry run says what would happen" {} {
-        mvpos.dry$At CTRL -as pose -move line -dry
-        dict get [mvpos.dry$At exec -floats [concat {0.55 0 0.3} $Down]] text
+        mvpos.dry@robot CTRL -as pose -move line -dry
+        dict get [mvpos.dry@robot exec -floats [concat {0.55 0 0.3} $Down]] text
     }
-    step "a guard refuses the table" "ROBOT GUARD*" {mvpos.low$At exec -floats [concat {0.55 0 0.01} $Down]}
-    step "out of reach is refused" "ROBOT UNREACHABLE*" {mvpos.line$At exec -floats [concat {1.4 0 0.3} $Down]}
+    step "a guard refuses the table" "ROBOT GUARD*" {mvpos.low@robot exec -floats [concat {0.55 0 0.01} $Down]}
+    step "out of reach is refused" "ROBOT UNREACHABLE*" {mvpos.line@robot exec -floats [concat {1.4 0 0.3} $Down]}
     step "stopped on its way" "ROBOT STOPPED*" {
-        set call [sorma::async mvpos.line$At EXEC FMSG 7 0.6 0.2 0.35 {*}$Down]
+        set call [sorma::async mvpos.line@robot EXEC FMSG 7 0.6 0.2 0.35 {*}$Down]
         measure until {abs([lindex [tool] 1] + 0.15) > 0.03}
-        mvpos.line$At CTRL -stop
+        mvpos.line@robot CTRL -stop
         $call take
     }
     step "down to the table, by feeling" {} {
-        mvpos.line$At exec -floats [concat {0.42 0.22 0.03} $Down]
-        set reply [push.down$At exec -floats {0.42 0.22 0.02 0.42 0.22 0.004}]
+        mvpos.line@robot exec -floats [concat {0.42 0.22 0.03} $Down]
+        set reply [push.down@robot exec -floats {0.42 0.22 0.02 0.42 0.22 0.004}]
         set - "contact at [format %.2f [expr {1e3 * [lindex [dict get $reply floats] 2]}]] mm"
     }
     step "emergency stop: no power" "ROBOT POWER*" {
-        set call [sorma::async mvpos.line$At EXEC FMSG 7 0.5 -0.2 0.3 {*}$Down]
+        set call [sorma::async mvpos.line@robot EXEC FMSG 7 0.5 -0.2 0.3 {*}$Down]
         measure until {[lindex [tool] 2] > 0.05}
-        $Lab CTRL -emergencyStop
+        simlab@lab CTRL -emergencyStop
         $call take
     }
-    step "power only after a reset" "ROBOT POWER*" {pino$At EXEC power on}
-    step "a person resets it" {} {$Lab CTRL -reset; pino$At EXEC power on; set - "the arm holds"}
-    step "park" {} {pino$At EXEC park; set - "no power"}
+    step "power only after a reset" "ROBOT POWER*" {pino@robot EXEC power on}
+    step "a person resets it" {} {simlab@lab CTRL -reset; pino@robot EXEC power on; set - "the arm holds"}
+    step "park" {} {pino@robot EXEC park; set - "no power"}
 }
 
 # How far the tool is from where it should be, in millimetres.
