@@ -61,6 +61,7 @@ snit::widget ::sorma::dashboard {
     }
     destructor {
         catch {::font delete $win.title $win.plain $win.small $win.strong}
+        ::sorma::style untag SormaBoard$win SormaBoardKeys$win
     }
 
     # ---- what programs say ----
@@ -353,7 +354,6 @@ snit::widget ::sorma::dashboard {
         }
         ::sorma::style tag $win $all
         ::sorma::style menu $all $win [mymethod Menu]
-        bind $win <Destroy> +[list ::sorma::dashboard::Ended %W $win $tag $all]
         bind $win.area <ButtonPress-1> [list focus $win.area]
     }
     # In edit mode, what is in a part hears nothing of the mouse.
@@ -491,15 +491,5 @@ snit::widget ::sorma::dashboard {
         dict set parts $n [list $kind [dict merge [if {$kind eq "stripchart"} {list -plot [list [list $name $option]]} else {list -name $name -option $option}] $text]]
         $self Make $n
         $self Lay
-    }
-}
-
-# Tags of bindings outlive their windows.
-proc ::sorma::dashboard::Ended {window board args} {
-    if {$window ne $board} return
-    foreach tag $args {
-        foreach event [bind $tag] {
-            bind $tag $event {}
-        }
     }
 }

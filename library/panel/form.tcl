@@ -103,9 +103,7 @@ snit::widget ::sorma::form {
     destructor {
         after cancel $timer
         after cancel $sizing
-        foreach event [bind SormaForm$win] {
-            bind SormaForm$win $event {}
-        }
+        ::sorma::style untag [$self Tag]
         $self Release
     }
     method Tag {} {

@@ -99,9 +99,7 @@ snit::widget ::sorma::painter {
     }
     method Ended window {
         if {$window ne $win || $table eq {}} return
-        foreach event [bind SormaPainter$win] {
-            bind SormaPainter$win $event {}
-        }
+        ::sorma::style untag SormaPainter$win
         $table release
         $source release
         set table {}

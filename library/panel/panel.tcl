@@ -93,9 +93,7 @@ snit::widget ::sorma::panel {
     method Ended window {
         if {$window eq $win && $subject ne {}} {
             after cancel $seenTimer
-            foreach event [bind [$self Tag]] {
-                bind [$self Tag] $event {}
-            }
+            ::sorma::style untag [$self Tag]
             $subject unlisten $listener
             $subject keep [expr {-!!$options(-make)}]
             $subject release

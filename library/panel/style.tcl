@@ -7,7 +7,7 @@ package require sorma::colours
 package provide sorma::style 1.0
 
 namespace eval ::sorma::style {
-    namespace export pixels mark colour token shade series font step tag tip menu bindWheel own
+    namespace export pixels mark colour token shade series font step tag untag tip menu bindWheel own
     namespace ensemble create
     variable Bound 0            ;# is there a binding that follows the theme
     variable Made {}            ;# dict: name of a font of ours -> what it was made of
@@ -165,6 +165,15 @@ proc ::sorma::style::tag {window tag} {
     }
     foreach child [winfo children $window] {
         tag $child $tag
+    }
+}
+
+# ::sorma::style::untag TAG ... -- these are bound to nothing any more: tags outlive their windows.
+proc ::sorma::style::untag args {
+    foreach tag $args {
+        foreach event [bind $tag] {
+            bind $tag $event {}
+        }
     }
 }
 

@@ -3,6 +3,7 @@
 
 package require Tk
 package require sorma::style
+package require sorma::text
 package provide sorma::window 1.0
 
 namespace eval ::sorma::window {
@@ -239,17 +240,13 @@ proc ::sorma::window::file {} {
 
 # The remembered windows; lines with errors are ignored. Without a readable file windows open where the window manager wants.
 proc ::sorma::window::Read {} {
+    if {[catch {::sorma::text::readFile [file]} text]} return
     set known {}
-    catch {
-        set channel [::open [file]]
-        fconfigure $channel -encoding utf-8
-        foreach line [split [read $channel] \n] {
-            if {[string is list $line] && [llength $line] == 2} {
-                dict set known {*}$line
-            }
+    foreach line [split $text \n] {
+        if {[string is list $line] && [llength $line] == 2} {
+            dict set known {*}$line
         }
     }
-    catch {close $channel}
     return $known
 }
 proc ::sorma::window::Write known {

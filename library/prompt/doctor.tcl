@@ -435,9 +435,7 @@ proc ::sorma::inspect::doctor::CheckSharedMemory {} {
 }
 
 proc ::sorma::inspect::doctor::CheckLimits {} {
-    set in [open /proc/self/limits]
-    set limits [read $in]
-    close $in
+    set limits [::sorma::text::readFile /proc/self/limits]
     foreach {what pattern} {files {Max open files +(\S+)} memory {Max locked memory +(\S+)} priority {Max realtime priority +(\S+)}} {
         set found($what) 0
         regexp $pattern $limits -> found($what)

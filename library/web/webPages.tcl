@@ -1,6 +1,7 @@
 # webPages.tcl -- the files of the pages of sorma-web, and their one style sheet: its colours are those of the Tk theme.
 
 package require sorma::colours
+package require sorma::text
 package require sorma::web
 package require sorma::webLive
 package provide sorma::webPages 1.0
@@ -16,10 +17,7 @@ proc ::sorma::webPages::begin {} {
     variable Folder
     variable Files
     foreach name [glob -tails -directory $Folder *.html *.js *.css *.svg] {
-        set file [open [file join $Folder $name]]
-        fconfigure $file -encoding utf-8
-        dict set Files $name [read $file]
-        close $file
+        dict set Files $name [::sorma::text::readFile [file join $Folder $name]]
     }
     dict set Files style.css [::sorma::colours::css][dict get $Files style.css]
     ::sorma::web::route GET {^/$} {::sorma::webPages::send index.html}

@@ -7,6 +7,7 @@
 
 package require json
 package require sorma::json
+package require sorma::text
 package require sorma::web
 package require sorma::webPages
 package provide sorma::webUsers 1.0
@@ -49,15 +50,9 @@ proc ::sorma::webUsers::Users {} {
     if {$facts(type) ne "file" || ($facts(mode) & 0o077) != 0} {
         return -code error -errorcode [list SORMA WEB USERS $File] "$File: others may read or write it, or it is no file; chmod go= it"
     }
-    set in [open $File]
-    try {
-        set lines [split [read $in] \n]
-    } finally {
-        close $in
-    }
     set users {}
     set n 0
-    foreach line $lines {
+    foreach line [split [::sorma::text::readFile $File] \n] {
         incr n
         if {[string trim $line] eq {} || [string match #* $line]} continue
         if {![regexp {^([A-Za-z0-9._-]{1,32}):(\$\S+)$} $line -> name hash]} {
