@@ -32,12 +32,28 @@ namespace eval ::sorma::vxi11 {
     variable Core 0x0607af
     variable Abort 0x0607b0
     variable Interrupt 0x0607b1
+    # Program -> procedure -> its method, the arguments, and how many words of 0 stand behind an error. A last argument with * is counted bytes.
+    # `number` is that of a link of the same connection, which the method gets before all. One with `flags` waits for the lock of the device.
     variable Procedures {
         0x0607af {
-            0 Null  10 CreateLink  11 Write  12 Read  13 Status  14 Trigger  15 Clear  16 Mode  17 Mode  18 Lock  19 Unlock  20 EnableRequests
-            22 Command  23 DestroyLink  25 CreateInterrupts  26 DestroyInterrupts
+            0  {Null {} 0}
+            10 {CreateLink {client locks ms device*} 3}
+            11 {Write {number io ms flags bytes*} 1}
+            12 {Read {number size io ms flags stop} 2}
+            13 {Status {number flags ms io} 1}
+            14 {Trigger {number flags ms io} 0}
+            15 {Clear {number flags ms io} 0}
+            16 {Mode {number flags ms io} 0}
+            17 {Mode {number flags ms io} 0}
+            18 {Lock {number flags ms} 0}
+            19 {Unlock {number} 0}
+            20 {EnableRequests {number enable handle*} 0}
+            22 {Command {number} 1}
+            23 {DestroyLink {number} 0}
+            25 {CreateInterrupts {host port program version udp} 0}
+            26 {DestroyInterrupts {} 0}
         }
-        0x0607b0 {0 Null  1 AbortLink}
+        0x0607b0 {0 {Null {} 0}  1 {AbortLink {other} 0}}
     }
     # Errors, as the protocol numbers them.
     variable Error {
@@ -225,23 +241,50 @@ oo::class create ::sorma::vxi11::line {
         } elseif {![dict exists $::sorma::vxi11::Procedures $Program $procedure]} {
             return [::sorma::oncRpc::refusal $xid procedure]
         }
+        lassign [dict get $::sorma::vxi11::Procedures $Program $procedure] method names zeros
         try {
-            return [::sorma::oncRpc::reply $xid [my [dict get $::sorma::vxi11::Procedures $Program $procedure] $arguments]]
+            set results [my $method {*}[my Enter $names [my Arguments $names $arguments]]]
         } trap {VXI11 ARGUMENTS} {} {
             return [::sorma::oncRpc::refusal $xid arguments]
+        } trap {VXI11 FAIL} why {
+            set results [my Results $why {*}[lrepeat $zeros 0]]
         } trap {VXI11 HANGUP} {} {
             return
         }
+        return [::sorma::oncRpc::reply $xid $results]
     }
-    # The arguments of a call as words. With opaque, bytes stand at the end.
-    method Arguments {bytes words {opaque {}}} {
-        set count [expr {$words + ($opaque ne {})}]
-        if {[binary scan $bytes Iu${count} all] && ($opaque eq {} || [string length $bytes] - 4 * $count >= [lindex $all end])} {
-            return [if {$opaque eq {}} {set all} else {lreplace $all end end [string range $bytes [expr {4 * $count}] [expr {4 * $count + [lindex $all end] - 1}]]}]
+    # The arguments of a call, by these names.
+    method Arguments {names bytes} {
+        set count [llength $names]
+        if {$count == 0} return
+        if {[binary scan $bytes Iu$count words]} {
+            if {![string match *\\* [lindex $names end]]} {
+                return $words
+            }
+            set size [lindex $words end]
+            if {[string length $bytes] - 4 * $count >= $size} {
+                return [lreplace $words end end [string range $bytes [expr {4 * $count}] [expr {4 * $count + $size - 1}]]]
+            }
         }
         throw {VXI11 ARGUMENTS} "too few arguments"
     }
-    method Fail {why args} { return [binary format Iu* [list [dict get $::sorma::vxi11::Error $why] {*}$args]] }
+    # The same arguments, and the link before them, when it may be used.
+    method Enter {names values} {
+        if {[lindex $names 0] ne "number"} {
+            return $values
+        }
+        set number [lindex $values 0]
+        set link [my Link $number]
+        if {$link eq {}} {
+            my Fail link
+        }
+        if {"flags" in $names} {
+            my Gate $number [$link device] {*}[lmap name {flags ms} {lindex $values [lsearch -exact $names $name]}]
+        }
+        return [list $link {*}$values]
+    }
+    method Results {why args} { return [binary format Iu* [list [dict get $::sorma::vxi11::Error $why] {*}$args]] }
+    method Fail why { throw {VXI11 FAIL} $why }
     # The link with this number, if it is one of this connection.
     method Link number { return [if {$number in $Mine} {$Server link $number}] }
 
@@ -268,163 +311,118 @@ oo::class create ::sorma::vxi11::line {
         set Waits {}
         return $what
     }
-    # Wait until no other link has the lock of this device: none, or why not.
-    method Gate {number device flags ms} {
-        if {[$Server free $device $number]} {
-            return none
+    # The same; fails unless it is ready.
+    method Ready {number ms condition} {
+        set what [uplevel 1 [list my Await $number $ms $condition]]
+        if {$what ne "ready"} {
+            my Fail $what
         }
-        if {!($flags & 1)} {
-            return locked
-        }
-        return [dict get {ready none late locked abort abort ended ended} [my Await $number $ms {[$Server free $device $number]}]]
     }
-    # As most calls begin: the link is there, and not locked by another one. Sets link in the caller.
-    method Enter {number flags ms} {
-        upvar 1 link link
-        set link [my Link $number]
-        return [if {$link eq {}} {string cat link} else {my Gate $number [$link device] $flags $ms}]
+    # Wait until no other link has the lock of this device.
+    method Gate {number device flags ms} {
+        if {[$Server free $device $number]} return
+        set what [if {$flags & 1} {my Await $number $ms {[$Server free $device $number]}} else {string cat late}]
+        if {$what ne "ready"} {
+            my Fail [expr {$what eq "late" ? "locked" : $what}]
+        }
     }
 
     # ---- the calls ----
 
-    method Null arguments { return }
+    method Null {} { return }
 
-    method CreateLink arguments {
-        lassign [my Arguments $arguments 3 opaque] client locks ms device
+    method CreateLink {client locks ms device} {
         if {[$Server full]} {
-            return [my Fail resources 0 0 0]
+            my Fail resources
         }
         set id [{*}$Instrument open $Channel $device]
         if {$id eq {}} {
-            return [my Fail device 0 0 0]
+            my Fail device
         }
         set link [$Server add [self] $id]
         lappend Mine [set number [$link number]]
         if {$locks} {
-            set why [my Gate $number [$link device] 1 $ms]
-            if {$why ne "none"} {
+            try {
+                my Gate $number [$link device] 1 $ms
+            } trap {VXI11 FAIL} {why how} {
                 my Destroy $number
-                return [my Fail $why 0 0 0]
+                return -options $how $why
             }
             $Server lock [$link device] $number
         }
-        return [my Fail none $number [$Server port $::sorma::vxi11::Abort] $::sorma::vxi11::MostWrite]
+        return [my Results none $number [$Server port $::sorma::vxi11::Abort] $::sorma::vxi11::MostWrite]
     }
-    method DestroyLink arguments {
-        lassign [my Arguments $arguments 1] number
-        if {[my Link $number] eq {}} {
-            return [my Fail link]
-        }
+    method DestroyLink {link number} {
         my Destroy $number
-        return [my Fail none]
+        return [my Results none]
     }
     method Destroy number {
         [$Server link $number] destroy
         set Mine [lsearch -all -inline -not -exact $Mine $number]
     }
-    method Write arguments {
-        lassign [my Arguments $arguments 4 opaque] number io ms flags bytes
-        if {[set why [my Enter $number $flags $ms]] ne "none"} {
-            return [my Fail $why 0]
-        }
+    method Write {link number io ms flags bytes} {
         if {[string length $bytes] > $::sorma::vxi11::MostWrite} {
-            return [my Fail parameter 0]
+            my Fail parameter
         }
-        if {[$link busy] && [set what [my Await $number $io {![$link busy]}]] ne "ready"} {
-            return [my Fail $what 0]
-        }
+        my Ready $number $io {![$link busy]}
         if {![$link put $bytes [expr {$flags & 8}]]} {
-            return [my Fail resources 0]
+            my Fail resources
         }
-        return [my Fail none [string length $bytes]]
+        return [my Results none [string length $bytes]]
     }
-    method Read arguments {
-        lassign [my Arguments $arguments 6] number size io ms flags stop
-        if {[set why [my Enter $number $flags $ms]] ne "none"} {
-            return [my Fail $why 0 0]
-        }
+    method Read {link number size io ms flags stop} {
         if {$size == 0} {
-            return [my Fail none 1 0]
+            return [my Results none 1 0]
         }
-        if {![$link available] && [set what [my Await $number $io {[$link available]}]] ne "ready"} {
-            if {$what eq "late"} {
-                $link nothing
-            }
-            return [my Fail $what 0 0]
+        set what [my Await $number $io {[$link available]}]
+        if {$what eq "late"} {
+            $link nothing
+        }
+        if {$what ne "ready"} {
+            my Fail $what
         }
         lassign [$link get $size [if {$flags & 128} {format %c [expr {$stop & 255}]}]] reason bytes
-        return [my Fail none $reason][::sorma::oncRpc::opaque $bytes]
+        return [my Results none $reason][::sorma::oncRpc::opaque $bytes]
     }
-    method Status arguments {
-        lassign [my Arguments $arguments 4] number flags ms
-        if {[set why [my Enter $number $flags $ms]] ne "none"} {
-            return [my Fail $why 0]
-        }
-        return [my Fail none [$link poll]]
-    }
-    method Trigger arguments {
-        lassign [my Arguments $arguments 4] number flags ms io
-        if {[set why [my Enter $number $flags $ms]] ne "none"} {
-            return [my Fail $why]
-        }
+    method Status {link args} { return [my Results none [$link poll]] }
+    method Trigger {link number flags ms io} {
         set message [$link trigger]
         if {$message eq {}} {
-            return [my Fail unsupported]
+            my Fail unsupported
         }
-        set what [my Await $number $io {![$link busy]}]
-        if {$what ne "ready"} {
-            return [my Fail $what]
-        }
+        my Ready $number $io {![$link busy]}
         $link put $message 1
-        return [my Fail none]
+        return [my Results none]
     }
-    method Clear arguments {
-        lassign [my Arguments $arguments 4] number flags ms
-        if {[set why [my Enter $number $flags $ms]] eq "none"} {
-            $link clear
-        }
-        return [my Fail $why]
+    method Clear {link args} {
+        $link clear
+        return [my Results none]
     }
     # Remote or local: there are no keys on the front.
-    method Mode arguments {
-        lassign [my Arguments $arguments 4] number flags ms
-        return [my Fail [my Enter $number $flags $ms]]
-    }
-    method Lock arguments {
-        lassign [my Arguments $arguments 3] number flags ms
-        if {[set why [my Enter $number $flags $ms]] ne "none"} {
-            return [my Fail $why]
-        }
-        # Twice the same link: the protocol says that this is refused.
+    method Mode args { return [my Results none] }
+    # Twice the same link: the protocol says that this is refused.
+    method Lock {link number args} {
         if {[$Server owner [$link device]] eq $number} {
-            return [my Fail locked]
+            my Fail locked
         }
         $Server lock [$link device] $number
-        return [my Fail none]
+        return [my Results none]
     }
-    method Unlock arguments {
-        lassign [my Arguments $arguments 1] number
-        if {[set link [my Link $number]] eq {}} {
-            return [my Fail link]
-        }
+    method Unlock {link number} {
         if {[$Server owner [$link device]] ne $number} {
-            return [my Fail unlocked]
+            my Fail unlocked
         }
         $Server unlock [$link device]
-        return [my Fail none]
+        return [my Results none]
     }
-    method Command arguments {
-        lassign [my Arguments $arguments 1] number
-        return [my Fail [if {[my Link $number] eq {}} {string cat link} else {string cat unsupported}] 0]
-    }
-    method AbortLink arguments {
-        lassign [my Arguments $arguments 1] number
+    method Command args { my Fail unsupported }
+    method AbortLink number {
         set link [$Server link $number]
         if {$link eq {} || ![$link owns $Channel]} {
-            return [my Fail link]
+            my Fail link
         }
         [$link line] abort $number
-        return [my Fail none]
+        return [my Results none]
     }
     method abort number {
         if {$Waits eq $number} {
@@ -434,31 +432,25 @@ oo::class create ::sorma::vxi11::line {
 
     # ---- service requests ----
 
-    method EnableRequests arguments {
-        lassign [my Arguments $arguments 2 opaque] number enable handle
-        if {[set link [my Link $number]] eq {}} {
-            return [my Fail link]
-        }
+    method EnableRequests {link number enable handle} {
         if {[string length $handle] > 40} {
-            return [my Fail parameter]
+            my Fail parameter
         }
         $link enable $enable $handle
-        return [my Fail none]
+        return [my Results none]
     }
     # A connection of our own back to the client, and to nobody else.
-    method CreateInterrupts arguments {
-        lassign [my Arguments $arguments 5] host port program version udp
+    method CreateInterrupts {host port program version udp} {
         if {$Requests ne {}} {
-            return [my Fail again]
+            my Fail again
         } elseif {$udp} {
-            return [my Fail unsupported]
+            my Fail unsupported
         } elseif {$port < 1 || $port > 65535} {
-            return [my Fail parameter]
+            my Fail parameter
         } elseif {[join [lmap shift {24 16 8 0} {expr {($host >> $shift) & 255}}] .] ne [regsub {^::ffff:} $Address {}]} {
-            return [my Fail address]
-        }
-        if {[catch {socket -async $Address $port} channel]} {
-            return [my Fail channel]
+            my Fail address
+        } elseif {[catch {socket -async $Address $port} channel]} {
+            my Fail channel
         }
         set Requests [list $channel $program $version]
         chan configure $channel -blocking 0 -translation binary
@@ -466,18 +458,18 @@ oo::class create ::sorma::vxi11::line {
         set what [my Await {} 2000 {![chan configure $channel -connecting]}]
         if {$what ne "ready" || [chan configure $channel -error] ne {}} {
             my EndRequests
-            return [my Fail channel]
+            my Fail channel
         }
         chan event $channel writable {}
         chan event $channel readable [namespace code {my DropReplies}]
-        return [my Fail none]
+        return [my Results none]
     }
-    method DestroyInterrupts arguments {
+    method DestroyInterrupts {} {
         if {$Requests eq {}} {
-            return [my Fail channel]
+            my Fail channel
         }
         my EndRequests
-        return [my Fail none]
+        return [my Results none]
     }
     method EndRequests {} {
         if {$Requests ne {}} {
