@@ -36,17 +36,16 @@ proc ::sorma::commandLine::run {program options words runCmd args} {
     set table [dict merge $options $Help]
     try {
         set settings [if {[dict get $how -leading]} {::sorma::options::leading $table words} else {::sorma::options::parse $table $words words}]
-        if {1 in [dict values [dict filter $settings key -help --help -h]]} {
-            puts [::sorma::usage::program $program]
-            return 0
+        set asked [expr {1 in [dict values [dict filter $settings key -help --help -h]]}]
+        if {!$asked} {
+            {*}[dict get $how -check] $settings $words
         }
-        {*}[dict get $how -check] $settings $words
     } on error message {
         puts stderr "$program: $message\n[::sorma::usage::program $program]"
         return 2
     }
     try {
-        set code [{*}$runCmd $settings $words]
+        set code [if {$asked} {puts [::sorma::usage::program $program]} else {{*}$runCmd $settings $words}]
     } on error message {
         puts stderr "$program: $message"
         return 1
