@@ -26,18 +26,8 @@ snit::widget ::sorma::display {
     method Build {} {}
     # shows -- {STATE TEXT UNIT}
     method shows {} {
-        set told [$subject get $options(-option)]
-        set state [dict get $told state]
-        set value [dict get $told live]
-        if {$options(-index) ne {}} {
-            set value [lindex [regexp -all -inline {\S+} $value] $options(-index)]
-        }
-        if {$state ni {asking stale gone refused}} {
-            set limits [if {$facts ne {}} {dict filter [dict get $facts hints] key warn alarm}]
-            set state [::sorma::subject zone $limits $value]
-        }
-        set text [if {[string is double -strict $value]} {format $options(-format) $value} else {set value}]
-        return [list $state $text [if {$facts ne {} && $text ne {}} {dict get $facts unit}]]
+        set shown [::sorma::shown::display [array get options] [$self Known]]
+        return [lmap key {state text unit} {dict get $shown $key}]
     }
     method Show {} {
         if {$canvas eq {}} return

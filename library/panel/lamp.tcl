@@ -42,20 +42,8 @@ snit::widget ::sorma::led {
     }
     # good, warn, bad, off or stale
     method shows {} {
-        set told [$subject get $options(-option)]
-        if {[dict get $told state] in {asking stale gone refused} || $facts eq {}} {
-            return stale
-        }
-        set value [dict get $told live]
-        set limits [dict filter [dict get $facts hints] key warn alarm]
-        set zone [::sorma::subject zone $limits $value]
-        if {$options(-bad) ne {} && [string match $options(-bad) $value] || $zone eq "alarm"} {
-            return bad
-        } elseif {$zone eq "warn"} {
-            return warn
-        }
-        set good [if {$options(-good) ne {}} {set options(-good)} elseif {$limits ne {}} {string cat *} else {string cat {[1-9]*}}]
-        return [expr {[string match $good $value] ? "good" : "off"}]
+        set state [dict get [::sorma::shown::led [array get options] [$self Known]] state]
+        return [expr {$facts ne {} && $state in {good warn bad off} ? $state : "stale"}]
     }
     method Show {} {
         set shown [$self shows]
@@ -81,7 +69,6 @@ snit::widget ::sorma::meter {
     option -alarm -default {} -configuremethod SetLook
     option -format -default %.6g -configuremethod SetLook
     option -length -default 160 -readonly 1
-    variable known {}           ;# dict: option -> what the class says
     constructor args {
         $self configurelist $args
         set height [::sorma::style pixels 14]
@@ -98,44 +85,21 @@ snit::widget ::sorma::meter {
         $self Begin
         $self Enable
     }
-    # Settings that were not given come from the class.
-    method Build {} {
-        set known [dict create -low [dict get $facts low] -high [dict get $facts high]]
-        foreach limits {warn alarm} {
-            if {[dict exists $facts hints $limits]} {
-                dict set known -$limits [dict get $facts hints $limits]
-            }
-        }
-    }
-    # The value of an option of ours, or what the class says.
-    method Or {option {default {}}} {
-        return [if {$options($option) ne {}} {set options($option)} elseif {[dict exists $known $option] && [dict get $known $option] ne {}} {
-            dict get $known $option
-        } else {
-            set default
-        }]
-    }
+    method Build {} {}
     # shows -- {STATE VALUE}: alarm, warn, live, or what the option's state is when it is not that of now.
     method shows {} {
-        set told [$subject get $options(-option)]
-        set value [dict get $told live]
-        if {[dict get $told state] in {asking stale gone refused} || ![string is double -strict $value]} {
-            return [list [expr {[dict get $told state] eq "live" ? "asking" : [dict get $told state]}] $value]
-        }
-        return [list [::sorma::subject zone [dict create warn [$self Or -warn] alarm [$self Or -alarm]] $value] $value]
+        set told [$self Known]
+        return [list [dict get [::sorma::shown::meter [array get options] $told] state] [dict get $told value]]
     }
     method Show {} {
-        lassign [$self shows] state value
+        set shown [::sorma::shown::meter [array get options] [$self Known]]
+        dict with shown {}
         $self ShowAge $win.age [$subject get $options(-option)]
-        set unit [if {$facts ne {}} {dict get $facts unit}]
         $win.bar configure -background [::sorma::style token line]
-        set low [$self Or -low 0.0]
-        set high [$self Or -high [expr {$low + 1.0}]]
-        set part [expr {[string is double -strict $value] && $value == $value && $high > $low ? max(0.0, min(1.0, ($value - $low) / double($high - $low))) : 0}]
         $win.bar coords level 0 0 [expr {$part * [winfo width $win.bar]}] [winfo height $win.bar]
         $win.bar itemconfigure level -fill [$self Shade [expr {$state eq "live" ? "good" : $state}]]
         $win.mark configure -text [::sorma::style mark $state] -foreground [$self Shade $state]
-        $win.digits configure -text [string trimright "[expr {[string is double -strict $value] ? [format $options(-format) $value] : $value}] $unit"]
+        $win.digits configure -text [string trimright "$text $unit"]
     }
 }
 
@@ -172,14 +136,8 @@ snit::widget ::sorma::reading {
     }
     # shows -- {STATE TEXT}
     method shows {} {
-        lassign [::sorma::message::part [dict get $told value] $options(-part) $options(-index)] part text
-        if {$part eq "floats"} {
-            set text [lmap item $text {expr {[string is double -strict $item] ? [format %.6g $item] : $item}}]
-        }
-        if {$part in {floats ints words}} {
-            set text [join $text]
-        }
-        return [list [dict get $told state] [string trimright "$text $options(-unit)"]]
+        set shown [::sorma::shown::reading [array get options] $told]
+        return [lmap key {state text} {dict get $shown $key}]
     }
     method Show {} {
         lassign [$self shows] state text
@@ -210,10 +168,9 @@ snit::widget ::sorma::status {
         return [dict get [$subject state] state]
     }
     method Show {} {
-        set state [$subject state]
-        set how [dict get $state state]
-        set shown [expr {$how in {alive busy} ? "good" : $how eq "asking" ? "asking" : "stale"}]
-        set more [if {!$options(-brief)} {if {[dict get $state why] ne {}} {dict get $state why} else {dict get $state busy}}]
-        $win.text configure -foreground [$self Shade $shown] -text "[::sorma::style mark $shown] $how[if {$more ne {}} {string cat {: } $more}]"
+        set shown [::sorma::shown::status {} [$subject state]]
+        dict with shown {
+            $win.text configure -foreground [$self Shade $state] -text "[::sorma::style mark $state] $text[if {!$options(-brief) && $why ne {}} {string cat {: } $why}]"
+        }
     }
 }

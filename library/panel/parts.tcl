@@ -4,6 +4,7 @@ package require Tk
 package require snit
 package require sorma::message
 package require sorma::options
+package require sorma::shown
 package require sorma::style
 package require sorma::subject
 package require sorma::svg
@@ -356,6 +357,13 @@ snit::macro ::sorma::lampParts {needs live} {
     # How old a value is, in a label.
     method ShowAge {label value} {
         $label configure -text [dict get $value age] -foreground [$self Shade stale]
+    }
+    # What is told of its option, as shown.tcl takes it.
+    method Known {} {
+        set told [$subject get $options(-option)]
+        set state [dict get $told state]
+        return [dict merge [dict create state [expr {$state in {asking stale gone refused} ? $state : "live"}] why [dict get $told why] value [dict get $told live] \
+            unit {} low {} high {} hints {}] [dict filter $facts key unit low high hints]]
     }
     # An option of the widget that says how it looks.
     method SetLook {option value} {

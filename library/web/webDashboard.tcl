@@ -12,7 +12,7 @@ package require sorma::boardFile
 package require sorma::boardGrid
 package require sorma::json
 package require sorma::message
-package require sorma::table
+package require sorma::shown
 package require sorma::text
 package require sorma::timer
 package require sorma::webLive
@@ -74,13 +74,10 @@ proc ::sorma::webDashboard::Read file {
 # The objects that a part is about.
 proc ::sorma::webDashboard::Objects {kind settings} {
     return [switch -- $kind {
-        stripchart { lsort -unique [lmap plot [Setting $settings -plot] {lindex $plot 0}] }
+        stripchart { lsort -unique [lmap plot [::sorma::shown::setting $settings -plot] {lindex $plot 0}] }
         text { list }
         default { list [dict get $settings -name] }
     }]
-}
-proc ::sorma::webDashboard::Setting {settings option {default {}}} {
-    return [if {[dict exists $settings $option]} {dict get $settings $option} else {set default}]
 }
 # A request as METHOD and words.
 proc ::sorma::webDashboard::Request text {
@@ -88,73 +85,6 @@ proc ::sorma::webDashboard::Request text {
         return -code error -errorcode {SORMA REQUEST SYNTAX} "-request expects EXEC, CTRL or DBX, and words; got \"$text\""
     }
     return $text
-}
-
-# ---- what a part shows ----
-
-# A number as the format of its part has it; another value stays as it is.
-proc ::sorma::webDashboard::Digits {settings value} {
-    if {![string is double -strict $value] || [catch {format [Setting $settings -format %.6g] $value} text]} {
-        return $value
-    }
-    return $text
-}
-# TOLD: a dict of state why value unit low high hints, of an option. Each returns a dict.
-proc ::sorma::webDashboard::display {settings told} {
-    dict with told {
-        set index [Setting $settings -index]
-        if {$index ne {}} {
-            set value [lindex [regexp -all -inline {\S+} $value] $index]
-        }
-        return [dict create state [expr {$state eq "live" ? [::sorma::table::zone $hints $value] : $state}] why $why text [Digits $settings $value] \
-            unit [expr {$value eq {} ? {} : $unit}]]
-    }
-}
-proc ::sorma::webDashboard::meter {settings told} {
-    dict with told {
-        foreach limits {warn alarm} {
-            if {[dict exists $settings -$limits]} {
-                dict set hints $limits [dict get $settings -$limits]
-            }
-        }
-        set low [Number [Setting $settings -low] [Number $low 0.0]]
-        set high [Number [Setting $settings -high] [Number $high [expr {$low + 1.0}]]]
-        set number [expr {[string is double -strict $value] && $value == $value}]
-        return [dict create state [expr {$state eq "live" ? [::sorma::table::zone $hints $value] : $state}] why $why text [Digits $settings $value] \
-            unit [expr {$value eq {} ? {} : $unit}] part [expr {$number && $high > $low ? max(0.0, min(1.0, ($value - $low) / double($high - $low))) : 0}]]
-    }
-}
-proc ::sorma::webDashboard::Number {text default} {
-    return [expr {[string is double -strict $text] && abs($text) < 1e300 ? $text : $default}]
-}
-proc ::sorma::webDashboard::led {settings told} {
-    dict with told {
-        if {$state eq "live"} {
-            set limits [dict filter $hints key warn alarm]
-            set zone [::sorma::table::zone $limits $value]
-            set bad [Setting $settings -bad]
-            set good [Setting $settings -good [expr {$limits eq {} ? "\[1-9]*" : "*"}]]
-            set state [expr {$bad ne {} && [string match $bad $value] || $zone eq "alarm" ? "bad" : $zone eq "warn" ? "warn" : [string match $good $value] ? "good" : "off"}]
-        }
-        return [dict create state $state why $why text $value]
-    }
-}
-# TOLD: a dict of state why and value, a reply.
-proc ::sorma::webDashboard::reading {settings told} {
-    lassign [::sorma::message::part [dict get $told value] [Setting $settings -part] [Setting $settings -index]] part text
-    if {$part in {floats ints words}} {
-        set text [join [lmap item $text {expr {$part eq "floats" && [string is double -strict $item] ? [format %.6g $item] : $item}}]]
-    }
-    return [dict create state [dict get $told state] why [dict get $told why] text [string trimright "$text [expr {$text eq {} ? {} : [Setting $settings -unit]}]"]]
-}
-# FACTS: of a daemon.
-proc ::sorma::webDashboard::status {settings facts} {
-    if {$facts eq {}} {
-        return {state stale why {no such daemon is known} text gone}
-    }
-    set how [dict get $facts state]
-    set more [expr {[dict get $facts why] ne {} ? [dict get $facts why] : [dict get $facts busy]}]
-    return [dict create state [expr {$how in {alive busy} ? "good" : $how eq "asking" ? "asking" : "stale"}] why $more text $how]
 }
 
 # ---- the view ----
@@ -172,7 +102,7 @@ oo::class create ::sorma::webLive::dashboard {
     variable rights             ;# dict: {object right} -> {when it was asked for, ms; why not, empty: it is allowed}
 
     self method of request {
-        set which [::sorma::webDashboard::Setting [dict get $request query] name]
+        set which [::sorma::shown::setting [dict get $request query] name]
         set files $::sorma::webDashboard::Files
         if {![dict exists $files $which]} {
             return -code error -errorcode [list SORMA WEB PLACE $which] "there is no dashboard \"[string range $which 0 100]\"; GET /dashboards lists those that are"
@@ -220,7 +150,7 @@ oo::class create ::sorma::webLive::dashboard {
     method Take {n kind settings} {
         switch -- $kind {
             display - meter - led { my Use [dict get $settings -name] $n }
-            reading { my Needs [dict get $settings -name] [::sorma::webDashboard::Setting $settings -request EXEC] [::sorma::webDashboard::Setting $settings -every 1000] $n }
+            reading { my Needs [dict get $settings -name] [::sorma::shown::setting $settings -request EXEC] [::sorma::shown::setting $settings -every 1000] $n }
             button {
                 set words [lassign [::sorma::webDashboard::Request [dict get $settings -request]] method]
                 my Use [dict get $settings -name] $n
@@ -228,26 +158,26 @@ oo::class create ::sorma::webLive::dashboard {
             }
             image {
                 ::sorma::webRest::place [dict get $settings -name]
-                set words [lassign [::sorma::webDashboard::Request [::sorma::webDashboard::Setting $settings -request EXEC]] method]
+                set words [lassign [::sorma::webDashboard::Request [::sorma::shown::setting $settings -request EXEC]] method]
                 if {$method ne "EXEC"} {
                     return -code error "a picture is asked for by EXEC"
                 }
                 return [list name [::sorma::json::text [dict get $settings -name]] words [::sorma::json::texts $words] \
-                    every [::sorma::json::number [::sorma::webDashboard::Setting $settings -every 1000]]]
+                    every [::sorma::json::number [::sorma::shown::setting $settings -every 1000]]]
             }
             stripchart {
                 set traces {}
-                foreach plot [::sorma::webDashboard::Setting $settings -plot] {
+                foreach plot [::sorma::shown::setting $settings -plot] {
                     set more [lassign $plot object what]
                     if {[string match -* $what]} {
                         my Use $object $n
                     } else {
-                        my Needs $object $what [::sorma::webDashboard::Setting $more -every 1000] $n
+                        my Needs $object $what [::sorma::shown::setting $more -every 1000] $n
                     }
-                    lappend traces [::sorma::json::text [::sorma::webDashboard::Setting $more -text "$object [string trimleft $what -]"]]
+                    lappend traces [::sorma::json::text [::sorma::shown::setting $more -text "$object [string trimleft $what -]"]]
                 }
                 return [concat [list traces [::sorma::json::array $traces]] [concat {*}[lmap option {-span -low -high} {
-                    set value [::sorma::webDashboard::Setting $settings $option]
+                    set value [::sorma::shown::setting $settings $option]
                     if {![string is double -strict $value]} continue
                     list [string range $option 1 end] [::sorma::json::number $value]
                 }]]]
@@ -386,7 +316,7 @@ oo::class create ::sorma::webLive::dashboard {
     }
     method Judged {object right status value} {
         if {$status ne "ok"} return
-        set text [::sorma::webDashboard::Setting $value text]
+        set text [::sorma::shown::setting $value text]
         dict set rights [list $object $right] [list [clock milliseconds] [if {[string match no* $text]} {string cat "$login may not $right: $text"}]]
         foreach n [lsort -unique [dict get $uses $object]] {
             my Show $n
@@ -418,12 +348,12 @@ oo::class create ::sorma::webLive::dashboard {
 
     method Show n {
         lassign [lindex $parts $n] kind settings
-        set object [::sorma::webDashboard::Setting $settings -name]
+        set object [::sorma::shown::setting $settings -name]
         switch -- $kind {
-            display - meter - led { set shown [::sorma::webDashboard::$kind $settings [my Told $object [dict get $settings -option]]] }
-            reading { set shown [::sorma::webDashboard::reading $settings [dict get $replies [list $object [::sorma::webDashboard::Setting $settings -request EXEC]]]] }
+            display - meter - led { set shown [::sorma::shown::$kind $settings [my Told $object [dict get $settings -option]]] }
+            reading { set shown [::sorma::shown::reading $settings [dict get $replies [list $object [::sorma::shown::setting $settings -request EXEC]]]] }
             status {
-                set shown [::sorma::webDashboard::status $settings [::sorma::world get [lindex [split $object @] end]]]
+                set shown [::sorma::shown::status $settings [::sorma::world get [lindex [split $object @] end]]]
             }
             button { set shown [my button $settings] }
             stripchart { return [my Put $n [my Chart $settings]] }
@@ -438,14 +368,14 @@ oo::class create ::sorma::webLive::dashboard {
         set values {}
         foreach plot [dict get $settings -plot] {
             set more [lassign $plot object what]
-            set index [::sorma::webDashboard::Setting $more -index]
+            set index [::sorma::shown::setting $more -index]
             if {[string match -* $what]} {
                 set known [my Told $object $what]
                 set list [regexp -all -inline {\S+} [dict get $known value]]
                 set value [lindex $list [expr {$index eq {} ? 0 : $index}]]
             } else {
                 set known [dict get $replies [list $object $what]]
-                set value [lindex [lindex [::sorma::message::part [dict get $known value] [::sorma::webDashboard::Setting $more -part] $index] 1] 0]
+                set value [lindex [lindex [::sorma::message::part [dict get $known value] [::sorma::shown::setting $more -part] $index] 1] 0]
             }
             lappend states [dict get $known state] [dict get $known why]
             lappend values [expr {[dict get $known state] eq "live" && [string is double -strict $value] ? [::sorma::json::number $value] : "null"}]
