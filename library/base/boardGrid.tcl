@@ -5,7 +5,7 @@
 package provide sorma::boardGrid 1.0
 
 namespace eval ::sorma::boardGrid {
-    variable Columns 24
+    variable columns 24
     variable Rows 12            ;# at least, however few parts there are
 }
 
@@ -18,18 +18,18 @@ proc ::sorma::boardGrid::overlap {a b} {
 
 # ::sorma::boardGrid::inside PLACE -- the place next to it that lies in the columns.
 proc ::sorma::boardGrid::inside place {
-    variable Columns
+    variable columns
     lassign $place x y width height
-    set width [expr {max(1, min($Columns, $width))}]
-    return [list [expr {max(0, min($Columns - $width, $x))}] [expr {max(0, $y)}] $width [expr {max(1, $height)}]]
+    set width [expr {max(1, min($columns, $width))}]
+    return [list [expr {max(0, min($columns - $width, $x))}] [expr {max(0, $y)}] $width [expr {max(1, $height)}]]
 }
 
 # ::sorma::boardGrid::changed PLACE DX DY DWIDTH DHEIGHT -- moved, or made larger to the right and below, as far as the columns reach.
 proc ::sorma::boardGrid::changed {place dx dy dw dh} {
-    variable Columns
+    variable columns
     lassign $place x y width height
     set x [expr {$x + $dx}]
-    return [inside [list $x [expr {$y + $dy}] [expr {$dw > 0 ? min($Columns - $x, $width + $dw) : $width + $dw}] [expr {$height + $dh}]]]
+    return [inside [list $x [expr {$y + $dy}] [expr {$dw > 0 ? min($columns - $x, $width + $dw) : $width + $dw}] [expr {$height + $dh}]]]
 }
 
 # ::sorma::boardGrid::settle PARTS NUMBER -- that part stays where it is; those below it give way downwards, and those below these.
@@ -62,9 +62,9 @@ proc ::sorma::boardGrid::Before {a b} {
 
 # ::sorma::boardGrid::free PARTS WIDTH HEIGHT -- the first place of that size where nothing is, row by row.
 proc ::sorma::boardGrid::free {parts width height} {
-    variable Columns
+    variable columns
     for {set y 0} 1 {incr y} {
-        for {set x 0} {$x + $width <= $Columns} {incr x} {
+        for {set x 0} {$x + $width <= $columns} {incr x} {
             set place [list $x $y $width $height]
             set taken 0
             foreach other [dict values $parts] {
@@ -85,19 +85,19 @@ proc ::sorma::boardGrid::rows parts {
 
 # ::sorma::boardGrid::pixels PLACE ROWS WIDTH HEIGHT GAP -- x, y, width and height in a window of that size, with a gap between two parts.
 proc ::sorma::boardGrid::pixels {place rows width height gap} {
-    variable Columns
+    variable columns
     lassign $place x y w h
-    set left [expr {round($x * ($width - $gap) / double($Columns)) + $gap}]
+    set left [expr {round($x * ($width - $gap) / double($columns)) + $gap}]
     set top [expr {round($y * ($height - $gap) / double($rows)) + $gap}]
-    set right [expr {round(($x + $w) * ($width - $gap) / double($Columns))}]
+    set right [expr {round(($x + $w) * ($width - $gap) / double($columns))}]
     set bottom [expr {round(($y + $h) * ($height - $gap) / double($rows))}]
     return [list $left $top [expr {max(1, $right - $left)}] [expr {max(1, $bottom - $top)}]]
 }
 
 # ::sorma::boardGrid::steps X Y ROWS WIDTH HEIGHT GAP -- so many pixels as columns and rows, with fractions.
 proc ::sorma::boardGrid::steps {x y rows width height gap} {
-    variable Columns
-    return [list [expr {$x * $Columns / double($width - $gap)}] [expr {$y * $rows / double($height - $gap)}]]
+    variable columns
+    return [list [expr {$x * $columns / double($width - $gap)}] [expr {$y * $rows / double($height - $gap)}]]
 }
 
 # ::sorma::boardGrid::part NAME WHAT FACTS -- what shows an option best: {KIND SETTINGS WIDTH HEIGHT}. FACTS as a subject has them.

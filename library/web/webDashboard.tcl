@@ -91,7 +91,7 @@ proc ::sorma::webDashboard::Request text {
 
 # A view belongs to the parts of the file as they were read. When the file has changed, a page that is opened anew gets another view.
 oo::class create ::sorma::webLive::dashboard {
-    superclass ::sorma::webLive::View
+    superclass ::sorma::webLive::view
     variable login name items
     variable parts              ;# list of {KIND SETTINGS}; the index is the number of a part
     variable uses               ;# dict: object -> numbers of parts that show an option of it, or have a button for it
@@ -136,7 +136,7 @@ oo::class create ::sorma::webLive::dashboard {
             lappend list [::sorma::json::object $facts]
         }
         my Put about [::sorma::json::object [list title [::sorma::json::text $which] error [::sorma::json::text $wrong] rows [::sorma::boardGrid::rows $places] \
-            columns $::sorma::boardGrid::Columns parts [::sorma::json::array $list]]]
+            columns $::sorma::boardGrid::columns parts [::sorma::json::array $list]]]
         dict for {what facts} $asks {
             my AskFor $what
         }
@@ -204,7 +204,7 @@ oo::class create ::sorma::webLive::dashboard {
         foreach object [dict keys $uses] {
             if {![dict exists $watches $object]} {
                 # Its daemon may be known in a moment.
-                if {[catch {::sorma::webLive::Watch new $login $object [list ::sorma::webLive::Call [self] Seen $object]} watch]} {
+                if {[catch {::sorma::webLive::watch new $login $object [list ::sorma::webLive::call [self] Seen $object]} watch]} {
                     my Seen $object stale $watch {}
                     continue
                 }
@@ -266,7 +266,7 @@ oo::class create ::sorma::webLive::dashboard {
             set state [expr {[string match "SORMA COMM*" $code] && ![string match "SORMA COMM DENIED*" $code] || $code eq {} ? "stale" : "refused"}]
             dict set replies $what [dict create state $state why $message \
                 value [expr {$state eq "stale" ? [dict get $replies $what value] : {}}]]
-            set ms [expr {max($ms, $::sorma::webLive::Patience)}]
+            set ms [expr {max($ms, $::sorma::webLive::patience)}]
         }
         foreach n [lsort -unique $numbers] {
             my Show $n

@@ -28,7 +28,7 @@ proc ::sorma::webGraph::begin {} {
 }
 
 oo::class create ::sorma::webLive::graph {
-    superclass ::sorma::webLive::View
+    superclass ::sorma::webLive::view
     variable login name items
     variable calls
 

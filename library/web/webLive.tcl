@@ -25,7 +25,7 @@ namespace eval ::sorma::webLive {
     variable Gather 20          ;# ms for which changes are gathered
     variable Pulse 1000         ;# ms between two questions
     variable Quiet 2000         ;# ms after which a tick is sent
-    variable Patience 3000      ;# ms until what was refused is asked for again
+    variable patience 3000      ;# ms until what was refused is asked for again
     variable Most 32            ;# streams of one login
     variable Largest 1000000    ;# characters of a table that is shown
     variable Pause 30000        ;# ms until a larger one is asked for again
@@ -70,7 +70,7 @@ proc ::sorma::webLive::Open {number request kind args} {
         dict set Views $key [::sorma::webLive::$kind new $login $what]
     }
     set view [dict get $Views $key]
-    ::sorma::web::stream $number $request [list ::sorma::webLive::Call $view drained $number] [list ::sorma::webLive::Left $key [dict values $pages] $number]
+    ::sorma::web::stream $number $request [list ::sorma::webLive::call $view drained $number] [list ::sorma::webLive::Left $key [dict values $pages] $number]
     dict for {object page} $pages {
         ::sorma::webGuard::opened $page $number [list $view dangers $object]
     }
@@ -92,8 +92,8 @@ proc ::sorma::webLive::Left {key pages number} {
     }
 }
 
-# Call a method, unless nobody looks any more.
-proc ::sorma::webLive::Call {view args} {
+# ::sorma::webLive::call VIEW METHOD ?ARG ...? -- unless nobody looks any more.
+proc ::sorma::webLive::call {view args} {
     if {[info object isa object $view]} {
         $view {*}$args
     }
@@ -110,7 +110,7 @@ proc ::sorma::webLive::short text {
 
 # ---- all views ----
 
-oo::class create ::sorma::webLive::View {
+oo::class create ::sorma::webLive::view {
     variable login name
     variable items              ;# dict: key -> JSON
     variable newest             ;# number of the last change
@@ -218,7 +218,7 @@ oo::class create ::sorma::webLive::View {
         }
     }
     method Ask {daemon request method args} {
-        ::sorma::world ask $daemon $request -as "web $login" -command [list ::sorma::webLive::Call [self] $method {*}$args]
+        ::sorma::world ask $daemon $request -as "web $login" -command [list ::sorma::webLive::call [self] $method {*}$args]
     }
     export Tell Pulse
 }
@@ -227,7 +227,7 @@ oo::class create ::sorma::webLive::View {
 
 # An object as one login may see it. It is asked for at each `look`, and at once after a change. PREFIX is called with STATE WHY TABLE. STATE is live,
 # gone, stale, refused or denied; only for live and gone is there a table, as DBX -describe gives it.
-oo::class create ::sorma::webLive::Watch {
+oo::class create ::sorma::webLive::watch {
     variable login name prefix object daemon token asking since again refused
 
     constructor {who what then} {
@@ -237,7 +237,7 @@ oo::class create ::sorma::webLive::Watch {
         lassign [::sorma::webRest::place $name] object daemon
         set asking [set again [set refused 0]]
         set since [clock milliseconds]
-        set token [::sorma::world watch [::sorma::text::escape $name] -events {object.*} -command [list ::sorma::webLive::Call [self] Changed]]
+        set token [::sorma::world watch [::sorma::text::escape $name] -events {object.*} -command [list ::sorma::webLive::call [self] Changed]]
     }
     destructor {
         ::sorma::timer::cancel [self].*
@@ -248,7 +248,7 @@ oo::class create ::sorma::webLive::Watch {
     }
     # A change while a question is under way is asked for again.
     method look {} {
-        if {$refused && [clock milliseconds] - $since < $::sorma::webLive::Patience} return
+        if {$refused && [clock milliseconds] - $since < $::sorma::webLive::patience} return
         if {$asking} {
             set again 1
             if {[clock milliseconds] - $since > 2000} {
@@ -259,7 +259,7 @@ oo::class create ::sorma::webLive::Watch {
         set asking 1
         set again 0
         set since [clock milliseconds]
-        ::sorma::world ask $daemon [list sorm DBX -describe $object] -as "web $login" -command [list ::sorma::webLive::Call [self] Answered]
+        ::sorma::world ask $daemon [list sorm DBX -describe $object] -as "web $login" -command [list ::sorma::webLive::call [self] Answered]
     }
     method Why {} {
         set facts [::sorma::world get $daemon]
@@ -282,7 +282,7 @@ oo::class create ::sorma::webLive::Watch {
         set size [string length $table]
         if {$size > $::sorma::webLive::Largest} {
             set refused 1
-            set since [expr {[clock milliseconds] + $::sorma::webLive::Pause - $::sorma::webLive::Patience}]
+            set since [expr {[clock milliseconds] + $::sorma::webLive::Pause - $::sorma::webLive::patience}]
             return [my Tell refused "its table has $size characters; a page shows at most $::sorma::webLive::Largest" {}]
         }
         if {[dict get $table exists]} {
@@ -298,7 +298,7 @@ oo::class create ::sorma::webLive::Watch {
 }
 
 oo::class create ::sorma::webLive::object {
-    superclass ::sorma::webLive::View
+    superclass ::sorma::webLive::view
     variable login name items
     variable watch help
     variable dangers            ;# dict: word -> danger
@@ -310,7 +310,7 @@ oo::class create ::sorma::webLive::object {
     }
     method Begin {} {
         set help [set dangers {}]
-        set watch [::sorma::webLive::Watch new $login $name [list ::sorma::webLive::Call [self] Seen]]
+        set watch [::sorma::webLive::watch new $login $name [list ::sorma::webLive::call [self] Seen]]
     }
     method End {} {
         $watch destroy
@@ -351,7 +351,7 @@ oo::class create ::sorma::webLive::object {
 # ---- all daemons ----
 
 oo::class create ::sorma::webLive::overview {
-    superclass ::sorma::webLive::View
+    superclass ::sorma::webLive::view
     variable login name items
     variable asking before
 
@@ -409,7 +409,7 @@ oo::class create ::sorma::webLive::overview {
 
 # Each daemon sends this login what it may see, and nothing else.
 oo::class create ::sorma::webLive::log {
-    superclass ::sorma::webLive::View
+    superclass ::sorma::webLive::view
     variable login name items
     variable listens last           ;# listens: dict: daemon -> token
 
@@ -428,7 +428,7 @@ oo::class create ::sorma::webLive::log {
     method Look {} {
         foreach key [::sorma::world keys] {
             if {$key ne "self" && ![dict exists $listens $key]} {
-                dict set listens $key [::sorma::world listen sorm@$key -event trail.* -queue 200 -as "web $login" -command [list ::sorma::webLive::Call [self] Heard $key]]
+                dict set listens $key [::sorma::world listen sorm@$key -event trail.* -queue 200 -as "web $login" -command [list ::sorma::webLive::call [self] Heard $key]]
             }
         }
         foreach key [dict keys $listens] {
