@@ -550,9 +550,9 @@ snit::widget ::sorma::console {
         set text [if {[$self Searches]} {
             $self SearchHint
         } elseif {$running && [$self input] eq {}} {
-            string cat "running; Escape gives it up"
+            ::msgcat::mc "running; Escape gives it up"
         } elseif {[$self input] eq {}} {
-            string cat "Tab completes, Up and Ctrl-R bring back what was typed, help tells what there is"
+            ::msgcat::mc "Tab completes, Up and Ctrl-R bring back what was typed, help tells what there is"
         } else {
             ::sorma::shell::hint {} [$self input] [$self Point]
         }]

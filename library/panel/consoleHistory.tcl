@@ -97,7 +97,7 @@ snit::macro ::sorma::consoleHistory {} {
         return [info exists wanted]
     }
     method SearchHint {} {
-        return "search: $wanted   (Ctrl-R: an older one, Return: take it, Escape: as it was)"
+        return [::msgcat::mc "search: %s   (Ctrl-R: an older one, Return: take it, Escape: as it was)" $wanted]
     }
     method EndSearch {} {
         if {![info exists wanted]} {

@@ -156,7 +156,7 @@ snit::widget ::sorma::entry {
             time { ttk::label $win.beside -width 20 }
             service {
                 ttk::button $win.beside -text "\u2192" -width 3 -command [mymethod Open]
-                ::sorma::style tip $win.beside "Opens its panel"
+                ::sorma::style tip $win.beside [::msgcat::mc "Opens its panel"]
             }
         }
         if {[winfo exists $win.beside]} {
@@ -476,7 +476,7 @@ snit::widget ::sorma::button {
         install button using ttk::button $win.button -command [mymethod invoke]
         install lamp using ttk::label $win.lamp -width 2 -anchor center
         ttk::button $win.cancel -text \u2715 -width 2 -style Toolbutton -command [mymethod cancel]
-        ::sorma::style tip $win.cancel "Cancel (Escape)"
+        ::sorma::style tip $win.cancel [::msgcat::mc "Cancel (Escape)"]
         pack $button -side left -fill x -expand 1
         pack $lamp -side left
         bind $button <Escape> [mymethod cancel]

@@ -476,10 +476,10 @@ snit::widget ::sorma::form {
                 } elseif {![string match -* $what]} {
                     ::sorma::parts::plotEntry $menu $name $what {*}[dict filter $settings key -part -index -every]
                 }
-                $menu add command -label "Panel of $name" -underline 0 -command [list ::sorma::window panel $name]
+                $menu add command -label [::msgcat::mc "Panel of %s" $name] -underline 0 -command [list ::sorma::window panel $name]
             }
             foreach {label script} [list "Move up" [mymethod move $n -1] "Move down" [mymethod move $n 1] Remove [mymethod remove $n]] {
-                $menu add command -label $label -command $script
+                $menu add command -label [::msgcat::mc $label] -command $script
             }
             $menu add separator
         }

@@ -116,7 +116,7 @@ snit::widget ::sorma::painter {
             lappend all $tools.swatch$n $tools.colour$n
         }
         ttk::radiobutton $tools.unknown -style [::sorma::style own TRadiobutton] -text [::msgcat::mc "unknown"] -underline 0 -variable [myvar colour] -value $Unknown
-        ttk::label $tools.brushText -text "Brush \[ \]"
+        ttk::label $tools.brushText -text [::msgcat::mc "Brush \[ \]"]
         ttk::label $tools.brush -textvariable [myvar options(-brush)] -width 3
         lappend all $tools.unknown $tools.brushText $tools.brush
         foreach {name text underline} {take "New picture" 0 undo "Undo (Ctrl-Z)" 11 learn Learn 0 save Save 0} {

@@ -247,7 +247,7 @@ snit::widget ::sorma::panel {
         if {$rows ne {}} {
             grid $win.apply
         } else {
-            $self None "the class has no options: nothing can be set"
+            $self None [::msgcat::mc "the class has no options: nothing can be set"]
         }
         $self Actions $table
         $self Laid
@@ -261,8 +261,8 @@ snit::widget ::sorma::panel {
         grid [ttk::label $inner.none -style Page.TLabel -text $text -wraplength [expr {max($room, [::sorma::style pixels 420])}] -justify left] -row 0 -column 0 -columnspan 3 -sticky w -padx [::sorma::style pixels 16] -pady [::sorma::style pixels 12]
     }
     method Empty {} {
-        $self None [if {[dict get [$subject get {}] state] eq "asking"} {string cat "asking \u2026"} else {
-            string cat "Nothing is known of [$subject name] yet. The panel fills itself as soon as the object answers."
+        $self None [if {[dict get [$subject get {}] state] eq "asking"} {::msgcat::mc "asking \u2026"} else {
+            ::msgcat::mc "Nothing is known of %s yet. The panel fills itself as soon as the object answers." [$subject name]
         }]
     }
     # The top says what holds for all fields; otherwise it says what the object is for.
@@ -398,7 +398,7 @@ snit::widget ::sorma::panel {
         set seenTimer [after idle [mymethod Look]]
         destroy $inner.none
         if {$first eq {}} {
-            $self None [expr {$wanted ne {} ? "no option has \"$wanted\" in its name or its help" : "all options are hidden: the menu of the right button shows them"}]
+            $self None [if {$wanted ne {}} {::msgcat::mc "no option has \"%s\" in its name or its help" $wanted} else {::msgcat::mc "all options are hidden: the menu of the right button shows them"}]
         }
     }
     method Scrolled {first last} {

@@ -76,7 +76,7 @@ snit::macro ::sorma::panelColumns {} {
         return $free
     }
     method Unfold {} {
-        $win.trail configure -text "[expr {$trailShown ? "\u25be" : "\u25b8"}] Trail"
+        $win.trail configure -text "[expr {$trailShown ? "\u25be" : "\u25b8"}] [::msgcat::mc Trail]"
         if {$trailShown && ![winfo exists $win.messages]} {
             set name [$subject name]
             ::sorma::trailview $win.messages -style Page.TFrame -keys [string map {* \\* ? \\? [ \\[} [if {[string first @ $name] < 0} {string cat $name@self} else {set name}]]

@@ -73,7 +73,7 @@ snit::macro ::sorma::panelFrames {} {
         ttk::frame $win.ask -style Card.TFrame -padding $inside
         ttk::label $win.ask.label
         ttk::entry $win.ask.entry -textvariable [myvar asked]
-        ttk::button $win.ask.ok -text OK
+        ttk::button $win.ask.ok -text [::msgcat::mc OK]
         pack $win.ask.label $win.ask.entry $win.ask.ok -side left -padx [list 0 $pad]
         pack configure $win.ask.entry -fill x -expand 1
         bind $win.ask.entry <Return> [list $win.ask.ok invoke]

@@ -178,8 +178,8 @@ proc ::sorma::parts::control window {
 # ::sorma::parts::fieldMenu MENU SUBJECT OPTION CAN -- what is done to an option. CAN: it may be changed.
 proc ::sorma::parts::fieldMenu {menu subject option can} {
     set edited [expr {$option in [$subject edited] ? "normal" : "disabled"}]
-    $menu add command -label "Apply $option" -underline 0 -state [expr {$can ? $edited : "disabled"}] -command [list $subject apply $option]
-    $menu add command -label "Revert $option" -underline 0 -state $edited -command [list $subject revert $option]
+    $menu add command -label [::msgcat::mc "Apply %s" $option] -underline 0 -state [expr {$can ? $edited : "disabled"}] -command [list $subject apply $option]
+    $menu add command -label [::msgcat::mc "Revert %s" $option] -underline 0 -state $edited -command [list $subject revert $option]
     $menu add separator
     $menu add command -label [::msgcat::mc "Copy as a request"] -underline 0 -command [list ::sorma::parts::copy $menu $subject $option]
     $menu add command -label [::msgcat::mc "On a dashboard"] -underline 5 -command [list ::sorma::window offer [$subject name] $option]

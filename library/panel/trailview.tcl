@@ -46,7 +46,7 @@ snit::widget ::sorma::trailview {
             -selectmode extended -yscrollcommand [list $win.bar set]
         ttk::scrollbar $win.bar -style [expr {[$hull cget -style] eq "Page.TFrame" ? "Page." : {}}][::sorma::style own Vertical.TScrollbar] -command [list $tree yview]
         foreach {column title width stretch} {mark {} 24 0 time Time 100 0 object Object 130 0 text Message 360 1} {
-            $tree heading $column -text $title -anchor w
+            $tree heading $column -text [::msgcat::mc $title] -anchor w
             $tree column $column -width [::sorma::style pixels $width] -stretch $stretch
         }
         bind $win <<ThemeChanged>> [mymethod Enable]
