@@ -6,8 +6,7 @@ package require sorma::scpiLink
 package provide sorma::scpiPort 1.0
 
 namespace eval ::sorma::scpiPort {
-    variable Lines {}           ;# dict: channel -> dict: id of the link, input, busy
-    variable MostLines 64
+    variable MostLines 64       ;# connections
     variable MostInput 65536    ;# bytes of a line
     variable MostOutput 1048576 ;# bytes that a client has not read
 }
@@ -25,75 +24,76 @@ proc ::sorma::scpiPort::listen {port {address 127.0.0.1}} {
 }
 
 proc ::sorma::scpiPort::Accept {channel args} {
-    variable Lines
     variable MostLines
-    if {[dict size $Lines] >= $MostLines} {
+    if {[llength [info class instances ::sorma::scpiPort::line]] >= $MostLines} {
         return [close $channel]
     }
-    chan configure $channel -blocking 0 -translation binary
-    dict set Lines $channel [dict create id [::sorma::scpiLink open $channel] input {} busy 0]
-    chan event $channel readable [list ::sorma::scpiPort::Hear $channel]
+    ::sorma::scpiPort::line new $channel
 }
 
-proc ::sorma::scpiPort::HangUp channel {
-    variable Lines
-    if {[dict exists $Lines $channel]} {
-        ::sorma::scpiLink close [dict get $Lines $channel id]
-        dict unset Lines $channel
-    }
-    catch {close $channel}
-}
-
-proc ::sorma::scpiPort::Hear channel {
-    variable Lines
-    variable MostInput
-    if {[catch {read $channel 16384} piece] || [eof $channel]} {
-        return [HangUp $channel]
-    }
-    set input [dict get $Lines $channel input]$piece
-    dict set Lines $channel input $input
-    if {![dict get $Lines $channel busy]} {
-        Next $channel
-    } elseif {[string length $input] > $MostInput} {
-        # One that only sends waits.
-        chan event $channel readable {}
+# A connection, unless it has ended meanwhile, goes on.
+proc ::sorma::scpiPort::Go line {
+    if {[info object isa object $line]} {
+        $line go
     }
 }
 
-# Execute the next line, if it is there.
-proc ::sorma::scpiPort::Next channel {
-    variable Lines
-    variable MostInput
-    if {![dict exists $Lines $channel]} return
-    set input [dict get $Lines $channel input]
-    set size [::sorma::scpiLink first $input]
-    if {$size > 0} {
-        dict set Lines $channel busy 1
-        dict set Lines $channel input [string range $input $size end]
-        return [::sorma::scpiLink message [dict get $Lines $channel id] [string range $input 0 $size-1] [list ::sorma::scpiPort::Answered $channel]]
-    }
-    dict set Lines $channel busy 0
-    if {[string length $input] > $MostInput} {
-        Say $channel "-363,\"Input buffer overrun\"\n"
-        return [HangUp $channel]
-    }
-    chan event $channel readable [list ::sorma::scpiPort::Hear $channel]
-}
+oo::class create ::sorma::scpiPort::line {
+    variable Channel Id         ;# its channel and its link
+    variable Input              ;# bytes that have come and were not executed
+    variable Busy               ;# a line is executed
 
-proc ::sorma::scpiPort::Answered {channel answer} {
-    variable Lines
-    if {![Say $channel $answer]} {
-        return [HangUp $channel]
+    constructor channel {
+        set Channel $channel
+        set Id [::sorma::scpiLink open $channel]
+        set Input {}
+        set Busy 0
+        chan configure $Channel -blocking 0 -translation binary
+        my Listen
     }
-    if {[dict get $Lines $channel input] eq {}} {
-        return [Next $channel]
+    destructor {
+        ::sorma::scpiLink close $Id
+        catch {close $Channel}
     }
-    # Others come first.
-    after 0 [list ::sorma::scpiPort::Next $channel]
-}
-
-# False: it cannot be sent, or the client does not read.
-proc ::sorma::scpiPort::Say {channel text} {
-    variable MostOutput
-    return [expr {$text eq {} || ![catch {puts -nonewline $channel $text; flush $channel}] && [chan pending output $channel] <= $MostOutput}]
+    method Listen {} { chan event $Channel readable [namespace code {my Hear}] }
+    method Hear {} {
+        if {[catch {read $Channel 16384} piece] || [eof $Channel]} {
+            return [my destroy]
+        }
+        append Input $piece
+        if {!$Busy} {
+            my go
+        } elseif {[string length $Input] > $::sorma::scpiPort::MostInput} {
+            # One that only sends waits.
+            chan event $Channel readable {}
+        }
+    }
+    # Execute the next line, if it is there.
+    method go {} {
+        set size [::sorma::scpiLink first $Input]
+        set Busy [expr {$size > 0}]
+        if {$Busy} {
+            set line [string range $Input 0 $size-1]
+            set Input [string range $Input $size end]
+            ::sorma::scpiLink message $Id $line [namespace code {my Answered}]
+        } elseif {[string length $Input] <= $::sorma::scpiPort::MostInput} {
+            my Listen
+        } else {
+            my Say "-363,\"Input buffer overrun\"\n"
+            my destroy
+        }
+    }
+    method Answered answer {
+        if {![my Say $answer]} {
+            my destroy
+        } elseif {$Input eq {}} {
+            my go
+        } else {
+            after 0 [list ::sorma::scpiPort::Go [self]]         ;# others come first
+        }
+    }
+    # False: it cannot be sent, or the client does not read.
+    method Say text {
+        return [expr {$text eq {} || ![catch {puts -nonewline $Channel $text; flush $Channel}] && [chan pending output $Channel] <= $::sorma::scpiPort::MostOutput}]
+    }
 }
