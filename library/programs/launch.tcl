@@ -27,20 +27,6 @@ proc ::sorma::launch::ControlMap {} {
 
 namespace eval ::sorma::launch {
     variable Flags {--times flag  --only {{collect {the name of a daemon}}}  --until-eof flag  --ready flag  --check flag  --list flag  --keys flag  --options flag}
-    variable Daemons {}     ;# dict: name, or name and host -> object of class Daemon, in the order of the file
-    variable Started {}     ;# names in the order in which they were started first
-    variable Told {}        ;# dict: name -> 1, once it has been said that it is ready
-    variable Times 0        ;# does each line begin with the time?
-    variable Shown stdout   ;# channel of what is for people
-    variable Tells 0        ;# is a program told when all are ready?
-    variable Complete 0     ;# have all been ready?
-    variable Stopping 0     ;# 1: asked to end, 2: asked again
-    variable Unheard 0      ;# it stops because standard input has ended: a signal is the first one
-    variable Code 0         ;# of the program
-    variable Done           ;# set at the end
-    variable Width 1        ;# of the names that stand before lines
-    variable Colours {}     ;# those for names; empty without a terminal
-    variable Visible [ControlMap]   ;# control characters -> what is shown in their place
 }
 
 # ::sorma::launch::main --
@@ -63,9 +49,6 @@ proc ::sorma::launch::Main {settings words} {
     if {${--options}} {
         return [puts [::sorma::usage::listed sorma-launch {THE FILE}]]
     }
-    variable Times ${--times}
-    variable Tells ${--ready}
-    variable Shown [expr {$Tells ? "stderr" : "stdout"}]
     set file [lindex $words 0]
     try {
         set daemons [::sorma::launchFile::read $file]
@@ -93,11 +76,7 @@ proc ::sorma::launch::Main {settings words} {
     } elseif {${--keys}} {
         return [BringKeys $file $daemons]
     }
-    if {${--until-eof}} {
-        fconfigure stdin -blocking 0
-        fileevent stdin readable ::sorma::launch::Input
-    }
-    return [Run $daemons]
+    return [[Launcher new ${--times} ${--ready}] run $daemons ${--until-eof}]
 }
 
 # ---- --check and --list ----
@@ -200,231 +179,235 @@ proc ::sorma::launch::Running {} {
 
 # ---- the whole ----
 
-proc ::sorma::launch::Run daemons {
-    variable Daemons
-    variable Width
-    variable Colours
-    variable Code
-    variable Done
-    variable Shown
-    set running [dict filter [Running] script {name state} {expr {![string match listed,* $state]}}]     ;# on this host
-    set refused 0
-    set members [members $daemons]
-    dict for {name settings} $members {
-        set as [dict get $settings as]
-        if {[Local $settings] && [dict exists $running $as]} {
-            Complain "[dict get $settings place]: daemon $as is running already ([dict get $running $as]);\
-                end it, or choose another name"
-            set refused 1
+oo::class create ::sorma::launch::Launcher {
+    superclass ::sorma::launch::lines
+    variable Daemons        ;# dict: name, or name and host -> object of class Daemon, in the order of the file
+    variable Started        ;# names in the order in which they were started first
+    variable Told           ;# dict: name -> 1, once it has been said that it is ready
+    variable Times          ;# does each line begin with the time?
+    variable Shown          ;# channel of what is for people
+    variable Tells          ;# is a program told when all are ready?
+    variable Complete       ;# have all been ready?
+    variable Stopping       ;# 1: asked to end, 2: asked again
+    variable Unheard        ;# it stops because standard input has ended: a signal is the first one
+    variable Code           ;# of the program
+    variable Done           ;# set at the end
+    variable Width          ;# of the names that stand before lines
+    variable Colours        ;# those for names; empty without a terminal
+    variable Visible        ;# control characters -> what is shown in their place
+
+    constructor {times tells} {
+        namespace path [list {*}[namespace path] ::sorma::launch]
+        next
+        set Times $times
+        set Tells $tells
+        set Shown [expr {$tells ? "stderr" : "stdout"}]
+        set Daemons [set Started [set Told [set Colours {}]]]
+        set Complete [set Stopping [set Unheard [set Code 0]]]
+        set Width 1
+        set Visible [ControlMap]
+    }
+
+    # Start all, and wait for the end. untilEof: they end with standard input, too. Returns the exit code.
+    method run {daemons untilEof} {
+        set running [dict filter [Running] script {name state} {expr {![string match listed,* $state]}}]     ;# on this host
+        set refused 0
+        set members [members $daemons]
+        dict for {name settings} $members {
+            set as [dict get $settings as]
+            if {[Local $settings] && [dict exists $running $as]} {
+                my Complain "[dict get $settings place]: daemon $as is running already ([dict get $running $as]);\
+                    end it, or choose another name"
+                set refused 1
+            }
         }
-    }
-    if {$refused} {
-        return 1
-    }
-    if {[Terminal $Shown]} {
-        set Colours {36 32 33 35 34 96 92 95}
-    }
-    set Width [tcl::mathfunc::max {*}[lmap name [dict keys $members] {string length $name}]]
-    fconfigure $Shown -buffering line
-    interp bgerror {} ::sorma::launch::Unexpected
-    ::sorma::atSignal ::sorma::launch::Signalled HUP
-    group $daemons
-    dict for {name settings} $members {
-        dict set Daemons $name [Daemon new $name $settings]
-    }
-    startDue
-    if {![info exists Done]} {
-        vwait ::sorma::launch::Done
-    }
-    catch {flush $Shown}
-    return $Code
-}
-
-proc ::sorma::launch::Unexpected {message options} {
-    variable Code 1
-    Complain "unexpected: [dict get $options -errorinfo]"
-    Stop
-}
-
-proc ::sorma::launch::Signalled {} {
-    variable Stopping
-    variable Daemons
-    variable Colours
-    if {[llength $Colours] > 0} {
-        catch {puts -nonewline $::sorma::launch::Shown "\r\x1b\[K"}      ;# over the ^C that the terminal has shown
-    }
-    variable Unheard
-    if {!$Stopping || $Unheard} {
-        set Unheard 0
-        say * "told to end; once more kills what still runs"
-        Stop
-    } elseif {$Stopping == 1} {
-        set Stopping 2
-        say * "told to end once more"
-        foreach daemon [dict values $Daemons] {
-            $daemon kill
+        if {$refused} {
+            return 1
         }
-    }
-}
-
-# When the starter of this program ends in any way, all daemons end.
-proc ::sorma::launch::Input {} {
-    if {[catch {read stdin}] || [eof stdin]} {
-        fileevent stdin readable {}
-        variable Unheard 1
-        say * "standard input has ended"
-        Stop
-    }
-}
-
-# Start those whose turn it is. Called whenever one has got ready.
-proc ::sorma::launch::startDue {} {
-    variable Daemons
-    variable Complete
-    variable Started
-    variable Stopping
-    dict for {name daemon} $Daemons {
-        if {[$daemon state] eq "waiting" && !$Stopping && [allReady [$daemon after]]} {
-            lappend Started $name
-            $daemon start
+        if {[Terminal $Shown]} {
+            set Colours {36 32 33 35 34 96 92 95}
         }
+        set Width [tcl::mathfunc::max {*}[lmap name [dict keys $members] {string length $name}]]
+        fconfigure $Shown -buffering line
+        if {$untilEof} {
+            fconfigure stdin -blocking 0
+            fileevent stdin readable [namespace code {my Input}]
+        }
+        interp bgerror {} [namespace code {my Unexpected}]
+        ::sorma::atSignal [namespace code {my Signalled}] HUP
+        my group $daemons
+        dict for {name settings} $members {
+            dict set Daemons $name [Daemon new [self] $name $settings]
+        }
+        my startDue
+        if {![info exists Done]} {
+            vwait [my varname Done]
+        }
+        catch {flush $Shown}
+        return $Code
     }
-    if {!$Complete && !$Stopping && [allSettled]} {
-        set Complete 1
-        say * "ready: [join [lmap {name daemon} $Daemons {if {[$daemon state] ne "ready"} continue; set name}] { }]"
-        variable Tells
-        if {$Tells} {
-            catch {
-                puts ready
-                flush stdout
+
+    method Unexpected {message options} {
+        set Code 1
+        my Complain "unexpected: [dict get $options -errorinfo]"
+        my Stop
+    }
+
+    method Signalled {} {
+        if {[llength $Colours] > 0} {
+            catch {puts -nonewline $Shown "\r\x1b\[K"}      ;# over the ^C that the terminal has shown
+        }
+        if {!$Stopping || $Unheard} {
+            set Unheard 0
+            my say * "told to end; once more kills what still runs"
+            my Stop
+        } elseif {$Stopping == 1} {
+            set Stopping 2
+            my say * "told to end once more"
+            foreach daemon [dict values $Daemons] {
+                $daemon kill
             }
         }
     }
-}
 
-proc ::sorma::launch::gotReady {name took role} {
-    variable Daemons
-    if {[[dict get $Daemons $name] state] eq "ready"} {     ;# it may have ended in the same breath
-        dict set ::sorma::launch::Told $name 1
-        say * "$name is ready after $took s[if {$role eq "standby"} {string cat ", and stands by"}]"
-        expectOwner $name
-        startDue
+    # When the starter of this program ends in any way, all daemons end.
+    method Input {} {
+        if {[catch {read stdin}] || [eof stdin]} {
+            fileevent stdin readable {}
+            set Unheard 1
+            my say * "standard input has ended"
+            my Stop
+        }
     }
-}
 
-# A daemon has ended and is not started again. At the beginning nothing is complete without it; later the others go on, unless it was
-# essential.
-proc ::sorma::launch::gone {name failed essential message last} {
-    variable Code
-    variable Complete
-    variable Stopping
-    if {$failed || $essential || !$Complete} {
+    # Start those whose turn it is. Called whenever one has got ready.
+    method startDue {} {
+        dict for {name daemon} $Daemons {
+            if {[$daemon state] eq "waiting" && !$Stopping && [my allReady [$daemon after]]} {
+                lappend Started $name
+                $daemon start
+            }
+        }
+        if {!$Complete && !$Stopping && [my allSettled]} {
+            set Complete 1
+            my say * "ready: [join [lmap {name daemon} $Daemons {if {[$daemon state] ne "ready"} continue; set name}] { }]"
+            if {$Tells} {
+                catch {
+                    puts ready
+                    flush stdout
+                }
+            }
+        }
+    }
+
+    method gotReady {name took role} {
+        if {[[dict get $Daemons $name] state] eq "ready"} {     ;# it may have ended in the same breath
+            dict set Told $name 1
+            my say * "$name is ready after $took s[if {$role eq "standby"} {string cat ", and stands by"}]"
+            my expectOwner $name
+            my startDue
+        }
+    }
+
+    # A daemon has ended and is not started again. At the beginning nothing is complete without it; later the others go on, unless it was
+    # essential.
+    method gone {name failed essential message last} {
+        if {$failed || $essential || !$Complete} {
+            set Code 1
+        }
+        set others [my partners $name]
+        if {[llength $others] > 0} {
+            my say * "$message[if {[llength $last] > 0} {string cat ": " [lindex $last end]}]; [join $others {, }] [expr {[llength $others] == 1 ? "goes" : "go"}] on" 31
+            my startDue
+            my goOn
+            return
+        }
+        if {$Complete && !$essential} {
+            my say * [expr {$failed ? "$message; the others go on" : "$name has ended"}] [expr {$failed ? 31 : {}}]
+        } else {
+            if {[llength $last] > 0} {
+                append message "; it said last:\n[join [lmap line $last {string cat "    " $line}] \n]"
+            }
+            my Complain $message
+            set Stopping 1
+        }
+        my goOn
+    }
+
+    # End all, the last one started first: each when the one before has ended.
+    method Stop {} {
+        if {!$Stopping} {
+            set Stopping 1
+            my goOn
+        }
+    }
+
+    # One has ended: go on with the next that has to end. Nothing is left to do when there is none.
+    method goOn {} {
+        if {$Stopping} {
+            foreach name [my stopOrder $Started] {
+                if {[[dict get $Daemons $name] stop]} {
+                    return
+                }
+            }
+        } else {
+            foreach daemon [dict values $Daemons] {
+                if {[$daemon state] ne "ended"} {
+                    return
+                }
+            }
+        }
+        my say * "all have ended"
+        set Done 1
+    }
+
+    # Is all to end? 1: asked to, 2: asked again.
+    method stopping {} {
+        return $Stopping
+    }
+
+    # The program has failed.
+    method failed {} {
         set Code 1
     }
-    set others [partners $name]
-    if {[llength $others] > 0} {
-        say * "$message[if {[llength $last] > 0} {string cat ": " [lindex $last end]}]; [join $others {, }] [expr {[llength $others] == 1 ? "goes" : "go"}] on" 31
-        startDue
-        goOn
-        return
-    }
-    if {$Complete && !$essential} {
-        say * [expr {$failed ? "$message; the others go on" : "$name has ended"}] [expr {$failed ? 31 : {}}]
-    } else {
-        if {[llength $last] > 0} {
-            append message "; it said last:\n[join [lmap line $last {string cat "    " $line}] \n]"
+
+    # ---- what is shown ----
+
+    # A line, behind the name it is about; * is the launcher itself. mark: "|", or ":" when the line goes on.
+    method say {name line {colour {}} {mark |}} {
+        set head [format "%*s %s" $Width $name $mark]
+        if {$Times} {
+            set head "[::sorma::text::time [clock microseconds]] $head"
         }
-        Complain $message
-        set Stopping 1
-    }
-    goOn
-}
-
-# End all, the last one started first: each when the one before has ended.
-proc ::sorma::launch::Stop {} {
-    variable Stopping
-    if {!$Stopping} {
-        set Stopping 1
-        goOn
-    }
-}
-
-# One has ended: go on with the next that has to end. Nothing is left to do when there is none.
-proc ::sorma::launch::goOn {} {
-    variable Daemons
-    variable Started
-    variable Stopping
-    variable Done
-    if {$Stopping} {
-        foreach name [stopOrder $Started] {
-            if {[[dict get $Daemons $name] stop]} {
-                return
+        set line [string map $Visible $line]
+        if {[llength $Colours] > 0} {
+            set index [lsearch -exact [dict keys $Daemons] $name]
+            set paint [expr {$index < 0 ? 1 : [lindex $Colours [expr {$index % [llength $Colours]}]]}]
+            set head "\x1b\[${paint}m$head\x1b\[0m"
+            if {$colour ne {}} {
+                set line "\x1b\[${colour}m$line\x1b\[0m"
             }
         }
-    } else {
-        foreach daemon [dict values $Daemons] {
-            if {[$daemon state] ne "ended"} {
-                return
-            }
+        try {
+            puts $Shown "$head $line"
+        } trap {POSIX EPIPE} {} - trap {POSIX EIO} {} {
+            after 0 [namespace code {my Stop}]           ;# the reader of our output has ended
+        } on error {} {
+            # for example a full disk: that is no reason to end the daemons
         }
     }
-    say * "all have ended"
-    set Done 1
-}
 
-# Is all to end? 1: asked to, 2: asked again.
-proc ::sorma::launch::stopping {} {
-    variable Stopping
-    return $Stopping
-}
-
-# The program has failed.
-proc ::sorma::launch::failed {} {
-    variable Code 1
-}
-
-# ---- what is shown ----
-
-# A line, behind the name it is about; * is the launcher itself. mark: "|", or ":" when the line goes on.
-proc ::sorma::launch::say {name line {colour {}} {mark |}} {
-    variable Width
-    variable Colours
-    variable Daemons
-    variable Visible
-    variable Times
-    variable Shown
-    set head [format "%*s %s" $Width $name $mark]
-    if {$Times} {
-        set head "[::sorma::text::time [clock microseconds]] $head"
-    }
-    set line [string map $Visible $line]
-    if {[llength $Colours] > 0} {
-        set index [lsearch -exact [dict keys $Daemons] $name]
-        set paint [expr {$index < 0 ? 1 : [lindex $Colours [expr {$index % [llength $Colours]}]]}]
-        set head "\x1b\[${paint}m$head\x1b\[0m"
-        if {$colour ne {}} {
-            set line "\x1b\[${colour}m$line\x1b\[0m"
+    method Complain message {
+        set message [join [lmap line [split $message \n] {string map $Visible $line}] \n]
+        set message "sorma-launch: $message"
+        if {[Terminal stderr]} {
+            set message "\x1b\[31m$message\x1b\[0m"
         }
-    }
-    try {
-        puts $Shown "$head $line"
-    } trap {POSIX EPIPE} {} - trap {POSIX EIO} {} {
-        after 0 ::sorma::launch::Stop           ;# the reader of our output has ended
-    } on error {} {
-        # for example a full disk: that is no reason to end the daemons
+        catch {flush $Shown}
+        catch {puts stderr $message}
     }
 }
 
-proc ::sorma::launch::Complain message {
-    variable Visible
-    set message [join [lmap line [split $message \n] {string map $Visible $line}] \n]
-    set message "sorma-launch: $message"
-    if {[Terminal stderr]} {
-        set message "\x1b\[31m$message\x1b\[0m"
-    }
-    catch {flush $::sorma::launch::Shown}
-    catch {puts stderr $message}
-}
 
 # May colours be used there?
 proc ::sorma::launch::Terminal channel {

@@ -13,6 +13,7 @@ namespace eval ::sorma::launch {
 }
 
 oo::class create ::sorma::launch::Daemon {
+    variable Launcher
     variable Name
     variable Settings       ;# as launchFile::read gives them
     variable State
@@ -29,8 +30,9 @@ oo::class create ::sorma::launch::Daemon {
     variable As             ;# the name that it serves; Name is what it is called here
     variable Role           ;# what it has said since it was started: {} nothing yet; standby; ready; former: another one has the name
 
-    constructor {name settings} {
+    constructor {launcher name settings} {
         namespace path ::sorma::launch
+        set Launcher $launcher
         set Name $name
         set Settings $settings
         set As [dict get $settings as]
@@ -90,7 +92,7 @@ oo::class create ::sorma::launch::Daemon {
         fconfigure $Pipe -blocking 0 -encoding utf-8 -translation lf
         catch {fconfigure $Pipe -profile replace}       ;# Tcl 9 is strict otherwise
         fileevent $Pipe readable [namespace code {my Readable}]
-        say * "$Name is started$where, process $Pid"
+        $Launcher say * "$Name is started$where, process $Pid"
         my Later [dict get $Settings -ready] Late
         ::sorma::AtEnd $Pid [namespace code {my Ended}]
     }
@@ -125,7 +127,7 @@ oo::class create ::sorma::launch::Daemon {
         }
         for {set at 0} {$at == 0 || $at < [string length $line]} {incr at $longest} {
             set piece [string range $line $at [expr {$at + $longest - 1}]]
-            say $Name $piece {} $Marks
+            $Launcher say $Name $piece {} $Marks
             set Marks :
             set Last [lrange [list {*}$Last [string range $piece 0 199]] end-9 end]
         }
@@ -145,7 +147,7 @@ oo::class create ::sorma::launch::Daemon {
             return
         }
         if {$role eq "ready" && $was eq "standby"} {
-            takesOver $Name
+            $Launcher takesOver $Name
         }
         my Ready $line
     }
@@ -176,7 +178,7 @@ oo::class create ::sorma::launch::Daemon {
     # Without its socket here it is ready, too, for callers that reach it by TCP.
     method Forwarded {here {why {}}} {
         if {!$here} {
-            say * "$Name: its socket is not to be had on this host: $why" 33
+            $Launcher say * "$Name: its socket is not to be had on this host: $why" 33
             my EndForward
         }
         if {$State eq "starting"} {
@@ -196,7 +198,7 @@ oo::class create ::sorma::launch::Daemon {
         set State ready
         set took [format %.1f [expr {([clock milliseconds] - $Begun) / 1000.0}]]
         set Begun [clock milliseconds]
-        after 0 [list ::sorma::launch::gotReady $Name $took $Role]  ;# when its line has been shown
+        after 0 [list $Launcher gotReady $Name $took $Role]  ;# when its line has been shown
     }
 
     method Late {} {
@@ -243,9 +245,9 @@ oo::class create ::sorma::launch::Daemon {
     method Over {how failed} {
         set was $State
         set Role {}
-        if {[stopping]} {
+        if {[$Launcher stopping]} {
             set State ended
-            if {$Killed && [stopping] == 1} {
+            if {$Killed && [$Launcher stopping] == 1} {
                 set how "did not end in [dict get $Settings -grace] s and was killed"
             }
             if {$how eq "was killed by SIGTERM"} {      ;# as it was asked to
@@ -253,10 +255,10 @@ oo::class create ::sorma::launch::Daemon {
                 set failed 0
             }
             if {$failed} {
-                failed
+                $Launcher failed
             }
-            say * "$Name $how" [expr {$failed ? 31 : {}}]
-            goOn
+            $Launcher say * "$Name $how" [expr {$failed ? 31 : {}}]
+            $Launcher goOn
             return
         }
         switch -- $was {
@@ -279,9 +281,9 @@ oo::class create ::sorma::launch::Daemon {
             incr Restarts
             set State pausing
             set how "$how; restart $Restarts of [dict get $Settings -limit] in $pause s"
-            say * "$Name $how" [expr {$failed ? 31 : {}}]
+            $Launcher say * "$Name $how" [expr {$failed ? 31 : {}}]
             my Later $pause start
-            after 0 ::sorma::launch::startDue           ;# perhaps nobody waits for it
+            after 0 [list $Launcher startDue]           ;# perhaps nobody waits for it
             return
         }
         set State ended
@@ -291,7 +293,7 @@ oo::class create ::sorma::launch::Daemon {
                 append how ", and was restarted $Restarts times in vain"
             }
         }
-        gone $Name $failed [dict get $Settings -essential] "[dict get $Settings place]: daemon $Name $how" $Last
+        $Launcher gone $Name $failed [dict get $Settings -essential] "[dict get $Settings place]: daemon $Name $how" $Last
     }
 
     # ---- the end ----
