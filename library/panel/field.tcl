@@ -5,6 +5,7 @@
 # They show values of a subject, and give all input to it. None of them asks anybody, and none of them waits.
 
 package require sorma::parts
+package require sorma::table
 package require sorma::text
 package provide sorma::field 1.0
 
@@ -110,7 +111,7 @@ snit::macro ::sorma::typedParts {} {
     }
     # A text is in the colour of a warning or an alarm when it is a number outside the limits.
     method Paint {window shown} {
-        $window configure -foreground [::sorma::style colour [::sorma::subject zone [dict get $facts hints] $shown]]
+        $window configure -foreground [::sorma::style colour [::sorma::table::zone [dict get $facts hints] $shown]]
     }
 }
 

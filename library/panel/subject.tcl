@@ -16,7 +16,7 @@ package require sorma::table
 package provide sorma::subject 1.0
 
 namespace eval ::sorma::subject {
-    namespace export of zone
+    namespace export of
     namespace ensemble create
     variable Subjects           ;# dict: NAME -> object
     if {![info exists Subjects]} {
@@ -37,11 +37,6 @@ proc ::sorma::subject::of {name args} {
     set subject [dict get $Subjects $name]
     $subject take $live
     return $subject
-}
-
-# ::sorma::subject zone HINTS VALUE -- where a value is: live, warn or alarm. See table.tcl.
-proc ::sorma::subject::zone {hints value} {
-    return [::sorma::table::zone $hints $value]
 }
 
 # An answer for a subject, unless the subject was destroyed meanwhile.
@@ -298,7 +293,7 @@ oo::define ::sorma::subject::Subject {
         set told [my get $option]
         set hints [dict get [my option $option] hints]
         set state [dict get $told state]
-        set zone [::sorma::subject::zone $hints [dict get $told live]]
+        set zone [::sorma::table::zone $hints [dict get $told live]]
         if {$state eq "theirs"} {
             set by [expr {[dict get $told by] ne {} ? [dict get $told by] : "somebody"}]
             set at [clock format [expr {[dict get $told at] / 1000}] -format %H:%M:%S]
