@@ -68,7 +68,7 @@ proc ::sorma::scott::Run {settings words} {
     return [Piped]
 }
 
-# What the last word of a command line may be. It comes from where that of the prompt comes from. Names of files are the shell's.
+# Candidates for the last word of a command line. They come from where those of the prompt come from. Names of files are the shell's.
 proc ::sorma::scott::Complete words {
     package require sorma::complete
     set partial [lindex $words end]

@@ -1,8 +1,8 @@
 # shown.tcl -- what is shown of a value: by widgets that are only looked at, and by parts of dashboards in a window and in a browser. It knows no
 # window.
 #
-# SETTINGS: options of the part, a dict; an empty one was not given. TOLD: a dict of state (live, or why the value is none of now), why and value; of an
-# option also unit, low, high and hints, as sorma::table has them. Each command returns a dict of state, why and text; and of
+# SETTINGS is a dict of the part's options; an empty one was not given. TOLD is a dict of state, why and value. The state is live, or says why the value is
+# not that of now. Of an option it also has unit, low, high and hints, as sorma::table has them. Each command returns a dict of state, why and text; and of
 #
 #     display     unit            alarm and warn are states, too
 #     meter       unit part       the same; part: of the bar, 0 to 1
