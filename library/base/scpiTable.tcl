@@ -83,6 +83,10 @@ proc ::sorma::scpiTable::setting {row value} {
     return [if {[string match {[:*]*} $part]} {set part} else {string cat : $part}]
 }
 
+proc ::sorma::scpiTable::question row {
+    return [dict get $row get]
+}
+
 proc ::sorma::scpiTable::value {row answer} {
     variable Number
     switch -- [dict get $row type] {
