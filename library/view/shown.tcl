@@ -2,7 +2,7 @@
 # window.
 #
 # SETTINGS is a dict of the part's options; an empty one was not given. TOLD is a dict of state, why and value. The state is live, or says why the value is
-# not that of now. Of an option it also has unit, low, high and hints, as sorma::table has them. Each command returns a dict of state, why and text; and of
+# not that of now. It also has unit, low, high and hints of an option, as sorma::table has them. Each command returns a dict of state, why and text; and of
 #
 #     display     unit            alarm and warn are states, too
 #     meter       unit part       the same; part: of the bar, 0 to 1
