@@ -1,5 +1,8 @@
 # packages.tcl -- which files of this folder are packages: those who need one another require them.
 
+# Before them: Tcl's search for a package that it does not know yet reads all indexes again, and a class `sight` is in that of sorma, too.
+package require fileutil
+
 apply {folder {
     foreach {file packages} {
         tokens checkers::tokens   game checkers::game   repair checkers::repair   hands checkers::hands   ponder checkers::ponder   clock checkers::clock
