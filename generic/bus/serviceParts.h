@@ -107,6 +107,7 @@ struct Service::Applying {
     std::vector<Record::KeptSource> sources;    // of each value
     std::vector<const Option*> options;     // of the values, each once; apply() finds them
     bool birth = false;                     // the recipe: there were no values before
+    bool more = false;                      // actions follow, before ticks go on
     std::vector<Record::Undo> before;       // the values so far
     Commit commit = nullptr;
     std::optional<BetweenTicks> between = std::nullopt;     // set when the slow part is done

@@ -220,6 +220,7 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, M
                                                   birth ? *origins[i] : Origin{}, origins[i]->author, by, shown, now,
                                                   heapOf(a.values[i].value)});
         a.birth = birth;
+        a.more = !steps.empty();
         apply(a);
         if (!birth) {
             r.keepUndo(std::move(a.before));
@@ -294,6 +295,7 @@ void Service::apply(Applying& a) {
         if (owner) owner->partsChanged();
         throw;
     }
+    if (!a.more) a.between.reset();
     if (sorm_ && sorm_->announces()) sorm_->announceChange(*this, options);
 }
 

@@ -290,8 +290,9 @@ private:
         times("length of a tick", f.busy);
         for (auto& [step, h] : f.steps)
             if (h.count() > 0) times("step " + step + ", one tick in " + std::to_string(cycle::Runner::kSample), h);
+        if (f.held.count() > 0) times("time of a request between ticks", f.held);
         Message m;
-        m.text = out + "longest request between ticks " + sorma::durationText(double(f.longestRequest));
+        m.text = out.substr(0, out.size() - 1);
         m.ints = {std::int64_t(f.ticks), std::int64_t(f.skipped)};
         for (double part : {0.5, 0.99, 1.0}) m.floats.push_back(double(f.jitter.quantile(part)) / 1e9);
         return m;

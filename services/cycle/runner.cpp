@@ -169,12 +169,19 @@ void Runner::keepOnly(const Objects& wanted) {
     owned_ = std::move(kept);
 }
 
+// Which objects are needed is found when ticks go on again: a circuit may have thousands.
 void Runner::partsChanged() noexcept {
+    unneeded_ = true;
     try {
         Held held(*this);
         plan_.findNearAction(plan_.onFault && executes(*plan_.onFault));
     } catch (...) {                         // a step hangs, and will not run again
     }
+    if (holds_ == 0) dropUnneeded();
+}
+
+void Runner::dropUnneeded() noexcept {
+    if (!std::exchange(unneeded_, false)) return;
     Objects wanted;
     for (auto& step : plan_.steps) sorma::addTree(*step.object, wanted);
     if (plan_.onFault) sorma::addTree(*plan_.onFault->object, wanted);
@@ -345,10 +352,15 @@ void Runner::dismiss(std::unique_ptr<Runner> runner) {
 
 void Runner::release() noexcept {
     if (holds_ == 1 && dismissed_) return delete this;
-    if (--holds_ > 0 || !std::exchange(holding_, false)) return;
+    if (--holds_ > 0) return;
+    if (std::exchange(holding_, false)) giveBack();
+    dropUnneeded();
+}
+
+void Runner::giveBack() noexcept {
     std::int64_t now = nanoseconds(), took = now - heldSince_, quarter = quarter_.load(std::memory_order_relaxed);
     if (now > due_.load(std::memory_order_relaxed) + quarter) [[unlikely]] requestSlow_ |= wasSlow(effort_, quarter);
-    figures_.longestRequest = std::max(figures_.longestRequest, took);
+    figures_.held.add(took);
     ++figures_.requests;
     passed_.store(0, std::memory_order_relaxed);
     // The longest of late: what was long once fades, so that one slow request does not keep all others waiting.

@@ -44,7 +44,7 @@ struct Figures {
     std::uint64_t delayed = 0, heldUp = 0;
     sorma::Histogram jitter;            // [ns] how late ticks began
     sorma::Histogram busy;              // [ns] how long ticks took
-    std::int64_t longestRequest = 0;    // [ns]
+    sorma::Histogram held;              // [ns] how long requests kept ticks from beginning
     std::vector<std::pair<std::string, sorma::Histogram>> steps;    // text and times of each; only in a copy
 };
 
@@ -103,6 +103,8 @@ private:
 
     void admit(Plan& plan);
     void keepOnly(const Objects& wanted);
+    void dropUnneeded() noexcept;
+    void giveBack() noexcept;
     void take(const std::string& who, bool nearAction);
     bool fits() const;
     bool executes(const Step& action) const;
@@ -137,6 +139,7 @@ private:
     int holds_ = 0;                                 // nested calls of hold()
     bool holding_ = false;              // the outermost of them has the turn; false when ticks have ended
     bool dismissed_ = false;                        // delete it when holds_ becomes 0
+    bool unneeded_ = false;             // there may be objects that no step needs any more
     std::string heldFor_;                           // name of the object that is used
     std::int64_t heldSince_ = 0;                    // [ns]
     // Effort of the SORM's thread shortly before it got the turn, to know whether a request that ends late was slow. Reading
