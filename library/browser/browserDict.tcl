@@ -70,9 +70,8 @@ snit::widget ::sorma::browserDict {
         ttk::label $win.edit.wordLabel -text [::msgcat::mc "Entry"] -underline 0
         ttk::entry $win.edit.word -font [::sorma::style font fixed]
         ttk::label $win.edit.wordsLabel -text [::msgcat::mc "Stands for"]
-        install editor using text $win.edit.words -height 3 -width 40 -wrap word -undo 1 -font [::sorma::style font fixed] \
-            -background [ttk::style lookup TEntry -fieldbackground {} white] -foreground [ttk::style lookup . -foreground {} black] \
-            -insertbackground [ttk::style lookup . -foreground {} black] -highlightthickness 1 -highlightbackground [::sorma::style token edge] -padx $pad -pady [::sorma::style pixels 4]
+        set editor [::sorma::style text $win.edit.words {wrong refused} -height 3 -width 40 -wrap word -undo 1 -highlightthickness 1 -padx $pad \
+            -pady [::sorma::style pixels 4]]
         ttk::label $win.edit.concernsLabel -text [::msgcat::mc "Concerns"]
         ttk::label $win.edit.concerns -justify left
         ttk::label $win.edit.said -justify left
@@ -94,7 +93,7 @@ snit::widget ::sorma::browserDict {
         pack $win.bar -side top -fill x -padx $edge -pady [list $edge $pad]
         pack $win.edit -side bottom -fill x -padx $edge -pady $edge
         pack $win.list -side top -fill both -expand 1 -padx [list $edge 0]
-        $editor tag configure wrong -foreground [::sorma::style colour refused] -underline 1
+        $editor tag configure wrong -underline 1
         ::sorma::parts::byKeys $tree
         bind $tree <<TreeviewSelect>> [mymethod Selected]
         bind $win.edit.word <KeyRelease> [mymethod Named]

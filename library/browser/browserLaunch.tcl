@@ -54,9 +54,8 @@ snit::widget ::sorma::browserLaunch {
             pack $win.do.$name -side left -padx [list 0 $pad]
         }
         ttk::frame $win.said
-        install output using text $win.said.text -wrap char -height 8 -width 40 -state disabled -takefocus 1 -borderwidth 0 \
-            -font [::sorma::style font fixed] -padx $pad -pady $pad -yscrollcommand [list $win.said.scroll set] \
-            -background [ttk::style lookup TEntry -fieldbackground {} white] -foreground [ttk::style lookup . -foreground {} black]
+        set output [::sorma::style text $win.said.text {} -wrap char -height 8 -width 40 -state disabled -takefocus 1 -padx $pad -pady $pad \
+            -yscrollcommand [list $win.said.scroll set]]
         ttk::scrollbar $win.said.scroll -style [::sorma::style own Vertical.TScrollbar] -command [list $output yview]
         pack $win.said.scroll -side right -fill y
         pack $output -side left -fill both -expand 1

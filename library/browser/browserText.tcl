@@ -29,9 +29,8 @@ snit::widget ::sorma::browserText {
 
     constructor args {
         $self configurelist $args
-        text $win.text -wrap word -font [::sorma::style font fixed] -width 60 -height 16 -borderwidth 0 -padx [::sorma::style pixels 16] \
-            -pady [::sorma::style pixels 12] -highlightthickness 0 -state disabled -takefocus 1 -yscrollcommand [list $win.bar set] \
-            -background [ttk::style lookup TEntry -fieldbackground {} white] -foreground [ttk::style lookup . -foreground {} black]
+        ::sorma::style text $win.text {} -wrap word -width 60 -height 16 -padx [::sorma::style pixels 16] -pady [::sorma::style pixels 12] \
+            -state disabled -takefocus 1 -yscrollcommand [list $win.bar set]
         ttk::scrollbar $win.bar -style [::sorma::style own Vertical.TScrollbar] -command [list $win.text yview]
         $win.text tag configure title -font [::sorma::style font fixedStrong]
         pack $win.bar -side right -fill y

@@ -84,8 +84,6 @@ snit::widget ::sorma::circuitEditor {
     variable tools {}           ;# the buttons in the head, in their order
     variable toolRows {}        ;# where they stand: {BESIDE ROWS}
 
-    typevariable Tags {wrong refused + good - refused ~ theirs}     ;# tags of texts -> states, whose colours they have
-
     ::sorma::circuitEdits
     ::sorma::circuitClip
     ::sorma::circuitFlavorParts
@@ -109,7 +107,8 @@ snit::widget ::sorma::circuitEditor {
         install palette using ::sorma::circuitPalette $win.panes.palette -where [lindex [::sorma::table locate $name] 1]
         ::ttk::frame $win.panes.picture
         install scene using ::sorma::circuitScene $win.panes.picture.scene
-        ::text $win.panes.picture.text -wrap word -width 20 -height 10 -font [::sorma::style font fixed] -relief flat -padx $pad -pady $pad
+        ::sorma::style text $win.panes.picture.text {wrong refused} -wrap word -width 20 -height 10 -highlightthickness 1 -padx $pad -pady $pad
+        $win.panes.picture.text tag configure wrong -underline 1
         ::ttk::label $win.hint -style Page.TLabel -textvariable [myvar hint] -anchor w -padding [list $pad [::sorma::style pixels 4]]
         pack $scene -fill both -expand 1
         if {$options(-state) eq "normal"} {
@@ -121,31 +120,12 @@ snit::widget ::sorma::circuitEditor {
         pack $win.hint -side bottom -fill x
         pack $win.panes -fill both -expand 1 -padx $pad
         bind $scene <<ViewChanged>> [mymethod Viewed]
-        bind $win <<ThemeChanged>> [mymethod Looks]
         bind $win <Map> [mymethod Begin]
         bind $win <Unmap> [mymethod Rest]
         bind $win <Destroy> +[list ::sorma::parts::ended $win [mymethod Ended %W]]
         $self Bind
         set listener [$subject listen [mymethod Told]]
         $self Refresh
-    }
-    # Texts do not follow the theme by themselves.
-    method Looks {} {
-        foreach view [list $win.panes.picture.text $win.diff] {
-            if {[winfo exists $view]} {
-                Paint $view $Tags
-            }
-        }
-    }
-    proc Paint {view tags} {
-        foreach {option token} {-background surface -foreground text -selectbackground tint -selectforeground text -highlightcolor accent -highlightbackground line} {
-            $view configure $option [::sorma::style token $token]
-        }
-        foreach tag [$view tag names] {
-            if {[dict exists $tags $tag]} {
-                $view tag configure $tag -foreground [::sorma::style colour [dict get $tags $tag]]
-            }
-        }
     }
     # The picture gets the room, as soon as there is some.
     proc Narrow panes {
@@ -525,7 +505,6 @@ snit::widget ::sorma::circuitEditor {
         $view configure -state normal
         $view delete 1.0 end
         $view insert end [dict get $recipe -wires]
-        $view tag configure wrong -foreground [::sorma::style colour [dict get $Tags wrong]] -underline 1
         lassign [lrange $code 4 5] first last
         if {[string is integer -strict $last]} {
             $view tag add wrong "1.0 + $first chars" "1.0 + [expr {$last + 1}] chars"

@@ -87,10 +87,8 @@ snit::macro ::sorma::circuitFlavorParts {} {
             return
         }
         destroy $win.diff
-        ::text $win.diff -height [expr {min(8, max(1, [llength $found]))}] -width 20 -wrap none -relief flat -takefocus 1 -font [::sorma::style font fixed]
-        foreach mark {+ - ~} {
-            $win.diff tag configure $mark -foreground [::sorma::style colour [dict get $Tags $mark]]
-        }
+        ::sorma::style text $win.diff {+ good - refused ~ theirs} -height [expr {min(8, max(1, [llength $found]))}] -width 20 -wrap none -highlightthickness 1 \
+            -takefocus 1
         set head [expr {$has ? {} : "no recipe of $name is in the dictionary; all of it is new\n"}]
         $win.diff insert end $head
         foreach line $found {

@@ -47,7 +47,8 @@ snit::widget ::sorma::console {
     constructor args {
         $self configurelist $args
         set screen $win.text
-        text $screen -font [::sorma::style font fixed] -wrap char -undo 0 -relief flat -borderwidth 0 -highlightthickness 0 \
+        # The colours that a terminal would show for the same sequences.
+        ::sorma::style text $screen {sgr31 refused sgr33 warn sgr32 good sgr2 asking sgr36 mine prompt asking fold mine} -wrap char -undo 0 \
             -padx [::sorma::style pixels 6] -pady [::sorma::style pixels 4] -width $options(-width) -height $options(-height) \
             -yscrollcommand [list $win.bar set] -insertwidth [::sorma::style pixels 2]
         # Each binding that changes the text does so by the command of its name. So it is known which part may be changed.
@@ -68,6 +69,11 @@ snit::widget ::sorma::console {
         grid columnconfigure $win 0 -weight 1
         grid rowconfigure $win 0 -weight 1
         bindtags $screen [linsert [bindtags $screen] 1 SormaSearch SormaConsole]
+        foreach tag {sgr1 typed} {
+            $raw tag configure $tag -font [::sorma::style font fixedStrong]
+        }
+        $raw tag configure fold -underline 1
+        $raw tag raise sel
         $self Looks
         bind $win <<ThemeChanged>> [mymethod Looks]
         bind $win <Destroy> +[mymethod Ended %W]
@@ -103,26 +109,8 @@ snit::widget ::sorma::console {
         }
     }
 
-    # Colours of the theme, and those that a terminal would show for the same sequences.
     method Looks {} {
-        foreach {name option default} {
-            background -fieldbackground white  foreground -foreground black
-            selected -selectbackground #c3c3c3  onSelected -selectforeground black
-        } {
-            set found [ttk::style lookup TEntry $option]
-            set $name [expr {$found ne {} ? $found : $default}]
-        }
-        $raw configure -background $background -foreground $foreground -insertbackground $foreground \
-            -selectbackground $selected -selectforeground $onSelected -inactiveselectbackground $selected
         $win.hint configure -foreground [::sorma::style colour asking]
-        foreach {tag state} {31 refused 33 warn 32 good 2 asking 36 mine} {
-            $raw tag configure sgr$tag -foreground [::sorma::style colour $state]
-        }
-        $raw tag configure sgr1 -font [::sorma::style font fixedStrong]
-        $raw tag configure prompt -foreground [::sorma::style colour asking]
-        $raw tag configure typed -font [::sorma::style font fixedStrong]
-        $raw tag configure fold -foreground [::sorma::style colour mine] -underline 1
-        $raw tag raise sel
     }
 
     # ---- the text ----

@@ -7,7 +7,7 @@ package require sorma::colours
 package provide sorma::style 1.0
 
 namespace eval ::sorma::style {
-    namespace export pixels mark colour token shade series font step tag untag tip menu bindWheel own
+    namespace export pixels mark colour token shade series font step tag untag tip menu bindWheel own text
     namespace ensemble create
     variable Bound 0            ;# is there a binding that follows the theme
     variable Made {}            ;# dict: name of a font of ours -> what it was made of
@@ -75,6 +75,29 @@ proc ::sorma::style::Strong {name own} {
     if {![dict exists $Made $name] || [dict get $Made $name] ne $is} {              ;# this is a change, too
         dict set Made $name $is
         ::font configure $name {*}$is
+    }
+}
+
+# ::sorma::style::text WINDOW TAGS ?option value ...? -- a text widget of fixed font, without a frame. It has the colours of entries in the theme, and
+# follows when there is another theme. TAGS: a list of tag and state; a tag has the colour of its state. Returns the window.
+proc ::sorma::style::text {window tags args} {
+    ::text $window -font [font fixed] -relief flat -borderwidth 0 -highlightthickness 0 {*}$args
+    Paint $window $tags
+    foreach event {<<ThemeChanged>> <Map>} {            ;# events do not come to a window before it is seen
+        bind $window $event [list ::sorma::style::Paint $window $tags]
+    }
+    return $window
+}
+proc ::sorma::style::Paint {window tags} {
+    foreach {name option default} {
+        ground -fieldbackground white  ink -foreground black  selected -selectbackground #c3c3c3  over -selectforeground black
+    } {
+        set $name [ttk::style lookup TEntry $option {} $default]
+    }
+    $window configure -background $ground -foreground $ink -insertbackground $ink -selectbackground $selected -selectforeground $over \
+        -inactiveselectbackground $selected -highlightcolor [token accent] -highlightbackground [token edge]
+    foreach {tag state} $tags {
+        $window tag configure $tag -foreground [colour $state]
     }
 }
 

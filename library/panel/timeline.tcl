@@ -118,8 +118,9 @@ snit::widget ::sorma::timeline {
         pack $win.panes.line.bar -side right -fill y
         pack $canvas -side left -fill both -expand 1
         ttk::frame $win.panes.below
-        text $win.panes.below.text -wrap word -font [::sorma::style font fixed] -width 60 -height 9 -borderwidth 0 -highlightthickness 0 -state disabled \
+        ::sorma::style text $win.panes.below.text {head asking error refused} -wrap word -width 60 -height 9 -state disabled \
             -padx [::sorma::style pixels 12] -pady [::sorma::style pixels 8] -yscrollcommand [list $win.panes.below.bar set]
+        $win.panes.below.text tag configure head -spacing1 [::sorma::style pixels 6]
         ttk::scrollbar $win.panes.below.bar -style [::sorma::style own Vertical.TScrollbar] -command [list $win.panes.below.text yview]
         pack $win.panes.below.bar -side right -fill y
         pack $win.panes.below.text -side left -fill both -expand 1
@@ -161,12 +162,7 @@ snit::widget ::sorma::timeline {
         }
     }
     method Looks {} {
-        set ground [$self Ground]
-        set ink [ttk::style lookup . -foreground {} black]
-        $canvas configure -background $ground -highlightbackground [::sorma::style token line] -highlightcolor [::sorma::style token accent]
-        $win.panes.below.text configure -background $ground -foreground $ink -insertbackground $ink
-        $win.panes.below.text tag configure head -foreground [::sorma::style token quiet] -spacing1 [::sorma::style pixels 6]
-        $win.panes.below.text tag configure error -foreground [::sorma::style token error]
+        $canvas configure -background [$self Ground] -highlightbackground [::sorma::style token line] -highlightcolor [::sorma::style token accent]
         $self Redraw
     }
 
