@@ -1,8 +1,8 @@
 #include "runner.h"
+#include "abandoned.h"
 
 #include <algorithm>
 #include <cstring>
-#include <set>
 
 // Tests that watch what a tick does define it.
 extern "C" __attribute__((weak)) void sormaTickMark(bool inside);
@@ -65,16 +65,6 @@ bool wasSlow(const sorma::ThreadEffort& since, std::int64_t limit) {
 
 std::string duration(std::int64_t ns) { return sorma::durationText(double(ns)); }
 
-// Runners that were abandoned: their threads may need them for ever. The list keeps them reachable.
-struct Abandoned {
-    std::mutex mutex;
-    std::set<Runner*> runners;
-};
-Abandoned& abandonedOnes() {
-    static auto* a = new Abandoned;     // threads may outlive all static objects
-    return *a;
-}
-
 }  // namespace
 
 // The turn, for something of the runner's own: the plan is not the safe action's meanwhile.
@@ -108,9 +98,7 @@ void Runner::report(const std::string& step, sorma::Trail trail) {
 }
 
 void Runner::report(const std::string& step, sorma::Entry entry) {
-    sorma::Trail trail;
-    trail.add(std::move(entry));
-    report(step, std::move(trail));
+    report(step, sorma::Trail(std::move(entry)));
 }
 
 // ---- the SORM's thread: which objects ----

@@ -102,7 +102,7 @@ proc values d {
     cycle.hundred@$d CTRL -stop
 }
 
-# What DBX -stats of that circuit's cycle has counted since CTRL -reset: {due late skipped delayed}. Late ones began a quarter of the period
+# Counts of that circuit's cycle since CTRL -reset, by its DBX -stats: {due late skipped delayed}. Late ones began a quarter of the period
 # after they were due, or did not begin at all, and were skipped; a request has delayed some of them.
 proc ticksOf place {
     set text [lindex [cycle.edited@$place DBX -stats] 3]
