@@ -80,6 +80,7 @@ snit::widget ::sorma::circuitEditor {
     variable shown 1            ;# values
     variable stands {}          ;# begin, end or nothing, for each wire: where its value stands
     variable redraw 0           ;# have pins changed, so that it is to be drawn again
+    variable blamed {}          ;# dict: number of a wire, from 1 -> why the circuit refuses it
     variable hint {}            ;# below the picture
     variable tools {}           ;# the buttons in the head, in their order
     variable toolRows {}        ;# where they stand: {BESIDE ROWS}
@@ -315,6 +316,10 @@ snit::widget ::sorma::circuitEditor {
             $self Picture $fresh
         }
         $self Sent
+        if {[$self Blamed] ne $blamed} {
+            set blamed [$self Blamed]
+            $self Show
+        }
         $self Say
     }
     # FRESH: pins of units have come or gone.
@@ -375,6 +380,7 @@ snit::widget ::sorma::circuitEditor {
             set there [list $text $known]
         }
         set known [lindex $there 1]
+        set n 0
         set named [set wired [set stands {}]]
         set wires [lmap wire [dict get $graph wires] way $ways end $ends {
             if {$wire eq {}} break
@@ -386,7 +392,8 @@ snit::widget ::sorma::circuitEditor {
             set part [expr {[lindex $source 1] eq {} || [lindex $source 2] ne {}}]
             lappend stands [expr {$part ? "end" : [dict exists $named $net] ? {} : "begin"}]
             dict set named $net 1
-            dict create way $way ends [list $from $to] end $part count [$self Count $wire] state [expr {[dict exists $known [lrange $wire 1 2]] ? "live" : "mine"}]
+            dict create way $way ends [list $from $to] end $part count [$self Count $wire] \
+                state [expr {[dict exists $blamed [incr n]] ? "refused" : [dict exists $known [lrange $wire 1 2]] ? "live" : "mine"}]
         }]
         $scene show [dict map {key node} [dict get $graph nodes] {
             dict replace $node box [dict get $boxes $key] state [$self NodeState $key $wired]
@@ -394,6 +401,13 @@ snit::widget ::sorma::circuitEditor {
         $self Values
         $self ShowProbes
         $self Selected
+    }
+    # Wires that the circuit's refusal names, as "wire 2": a dict NUMBER, from 1 -> what is wrong with it.
+    method Blamed {} {
+        set why [if {[$self sent] && [dict get [$subject get -wires] state] eq "refused"} {dict get [$subject get -wires] why}]
+        regexp {wire \d+ ".*?": (.*)} $why -> short
+        set numbers [lmap {- number} [regexp -all -inline {wire (\d+) } $why] {set number}]
+        return [concat {*}[lmap number $numbers {list $number [expr {[info exists short] ? $short : $why}]}]]
     }
     method NodeState {key wired} {
         if {[lindex $key 0] eq "unit" && [$self illness [lindex $key 1]] ne {}} {
@@ -458,7 +472,9 @@ snit::widget ::sorma::circuitEditor {
         set seen [if {[set many [::sorma::ways::simple [llength $wires]]] && [$scene writes]} {$self SeenKeys 0}]
         $scene values [lmap wire $wires where $stands end $ends {
             incr n
-            if {$shown && $where ne {} && (!$many || [dict exists $seen [lindex $end 1]] || [dict exists $seen [lindex $end 2]])} {
+            if {[dict exists $blamed [expr {$n + 1}]]} {
+                ::sorma::style mark refused
+            } elseif {$shown && $where ne {} && (!$many || [dict exists $seen [lindex $end 1]] || [dict exists $seen [lindex $end 2]])} {
                 set text [$self Text $wire]
                 set rate [if {$options(-rates) && $text ne {} && $moment eq {}} {$self RateText $n}]
                 string cat [if {$rate ne {}} {string cat $rate \n}] $text

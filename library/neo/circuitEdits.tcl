@@ -516,6 +516,9 @@ snit::macro ::sorma::circuitEdits {} {
     method WireText number {
         set wire [lindex [dict get $graph wires] $number]
         set rate [$self RateText $number]
+        if {[dict exists $blamed [expr {$number + 1}]]} {
+            return "[::sorma::style mark refused] [::sorma::text::clean [dict get $blamed [expr {$number + 1}]]]"
+        }
         return "[lindex [dict get $graph pieces] [lindex $wire 0]]   [$self Text $wire][if {$rate ne {}} {string cat "   " $rate}]"
     }
     method Wheel {aside delta} {

@@ -488,6 +488,9 @@ snit::widgetadaptor ::sorma::circuitScene {
             set state [dict get $wire state]
             if {$state ni {live {}}} {
                 $hull itemconfigure w$n -fill [::sorma::style colour $state]
+                if {$state eq "refused"} {
+                    $hull itemconfigure v$n -fill [::sorma::style colour $state]
+                }
             }
             if {$n in [lindex $chosen 1]} {
                 $hull itemconfigure w$n -fill [::sorma::style token accent]
