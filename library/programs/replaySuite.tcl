@@ -1,7 +1,8 @@
 # replaySuite.tcl -- sorma-replay -as-test: a suite of tcltest from a recording.
 #
-# The requests from outside are sent twice more, each time to new daemons. The suite has a range for numbers that differ then, and leaves other
-# differences open. Numbers that have a unit may be off by its tolerance (replayUnits.tcl).
+# The requests from outside are sent twice more, each time to new daemons. The second run has pauses, because replies may depend on how fast requests
+# come. The suite has a range for numbers that differ then, and leaves other differences open. Numbers that have a unit may be off by its tolerance
+# (replayUnits.tcl).
 
 package require sorma
 package require sorma::at
@@ -10,7 +11,11 @@ package require sorma::recorded
 package require sorma::replayUnits
 package provide sorma::replaySuite 1.0
 
-namespace eval ::sorma::replaySuite {}
+namespace eval ::sorma::replaySuite {
+    # The pause before each request of the second run, and the most that all of them may take [ms].
+    variable Pause 50
+    variable Longest 5000
+}
 
 # ::sorma::replaySuite::make FILE OUT STEPS DAEMONS TOLERANCES -- write the suite OUT.
 # Arguments:
@@ -40,7 +45,9 @@ proc ::sorma::replaySuite::make {file out steps daemons tolerances} {
         set units [Units $steps]
     }
     During $daemons {
-        set second [Replies $begin $steps]
+        variable Pause
+        variable Longest
+        set second [Replies $begin $steps [expr {min($Pause, $Longest / [llength $steps])}]]
     }
     set patterns [lmap step $steps one $first two $second {::sorma::recorded::pattern [list [dict get $step reply] $one $two]}]
     set known [lsort -unique [concat {*}[lmap table [dict values $units] {dict values $table}]]]
@@ -122,11 +129,14 @@ proc ::sorma::replaySuite::Beginning steps {
     return $begin
 }
 
-proc ::sorma::replaySuite::Replies {begin steps} {
+proc ::sorma::replaySuite::Replies {begin steps {pause 0}} {
     foreach item $begin {
         ::sorma::recorded::ask {*}$item
     }
-    return [lmap step $steps {::sorma::recorded::ask [dict get $step daemon] [dict get $step request]}]
+    return [lmap step $steps {
+        after $pause
+        ::sorma::recorded::ask [dict get $step daemon] [dict get $step request]
+    }]
 }
 
 proc ::sorma::replaySuite::Write {file out daemons begin steps patterns tolerances} {
