@@ -15,6 +15,7 @@
 # after the present suite. KEEP: a folder for the suites that have failed falsely or noticed nothing.
 
 source [file join [file dirname [file normalize [info script]]] faults.tcl]
+source [file join $supportFolder contents.tcl]
 source [file join $supportFolder demoDaemons.tcl]
 package require sorma::recorded
 
@@ -32,15 +33,6 @@ proc fault {demo args} {
 
 # ---- texts ----
 
-proc readAll file {
-    set f [open $file]
-    fconfigure $f -encoding utf-8
-    try {
-        return [read $f]
-    } finally {
-        close $f
-    }
-}
 proc writeAll {file text} {
     set f [open $file w]
     fconfigure $f -encoding utf-8
@@ -82,7 +74,7 @@ proc prepare folder {
     exec cp -r -P $::env(SORMA_BUILD)/pkg $folder/pkg
     # Buffers have names of their own, and laboratories stand still.
     foreach dict [glob $folder/demos/*/*.dict] {
-        set text [regsub -all { (tracker|demo|checkers)\.(?=\S+\.\S|\s)} [readAll $dict] " s[pid].\\1."]
+        set text [regsub -all { (tracker|demo|checkers)\.(?=\S+\.\S|\s)} [contents $dict] " s[pid].\\1."]
         writeAll $dict [regsub -line {^simlab } $text {simlab -paused 1 }]
     }
     set ::demoDaemons::Demos $folder/demos
@@ -160,12 +152,20 @@ proc replied {folder daemons requests} {
         ::sorma::recorded::end
     }
 }
-# Do replies of this object differ from those of the good tree, which are there twice?
-proc shows {object requests good again now} {
-    foreach request $requests one $good two $again is $now {
-        if {[lindex [split $request] 0] eq $object && [differs [split $one] [split $two] [split $is]]} {
-            return 1
+# Do replies of this object differ from those of the good tree, which are there twice? The first difference is enough: the daemon may have died, and
+# each further request would wait for it.
+proc shows {object folder daemons requests good again} {
+    clean $folder
+    ::sorma::recorded::begin $daemons
+    try {
+        foreach request $requests one $good two $again {
+            lassign [sent [list $request]] is
+            if {[lindex [split $request] 0] eq $object && [differs [split $one] [split $two] [split $is]]} {
+                return 1
+            }
         }
+    } finally {
+        ::sorma::recorded::end
     }
     return 0
 }
@@ -202,9 +202,9 @@ proc plant {demo folder daemons read} {
     lassign $change from to
     if {[string match demos/* $file]} {
         set target $folder/$file
-        set text [readAll $target]
+        set text [contents $target]
     } else {
-        set text [readAll $::Source/$file]
+        set text [contents $::Source/$file]
         set target $folder/pkg/sorma1.0/services/[file tail $file]
     }
     if {[string first $from $text] < 0} {
@@ -229,8 +229,8 @@ proc plantDefault {demo folder daemons read} {
         lassign [split $object @] name daemon
         # The recipe that holds stands in the last file that has one.
         set files [lreverse [lmap {word file} [dict get $daemons $daemon] {if {$word ne "-dict"} continue; set file}]]
-        set dict [lindex [concat [lsearch -all -inline -regexp [lmap file $files {list $file [regexp -line "^[string map {. \\.} $name]\\s" [readAll $file]]}] { 1$}] [list [lrange $files 0 0]]] 0 0]
-        set text [readAll $dict]
+        set dict [lindex [concat [lsearch -all -inline -regexp [lmap file $files {list $file [regexp -line "^[string map {. \\.} $name]\\s" [contents $file]]}] { 1$}] [list [lrange $files 0 0]]] 0 0]
+        set text [contents $dict]
         # Values of the recipe, or of its class, stay; what makes a simulation another one concerns all.
         if {[regexp -line "^[string map {. \\.} $name]\\s.*$option\\M" $text] || [regexp -line {^simlab} $name]} continue
         if {![regexp -line "^[string map {. \\.} $name]\\s" $text] && [regexp -line "^[lindex [split $name .] 0]\\s" $text] && [string first . $name] >= 0} continue
@@ -292,7 +292,7 @@ proc trial {demo folder} {
     set there [set noticed {}]
     for {set hidden 0} {$hidden < 10} {incr hidden} {
         lassign [plant $demo $folder $daemons $read] kind object what
-        if {[shows $object $requests $replies $again [replied $folder $daemons $requests]]} {
+        if {[shows $object $folder $daemons $requests $replies $again]} {
             set noticed [ran $folder $folder/again.test]
             lassign [split $object @] name daemon
             set there [lsearch -all -inline -glob $noticed "$daemon: $name *"]
