@@ -66,8 +66,21 @@ proc ::sorma::recorded::end {} {
     }
 }
 
-# ::sorma::recorded::ask DAEMON REQUEST -- the words of its reply, as a pattern has them.
+# ::sorma::recorded::ended DAEMON -- was it started here, and is it gone?
+proc ::sorma::recorded::ended daemon {
+    variable Pipes
+    if {![dict exists $Pipes $daemon]} {
+        return 0
+    }
+    Drain [dict get $Pipes $daemon]
+    return [eof [dict get $Pipes $daemon]]
+}
+
+# ::sorma::recorded::ask DAEMON REQUEST -- the words of its reply, as a pattern has them. A daemon that has ended is not waited for.
 proc ::sorma::recorded::ask {daemon request} {
+    if {[ended $daemon]} {
+        return {RET -1 ENDED}
+    }
     set request [renamed $request]
     lassign [::sorma::line::head $request] object
     return [fields [::sorma::dispatch $object@$daemon[string range $request [string length $object] end]]]

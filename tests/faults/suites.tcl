@@ -94,10 +94,15 @@ proc clean folder {
     file mkdir $folder/run
     cd $folder/run
 }
-# Send requests, and return their replies or errors.
+# Send requests, and return their replies or errors. A daemon that has died of a fault is not waited for.
 proc sent requests {
     return [lmap request $requests {
-        catch {uplevel #0 [sorma::line::translate $request]} said
+        regexp {^\S+@(\S+)} $request -> daemon
+        if {[::sorma::recorded::ended $daemon]} {
+            set said ended
+        } else {
+            catch {uplevel #0 [sorma::line::translate $request]} said
+        }
         set said
     }]
 }
