@@ -3,6 +3,7 @@
 # A pattern has a word for each word of a reply, without name and trail: RET 0 TMSG presto FMSG 1 ~0.49..0.51. A word may be
 #     ~A..B   a number from A to B         *   any one word         =TEXT   TEXT, when it begins like one of these
 #     ~N:U    the number N, or the numbers N, as near as the tolerance of the unit U says
+#     ~~LIST  a text with numbers that vary: texts, and A..B between them
 # and "..." at the end is any rest. An error has its code: RET -1 ERROR {OPTION RANGE}.
 
 package require sorma
@@ -13,6 +14,7 @@ namespace eval ::sorma::recorded {
     variable Pipes {}       ;# dict: name of a daemon -> pipe of its process
     variable Folder {}      ;# their sockets
     variable Before         ;# the runtime folder of before, in a list; empty: there was none
+    variable Number {[-+]?(?:(?:0|[1-9]\d*)(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?}    ;# 08 is none for Tcl
     variable Tolerances {}  ;# dict: unit -> how far a number of it may be off; relative -> the same, as a part of the number
 }
 
@@ -127,9 +129,10 @@ proc ::sorma::recorded::off {unit number tolerances} {
     set part [expr {[dict exists $tolerances relative] ? [dict get $tolerances relative] : 0}]
     return [expr {max([dict get $tolerances $unit], $part * abs($number))}]
 }
-# ::sorma::recorded::areNumbers TEXT -- is it a list of finite numbers? 08 is none for Tcl.
+# ::sorma::recorded::areNumbers TEXT -- is it a list of finite numbers?
 proc ::sorma::recorded::areNumbers text {
-    return [expr {[string is list $text] && [lsearch -not -regexp $text {^[-+]?((0|[1-9]\d*)(\.\d*)?|\.\d+)([eE][-+]?\d+)?$}] < 0}]
+    variable Number
+    return [expr {[string is list $text] && [lsearch -not -regexp $text ^$Number$] < 0}]
 }
 proc ::sorma::recorded::Near {numbers unit word} {
     variable Tolerances
@@ -155,7 +158,11 @@ proc ::sorma::recorded::same {pattern words} {
     }
     foreach one $pattern word $words {
         if {$one eq "*"} continue
-        if {[regexp {^~(.*)\.\.(.*)$} $one -> low high]} {
+        if {[string match ~~* $one]} {
+            if {![Fits [string range $one 2 end] $word]} {
+                return 0
+            }
+        } elseif {[regexp {^~(.*)\.\.(.*)$} $one -> low high]} {
             if {![string is double -strict $word] || $word < $low || $word > $high} {
                 return 0
             }
@@ -170,28 +177,108 @@ proc ::sorma::recorded::same {pattern words} {
     return 1
 }
 
-# ::sorma::recorded::pattern REPLIES -- one that fits all of them, which are lists of words. Numbers may leave their range by ten times
-# its width, to either side. Codes may not.
-proc ::sorma::recorded::pattern replies {
+# Is this text one of a list of texts, with a number from A to B between two of them?
+proc ::sorma::recorded::Fits {list text} {
+    variable Number
+    set exact [lmap {piece range} $list {regsub -all {\W} $piece {\\&}}]
+    if {![regexp "^[join $exact ($Number)]$" $text - {*}[lmap {piece range} [lrange $list 0 end-1] {string cat number[incr n]}]]} {
+        return 0
+    }
+    set n 0
+    foreach {piece range} [lrange $list 0 end-1] {
+        regexp {^(.*)\.\.(.*)$} $range -> low high
+        if {[set number[incr n]] < $low || [set number$n] > $high} {
+            return 0
+        }
+    }
+    return 1
+}
+
+# ::sorma::recorded::pattern REPLIES ?WIDTHS? -- one that fits all of them, which are lists of words. Numbers may leave their range by ten times
+# its width, to either side. Codes may not. WIDTHS: of widths; no range is narrower.
+proc ::sorma::recorded::pattern {replies {widths {}}} {
     set out {}
     set lengths [lsort -integer -unique [lmap words $replies {llength $words}]]
     for {set i 0} {$i < [lindex $lengths 0]} {incr i} {
         set seen [lsort -unique [lmap words $replies {lindex $words $i}]]
-        lappend out [if {[llength $seen] == 1} {
+        lassign [Taken $seen] pieces columns
+        set wide [expr {[dict exists $widths [list $i $pieces]] ? [dict get $widths [list $i $pieces]] : {}}]
+        lappend out [if {[llength $seen] == 1 && [lsearch -exact -not -real $wide 0] < 0} {
             # Not by expr, which writes inf and 1e-05 in another way.
             string cat [if {[regexp {^[*~=]|^\.\.\.$} [lindex $seen 0]]} {string cat =}] [lindex $seen 0]
-        } elseif {[lsearch -not -regexp $seen {^\S+$}] < 0 && [areNumbers $seen]} {
-            # A code stays as it was seen: 0, or 1 with a warning, is never an error.
-            Range $seen [expr {$i == 1 ? 0 : 10}]
-        } else {
+        } elseif {$columns eq {}} {
             string cat *
+        } elseif {$pieces eq {{} {}}} {
+            # A code stays as it was seen: 0, or 1 with a warning, is never an error.
+            string cat ~ [Range [lindex $columns 0] [expr {$i == 1 ? 0 : 10}] [lindex $wide 0]]
+        } else {
+            string cat ~~ [Text $pieces $columns $wide]
         }]
     }
     return [concat $out [if {[llength $lengths] > 1} {list ...}]]
 }
-proc ::sorma::recorded::Range {numbers wider} {
+# ::sorma::recorded::widths LIST -- how far numbers of one request vary: a dict. LIST: for each time that it was asked, its replies. What is noise at
+# one time is noise at all, also when the number was the same by chance.
+proc ::sorma::recorded::widths list {
+    set widths {}
+    foreach replies $list {
+        set length [::tcl::mathfunc::min {*}[lmap words $replies {llength $words}]]
+        for {set i 2} {$i < $length} {incr i} {
+            lassign [Taken [lsort -unique [lmap words $replies {lindex $words $i}]]] pieces columns
+            set wide [lmap column $columns {Width $column}]
+            if {[dict exists $widths [list $i $pieces]]} {
+                set wide [lmap one $wide two [dict get $widths [list $i $pieces]] {expr {max($one, $two)}}]
+            }
+            dict set widths [list $i $pieces] $wide
+        }
+    }
+    return $widths
+}
+
+# {PIECES COLUMNS}: the texts around the numbers of these words, and for each number its values. Without columns: words differ in more.
+proc ::sorma::recorded::Taken words {
+    variable Number
+    foreach word $words {
+        set at 0
+        set texts [set numbers {}]
+        foreach {- place} [regexp -all -inline -indices "(?:^|\[\\s(\\\[{=,\])($Number)(?=$|\[\\s)\\\]},;\])" $word] {
+            lassign $place from to
+            lappend texts [string range $word $at $from-1]
+            lappend numbers [string range $word $from $to]
+            set at [expr {$to + 1}]
+        }
+        lappend texts [string range $word $at end]
+        if {[info exists pieces] && $texts ne $pieces} {
+            return {}
+        }
+        set pieces $texts
+        set n 0
+        foreach number $numbers {
+            lappend column[incr n] $number
+        }
+    }
+    return [list $pieces [lmap number $numbers {set column[incr m]}]]
+}
+proc ::sorma::recorded::Text {pieces columns wide} {
+    set out {}
+    set text [lindex $pieces 0]
+    foreach piece [lrange $pieces 1 end] column $columns least $wide {
+        if {[llength [lsort -unique $column]] == 1 && $least in {{} 0}} {
+            append text [lindex $column 0] $piece
+        } else {
+            lappend out $text [Range $column 10 $least]
+            set text $piece
+        }
+    }
+    return [concat $out [list $text]]
+}
+proc ::sorma::recorded::Width numbers {
     set sorted [lsort -real $numbers]
-    set low [lindex $sorted 0]
-    set high [lindex $sorted end]
-    return ~[expr {$low - $wider * ($high - $low)}]..[expr {$high + $wider * ($high - $low)}]
+    return [expr {[lindex $sorted end] - [lindex $sorted 0]}]
+}
+# A range has this width at least.
+proc ::sorma::recorded::Range {numbers wider least} {
+    set sorted [lsort -real $numbers]
+    set width [expr {max([Width $numbers], $least eq {} ? 0 : $least)}]
+    return [expr {[lindex $sorted 0] - $wider * $width}]..[expr {[lindex $sorted end] + $wider * $width}]
 }

@@ -49,7 +49,7 @@ proc ::sorma::replaySuite::make {file out steps daemons tolerances} {
         variable Longest
         set second [Replies $begin $steps [expr {min($Pause, $Longest / [llength $steps])}]]
     }
-    set patterns [lmap step $steps one $first two $second {::sorma::recorded::pattern [list [dict get $step reply] $one $two]}]
+    set patterns [Patterns $steps $first $second]
     set known [lsort -unique [concat {*}[lmap table [dict values $units] {dict values $table}]]]
     foreach unit [dict keys $tolerances] {
         if {$unit ni [concat relative $known]} {
@@ -61,7 +61,7 @@ proc ::sorma::replaySuite::make {file out steps daemons tolerances} {
         ::sorma::replayUnits::put [dict get $units [Key $step]] [dict get $step request] $pattern $tolerances
     }]
     Write $file $out $daemons $begin $steps $patterns [Used $tolerances $patterns]
-    return [list [llength $steps] [llength [lsearch -all -regexp $patterns {(^| )\{?(\*|~[^:]*\.\.|\.\.\.$)}]]]
+    return [list [llength $steps] [llength [lsearch -all -regexp $patterns {(^| )\{?(\*|~~|~[^:]*\.\.|\.\.\.$)}]]]
 }
 
 # Dict: daemon and object -> the units of its numbers.
@@ -136,6 +136,17 @@ proc ::sorma::replaySuite::Replies {begin steps {pause 0}} {
     return [lmap step $steps {
         after $pause
         ::sorma::recorded::ask [dict get $step daemon] [dict get $step request]
+    }]
+}
+
+proc ::sorma::replaySuite::Patterns {steps first second} {
+    set asked {}
+    foreach step $steps one $first two $second {
+        dict lappend asked [list [dict get $step daemon] [dict get $step request]] [list [dict get $step reply] $one $two]
+    }
+    set widths [dict map {- replies} $asked {::sorma::recorded::widths $replies}]
+    return [lmap step $steps one $first two $second {
+        ::sorma::recorded::pattern [list [dict get $step reply] $one $two] [dict get $widths [list [dict get $step daemon] [dict get $step request]]]
     }]
 }
 

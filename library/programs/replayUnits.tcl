@@ -85,7 +85,7 @@ proc ::sorma::replayUnits::put {units request pattern tolerances} {
     return $pattern
 }
 proc ::sorma::replayUnits::Word {word unit tolerances} {
-    if {[regexp {^~(.*)\.\.(.*)$} $word -> low high]} {
+    if {[regexp {^~([^~].*)\.\.(.*)$} $word -> low high]} {
         set off [::sorma::recorded::off $unit [expr {max(abs($low), abs($high))}] $tolerances]
         set middle [expr {($low + $high) / 2}]
         return ~[expr {min($low, $middle - $off)}]..[expr {max($high, $middle + $off)}]
