@@ -15,6 +15,7 @@ namespace eval ::sorma::recorded {
     variable Folder {}      ;# their sockets
     variable Before         ;# the runtime folder of before, in a list; empty: there was none
     variable Number {[-+]?(?:(?:0|[1-9]\d*)(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?}    ;# 08 is none for Tcl
+    variable Pause 0        ;# before each request [ms]
     variable Tolerances {}  ;# dict: unit -> how far a number of it may be off; relative -> the same, as a part of the number
 }
 
@@ -78,11 +79,18 @@ proc ::sorma::recorded::ended daemon {
     return [eof [dict get $Pipes $daemon]]
 }
 
+# ::sorma::recorded::pause MS -- wait so long before each request from now on: what others do in their own time has then been done.
+proc ::sorma::recorded::pause ms {
+    variable Pause $ms
+}
+
 # ::sorma::recorded::ask DAEMON REQUEST -- the words of its reply, as a pattern has them. A daemon that has ended is not waited for.
 proc ::sorma::recorded::ask {daemon request} {
+    variable Pause
     if {[ended $daemon]} {
         return {RET -1 ENDED}
     }
+    after $Pause
     set request [renamed $request]
     lassign [::sorma::line::head $request] object
     return [fields [::sorma::dispatch $object@$daemon[string range $request [string length $object] end]]]

@@ -1,7 +1,7 @@
 # replaySuite.tcl -- sorma-replay -as-test: a suite of tcltest from a recording.
 #
 # The requests from outside are sent twice more, each time to new daemons. The second run has pauses, because replies may depend on how fast requests
-# come. The suite has a range for numbers that differ then, and leaves other differences open. Numbers that have a unit may be off by its tolerance
+# come. The suite has the same pauses, so it does not ask before other daemons have done what they do by themselves. It has a range for numbers that differ then, and leaves other differences open. Numbers that have a unit may be off by its tolerance
 # (replayUnits.tcl).
 
 package require sorma
@@ -12,7 +12,7 @@ package require sorma::replayUnits
 package provide sorma::replaySuite 1.0
 
 namespace eval ::sorma::replaySuite {
-    # The pause before each request of the second run, and the most that all of them may take [ms].
+    # The pause before each request of the second run and of the suite, and the most that all of them may take [ms].
     variable Pause 50
     variable Longest 5000
 }
@@ -44,11 +44,14 @@ proc ::sorma::replaySuite::make {file out steps daemons tolerances} {
         set first [Replies $begin $steps]
         set units [Units $steps]
     }
+    variable Pause
+    variable Longest
+    set pause [expr {min($Pause, $Longest / [llength $steps])}]
+    ::sorma::recorded::pause $pause
     During $daemons {
-        variable Pause
-        variable Longest
-        set second [Replies $begin $steps [expr {min($Pause, $Longest / [llength $steps])}]]
+        set second [Replies $begin $steps]
     }
+    ::sorma::recorded::pause 0
     set patterns [Patterns $steps $first $second]
     set known [lsort -unique [concat {*}[lmap table [dict values $units] {dict values $table}]]]
     foreach unit [dict keys $tolerances] {
@@ -60,7 +63,7 @@ proc ::sorma::replaySuite::make {file out steps daemons tolerances} {
     set patterns [lmap step $steps pattern $patterns {
         ::sorma::replayUnits::put [dict get $units [Key $step]] [dict get $step request] $pattern $tolerances
     }]
-    Write $file $out $daemons $begin $steps $patterns [Used $tolerances $patterns]
+    Write $file $out $daemons $begin $steps $patterns [Used $tolerances $patterns] $pause
     return [list [llength $steps] [llength [lsearch -all -regexp $patterns {(^| )\{?(\*|~~|~[^:]*\.\.|\.\.\.$)}]]]
 }
 
@@ -129,14 +132,11 @@ proc ::sorma::replaySuite::Beginning steps {
     return $begin
 }
 
-proc ::sorma::replaySuite::Replies {begin steps {pause 0}} {
+proc ::sorma::replaySuite::Replies {begin steps} {
     foreach item $begin {
         ::sorma::recorded::ask {*}$item
     }
-    return [lmap step $steps {
-        after $pause
-        ::sorma::recorded::ask [dict get $step daemon] [dict get $step request]
-    }]
+    return [lmap step $steps {::sorma::recorded::ask [dict get $step daemon] [dict get $step request]}]
 }
 
 proc ::sorma::replaySuite::Patterns {steps first second} {
@@ -150,7 +150,7 @@ proc ::sorma::replaySuite::Patterns {steps first second} {
     }]
 }
 
-proc ::sorma::replaySuite::Write {file out daemons begin steps patterns tolerances} {
+proc ::sorma::replaySuite::Write {file out daemons begin steps patterns tolerances pause} {
     set name [file rootname [file tail $out]]
     set lines [list "# $name.test -- what was recorded in [file tail $file] is answered still. Made by sorma-replay -as-test; sorma::manual sorma-replay has the patterns." \
         {} "package require tcltest" "namespace import ::tcltest::*" "package require sorma::recorded" "customMatch recorded ::sorma::recorded::same" \
@@ -158,6 +158,7 @@ proc ::sorma::replaySuite::Write {file out daemons begin steps patterns toleranc
     foreach item $begin {
         lappend lines "::sorma::recorded::ask $item"
     }
+    lappend lines {} "# Wait so long before each request \[ms\], as one of the runs has done that this suite was made of." "::sorma::recorded::pause $pause"
     if {$tolerances ne {}} {
         lappend lines {} "# How far a number ~N:UNIT may be off: by so much in its unit, or by this part of it (relative), whichever is more. 0: not at all." \
             "::sorma::recorded::tolerances {"
