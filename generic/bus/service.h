@@ -79,6 +79,8 @@ public:
     // The object was removed from the repository. End all that is under way: a reply that is not answered keeps the object
     // alive. An error in it is ignored.
     virtual void removing() {}
+    // The process ends, and objects are not removed. End threads that use libraries: those take down what is static soon.
+    virtual void processEnds() {}
 
     // Append state that is not in the options, in lines "# name value", for -dump.
     virtual void dumpState(std::string& out) const { (void)out; }

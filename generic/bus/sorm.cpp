@@ -96,6 +96,10 @@ Sorm::~Sorm() {
     mailbox_->close();
 }
 
+void Sorm::processEnds() {
+    for (auto& [key, place] : repository_) place->service->processEnds();
+}
+
 Sorm* Sorm::of(const void* key) {
     std::lock_guard lock(bindings().mutex);
     auto found = bindings().sorms.find(key);

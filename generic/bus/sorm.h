@@ -61,6 +61,7 @@ public:
     ~Sorm();
     Sorm(const Sorm&) = delete;
     Sorm& operator=(const Sorm&) = delete;
+    void processEnds();                                             // tell all objects
 
     // ---- classes ----
     void add(Class type);                                           // fails with CLASS DUPLICATE, NAME SYNTAX

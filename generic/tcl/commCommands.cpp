@@ -33,7 +33,7 @@ constexpr char kKey[] = "sorma::comm";
 
 // The COMM of an interpreter. The event source is deleted first: so no request comes in while the rest is deleted.
 struct InterpreterComm {
-    explicit InterpreterComm(Interpreter& i) : comm(i.sorm), source(i, comm) { Tcl_CreateExitHandler(exits, this); }
+    explicit InterpreterComm(Interpreter& i) : sorm(i.sorm), comm(i.sorm), source(i, comm) { Tcl_CreateExitHandler(exits, this); }
     ~InterpreterComm() { Tcl_DeleteExitHandler(exits, this); }
     // `exit` and the end of a script do not delete interpreters, so clients are told and sockets closed here. Not in a child
     // that has forked from us.
@@ -42,8 +42,10 @@ struct InterpreterComm {
         if (getpid() != own.process) return;
         while (!own.comm.servers().empty()) own.comm.unserve(own.comm.servers().begin()->first, "the program has ended");
         own.comm.finish();
+        own.sorm.processEnds();
     }
     const pid_t process = getpid();
+    Sorm& sorm;
     Comm comm;
     EventSource source;
 };

@@ -87,7 +87,7 @@ Laboratory::Laboratory(const Setup& setup, const Settings& settings, Event event
     apply(settings);
     write();
     thread_ = std::thread([this] { run(); });
-    // Registered when the graphics library has registered its own, which then comes after this.
+    // For a program without Service::processEnds. The graphics library has registered most of its own by now; that comes after this.
     static const bool registered = std::atexit([] { endAll(); }) == 0;
     (void)registered;
     std::lock_guard lock(alive().mutex);

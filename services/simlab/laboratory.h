@@ -43,6 +43,7 @@ public:
     using Event = std::function<void(std::string event, std::string text, std::vector<double> values)>;
 
     static std::size_t bufferBytes(const Setup& setup);        // of shared memory, about
+    static void endAll();               // the process ends: end the threads of all
     // Fails with a SceneError, or a shmem::Failure when a buffer cannot be written.
     Laboratory(const Setup& setup, const Settings& settings, Event event);
     ~Laboratory();
@@ -85,7 +86,6 @@ public:
 private:
     struct Grab { double end, due, request, exposure; std::uint64_t number; bool done; Image image; };
 
-    static void endAll();
     void halt();
     void run();
     void step(std::unique_lock<std::mutex>& lock);

@@ -196,6 +196,7 @@ public:
         lab_.reset();
         charge_.clear();
     }
+    void processEnds() override { Laboratory::endAll(); }
 
     void exec(Message& m) override {
         const std::string word = m.words.empty() ? "step" : m.words[0];
