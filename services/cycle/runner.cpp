@@ -276,19 +276,17 @@ void Runner::change(Plan plan) {
 }
 
 Figures Runner::figures() {
-    Figures copy;
-    {
-        Held held(*this);
-        copy = figures_;
-        for (auto& step : plan_.steps) copy.steps.emplace_back(step.text, step.times);
-    }
-    copy.ticks = ticks();
+    Held held(*this);
+    Figures copy = figures_;
+    for (auto& step : plan_.steps) copy.steps.emplace_back(step.text, step.times);
+    copy.ticks = ticks() - before_;
     return copy;
 }
 
 void Runner::resetFigures() {
     Held held(*this);
     figures_ = {};
+    before_ = ticks();
     for (auto& step : plan_.steps) step.times = {};
 }
 

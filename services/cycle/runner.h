@@ -149,7 +149,8 @@ private:
     std::string abandoned_;             // the step that hangs
 
     // For the thread that has the turn:
-    Figures figures_;                   // without the number of ticks, which is number_
+    Figures figures_;                   // without the number of ticks, which is number_ - before_
+    std::uint64_t before_ = 0;          // ticks when the figures began again
     bool requestLate_ = false;          // a request has kept a tick from beginning, which is a fault
     bool requestSlow_ = false;          // a request has made the next tick late, and it was not the machine
 
