@@ -9,6 +9,7 @@ package require sorma::browserLaunch
 package require sorma::browserLog
 package require sorma::browserOverview
 package require sorma::browserSearch
+package require sorma::browserTabs
 package require sorma::browserText
 package require sorma::browserTimeline
 package require sorma::browserTree
@@ -65,6 +66,7 @@ snit::widget ::sorma::browser {
         dict for {name title} $Titles {
             $tabs add $tabs.$name -text [::msgcat::mc $title] -underline [expr {$name in {launch circuit timeline} ? 2 : 0}]
         }
+        ::sorma::browserTabs::manage $tabs
         ttk::label $tabs.panel.none -justify left -anchor nw -padding $pad -text [::msgcat::mc "Choose an object at the left, or search (Ctrl-F)."]
         pack $tabs.panel.none -fill both -expand 1
         ttk::label $win.state -anchor w -style Page.TLabel -padding [list $pad [expr {$pad / 2}]]
