@@ -34,7 +34,7 @@ snit::widget ::sorma::circuitChooser {
         pack $win.list -fill both -expand 1 -pady $pad
         pack $win.other -anchor w
         pack $win.open -side right -padx [list $pad 0]
-        pack $win.name -fill x -expand 1
+        pack $win.name -fill x
         bind $win.list.tree <<TreeviewSelect>> [mymethod Chosen]
         foreach {window event} [list $win.list.tree <Return> $win.list.tree <Double-ButtonPress-1> $win.name <Return>] {
             bind $window $event [mymethod Open]
