@@ -15,7 +15,7 @@ proc ::sorma::browserTabs::manage book {
     bind $book <<NotebookTabChanged>> +[list ::sorma::browserTabs::Fit $book]
     bind $book <<ThemeChanged>> +[list ::sorma::browserTabs::Fit $book]
 }
-# What the row needs for this tab. The theme says how much space is around a name.
+# The width of this tab in the row. The theme says how much space is around a name.
 proc ::sorma::browserTabs::Width {book tab} {
     lassign [ttk::style lookup TNotebook.Tab -padding] left
     set font [ttk::style lookup TNotebook.Tab -font {} TkDefaultFont]
