@@ -511,7 +511,7 @@ snit::widget ::sorma::circuitEditor {
         } else {
             set text "[::sorma::style mark $state] $text"
         }
-        $win.head.say say [expr {$state eq "live" ? "asking" : $state}] [::sorma::text::clean [string map {\n { }} $text]] $make
+        $win.head.say say [expr {$state eq "live" ? "asking" : $state}] [::sorma::text::clean [regsub -all {\s+} $text { }]] $make
     }
     # A recipe that cannot be read: its text, with the error marked.
     method AsText {message code} {
