@@ -1,7 +1,7 @@
 # dry.tcl -- a game without robot and camera: drycarry and drysight do by requests to simlab what carry and getBrdSit do by hand and eye.
 #
 #     drycarry -lab simlab@lab            drycarry EXEC FMSG 6 3 3 0 4 4 0
-#     drysight -lab simlab@lab            drysight EXEC; publishes seen as sight does
+#     drysight -lab simlab@lab            drysight EXEC; publishes seen as boardsight does
 
 package require sorma
 package require checkers::tokens

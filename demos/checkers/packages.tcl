@@ -1,8 +1,5 @@
 # packages.tcl -- which files of this folder are packages: those who need one another require them.
 
-# Before them: Tcl's search for a package that it does not know yet reads all indexes again, and a class `sight` is in that of sorma, too.
-package require fileutil
-
 apply {folder {
     foreach {file packages} {
         tokens checkers::tokens   game checkers::game   repair checkers::repair   hands checkers::hands   ponder checkers::ponder   clock checkers::clock
@@ -10,7 +7,7 @@ apply {folder {
         dry {sorma::service::drycarry sorma::service::drysight}
         body {sorma::service::humaneye sorma::service::humanhand}   person checkers::person   people sorma::service::human
         judge sorma::service::judge
-        plot sorma::service::checkers   sight sorma::service::sight   porter sorma::service::porter
+        plot sorma::service::checkers   boardsight sorma::service::boardsight   porter sorma::service::porter
     } {
         foreach package $packages {
             package ifneeded $package 1.0 [list source -encoding utf-8 [file join $folder $file.tcl]]

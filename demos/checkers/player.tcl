@@ -1,6 +1,6 @@
 # player.tcl -- the plot of a game between the robot and a person.
 #
-#     checkers::player create p GAME -carry porter -sight sight -engine draughts.engine -say command
+#     checkers::player create p GAME -carry porter -sight boardsight -engine draughts.engine -say command
 #     p play
 #
 # see -> validate -> answer -> carry -> verify -> and again, until the game is over. play suspends the coroutine in which it runs.

@@ -94,7 +94,7 @@ proc checkers::session::again settings {
     human.sim@human CTRL -new
     checkers@player CTRL -new
     # The person waits as long as the arm is low over the board.
-    catch {sight@player exec}
+    catch {boardsight@player exec}
     Until idle
     sorma::async -timeout 0 -command checkers::session::Played human.sim@human exec play
     ready

@@ -253,7 +253,7 @@ proc checkers::window::Panels {} {
     ttk::notebook::enableTraversal .panels.n
     set known [lmap d [sorma::daemons] {dict get $d name}]
     set i 0
-    foreach name {checkers@player draughts.engine@player porter@player sight@player carry@robot pino@robot manus@hand getbrdsit@eye transform@transform
+    foreach name {checkers@player draughts.engine@player porter@player boardsight@player carry@robot pino@robot manus@hand getbrdsit@eye transform@transform
             laser@laser speaker@voice simlab@lab human.sim@human} {
         if {[lindex [split $name @] 1] in $known} {
             .panels.n add [sorma::panel .panels.n.p[incr i] $name] -text [lindex [split $name @] 0]

@@ -181,7 +181,7 @@ proc checkers::window::begin {} {
     foreach subscription $Hears {
         sorma::unsubscribe $subscription
     }
-    set Hears [list [sorma::subscribe [expr {[Holds -dry] ? "drysight" : "sight"}]@player -event seen -latest -command checkers::window::Seen] \
+    set Hears [list [sorma::subscribe [expr {[Holds -dry] ? "drysight" : "boardsight"}]@player -event seen -latest -command checkers::window::Seen] \
         [sorma::subscribe checkers@player -event said -queue 1000 -command checkers::window::Said]]
     foreach name $Daemons {
         set told [sorma::world get $name]

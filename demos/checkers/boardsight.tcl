@@ -1,12 +1,12 @@
-# sight.tcl -- sight: the camera goes above the board, and what stands there is read; if need be, where the board lies is learned anew.
+# boardsight.tcl -- boardsight: the camera goes above the board, and what stands there is read; if need be, where the board lies is learned anew.
 #
-#     sight EXEC              -> TMSG ..r.r.y...  FMSG 64 confidences
-#     sight EXEC board        -> FMSG 1 by how much the board has been moved [mm]
+#     boardsight EXEC              -> TMSG ..r.r.y...  FMSG 64 confidences
+#     boardsight EXEC board        -> FMSG 1 by how much the board has been moved [mm]
 
 package require sorma
 package require sorma::service::transform
 
-oo::class create ::sorma::service::sight {
+oo::class create ::sorma::service::boardsight {
     superclass sorma::Service
     sorma::purpose "moves the camera above the board and says what stands there"
     sorma::option -mover service -default mvpos.survey -help "moves the tool on lines, to a pose in the world (class mvpos)"
@@ -21,7 +21,7 @@ oo::class create ::sorma::service::sight {
     sorma::words "?board?"
     sorma::writes text * "" "a character for each field: . nothing, r red, y yellow, ? not certain; the last rank first"
     sorma::writes floats 1.. "" "how certain each one is, 0 to 1; board: by how much it has been moved \[mm\]"
-    sorma::example "sight EXEC"
+    sorma::example "boardsight EXEC"
 
     method exec message {
         try {
@@ -79,4 +79,4 @@ oo::class create ::sorma::service::sight {
     }
 }
 
-package provide sorma::service::sight 1.0
+package provide sorma::service::boardsight 1.0
