@@ -42,24 +42,25 @@ snit::widget ::sorma::recorderState {
         if {![winfo ismapped $win]} return
         set timer [after 1000 [mymethod Refresh]]
         if {$asked} return
-        set asked [expr {![catch {::sorma::async -timeout 5000 -command [list ::sorma::parts::answer [mymethod Told]] $name CTRL -dump}]}]
+        set asked [expr {![catch {::sorma::async -timeout 5000 -command [list ::sorma::parts::answer [mymethod Told]] $name exec state}]}]
     }
-    # Lines of its dump: # KEY VALUE. An error is in the panel's own head.
+    # An error is in the panel's own head.
     method Told future {
         set asked 0
         if {[catch {$future take} answer]} return
-        set text {}
-        set number 0
-        foreach {- key value} [regexp -all -inline -line {^# (state|records|lost|away) (.*)$} [lindex $answer 3]] {
-            if {$key eq "away" && [incr number] > 5} continue
-            lappend text [switch $key {
-                state { string cat $value }
-                records { string cat "$value [::msgcat::mc "records"]" }
-                lost { string cat [if {$value > 0} {::sorma::style mark warn}] " $value [::msgcat::mc "lost"]" }
-                away { string cat "\n[::sorma::style mark stale] [::msgcat::mc "away"]: [string range $value 0 200]" }
-            }]
+        set state [dict get $answer text]
+        set text [list [dict get $state state]]
+        if {[dict exists $state records]} {
+            set lost [dict get $state lost]
+            lappend text "[dict get $state records] [::msgcat::mc "records"]" "[if {$lost > 0} {::sorma::style mark warn}] $lost [::msgcat::mc "lost"]"
         }
-        $win.text configure -text [::sorma::text::clean [regsub -all {, \n} [join $text {, }] \n]]
+        set lines [list [join $text {, }]]
+        if {[dict exists $state away]} {
+            foreach {who why} [lrange [dict get $state away] 0 9] {
+                lappend lines "[::sorma::style mark stale] [::msgcat::mc "away"]: [string range "$who: $why" 0 200]"
+            }
+        }
+        $win.text configure -text [::sorma::text::clean [join $lines \n]]
     }
 }
 

@@ -111,22 +111,21 @@ proc ::sorma::recording::Daemons {} {
 proc ::sorma::recording::Await daemons {
     variable End
     for {set i 0} {$i < 250 && ![info exists End]} {incr i} {
-        if {[Connected] == [llength $daemons]} {
+        if {[dict get [State] connected] == [llength $daemons]} {
             return
         }
         after 20 {set ::sorma::recording::Turn 1}
         vwait ::sorma::recording::Turn
     }
     if {![info exists End]} {
-        puts stderr "sorma-record: [Connected] of [llength $daemons] daemons have answered; the others are recorded when they are there"
-        foreach {- who why} [regexp -all -inline -line {^# away (\S+): (.*)$} [lindex [[Recorder] CTRL -dump] 3]] {
+        puts stderr "sorma-record: [dict get [State] connected] of [llength $daemons] daemons have answered; the others are recorded when they are there"
+        foreach {who why} [dict get [State] away] {
             puts stderr "sorma-record: [::sorma::text::clean "$who: $why"]"
         }
     }
 }
-proc ::sorma::recording::Connected {} {
-    regexp -line {^# connected (\d+)$} [lindex [[Recorder] CTRL -dump] 3] -> n
-    return $n
+proc ::sorma::recording::State {} {
+    return [dict get [[Recorder] exec state] text]
 }
 
 # A number of bytes, of which k, M and G may be behind it; 0 for an empty text.

@@ -67,7 +67,7 @@ proc ::sorma::at::Present {} {
         lappend all recorder
     }
     set recording [lmap name $all {
-        if {![regexp -line {^# state recording} [lindex [$name CTRL -dump] 3]]} continue
+        if {[dict get [dict get [$name exec state] text] state] ne "recording"} continue
         set name
     }]
     set found [expr {[llength $recording] > 0 ? $recording : $all}]

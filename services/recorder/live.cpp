@@ -73,6 +73,7 @@ std::vector<std::pair<std::string, std::string>> Merge::away() const {
     std::vector<std::pair<std::string, std::string>> out;
     for (auto& source : sources_)
         if (!source->lost.empty()) out.emplace_back(source->name, source->lost);
+    for (auto& [who, why] : out) std::replace_if(why.begin(), why.end(), [](unsigned char c) { return c < ' '; }, ' ');
     return out;
 }
 

@@ -66,7 +66,7 @@ public:
     // The same, when all that has happened so far has come. Runs the event loop, until nothing of it has come for 2 s; a minute at most.
     void drain();
     std::size_t connected() const;          // recorders that have answered, and are not lost
-    std::vector<std::pair<std::string, std::string>> away() const;      // those that are lost, and why
+    std::vector<std::pair<std::string, std::string>> away() const;      // those that are lost, and why, in one line
 
 private:
     struct Source {

@@ -4,8 +4,8 @@
 //     recorder.run EXEC play                                      writes the buffers again; answers at the end
 //     recorder.run EXEC export tables                             tables/arm.state.csv and so on
 #include <sorma.h>
+#include <bus/listText.h>
 
-#include <algorithm>
 #include <sstream>
 
 #include "busRecording.h"
@@ -29,7 +29,7 @@ const sorma::Prototype kBuffer{Severity::error, "RECORDER BUFFER", 1,
                                "{}: a buffer cannot be written: {}; -buffers chooses, -prefix keeps runs apart"};
 const sorma::Prototype kBusy{Severity::error, "RECORDER BUSY", 1, "{}: it is {} {}; CTRL -stop ends that"};
 const sorma::Prototype kIdle{Severity::error, "RECORDER IDLE", 1, "{}: nothing is under way that could be stopped"};
-const sorma::Prototype kWord{Severity::error, "RECORDER WORD", 2, "{}: bad words \"{}\": must be about, at TIME REQUEST, export FOLDER, list, now, play, records ?OPTION ...?, timeline ?WHAT ...?, or as a stream, stream REQUESTS EVENTS ?BYTES NS?"};
+const sorma::Prototype kWord{Severity::error, "RECORDER WORD", 2, "{}: bad words \"{}\": must be about, at TIME REQUEST, export FOLDER, list, now, play, records ?OPTION ...?, state, timeline ?WHAT ...?, or as a stream, stream REQUESTS EVENTS ?BYTES NS?"};
 const sorma::Prototype kPast{Severity::error, "RECORDER PAST", 1, "{}: {}"};
 const sorma::Prototype kTime{Severity::error, "RECORDER WORD", 2, "{}: at expects seconds since 1970, got \"{}\""};
 const sorma::Prototype kTimeline{Severity::error, "RECORDER WORD", 2, "{}: timeline: {}"};
@@ -60,11 +60,11 @@ public:
             .action("-record", &Recorder::record, "", "begin to record; what is in the file is replaced")
             .action("-stop", &Recorder::stop, "", "end what is under way; says how much that was", 0, 0, sorma::Right::call)
             .concurrency(sorma::Concurrency::concurrent)
-            .words("about | at time request | export folder | list | now | play | records ?option ...? | stream requests events ?bytes ns? | timeline ?what ...?")
+            .words("about | at time request | export folder | list | now | play | records ?option ...? | state | stream requests events ?bytes ns? | timeline ?what ...?")
             .word("export", &Recorder::makeTables)
             .writes(ints, {}, "", "play, export: records, buffers")
-            .writes(text, {}, "", "about, at, list, records, timeline: what is in the file")
-            .repeatable({"about", "at", "list", "now", "records", "timeline"})
+            .writes(text, {}, "", "about, at, list, records, timeline: what is in the file; state: what it does")
+            .repeatable({"about", "at", "list", "now", "records", "state", "timeline"})
             .example("recorder.example CTRL -buffers {arm.* lab.clock}");
     }
 
@@ -80,6 +80,7 @@ public:
         if (execWord(m)) return;
         if (m.words.size() == 1 && m.words[0] == "about") return about(m);
         if (m.words.size() == 1 && m.words[0] == "now") return m.clear(), void(m.ints = {sorma::monotonicNow()});
+        if (m.words.size() == 1 && m.words[0] == "state") return tellState(m);
         if (m.words.size() >= 3 && m.words[0] == "at") return answerPast(m);
         if (!m.words.empty() && m.words[0] == "timeline") return answerTimeline(m);
         if (auto text = recordText(m)) return gather(*text, m);
@@ -117,10 +118,7 @@ public:
         if (!bus_) return;
         if (merge_) {
             out += "# connected " + std::to_string(merge_->connected()) + "\n";
-            for (auto [who, why] : merge_->away()) {
-                std::replace_if(why.begin(), why.end(), [](unsigned char c) { return c < ' '; }, ' ');      // else it would be a line of its own
-                out += "# away " + who + ": " + why + "\n";
-            }
+            for (auto& [who, why] : merge_->away()) out += "# away " + who + ": " + why + "\n";
         }
         const auto figures = bus_->recorder().figures();
         out += "# records " + std::to_string(figures.records) + "\n# lost " + std::to_string(figures.lost) + "\n";
@@ -131,6 +129,23 @@ private:
         Plan plan = begin("making tables of");
         plan.folder = folder.use(*this);
         start(m, [plan](Job& job, Message&) { return recorder::exportTables(job, plan); });
+    }
+
+    // The dict of `state`: what dumpState shows, for programs.
+    void tellState(Message& m) const {
+        m.clear();
+        auto add = [&m](std::string_view key, const std::string& value) { sorma::appendListElement(m.text, key), sorma::appendListElement(m.text, value); };
+        add("state", busy() ? what_ : "idle");
+        if (bus_) {
+            const auto figures = bus_->recorder().figures();
+            add("records", std::to_string(figures.records));
+            add("lost", std::to_string(figures.lost));
+        }
+        if (!merge_) return;
+        std::string away;
+        for (auto& [who, why] : merge_->away()) sorma::appendListElement(away, who), sorma::appendListElement(away, why);
+        add("connected", std::to_string(merge_->connected()));
+        add("away", away);
     }
 
     bool busy() const { return bus_ || (job_ && !job_->ended()); }
