@@ -21,7 +21,7 @@ namespace eval ::sorma::commandLine {
 #                   -complete CMD   called with the beginning of a command line: what its last word may be (library/scott.bash)
 #                   -leading BOOL   options stand before all other words
 # Results:
-#       The exit code: 1 when it has failed, 2 when the words are wrong. Both have been told.
+#       The exit code: 1 when it has failed, 2 when the words are wrong. Both have been told; a mistake in the program with its stack.
 proc ::sorma::commandLine::run {program options words runCmd args} {
     variable Help
     set how [dict merge {-check list -complete list -leading 0} $args]
@@ -46,8 +46,9 @@ proc ::sorma::commandLine::run {program options words runCmd args} {
     }
     try {
         set code [if {$asked} {puts [::sorma::usage::program $program]} else {{*}$runCmd $settings $words}]
-    } on error message {
-        puts stderr "$program: $message"
+    } on error {message how} {
+        # An error of Tcl itself is a mistake in the program: the stack, which begins with the message, is for its report.
+        puts stderr "$program: [if {[lindex [dict get $how -errorcode] 0] in {TCL ARITH}} {dict get $how -errorinfo} else {set message}]"
         return 1
     }
     return [expr {$code eq {} ? 0 : $code}]
