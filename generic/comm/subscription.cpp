@@ -11,7 +11,8 @@ namespace sorma {
 namespace {
 
 std::shared_ptr<const wire::EncodedEvent> encode(const wire::EventBody& event, const Message& content, const TraceOrigin& origin = {}) {
-    auto encoded = std::make_shared<wire::EncodedEvent>(Buffer(), origin);
+    auto encoded = std::make_shared<wire::EncodedEvent>();
+    encoded->origin = origin;
     wire::writeEventBody(encoded->body, event, content);
     return encoded;
 }
