@@ -97,7 +97,7 @@ proc names {} {
     return [lmap id [$::c find withtag name] {$::c itemcget $id -text}]
 }
 # The middle of the mark of that tag that is farthest left.
-proc place {tag {row 0}} {
+proc placeOf {tag {row 0}} {
     set boxes [lsort -real -index 0 [lmap id [$::c find withtag $tag] {$::c bbox $id}]]
     lassign [lindex $boxes 0] x y right bottom
     return [list [expr {($x + $right) / 2}] [expr {($y + $bottom) / 2}]]
