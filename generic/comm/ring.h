@@ -29,7 +29,7 @@ namespace sorma {
 // What both ends see. Counts are of bytes since the beginning, and each has one writer.
 struct RingMemory {
     static constexpr std::size_t kSize = 256 * 1024;            // [bytes] on their way, at most; a power of two
-    static constexpr std::size_t kPiece = 32 * 1024;            // is moved at a time: so both ends work on what is long
+    static constexpr std::size_t kPiece = 16 * 1024;            // is moved at a time: so both ends work on what is long
     static constexpr std::size_t kPage = 4096;                  // where pages are larger, none is given back
     using Count = std::atomic<std::uint64_t>;
     using Mark = std::atomic<std::uint32_t>;
