@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "fuzz.h"
+#include "mend.h"
 
 #include "bus/listText.h"
 #include "bus/requestText.h"
-#include "recording/crc32c.h"
 #include "recording/writer.h"
 #include "recorder/timeline.h"
 #include "recorder/track.h"
@@ -72,14 +72,6 @@ void askAll(recorder::Timeline& line) {
     }
 }
 
-template <class Head> void mend(std::string& bytes, std::size_t at) {
-    if (at > bytes.size() || bytes.size() - at < sizeof(Head)) return;
-    Head head;
-    std::memcpy(&head, bytes.data() + at, sizeof head);
-    std::memcpy(head.magic, Head().magic, sizeof head.magic);
-    head.check = crc32c(&head, offsetof(Head, check));
-    std::memcpy(bytes.data() + at, &head, sizeof head);
-}
 void append(std::string& out, const void* bytes, std::size_t n) { out.append(static_cast<const char*>(bytes), n); }
 
 // Records as the bytes say. With sums that agree, the reader takes whatever is in them.
