@@ -97,8 +97,9 @@ void Server::Subscription::push(Item item) {
     const std::size_t size = sizeOf(item);
     waiting_.edit([&](Waiting& w) {
         if (w.items.size() >= keep_) dropOldest(w);
-        while (!fits(size) && !w.items.empty()) dropOldest(w);
-        if (fits(size)) {
+        bool room = fits(size);
+        for (; !room && !w.items.empty(); room = fits(size)) dropOldest(w);
+        if (room) {
             w.items.push_back(std::move(item));
             w.bytes += size;
         } else {
