@@ -48,7 +48,7 @@ const sorma::Prototype kOverrun{Severity::error, "SHMEM OVERRUN", 1,
                                 "{}: the newest record of segment {} was overwritten {} times in a row while it was read; use more -blocks"};
 const sorma::Prototype kDamaged{Severity::error, "SHMEM DAMAGED", 1,
                                 "{}: the record of segment {} is not what its checksum was made of: another program has written there; start its writer anew"};
-const sorma::Prototype kTimeout{Severity::error, "SHMEM TIMEOUT", 1,
+const sorma::Prototype kTimeout{Severity::error, "SHMEM TIMEOUT", 4,
                                 "{}: no new record of segment {} in {} s, the newest is number {}"};
 const sorma::Prototype kGone{Severity::error, "SERVICE GONE", 1, "{}: the service object has been removed"};
 
@@ -457,8 +457,10 @@ private:
     void next(Message& m) {
         auto args = take(m, 0, 2, "next ?timeout ?counter??");
         double timeout = args.empty() ? 0 : number<double>(args[0], 0, 1e9, "a time [s], 0 for none");
-        std::uint64_t after = args.size() < 2 ? reader_->count() : counter(args[1]);
-        if (reader_->count() > after) return latest(m);
+        const std::uint64_t newest = reader_->count();
+        std::uint64_t after = args.size() < 2 ? newest : counter(args[1]);
+        if (after > newest) after = 0;          // the buffer has begun again
+        if (newest > after) return latest(m);
         if (!follower_) {
             follower_ = std::make_unique<shmem::Follower>(
                 [box = sorm().mailbox(), weak = std::weak_ptr<ShmemReader*>(alive_)] {
