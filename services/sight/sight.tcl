@@ -89,9 +89,13 @@ oo::class create ::sorma::service::sight {
                 [my cget -result] exec -floats $told
                 incr Told
             } - options]} {
-                # No picture, no map, nobody who wants to know: each of them may be otherwise soon.
-                if {[lrange [dict get $options -errorcode] 1 2] ne {SHMEM TIMEOUT}} {
-                    set counter {}
+                # No picture, no map, nobody who wants to know: each of them may be otherwise soon. What comes before it asks again is not missed.
+                set code [dict get $options -errorcode]
+                set counter [switch [lrange $code 1 2] {
+                    {SHMEM TIMEOUT} { lindex $code end }
+                    {SHMEM ABSENT} { string cat 0 }
+                }]
+                if {[lrange $code 1 2] ne {SHMEM TIMEOUT}} {
                     after 100 [list catch [info coroutine]]
                     yield
                 }

@@ -341,7 +341,7 @@ private:
     void askNext() {
         Message m;
         m.words = {"next", "1"};
-        if (counter_ > 0) m.words.push_back(std::to_string(counter_));
+        if (counter_) m.words.push_back(std::to_string(*counter_));
         next_ = picture_->async(sorma::Method::exec, std::move(m));
         next_.then([self = sorma::Reference(this), this, round = round_](sorma::Future picture) {
             if (round != round_) return;
@@ -349,7 +349,8 @@ private:
                 take(picture.result());
                 trouble_.clear();
             } catch (const sorma::Error& e) {
-                if (!e.is("SHMEM TIMEOUT")) trouble_ = e.what(), counter_ = 0;
+                counter_ = countAfter(e);
+                if (!e.is("SHMEM TIMEOUT")) trouble_ = e.what();
             } catch (const std::exception& e) {
                 trouble_ = e.what();
             }
@@ -362,8 +363,15 @@ private:
         ++round_;
         pause_ = {};
         if (auto next = std::exchange(next_, {})) next.cancel();
-        counter_ = 0;
+        counter_.reset();
         memory_.forget();
+    }
+    // How many pictures there were when there was no new one: what comes before it is asked again is not missed.
+    static std::optional<std::uint64_t> countAfter(const sorma::Error& e) {
+        if (e.is("SHMEM ABSENT")) return 0;
+        std::int64_t count = 0;
+        if (!e.is("SHMEM TIMEOUT") || !sorma::parseNumber(e.code().back(), count)) return std::nullopt;
+        return std::uint64_t(count);
     }
     void take(Message& m) {
         const bool stamped = m.ints.size() >= 2;
@@ -383,7 +391,7 @@ private:
     sorma::Future next_;                    // while it streams
     unsigned round_ = 0;                    // of streaming: what an older one has asked for is not looked at
     sorma::Timer pause_;
-    std::uint64_t counter_ = 0;             // of the last picture
+    std::optional<std::uint64_t> counter_;  // later pictures than this one are new; empty: those to come
     std::array<std::uint64_t, std::size(vision::kVerdicts)> counts_{};
     std::string trouble_;
 
