@@ -9,7 +9,7 @@ package require sorma::layers
 package provide sorma::circuitLayout 1.0
 
 namespace eval ::sorma::circuitLayout {
-    namespace export size note pin place free
+    namespace export size note pin place free probe
     namespace ensemble create
     variable Gap $::sorma::layers::gap
     variable Room $::sorma::layers::room
@@ -126,4 +126,37 @@ proc ::sorma::circuitLayout::free {place width height boxes} {
         }
     }
     return [list $x $y]
+}
+
+# ::sorma::circuitLayout probe WAY WIDTH HEIGHT BOXES -- where a probe of a wire hangs that is on none of BOXES: {X Y WIDTH HEIGHT END}. X, Y: the middle of
+# its upper edge. It is below a level piece of WAY, or above it, of the longest one that has room. Where none has, it is farther below, and END is the
+# place on the wire to which a line leads. A chart on a short piece is narrow.
+proc ::sorma::circuitLayout::probe {way width height boxes} {
+    set pieces [lsort -decreasing -real -index 0 [lmap {x y} [lrange $way 0 end-2] {X Y} [lrange $way 2 end] {
+        if {$y != $Y} continue
+        list [expr {abs($X - $x)}] [expr {($x + $X) / 2.0}] $y
+    }]]
+    lassign [concat [lindex $pieces 0] 0 [lrange $way 0 1]] length x y
+    set width [expr {min($width, max(5, $length - 2))}]
+    foreach piece $pieces {
+        lassign $piece - middle row
+        foreach top [list [expr {$row + 0.6}] [expr {$row - 0.6 - $height}]] {
+            if {![Covers $boxes $middle $top $width $height]} {
+                return [list $middle $top $width $height {}]
+            }
+        }
+    }
+    for {set top [expr {$y + 1.6}]} {[Covers $boxes $x $top $width $height]} {set top [expr {$top + 1}]} {}
+    return [list $x $top $width $height [list $x $y]]
+}
+# Is a rectangle on one of the boxes? X Y: the middle of its upper edge.
+proc ::sorma::circuitLayout::Covers {boxes x y width height} {
+    set from [expr {$x - $width / 2.0}]
+    foreach box $boxes {
+        lassign $box left top wide high
+        if {$from < $left + $wide && $from + $width > $left && $y < $top + $high && $y + $height > $top} {
+            return 1
+        }
+    }
+    return 0
 }

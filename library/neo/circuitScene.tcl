@@ -24,7 +24,7 @@ package provide sorma::circuitScene 1.0
 #       at X Y, pixel X Y   the grid at a pixel of the window; where a place of the grid is
 #       zoom ?FACTOR? ?X Y? the scale; times FACTOR, with this pixel staying where it is
 #       fit                 all of it in the window;  centre KEY: that node in the middle;  follow DX DY: pan by pixels
-#       grey BOOL           are the values old
+#       grey BOOL           are the values old: boxes have a dashed rim, and all is grey
 #       size KEY WIDTH HEIGHT   of a frame, until the next show
 #       shift KEYS DX DY    these nodes, so many steps from where they are; until the next show. Wires follow without regard to boxes
 #       rubber ?X1 Y1 X2 Y2 WHY?    a wire that is drawn, in pixels; WHY it does not fit, or nothing
@@ -42,12 +42,14 @@ snit::widgetadaptor ::sorma::circuitScene {
     variable drawn {}           ;# {ZOOM NODES WIRES NOTES}, as they stand on the canvas; nothing: draw all anew
     variable shifted {}         ;# keys of nodes that shift has moved since
     variable probes {}
+    variable hung {}            ;# dict: number of a wire -> where its probe hangs, as circuitLayout has it
     variable chosen {{} {}}     ;# keys, numbers
     variable zoom 1.0
     variable old 0
     variable moving {0 0}       ;# steps by which nodes are shifted
     variable fitted 1           ;# all is shown as large as it fits, until somebody zooms
     variable keys {}            ;# dict: number of a node, as in tags -> KEY; those of notes follow
+    typevariable Old {box {surface ground edge off} dot {surface ground quiet off} wire {quiet off} value {text off}}   ;# what is another token when values are old
     typevariable Least 0.08
     typevariable Most 4.0
 
@@ -72,11 +74,13 @@ snit::widgetadaptor ::sorma::circuitScene {
         set nodes $given
         set notes $remarks
         set wires $ways
+        set hung {}
         $self Sized
     }
     method way {number way} {
         set step [$self Step]
         lset wires $number [dict replace [lindex $wires $number] way $way]
+        set hung {}
         $hull coords w$number&&wire [lmap c $way {expr {$c * $step}}]
         if {[llength $drawn] > 0} {
             lset drawn 2 $wires
@@ -378,8 +382,11 @@ snit::widgetadaptor ::sorma::circuitScene {
             $hull create text [expr {$left + 1.5 * $step}] [expr {($top + $bottom) / 2}] -anchor w -font sorma-scene$win-plain \
                 -text [$self Fit $title plain [expr {$right - $left - 3 * $step}]] -tags [concat $tags title]
         } else {
-            $hull create text [expr {($left + $right) / 2}] [expr {$top + 1.6 * $step}] -font sorma-scene$win-strong \
-                -text [$self Fit $title strong [expr {$right - $left - $step}]] -tags [concat $tags title]
+            # A mark before the name may need more room than the box has for it.
+            set width [expr {$right - $left - 0.6 * $step}]
+            set font [lindex [concat [lmap font {strong plain small} {if {[::font measure sorma-scene$win-$font $title] > $width} continue; set font}] small] 0]
+            $hull create text [expr {($left + $right) / 2}] [expr {$top + 1.6 * $step}] -font sorma-scene$win-$font \
+                -text [$self Fit $title $font $width] -tags [concat $tags title]
         }
         foreach {side edge anchor shift} [list ins $left w 1 outs $right e -1] {
             foreach pin [dict get $node $side] {
@@ -454,10 +461,10 @@ snit::widgetadaptor ::sorma::circuitScene {
         foreach {tag options} [list box {-fill surface -outline edge} title {-fill text} dot {-fill surface -outline quiet} name {-fill quiet} \
                 wire {-fill quiet} value {-fill text} face {-fill surface -outline line} side {-fill quiet} rim {-fill line} grip {-fill edge} remark {-fill text}] {
             $hull itemconfigure $tag {*}[concat {*}[lmap {option token} $options {
-                list $option [::sorma::style token [if {!$old || $token ni {text quiet} || $tag in {title name side grip remark}} {set token} else {string cat off}]]
+                list $option [::sorma::style token [if {$old && [dict exists $Old $tag $token]} {dict get $Old $tag $token} else {set token}]]
             }]]
         }
-        $hull itemconfigure box -width $line
+        $hull itemconfigure box -width $line -dash [if {$old} {list [expr {3 * $line}] [expr {3 * $line}]}]
         foreach key [lindex $chosen 0] {
             if {[dict exists $notes $key]} {
                 set n [expr {[dict size $nodes] + [lsearch -exact [dict keys $notes] $key]}]
@@ -500,29 +507,32 @@ snit::widgetadaptor ::sorma::circuitScene {
         $self DrawProbes
     }
 
-    # ---- probes: each hangs below the longest level piece of its wire ----
+    # ---- probes: each hangs at a level piece of its wire, the longest one that has room for it ----
 
     method DrawProbes {} {
         $hull delete probe
         if {$zoom < 0.45} return
-        dict for {n probe} $probes {
-            if {$n < [llength $wires]} {
-                $self Draw[dict get {chart Chart lamp Lamp} [dict get $probe kind]] $n [dict get $probe samples] {*}[$self Hangs [dict get [lindex $wires $n] way]]
+        set shown [dict filter $probes script {n -} {expr {$n < [llength $wires]}}]
+        if {[dict keys $hung] ne [dict keys $shown]} {
+            $self Hang [dict keys $shown]
+        }
+        set step [$self Step]
+        dict for {n probe} $shown {
+            lassign [dict get $hung $n] x y width - end
+            if {$end ne {}} {
+                $hull create line [lmap c [list {*}$end $x $y] {expr {$c * $step}}] -fill [::sorma::style token edge] -tags [list probe $n p$n]
             }
+            $self Draw[dict get {chart Chart lamp Lamp} [dict get $probe kind]] $n [dict get $probe samples] {*}[lmap c [list $x $y $width] {expr {$c * $step}}]
         }
     }
-    # {X Y WIDTH} in pixels; a chart on a short wire is narrow.
-    method Hangs way {
-        set most -1
-        set step [$self Step]
-        foreach {x y} [lrange $way 0 end-2] {X Y} [lrange $way 2 end] {
-            set length [expr {$y == $Y ? abs($X - $x) : 0}]
-            if {$length > $most} {
-                set most $length
-                set at [list [expr {($x + $X) / 2.0 * $step}] [expr {($y + 0.6) * $step}] [expr {max(5, min(10, $length - 2)) * $step}]]
-            }
+    method Hang numbers {
+        set hung {}
+        set taken [lmap node [dict values $nodes] {dict get $node box}]
+        foreach n $numbers {
+            dict set hung $n [::sorma::circuitLayout probe [dict get [lindex $wires $n] way] {*}[dict get {chart {10 4} lamp {2 2}} [dict get $probes $n kind]] $taken]
+            lassign [dict get $hung $n] x y width height
+            lappend taken [list [expr {$x - $width / 2.0}] $y $width $height]
         }
-        return $at
     }
     method DrawChart {n samples x y width} {
         set step [$self Step]
