@@ -80,6 +80,7 @@ snit::widget ::sorma::circuitEditor {
     variable shown 1            ;# values
     variable stands {}          ;# begin, end or nothing, for each wire: where its value stands
     variable redraw 0           ;# have pins changed, so that it is to be drawn again
+    variable lost {}            ;# dict: number of a wire, from 1 -> the pin that it has lost
     variable blamed {}          ;# dict: number of a wire, from 1 -> why the circuit refuses it
     variable hint {}            ;# below the picture
     variable tools {}           ;# the buttons in the head, in their order
@@ -342,6 +343,7 @@ snit::widget ::sorma::circuitEditor {
         set fixed [::sorma::circuitText places [dict get $recipe -places]]
         $self ReadNotes
         $self Complete $fixed
+        set lost [$self Lost]
         set places [::sorma::circuitLayout place $graph $fixed]
         # In a large circuit only the wires of boxes that have moved get new ways.
         if {$same && [::sorma::ways::simple [llength $ends]] && [dict keys [dict get $graph nodes]] eq $before} {
@@ -402,12 +404,27 @@ snit::widget ::sorma::circuitEditor {
         $self ShowProbes
         $self Selected
     }
-    # Wires that the circuit's refusal names, as "wire 2": a dict NUMBER, from 1 -> what is wrong with it.
+    # Wires whose pin is not there any more: a dict NUMBER, from 1 -> which one.
+    method Lost {} {
+        set n 0
+        set found {}
+        foreach wire [dict get $graph wires] {
+            incr n
+            foreach end [lrange $wire 1 2] side {outs ins} what {output input} {
+                set name [if {[lindex $end 0] ne {}} {::sorma::circuitText object [lindex $end 0]}]
+                if {$name ne {} && [dict exists $pins $name] && ![dict exists $pins $name $side [lindex $end 1]]} {
+                    dict set found $n "$name has no $what [lindex $end 1]"
+                }
+            }
+        }
+        return $found
+    }
+    # These, and those that the circuit's refusal names, as "wire 2".
     method Blamed {} {
         set why [if {[$self sent] && [dict get [$subject get -wires] state] eq "refused"} {dict get [$subject get -wires] why}]
         regexp {wire \d+ ".*?": (.*)} $why -> short
         set numbers [lmap {- number} [regexp -all -inline {wire (\d+) } $why] {set number}]
-        return [concat {*}[lmap number $numbers {list $number [expr {[info exists short] ? $short : $why}]}]]
+        return [dict merge $lost [concat {*}[lmap number $numbers {list $number [expr {[info exists short] ? $short : $why}]}]]]
     }
     method NodeState {key wired} {
         if {[lindex $key 0] eq "unit" && [$self illness [lindex $key 1]] ne {}} {

@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <optional>
 
 #include <sorma.h>
 
@@ -33,6 +34,7 @@ const Prototype kInputs{Severity::error, "CIRCUIT INPUTS", 2,
                         "{}: {} would break the cycle that runs it: each tick sends it {}, and it would read {}; stop the cycle first"};
 const Prototype kPins{Severity::error, "CIRCUIT PINS", 2,
                       "{}: {} would break the wires of a circuit that runs in a cycle with this one inside; stop the cycle first"};
+const Prototype kPart{Severity::error, "CIRCUIT PART", 2, "{}: its wires no longer fit the pins of its unit {}; mend the wires, or the unit"};
 
 std::string floatsText(std::size_t n) { return std::to_string(n) + (n == 1 ? " float" : " floats"); }
 
@@ -93,9 +95,13 @@ public:
                      : nullptr;
     }
 
-    void changed(std::span<const sorma::Option* const>) override { anchor(); }
+    void changed(std::span<const sorma::Option* const>) override {
+        anchor();
+        tellAround();
+    }
 
     void exec(Message& m) override {
+        if (broken_) [[unlikely]] throw *broken_;
         // Relaxed: it orders nothing, a change is compared with ticks that have been.
         if (sorma::RealtimeOwner::current()) given_.store(m.floats.size(), std::memory_order_relaxed);
         if (m.floats.size() != network_->inputs()) [[unlikely]] failFloats(m.floats.size());
@@ -132,6 +138,7 @@ public:
     std::string selftest() override {
         for (auto& unit : network_->units())
             if (unit->gone()) return "unit " + unit->name() + " has been removed: CTRL -rewire";
+        if (broken_) throw *broken_;
         return "ok: " + std::to_string(network_->units().size()) + " units, " + std::to_string(network_->wires().size()) + " wires";
     }
 
@@ -177,6 +184,7 @@ private:
         return [this, fresh = std::move(made)]() mutable {
             if (running_) fail(kBusy, name(), "be wired again");
             std::swap(network_, fresh);
+            broken_.reset();
         };
     }
 
@@ -190,15 +198,37 @@ private:
         if (fresh.inputs() != given) fail(kInputs, name(), what, floatsText(given), floatsText(fresh.inputs()));
     }
 
-    // Is it a unit of another circuit that the same cycle runs?
+    // The circuits of this process that have it as a unit.
+    std::vector<Circuit*> around() const {
+        std::vector<Circuit*> out;
+        for (auto& other : sorm().names("circuit*"))
+            if (auto* circuit = dynamic_cast<Circuit*>(sorm().find(other)); circuit && circuit->network_ && circuit->network_->pinsOf(*this))
+                out.push_back(circuit);
+        return out;
+    }
+    // Does the same cycle run another circuit that has it as a unit?
     bool isInside() const {
-        for (auto& other : sorm().names("circuit*")) {
-            const auto* circuit = dynamic_cast<const Circuit*>(sorm().find(other));
-            if (!circuit || circuit->realtimeOwner() != realtimeOwner()) continue;
-            for (auto& part : circuit->parts())
-                if (part.get() == this) return true;
+        return std::ranges::any_of(around(), [&](Circuit* c) { return c->realtimeOwner() == realtimeOwner(); });
+    }
+
+    // The circuits around it take its new pins at once. In a cycle it has none: needFit has refused them.
+    void tellAround() {
+        if (!network_ || realtimeOwner()) return;
+        for (auto* circuit : around())
+            if (!differenceOf(*circuit->network_->pinsOf(*this), network_->pins(), false).empty() || circuit->broken_) circuit->follow(*this);
+    }
+    // Without ticks, from now on, if the wires do not fit: they would take numbers of other pins.
+    void follow(const Circuit& part) {
+        if (running_) return;               // the next tick tells the wrong number of floats
+        try {
+            rewire();
+            tellAround();
+        } catch (...) {
+            sorma::Trail trail = sorma::trailOfCurrentException(name());
+            trail.add(sorma::makeEntry(kPart, {sorma::MessageArg::of(name()), sorma::MessageArg::of(part.name())}));
+            broken_.emplace(std::move(trail));
+            network_->keepPins(part, part.network_->pins());
         }
-        return false;
     }
 
     void rewire() {
@@ -250,6 +280,7 @@ private:
     std::string wires_, inputs_, outputs_, places_;
     double period_ = 0;
     std::shared_ptr<Network> network_;      // from birth on
+    std::optional<sorma::Error> broken_;    // why there are no ticks: the pins of a circuit inside are others
     static constexpr std::size_t kNever = std::size_t(-1);
     std::atomic<std::size_t> given_{kNever};        // floats that the last tick of a cycle has sent
     bool running_ = false;                  // a unit may come back to us, or let others do so while it waits

@@ -90,6 +90,20 @@ std::vector<sorma::Reference> Network::units() const {
     return out;
 }
 
+const std::vector<sorma::Pin>* Network::pinsOf(const sorma::Service& unit) const {
+    auto at = std::ranges::find(steps_, &unit, [](auto& s) { return s.unit.get(); });
+    return at == steps_.end() ? nullptr : &at->pins;
+}
+
+void Network::keepPins(const sorma::Service& unit, const std::vector<sorma::Pin>& there) {
+    for (auto& s : steps_) {
+        if (s.unit.get() != &unit) continue;
+        std::erase_if(s.pins, [&](auto& pin) {
+            return std::ranges::none_of(there, [&](auto& other) { return other.name == pin.name && other.input == pin.input; });
+        });
+    }
+}
+
 // ---- for those who look at it ----
 
 namespace {

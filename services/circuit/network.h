@@ -56,6 +56,8 @@ public:
     const std::vector<sorma::Pin>& pins() const { return pins_; }       // the circuit's own
     std::size_t inputs() const { return inputCount_; }                  // floats that run() reads
     std::vector<sorma::Reference> units() const;
+    const std::vector<sorma::Pin>* pinsOf(const sorma::Service& unit) const;    // as they were when it was wired; null: it is no unit
+    void keepPins(const sorma::Service& unit, const std::vector<sorma::Pin>& there);    // listLive shows no others of it any more
     const std::vector<ResolvedWire>& wires() const { return resolved_; }
 
     // A line for each, of words that requestText.h can read:
