@@ -381,9 +381,10 @@ std::string Timeline::recordsOf(const std::string& source, std::string_view obje
     const rec::Kind kind = kKinds[mark.kind];
     std::uint64_t number = 0;
     bool found = false;
+    const bool all = object.empty() && !mayTell;        // the track is that of all objects
     reader_->seek(mark.section);
     for (rec::Record r; !found && reader_->next(r, mark.section + 1);) {
-        if (r.kind != kind || r.source != source || (!object.empty() && r.object != object) || (mayTell && r.object != object)) continue;
+        if (r.kind != kind || r.source != source || (!all && r.object != object)) continue;
         const std::int64_t time = mark.kind == Mark::answer ? within(within(r.time) - std::int64_t(spanOf(r.span))) : within(r.time);
         if (time != mark.time) continue;
         found = true;
