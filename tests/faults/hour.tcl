@@ -162,6 +162,7 @@ attack {
     gets $pipe
     set pids [concat [pid] [pid $pipe] [lmap name [dict keys $daemons] {daemon info $name pid}]]
     set used [processor $pids]
+    set own [processor [pid $pipe]]
     sorma::atSignal {set done signal}
     set first [now]
     puts "recording [llength $subjects] options of [llength $objects] objects at [dict size $daemons] daemons"
@@ -172,10 +173,11 @@ attack {
     vwait done
     set last [now]
     set percent [format %.1f [expr {100 * ([processor $pids] - $used) * 1e6 / ($last - $first)}]]
+    set recorder [format %.2f [expr {100 * ([processor [pid $pipe]] - $own) * 1e6 / ($last - $first)}]]
     exec kill -INT [pid $pipe]
     read $pipe
     close $pipe
-    puts "recorded [format %.1f [expr {($last - $first) / 6e7}]] minutes requests $requests changes $changes refused $refused arrived $arrived bytes [file size $file] processor_percent $percent"
+    puts "recorded [format %.1f [expr {($last - $first) / 6e7}]] minutes requests $requests changes $changes refused $refused arrived $arrived bytes [file size $file] processor_percent $percent of_that_recorder $recorder"
     flush stdout
     if {$keep ne {}} {
         set f [open $file.journal w]
