@@ -32,12 +32,16 @@ apply {dir {
         robot {calibrate mvpos pino push wspc}
         hand {manus}
         shmem {shmem_w shmem_r}
-        track {trajectory}
+        track {track trajectory}
         units {sum gain matrix clip squash lowpass integrator delay table select sine noise probe}
         vision {hsvtable findball findbrdmarker getbrdsit getdisk grab classify blobs moments}
     } {
         if {![file exists [file join $dir services $module$end]]} continue
+        if {$module ni $classes} {
+            package ifneeded sorma::module::$module 1.0 [list package require sorma::service::$module]      ;# it is no class
+        }
         foreach name $classes {
+            if {$name eq $module} continue
             package ifneeded sorma::service::$name 1.0 "package require sorma::service::$module\npackage provide sorma::service::$name 1.0"
         }
     }

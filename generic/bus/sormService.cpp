@@ -1,5 +1,6 @@
 // The object `sorm`: shows and changes its SORM: classes, objects, references, connections, daemons.
 #include <algorithm>
+#include <set>
 
 #include "bus/call.h"
 #include "bus/glob.h"
@@ -139,7 +140,14 @@ public:
                 if (++k == wanted.size() || !parseNumber(wanted[k], most) || most < 0) fail(kBusiest, k < wanted.size() ? wanted[k] : std::string());
                 list = busiest(std::size_t(most));
             } else if (what == "classes") {
-                for (auto* type : sorm().classes()) appendListElement(list, listOf({type->name(), type->version(), type->purpose()}));
+                std::set<std::string> others;       // they are loaded when somebody names an object
+                if (Host* host = sorm().host())
+                    for (auto& name : host->classNames()) others.insert(name);
+                for (auto* type : sorm().classes()) {
+                    appendListElement(list, listOf({type->name(), type->version(), type->purpose()}));
+                    others.erase(type->name());
+                }
+                for (auto& name : others) appendListElement(list, listOf({name, "", ""}));
             } else if (what == "names") {
                 for (auto& name : sorm().names()) appendListElement(list, name);
             } else if (what == "objects") {

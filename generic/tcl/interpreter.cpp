@@ -163,15 +163,17 @@ bool Interpreter::loadClass(const std::string& name) {
     return false;
 }
 
+// Without modules that hold classes of other names, and without what this build has left out; pkgIndex.tcl tells both.
 std::vector<std::string> Interpreter::classNames() {
     if (closing()) return {};
     KeepState keep(interp);
     std::vector<std::string> out = tclClassNames(*this);
-    constexpr std::string_view kPrefix = "sorma::service::";
-    if (Tcl_EvalEx(interp, "::package names", -1, TCL_EVAL_GLOBAL) != TCL_OK) return out;
+    constexpr const char* kNames = "::apply {{} {lmap package [lsearch -all -inline -glob [package names] sorma::service::*] {"
+                                   "if {[package versions $package] eq {0.1} || [package versions sorma::module::[namespace tail $package]] ne {}} continue; "
+                                   "namespace tail $package}}}";
+    if (Tcl_EvalEx(interp, kNames, -1, TCL_EVAL_GLOBAL) != TCL_OK) return out;
     Obj names(Tcl_GetObjResult(interp));
-    for (auto& name : listStrings(names))
-        if (name.starts_with(kPrefix)) out.push_back(name.substr(kPrefix.size()));
+    for (auto& name : listStrings(names)) out.push_back(name);
     return out;
 }
 

@@ -460,7 +460,7 @@ snit::widget ::sorma::browserTree {
     method Recipes inventory {
         set found {}
         foreach item [dict get $inventory classes] {
-            if {[regexp {^[a-z]\w*$} [lindex $item 0]]} {
+            if {[regexp {^[a-z]\w*$} [lindex $item 0]] && [lindex $item 1] ne {}} {
                 dict set found [lindex $item 0] {}
             }
         }

@@ -41,8 +41,8 @@ proc ::sorma::table::locate name {
     return [list [dict get $place service] [if {[dict get $place state] ne "here"} {dict get $place where}]]
 }
 
-# ::sorma::table::inventory WHERE -- a dict of classes (dict: name -> {version purpose}) and words (of the dictionary). Empty as long
-# as nothing is known.
+# ::sorma::table::inventory WHERE -- a dict of classes (dict: name -> {version purpose}), installed (names of those that are not loaded yet) and words (of
+# the dictionary). Empty as long as nothing is known.
 proc ::sorma::table::inventory where {
     variable inventoryRequest
     return [Known $where $inventoryRequest ::sorma::table::ParseInventory]
@@ -57,24 +57,14 @@ proc ::sorma::table::objects where {
     return [if {$key eq "self"} {::sorma::names} else {lmap object [::sorma::world objects $key] {dict get $object name}}]
 }
 
-# ::sorma::table::classes WHERE -- names of classes; here also of those whose package could be loaded.
+# ::sorma::table::classes WHERE -- names of classes; here also of those that are loaded when somebody names an object.
 proc ::sorma::table::classes where {
-    if {![IsHere $where]} {
-        set known [inventory $where]
-        return [if {$known ne {}} {dict keys [dict get $known classes]}]
+    if {[IsHere $where]} {
+        set known [ParseInventory [HereText {sorm DBX -inventory classes words}]]
+        return [lsort [lsearch -all -inline -not -exact [concat [dict keys [dict get $known classes]] [dict get $known installed]] proxy]]
     }
-    set found {}
-    foreach name [::sorma::classes] {
-        dict set found $name 1
-    }
-    foreach package [lsearch -all -inline -glob [package names] sorma::service::*] {
-        # Version 0.1 only says where the class is.
-        if {[package versions $package] ne "0.1"} {
-            dict set found [namespace tail $package] 1
-        }
-    }
-    dict unset found proxy
-    return [lsort [dict keys $found]]
+    set known [inventory $where]
+    return [if {$known ne {}} {dict keys [dict get $known classes]}]
 }
 
 # ::sorma::table::words WHERE -- words of the dictionary.
@@ -348,14 +338,18 @@ proc ::sorma::table::zone {hints value} {
 proc ::sorma::table::ParseInventory text {
     variable Most
     set classes {}
+    set installed {}
     foreach item [dict get $text classes] {
         lassign $item name version purpose
-        if {[regexp {^[a-z]\w*$} $name]} {
+        if {![regexp {^[a-z]\w*$} $name]} continue
+        if {$version eq {}} {
+            lappend installed $name
+        } else {
             dict set classes $name [list $version $purpose]
         }
     }
     set words [lsearch -all -inline -regexp [lrange [dict get $text words] 0 $Most] {^[^\s[:cntrl:]]+$}]
-    return [dict create classes $classes words $words]
+    return [dict create classes $classes installed $installed words $words]
 }
 
 # ::sorma::table::parse TEXT -- a table as describe gives it, from what DBX -describe has answered. Fails when that makes no sense.

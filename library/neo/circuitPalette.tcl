@@ -143,11 +143,13 @@ snit::widget ::sorma::circuitPalette {
     method Known key {
         set where [expr {$key eq $own ? $options(-where) : $key}]
         set inventory [::sorma::table inventory $where]
-        set found {}
-        foreach class [if {$inventory ne {}} {::sorma::table classes $where}] {
+        if {$inventory eq {}} {
+            return
+        }
+        foreach class [concat [dict keys [dict get $inventory classes]] [dict get $inventory installed]] {
             dict set found $class [if {[dict exists $inventory classes $class]} {lindex [dict get $inventory classes $class] 1}]
         }
-        return $found
+        return [dict remove $found proxy]
     }
 
     # ---- the list ----
@@ -214,7 +216,10 @@ snit::widget ::sorma::circuitPalette {
         set item [lindex [$win.list.tree selection] 0]
         lassign [if {[dict exists $items $item]} {dict get $items $item} else {list [lindex $item 1] {}}] key class
         lassign [if {[dict exists $stated $key]} {dict get $stated $key}] place - why
-        set text [if {$class ne {}} {dict get $known $key $class} elseif {$item eq {}} {
+        set text [if {$class ne {}} {
+            set purpose [dict get $known $key $class]
+            expr {$purpose ne {} ? $purpose : [::msgcat::mc "It is loaded when an object of it is made."]}
+        } elseif {$item eq {}} {
             ::msgcat::mc "Drag a class into the picture, or choose it and press Return."
         }]
         if {$class ne {} && $key ne $own} {
