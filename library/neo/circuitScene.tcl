@@ -75,7 +75,13 @@ snit::widgetadaptor ::sorma::circuitScene {
         set notes $remarks
         set wires $ways
         set hung {}
-        $self Sized
+        # What somebody has put somewhere stays there.
+        if {$fitted && [llength $drawn] > 0 && [$self Inside]} {
+            $self Draw
+            event generate $win <<ViewChanged>>
+        } else {
+            $self Sized
+        }
     }
     method way {number way} {
         set step [$self Step]
@@ -259,6 +265,11 @@ snit::widgetadaptor ::sorma::circuitScene {
             }
         }
         return [if {$right < $left} {list 0 0 1 1} else {list $left $top $right $bottom}]
+    }
+    method Inside {} {
+        lassign [$self view] x1 y1 x2 y2
+        lassign [$self Extent] left top right bottom
+        return [expr {$left >= $x1 && $top >= $y1 && $right <= $x2 && $bottom <= $y2}]
     }
     method Sized {} {
         if {!$fitted} {

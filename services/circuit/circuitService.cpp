@@ -214,8 +214,9 @@ private:
     // The circuits around it take its new pins at once. In a cycle it has none: needFit has refused them.
     void tellAround() {
         if (!network_ || realtimeOwner()) return;
+        const auto same = [](const sorma::Pin& a, const sorma::Pin& b) { return a.toText() == b.toText(); };
         for (auto* circuit : around())
-            if (!differenceOf(*circuit->network_->pinsOf(*this), network_->pins(), false).empty() || circuit->broken_) circuit->follow(*this);
+            if (circuit->broken_ || !std::ranges::equal(*circuit->network_->pinsOf(*this), network_->pins(), same)) circuit->follow(*this);
     }
     // Without ticks, from now on, if the wires do not fit: they would take numbers of other pins.
     void follow(const Circuit& part) {
