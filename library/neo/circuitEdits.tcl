@@ -537,6 +537,7 @@ snit::macro ::sorma::circuitEdits {} {
     method Put {X Y} {
         $scene configure -cursor {}
         if {[winfo containing $X $Y] eq $scene && [$palette chosen] ne {}} {
+            focus $scene            ;# Return opens the line there; in the list it would add another one
             $self drop [$palette chosen] {*}[$scene at [expr {$X - [winfo rootx $scene]}] [expr {$Y - [winfo rooty $scene]}]]
         }
     }

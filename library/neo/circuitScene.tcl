@@ -60,7 +60,7 @@ snit::widgetadaptor ::sorma::circuitScene {
             ::font create sorma-scene$win-$kind
         }
         bind $win <<ThemeChanged>> [mymethod Anew]
-        bind $win <Configure> [mymethod Sized]
+        bind $win <Configure> [mymethod Shown 1]
     }
     destructor {
         foreach kind {plain strong small} {
@@ -75,8 +75,11 @@ snit::widgetadaptor ::sorma::circuitScene {
         set notes $remarks
         set wires $ways
         set hung {}
-        # What somebody has put somewhere stays there.
-        if {$fitted && [llength $drawn] > 0 && [$self Inside]} {
+        $self Shown 0
+    }
+    # What somebody has put somewhere stays there while all is in the window. RESIZED: it may have become larger.
+    method Shown resized {
+        if {$fitted && [llength $drawn] > 0 && (!$resized || $zoom == 1.0) && [$self Inside]} {
             $self Draw
             event generate $win <<ViewChanged>>
         } else {

@@ -41,7 +41,12 @@ proc ::sorma::neo::Run {settings names} {
 }
 proc ::sorma::neo::Open {state name} {
     package require sorma::circuitEditor
-    ::sorma::window open [list circuit -name $name] $name ::sorma::circuitEditor $name -state $state
+    set top [::sorma::window open [list circuit -name $name] $name ::sorma::circuitEditor $name -state $state]
+    # What is in it changes; the window keeps its size, which is the one of before, or has room for a circuit.
+    update idletasks
+    set natural [winfo reqwidth $top]x[winfo reqheight $top]
+    regexp {^\d+x\d+} [wm geometry $top] size
+    wm geometry $top [expr {$size ni [list 1x1 $natural] ? $size : "[::sorma::style pixels 1000]x[::sorma::style pixels 680]"}]
 }
 
 proc ::sorma::neo::Complete words {
