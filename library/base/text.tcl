@@ -315,6 +315,11 @@ proc ::sorma::text::label word {
     return [string totitle [regsub -all {[[:lower:]](?=[[:upper:]])} [string trimleft $word -] {& }]]
 }
 
+# ::sorma::text::counted N ONE MANY -- such as "1 box" or "3 boxes".
+proc ::sorma::text::counted {n one many} {
+    return "$n [expr {$n == 1 ? $one : $many}]"
+}
+
 # ::sorma::text::digits NUMBERS --
 #       Numbers for people: nine digits each, so that 0.45000000000000001 is 0.45, and more only where two numbers that differ would look
 #       the same. Whole numbers and short ones stay as they are.

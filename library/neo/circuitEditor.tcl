@@ -524,7 +524,7 @@ snit::widget ::sorma::circuitEditor {
             set make [list $subject make]
         }
         if {$state eq "live"} {
-            set text "[dict size [dict get $graph nodes]] boxes, [llength [dict get $graph wires]] wires"
+            set text "[::sorma::text::counted [dict size [dict get $graph nodes]] box boxes], [::sorma::text::counted [llength [dict get $graph wires]] wire wires]"
         } else {
             set text "[::sorma::style mark $state] $text"
         }

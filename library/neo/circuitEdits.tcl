@@ -311,7 +311,7 @@ snit::macro ::sorma::circuitEdits {} {
         lassign [$self PinFacts $source outs] length unit
         lassign [$self PinFacts $sink ins] room measure
         if {$length ne {} && $room ne {} && $length != $room} {
-            return "$length elements, but [::sorma::circuitText write $sink] has $room"
+            return "[::sorma::text::counted $length element elements], but [::sorma::circuitText write $sink] has $room"
         } elseif {$unit ne {} && $measure ne {} && $unit ne $measure} {
             return "in $unit, but [::sorma::circuitText write $sink] in $measure"
         }
@@ -509,7 +509,7 @@ snit::macro ::sorma::circuitEdits {} {
             }
             pin {
                 lassign [$self PinFacts [list [if {[lindex $what 0] eq "unit"} {lindex $what 1}] $name {} {} {}] $side] length unit
-                set hint "[if {[lindex $what 0] eq "unit"} {string cat [lindex $what 1] .}]$name[if {$length ne {}} {string cat ", $length elements"}][if {$unit ne {}} {string cat ", $unit"}]"
+                set hint "[if {[lindex $what 0] eq "unit"} {string cat [lindex $what 1] .}]$name[if {$length ne {}} {string cat ", [::sorma::text::counted $length element elements]"}][if {$unit ne {}} {string cat ", $unit"}]"
             }
         }
     }
