@@ -15,7 +15,7 @@ proc ::sorma::moment::parse {what text} {
         set fraction {}
     }
     if {$whole eq {} || [catch {clock scan $whole} seconds]} {
-        return -code error "$what expects a time, as 12:03:04.125 or {2026-05-01 12:03:04}, got \"$text\""
+        return -code error -errorcode {SORMA REQUEST SYNTAX} "$what expects a time, as 12:03:04.125 or {2026-05-01 12:03:04}, got \"$text\""
     }
     return $seconds$fraction
 }
