@@ -27,6 +27,7 @@ const Prototype kServeValue{Severity::error, "REQUEST SYNTAX", 0, "{} expects {}
 const Prototype kServeConnection{Severity::error, "REQUEST SYNTAX", 0, "{} does not go with -connection: that is served, and nothing listened to"};
 const Prototype kServeStandby{Severity::error, "REQUEST SYNTAX", 0, "-standby does not go with {}: a standby daemon listens nowhere until it owns its name"};
 const Prototype kServeOwned{Severity::error, "REQUEST SYNTAX", 0, "-owned needs -directory or -standby: without a claim there is no owner"};
+const Prototype kServeName{Severity::error, "REQUEST SYNTAX", 0, "sorma::serve expects the name of the daemon first, got \"{}\""};
 const Prototype kServeMissing{Severity::error, "REQUEST SYNTAX", 0, "{} needs a value"};
 
 constexpr char kKey[] = "sorma::comm";
@@ -191,6 +192,7 @@ int ServeObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const ob
         ServeWords words;
         auto& [wanted, address, lines, policy, open, host, standby, wait] = words;
         wanted.name = toUtf8(objv[1]);
+        if (wanted.name.starts_with('-')) fail(kServeName, wanted.name);    // a forgotten name, else the value is taken for an option
         for (int at = 2; at < objc; ++at) {
             const std::string name = toUtf8(objv[at]);
             const ServeOption& option = serveOption(name);
