@@ -14,10 +14,13 @@ using Objects = Tcl_Obj* const*;
 
 const Prototype kEmpty{Severity::error, "NAME EMPTY", 0, "the name before {} is empty; does an option of type service name nobody?"};
 
+const Prototype kNoMethod{Severity::error, "REQUEST SYNTAX", 0, "wrong # args: should be \"{} method ?word ...?\""};
+
 // The meaning of an unknown command word.
 struct Mention {
     std::string name;       // empty: nothing
     bool certain = false;   // it can be nothing else: it has an address or is in our namespace
+    bool slip = false;      // CLASS.FLAVOR without a method of ours: an object if there is such a class, and no program of that name
 };
 
 Mention mentioned(int objc, Objects objv) {
@@ -33,7 +36,8 @@ Mention mentioned(int objc, Objects objv) {
     bool address = word.find('@') != std::string_view::npos;
     out.certain = out.certain || address;
     if (!address && word.find("::") != std::string_view::npos) return out;
-    if (!out.certain && (objc < 2 || (!isSoMethod(objv[1]) && (word.empty() || !makesObject(objv[1]))))) return out;
+    out.slip = !out.certain && word.find('.') != std::string_view::npos && Name::isName(std::string(word)) && (objc < 2 || !isSoMethod(objv[1]));
+    if (!out.certain && !out.slip && (objc < 2 || (!isSoMethod(objv[1]) && (word.empty() || !makesObject(objv[1]))))) return out;
     if (word.empty()) fail(kEmpty, toUtf8(objv[1]));
     out.name = word;
     return out;
@@ -117,7 +121,9 @@ int UnknownNRCmd(ClientData data, Tcl_Interp* interp, int objc, Objects objv) {
                     return makeByClass(i, mention.name, objc, objv);
                 }
                 if (!method) {                      // no connection is made for a slip of the pen
+                    if (mention.slip) i.sorm.needClass(Name::parse(mention.name).className);
                     if (objc > 1) badMethod(objv[1]);
+                    if (mention.slip) fail(kNoMethod, mention.name);
                     Tcl_WrongNumArgs(interp, 1, objv, "method ?word ...?");
                     return TCL_ERROR;
                 }
@@ -128,9 +134,9 @@ int UnknownNRCmd(ClientData data, Tcl_Interp* interp, int objc, Objects objv) {
             Trail trail = trailOfCurrentException({});
             std::string request = requestAsTyped(mention.name, objc, objv);
             bool nobodys = e.is("NAME UNKNOWN_CLASS") || e.is("NAME SYNTAX") || e.is("ADDRESS UNRESOLVED") || e.is("COMM DENIED");
-            if (mention.certain || !nobodys) return i.raise(std::move(trail), request);
+            if (mention.certain || !(nobodys || mention.slip)) return i.raise(std::move(trail), request);
             // Many a word of Tcl has such a method: what we say of it would mislead.
-            if (!makesObject(objv[1])) unanswered = new Unanswered{&i, std::move(trail), std::move(request), std::string(view(objv[0]))};
+            if (mention.slip ? !nobodys : !makesObject(objv[1])) unanswered = new Unanswered{&i, std::move(trail), std::move(request), std::string(view(objv[0]))};
         } catch (...) {
             return i.raise(trailOfCurrentException({}), commandText(objc, objv));
         }
