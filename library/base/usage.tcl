@@ -67,12 +67,24 @@ proc ::sorma::usage::wrong {command {why {wrong # args}}} {
     return -code error -level 2 -errorcode {SORMA REQUEST SYNTAX} "$why: should be [join [lmap usage [of $command] {string cat \"$usage\"}] { or }]"
 }
 
-# ::sorma::usage::program NAME -- the text of its -help: the ways to call it, its options, its exit codes.
-proc ::sorma::usage::program name {
+# ::sorma::usage::Ways NAME -- the lines of its -help that say how to call it.
+proc ::sorma::usage::Ways name {
     set out {}
     foreach usage [of $name] {
         lappend out {*}[::sorma::text::wrap "[expr {[llength $out] == 0 ? "usage:" : "      "}] $usage" 100 11]
     }
+    return $out
+}
+
+# ::sorma::usage::refused NAME WHY -- what a program says to a bad command line. The options are not listed: the reason would
+# leave the terminal.
+proc ::sorma::usage::refused {name why} {
+    return [join [list "$name: $why" {*}[Ways $name] "$name --help explains them"] \n]
+}
+
+# ::sorma::usage::program NAME -- the text of its -help: the ways to call it, its options, its exit codes.
+proc ::sorma::usage::program name {
+    set out [Ways $name]
     foreach line [split [listed $name OPTIONS] \n] {
         lappend out "  $line"
     }

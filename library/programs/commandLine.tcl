@@ -41,7 +41,7 @@ proc ::sorma::commandLine::run {program options words runCmd args} {
             {*}[dict get $how -check] $settings $words
         }
     } on error message {
-        puts stderr "$program: $message\n[::sorma::usage::program $program]"
+        puts stderr [::sorma::usage::refused $program $message]
         return 2
     }
     try {

@@ -42,8 +42,7 @@ proc ::sorma::daemon::main words {
     try {
         set settings [Parse $words]
     } on error message {
-        puts stderr "sormad: $message"
-        puts stderr [::sorma::usage::program sormad]
+        puts stderr [::sorma::usage::refused sormad $message]
         return 2
     }
     set Grace [dict get $settings -grace]

@@ -47,7 +47,7 @@ proc ::sorma::replay::main words {
         # The bus tells of options of all objects.
         set search [Search [expr {${-values} eq {} ? $settings : [dict replace $settings -name sorm]}]]
     } on error message {
-        puts stderr "sorma-replay: $message\n[::sorma::usage::program sorma-replay]"
+        puts stderr [::sorma::usage::refused sorma-replay $message]
         return 2
     }
     if {${-window}} {
