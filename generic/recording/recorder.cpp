@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <ctime>
+#include <utility>
 
 #include "bus/call.h"
 #include "bus/deadline.h"
@@ -115,6 +116,7 @@ bool Recorder::wants(const Passage& p) const {
 void Recorder::add(const Facts& facts, const Message& m) {
     try {
         std::lock_guard lock(mutex_);
+        if (std::exchange(resting_, false)) work_.notify_one();
         if (!block_.add(facts, &m)) return lose(large, {facts.kind != Kind::state, facts.time, facts.time, facts.kind == Kind::state});
         if (facts.kind == Kind::loss) figures_.lost += facts.number;        // where they come from
         if (facts.kind == Kind::sample) buffers_.insert_or_assign(std::string(facts.object), Mark{facts.number, facts.time});
@@ -192,8 +194,14 @@ void Recorder::lose(Why why, const Loss& loss) {
 // ---- on the recorder's thread ----
 
 void Recorder::run() {
+    const std::chrono::nanoseconds rest(selection_.lookTime > 0 ? std::min(selection_.lookTime, kRest) : kRest);
+    const auto due = [this] { return stop_ || asked_ != done_ || !waiting_.empty(); };
+    int quiet = 0;
     for (std::unique_lock lock(mutex_);;) {
-        work_.wait_for(lock, std::chrono::nanoseconds(kFlush), [this] { return stop_ || asked_ != done_ || !waiting_.empty(); });
+        resting_ = quiet >= kQuiet;
+        if (resting_) work_.wait_for(lock, rest, [&] { return !resting_ || due(); });
+        resting_ = false;
+        work_.wait_for(lock, std::chrono::nanoseconds(kFlush), due);
         const bool last = stop_;
         const std::uint64_t asked = asked_;
         const std::int64_t upTo = now();
@@ -203,6 +211,7 @@ void Recorder::run() {
             blocks.push_back(std::move(block_));
             block_ = Block();
         }
+        quiet = blocks.empty() && asked == done_ ? quiet + 1 : 0;
         lock.unlock();
         for (auto& block : blocks) {
             giveLosses();

@@ -70,10 +70,11 @@ class Recorder : public Observer {
 public:
     // Takes a block, and empties it. Throws a FileError: then it is lost. Called on the thread of the recorder.
     // upTo: all records up to that time have been given [ns since 1970]; kUnknown: there are more. An empty block comes at least each
-    // kFlush, with a time.
+    // kFlush, with a time; when kQuiet times nothing was recorded or pushed, each kRest, until something is.
     using Sink = std::function<void(Block& block, std::int64_t upTo)>;
     static constexpr std::int64_t kUnknown = INT64_MIN;
-    static constexpr std::int64_t kFlush = 50'000'000;          // [ns]
+    static constexpr std::int64_t kFlush = 50'000'000, kRest = 1'000'000'000;          // [ns]
+    static constexpr int kQuiet = 4;
     static constexpr std::size_t kWaiting = 64;                 // blocks
     static constexpr std::size_t kLookBytes = 4 << 20;          // of records, or four times the bytes of the last look
     static constexpr std::int64_t kLookTime = 60'000'000'000, kSlice = 2'000'000;      // [ns]
@@ -157,6 +158,7 @@ private:
     std::array<Loss, kWhys> losses_;            // that are not told yet
     Figures figures_;
     bool stop_ = false;
+    bool resting_ = false;                      // the thread waits for the first record
     std::condition_variable flushed_;
     std::uint64_t asked_ = 0, done_ = 0;        // flushes
     std::map<std::string, Mark, std::less<>> buffers_;  // the newest record of each snapshot buffer

@@ -12,6 +12,12 @@ namespace rec = sorma::recording;
 
 // ---- the writer ----
 
+LivePieces::LivePieces(sorma::Sorm& sorm, rec::Selection selection, All all) : sorm_(sorm), selection_(std::move(selection)), all_(std::move(all)) {
+    all_->insert(this);
+}
+
+LivePieces::~LivePieces() { all_->erase(this); }
+
 void LivePieces::take(rec::Block& block, std::int64_t upTo) {
     if (block.empty() && upTo == rec::Recorder::kUnknown) return;
     {
@@ -234,6 +240,7 @@ void Merge::drain() {
     const auto most = sorma::Deadline::in(kMost);
     std::uint64_t before = 0;
     for (auto idle = sorma::Deadline::in(kIdle); complete() < now && !idle.passed() && !most.passed();) {
+        push();
         sorm_.turn(sorma::Deadline::in(50));
         std::uint64_t pieces = 1;
         for (auto& source : sources_)
@@ -249,6 +256,19 @@ void Merge::settle() {
     const std::size_t before = held_.size();
     give(std::max(now - kHold, std::min(now, complete())));
     if (held_.size() != before) to_.push();
+    if (!held_.empty()) push();
+}
+
+// Ask those that rest. A recorder of before does not know the word, and does not rest.
+void Merge::push() {
+    const std::int64_t late = to_.now() - 2 * rec::Recorder::kFlush;
+    for (auto& source : sources_) {
+        if (!source->heard || source->upTo >= late || source->pushed >= late) continue;
+        source->pushed = to_.now();
+        sorma::Message request;
+        request.words = {"push"};
+        source->recorder->async(sorma::Method::exec, std::move(request)).then([](const sorma::Future&) {});
+    }
 }
 
 void Merge::turn() {

@@ -14,6 +14,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -26,7 +27,12 @@ namespace recorder {
 // The writer of such a stream. It records from the first piece that is wanted.
 class LivePieces : public sorma::Pieces {
 public:
-    LivePieces(sorma::Sorm& sorm, sorma::recording::Selection selection) : sorm_(sorm), selection_(std::move(selection)) {}
+    // all: those of an object; this one adds itself, and removes itself at its end.
+    using All = std::shared_ptr<std::set<LivePieces*>>;
+    LivePieces(sorma::Sorm& sorm, sorma::recording::Selection selection, All all);
+    ~LivePieces() override;
+    // Send soon what there is, also that there is nothing.
+    void push() { if (recorder_) recorder_->push(); }
     bool next(sorma::Message& piece, std::size_t most) override;
     bool works() const override { return false; }
     std::size_t heap() const override { return kMost * sorma::recording::kBlockBytes; }
@@ -37,6 +43,7 @@ private:
     void take(sorma::recording::Block& block, std::int64_t upTo);
     sorma::Sorm& sorm_;
     const sorma::recording::Selection selection_;
+    const All all_;
     std::mutex mutex_;
     struct Waiting {
         std::string bytes;
@@ -49,7 +56,8 @@ private:
 };
 
 // Reads such streams of several recorders, and gives their records to a recorder here, ordered by time. A record waits kHold for
-// earlier ones of others. One that comes later than that is not moved. When a daemon is lost a note says so, and it is tried
+// earlier ones of others. One that comes later than that is not moved. Recorders without work rest: they are asked whether that is still
+// so while a record waits for them. When a daemon is lost a note says so, and it is tried
 // again each kRetry. The clock of each is compared kCompares times before its records are taken, and then each kCompare. A difference that
 // is larger than its error is in the file (Kind::source).
 class Merge {
@@ -76,6 +84,7 @@ private:
         std::string lost;                   // why; empty: it is there
         bool heard = false;                 // it has answered, and is not lost
         std::int64_t upTo = INT64_MIN;
+        std::int64_t pushed = INT64_MIN;    // when it was asked for what it has
         std::uint64_t pieces = 0;           // that have come
         sorma::Timer retry;
         sorma::Reference recorder;
@@ -104,6 +113,7 @@ private:
     void note(const Source& source, std::string_view what, const std::string& text);
     void give(std::int64_t until);
     void settle();
+    void push();
     void turn();
     std::int64_t complete() const;
 

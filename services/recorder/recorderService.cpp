@@ -60,11 +60,11 @@ public:
             .action("-record", &Recorder::record, "", "begin to record; what is in the file is replaced")
             .action("-stop", &Recorder::stop, "", "end what is under way; says how much that was", 0, 0, sorma::Right::call)
             .concurrency(sorma::Concurrency::concurrent)
-            .words("about | at time request | export folder | list | now | play | records ?option ...? | state | stream requests events ?bytes ns? | timeline ?what ...?")
+            .words("about | at time request | export folder | list | now | play | push | records ?option ...? | state | stream requests events ?bytes ns? | timeline ?what ...?")
             .word("export", &Recorder::makeTables)
             .writes(ints, {}, "", "play, export: records, buffers")
             .writes(text, {}, "", "about, at, list, records, timeline: what is in the file; state: what it does")
-            .repeatable({"about", "at", "list", "now", "records", "state", "timeline"})
+            .repeatable({"about", "at", "list", "now", "push", "records", "state", "timeline"})
             .example("recorder.example CTRL -buffers {arm.* lab.clock}");
     }
 
@@ -80,6 +80,10 @@ public:
         if (execWord(m)) return;
         if (m.words.size() == 1 && m.words[0] == "about") return about(m);
         if (m.words.size() == 1 && m.words[0] == "now") return m.clear(), void(m.ints = {sorma::monotonicNow()});
+        if (m.words.size() == 1 && m.words[0] == "push") {
+            for (auto* stream : *streams_) stream->push();
+            return m.clear();
+        }
         if (m.words.size() == 1 && m.words[0] == "state") return tellState(m);
         if (m.words.size() >= 3 && m.words[0] == "at") return answerPast(m);
         if (!m.words.empty() && m.words[0] == "timeline") return answerTimeline(m);
@@ -106,7 +110,7 @@ public:
             const bool good = m.words.size() == 3 || (sorma::parseNumber(m.words[3], bytes) && bytes >= 0 && sorma::parseNumber(m.words[4], selection.lookTime) && selection.lookTime >= 0);
             if (!good) return nullptr;
             selection.lookBytes = std::size_t(bytes);
-            return std::make_unique<recorder::LivePieces>(sorm(), std::move(selection));
+            return std::make_unique<recorder::LivePieces>(sorm(), std::move(selection), streams_);
         }
         std::shared_ptr<recorder::RecordText> text = recordText(m);
         if (!text) return nullptr;
@@ -382,6 +386,7 @@ private:
     std::unique_ptr<recorder::Timeline> timeline_;
     std::string timelineOf_;                // its file
     std::unique_ptr<recorder::BusRecording> bus_;
+    const recorder::LivePieces::All streams_ = std::make_shared<recorder::LivePieces::All::element_type>();
     std::unique_ptr<recorder::Merge> merge_;
     std::unique_ptr<Job> job_;              // last: its thread uses what is above
 };
