@@ -2,21 +2,20 @@
 
 package require csv
 package require sorma
+package require sorma::commandLine
 package require sorma::line
 package require sorma::mcap
 package require sorma::moment
-package require sorma::options
 package require sorma::recorded
 package require sorma::recording
 package require sorma::replaySuite
 package require sorma::text
-package require sorma::usage
 package provide sorma::replay 1.0
 
 namespace eval ::sorma::replay {
     variable Options {-list flag -typed flag -about flag -window flag -play flag -csv {{word {the name of a folder}}} -values {{word {the name of an object}}} -mcap {{word {the name of a file}}}
         -as-test {{word {the name of a file}}} -start any -tolerance any -at words -search any -name {any *} -failed flag -slower {{seconds 0 1000000000}} -from any -until any
-        -daemon any -rename words -speed {{seconds 0 1000} 1} -help flag --help flag -h flag}
+        -daemon any -rename words -speed {{seconds 0 1000} 1}}
     variable Turn           ;# set when it has waited
     variable Heads {
         requests.csv {time source object method caller request code seconds reply}
@@ -29,36 +28,23 @@ namespace eval ::sorma::replay {
 
 # ::sorma::replay::main WORDS -- run the program: the exit code.
 proc ::sorma::replay::main words {
-    ::sorma::options::suggest ::sorma::DidYouMean
     variable Options
-    if {[lindex $words 0] eq "--complete"} {
-        puts [join [::sorma::recording::complete $Options -daemon [lrange $words 1 end]] \n]
-        return 0
-    }
-    try {
-        set files {}
-        set settings [::sorma::options::parse $Options $words files]
-        dict with settings {}
-        if {${-help} || ${--help} || ${-h}} {
-            puts [::sorma::usage::program sorma-replay]
-            return 0
-        }
-        Check $settings $files
-        # The bus tells of options of all objects.
-        set search [Search [expr {${-values} eq {} ? $settings : [dict replace $settings -name sorm]}]]
-    } on error message {
-        puts stderr [::sorma::usage::refused sorma-replay $message]
-        return 2
-    }
+    return [::sorma::commandLine::run sorma-replay $Options $words ::sorma::replay::Run -check ::sorma::replay::Check \
+        -complete [list ::sorma::recording::complete $Options -daemon]]
+}
+proc ::sorma::replay::Run {settings files} {
+    dict with settings {}
+    lassign $files file
     if {${-window}} {
-        return [Window [lindex $files 0]]
+        return [Window $file]
+    }
+    set search [Search $settings]
+    ::sorma::create recorder.replay -file $file
+    set about [lindex [recorder.replay EXEC about] 3]
+    foreach damage [dict get $about damages] {
+        puts stderr "sorma-replay: $file: $damage"
     }
     try {
-        ::sorma::create recorder.replay -file [lindex $files 0]
-        set about [lindex [recorder.replay EXEC about] 3]
-        foreach damage [dict get $about damages] {
-            puts stderr "sorma-replay: [lindex $files 0]: $damage"
-        }
         if {${-at} ne {}} {
             puts [::sorma::text::clean [::sorma::at -recorder recorder.replay {*}${-at}]]
         } elseif {${-about}} {
@@ -80,7 +66,7 @@ proc ::sorma::replay::main words {
             EachStep step $search {
                 lappend steps $step
             }
-            lassign [::sorma::replaySuite::make [lindex $files 0] ${-as-test} $steps ${-start} ${-tolerance}] tests open
+            lassign [::sorma::replaySuite::make $file ${-as-test} $steps ${-start} ${-tolerance}] tests open
             puts "${-as-test}: $tests tests, $open leave something open"
         } else {
             Each record $search {
@@ -88,15 +74,12 @@ proc ::sorma::replay::main words {
             }
         }
     } trap {POSIX EPIPE} {} {
-        return 0
-    } on error message {
-        puts stderr "sorma-replay: $message"
-        return 1
+        # The reader of the output has ended, as head does.
     }
     return 0
 }
 
-# Errors of the command line, but those of a search.
+# Errors of the command line.
 proc ::sorma::replay::Check {settings files} {
     dict with settings {}
     if {[llength $files] != 1} {
@@ -114,12 +97,14 @@ proc ::sorma::replay::Check {settings files} {
     if {${-at} ne {} && [llength ${-at}] < 2} {
         error "-at expects a time and a request, got \"${-at}\""
     }
+    Search $settings
 }
 
 # The words of `records` for the options of a search.
 proc ::sorma::replay::Search settings {
     dict with settings {}
-    set words [list -name ${-name}]
+    # The bus tells of options of all objects.
+    set words [list -name [expr {${-values} eq {} ? ${-name} : {sorm}}]]
     foreach {option value} [list -text ${-search} -slower ${-slower}] {
         if {$value ne {}} {
             lappend words $option $value
