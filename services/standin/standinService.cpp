@@ -117,14 +117,27 @@ private:
     }
     void restart(sorma::Args, Message&) { at_ = 0; }
 
+    // Whoever chose the file or the object reads the recording by it. So he needs the right to inspect that object, by its name
+    // of then: the name leads here now. sorm and dict may tell of any object.
+    bool mayTell(const std::string& object) const {
+        const auto chooser = sorma::Principal::both(author("-file"), author("-object"));
+        return !chooser || (object != "sorm" && object != "dict" && sorm().access.rights(chooser, object) & sorma::Rights(sorma::Right::inspect));
+    }
+    std::string wanted() const { return object_.substr(0, object_.find('@')); }
+    void needTold() {
+        if (!mayTell(wanted())) sorm().access.refuse(sorma::Principal::both(author("-file"), author("-object")), sorma::Right::inspect, wanted(), name());
+    }
+
     bool has(Method method, const Message& m) {
         if (!loaded_ && (file_.empty() || object_.empty())) return false;
+        if (!mayTell(wanted())) return false;
         load();
         return known_.contains(textOf(method, m));
     }
 
     // The answer to the next request of that text; behind the last one, to the first.
     void answer(Method method, Message& m) {
+        needTold();
         load();
         const std::string asked = textOf(method, m);
         auto found = known_.find(asked);
@@ -156,7 +169,7 @@ private:
         if (loaded_) return;
         if (file_.empty() || object_.empty()) fail(kMissing, name(), file_.empty() ? "-file" : "-object");
         const std::size_t at = object_.find('@');
-        const std::string wanted = object_.substr(0, at), source = at == std::string::npos ? std::string() : object_.substr(at + 1);
+        const std::string wanted = this->wanted(), source = at == std::string::npos ? std::string() : object_.substr(at + 1);
         const std::string& file = file_.use(*this);
         std::set<std::string, std::less<>> others;
         answers_.clear(), known_.clear();
@@ -177,7 +190,7 @@ private:
         for (rec::Record r; reader.next(r);) {
             if (r.kind != rec::Kind::request && r.kind != rec::Kind::reply) continue;
             if (r.object != wanted || (!source.empty() && r.source != source)) {
-                if (others.size() < kMostOthers) others.emplace(r.object);
+                if (others.size() < kMostOthers && mayTell(std::string(r.object))) others.emplace(r.object);
                 continue;
             }
             if (!r.read(m)) continue;
