@@ -117,7 +117,7 @@ private:
     }
     void restart(sorma::Args, Message&) { at_ = 0; }
 
-    // Whoever chose the file or the object reads the recording by it. So he needs the right to inspect that object, by its name
+    // The author of -file or -object reads the recording by it. So he needs the right to inspect that object, by its name
     // of then: the name leads here now. sorm and dict may tell of any object.
     bool mayTell(const std::string& object) const {
         const auto chooser = sorma::Principal::both(author("-file"), author("-object"));
@@ -128,10 +128,15 @@ private:
         if (!mayTell(wanted())) sorm().access.refuse(sorma::Principal::both(author("-file"), author("-object")), sorma::Right::inspect, wanted(), name());
     }
 
+    // A recording that cannot be read has none. So the words of this class serve to choose another one.
     bool has(Method method, const Message& m) {
         if (!loaded_ && (file_.empty() || object_.empty())) return false;
         if (!mayTell(wanted())) return false;
-        load();
+        try {
+            load();
+        } catch (const sorma::Error&) {
+            return false;
+        }
         return known_.contains(textOf(method, m));
     }
 
