@@ -1,6 +1,6 @@
 # record.tcl ?KILLS? ?SEED? -- recorders killed by SIGKILL at random instants while requests and events pass.
 #
-# By turns it kills a process that records itself, sorma-record, and the daemon that sorma-record records. Each file must be read without a
+# By turns it kills a process that records itself, sorma-record, and the daemon that sorma-record records beside an idle one. Each file must be read without a
 # damage before its end. It must have all requests and events from the first one on, and when a daemon was killed, that it was. A
 # journal of the same requests, which another process writes, says how much is missing at the end: at most 100 ms.
 
@@ -121,6 +121,7 @@ attack {
     set record [file join $env(SORMA_BUILD) sorma-record]
     set tclsh [info nameofexecutable]
     set shell [open "| sh" w]
+    set idle [serve $bell]
     set own [tcl own.tcl "set file $file; set log $log; set bell bell.a" $bell {
         package require sorma::service::recorder
         sorma::create recorder.own -file $file -requests bell.* -events bell.*
@@ -135,7 +136,7 @@ attack {
     }
     for {set kill 0} {$kill < $kills} {incr kill} {
         set how [lindex {own program daemon} [expr {$kill % 3}]]
-        set instant [expr {int(1 + 600 * rand())}]
+        set instant [expr {int(1 + 900 * rand())}]
         file delete $file $log
         if {$how eq "own"} {
             set pipe [start [list $tclsh $own]]
@@ -144,7 +145,7 @@ attack {
         } else {
             set d [serve $bell]
             bell.a@$d EXEC
-            set recorder [start [list $record -o $file -daemon $d -requests bell.* -events bell.*]]
+            set recorder [start [list $record -o $file -daemon $d $idle -requests bell.* -events bell.*]]
             set client [tcl client.tcl "set log $log; set bell bell.a@$d" {package require sorma; puts begun; flush stdout} $asks {vwait forever}]
             set client [start [list $tclsh $client]]
             after $instant
@@ -180,6 +181,7 @@ attack {
         }
     }
     close $shell
+    daemon stop $idle
     foreach how {own program daemon} {
         if {$all($how) eq {}} continue
         puts "$how kills [expr {[llength $all($how)] / 2}] median_lost_ms [format %.1f [expr {[quantile $all($how) 0.5] / 1000.0}]] worst_lost_ms [format %.1f [expr {$worst($how) / 1000.0}]]"
