@@ -77,7 +77,7 @@ snit::widgetadaptor ::sorma::circuitScene {
         set hung {}
         $self Shown 0
     }
-    # What somebody has put somewhere stays there while all is in the window. RESIZED: it may have become larger.
+    # Boxes stay where somebody has put them, while all is in the window. RESIZED: it may have become larger.
     method Shown resized {
         if {$fitted && [llength $drawn] > 0 && (!$resized || $zoom == 1.0) && [$self Inside]} {
             $self Draw

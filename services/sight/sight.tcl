@@ -89,7 +89,7 @@ oo::class create ::sorma::service::sight {
                 [my cget -result] exec -floats $told
                 incr Told
             } - options]} {
-                # No picture, no map, nobody who wants to know: each of them may be otherwise soon. What comes before it asks again is not missed.
+                # No picture, no map, nobody who wants to know: each of them may be otherwise soon. It misses nothing that comes before it asks again.
                 set code [dict get $options -errorcode]
                 set counter [switch [lrange $code 1 2] {
                     {SHMEM TIMEOUT} { lindex $code end }
