@@ -261,7 +261,7 @@ void Merge::settle() {
 
 // Ask those that rest. A recorder of before does not know the word, and does not rest.
 void Merge::push() {
-    const std::int64_t late = to_.now() - 2 * rec::Recorder::kFlush;
+    const std::int64_t late = to_.now() - rec::Recorder::kFlush * 5 / 4;
     for (auto& source : sources_) {
         if (!source->heard || source->upTo >= late || source->pushed >= late) continue;
         source->pushed = to_.now();
