@@ -61,7 +61,7 @@ void Writer::put(std::uint64_t at, const void* bytes, std::size_t n) {
     for (auto* p = static_cast<const char*>(bytes); n > 0;) {
         const ssize_t done = ::pwrite(out_.get(), p, n, off_t(at));
         if (done < 0 && errno == EINTR) continue;
-        if (done <= 0) refuse("cannot write on in", file_);
+        if (done <= 0) refuse("cannot go on writing", file_);
         p += done, at += std::uint64_t(done), n -= std::size_t(done);
         end_ = std::max(end_, at);
     }
@@ -175,7 +175,7 @@ void Writer::close() {
     putIndex();
     seal(end);
     put(end_, &end, sizeof end);
-    if (!out_.close()) refuse("cannot write on in", file_);
+    if (!out_.close()) refuse("cannot go on writing", file_);
 }
 
 }  // namespace sorma::recording

@@ -14,7 +14,8 @@ proc ::sorma::moment::parse {what text} {
         set whole $text
         set fraction {}
     }
-    if {$whole eq {} || [catch {clock scan $whole} seconds]} {
+    # To clock, a single letter is a time, too.
+    if {[regexp {^[[:alpha:]]?$} $whole] || [catch {clock scan $whole} seconds]} {
         return -code error -errorcode {SORMA REQUEST SYNTAX} "$what expects a time, as 12:03:04.125 or {2026-05-01 12:03:04}, got \"$text\""
     }
     return $seconds$fraction

@@ -9,7 +9,7 @@
 #     collect, {collect WHAT} one word; given again it adds to them
 #     boolean           becomes 0 or 1
 #     {whole LOW HIGH}  a whole number in decimal digits; HIGH empty: no limit
-#     {seconds LOW HIGH}
+#     {seconds LOW HIGH}, {number LOW HIGH}
 #     {choice A B ...}  one of these;  {some A B ...}: a list of these
 #
 # Errors name the option, what it expects and what came: {SORMA REQUEST SYNTAX}.
@@ -113,7 +113,7 @@ proc ::sorma::options::check {name kind value} {
     lassign $kind type low high
     switch -- $type {
         whole { set good [expr {[regexp {^\d{1,18}$} $value] && [scan $value %lld] >= $low && ($high eq {} || [scan $value %lld] <= $high)}] }
-        seconds { set good [expr {[string is double -strict $value] && $value >= $low && ($high eq {} || $value <= $high)}] }
+        seconds - number { set good [expr {[string is double -strict $value] && $value >= $low && ($high eq {} || $value <= $high)}] }
         choice { set good [expr {$value in [lrange $kind 1 end]}] }
         some { set good [expr {![catch {llength $value}] && [llength [lmap word $value {if {$word in $kind} continue; set word}]] == 0}] }
         word { set good [expr {$value ne {}}] }
@@ -147,8 +147,8 @@ proc ::sorma::options::expected kind {
     set words [lassign $kind type]
     lassign $words low high
     switch -- $type {
-        whole - seconds {
-            set what [expr {$type eq "whole" ? "a whole number" : "seconds"}]
+        whole - seconds - number {
+            set what [dict get {whole {a whole number} seconds seconds number {a number}} $type]
             return "$what from $low[expr {$high eq {} ? {} : " to $high"}]"
         }
         boolean { return "a boolean" }

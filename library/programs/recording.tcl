@@ -66,6 +66,7 @@ proc ::sorma::recording::Begin {file settings most daemons} {
 proc ::sorma::recording::Run {settings most daemons} {
     variable End
     variable Reasons
+    Watch
     while {![info exists End]} {
         if {$Reasons eq {}} {
             vwait ::sorma::recording::Turn
@@ -74,6 +75,16 @@ proc ::sorma::recording::Run {settings most daemons} {
             Save $settings $most $daemons $reason
         }
     }
+}
+# Say at once why records are lost, and each reason once: it may run for days.
+proc ::sorma::recording::Watch {{told {}}} {
+    set state [State]
+    set error [if {[dict exists $state error]} {dict get $state error}]
+    if {$error ne $told && $error ne {}} {
+        puts stderr "sorma-record: records are being lost: [::sorma::text::clean $error]"
+        set told $error
+    }
+    after 1000 [list ::sorma::recording::Watch $told]
 }
 proc ::sorma::recording::Wanted reason {
     variable Reasons
@@ -120,7 +131,8 @@ proc ::sorma::recording::Await daemons {
     if {![info exists End]} {
         puts stderr "sorma-record: [dict get [State] connected] of [llength $daemons] daemons have answered; the others are recorded when they are there"
         foreach {who why} [dict get [State] away] {
-            puts stderr "sorma-record: [::sorma::text::clean "$who: $why"]"
+            # Most reasons name it already.
+            puts stderr "sorma-record: [::sorma::text::clean [expr {[string first "$who:" $why] == 0 ? $why : "$who: $why"}]]"
         }
     }
 }

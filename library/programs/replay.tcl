@@ -15,7 +15,8 @@ package provide sorma::replay 1.0
 namespace eval ::sorma::replay {
     variable Options {-list flag -typed flag -about flag -window flag -play flag -csv {{word {the name of a folder}}} -values {{word {the name of an object}}} -mcap {{word {the name of a file}}}
         -as-test {{word {the name of a file}}} -start any -tolerance any -at words -search any -name {any *} -failed flag -slower {{seconds 0 1000000000}} -from any -until any
-        -daemon any -rename words -speed {{seconds 0 1000} 1}}
+        -daemon any -rename words -speed {{number 0 1000} 1}}
+    variable Ways {-list -typed -about -window -csv -values -mcap -play -as-test -at}       ;# what to do with it
     variable Turn           ;# set when it has waited
     variable Heads {
         requests.csv {time source object method caller request code seconds reply}
@@ -94,10 +95,21 @@ proc ::sorma::replay::Check {settings files} {
     if {![string is list ${-tolerance}] || [llength ${-tolerance}] % 2 || [lsearch -not -regexp [dict values ${-tolerance}] {^(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$}] >= 0} {
         error "-tolerance expects units, and for each how far its numbers may be off, as \"V 0.01 relative 1e-4\", got \"${-tolerance}\""
     }
-    if {${-at} ne {} && [llength ${-at}] < 2} {
-        error "-at expects a time and a request, got \"${-at}\""
+    if {${-at} ne {}} {
+        if {[llength ${-at}] < 2} {
+            error "-at expects a time and a request, got \"${-at}\""
+        }
+        ::sorma::moment::parse -at [lindex ${-at} 0]
     }
-    Search $settings
+    set search [Search $settings]
+    if {${-from} ne {} && ${-until} ne {} && [dict get $search -from] > [dict get $search -until]} {
+        error "-from ${-from} is later than -until ${-until}, so no record is between them"
+    }
+    variable Ways
+    set ways [lmap way $Ways {if {[dict get $settings $way] in {0 {}}} continue; set way}]
+    if {[llength $ways] > 1} {
+        error "expected one of [join $Ways {, }], got [join $ways { and }]"
+    }
 }
 
 # The words of `records` for the options of a search.

@@ -29,7 +29,7 @@ const sorma::Prototype kBuffer{Severity::error, "RECORDER BUFFER", 1,
                                "{}: a buffer cannot be written: {}; -buffers chooses, -prefix keeps runs apart"};
 const sorma::Prototype kBusy{Severity::error, "RECORDER BUSY", 1, "{}: it is {} {}; CTRL -stop ends that"};
 const sorma::Prototype kIdle{Severity::error, "RECORDER IDLE", 1, "{}: nothing is under way that could be stopped"};
-const sorma::Prototype kWord{Severity::error, "RECORDER WORD", 2, "{}: bad words \"{}\": must be about, at TIME REQUEST, export FOLDER, list, now, play, records ?OPTION ...?, state, timeline ?WHAT ...?, or as a stream, stream REQUESTS EVENTS ?BYTES NS?"};
+const sorma::Prototype kWord{Severity::error, "RECORDER WORD", 2, "{}: bad words \"{}\": must be about, at TIME REQUEST, export FOLDER, list, now, play, push, records ?OPTION ...?, state, timeline ?WHAT ...?, or as a stream, stream REQUESTS EVENTS ?BYTES NS?"};
 const sorma::Prototype kPast{Severity::error, "RECORDER PAST", 1, "{}: {}"};
 const sorma::Prototype kTime{Severity::error, "RECORDER WORD", 2, "{}: at expects seconds since 1970, got \"{}\""};
 const sorma::Prototype kTimeline{Severity::error, "RECORDER WORD", 2, "{}: timeline: {}"};
@@ -144,6 +144,7 @@ private:
             const auto figures = bus_->recorder().figures();
             add("records", std::to_string(figures.records));
             add("lost", std::to_string(figures.lost));
+            add("error", figures.error);
         }
         if (!merge_) return;
         std::string away;

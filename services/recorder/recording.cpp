@@ -54,7 +54,7 @@ RecordingWriter::RecordingWriter(std::string file) : file_(std::move(file)), out
 
 void RecordingWriter::put(const void* bytes, std::size_t n) {
     if (n > 0 && std::fwrite(bytes, n, 1, out_.get()) != 1)
-        throw FileError("cannot write on in " + file_ + ": " + std::strerror(errno) + "; what is before is whole (-partial)");
+        throw FileError("cannot go on writing " + file_ + ": " + std::strerror(errno) + "; what is before is whole (-partial)");
 }
 void RecordingWriter::put(Frame frame, const void* a, std::size_t aBytes, const void* b, std::size_t bBytes) {
     frame.check = 0;
@@ -84,7 +84,7 @@ void RecordingWriter::write(const Record& r) {
 }
 
 void RecordingWriter::flush() {
-    if (std::fflush(out_.get()) != 0) throw FileError("cannot write on in " + file_ + ": " + std::strerror(errno));
+    if (std::fflush(out_.get()) != 0) throw FileError("cannot go on writing " + file_ + ": " + std::strerror(errno));
 }
 
 void RecordingWriter::close() {
