@@ -341,7 +341,7 @@ void testNoRoom() {
         small.rlim_cur = rlim_t(writer.bytes() + 150);
         setrlimit(RLIMIT_FSIZE, &small);
         add(2);
-        CHECK(refusal([&] { writer.write(block); }).find("cannot write on") == 0);
+        CHECK(refusal([&] { writer.write(block); }).find("cannot go on writing") == 0);
         EQUAL(read(file), "1");
         setrlimit(RLIMIT_FSIZE, &limit);
         writer.write(block);
