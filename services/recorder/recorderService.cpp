@@ -175,9 +175,7 @@ private:
         std::int64_t time = 0;
         if (!recorder::readSeconds(m.words[1], time)) fail(kTime, name(), m.words[1]);
         const auto question = m.words.size() == 3 ? sorma::splitWords(m.words[2]) : std::vector<std::string>(m.words.begin() + 2, m.words.end());
-        std::function<bool(std::string_view)> mayTell;
-        if (auto reader = sorma::Principal::both(m.author, author("-file")))
-            mayTell = [this, reader](std::string_view object) { return sorma::recording::recordable(object, sorm(), reader); };
+        const auto mayTell = tellable(m);
         m.clear();
         try {
             history().answer(time, question, mayTell, m);
@@ -201,10 +199,14 @@ private:
         });
     }
     // `timeline ...`. What was read of the file stays until it shall be read again, or -file is another one.
+    // Of which objects may whoever asks be told, and whoever chose the file? Null: of all.
+    std::function<bool(std::string_view)> tellable(const Message& m) const {
+        auto reader = sorma::Principal::both(m.author, author("-file"));
+        if (!reader) return nullptr;
+        return [this, reader](std::string_view object) { return sorma::recording::recordable(object, sorm(), reader); };
+    }
     void answerTimeline(Message& m) {
-        std::function<bool(std::string_view)> mayTell;
-        if (auto reader = sorma::Principal::both(m.author, author("-file")))
-            mayTell = [this, reader](std::string_view object) { return sorma::recording::recordable(object, sorm(), reader); };
+        const auto mayTell = tellable(m);
         const bool again = m.words.size() == 2 && m.words[1] == "read", more = m.words.size() == 2 && m.words[1] == "more";
         const auto words = again || more ? std::vector<std::string>{"timeline"} : std::move(m.words);
         m.clear();
@@ -227,8 +229,7 @@ private:
         if (m.words.empty() || m.words[0] != "records") return nullptr;
         recorder::Search search;
         if (auto wrong = search.read(m.words, 1); !wrong.empty()) fail(kRecords, name(), wrong);
-        if (auto reader = sorma::Principal::both(m.author, author("-file")))
-            search.mayTell = [this, reader](std::string_view object) { return sorma::recording::recordable(object, sorm(), reader); };
+        search.mayTell = tellable(m);
         return reading([&](const std::string& file) { return std::make_unique<recorder::RecordText>(file, search); });
     }
     void gather(recorder::RecordText& text, Message& m) {
