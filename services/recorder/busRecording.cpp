@@ -167,7 +167,11 @@ std::string describe(const std::string& file, bool names) {
     dict.put("records", std::to_string(records));
     dict.put("first", seconds(first));
     dict.put("last", seconds(last));
-    if (names) dict.put("names", sorma::listOf(reader.names()));
+    if (names) {
+        auto all = reader.names();
+        std::erase_if(all, [](auto& name) { return name.starts_with(rec::kLook) || name.starts_with(rec::kLooked); });     // the recorder's own marks
+        dict.put("names", sorma::listOf(all));
+    }
     dict.put("damages", damages);
     return dict.text();
 }
