@@ -47,6 +47,7 @@ snit::widgetadaptor ::sorma::circuitScene {
     variable zoom 1.0
     variable old 0
     variable moving {0 0}       ;# steps by which nodes are shifted
+    variable sized {0 0}        ;# width and height of the window when all was fitted
     variable fitted 1           ;# all is shown as large as it fits, until somebody zooms
     variable keys {}            ;# dict: number of a node, as in tags -> KEY; those of notes follow
     typevariable Old {box {surface ground edge off} dot {surface ground quiet off} wire {quiet off} value {text off}}   ;# what is another token when values are old
@@ -77,9 +78,13 @@ snit::widgetadaptor ::sorma::circuitScene {
         set hung {}
         $self Shown 0
     }
-    # Boxes stay where somebody has put them, while all is in the window. RESIZED: it may have become larger.
+    # Boxes stay where somebody has put them, while all is in the window. A line of text that comes below the picture moves nothing, either. A circuit
+    # that comes is fitted.
     method Shown resized {
-        if {$fitted && [llength $drawn] > 0 && (!$resized || $zoom == 1.0) && [$self Inside]} {
+        lassign $sized width height
+        set same [expr {abs([winfo width $win] - $width) + abs([winfo height $win] - $height) < [::sorma::style pixels 60]}]
+        set comes [expr {$drawn eq {} || [dict size [lindex $drawn 1]] == 0 && [dict size $nodes] > 1}]
+        if {$fitted && !$comes && (!$resized || $same) && [$self Inside]} {
             $self Draw
             event generate $win <<ViewChanged>>
         } else {
@@ -280,6 +285,7 @@ snit::widgetadaptor ::sorma::circuitScene {
             event generate $win <<ViewChanged>>
             return
         }
+        set sized [list [winfo width $win] [winfo height $win]]
         lassign [$self Extent] left top right bottom
         set step [expr {[$self Step] / $zoom}]
         set width [expr {max(1, [winfo width $win] - [::sorma::style pixels 40])}]
