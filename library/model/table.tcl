@@ -60,7 +60,7 @@ proc ::sorma::table::objects where {
 # ::sorma::table::classes WHERE -- names of classes; here also of those that are loaded when somebody names an object.
 proc ::sorma::table::classes where {
     if {[IsHere $where]} {
-        set known [ParseInventory [HereText {sorm DBX -inventory classes words}]]
+        set known [ParseClasses [HereText {sorm DBX -inventory classes}]]
         return [lsort [lsearch -all -inline -not -exact [concat [dict keys [dict get $known classes]] [dict get $known installed]] proxy]]
     }
     set known [inventory $where]
@@ -335,8 +335,8 @@ proc ::sorma::table::zone {hints value} {
 
 # ---- answers of strangers ----
 
-proc ::sorma::table::ParseInventory text {
-    variable Most
+# A dict of classes and installed.
+proc ::sorma::table::ParseClasses text {
     set classes {}
     set installed {}
     foreach item [dict get $text classes] {
@@ -348,8 +348,11 @@ proc ::sorma::table::ParseInventory text {
             dict set classes $name [list $version $purpose]
         }
     }
-    set words [lsearch -all -inline -regexp [lrange [dict get $text words] 0 $Most] {^[^\s[:cntrl:]]+$}]
-    return [dict create classes $classes installed $installed words $words]
+    return [dict create classes $classes installed $installed]
+}
+proc ::sorma::table::ParseInventory text {
+    variable Most
+    return [dict replace [ParseClasses $text] words [lsearch -all -inline -regexp [lrange [dict get $text words] 0 $Most] {^[^\s[:cntrl:]]+$}]]
 }
 
 # ::sorma::table::parse TEXT -- a table as describe gives it, from what DBX -describe has answered. Fails when that makes no sense.
