@@ -198,13 +198,13 @@ private:
             return *history_;
         });
     }
-    // `timeline ...`. What was read of the file stays until it shall be read again, or -file is another one.
     // Of which objects may whoever asks be told, and whoever chose the file? Null: of all.
     std::function<bool(std::string_view)> tellable(const Message& m) const {
         auto reader = sorma::Principal::both(m.author, author("-file"));
         if (!reader) return nullptr;
         return [this, reader](std::string_view object) { return sorma::recording::recordable(object, sorm(), reader); };
     }
+    // `timeline ...`. What was read of the file stays until it shall be read again, or -file is another one.
     void answerTimeline(Message& m) {
         const auto mayTell = tellable(m);
         const bool again = m.words.size() == 2 && m.words[1] == "read", more = m.words.size() == 2 && m.words[1] == "more";

@@ -119,13 +119,14 @@ private:
 
     // The author of -file or -object reads the recording by it. So he needs the right to inspect that object, by its name
     // of then: the name leads here now. sorm and dict may tell of any object.
+    sorma::PrincipalPointer chooser() const { return sorma::Principal::both(author("-file"), author("-object")); }
     bool mayTell(const std::string& object) const {
-        const auto chooser = sorma::Principal::both(author("-file"), author("-object"));
-        return !chooser || (object != "sorm" && object != "dict" && sorm().access.rights(chooser, object) & sorma::Rights(sorma::Right::inspect));
+        const auto by = chooser();
+        return !by || (object != "sorm" && object != "dict" && sorm().access.rights(by, object) & sorma::Rights(sorma::Right::inspect));
     }
     std::string wanted() const { return object_.substr(0, object_.find('@')); }
     void needTold() {
-        if (!mayTell(wanted())) sorm().access.refuse(sorma::Principal::both(author("-file"), author("-object")), sorma::Right::inspect, wanted(), name());
+        if (!mayTell(wanted())) sorm().access.refuse(chooser(), sorma::Right::inspect, wanted(), name());
     }
 
     // A recording that cannot be read has none. So the words of this class serve to choose another one.
