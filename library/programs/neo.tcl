@@ -42,7 +42,7 @@ proc ::sorma::neo::Run {settings names} {
 proc ::sorma::neo::Open {state name} {
     package require sorma::circuitEditor
     set top [::sorma::window open [list circuit -name $name] $name ::sorma::circuitEditor $name -state $state]
-    # What is in it changes; the window keeps its size, which is the one of before, or has room for a circuit.
+    # The window keeps its size when its contents change. That is its size of before, or has room for a circuit.
     update idletasks
     set natural [winfo reqwidth $top]x[winfo reqheight $top]
     regexp {^\d+x\d+} [wm geometry $top] size
