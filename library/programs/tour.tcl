@@ -116,7 +116,8 @@ proc tour::play {} {
 
 proc tour::prompt line {
     puts "A daemon runs: $line"
-    puts "Type requests or any Tcl; help says what else, Ctrl-D ends. Try:  foo.a@robot CTRL -help    host@robot EXEC    find tea"
+    puts "Type requests or any Tcl; help says what else, Ctrl-D ends."
+    puts "Try:  foo.a@robot CTRL -help    host@robot EXEC    find tea"
     package require sorma::scott
     # `exit` must stop the daemon, too.
     rename ::exit ::tour::Exit
