@@ -276,6 +276,7 @@ void Service::apply(Applying& a) {
         if (a.commit) a.commit(), committed = true;
         changed(options);
         told = true;
+        if (sorm_) sorm_->tellDependents(*this);
         remember(options);
         if (guard() & kPartsBit) judgeParts();
         if (owner) {
@@ -290,6 +291,7 @@ void Service::apply(Applying& a) {
         try {
             if (committed) a.commit();
             if (told) changed(options);
+            if (told && sorm_) sorm_->tellDependents(*this);
         } catch (...) {                     // the values before were valid
         }
         if (owner) owner->partsChanged();

@@ -485,6 +485,12 @@ void Sorm::announce(const Trail& trail) {
             announce(std::string("trail.") + toText(e.severity), e.text, {e.so, "SORMA " + e.symbol, e.request});
 }
 
+// From the last: one that follows may remove others, or itself. A tick has no time for it.
+void Sorm::tellDependents(Service& changed) {
+    if (RealtimeOwner::current()) return;
+    for (std::size_t i = dependents.size(); i > 0; i = std::min(i - 1, dependents.size())) dependents[i - 1]->follow(changed);
+}
+
 void Sorm::announceChange(const Service& service, std::span<const Option* const> options) {
     std::vector<std::string> words{service.name()};
     for (auto* o : options)

@@ -55,6 +55,16 @@ public:
     virtual bool turn(std::int64_t) { return false; }
 };
 
+// One that must fit other objects, as a circuit must fit the pins of its units.
+class Dependent {
+public:
+    // Another object has new options, or was wired anew. Throw to refuse: all is undone, and this is called again. Must be short when
+    // the object has a real-time owner, since no tick begins meanwhile.
+    virtual void follow(Service& other) = 0;
+protected:
+    ~Dependent() = default;
+};
+
 class Sorm {
 public:
     explicit Sorm(Host* host = nullptr);                            // the host must outlive it
@@ -177,6 +187,8 @@ public:
 
     Host* host() const { return host_; }                            // null: none
     Access access;                                                  // the policy
+    std::vector<Dependent*> dependents;                             // each removes itself before it is deleted
+    void tellDependents(Service& changed);                          // throws when one refuses
     Fences fences{*this};                                           // objects that may not obey others now
     // May the author use the object of that name through another object: call it, or reach its place when it is elsewhere?
     bool mayUse(const PrincipalPointer& author, const std::string& name) const;

@@ -32,31 +32,58 @@ const Prototype kFloats{Severity::error, "REQUEST SIGNATURE", 1, "{}: EXEC expec
 const Prototype kBusy{Severity::error, "CIRCUIT BUSY", 1, "{}: it is in the middle of an EXEC, and cannot {} before that has ended"};
 const Prototype kInputs{Severity::error, "CIRCUIT INPUTS", 2,
                         "{}: {} would break the cycle that runs it: each tick sends it {}, and it would read {}; stop the cycle first"};
-const Prototype kPins{Severity::error, "CIRCUIT PINS", 2,
-                      "{}: {} would break the wires of a circuit that runs in a cycle with this one inside; stop the cycle first"};
+const Prototype kPins{Severity::error, "CIRCUIT PINS", 2, "{}: {} would break the wires of {}, which a cycle runs; stop the cycle first"};
 const Prototype kPart{Severity::error, "CIRCUIT PART", 2, "{}: its wires no longer fit the pins of its unit {}; mend the wires, or the unit"};
 
 std::string floatsText(std::size_t n) { return std::to_string(n) + (n == 1 ? " float" : " floats"); }
 
-// The first pin that differs, in words; empty: none.
-std::string differenceOf(const std::vector<sorma::Pin>& old, const std::vector<sorma::Pin>& fresh, bool inputsAlone) {
-    auto find = [](const std::vector<sorma::Pin>& pins, const sorma::Pin& pin) {
-        return std::find_if(pins.begin(), pins.end(), [&](auto& p) { return p.name == pin.name && p.input == pin.input; });
-    };
+using Pins = std::vector<sorma::Pin>;
+
+Pins::const_iterator find(const Pins& pins, const sorma::Pin& pin) {
+    return std::ranges::find_if(pins, [&](auto& p) { return p.name == pin.name && p.input == pin.input; });
+}
+
+// The pins that a unit has now, with the lengths that the wires give them. Fails as its class does when it cannot have such a length.
+Pins pinsNow(const sorma::Service& unit, const Pins& wired) {
+    Pins pins = unit.pins();
+    for (auto& pin : pins) {
+        auto before = find(wired, pin);
+        if (pin.length != sorma::Pin::kOpen || before == wired.end() || before->length == sorma::Pin::kOpen) continue;
+        pin.length = before->length;
+        for (auto& told : unit.pins(pin.name, before->length))
+            for (auto& other : pins)
+                if (other.name == told.name && other.input == told.input && told.length != sorma::Pin::kOpen)
+                    other.length = told.length, other.at = told.at;
+    }
+    return pins;
+}
+
+// The first pin that wires would miss, in words; empty: none.
+std::string differenceOf(const Pins& wired, const Pins& fresh) {
     auto text = [](const char* what, const sorma::Pin& pin) { return what + std::string(pin.input ? " input " : " output ") + pin.name; };
-    for (auto& pin : old)
-        if ((pin.input || !inputsAlone) && find(fresh, pin) == fresh.end()) return text("to remove", pin);
+    for (auto& pin : wired)
+        if (find(fresh, pin) == fresh.end()) return text("to remove", pin);
     for (auto& pin : fresh) {
-        if (!pin.input && inputsAlone) continue;
-        auto before = find(old, pin);
-        if (before == old.end()) return text("the new", pin);
+        auto before = find(wired, pin);
+        if (before == wired.end()) return text("the new", pin);
+        if (pin.length == sorma::Pin::kOpen) continue;
         if (before->length != pin.length) return text("another length of", pin);
-        if (before->at != pin.at && !inputsAlone) return text("another place of", pin);
+        if (before->at != pin.at) return text("another place of", pin);
     }
     return {};
 }
 
-class Circuit : public sorma::Service, public sorma::HasIncidents {
+bool sameUnits(const Pins& wired, const Pins& fresh) {
+    return std::ranges::all_of(wired, [&](auto& pin) { return find(fresh, pin)->unit == pin.unit; });
+}
+
+Pins inputsOf(const Pins& pins) {
+    Pins out;
+    std::ranges::copy_if(pins, std::back_inserter(out), &sorma::Pin::input);
+    return out;
+}
+
+class Circuit : public sorma::Service, public sorma::HasIncidents, public sorma::Dependent {
 public:
     static sorma::Class describe() {
         using enum sorma::Field;
@@ -70,7 +97,7 @@ public:
                   {.help = "where an editor draws its boxes: unit NAME x y; pin NAME x y; ...    nothing else reads it"})
             .real("-period", &Circuit::period_, {.unit = "s", .low = 0, .high = 3600,
                                                  .help = "time step of its units when no cycle drives it; 0: they need their own"})
-            .action({"-rewire", "", "find units and lengths again, after units were replaced or changed", 0, 0,
+            .action({"-rewire", "", "find units and lengths again, after units were removed, or changed in another process", 0, 0,
                      [](sorma::Service& s, sorma::Args, Message&) { static_cast<Circuit&>(s).rewire(); }, sorma::Right::configure, true})
             .action("-reset", &Circuit::resetAction, "", "-reset of all units of this process that have it, and time from 0 again")
             .inspection(list("-units", "name class location floats-in floats-out step|loop", &Network::listUnits))
@@ -85,7 +112,15 @@ public:
         return c;
     }
 
-    void born() override { rewire(); }
+    ~Circuit() override {
+        if (!gone()) removing();
+    }
+    void removing() override { std::erase(sorm().dependents, this); }
+
+    void born() override {
+        rewire();
+        sorm().dependents.push_back(this);
+    }
 
     // All or nothing: what is there goes on when anything is wrong with what shall come, and until it is ready.
     sorma::Commit prepare(const sorma::Change& change) override {
@@ -95,9 +130,30 @@ public:
                      : nullptr;
     }
 
-    void changed(std::span<const sorma::Option* const>) override {
-        anchor();
-        tellAround();
+    void changed(std::span<const sorma::Option* const>) override { anchor(); }
+
+    // A unit has other pins: they are taken at once. When the wires do not fit them, there are no ticks from now on, which would
+    // take numbers of other pins. In a cycle such a change is refused.
+    void follow(sorma::Service& unit) override {
+        const Pins* wired = network_->pinsOf(unit);
+        if (!wired || running_) return;     // running: the next tick tells the wrong number of floats
+        if (realtimeOwner()) {
+            if (broken_) return;
+            if (auto what = differenceOf(*wired, pinsNow(unit, *wired)); !what.empty()) fail(kPins, unit.name(), what, name());
+            return;
+        }
+        try {
+            if (!broken_) {
+                const Pins fresh = pinsNow(unit, *wired);
+                if (differenceOf(*wired, fresh).empty() && sameUnits(*wired, fresh)) return;
+            }
+            rewire();
+        } catch (...) {
+            sorma::Trail trail = sorma::trailOfCurrentException(name());
+            trail.add(sorma::makeEntry(kPart, {sorma::MessageArg::of(name()), sorma::MessageArg::of(unit.name())}));
+            broken_.emplace(std::move(trail));
+            network_->keepPins(unit, unit.pins());
+        }
     }
 
     void exec(Message& m) override {
@@ -191,45 +247,8 @@ private:
     // A change that would let ticks fail which succeed now is refused.
     void needFit(const Network& fresh) const {
         const std::size_t given = given_.load(std::memory_order_relaxed);
-        if (given == kNever || given != network_->inputs()) return;
-        const bool inside = isInside();
-        const std::string what = differenceOf(network_->pins(), fresh.pins(), !inside);
-        if (inside && !what.empty()) fail(kPins, name(), what);
-        if (fresh.inputs() != given) fail(kInputs, name(), what, floatsText(given), floatsText(fresh.inputs()));
-    }
-
-    // The circuits of this process that have it as a unit.
-    std::vector<Circuit*> around() const {
-        std::vector<Circuit*> out;
-        for (auto& other : sorm().names("circuit*"))
-            if (auto* circuit = dynamic_cast<Circuit*>(sorm().find(other)); circuit && circuit->network_ && circuit->network_->pinsOf(*this))
-                out.push_back(circuit);
-        return out;
-    }
-    // Does the same cycle run another circuit that has it as a unit?
-    bool isInside() const {
-        return std::ranges::any_of(around(), [&](Circuit* c) { return c->realtimeOwner() == realtimeOwner(); });
-    }
-
-    // The circuits around it take its new pins at once. In a cycle it has none: needFit has refused them.
-    void tellAround() {
-        if (!network_ || realtimeOwner()) return;
-        const auto same = [](const sorma::Pin& a, const sorma::Pin& b) { return a.toText() == b.toText(); };
-        for (auto* circuit : around())
-            if (circuit->broken_ || !std::ranges::equal(*circuit->network_->pinsOf(*this), network_->pins(), same)) circuit->follow(*this);
-    }
-    // Without ticks, from now on, if the wires do not fit: they would take numbers of other pins.
-    void follow(const Circuit& part) {
-        if (running_) return;               // the next tick tells the wrong number of floats
-        try {
-            rewire();
-            tellAround();
-        } catch (...) {
-            sorma::Trail trail = sorma::trailOfCurrentException(name());
-            trail.add(sorma::makeEntry(kPart, {sorma::MessageArg::of(name()), sorma::MessageArg::of(part.name())}));
-            broken_.emplace(std::move(trail));
-            network_->keepPins(part, part.network_->pins());
-        }
+        if (given == kNever || given != network_->inputs() || given == fresh.inputs()) return;
+        fail(kInputs, name(), differenceOf(inputsOf(network_->pins()), inputsOf(fresh.pins())), floatsText(given), floatsText(fresh.inputs()));
     }
 
     void rewire() {
@@ -239,6 +258,12 @@ private:
             commit = wiredAnew(wires_, inputs_, outputs_, author("-wires"));
             sorma::BetweenTicks between(*this);
             commit();
+            try {
+                sorm().tellDependents(*this);
+            } catch (...) {
+                commit();
+                throw;
+            }
             if (owner) owner->partsChanged();
         } catch (...) {
             if (owner) owner->partsChanged();
@@ -281,7 +306,7 @@ private:
     std::string wires_, inputs_, outputs_, places_;
     double period_ = 0;
     std::shared_ptr<Network> network_;      // from birth on
-    std::optional<sorma::Error> broken_;    // why there are no ticks: the pins of a circuit inside are others
+    std::optional<sorma::Error> broken_;    // why there are no ticks: the pins of a unit are others
     static constexpr std::size_t kNever = std::size_t(-1);
     std::atomic<std::size_t> given_{kNever};        // floats that the last tick of a cycle has sent
     bool running_ = false;                  // a unit may come back to us, or let others do so while it waits

@@ -91,17 +91,14 @@ std::vector<sorma::Reference> Network::units() const {
 }
 
 const std::vector<sorma::Pin>* Network::pinsOf(const sorma::Service& unit) const {
-    auto at = std::ranges::find(steps_, &unit, [](auto& s) { return s.unit.get(); });
-    return at == steps_.end() ? nullptr : &at->pins;
+    auto at = places_.find(&unit);
+    return at == places_.end() ? nullptr : &steps_[at->second].pins;
 }
 
 void Network::keepPins(const sorma::Service& unit, const std::vector<sorma::Pin>& there) {
-    for (auto& s : steps_) {
-        if (s.unit.get() != &unit) continue;
-        std::erase_if(s.pins, [&](auto& pin) {
-            return std::ranges::none_of(there, [&](auto& other) { return other.name == pin.name && other.input == pin.input; });
-        });
-    }
+    std::erase_if(steps_[places_.at(&unit)].pins, [&](auto& pin) {
+        return std::ranges::none_of(there, [&](auto& other) { return other.name == pin.name && other.input == pin.input; });
+    });
 }
 
 // ---- for those who look at it ----

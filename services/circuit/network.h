@@ -19,6 +19,7 @@
 #include <cstdint>
 #include <cstring>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include <sorma.h>
@@ -106,6 +107,7 @@ private:
 
     sorma::Service& owner_;
     std::vector<Step> steps_;           // in order
+    std::unordered_map<const sorma::Service*, std::size_t> places_;     // of units, among them
     Step* current_ = nullptr;           // being executed, for failStep; a member, so that it takes no register in the loop of run()
     std::vector<Step*> loops_;          // units that close a loop: they are asked first
     std::vector<Copy> copies_;          // of all steps, one after another

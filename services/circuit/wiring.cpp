@@ -449,6 +449,7 @@ void Wiring::assemble() {
         auto& node = nodes_[std::size_t(n)];
         auto& step = net.steps_[node.place];
         step.unit = node.unit;
+        net.places_.emplace(node.unit.get(), node.place);
         step.in = std::uint32_t(node.in);
         step.out = std::uint32_t(node.out);
         step.exact = node.exact;
