@@ -47,8 +47,9 @@ Pins::const_iterator find(const Pins& pins, const sorma::Pin& pin) {
 Pins pinsNow(const sorma::Service& unit, const Pins& wired) {
     Pins pins = unit.pins();
     for (auto& pin : pins) {
+        if (pin.length != sorma::Pin::kOpen) continue;
         auto before = find(wired, pin);
-        if (pin.length != sorma::Pin::kOpen || before == wired.end() || before->length == sorma::Pin::kOpen) continue;
+        if (before == wired.end() || before->length == sorma::Pin::kOpen) continue;
         pin.length = before->length;
         for (auto& told : unit.pins(pin.name, before->length))
             for (auto& other : pins)
