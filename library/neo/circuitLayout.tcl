@@ -120,9 +120,8 @@ proc ::sorma::circuitLayout::free {place width height boxes} {
     lassign $place x y
     # From above, so that one pass is enough.
     foreach box [lsort -integer -index 1 $boxes] {
-        lassign $box left top wide high
-        if {$x < $left + $wide + $Room && $x + $width + $Room > $left && $y < $top + $high + $Room && $y + $height + $Room > $top} {
-            set y [expr {$top + $high + $Room}]
+        if {[Near [list $x $y $width $height] $box $Room]} {
+            set y [expr {[lindex $box 1] + [lindex $box 3] + $Room}]
         }
     }
     return [list $x $y]
@@ -151,12 +150,12 @@ proc ::sorma::circuitLayout::probe {way width height boxes} {
 }
 # Is a rectangle on one of the boxes? X Y: the middle of its upper edge.
 proc ::sorma::circuitLayout::Covers {boxes x y width height} {
-    set from [expr {$x - $width / 2.0}]
-    foreach box $boxes {
-        lassign $box left top wide high
-        if {$from < $left + $wide && $from + $width > $left && $y < $top + $high && $y + $height > $top} {
-            return 1
-        }
-    }
-    return 0
+    set own [list [expr {$x - $width / 2.0}] $y $width $height]
+    return [expr {1 in [lmap box $boxes {Near $own $box 0}]}]
+}
+# Are two boxes nearer to each other than ROOM?
+proc ::sorma::circuitLayout::Near {one two room} {
+    lassign $one x y width height
+    lassign $two left top wide high
+    return [expr {$x < $left + $wide + $room && $x + $width + $room > $left && $y < $top + $high + $room && $y + $height + $room > $top}]
 }
