@@ -36,6 +36,11 @@ proc ::sorma::text::styled {table words} {
     return $settings
 }
 
+# ::sorma::text::isTerminal CHANNEL -- only a terminal has a line speed.
+proc ::sorma::text::isTerminal channel {
+    return [expr {![catch {fconfigure $channel -mode}]}]
+}
+
 # ::sorma::text::readFile FILE, writeFile FILE TEXT -- in UTF-8.
 proc ::sorma::text::readFile file {
     set channel [open $file]

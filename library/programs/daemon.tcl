@@ -5,6 +5,7 @@
 package require sorma
 package require sorma::options
 package require sorma::packages
+package require sorma::text
 package require sorma::usage
 package provide sorma::daemon 1.0
 
@@ -132,7 +133,7 @@ proc ::sorma::daemon::Parse words {
                 return -code error "-interactive and $option cannot be combined: both use standard input"
             }
         }
-        if {[catch {fconfigure stdin -mode}]} {
+        if {![::sorma::text::isTerminal stdin]} {
             return -code error "-interactive needs a terminal as standard input"
         }
     }

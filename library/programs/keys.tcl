@@ -5,6 +5,7 @@
 package require sorma
 package require sorma::commandLine
 package require sorma::keyFolder
+package require sorma::text
 package provide sorma::keys 1.0
 
 namespace eval ::sorma::keys {
@@ -128,7 +129,7 @@ proc ::sorma::keys::Passphrase again {
     if {[info exists env(SORMA_PASSPHRASE)]} {
         return $env(SORMA_PASSPHRASE)
     }
-    if {[catch {fconfigure stdin -mode}]} {
+    if {![::sorma::text::isTerminal stdin]} {
         return -code error "a passphrase is asked for at a terminal, or taken from SORMA_PASSPHRASE"
     }
     set said {}

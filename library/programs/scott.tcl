@@ -62,7 +62,7 @@ proc ::sorma::scott::Run {settings words} {
     if {[llength $words] > 0} {
         return [Script {*}$words]
     }
-    if {[IsTerminal stdin]} {
+    if {[::sorma::text::isTerminal stdin]} {
         return [interact]
     }
     return [Piped]
@@ -89,11 +89,6 @@ proc ::sorma::scott::Complete words {
 proc ::sorma::scott::Endings {line {before {}}} {
     ::sorma::shell::prepare
     return [::sorma::shell::endings $line $before]
-}
-
-# Only a terminal has a line speed.
-proc ::sorma::scott::IsTerminal channel {
-    return [expr {![catch {fconfigure $channel -mode}]}]
 }
 
 # ---- batch ----
@@ -340,7 +335,7 @@ proc ::sorma::scott::Print {line code result options} {
 # On a terminal for a person, with its width and perhaps colours; elsewhere everything, for a program.
 proc ::sorma::scott::ShowSettings channel {
     variable Json
-    if {![IsTerminal $channel]} {
+    if {![::sorma::text::isTerminal $channel]} {
         return [list -json $Json -width 0 -whole 1]
     }
     set colour [expr {[Environment NO_COLOR] eq {} && [Environment TERM] ni {dumb unknown {}}}]

@@ -2,6 +2,7 @@
 #
 # All users of a host can read command lines. So the key of the link stands in a file that only this user may read, and xdg-open gets its name.
 
+package require sorma::text
 package provide sorma::webOpen 1.0
 
 namespace eval ::sorma::webOpen {
@@ -15,7 +16,7 @@ proc ::sorma::webOpen::wanted when {
     }
     foreach name {WAYLAND_DISPLAY DISPLAY} {
         if {[info exists ::env($name)] && $::env($name) ne {}} {
-            return [expr {![catch {fconfigure stdout -mode}]}]             ;# only a terminal has a line speed
+            return [::sorma::text::isTerminal stdout]
         }
     }
     return 0
