@@ -68,7 +68,7 @@ proc ::sorma::replay::Run {settings files} {
                 lappend steps $step
             }
             lassign [::sorma::replaySuite::make $file ${-as-test} $steps ${-start} ${-tolerance}] tests open
-            puts "${-as-test}: $tests tests, $open leave something open"
+            puts "${-as-test}: [::sorma::text::counted $tests test tests], [::sorma::text::counted $open leaves leave] something open"
         } else {
             Each record $search {
                 puts [if {${-typed}} {Typed $record} else {Line $record}]

@@ -10,6 +10,7 @@ package require sorma::at
 package require sorma::options
 package require sorma::recorded
 package require sorma::replayUnits
+package require sorma::text
 package provide sorma::replaySuite 1.0
 
 namespace eval ::sorma::replaySuite {
@@ -42,18 +43,18 @@ proc ::sorma::replaySuite::make {file out steps daemons tolerances} {
     }
     During $daemons {
         set begin [Beginning $steps]
-        set first [Replies $begin $steps]
+        set first [Replies 1 $begin $steps]
         set units [Units $steps]
     }
     variable Pause
     variable Longest
     set pause [expr {min($Pause, $Longest / [llength $steps])}]
     ::sorma::recorded::pause $pause
-    set runs [list $first [Again $daemons $begin $steps]]
+    set runs [list $first [Again 2 $daemons $begin $steps]]
     # Numbers of three replies can be near each other by chance (once in 21 * 21, when all of a range are as likely): a suite would fail that is right.
     # With two more runs that is once in 21 ** 4.
     if {[Open [Patterns $steps $runs]]} {
-        lappend runs [Again $daemons $begin $steps] [Again $daemons $begin $steps]
+        lappend runs [Again 3 $daemons $begin $steps] [Again 4 $daemons $begin $steps]
     }
     ::sorma::recorded::pause 0
     set patterns [Patterns $steps $runs]
@@ -141,7 +142,11 @@ proc ::sorma::replaySuite::Beginning steps {
     return $begin
 }
 
-proc ::sorma::replaySuite::Replies {begin steps} {
+# It can take long: who waits at a terminal is told.
+proc ::sorma::replaySuite::Replies {run begin steps} {
+    if {[::sorma::text::isTerminal stderr]} {
+        puts stderr "run $run: [::sorma::text::counted [llength $steps] request requests]"
+    }
     foreach item $begin {
         ::sorma::recorded::ask {*}$item
     }
@@ -149,9 +154,9 @@ proc ::sorma::replaySuite::Replies {begin steps} {
 }
 
 # The same of daemons that have just begun.
-proc ::sorma::replaySuite::Again {daemons begin steps} {
+proc ::sorma::replaySuite::Again {run daemons begin steps} {
     During $daemons {
-        set replies [Replies $begin $steps]
+        set replies [Replies $run $begin $steps]
     }
     return $replies
 }

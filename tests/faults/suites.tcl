@@ -287,7 +287,7 @@ proc trial {demo folder} {
     lassign [recorded $demo $folder $daemons] read requests replies
     set again [replied $folder $daemons $requests]
     clean $folder
-    regexp {: (\d+) tests, (\d+) leave} [exec sorma-replay $folder/run.rec -as-test $folder/again.test -start $daemons 2>@1] -> tests open
+    regexp {: (\d+) tests?, (\d+) leaves?} [exec sorma-replay $folder/run.rec -as-test $folder/again.test -start $daemons 2>@1] -> tests open
     set failing {}
     foreach run {1 2} {
         lappend failing {*}[ran $folder $folder/again.test]
