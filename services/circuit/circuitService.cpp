@@ -153,7 +153,7 @@ public:
             sorma::Trail trail = sorma::trailOfCurrentException(name());
             trail.add(sorma::makeEntry(kPart, {sorma::MessageArg::of(name()), sorma::MessageArg::of(unit.name())}));
             broken_.emplace(std::move(trail));
-            network_->keepPins(unit, unit.pins());
+            network_->retire(unit);
         }
     }
 
@@ -238,10 +238,10 @@ private:
                                          circuit::parsePins(name(), "-outputs", outputs), author};
         auto made = std::make_shared<Network>(*this, description);
         if (realtimeOwner()) needFit(*made);
-        return [this, fresh = std::move(made)]() mutable {
+        return [this, fresh = std::move(made), broken = std::optional<sorma::Error>()]() mutable {
             if (running_) fail(kBusy, name(), "be wired again");
             std::swap(network_, fresh);
-            broken_.reset();
+            std::swap(broken_, broken);
         };
     }
 

@@ -95,10 +95,13 @@ const std::vector<sorma::Pin>* Network::pinsOf(const sorma::Service& unit) const
     return at == places_.end() ? nullptr : &steps_[at->second].pins;
 }
 
-void Network::keepPins(const sorma::Service& unit, const std::vector<sorma::Pin>& there) {
-    std::erase_if(steps_[places_.at(&unit)].pins, [&](auto& pin) {
-        return std::ranges::none_of(there, [&](auto& other) { return other.name == pin.name && other.input == pin.input; });
-    });
+void Network::retire(const sorma::Service& unit) {
+    auto& step = steps_[places_.at(&unit)];
+    step.pins = unit.pins();
+    step.in = 0;
+    step.firstCopy = step.lastCopy;
+    step.message.floats.clear();
+    step.held.clear();
 }
 
 // ---- for those who look at it ----
@@ -131,7 +134,8 @@ void Network::listOrder(std::string& out) const {
 
 void Network::listLive(std::string& out) const {
     auto line = [&](const std::string& owner, const sorma::Pin& pin, const std::vector<double>& floats) {
-        std::vector<std::string> words = {owner + pin.name, pin.input ? "in" : "out", std::to_string(pin.length), pin.unit};
+        std::vector<std::string> words = {owner + pin.name, pin.input ? "in" : "out",
+                                          pin.length == sorma::Pin::kOpen ? "open" : std::to_string(pin.length), pin.unit};
         for (std::size_t i = pin.at; i < pin.at + pin.length && i < floats.size(); ++i) words.push_back(sorma::numberText(floats[i]));
         appendLine(out, words);
     };

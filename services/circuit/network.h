@@ -58,7 +58,7 @@ public:
     std::size_t inputs() const { return inputCount_; }                  // floats that run() reads
     std::vector<sorma::Reference> units() const;
     const std::vector<sorma::Pin>* pinsOf(const sorma::Service& unit) const;    // as they were when it was wired; null: it is no unit
-    void keepPins(const sorma::Service& unit, const std::vector<sorma::Pin>& there);    // listLive shows no others of it any more
+    void retire(const sorma::Service& unit);        // It has other pins: listLive shows these, without numbers. There must be no tick any more.
     const std::vector<ResolvedWire>& wires() const { return resolved_; }
 
     // A line for each, of words that requestText.h can read:
