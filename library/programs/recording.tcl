@@ -11,6 +11,8 @@ namespace eval ::sorma::recording {
         -seconds {{seconds 0 1000000000}} -for {{seconds 0 1000000}} -on words -when any -after {{seconds 0 1000000} 1} -saves {{whole 1 100000} 20}}
     variable End            ;# set by a signal
     variable Turn           ;# set when it has waited, and when there is something to do
+    variable Met 0          ;# has any daemon answered?
+    variable Absent 0       ;# daemons that nobody waits for any more
     variable Reasons {}     ;# why files are to be saved
     variable Number 0       ;# of the recorders that there were: recorder.recordN
 }
@@ -33,6 +35,20 @@ proc ::sorma::recording::Record {settings words} {
     set most [Bytes ${-max}]
     set when [::sorma::recordTrigger::check ${-on} ${-when}]
     set daemons [expr {${-daemon} ne {} ? ${-daemon} : [Daemons]}]
+    try {
+        return [During $settings $most $when $daemons]
+    } on error {message how} {
+        return -options $how [plain $message]
+    }
+}
+# People know the file, not the object that has it.
+proc ::sorma::recording::plain message {
+    return [regsub {^recorder\.(record\d+|replay): } $message {}]
+}
+# Record until the end. The exit code.
+proc ::sorma::recording::During {settings most when daemons} {
+    variable Met
+    dict with settings {}
     ::sorma::atSignal {set ::sorma::recording::End [set ::sorma::recording::Turn signal]}
     Begin ${-o} $settings $most $daemons
     if {${-on} ne {} || $when ne {}} {
@@ -44,7 +60,12 @@ proc ::sorma::recording::Record {settings words} {
         after [expr {round(1000 * ${-for})}] {set ::sorma::recording::End [set ::sorma::recording::Turn time]}
     }
     Run $settings $most $daemons
+    Connected
     puts [string map [list ${-o}.next ${-o}] [lindex [[Recorder] CTRL -stop] 3]]
+    if {!$Met} {
+        puts stderr "sorma-record: no daemon has answered, so no request and no event was recorded"
+    }
+    return [expr {!$Met}]
 }
 
 # The one that records now.
@@ -79,6 +100,7 @@ proc ::sorma::recording::Run {settings most daemons} {
 # Say at once why records are lost, and each reason once: it may run for days.
 proc ::sorma::recording::Watch {{told {}}} {
     set state [State]
+    Connected
     set error [if {[dict exists $state error]} {dict get $state error}]
     if {$error ne $told && $error ne {}} {
         puts stderr "sorma-record: records are being lost: [::sorma::text::clean $error]"
@@ -118,23 +140,37 @@ proc ::sorma::recording::Daemons {} {
     return $daemons
 }
 
-# Wait until all daemons have answered; but not for ever: those that are away are tried again all the time.
+# Wait until all daemons have answered; but not for ever: those that are away are tried again all the time. Who waits is told why, soon and once.
 proc ::sorma::recording::Await daemons {
     variable End
+    variable Absent
     for {set i 0} {$i < 250 && ![info exists End]} {incr i} {
-        if {[dict get [State] connected] == [llength $daemons]} {
+        set absent [expr {[llength $daemons] - [Connected]}]
+        if {$absent <= $Absent} {
             return
+        }
+        if {$i == 25} {
+            Tell $daemons
         }
         after 20 {set ::sorma::recording::Turn 1}
         vwait ::sorma::recording::Turn
     }
-    if {![info exists End]} {
-        puts stderr "sorma-record: [dict get [State] connected] of [llength $daemons] daemons have answered; the others are recorded when they are there"
-        foreach {who why} [dict get [State] away] {
-            # Most reasons name it already.
-            puts stderr "sorma-record: [::sorma::text::clean [expr {[string first "$who:" $why] == 0 ? $why : "$who: $why"}]]"
-        }
+    set Absent $absent
+}
+proc ::sorma::recording::Tell daemons {
+    puts stderr "sorma-record: [Connected] of [llength $daemons] daemons have answered; the others are recorded when they are there"
+    foreach {who why} [dict get [State] away] {
+        # Most reasons name it already.
+        puts stderr "sorma-record: [::sorma::text::clean [expr {[string first "$who:" $why] == 0 ? $why : "$who: $why"}]]"
     }
+}
+# How many daemons are recorded now.
+proc ::sorma::recording::Connected {} {
+    variable Met
+    set state [State]
+    set count [expr {[dict exists $state connected] ? [dict get $state connected] : 0}]
+    set Met [expr {$Met || $count > 0}]
+    return $count
 }
 proc ::sorma::recording::State {} {
     return [dict get [[Recorder] exec state] text]
