@@ -15,8 +15,15 @@ proc ::sorma::moment::parse {what text} {
         set fraction {}
     }
     # To clock, a single letter is a time, too.
-    if {[regexp {^[[:alpha:]]?$} $whole] || [catch {clock scan $whole} seconds]} {
+    if {[regexp {^[[:alpha:]]?$} $whole] || [catch {clock scan $whole} seconds] || ![Is $whole]} {
         return -code error -errorcode {SORMA REQUEST SYNTAX} "$what expects a time, as 12:03:04.125 or {2026-05-01 12:03:04}, got \"$text\""
     }
     return $seconds$fraction
+}
+# Clock makes another time of 25:00, and another day of 2026-02-30.
+proc ::sorma::moment::Is text {
+    if {[regexp {(\d+):(\d\d)(?::(\d\d))?} $text - hours minutes seconds] && ([scan $hours %d] > 23 || [scan $minutes %d] > 59 || [scan 0$seconds %d] > 60)} {
+        return 0
+    }
+    return [expr {![regexp {\d{4}-\d\d-\d\d} $text day] || [clock format [clock scan $day -format %Y-%m-%d] -format %Y-%m-%d] eq $day}]
 }

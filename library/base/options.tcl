@@ -6,6 +6,7 @@
 #     any               one word
 #     word, {word WHAT} one word that is not empty; WHAT says in an error what is expected
 #     words             some words, up to the next one that begins with a dash; given again it adds to them
+#     rest              all words behind it
 #     collect, {collect WHAT} one word; given again it adds to them
 #     boolean           becomes 0 or 1
 #     {whole LOW HIGH}  a whole number in decimal digits; HIGH empty: no limit
@@ -83,8 +84,8 @@ proc ::sorma::options::One {table settings wordsVar} {
     if {[llength $words] == 0 || $kind eq "words" && [string match -* [lindex $words 0]]} {
         Fail "$option needs a value: [expected $kind]"
     }
-    if {$kind eq "words"} {
-        for {set n 1} {$n < [llength $words] && ![string match -* [lindex $words $n]]} {incr n} {}
+    if {$kind in {words rest}} {
+        for {set n 1} {$n < [llength $words] && ($kind eq "rest" || ![string match -* [lindex $words $n]])} {incr n} {}
         dict lappend settings $option {*}[lrange $words 0 $n-1]
         set words [lrange $words $n end]
         return $settings
@@ -154,7 +155,7 @@ proc ::sorma::options::expected kind {
         boolean { return "a boolean" }
         choice { return [oneOf $words] }
         some { return "a list of [oneOf $words and]" }
-        words { return "one word or more" }
+        words - rest { return "one word or more" }
         word { return [expr {$low ne {} ? $low : "a word that is not empty"}] }
         collect { return [expr {$low ne {} ? $low : "a word"}] }
         default { return "a word" }

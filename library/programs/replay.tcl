@@ -14,10 +14,13 @@ package provide sorma::replay 1.0
 
 namespace eval ::sorma::replay {
     variable Options {-list flag -typed flag -about flag -window flag -play flag -csv {{word {the name of a folder}}} -values {{word {the name of an object}}} -mcap {{word {the name of a file}}}
-        -as-test {{word {the name of a file}}} -start any -tolerance any -at words -search any -name {any *} -failed flag -slower {{seconds 0 1000000000}} -from any -until any
+        -as-test {{word {the name of a file}}} -start any -tolerance any -at rest -search any -name {any *} -failed flag -slower {{seconds 0 1000000000}} -from any -until any
         -daemon any -rename words -speed {{number 0 1000} 1}}
     variable Ways {-list -typed -about -window -csv -values -mcap -play -as-test -at}       ;# what to do with it
+    variable Searched {-search -name -failed -slower -from -until}                          ;# which records
+    variable Belongs {-start -as-test -tolerance -as-test -daemon -play -rename -play -speed -play}    ;# options of one way alone
     variable Turn           ;# set when it has waited
+    variable Found 0        ;# records that a search has found
     variable Heads {
         requests.csv {time source object method caller request code seconds reply}
         events.csv {time source object event number content}
@@ -34,54 +37,71 @@ proc ::sorma::replay::main words {
         -complete [list ::sorma::recording::complete $Options -daemon]]
 }
 proc ::sorma::replay::Run {settings files} {
-    dict with settings {}
     lassign $files file
-    if {${-window}} {
-        return [Window $file]
-    }
-    set search [Search $settings]
     ::sorma::create recorder.replay -file $file
-    set about [lindex [recorder.replay EXEC about] 3]
-    foreach damage [dict get $about damages] {
-        puts stderr "sorma-replay: $file: $damage"
-    }
     try {
-        if {${-at} ne {}} {
-            puts [::sorma::text::clean [::sorma::at -recorder recorder.replay {*}${-at}]]
-        } elseif {${-about}} {
-            About $about
-        } elseif {${-csv} ne {}} {
-            Export ${-csv} $search
-        } elseif {${-values} ne {}} {
-            Values ${-values} $search
-        } elseif {${-mcap} ne {}} {
-            set out [::sorma::mcap::begin ${-mcap}]
-            Each record $search {
-                ::sorma::mcap::add $out $record
-            }
-            ::sorma::mcap::finish $out
-        } elseif {${-play}} {
-            return [Play $settings $search]
-        } elseif {${-as-test} ne {}} {
-            set steps {}
-            EachStep step $search {
-                lappend steps $step
-            }
-            lassign [::sorma::replaySuite::make $file ${-as-test} $steps ${-start} ${-tolerance}] tests open
-            puts "${-as-test}: [::sorma::text::counted $tests test tests], [::sorma::text::counted $open leaves leave] something open"
-        } else {
-            Each record $search {
-                puts [if {${-typed}} {Typed $record} else {Line $record}]
-            }
+        set about [lindex [recorder.replay EXEC about] 3]
+        foreach damage [dict get $about damages] {
+            puts stderr "sorma-replay: $file: $damage"
         }
+        return [Do $settings $file $about]
     } trap {POSIX EPIPE} {} {
         # The reader of the output has ended, as head does.
+        return 0
+    } on error {message how} {
+        return -options $how [::sorma::recording::plain $message]
     }
-    return 0
+}
+# What the options say. The exit code.
+proc ::sorma::replay::Do {settings file about} {
+    variable Found
+    dict with settings {}
+    if {${-window}} {
+        return [Window $file]
+    } elseif {${-at} ne {}} {
+        puts [::sorma::text::clean [::sorma::at -recorder recorder.replay {*}${-at}]]
+        return 0
+    } elseif {${-about}} {
+        About $about
+        return 0
+    }
+    set search [Search $settings]
+    set code 0
+    if {${-csv} ne {}} {
+        Export ${-csv} $search
+    } elseif {${-values} ne {}} {
+        Values ${-values} $search
+    } elseif {${-mcap} ne {}} {
+        set out [::sorma::mcap::begin ${-mcap}]
+        Each record $search {
+            ::sorma::mcap::add $out $record
+        }
+        ::sorma::mcap::finish $out
+    } elseif {${-play}} {
+        set code [Play $settings $search]
+    } elseif {${-as-test} ne {}} {
+        set steps {}
+        EachStep step $search {
+            lappend steps $step
+        }
+        lassign [::sorma::replaySuite::make $file ${-as-test} $steps ${-start} ${-tolerance}] tests open
+        puts "${-as-test}: [::sorma::text::counted $tests test tests], [::sorma::text::counted $open leaves leave] something open"
+    } else {
+        Each record $search {
+            puts [if {${-typed}} {Typed $record} else {Line $record}]
+        }
+    }
+    # Only to a person: to a program an empty answer is one.
+    if {$Found == 0 && ![catch {fconfigure stderr -mode}]} {
+        puts stderr "sorma-replay: no record fits; the recording has [Extent $about]"
+    }
+    return $code
 }
 
 # Errors of the command line.
 proc ::sorma::replay::Check {settings files} {
+    variable Options
+    set usual [::sorma::options::defaults $Options]
     dict with settings {}
     if {[llength $files] != 1} {
         error "expected the name of one recording, got [llength $files]"
@@ -97,7 +117,7 @@ proc ::sorma::replay::Check {settings files} {
     }
     if {${-at} ne {}} {
         if {[llength ${-at}] < 2} {
-            error "-at expects a time and a request, got \"${-at}\""
+            error "-at expects a time and a request, as -at 12:03 foo.a cget -tempo, got \"[lindex ${-at} 0]\""
         }
         ::sorma::moment::parse -at [lindex ${-at} 0]
     }
@@ -106,9 +126,22 @@ proc ::sorma::replay::Check {settings files} {
         error "-from ${-from} is later than -until ${-until}, so no record is between them"
     }
     variable Ways
-    set ways [lmap way $Ways {if {[dict get $settings $way] in {0 {}}} continue; set way}]
+    variable Searched
+    variable Belongs
+    set given [dict keys [dict filter $usual script {option value} {expr {$value ne [dict get $settings $option]}}]]
+    set ways [lmap way $Ways {if {$way ni $given} continue; set way}]
     if {[llength $ways] > 1} {
         error "expected one of [join $Ways {, }], got [join $ways { and }]"
+    }
+    foreach {option way} $Belongs {
+        if {$option in $given && $ways ne [list $way]} {
+            error "$option has an effect with $way alone"
+        }
+    }
+    foreach option $Searched {
+        if {$option in $given && $ways in {-about -at -window}} {
+            error "$option has no effect with $ways, which takes no options of a search"
+        }
     }
 }
 
@@ -132,10 +165,12 @@ proc ::sorma::replay::Search settings {
 
 # Run a script for each record that a search finds.
 proc ::sorma::replay::Each {recordVar search script} {
+    variable Found
     upvar 1 $recordVar record
     set stream [::sorma::stream [list recorder.replay EXEC records {*}$search]]
     try {
         while {[$stream next piece]} {
+            incr Found [llength [dict get $piece text]]
             foreach record [dict get $piece text] {
                 uplevel 1 $script
             }
@@ -203,7 +238,7 @@ proc ::sorma::replay::Line record {
         request { set what "$text  ($word)" }
         reply { set what "$text  ([Took $span][expr {[dict exists $record request] ? {} : {, its request is not here}}])" }
         sample { set what "$object record $number $text" }
-        event { set what "$object event $word $text" }
+        event { set what "$object $word $text" }
         loss { set what "$number records are missing here, of [format %.3f $span] s: $word" }
         source { set what [Ahead $span $number] }
         default { set what "$word: $text" }
@@ -221,11 +256,17 @@ proc ::sorma::replay::Typed record {
 
 proc ::sorma::replay::About about {
     puts "began   [Clock [dict get $about began]]"
-    puts "records [dict get $about records], from [Clock [dict get $about first]] to [Clock [dict get $about last]]"
+    puts "records [Extent $about]"
     puts "bytes   [dict get $about bytes][expr {[dict get $about closed] ? {} : {; it was not closed}}]"
     foreach name [dict get $about names] {
         puts "name    [::sorma::text::clean $name]"
     }
+    if {[dict get $about names] eq {} && ![dict get $about closed]} {
+        puts "names   are not listed, because it was not closed"
+    }
+}
+proc ::sorma::replay::Extent about {
+    return "[dict get $about records][expr {[dict get $about records] > 0 ? ", from [Clock [dict get $about first]] to [Clock [dict get $about last]]" : {}}]"
 }
 
 # ---- tables ----
@@ -241,10 +282,14 @@ proc ::sorma::replay::Export {folder search} {
             dict set channels $file $channel
             puts $channel [::csv::join $head]
         }
+        set callers {}          ;# dict: source and number of a request -> who has sent it
         Each record $search {
             dict with record {}
             switch $kind {
+                request { dict set callers [list $source $number] $word }
                 reply {
+                    set word [if {[dict exists $callers [list $source $number]]} {dict get $callers [list $source $number]}]
+                    dict unset callers [list $source $number]
                     set request [expr {[dict exists $record request] ? [dict get $record request] : {}}]
                     puts [dict get $channels requests.csv] [::csv::join [list $time $source $object $method $word $request $code $span $text]]
                 }
@@ -300,6 +345,8 @@ proc ::sorma::replay::Play {settings search} {
     set done 0
     EachStep step $search {
         dict with step {}
+        # Programs ask the bus itself what there is: that answer is another one each time.
+        if {[regexp {^(sorm DBX|\S+ DBX -info)\M} $request]} continue
         Pace $time [dict get $settings -speed] begun
         incr done
         set answer [Again $request $source $settings]
