@@ -81,7 +81,7 @@ bool Reader::readHead() {
     FileHead ours;
     const bool family = std::memcmp(head_.magic, ours.magic, kDigit) == 0 && head_.magic[kDigit + 1] == '\n';
     if (family && head_.magic[kDigit] < '3' && head_.id == ours.order)      // which stands there in their heads
-        throw FileError(file_ + " is a recording of buffers alone, of version " + head_.magic[kDigit] + ": class recorder reads it");
+        throw FileError(file_ + " is a recording of buffers alone, of version " + head_.magic[kDigit] + ": EXEC list, play and export of class recorder read it");
     if (family && head_.magic[kDigit] > '3' && head_.magic[kDigit] <= '9' && agrees(head_))
         throw FileError(file_ + " is a recording of version " + head_.magic[kDigit] + ", which is newer than this SORMA: it knows 3");
     if (begins(head_) && agrees(head_)) {

@@ -146,8 +146,14 @@ From Recorder::origin(const Passage& p) {
     return From::outside;
 }
 
+// A reader with a trigger looks at values ten times a second: that would fill its own file.
+bool Recorder::isOfReader(const Passage& p) const {
+    return p.object == "sorm" && p.method == Method::dbx && !selection_.reader.empty() && CallContext::currentCaller().toText() == selection_.reader;
+}
+
 void Recorder::came(const Passage& p, const Message& m) {
     if (!wants(p)) return;
+    if (isOfReader(p)) return void(leftOut_.insert(p.number));
     const bool local = !CallContext::current();         // then the text of the caller is always the same
     static const std::string self = Caller::self().toText();
     const auto from = local ? From::process : origin(p);
@@ -159,6 +165,7 @@ void Recorder::came(const Passage& p, const Message& m) {
 }
 
 void Recorder::answered(const Passage& p, const Message& m, std::int64_t ran) {
+    if (!leftOut_.empty() && leftOut_.erase(p.number)) return;
     if (!open_.empty())
         if (auto found = open_.find(p.number); found != open_.end()) calls_.erase(found->second), open_.erase(found);
     endRequest(p, m, p.begun + ran + offset_);

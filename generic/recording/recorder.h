@@ -61,6 +61,7 @@ struct Selection {
     // Look at all objects after so many bytes and so long [ns]; 0: kLookBytes, kLookTime. For a file that keeps little.
     std::size_t lookBytes = 0;
     std::int64_t lookTime = 0;
+    std::string reader = {};                    // Caller::toText of who gets the records: what he asks sorm by DBX is not recorded
 };
 
 // May requests to that object, and their replies, be told to an author? null: the owner. sorm and dict may tell of any object.
@@ -108,6 +109,7 @@ public:
 
 private:
     bool wants(const Passage& passage) const;
+    bool isOfReader(const Passage& passage) const;
     From origin(const Passage& passage);
     bool mayTell(std::string_view object) const;
     enum Why : std::uint8_t { slow, large, memory, refused, kWhys };
@@ -141,6 +143,7 @@ private:
     // Requests of others that are under way: those of their calls, by their own numbers; and these calls.
     std::unordered_map<std::uint64_t, std::uint64_t> open_;
     std::unordered_set<std::uint64_t> calls_;
+    std::unordered_set<std::uint64_t> leftOut_;         // requests that have no answer yet, and are not recorded
     std::deque<Mark> underWay_;                 // requests, by their numbers; time 0: it was answered
     std::unordered_map<std::string, Mark> trails_;      // the last reply of each object that has a trail
     std::vector<std::string> toLook_;           // names of objects

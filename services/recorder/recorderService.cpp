@@ -110,6 +110,7 @@ public:
             const bool good = m.words.size() == 3 || (sorma::parseNumber(m.words[3], bytes) && bytes >= 0 && sorma::parseNumber(m.words[4], selection.lookTime) && selection.lookTime >= 0);
             if (!good) return nullptr;
             selection.lookBytes = std::size_t(bytes);
+            selection.reader = sorma::CallContext::currentCaller().toText();
             return std::make_unique<recorder::LivePieces>(sorm(), std::move(selection), streams_);
         }
         std::shared_ptr<recorder::RecordText> text = recordText(m);

@@ -112,7 +112,9 @@ RecordingReader::RecordingReader(std::string file, bool partial)
         sum_ = sumOfVersion1;
         first_ = sorma::Fnv<std::uint32_t>().value();
     } else {
-        refuse("this is no recording of version 1 or 2");
+        first.magic[16] = '3';
+        const bool ofBus = whole && std::memcmp(head_.magic, first.magic, sizeof head_.magic) == 0;
+        refuse(ofBus ? "this is a recording of the bus, not of buffers alone: EXEC records, sorma::at and sorma-replay read it" : "this is no recording");
     }
     if (head_.order != Head().order) refuse("it was recorded by a machine of the other byte order");
     at_ = sizeof head_;
