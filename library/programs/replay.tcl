@@ -218,9 +218,10 @@ proc ::sorma::replay::Window file {
 
 # ---- for people ----
 
+# All digits: so it can be typed behind -at, -from and -until, and is that of the record.
 proc ::sorma::replay::Clock seconds {
-    regexp {^(-?\d+)\.(\d{3})} $seconds -> whole milliseconds
-    return "[clock format $whole -format {%Y-%m-%d %H:%M:%S}].$milliseconds"
+    regexp {^(-?\d+)(\.\d+)} $seconds -> whole fraction
+    return [clock format $whole -format {%Y-%m-%d %H:%M:%S}]$fraction
 }
 proc ::sorma::replay::Took seconds {
     return [format {%.3f ms} [expr {1000.0 * $seconds}]]
