@@ -188,10 +188,19 @@ proc ::sorma::recording::Bytes size {
     return [expr {$number * [dict get {{} 1 k 1000 M 1000000 G 1000000000} $unit]}]
 }
 
-# ::sorma::recording::complete OPTIONS OPTION WORDS -- candidates for the last word of a command line (library/scott.bash): daemons behind OPTION, else options.
+# ::sorma::recording::complete OPTIONS OPTION WORDS -- candidates for the last word of a command line (library/scott.bash): daemons behind OPTION, nothing
+# where the shell has files, else options.
 proc ::sorma::recording::complete {options option words} {
     package require sorma::world
-    set before [lsearch -inline -not [lreverse [lrange $words 0 end-1]] {[!-]*}]
-    set found [expr {$before eq $option && ![string match -* [lindex $words end]] ? [::sorma::world::names] : [dict keys $options -*]}]
+    set done [lrange $words 0 end-1]
+    set last [lindex $done end]
+    set before [if {[dict get $options $option] eq "words"} {lsearch -inline [lreverse $done] -*} else {string cat $last}]
+    if {$before eq $option && ![string match -* [lindex $words end]]} {
+        set found [::sorma::world::names]
+    } elseif {[dict exists $options $last] && [lindex [dict get $options $last] 0] ne "flag"} {
+        return
+    } else {
+        set found [dict keys $options -*]
+    }
     return [lsort -unique [lsearch -all -inline -glob $found [::sorma::text::escape [lindex $words end]]*]]
 }
