@@ -27,14 +27,23 @@ proc ::sorma::recording::Check {settings words} {
     if {$words ne {}} {
         error "expected options alone, got \"[lindex $words 0]\""
     }
-    Bytes [dict get $settings -max]
-    ::sorma::recordTrigger::check [dict get $settings -on] [dict get $settings -when]
+    dict with settings {}
+    Bytes ${-max}
+    ::sorma::recordTrigger::check ${-on} ${-when}
+    if {${-requests} eq {} && ${-events} eq {}} {
+        error "-requests and -events are both empty: nothing of the daemons would be recorded"
+    }
+    foreach {option usual} {-after 1 -saves 20} {
+        if {[dict get $settings $option] != $usual && ${-on} eq {} && ${-when} eq {}} {
+            error "$option has an effect with -on or -when alone"
+        }
+    }
 }
 proc ::sorma::recording::Record {settings words} {
     dict with settings {}
     set most [Bytes ${-max}]
     set when [::sorma::recordTrigger::check ${-on} ${-when}]
-    set daemons [expr {${-daemon} ne {} ? ${-daemon} : [Daemons]}]
+    set daemons [lsort -unique [expr {${-daemon} ne {} ? ${-daemon} : [Daemons]}]]
     try {
         return [During $settings $most $when $daemons]
     } on error {message how} {
