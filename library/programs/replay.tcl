@@ -20,7 +20,11 @@ namespace eval ::sorma::replay {
     variable Searched {-search -name -failed -slower -from -until}                          ;# which records
     variable Belongs {-start -as-test -tolerance -as-test -daemon -play -rename -play -speed -play}    ;# options of one way alone
     variable Turn           ;# set when it has waited
+    variable Second {}      ;# {SECONDS TEXT} that was formatted last
     variable Found 0        ;# records that a search has found
+    variable Total {}       ;# records of the recording, while a person waits for files to be written
+    variable Every 1000     ;# ms from one word of that to the next
+    variable Told 0         ;# ms, of the last one
     variable Heads {
         requests.csv {time source object method caller request code seconds reply}
         events.csv {time source object event number content}
@@ -65,6 +69,8 @@ proc ::sorma::replay::Do {settings file about} {
         About $about
         return 0
     }
+    variable Told [clock milliseconds]
+    variable Total [if {[Terminal stderr] && (${-csv} ne {} || ${-mcap} ne {})} {dict get $about records}]
     set search [Search $settings]
     set code 0
     if {${-csv} ne {}} {
@@ -92,10 +98,16 @@ proc ::sorma::replay::Do {settings file about} {
         }
     }
     # Only to a person: to a program an empty answer is one.
-    if {$Found == 0 && ![catch {fconfigure stderr -mode}]} {
+    if {$Found == 0 && [Terminal stderr]} {
         puts stderr "sorma-replay: no record fits; the recording has [Extent $about]"
+    } elseif {$Total ne {}} {
+        puts stderr "sorma-replay: $Found of $Total records"
     }
     return $code
+}
+
+proc ::sorma::replay::Terminal channel {
+    return [expr {![catch {fconfigure $channel -mode}]}]
 }
 
 # Errors of the command line.
@@ -171,12 +183,25 @@ proc ::sorma::replay::Each {recordVar search script} {
     try {
         while {[$stream next piece]} {
             incr Found [llength [dict get $piece text]]
+            Progress
             foreach record [dict get $piece text] {
                 uplevel 1 $script
             }
         }
     } finally {
         $stream close
+    }
+}
+
+# Records that are printed are word enough. Behind \r, so that it has one line.
+proc ::sorma::replay::Progress {} {
+    variable Found
+    variable Total
+    variable Every
+    variable Told
+    if {$Total ne {} && [clock milliseconds] - $Told >= $Every} {
+        set Told [clock milliseconds]
+        puts -nonewline stderr "sorma-replay: $Found of $Total records\r"
     }
 }
 
@@ -220,8 +245,13 @@ proc ::sorma::replay::Window file {
 
 # All digits: so it can be typed behind -at, -from and -until, and is that of the record.
 proc ::sorma::replay::Clock seconds {
+    variable Second
     regexp {^(-?\d+)(\.\d+)} $seconds -> whole fraction
-    return [clock format $whole -format {%Y-%m-%d %H:%M:%S}]$fraction
+    # Most records are of the same second as the one before, and this is most of the time that a line takes.
+    if {[lindex $Second 0] ne $whole} {
+        set Second [list $whole [clock format $whole -format {%Y-%m-%d %H:%M:%S}]]
+    }
+    return [lindex $Second 1]$fraction
 }
 proc ::sorma::replay::Took seconds {
     return [format {%.3f ms} [expr {1000.0 * $seconds}]]
