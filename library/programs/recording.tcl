@@ -149,7 +149,7 @@ proc ::sorma::recording::Daemons {} {
     return $daemons
 }
 
-# Wait until all daemons have answered; but not for ever: those that are away are tried again all the time. Who waits is told why, soon and once.
+# Wait until all daemons have answered; but not for ever: those that are away are tried again all the time. A person is told why, soon and once.
 proc ::sorma::recording::Await daemons {
     variable End
     variable Absent
@@ -197,8 +197,8 @@ proc ::sorma::recording::Bytes size {
     return [expr {$number * [dict get {{} 1 k 1000 M 1000000 G 1000000000} $unit]}]
 }
 
-# ::sorma::recording::complete OPTIONS OPTION WORDS -- candidates for the last word of a command line (library/scott.bash): daemons behind OPTION, nothing
-# where the shell has files, else options.
+# ::sorma::recording::complete OPTIONS OPTION WORDS -- candidates for the last word of a command line (library/scott.bash).
+# Behind OPTION they are daemons, behind other options that take a word nothing, because the shell has files, and else options.
 proc ::sorma::recording::complete {options option words} {
     package require sorma::world
     set done [lrange $words 0 end-1]
