@@ -68,7 +68,7 @@ snit::macro ::sorma::timelineDraw {} {
         $canvas raise mask
         $self Select
         if {[llength $rows] == 0} {
-            $canvas create text [expr {[winfo width $canvas] / 2}] [expr {[$self Bottom] / 2}] -width [$self Wide] -justify center \
+            $canvas create text [expr {$left + [$self Wide] / 2}] [expr {[$self Bottom] / 2}] -width [$self Wide] -justify center \
                 -fill [::sorma::style token [expr {[$self Trouble] ne {} ? "error" : "quiet"}]] -font [::sorma::style font plain] -tags none \
                 -text [expr {[$self Trouble] ne {} ? [$self Trouble] : [dict get $facts done] < 1 ? [::msgcat::mc "It is being read\u2026"] : [::msgcat::mc "There is nothing here."]}]
         }
@@ -123,6 +123,7 @@ snit::macro ::sorma::timelineDraw {} {
         set gap [::sorma::style pixels 4]
         $canvas create rectangle $left $bottom $right [winfo height $canvas] -fill [$self Ground] -outline {} -tags {axis mask}
         $canvas create line $left $bottom $right $bottom -fill [::sorma::style token edge] -tags {axis mask}
+        if {[dict get $facts last] <= 0} return         ;# there is no time
         # Fine marks have more digits.
         set step 1000000000
         foreach turn {1 2} {
