@@ -222,7 +222,7 @@ void History::judge(const Subject& subject, const std::string& source, const Kno
         throw Unknown(name + " is not in the recording at " + clockText(time) + ": at the last look, " + clockText(*s.looked) + ", it was not there or could not be told");
     if (s.lost > s.found && s.lost >= *k.whole) throw Unknown(source + " is not in the recording at " + clockText(time) + ": it was lost at " + clockText(s.lost) + ": " + s.why);
     for (auto& m : s.missing)
-        if (m.last >= *k.whole && m.first <= time)
+        if (m.last >= *k.whole)
             throw Unknown("what " + name + " was like at " + clockText(time) + " is not certain: records of " + source + " are missing, from " + clockText(m.first) + " to " +
                           clockText(m.last) + ", " + std::to_string(m.records) + " of them; before, its options are known of " + clockText(*k.whole));
 }
@@ -332,7 +332,7 @@ void History::underWay(const std::string& pattern, std::int64_t time, const std:
     for (auto& [name, s] : sources_) {
         if (!s.look || (s.lost > s.found && s.lost >= *s.look)) continue;
         for (auto& m : s.missing)
-            if (m.last >= *s.look && m.first <= time)
+            if (m.last >= *s.look)
                 throw Unknown("what was under way at " + clockText(time) + " is not certain: " + std::to_string(m.records) + " records of " + name + " are missing, from " +
                               clockText(m.first) + " to " + clockText(m.last));
         for (auto& mark : s.underWay) {
