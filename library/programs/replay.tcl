@@ -70,7 +70,7 @@ proc ::sorma::replay::Do {settings file about} {
         return 0
     }
     variable Told [clock milliseconds]
-    variable Total [if {[Terminal stderr] && (${-csv} ne {} || ${-mcap} ne {})} {dict get $about records}]
+    variable Total [if {[::sorma::text::isTerminal stderr] && (${-csv} ne {} || ${-mcap} ne {})} {dict get $about records}]
     set search [Search $settings]
     set code 0
     if {${-csv} ne {}} {
@@ -98,16 +98,12 @@ proc ::sorma::replay::Do {settings file about} {
         }
     }
     # Only to a person: to a program an empty answer is one.
-    if {$Found == 0 && [Terminal stderr]} {
+    if {$Found == 0 && [::sorma::text::isTerminal stderr]} {
         puts stderr "sorma-replay: no record fits; the recording has [Extent $about]"
     } elseif {$Total ne {}} {
         puts stderr "sorma-replay: $Found of $Total records"
     }
     return $code
-}
-
-proc ::sorma::replay::Terminal channel {
-    return [expr {![catch {fconfigure $channel -mode}]}]
 }
 
 # Errors of the command line.
