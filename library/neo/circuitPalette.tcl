@@ -39,7 +39,9 @@ snit::widget ::sorma::circuitPalette {
         $self configurelist $args
         set pad [::sorma::style pixels 4]
         $hull configure -style Card.TFrame -padding [::sorma::style pixels 8]
-        ::ttk::entry $win.search -textvariable [myvar wanted] -width 12
+        ::ttk::frame $win.find
+        ::ttk::label $win.find.label -text [::msgcat::mc "Search"]
+        ::ttk::entry $win.find.entry -textvariable [myvar wanted] -width 8
         ::ttk::frame $win.list
         ::ttk::treeview $win.list.tree -style [::sorma::style own Treeview] -show tree -selectmode browse -height 8 \
             -yscrollcommand [list ::sorma::parts::scrolled $win.list.bar]
@@ -47,13 +49,17 @@ snit::widget ::sorma::circuitPalette {
         ::ttk::label $win.help -wraplength [::sorma::style pixels 150] -justify left -anchor nw -font [::sorma::style font small]
         ::sorma::parts::withBar $win.list $win.list.tree $win.list.bar
         ::sorma::parts::byKeys $win.list.tree
-        pack $win.search -fill x -pady [list 0 $pad]
+        pack $win.find -fill x -pady [list 0 $pad]
+        pack $win.find.label -side left -padx [list 0 [::sorma::style pixels 8]]
+        pack $win.find.entry -side left -fill x -expand 1
         pack $win.help -side bottom -fill x -pady $pad
         pack $win.list -fill both -expand 1
-        ::sorma::style tip $win.search "Search among classes, and in what they are for"
-        bind $win.search <KeyRelease> [mymethod List]
-        bind $win.search <Escape> [mymethod search {}]
-        bind $win.search <Down> [list focus $win.list.tree]
+        ::sorma::style tip $win.find.entry "Search among classes, and in what they are for"
+        bind $win.find.entry <KeyRelease> [mymethod List]
+        bind $win.find.entry <Escape> [mymethod search {}]
+        foreach key {Down Return} {
+            bind $win.find.entry <$key> [mymethod First]
+        }
         bind $win.list.tree <<TreeviewSelect>> [mymethod Help]
         bind $win.list.tree <<TreeviewOpen>> [mymethod Opened 1]
         bind $win.list.tree <<TreeviewClose>> [mymethod Opened 0]
@@ -161,6 +167,7 @@ snit::widget ::sorma::circuitPalette {
     method List {} {
         set tree $win.list.tree
         set before [$tree selection]
+        set at [$tree focus]
         set top [lindex [$tree yview] 0]
         $tree delete [$tree children {}]
         set items {}
@@ -198,7 +205,20 @@ snit::widget ::sorma::circuitPalette {
         if {$before ne {} && [$tree exists [lindex $before 0]]} {
             $tree selection set $before
         }
+        if {[$tree exists $at]} {
+            $tree focus $at             ;# where the arrow keys go on
+        }
         $self Help
+    }
+    # To the list, where the first class is chosen: its help is seen, and Return takes it.
+    method First {} {
+        focus $win.list.tree
+        set item [lindex [dict keys $items] 0]
+        if {$item ne {}} {
+            $win.list.tree see $item
+            $win.list.tree focus $item
+            $win.list.tree selection set [list $item]
+        }
     }
     method Fits {class key} {
         return [expr {$wanted eq {} || [string first [string tolower $wanted] [string tolower "$class [dict get $known $key $class]"]] >= 0}]
