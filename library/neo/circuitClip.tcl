@@ -9,7 +9,7 @@ package require sorma::table
 package provide sorma::circuitClip 1.0
 
 snit::macro ::sorma::circuitClip {} {
-    # copy ?KEYS? -- these units, with their constants and the wires between them; default: those that are selected.
+    # copy ?KEYS? -- these units, with their constants and the wires between them; default: those that are selected. Returns what was copied.
     method copy {{keys {}}} {
         set keys [lmap key [if {$keys ne {}} {set keys} else {set chosenKeys}] {if {[lindex $key 0] ne "unit"} continue; set key}]
         if {$keys eq {}} {
@@ -24,10 +24,14 @@ snit::macro ::sorma::circuitClip {} {
         clipboard clear -displayof $win
         clipboard append -displayof $win -- [list -wires [join $lines \n] -places [join [lmap key $keys {concat $key [dict get $places $key]}] \n]]
         set hint "copied: [join [lmap key $keys {lindex $key 1}] {, }]"
+        return $keys
     }
+    # cut -- what the clipboard has not taken, as a comment, stays.
     method cut {} {
-        $self copy
-        $self Remove
+        set keys [$self copy]
+        if {$keys ne {}} {
+            $self delete $keys {}
+        }
     }
     # paste -- what was copied, as new units below the old ones. Returns their names.
     method paste {} {
@@ -39,6 +43,7 @@ snit::macro ::sorma::circuitClip {} {
             set hint "[::sorma::style mark refused] paste: the clipboard has no units of a circuit"
             return
         }
+        if {![$self Editable paste]} return
         set names {}
         dict for {key -} $fixed {
             regexp {^([^.@]+)[^@]*(@.*)?$} [lindex $key 1] -> class where
@@ -80,7 +85,7 @@ snit::macro ::sorma::circuitClip {} {
     }
     # align SIDE ?KEYS? -- these boxes at the left, right, top or bottom edge of all of them.
     method align {side {keys {}}} {
-        set keys [if {$keys ne {}} {set keys} else {set chosenKeys}]
+        set keys [lmap key [if {$keys ne {}} {set keys} else {set chosenKeys}] {if {![dict exists $boxes $key]} continue; set key}]
         if {[llength $keys] < 2} return
         set at [dict get {left 0 right 0 top 1 bottom 1} $side]
         set far [expr {$side in {right bottom}}]

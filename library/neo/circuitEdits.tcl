@@ -32,11 +32,7 @@ snit::macro ::sorma::circuitEdits {} {
                 dict set before $option [dict get $recipe $option]
             }
         }
-        if {$before eq {} || $options(-state) eq "readonly"} return
-        if {![$self known]} {
-            set hint "[::sorma::style mark refused] $name: the circuit is not known yet"
-            return
-        }
+        if {$before eq {} || ![$self Editable $name]} return
         # Nothing else moves because of an edit: from now on each box has its place.
         set text [if {[dict exists $changes -places]} {dict get $changes -places} else {dict get $recipe -places}]
         set fixed [::sorma::circuitText places $text]
@@ -47,6 +43,13 @@ snit::macro ::sorma::circuitEdits {} {
         set edits [concat [lrange $edits 0 $done-1] [list [list $name $before $after]]]
         incr done
         $self Send $after
+    }
+    # May it be changed, also by objects that an edit makes? The line below says why not.
+    method Editable name {
+        if {$options(-state) eq "normal" && ![$self known]} {
+            set hint "[::sorma::style mark refused] $name: the circuit is not known yet"
+        }
+        return [expr {$options(-state) eq "normal" && [$self known]}]
     }
     # Is the recipe known? Else an edit would write over what nobody has seen.
     method known {} {
@@ -119,15 +122,17 @@ snit::macro ::sorma::circuitEdits {} {
         set hint "$what: [lindex $edit 0]"
         return 1
     }
-    # Forget what the circuit has not taken, and its part of the history.
+    # Forget what the circuit has not taken. Undo brings it back as a draft.
     method revert {} {
         set drafts [$self drafts]
         if {$drafts ne {}} {
+            set edits [concat [lrange $edits 0 $done-1] [list [list revert {*}[lmap texts [list $recipe $running] {
+                dict filter $texts script {option -} {expr {$option in $drafts}}
+            }]]]]
+            incr done
             set wanted {}
             set unsent 0
             $subject revert {*}$drafts
-            set edits {}
-            set done 0
         }
         $self Refresh
     }
@@ -164,6 +169,7 @@ snit::macro ::sorma::circuitEdits {} {
     method drop {class x y} {
         regexp {^([^@]*)(@.*)?$} $class -> class where
         set name [$self FreeName $class $where]
+        if {![$self Editable "add $name"]} return
         $self AskPins $name 1
         $self Edit "add $name" [dict create -places [::sorma::circuitText place [dict get $recipe -places] [list [list unit $name] [list [expr {round($x)}] [expr {round($y)}]]]]]
         return $name

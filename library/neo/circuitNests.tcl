@@ -15,10 +15,10 @@ snit::macro ::sorma::circuitNests {} {
     # nest ?KEYS? -- these units become a circuit of their own. Returns its name; it takes their place when it is made.
     method nest {{keys {}}} {
         set keys [lmap key [expr {$keys ne {} ? $keys : $chosenKeys}] {if {[lindex $key 0] ne "unit"} continue; set key}]
-        if {$keys eq {} || ![$self known]} {
-            set hint "[::sorma::style mark refused] [expr {$keys eq {} ? "circuit inside: select units first" : "the circuit is not known yet"}]"
+        if {$keys eq {}} {
+            set hint "[::sorma::style mark refused] circuit inside: select units first"
             return
-        }
+        } elseif {![$self Editable "circuit inside"]} return
         set name [$self FreeName circuit {}]
         set texts [::sorma::circuitNested pack [dict get $recipe -wires] $keys $name [mymethod NestFacts]]
         lassign [$self Around $keys] left top
