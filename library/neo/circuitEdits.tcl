@@ -157,13 +157,14 @@ snit::macro ::sorma::circuitEdits {} {
         }
     }
 
-    # connect SOURCE SINK -- a wire between two ends, as text.
-    method connect {source sink} {
+    # connect SOURCE SINK ?PLACES? -- a wire between two ends, as text. PLACES: of boxes that come with it.
+    method connect {source sink {fresh {}}} {
         set why [$self Misfit {*}[::sorma::circuitText wire "$source -> $sink"]]
         if {$why ne {}} {
             return -code error -errorcode {SORMA CIRCUIT MISFIT} "$source -> $sink: $why"
         }
-        $self Edit "wire $source -> $sink" [dict create -wires [::sorma::circuitText add [dict get $recipe -wires] $source $sink]]
+        $self Edit "wire $source -> $sink" [dict create -wires [::sorma::circuitText add [dict get $recipe -wires] $source $sink] \
+            -places [::sorma::circuitText place [dict get $recipe -places] $fresh]]
     }
     # drop CLASS X Y -- a new unit, its corner at this place of the grid; CLASS@PLACE: a service elsewhere. Returns its name.
     method drop {class x y} {
@@ -442,6 +443,16 @@ snit::macro ::sorma::circuitEdits {} {
         lassign [if {$side eq "outs"} {list $mine $other} else {list $other $mine}] source sink
         return [list $source $sink [$self Misfit {*}[::sorma::circuitText wire "$source -> $sink"]]]
     }
+    # {KEY PLACE} of the pin of the circuit's own that Target has for empty ground: its dot is there. Empty elsewhere.
+    method NewPin {x y} {
+        if {[lindex [$scene hit $x $y] 0] in {pin node}} return
+        lassign [$self Target $x $y] source sink
+        set out [expr {[dict get $drag side] eq "outs"}]
+        set key [list pin [expr {$out ? $sink : $source}]]
+        lassign [$scene at $x $y] left top
+        set width [lindex [::sorma::circuitLayout size $key {kind pin}] 0]
+        return [list $key [list [expr {round($left) - ($out ? 0 : $width)}] [expr {round($top) - 2}]]]
+    }
     method Drop {x y} {
         if {$drag eq {}} return
         set was $drag
@@ -466,7 +477,7 @@ snit::macro ::sorma::circuitEdits {} {
                 if {hypot($dx, $dy) > [::sorma::style pixels 8] && $options(-state) eq "normal"} {
                     lassign [$self Target $x $y] source sink why
                     if {$why eq {}} {
-                        $self connect $source $sink
+                        $self connect $source $sink [$self NewPin $x $y]
                     } else {
                         set hint "[::sorma::style mark refused] $why"
                     }

@@ -77,6 +77,16 @@ snit::macro ::sorma::circuitNotes {} {
         }
         return $keys
     }
+    # Where a comment covers no box, no comment, and no wire: there, or below.
+    method FreeForNote {place text} {
+        set pieces [concat {*}[lmap way $ways {
+            lmap {x y} [lrange $way 0 end-2] {X Y} [lrange $way 2 end] {
+                lmap n [list [expr {min($x, $X)}] [expr {min($y, $Y)}] [expr {abs($X - $x)}] [expr {abs($Y - $y)}]] {expr {round($n)}}
+            }
+        }]]
+        set others [lmap {key note} $notes {if {[lindex $key 0] ne "note"} continue; dict get $note box}]
+        return [::sorma::circuitLayout free $place {*}[::sorma::circuitLayout note $text] [concat [dict values $boxes] $others $pieces]]
+    }
     # The text of a new comment or frame is typed in the line; \n is a line break.
     method Comment {} {
         $self Line [concat {note new} [$self Centre]]
@@ -93,7 +103,7 @@ snit::macro ::sorma::circuitNotes {} {
         switch -- [lrange $lineFor 0 1] {
             {note new} {
                 if {$text ne {}} {
-                    $self note {*}[lrange $lineFor 2 3] $text
+                    $self note {*}[$self FreeForNote [lrange $lineFor 2 3] $text] $text
                 }
             }
             {frame new} { $self frame [lindex $lineFor 2] $text }
