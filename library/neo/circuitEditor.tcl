@@ -6,6 +6,7 @@
 package require sorma::circuitClip
 package require sorma::circuitEdits
 package require sorma::circuitFlavor
+package require sorma::circuitKeys
 package require sorma::circuitLayout
 package require sorma::circuitLine
 package require sorma::circuitNotes
@@ -89,6 +90,7 @@ snit::widget ::sorma::circuitEditor {
     ::sorma::circuitEdits
     ::sorma::circuitClip
     ::sorma::circuitFlavorParts
+    ::sorma::circuitKeys
     ::sorma::circuitLine
     ::sorma::circuitNotes
     ::sorma::circuitNests
@@ -335,7 +337,12 @@ snit::widget ::sorma::circuitEditor {
             }
         }
         lassign [list [dict keys [dict get $graph nodes]] $places] before stood
+        set held [lmap n $chosenWires {lrange [lindex [dict get $graph wires] $n] 1 2}]
         set graph [lindex $read 1]
+        # A wire that is selected stays so, when it has another number.
+        if {$held ne {}} {
+            set chosenWires [lmap wire [set n -1; dict get $graph wires] {incr n; if {[lrange $wire 1 2] ni $held} continue; set n}]
+        }
         if {[winfo manager $scene] eq {}} {
             pack forget $win.panes.picture.text
             pack $scene -fill both -expand 1

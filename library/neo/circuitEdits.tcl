@@ -185,7 +185,7 @@ snit::macro ::sorma::circuitEdits {} {
                 lappend wires $n
             }
         }
-        set name [expr {$gone ne {} ? "delete [Named $gone]" : "delete [llength $wires] wires"}]
+        set name [expr {$gone ne {} ? "delete [Named $gone]" : "delete [::sorma::text::counted [llength $wires] wire wires]"}]
         set changes [dict create -wires [::sorma::circuitText remove [dict get $recipe -wires] $wires]]
         foreach option {-inputs -outputs} {
             dict set changes $option [dict get $recipe $option]
@@ -333,17 +333,13 @@ snit::macro ::sorma::circuitEdits {} {
             <MouseWheel> {Wheel 0 %D} <Shift-MouseWheel> {Wheel 1 %D} <Control-MouseWheel> {WheelZoom %D %x %y}
             <Button-4> {Wheel 0 120} <Button-5> {Wheel 0 -120} <Shift-Button-4> {Wheel 1 120} <Shift-Button-5> {Wheel 1 -120}
             <Control-Button-4> {WheelZoom 120 %x %y} <Control-Button-5> {WheelZoom -120 %x %y}
-            <Delete> Remove <BackSpace> Remove <Control-z> undo <Control-y> redo <Control-l> tidy <Control-a> All <Escape> Escape
-            <Control-c> copy <Control-x> cut <Control-v> paste <Control-p> Print <Control-g> nest <Control-u> unnest <Control-s> SaveAs <Key-d> compare <Control-r> Record <Control-b> LookBack
-            <Control-Left> {align left} <Control-Right> {align right} <Control-Up> {align top} <Control-Down> {align bottom}
-            <Left> {Arrow -1 0} <Right> {Arrow 1 0} <Up> {Arrow 0 -1} <Down> {Arrow 0 1}
-            <Shift-Left> {Grow -1 0} <Shift-Right> {Grow 1 0} <Shift-Up> {Grow 0 -1} <Shift-Down> {Grow 0 1} <Key-c> Comment <Key-f> Frame
-            <plus> {Zoom 1.25} <minus> {Zoom 0.8} <Key-0> {Zoom fit} <Key-n> {Next 1} <Key-p> {Next -1} <Return> Line <Key-v> Flip <Key-r> FlipRates <Key-w> Probe <Key-s> step
         } {
             bind $scene $event [mymethod {*}$method]
         }
+        $self BindKeys
         if {$options(-state) eq "readonly"} return
         ::sorma::style menu $scene $win [mymethod Offer]
+        bind $scene <<ContextMenu>> "[mymethod PressBelow %x %y]; [bind $scene <<ContextMenu>>]"
         set tree [$palette tree]
         bind $tree <B1-Motion> [mymethod Carry %X %Y]
         bind $tree <ButtonRelease-1> +[mymethod Put %X %Y]
@@ -353,6 +349,7 @@ snit::macro ::sorma::circuitEdits {} {
     method Selected {} {
         set chosenKeys [lmap key $chosenKeys {if {![dict exists $graph nodes $key] && ![dict exists $notes $key]} continue; set key}]
         set chosenWires [lmap n $chosenWires {if {$n >= [llength [dict get $graph wires]]} continue; set n}]
+        set kept [lmap key $kept {if {$key ni $chosenKeys} continue; set key}]
         $scene select $chosenKeys $chosenWires
     }
     method selection {} {
@@ -378,6 +375,13 @@ snit::macro ::sorma::circuitEdits {} {
             pin { set drag [dict create kind wire x $x y $y key $what side $side name $name] }
         }
         $self Selected
+    }
+    # What the menu of the right button is for: what is selected, if that lies below the pointer.
+    method PressBelow {x y} {
+        if {[lindex [$scene hit $x $y] 1] ni $chosenKeys} {
+            $self Press $x $y 0
+            $self Drop $x $y
+        }
     }
     method Hold {x y} {
         set drag [dict create kind pan x $x y $y]
@@ -501,18 +505,22 @@ snit::macro ::sorma::circuitEdits {} {
     method Open {x y} {
         lassign [$scene hit $x $y] kind what
         if {$kind eq "node" && [lindex $what 0] eq "unit"} {
-            set name [$subject place [lindex $what 1]]
-            if {[regexp {^circuit(?:[.@]|$)} $name]} {
-                ::sorma::window open [list circuit -name $name] $name ::sorma::circuitEditor $name -state $options(-state)
-            } else {
-                ::sorma::window panel $name
-            }
+            $self OpenUnit [lindex $what 1]
         } elseif {$kind eq "wire"} {
             $self Line
         } elseif {$kind eq "node" && [dict exists $notes $what]} {
             $self Line $what
         } else {
             $self Press $x $y 0
+        }
+    }
+    # The panel of a unit, or the picture of a circuit inside.
+    method OpenUnit unit {
+        set name [$subject place $unit]
+        if {[regexp {^circuit(?:[.@]|$)} $name]} {
+            ::sorma::window open [list circuit -name $name] $name ::sorma::circuitEditor $name -state $options(-state)
+        } else {
+            ::sorma::window panel $name
         }
     }
     # Say in words what lies below the pointer.
@@ -570,43 +578,5 @@ snit::macro ::sorma::circuitEdits {} {
     # {X Y} of the middle of what is seen.
     method Centre {} {
         return [lmap c [$scene at [expr {[winfo width $scene] / 2}] [expr {[winfo height $scene] / 2}]] {expr {round($c)}}]
-    }
-
-    # ---- keys ----
-
-    method Remove {} {
-        if {$chosenKeys ne {} || $chosenWires ne {}} {
-            $self delete $chosenKeys $chosenWires
-        }
-    }
-    method All {} {
-        set chosenKeys [concat [dict keys $places] [dict keys $notes]]
-        $self Selected
-    }
-    method Escape {} {
-        set drag [set chosenKeys [set chosenWires {}]]
-        $scene rubber
-        $scene band
-        $self Arrange
-    }
-    method Arrow {dx dy} {
-        if {$chosenKeys ne {}} {
-            $self move $chosenKeys $dx $dy
-        } else {
-            $scene follow [expr {-$dx * [::sorma::style pixels 40]}] [expr {-$dy * [::sorma::style pixels 40]}]
-        }
-    }
-    method Next step {
-        set all [dict keys $places]
-        if {$all ne {}} {
-            set at [lsearch -exact $all [lindex $chosenKeys 0]]
-            set chosenKeys [list [lindex $all [expr {($at + ($at < 0 && $step < 0 ? 0 : $step)) % [llength $all]}]]]
-            set hint [lindex $chosenKeys 0 1]
-            $self Selected
-        }
-    }
-    method Flip {} {
-        set shown [expr {!$shown}]
-        $self Values
     }
 }

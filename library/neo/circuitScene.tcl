@@ -157,7 +157,7 @@ snit::widgetadaptor ::sorma::circuitScene {
         $self Sized
     }
     method centre key {
-        lassign [dict get $nodes $key box] x y width height
+        lassign [dict get [dict merge $nodes $notes] $key box] x y width height
         set fitted 0
         $self Move [expr {$x + $width / 2.0}] [expr {$y + $height / 2.0}] [expr {[winfo width $win] / 2}] [expr {[winfo height $win] / 2}]
     }

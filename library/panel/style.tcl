@@ -141,8 +141,9 @@ proc ::sorma::style::Entered window {
 # ::sorma::style::menu TAG TOP FILL -- the context menu for windows with a tag of bindings. FILL is called with the menu, TOP.menu, and the window
 # below the pointer, or with the focus; what it leaves empty is not shown.
 proc ::sorma::style::menu {tag top fill} {
-    foreach event {<<ContextMenu>> <Key-Menu> <Shift-F10>} {
-        bind $tag $event "[list ::sorma::style::Popup $top $fill] %W %X %Y; break"
+    # The pointer may be anywhere when a key is pressed.
+    foreach {event place} {<<ContextMenu>> {%X %Y} <Key-Menu> {0 0} <Shift-F10> {0 0}} {
+        bind $tag $event "[list ::sorma::style::Popup $top $fill] %W $place; break"
     }
 }
 proc ::sorma::style::Popup {top fill window x y} {

@@ -86,6 +86,14 @@ proc key name {
     event generate .t.w.panes.picture.scene <$name>
     update
 }
+# Type into the line below the picture, and press Return.
+proc answer text {
+    .t.w.line delete 0 end
+    .t.w.line insert 0 $text
+    display::focus .t.w.line
+    event generate .t.w.line <Return>
+    update
+}
 # Does this wire go through that unit?
 proc through {number unit} {
     lassign [.t.w box [list unit $unit]] left top width height
