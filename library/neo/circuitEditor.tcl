@@ -114,6 +114,7 @@ snit::widget ::sorma::circuitEditor {
         ::sorma::style text $win.panes.picture.text {wrong refused} -wrap word -width 20 -height 10 -highlightthickness 1 -padx $pad -pady $pad
         $win.panes.picture.text tag configure wrong -underline 1
         ::ttk::label $win.hint -style Page.TLabel -textvariable [myvar hint] -anchor w -padding [list $pad [::sorma::style pixels 4]]
+        bind $win.hint <Configure> "%W configure -wraplength \[expr {%w - 2 * $pad}\]"
         pack $scene -fill both -expand 1
         if {$options(-state) eq "normal"} {
             $win.panes add $palette -weight 0
@@ -267,6 +268,9 @@ snit::widget ::sorma::circuitEditor {
         set text [if {[dict exists $value value text]} {dict get $value value text}]
         $self NewValues $text
         $self Values
+        if {$hint ne {} && $hint eq [lindex $pointed 0]} {
+            $self Over {*}[lrange $pointed 1 2]         ;# the value there
+        }
         $self Say
     }
     method NewValues text {
@@ -478,8 +482,8 @@ snit::widget ::sorma::circuitEditor {
         }
         return [list $unit $numbers]
     }
-    # The value of a wire as it stands there: three elements at most, the unit, and its age when it is old.
-    method Text wire {
+    # The value of a wire as it stands there: three elements at most, the unit, and its age when it is old, behind BETWEEN.
+    method Text {wire {between {, }}} {
         lassign [$self Numbers $wire] unit numbers
         set pin [lindex $wire 1 1]
         if {$numbers eq {}} {
@@ -487,7 +491,7 @@ snit::widget ::sorma::circuitEditor {
         }
         set text [join [lmap number [lrange $numbers 0 2] {if {[string is double -strict $number]} {format %.4g $number} else {set number}}]]
         append text [if {[llength $numbers] > 3} {string cat \u2026}] [if {$unit ne {}} {string cat " " $unit}]
-        return [if {$pin ne {} && [dict get $told age] ne {}} {string cat "$text, [dict get $told age]"} else {set text}]
+        return [if {$pin ne {} && [dict get $told age] ne {}} {string cat $text $between [dict get $told age]} else {set text}]
     }
     method Values {} {
         set n -1
@@ -499,7 +503,7 @@ snit::widget ::sorma::circuitEditor {
             if {[dict exists $blamed [expr {$n + 1}]]} {
                 ::sorma::style mark refused
             } elseif {$shown && $where ne {} && (!$many || [dict exists $seen [lindex $end 1]] || [dict exists $seen [lindex $end 2]])} {
-                set text [$self Text $wire]
+                set text [$self Text $wire \n]
                 set rate [if {$options(-rates) && $text ne {} && $moment eq {}} {$self RateText $n}]
                 string cat [if {$rate ne {}} {string cat $rate \n}] $text
             }
@@ -524,7 +528,8 @@ snit::widget ::sorma::circuitEditor {
         }]
         if {$state eq "live" && $refused ne {}} {
             lassign [lindex $refused 0] state text
-        } elseif {$state eq "live" && [dict get $told state] ni {live asking}} {
+        } elseif {$state eq "live" && [dict get $told state] ni {live asking} || [list $state [dict get $told state]] eq {stale stale}} {
+            # The age is that of the values: options may be as they are for hours.
             set state [dict get $told state]
             set text [dict get $told why]
         } elseif {$state eq "gone" && $options(-state) eq "normal" && [$subject makes]} {

@@ -20,6 +20,7 @@ snit::macro ::sorma::circuitEdits {} {
     variable askedPins {}       ;# dict: name of a unit -> 1, while its pins are asked for
     variable chosenKeys {}     ;# of the boxes that are selected
     variable chosenWires {}    ;# of the wires that are selected
+    variable pointed {{} 0 0}   ;# {TEXT X Y}: what was said of this pixel, when the pointer was there
     variable drag {}            ;# dict: kind (move, wire, band, pan or class), x, y: where it began; and what that kind needs
 
     # ---- what changes it ----
@@ -523,20 +524,26 @@ snit::macro ::sorma::circuitEdits {} {
             ::sorma::window panel $name
         }
     }
-    # Say in words what lies below the pointer.
+    # Say in words what lies below the pointer. On empty ground nothing of that is left.
     method Over {x y} {
+        set before [lindex $pointed 0]
+        set text {}
         lassign [$scene hit $x $y] kind what side name
         switch -- $kind {
-            wire { set hint [$self WireText $what] }
+            wire { set text [$self WireText $what] }
             node {
                 lassign [if {[lindex $what 0] eq "unit"} {$self illness [lindex $what 1]}] state why
-                set hint [if {[dict exists $notes $what]} {string map {\n { }} [dict get $notes $what text]} else {lindex $what 1}][if {$state ne {}} {string cat ": " $why}]
+                set text [if {[dict exists $notes $what]} {string map {\n { }} [dict get $notes $what text]} else {lindex $what 1}][if {$state ne {}} {string cat ": " $why}]
             }
             pin {
                 lassign [$self PinFacts [list [if {[lindex $what 0] eq "unit"} {lindex $what 1}] $name {} {} {}] $side] length unit
-                set hint "[if {[lindex $what 0] eq "unit"} {string cat [lindex $what 1] .}]$name[if {$length ne {}} {string cat ", [::sorma::text::counted $length element elements]"}][if {$unit ne {}} {string cat ", $unit"}]"
+                set text "[if {[lindex $what 0] eq "unit"} {string cat [lindex $what 1] .}]$name[if {$length ne {}} {string cat ", [::sorma::text::counted $length element elements]"}][if {$unit ne {}} {string cat ", $unit"}]"
             }
         }
+        if {$text ne {} || $hint eq $before} {
+            set hint $text
+        }
+        set pointed [list $text $x $y]
     }
     method WireText number {
         set wire [lindex [dict get $graph wires] $number]

@@ -72,6 +72,7 @@ snit::macro ::sorma::circuitFlavorParts {} {
     method compare {} {
         if {[winfo exists $win.diff]} {
             destroy $win.diff
+            focus $scene
             return
         }
         $self AskStored [mymethod Compared]
@@ -87,16 +88,20 @@ snit::macro ::sorma::circuitFlavorParts {} {
             return
         }
         destroy $win.diff
-        ::sorma::style text $win.diff {+ good - refused ~ theirs} -height [expr {min(8, max(1, [llength $found]))}] -width 20 -wrap none -highlightthickness 1 \
-            -takefocus 1
-        set head [expr {$has ? {} : "no recipe of $name is in the dictionary; all of it is new\n"}]
-        $win.diff insert end $head
+        ::ttk::frame $win.diff
+        set view $win.diff.text
+        ::sorma::style text $view {+ good - refused ~ theirs} -height [expr {min(8, max(1, [llength $found] + !$has))}] -width 20 -wrap none -highlightthickness 1 \
+            -padx [::sorma::style pixels 8] -takefocus 1 -yscrollcommand [list ::sorma::parts::scrolled $win.diff.bar]
+        ::sorma::parts::withBar $win.diff $view $win.diff.bar
+        $view insert end [expr {$has ? {} : "no recipe of $name is in the dictionary; all of it is new\n"}]
+        $view insert end [if {$found eq {}} {string cat "$name is as its recipe says"} else {join [lmap line $found {string map {\n { }} [join $line]}] \n}]
+        set row [expr {!$has}]
         foreach line $found {
-            $win.diff insert end "[lindex $line 0] [string map {\n { }} [lindex $line 1]]\n" [lindex $line 0]
+            incr row
+            $view tag add [lindex $line 0] $row.0 $row.end
         }
-        $win.diff insert end [if {$found eq {}} {string cat "$name is as its recipe says"}]
-        $win.diff configure -state disabled
-        bind $win.diff <Escape> [mymethod compare]
+        $view configure -state disabled
+        bind $view <Escape> [mymethod compare]
         pack $win.diff -side bottom -fill x -padx [::sorma::style pixels 8] -before $win.panes
         # The new ones are seen in the picture.
         set fresh [lmap line $found {if {[lindex $line 0] ne "+"} continue; lindex $line 1}]
@@ -111,6 +116,6 @@ snit::macro ::sorma::circuitFlavorParts {} {
     }
     # differences -- the lines that compare shows.
     method differences {} {
-        return [if {[winfo exists $win.diff]} {split [string trim [$win.diff get 1.0 end]] \n}]
+        return [if {[winfo exists $win.diff]} {split [string trim [$win.diff.text get 1.0 end]] \n}]
     }
 }

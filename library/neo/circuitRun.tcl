@@ -148,10 +148,10 @@ snit::macro ::sorma::circuitRun {} {
         if {$state in {stale gone refused}} {
             set cycleText "[::sorma::style mark $state] $cycle: [dict get $known why]"
         } elseif {[regexp {^ticks (\d+) .*?faults (\d+)} $text -> ticks faults]} {
-            set cycleText "[if {$faults > 0} {string cat [::sorma::style mark refused] " "}]$cycle: ticks $ticks, faults $faults"
+            set cycleText "[if {$faults > 0} {string cat [::sorma::style mark [set state refused]] " "}]$cycle: ticks $ticks, faults $faults"
         }
         if {[winfo exists $win.head.run.stats]} {
-            $win.head.run.stats configure -foreground [::sorma::style colour [expr {[string match "$cycle*" $cycleText] ? "live" : "refused"}]]
+            $win.head.run.stats configure -foreground [::sorma::style colour $state]
         }
     }
     method CycleRan {status value} {
