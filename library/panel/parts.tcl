@@ -4,6 +4,7 @@ package require Tk
 package require snit
 package require sorma::message
 package require sorma::options
+package require sorma::postscript
 package require sorma::shown
 package require sorma::style
 package require sorma::subject
@@ -229,7 +230,7 @@ proc ::sorma::parts::copy {window subject option} {
 # FILE.ps. REGION: {left top right bottom} of it, default its scroll region.
 proc ::sorma::parts::picture {canvas file {region {}}} {
     lassign [if {$region ne {}} {set region} else {$canvas cget -scrollregion}] x y right bottom
-    set part [if {$bottom ne {}} {list -x $x -y $y -width [expr {$right - $x}] -height [expr {$bottom - $y}]}]
+    set part [if {$bottom ne {}} {list [list $x $y $right $bottom]}]
     switch -- [string tolower [file extension $file]] {
         .png {
             if {[catch {package require img::window; package require img::png}]} {
@@ -239,13 +240,13 @@ proc ::sorma::parts::picture {canvas file {region {}}} {
             $picture write $file -format png
             image delete $picture
         }
-        .svg { ::sorma::text::writeFile $file [::sorma::svg::of $canvas {*}[if {$bottom ne {}} {list [list $x $y $right $bottom]}]] }
-        .ps { $canvas postscript -file $file -colormode color {*}$part }
+        .svg { ::sorma::text::writeFile $file [::sorma::svg::of $canvas {*}$part] }
+        .ps { ::sorma::text::writeFile $file [::sorma::postscript::of $canvas {*}$part] }
         .pdf {
             if {[auto_execok gs] eq {}} {
                 return -code error -errorcode {SORMA REQUEST SYNTAX} "$file: ghostscript is not installed; it makes PDF of PostScript (apt-get install ghostscript)"
             }
-            exec gs -q -dNOPAUSE -dBATCH -dEPSCrop -sDEVICE=pdfwrite -sOutputFile=$file - << [$canvas postscript -colormode color {*}$part] 2>@1         ;# it also says what is no error, as of a font that is large
+            exec gs -q -dNOPAUSE -dBATCH -dEPSCrop -sDEVICE=pdfwrite -sOutputFile=$file - << [::sorma::postscript::of $canvas {*}$part] 2>@1         ;# it also says what is no error
         }
         default {
             return -code error -errorcode {SORMA REQUEST SYNTAX} "$file: the name of a picture or table ends in .csv, .pdf, .png, .ps or .svg"
