@@ -377,7 +377,7 @@ snit::macro ::sorma::circuitEdits {} {
         }
         $self Selected
     }
-    # What the menu of the right button is for: what is selected, if that lies below the pointer.
+    # The menu of the right button is for what lies below the pointer, with all that is selected beside it.
     method PressBelow {x y} {
         if {[lindex [$scene hit $x $y] 1] ni $chosenKeys} {
             $self Press $x $y 0
