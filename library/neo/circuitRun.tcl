@@ -129,8 +129,9 @@ snit::macro ::sorma::circuitRun {} {
             pack $frame.$name -side left
         }
         ::ttk::label $frame.stats -textvariable [myvar cycleText]
-        pack $frame.stats -side left
-        grid $frame -row 3 -column 0 -columnspan 3 -sticky w
+        bind $frame.stats <Configure> {%W configure -wraplength %w}
+        pack $frame.stats -side left -fill x -expand 1
+        grid $frame -row 3 -column 0 -columnspan 3 -sticky ew
         set cycleStats [::sorma::world value $cycle {DBX -stats} -every 500 -command [list ::sorma::parts::answer [mymethod CycleStats]]]
     }
     method StopStats {} {
