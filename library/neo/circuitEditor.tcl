@@ -148,7 +148,7 @@ snit::widget ::sorma::circuitEditor {
         ::ttk::frame $head.tools
         foreach {name text method changes} {undo Undo undo 1 redo Redo redo 1 revert Revert revert 1 tidy Tidy tidy 1 probe Probe Probe 0 out \u2212 {Zoom 0.8} 0 in + {Zoom 1.25} 0 fit Fit {Zoom fit} 0} {
             if {$changes && $options(-state) eq "readonly"} continue
-            ::ttk::button $head.tools.$name -style Toolbutton -text [::msgcat::mc $text] -command [mymethod {*}$method] -takefocus 1
+            ::ttk::button $head.tools.$name -style Toolbutton -text [::msgcat::mc $text] -command [mymethod {*}$method]
             lappend tools $head.tools.$name
         }
         foreach {name text} {undo "Take the last change back (Ctrl-Z)" redo "Do it again (Ctrl-Y)" revert "Show the circuit as it runs, and forget what it has refused"
@@ -158,7 +158,7 @@ snit::widget ::sorma::circuitEditor {
             }
         }
         if {$options(-state) eq "normal"} {
-            ::ttk::menubutton $head.tools.history -style Toolbutton -text [::msgcat::mc History] -menu $head.tools.history.menu -takefocus 1
+            ::ttk::menubutton $head.tools.history -style Toolbutton -text [::msgcat::mc History] -menu $head.tools.history.menu
             menu $head.tools.history.menu -tearoff 0 -postcommand [mymethod Listed $head.tools.history.menu]
             ::sorma::style tip $head.tools.history "All edits; choose one to go back to it"
             lappend tools $head.tools.history
