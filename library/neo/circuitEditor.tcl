@@ -58,6 +58,7 @@ package provide sorma::circuitEditor 1.0
 #       history                     names of the edits that can be undone
 snit::widget ::sorma::circuitEditor {
     hulltype ttk::frame
+    delegate option -takefocus to hull      ;# Tk asks for it
     option -every -default 200 -readonly 1 -type {snit::integer -min 20}
     option -values -default 1 -configuremethod SetValues -type snit::boolean
     option -state -default normal -readonly 1 -type {snit::enum -values {normal readonly}}
@@ -105,7 +106,7 @@ snit::widget ::sorma::circuitEditor {
         $self configurelist $args
         set subject [::sorma::subject of $name]
         set pad [::sorma::style pixels 8]
-        $hull configure -style Page.TFrame
+        $hull configure -style Page.TFrame -takefocus 0
         $self Head
         ::ttk::panedwindow $win.panes -orient horizontal
         install palette using ::sorma::circuitPalette $win.panes.palette -where [lindex [::sorma::table locate $name] 1]

@@ -519,7 +519,7 @@ snit::macro ::sorma::circuitEdits {} {
     method OpenUnit unit {
         set name [$subject place $unit]
         if {[regexp {^circuit(?:[.@]|$)} $name]} {
-            ::sorma::window open [list circuit -name $name] $name ::sorma::circuitEditor $name -state $options(-state)
+            focus [::sorma::window open [list circuit -name $name] $name ::sorma::circuitEditor $name -state $options(-state)].w
         } else {
             ::sorma::window panel $name
         }

@@ -8,6 +8,7 @@ snit::macro ::sorma::circuitKeys {} {
     variable kept {}            ;# keys of boxes that stay selected when n or p goes on
 
     method BindKeys {} {
+        bind $win <FocusIn> [mymethod Focused]
         foreach {event method} {
             <Delete> Remove <BackSpace> Remove <Control-z> undo <Control-y> redo <Control-l> tidy <Control-a> All <Escape> Escape
             <Control-c> copy <Control-x> cut <Control-v> paste <Control-p> Print <Control-g> nest <Control-u> unnest <Control-s> SaveAs <Key-d> compare <Control-r> Record <Control-b> LookBack
@@ -20,6 +21,12 @@ snit::macro ::sorma::circuitKeys {} {
             # The window around has keys of its own, as the browser has Ctrl-R. Here, a letter is one without Control and Alt.
             set script "[mymethod {*}$method]; break"
             bind $scene $event [if {[string match <Control-* $event]} {set script} else {string cat "if {!(%s & 12)} {" $script "}"}]
+        }
+    }
+    # Who gives it the keys means the picture. Tk tells that to the windows around one, too.
+    method Focused {} {
+        if {[focus -displayof $win] eq $win} {
+            focus $scene
         }
     }
     method Remove {} {

@@ -33,7 +33,7 @@ proc ::sorma::neo::Run {settings names} {
     }
     if {$names eq {}} {
         package require sorma::circuitChooser
-        ::sorma::window open circuits Circuits ::sorma::circuitChooser -command [list ::sorma::neo::Open $state]
+        focus [::sorma::window open circuits Circuits ::sorma::circuitChooser -command [list ::sorma::neo::Open $state]].w.list.tree
     }
     while {[dict size [::sorma::window all]] > 0} {
         tkwait window [lindex [dict keys [::sorma::window all]] 0]
@@ -42,6 +42,7 @@ proc ::sorma::neo::Run {settings names} {
 proc ::sorma::neo::Open {state name} {
     package require sorma::circuitEditor
     set top [::sorma::window open [list circuit -name $name] $name ::sorma::circuitEditor $name -state $state]
+    focus $top.w
     # The window keeps its size when its contents change. That is its size of before, or has room for a circuit.
     update idletasks
     set natural [winfo reqwidth $top]x[winfo reqheight $top]
