@@ -562,10 +562,11 @@ snit::widget ::sorma::circuitEditor {
     method save file {
         $scene save $file
     }
+    # A name without an ending gets that of the type that is chosen there.
     method Print {} {
-        set file [tk_getSaveFile -parent $win -defaultextension .svg -filetypes {{Drawing .svg} {PDF .pdf} {Picture .png} {PostScript .ps}}]
-        if {$file ne {} && [catch {$self save $file} message]} {
-            set hint "[::sorma::style mark refused] $message"
+        set file [tk_getSaveFile -parent $win -filetypes {{Drawing .svg} {PDF .pdf} {Picture .png} {PostScript .ps}}]
+        if {$file ne {}} {
+            set hint [if {[catch {$self save $file} message]} {string cat "[::sorma::style mark refused] " $message} else {string cat "saved: " $file}]
         }
     }
     method Zoom factor {
