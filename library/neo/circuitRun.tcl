@@ -232,6 +232,7 @@ snit::macro ::sorma::circuitRun {} {
     }
     method Stepped {status value} {
         if {[$self CycleRan $status $value]} {
+            set hint "tick [lindex [dict get $value ints] 0], by hand"          ;# values need not change
             $self LookNow
         }
     }
