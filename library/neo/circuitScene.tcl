@@ -50,7 +50,7 @@ snit::widgetadaptor ::sorma::circuitScene {
     variable sized {0 0}        ;# width and height of the window when all was fitted
     variable fitted 1           ;# all is shown as large as it fits, until somebody zooms
     variable keys {}            ;# dict: number of a node, as in tags -> KEY; those of notes follow
-    typevariable Old {box {surface ground edge off} dot {surface ground quiet off} wire {quiet off} value {text off}}   ;# what is another token when values are old
+    typevariable Old {box {surface ground edge off} dot {surface ground quiet off} wire {quiet off} value {text stale}}   ;# what is another token when values are old
     typevariable Least 0.08
     typevariable Most 4.0
 
