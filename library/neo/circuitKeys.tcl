@@ -23,7 +23,7 @@ snit::macro ::sorma::circuitKeys {} {
             bind $scene $event [if {[string match <Control-* $event]} {set script} else {string cat "if {!(%s & 12)} {" $script "}"}]
         }
     }
-    # Who gives it the keys means the picture. Tk tells that to the windows around one, too.
+    # The picture takes the keys that are given to the editor. Tk tells that to the windows around one, too.
     method Focused {} {
         if {[focus -displayof $win] eq $win} {
             focus $scene
