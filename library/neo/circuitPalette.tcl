@@ -212,9 +212,9 @@ snit::widget ::sorma::circuitPalette {
     }
     # To the list, where the first class is chosen: its help is seen, and Return takes it.
     method First {} {
-        focus $win.list.tree
         set item [lindex [dict keys $items] 0]
         if {$item ne {}} {
+            focus $win.list.tree
             $win.list.tree see $item
             $win.list.tree focus $item
             $win.list.tree selection set [list $item]
@@ -239,6 +239,8 @@ snit::widget ::sorma::circuitPalette {
         set text [if {$class ne {}} {
             set purpose [dict get $known $key $class]
             expr {$purpose ne {} ? $purpose : [::msgcat::mc "It is loaded when an object of it is made."]}
+        } elseif {$item eq {} && $wanted ne {} && $items eq {}} {
+            ::msgcat::mc "No class is called so, or is for that."
         } elseif {$item eq {}} {
             ::msgcat::mc "Drag a class into the picture, or choose it and press Return."
         }]
