@@ -147,7 +147,7 @@ const std::vector<Door>& Access::doors() {
         {"NAME CTRL -option value, -action, with -danger move, power or fire", Right::operate, "the object, besides configure"},
         {"NAME CTRL -action", Right::configure, "the object, unless the action declares another right"},
         {"NAME CTRL -action that stops something", Right::call, "the object"},
-        {"NAME CTRL -help, -dump, -save", Right::inspect, "the object"},
+        {"NAME CTRL -help, -dump, -save, -if", Right::inspect, "the object"},
         {"NAME CTRL -save", Right::dictionary, "the entry, besides inspect"},
         {"NAME CTRL -undo", Right::configure, "the object"},
         {"NAME CTRL -lock", Right::configure, "the object, and as long as it is locked"},

@@ -391,6 +391,7 @@ const std::vector<Action>& CommonRequests::actions() {
         {"-remember", "boolean|options", "1: values that are set from now on outlive the process; or those of a list of options; 0: none", 1, 1,
          remember, Right::configure},
         {"-forget", "", "give back the recipe's values for those that are remembered", 0, 0, forget, Right::configure},
+        {std::string(kIf), "option value", "do all of this request, or nothing unless the option has this value", 2, 2, [](Service&, Args, Message&) {}, Right::inspect, true},
         {"-undo", "", "take back the last CTRL that set options; again: the one before, up to 10", 0, 0, undo, Right::configure, true},
     };
     return list;

@@ -209,6 +209,8 @@ private:
     void configure(const std::vector<DictionaryWord>& words, bool birth, Message* reply);
     struct Applying;
     void apply(Applying& a);
+    Change::Setting conditionOf(Args args, const PrincipalPointer& author) const;
+    void needConditions(const Applying& a) const;
     void settleFirst(const Applying& a, Message* reply, bool last);
     [[noreturn]] void failGone() const;
     void admit(Method method, Message& m);

@@ -104,6 +104,7 @@ struct Service::Record {
 // commit and before keep, are deleted.
 struct Service::Applying {
     Change::Values values;
+    Change::Values conditions = {};         // what options must have before (-if)
     std::vector<Record::KeptSource> sources;    // of each value
     std::vector<const Option*> options;     // of the values, each once; apply() finds them
     bool birth = false;                     // the recipe: there were no values before
@@ -121,6 +122,7 @@ struct CommonRequests {
     static const Action* findAction(const Class& type, std::string_view name);
     static const Action* findInspection(const Class& type, std::string_view name);
 
+    static constexpr std::string_view kIf = "-if";      // configure() judges it before all other words are done
     static void remember(Service& s, Args args, Message& reply);
     static void forget(Service& s, Args args, Message& reply);
     static void help(Service& s, Args args, Message& reply);

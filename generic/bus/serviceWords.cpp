@@ -13,6 +13,10 @@ const Prototype kReadonly{Severity::error, "OPTION READONLY", 2, "{}: {} can onl
 
 const Prototype kMeasured{Severity::error, "OPTION READONLY", 2, "{}: {} is measured: nobody sets it"};
 
+const Prototype kChanged{Severity::error, "OPTION CHANGED", 2, "{}: {} is {}, not {}, so nothing of the request is done: somebody has set it meanwhile"};
+
+const Prototype kUncertain{Severity::error, "OPTION VALUE", 2, "{}: -if cannot ask for {}, which is secret"};
+
 constexpr std::string_view kSubstWord = "-SUBST";
 
 [[noreturn]] void failUnknown(const std::string& name, const Class& type, std::string_view word, bool ctrl) {
@@ -203,11 +207,13 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, M
         const Permit permit = need(origin->author, action->right);
         const Args args = takeArguments(name_, *action, words, i, known);
         i += args.size();
+        if (action->name == CommonRequests::kIf) return a.conditions.push_back(conditionOf(args, origin->author));
         needArguments(*action, args, origin->author);
         steps.push_back({action, args, origin, permit});
     };
     while (i < words.size()) readAt(recipe[i].origin, take, [&, at = i] { return birth && isOfEntry(sorm_->dictionary(), name_, at); });
 
+    needConditions(a);
     if (!a.values.empty()) {
         if (!birth && (guard() & kLockBits)) checkLock();
         Record& r = record();
@@ -239,6 +245,22 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, M
     }
 }
 
+// CTRL -if OPTION VALUE
+Change::Setting Service::conditionOf(Args args, const PrincipalPointer& author) const {
+    const int index = class_->findOption(args[0]);
+    if (index < 0) failUnknown(name_, *class_, args[0], true);
+    const Option& o = class_->options()[std::size_t(index)];
+    if (o.spec.secret) fail(kUncertain, name_, o.name);
+    return {index, o.parse(name_, args[1]), author};
+}
+void Service::needConditions(const Applying& a) const {
+    for (auto& c : a.conditions) {
+        const Option& o = class_->options()[std::size_t(c.option)];
+        const Value is = o.value(*this, Permit::owner());
+        if (is != c.value) fail(kChanged, name_, o.name, sorma::shown(toText(is)), sorma::shown(toText(c.value)));
+    }
+}
+
 // Before the actions of the request; the last of all may answer later.
 void Service::settleFirst(const Applying& a, Message* reply, bool last) {
     Message none;
@@ -264,6 +286,7 @@ void Service::apply(Applying& a) {
         }
         if (!a.birth) a.commit = prepare(Change(*this, a.values));
         a.between.emplace(*this);
+        needConditions(a);                  // others may have come while it was prepared
         const ThreadEffort effort = owner ? ThreadEffort::now() : ThreadEffort();
         for (std::size_t i = 0; i < a.values.size(); ++i) {
             auto& v = a.values[i];

@@ -16,6 +16,8 @@ snit::macro ::sorma::circuitEdits {} {
     variable edits {}           ;# list of {name before after}; before and after: dicts of the options that differ
     variable done 0             ;# so many of them are done; those behind were undone
     variable wanted {}          ;# dict: option -> text that the circuit has not taken yet
+    variable based {}           ;# dict: option -> text of the circuit that this is an edit of
+    variable lastSent {}        ;# dict: option -> text that was sent last
     variable unsent 0           ;# is some of that still to be sent
     variable askedPins {}       ;# dict: name of a unit -> 1, while its pins are asked for
     variable chosenKeys {}     ;# of the boxes that are selected
@@ -65,6 +67,12 @@ snit::macro ::sorma::circuitEdits {} {
         return 1
     }
     method Send changes {
+        dict for {option -} $changes {
+            if {![dict exists $wanted $option]} {
+                dict set based $option [dict get $recipe $option]
+                dict unset lastSent $option
+            }
+        }
         set wanted [dict merge $wanted $changes]
         set unsent 1
         $self Refresh
@@ -82,9 +90,14 @@ snit::macro ::sorma::circuitEdits {} {
         if {$unsent && "sending" ni $states} {
             set unsent 0
             dict for {option text} $wanted {
+                if {[dict exists $lastSent $option] && $option ni [$subject edited]} {
+                    dict set based $option [dict get $lastSent $option]
+                }
+                dict set lastSent $option $text
                 $subject edit $option $text
             }
-            $subject apply {*}[if {$wanted ne {}} {dict keys $wanted} else {list -wires}]
+            # Nobody else's edit is lost: it may have come when ours was on its way.
+            $subject applyIf $based {*}[if {$wanted ne {}} {dict keys $wanted} else {list -wires}]
         }
         foreach {name can} [list undo [expr {$done > 0}] redo [expr {$done < [llength $edits]}] revert [expr {[$self drafts] ne {}}]] {
             if {[winfo exists $win.head.tools.$name]} {

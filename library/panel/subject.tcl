@@ -337,6 +337,10 @@ oo::define ::sorma::subject::Subject {
     }
     # apply ?OPTION ...? -- set what was typed, of these or of all, in one request. A refused value stays as it was typed.
     method apply args {
+        my applyIf {} {*}$args
+    }
+    # applyIf CONDITIONS ?OPTION ...? -- the same, unless one of them has another value by then. CONDITIONS: dict of options and values.
+    method applyIf {conditions args} {
         if {[llength $args] == 0} {
             set args [dict keys $drafts]
         }
@@ -351,7 +355,8 @@ oo::define ::sorma::subject::Subject {
         }
         if {[llength $words] > 0} {
             my Tell [dict keys $words]
-            my ask [list CTRL {*}$words] [list [self] Applied $words]
+            set known [concat {*}[lmap {option value} $conditions {if {![dict exists $words $option]} continue; list -if $option $value}]]
+            my ask [list CTRL {*}$known {*}$words] [list [self] Applied $words]
         }
     }
     # send OPTION VALUE -- type and apply. While an answer is awaited only the last value is kept, and sent then.
