@@ -26,7 +26,10 @@ proc ::sorma::recorded::begin daemons {
     variable Folder [exec mktemp -d [file join [expr {[info exists ::env(TMPDIR)] ? $::env(TMPDIR) : "/tmp"}] sorma-recorded-XXXXXX]]
     set ::env(SORMA_RUNTIME_DIR) $Folder
     dict for {name words} $daemons {
-        set pipe [open [list | sormad -name $name -until-eof {*}$words 2>@stderr] r+]
+        if {[catch {open [list | sormad -name $name -until-eof {*}$words 2>@stderr] r+} pipe]} {
+            end
+            return -code error "sormad cannot be started: $pipe; it must be in PATH"
+        }
         dict set Pipes $name $pipe
         while {![string match "ready *" [gets $pipe]]} {
             if {[eof $pipe]} {

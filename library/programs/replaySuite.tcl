@@ -201,7 +201,7 @@ proc ::sorma::replaySuite::Write {file out daemons begin steps patterns toleranc
         lappend lines {} "test $name-1.[incr n] [list $title] -body {" "    ::sorma::recorded::ask [list [dict get $step daemon] [dict get $step request]]" \
             "} -match recorded -result [list $pattern]"
     }
-    lappend lines {} "::sorma::recorded::end" "cleanupTests"
+    lappend lines {} "::sorma::recorded::end" {set failed $::tcltest::numTests(Failed)} "cleanupTests" {if {$failed > 0} {exit 1}}
     set channel [open $out {WRONLY CREAT TRUNC} 0600]
     fconfigure $channel -encoding utf-8
     puts $channel [join $lines \n]
