@@ -335,20 +335,23 @@ proc ::sorma::replay::Export {folder search} {
 }
 
 # One object's options as they have changed: a column for each, a line for each change. A value stays until it is told again.
-proc ::sorma::replay::Values {object search} {
+# NAME@SOURCE: of that source alone.
+proc ::sorma::replay::Values {name search} {
+    lassign [split $name @] object only
     set columns {}
     Each record $search {
+        if {$only ni [list {} [dict get $record source]]} continue
         set columns [dict merge $columns [dict map {option value} [Changed $record $object] {string cat {}}]]
     }
     if {$columns eq {}} {
-        return -code error "the recording has no change of an option of $object; -about lists its names"
+        return -code error "the recording has no change of an option of $name; -about lists its names"
     }
     puts [::csv::join [list time source {*}[dict keys $columns]]]
     set known {}        ;# dict: source -> its columns
     Each record $search {
         set changed [Changed $record $object]
-        if {$changed eq {}} continue
         set source [dict get $record source]
+        if {$changed eq {} || $only ni [list {} $source]} continue
         dict set known $source [dict merge [expr {[dict exists $known $source] ? [dict get $known $source] : $columns}] $changed]
         puts [::sorma::text::clean [::csv::join [list [dict get $record time] $source {*}[dict values [dict get $known $source]]]]]
     }
@@ -377,7 +380,12 @@ proc ::sorma::replay::Play {settings search} {
         Pace $time [dict get $settings -speed] begun
         incr done
         set answer [Again $request $source $settings]
-        if {[::sorma::recorded::fields $answer] ne [::sorma::recorded::fields $reply]} {
+        set words [::sorma::recorded::fields $answer]
+        if {$words ne [::sorma::recorded::fields $reply]} {
+            # Where no daemon is, all other requests would say the same.
+            if {[lindex $words end] in {{ADDRESS UNRESOLVED} {COMM REFUSED}}} {
+                error [lindex $answer end 2]
+            }
             incr different
             puts [::sorma::text::clean "different: $request"]
             puts [::sorma::text::clean "    then: $reply"]
