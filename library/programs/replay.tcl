@@ -84,6 +84,7 @@ proc ::sorma::replay::Do {settings file about} {
         }
         ::sorma::mcap::finish $out
     } elseif {${-play}} {
+        Warn [expr {[dict get $about last] - [dict get $about first]}] ${-speed}
         set code [Play $settings $search]
     } elseif {${-as-test} ne {}} {
         set steps {}
@@ -367,6 +368,14 @@ proc ::sorma::replay::Changed {record object} {
 }
 
 # ---- again ----
+
+# A person who waits is told for how long.
+proc ::sorma::replay::Warn {seconds speed} {
+    variable Every
+    if {$speed > 0 && 1000 * $seconds / $speed >= $Every && [Terminal stderr]} {
+        puts stderr [format "sorma-replay: it may take %.0f s; -speed 0 does not wait" [expr {$seconds / $speed}]]
+    }
+}
 
 # Do again what came from outside, one request after the other, and say where the reply is another one. The exit code.
 proc ::sorma::replay::Play {settings search} {
