@@ -101,6 +101,11 @@ public:
         need(m.author, sorma::Right::inspect);
         answer(Method::dbx, m);
     }
+    std::string selftest() override {
+        needTold();
+        load();
+        return "ok: " + std::to_string(answers_.size()) + " answers of " + object_ + (why_.empty() ? "" : "; its name does not lead here: " + why_);
+    }
     void dumpState(std::string& out) const override {
         out += "# answers " + std::to_string(answers_.size()) + "\n# at " + std::to_string(at_) + "\n";
         if (!why_.empty()) out += "# notInPlace " + why_ + "\n";
