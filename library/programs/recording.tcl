@@ -13,6 +13,7 @@ namespace eval ::sorma::recording {
     variable Turn           ;# set when it has waited, and when there is something to do
     variable Met 0          ;# has any daemon answered?
     variable Absent 0       ;# daemons that nobody waits for any more
+    variable Away {}        ;# recorders of which it was said that they are away
     variable Reasons {}     ;# why files are to be saved
     variable Number 0       ;# of the recorders that there were: recorder.recordN
 }
@@ -96,7 +97,7 @@ proc ::sorma::recording::Begin {file settings most daemons} {
 proc ::sorma::recording::Run {settings most daemons} {
     variable End
     variable Reasons
-    Watch
+    Watch $daemons
     while {![info exists End]} {
         if {$Reasons eq {}} {
             vwait ::sorma::recording::Turn
@@ -106,16 +107,19 @@ proc ::sorma::recording::Run {settings most daemons} {
         }
     }
 }
-# Say at once why records are lost, and each reason once: it may run for days.
-proc ::sorma::recording::Watch {{told {}}} {
+# Say which daemons are lost and found. Say at once why records are lost, and each reason once: it may run for days.
+proc ::sorma::recording::Watch {daemons {told {}}} {
     set state [State]
-    Connected
+    # A recorder that has just begun does not know yet.
+    if {[dict exists $state away] && [Connected] + [dict size [dict get $state away]] == [llength $daemons]} {
+        Changes [dict get $state away]
+    }
     set error [if {[dict exists $state error]} {dict get $state error}]
     if {$error ne $told && $error ne {}} {
         puts stderr "sorma-record: records are being lost: [::sorma::text::clean $error]"
         set told $error
     }
-    after 1000 [list ::sorma::recording::Watch $told]
+    after 1000 [list ::sorma::recording::Watch $daemons $told]
 }
 proc ::sorma::recording::Wanted reason {
     variable Reasons
@@ -168,10 +172,23 @@ proc ::sorma::recording::Await daemons {
 }
 proc ::sorma::recording::Tell daemons {
     puts stderr "sorma-record: [Connected] of [llength $daemons] daemons have answered; the others are recorded when they are there"
-    foreach {who why} [dict get [State] away] {
-        # Most reasons name it already.
-        puts stderr "sorma-record: [::sorma::text::clean [expr {[string first "$who:" $why] == 0 ? $why : "$who: $why"}]]"
+    Changes [dict get [State] away]
+}
+# Say which recorders are away now, and which answer again.
+proc ::sorma::recording::Changes away {
+    variable Away
+    foreach {who why} $away {
+        if {$who ni $Away} {
+            # Most reasons name it already.
+            puts stderr "sorma-record: [::sorma::text::clean [expr {[string first "$who:" $why] == 0 ? $why : "$who: $why"}]]"
+        }
     }
+    foreach who $Away {
+        if {![dict exists $away $who]} {
+            puts stderr "sorma-record: $who answers"
+        }
+    }
+    set Away [dict keys $away]
 }
 # How many daemons are recorded now.
 proc ::sorma::recording::Connected {} {
