@@ -52,12 +52,13 @@ snit::widget ::sorma::recorderState {
         set text [list [dict get $state state]]
         if {[dict exists $state records]} {
             set lost [dict get $state lost]
-            lappend text "[dict get $state records] [::msgcat::mc "records"]" "[if {$lost > 0} {::sorma::style mark warn}] $lost [::msgcat::mc "lost"]"
+            lappend text "[dict get $state records] [::msgcat::mc "records"]" [string trimleft "[if {$lost > 0} {::sorma::style mark warn}] $lost [::msgcat::mc "lost"]"]
         }
         set lines [list [join $text {, }]]
         if {[dict exists $state away]} {
             foreach {who why} [lrange [dict get $state away] 0 9] {
-                lappend lines "[::sorma::style mark stale] [::msgcat::mc "away"]: [string range "$who: $why" 0 200]"
+                # Most reasons name it already.
+                lappend lines "[::sorma::style mark stale] [::msgcat::mc "away"]: [string range [expr {[string first "$who:" $why] == 0 ? $why : "$who: $why"}] 0 200]"
             }
         }
         $win.text configure -text [::sorma::text::clean [join $lines \n]]
