@@ -115,6 +115,11 @@ proc ::sorma::replay::Check {settings files} {
     if {[llength $files] != 1} {
         error "expected the name of one recording, got [llength $files]"
     }
+    foreach option {-mcap -as-test} {
+        if {[file normalize [dict get $settings $option]] eq [file normalize [lindex $files 0]]} {
+            error "$option would replace the recording itself"
+        }
+    }
     if {[llength ${-rename}] % 2} {
         error "-rename expects names in pairs, old and new, got [llength ${-rename}]"
     }
