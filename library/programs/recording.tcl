@@ -137,7 +137,8 @@ proc ::sorma::recording::Save {settings most daemons reason} {
     set saved [file rootname $file]-[clock format [expr {$now / 1000}] -format %Y%m%d-%H%M%S].[format %03d [expr {$now % 1000}]][file extension $file]
     file rename $file $saved
     file rename $file.next $file
-    puts "saved $saved: [::sorma::text::clean $reason]"
+    # A line, whatever an event says.
+    puts "saved $saved: [::sorma::text::clean [string map {\n { }} $reason]]"
     flush stdout
 }
 
