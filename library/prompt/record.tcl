@@ -163,7 +163,7 @@ proc ::sorma::record::Suite recording {
             }
             append out " -body [Braced "\n    $script\n"]"
             if {$code == 1} {
-                append out " -returnCodes error -errorCode [list [GlobQuote [lrange $errorcode 0 2]]*]"
+                append out " -returnCodes error -errorCode [list [CodePattern $errorcode]]"
             }
             append out " [Expectation $step [dict get $recording exact]]\n"
         }
@@ -206,6 +206,12 @@ proc ::sorma::record::WithoutTrail result {
         return [lrange $result 0 end-2]
     }
     return $result
+}
+
+# The first three words of an error code as they are written; all of it when it is not written as Tcl writes a list.
+proc ::sorma::record::CodePattern errorcode {
+    set first [lrange $errorcode 0 2]
+    return [GlobQuote [expr {[string first $first $errorcode] == 0 ? $first : $errorcode}]]*
 }
 
 proc ::sorma::record::GlobQuote text {
