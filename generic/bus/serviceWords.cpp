@@ -171,6 +171,12 @@ static void needToSet(Service& s, const Option& o, const Origin& origin) {
         for (auto& entry : origin.via) s.sorm().access.need(origin.author, Right::configure, entry, s.name());
 }
 
+static std::vector<std::string> textsOf(const std::vector<DictionaryWord>& words) {
+    std::vector<std::string> out;
+    for (auto& w : words) out.push_back(w.text);
+    return out;
+}
+
 // Apply words of CTRL, all or nothing. Options are parsed and checked first, then set together, then actions run. Each
 // word is applied with the rights of its author: that of the recipe's entry, or of the request.
 void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, Message* reply) {
@@ -183,9 +189,7 @@ void Service::configure(const std::vector<DictionaryWord>& recipe, bool birth, M
     Applying a;
     std::vector<const Origin*> origins;     // of each
     std::vector<Step> steps;
-    std::vector<std::string> words;
-    for (auto& w : recipe) words.push_back(w.text);
-
+    const std::vector<std::string> words = textsOf(recipe);
     auto known = [&](const std::string& word) { return class_->takes(Method::ctrl, word); };
     std::size_t i = 0;
     auto take = [&] {

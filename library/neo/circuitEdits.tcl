@@ -68,10 +68,9 @@ snit::macro ::sorma::circuitEdits {} {
     }
     method Send changes {
         dict for {option -} $changes {
-            if {![dict exists $wanted $option]} {
-                dict set based $option [dict get $recipe $option]
-                dict unset lastSent $option
-            }
+            if {[dict exists $wanted $option]} continue
+            dict set based $option [dict get $recipe $option]
+            dict unset lastSent $option
         }
         set wanted [dict merge $wanted $changes]
         set unsent 1
@@ -86,8 +85,7 @@ snit::macro ::sorma::circuitEdits {} {
     }
     # Send what was not sent yet, all that was edited meanwhile together: one request at a time.
     method Sent {} {
-        set states [lmap option $::sorma::circuitText::options {dict get [$subject get $option] state}]
-        if {$unsent && "sending" ni $states} {
+        if {$unsent && "sending" ni [lmap option $::sorma::circuitText::options {dict get [$subject get $option] state}]} {
             set unsent 0
             dict for {option text} $wanted {
                 if {[dict exists $lastSent $option] && $option ni [$subject edited]} {

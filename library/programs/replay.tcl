@@ -377,7 +377,7 @@ proc ::sorma::replay::Changed {record object} {
 # A person who waits is told for how long.
 proc ::sorma::replay::Warn {seconds speed} {
     variable Every
-    if {$speed > 0 && 1000 * $seconds / $speed >= $Every && [Terminal stderr]} {
+    if {$speed > 0 && 1000 * $seconds / $speed >= $Every && [::sorma::text::isTerminal stderr]} {
         puts stderr [format "sorma-replay: it may take %.0f s; -speed 0 does not wait" [expr {$seconds / $speed}]]
     }
 }
