@@ -193,7 +193,7 @@ snit::widget ::sorma::browser {
     }
     method AskSave {} {
         set types [if {[$tabs select] eq "$tabs.graph"} {list {PDF .pdf} {Picture .png} {PostScript .ps}}]
-        set file [tk_getSaveFile -parent $win -defaultextension .txt -filetypes [list {*}$types {Text .txt}]]
+        set file [tk_getSaveFile -parent $win -filetypes [list {*}$types {Text .txt}]]
         if {$file ne {} && [catch {$self save $file} message]} {
             tk_messageBox -parent $win -icon error -message $message
         }

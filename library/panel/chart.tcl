@@ -531,7 +531,7 @@ snit::widget ::sorma::stripchart {
         $menu add command -label [::msgcat::mc "Save ..."] -command [mymethod Save]
     }
     method Save {} {
-        set file [tk_getSaveFile -parent $win -defaultextension .csv -filetypes {{Table .csv} {Picture .png} {{Vector picture} .pdf} {PostScript .ps}}]
+        set file [tk_getSaveFile -parent $win -filetypes {{Table .csv} {Picture .png} {{Vector picture} .pdf} {PostScript .ps}}]
         if {$file ne {} && [catch {$self export $file} message]} {
             $canvas create text 4 [expr {[winfo height $canvas] - 4}] -anchor sw -text $message -fill [::sorma::style colour refused]
         }
