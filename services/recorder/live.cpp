@@ -137,7 +137,8 @@ void Merge::setAhead(Source& source) {
     sorma::Message m;
     m.text = source.name;
     if (!source.daemon.empty()) m.words = {source.daemon};
-    to_.add({.kind = rec::Kind::source, .source = source.name, .time = to_.now(), .number = std::uint64_t(bound), .span = source.ahead}, m);
+    const std::int64_t wrong = bound + std::abs(offset - source.ahead);
+    to_.add({.kind = rec::Kind::source, .source = source.name, .time = to_.now(), .number = std::uint64_t(wrong), .span = source.ahead}, m);
 }
 
 void Merge::begin(Source& source) {
